@@ -242,7 +242,7 @@ static bool parse_number(const struct setting *setting, const char *text, int64_
         *out = (int64_t)(value + 0.5);
         return true;
     }
-    return sp_fail(err, SP_ERR_INVALID, place, "%.64s is out of range [%s, %s]", text, low, high);
+    return sp_fail(err, SP_ERR_INVALID, place, "%.64s is outside [%s, %s]", text, low, high);
 }
 
 bool srv_config_number(const char *name, const char *text, int64_t *number, struct sp_error *err) {

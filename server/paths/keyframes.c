@@ -62,7 +62,7 @@ static bool read_integer(const proto_json *json, const char *name, int64_t low, 
     if (!proto_json_integer(value, out))
         return refuse_type(place, "a whole number", value, err);
     return (*out >= low && *out <= high) ||
-           sp_fail(err, SP_ERR_INVALID, place, "%lld is out of range [%lld, %lld]", (long long)*out,
+           sp_fail(err, SP_ERR_INVALID, place, "%lld is outside [%lld, %lld]", (long long)*out,
                    (long long)low, (long long)high);
 }
 
@@ -95,7 +95,7 @@ static bool read_output(const proto_json *json, uint32_t frames_max, struct srv_
     if (fps && !proto_json_number(fps, &output->fps))
         return refuse_type("/fps", "a number", fps, err);
     if (!(output->fps >= 1 && output->fps <= SRV_PATH_FPS_MAX))
-        return sp_fail(err, SP_ERR_INVALID, "/fps", "%g is out of range [1, %g]", output->fps,
+        return sp_fail(err, SP_ERR_INVALID, "/fps", "%g is outside [1, %g]", output->fps,
                        SRV_PATH_FPS_MAX);
     output->frames = (uint32_t)frames;
     output->quality = (int)quality;
@@ -113,7 +113,7 @@ static bool read_member(const char *name, const proto_json *value, const char *p
             return refuse_type(place, "a number", value, err);
         if (!(number >= 0 && number * scale <= output->frames))
             return sp_fail(err, SP_ERR_INVALID, place,
-                           "%g is out of range [0, %g], the length of the path", number,
+                           "%g is outside [0, %g], the length of the path", number,
                            output->frames / scale);
         if (key->at >= 0)
             return sp_fail(err, SP_ERR_INVALID, place, "give either time or frame, not both");
@@ -257,7 +257,7 @@ struct srv_keyframes *srv_keyframes_read(const proto_json *json, const struct sp
         return NULL;
     }
     if (count < 1 || count > SRV_KEYFRAMES_MAX) {
-        sp_fail(err, SP_ERR_INVALID, "/keyframes", "%zu keyframes are out of range [1, %d]", count,
+        sp_fail(err, SP_ERR_INVALID, "/keyframes", "%zu keyframes are outside [1, %d]", count,
                 SRV_KEYFRAMES_MAX);
         return NULL;
     }

@@ -361,7 +361,7 @@ static void run(struct subject subjects[], unsigned count, unsigned first, unsig
 int main(int argc, char **argv) {
     struct subject subjects[SUBJECTS_MAX];
     unsigned first = 0, end = SCENES, ran = 0, failed = 0;
-    unsigned step = TEST_SANITIZED && argc < 2 ? 4 : 1;
+    unsigned step = TEST_SANITIZED && argc < 2 ? 8 : 1;
     if (argc > 1) {
         first = (unsigned)strtoul(argv[1], NULL, 10);
         end = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 10) : first + 1;

@@ -77,7 +77,8 @@ static void place_camera(struct test_scene *s, struct dice *d) {
     double aim[3];
     for (int a = 0; a < 3; a++)
         aim[a] = between(d, -0.1, 0.1) * size;
-    test_scene_orbit(s, aim, between(d, -180, 180), between(d, -80, 80), distance);
+    double elevation = between(d, -80, 80), azimuth = between(d, -180, 180);
+    test_scene_orbit(s, aim, azimuth, elevation, distance);
     for (int a = 0; a < 3; a++) /* rolled */
         v->camera.up[a] = between(d, -1, 1);
     v->camera.projection = roll(d) < 0.3 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;

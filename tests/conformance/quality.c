@@ -9,7 +9,6 @@
 
 #include "sp/log.h"
 #include "support/data.h"
-#include "support/sanitized.h"
 
 int quality_main(void (*measure)(struct quality *q)) {
     struct quality q = { .checks = 0 };
@@ -18,10 +17,6 @@ int quality_main(void (*measure)(struct quality *q)) {
         struct sp_error err;
         if (strcmp(q.target.backend, "gl-software") == 0) {
             printf("skipped: gl-software: too slow for these; ewa_test.c holds it to scalar\n");
-            continue;
-        }
-        if (TEST_SANITIZED && strcmp(q.target.isa, "scalar") == 0) {
-            printf("thinned under a sanitizer: cpu/scalar is left to ewa_test.c\n");
             continue;
         }
         if (!test_renderer_open(&q.renderer, &q.target, 2, &err)) {

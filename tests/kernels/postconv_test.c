@@ -159,13 +159,14 @@ static void make_scene(struct test_scene *s, int n) {
     assert_true(test_scene_voxels(s, "random voxels", (uint32_t[]){ across, across, layers },
                                   (double[]){ wide, 1, n % 2 ? 1 : 2 },
                                   n % 3 == 0 ? SP_FLOAT32 : SP_UINT8, sparse, &density));
-    test_scene_direction(s, (double[]){ 0, 0, n % 4 < 2 ? 0 : uniform(-45, 45) }, 1,
-                         n % 9 == 4 ? uniform(-0.4, 0.4) : 0);
-    v->size[0] = 64 + (uint32_t)uniform(-40, 140);
-    v->size[1] = 64 + (uint32_t)uniform(-40, 100);
+    double shear = n % 9 == 4 ? uniform(-0.4, 0.4) : 0;
+    test_scene_direction(s, (double[]){ 0, 0, n % 4 < 2 ? 0 : uniform(-45, 45) }, 1, shear);
+    v->size[0] = (uint32_t)(64 + (int)uniform(-40, 140));
+    v->size[1] = (uint32_t)(64 + (int)uniform(-40, 100));
     bool is_flat = n % 4 == 1;
     double distance = 60 + across, tilt = is_flat ? 0 : 30;
-    test_scene_orbit(s, NULL, uniform(-tilt, tilt), uniform(-tilt, tilt), distance);
+    double elevation = uniform(-tilt, tilt), azimuth = uniform(-tilt, tilt);
+    test_scene_orbit(s, NULL, azimuth, elevation, distance);
     v->camera.projection = n % 2 ? SP_PERSPECTIVE : SP_ORTHOGRAPHIC;
     v->camera.height = v->size[1] / px;
     v->camera.fov_y = 360 / M_PI * atan(0.5 * v->size[1] / px / distance);
@@ -323,19 +324,21 @@ static void make_extreme(struct test_scene *s, int n) {
     double density = uniform(0.02, 1), unit = units[n % 5], eye[3];
     test_view_init(v);
     test_scene_points(s, (const double[][5]){ { 19, 1, 1, 1, 0 }, { 20, 0, 1, 1, 0.999 } }, 2);
-    assert_true(test_scene_voxels(
-        s, "extreme",
-        (uint32_t[]){ 1 + (uint32_t)uniform(0, 40), 1 + (uint32_t)uniform(0, 40),
-                      1 + (uint32_t)uniform(0, 40) },
-        (double[]){ unit, unit * pow(10, uniform(-2, 2)), unit * pow(10, uniform(-1, 1)) },
-        n % 3 ? SP_UINT8 : SP_FLOAT32, sparse, &density));
+    double spacing[] = { unit, unit * pow(10, uniform(-2, 2)), unit * pow(10, uniform(-1, 1)) };
+    uint32_t dims[3];
+    for (int a = 0; a < 3; a++)
+        dims[a] = 1 + (uint32_t)uniform(0, 40);
+    assert_true(test_scene_voxels(s, "extreme", dims, spacing, n % 3 ? SP_UINT8 : SP_FLOAT32,
+                                  sparse, &density));
+    double shear = uniform(-2, 2);
     test_scene_direction(s, (double[]){ uniform(-180, 180), uniform(-180, 180), 0 }, n % 2 ? 1 : -1,
-                         uniform(-2, 2));
+                         shear);
     const struct sp_grid *grid = &s->info.grid;
     for (int a = 0; a < 3; a++)
         eye[a] = unit * uniform(-1, 1) * grid->dims[a];
-    test_scene_orbit(s, eye, uniform(-180, 180), uniform(-89, 89),
-                     unit * pow(10, uniform(-3, n % 4 ? 2 : 6)));
+    double distance = unit * pow(10, uniform(-3, n % 4 ? 2 : 6));
+    double elevation = uniform(-89, 89), azimuth = uniform(-180, 180);
+    test_scene_orbit(s, eye, azimuth, elevation, distance);
     v->size[0] = 1 + (uint32_t)uniform(0, 150);
     v->size[1] = 1 + (uint32_t)uniform(0, 150);
     v->camera.projection = n % 4 == 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
@@ -463,7 +466,8 @@ static void what_filters_leave_is_drawn(void **state) {
         free(scene.voxels);
         assert_true(test_scene_voxels(&scene, "near", (uint32_t[]){ 30, 30, 20 },
                                       (double[]){ 1, 1, 1 }, SP_UINT8, sparse, &density));
-        test_scene_orbit(&scene, NULL, uniform(-40, 40), uniform(-40, 40), 50);
+        double elevation = uniform(-40, 40), azimuth = uniform(-40, 40);
+        test_scene_orbit(&scene, NULL, azimuth, elevation, 50);
         scene.view.camera.projection = SP_PERSPECTIVE;
         scene.view.camera.fov_y = 360 / M_PI * atan(0.5 * scene.view.size[1] / (50 * 3.5));
         scene.view.filter.mode = SP_FILTER_EWA;

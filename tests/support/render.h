@@ -18,7 +18,7 @@ struct test_target {
 
 /* The i-th pair of a compiled backend (all but null) and an instruction set by name, whether this
  * machine has it or not; false past the end. The CPU's come first, and of those the reference. With
- * sanitizers: of the CPU's sets "scalar" and the best, "auto". */
+ * sanitizers only two: the CPU's reference, "scalar", and its best set, "auto". */
 bool test_target_at(unsigned i, struct test_target *target);
 
 struct test_renderer {

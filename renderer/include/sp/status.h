@@ -48,7 +48,7 @@ struct sp_error {
 };
 
 /* Fills *err and returns false, so that a function can say
- *   return sp_fail(err, SP_ERR_INVALID, "/size", "width %u is out of range [1, 8192]", width);
+ *   return sp_fail(err, SP_ERR_INVALID, "/size", "width %u is outside [1, 8192]", width);
  * `err` may be NULL, and so may `place` (= ""). Long texts are cut. Thread-safe. */
 SP_API SP_PRINTF(4, 5) bool sp_fail(struct sp_error *err, enum sp_code code, const char *place,
                                     const char *format, ...);

@@ -158,7 +158,7 @@ test('the keyboard replaces, moves, removes and selects keyframes; each volume h
   await at(1, position);
   await page.selectOption('#keys li:nth-child(2) select', 'smooth');
   await page.locator('#volumes button', { hasText: 'engine' }).click();
-  await it.about('Keyframes say');
+  await it.about('Add views as keyframes');
   assert.equal(await page.locator('#keys li').count(), 0);
   await page.locator('#volumes button', { hasText: 'phantom' }).click();
   await it.about('3 keyframes');
@@ -176,7 +176,7 @@ test('the keyboard replaces, moves, removes and selects keyframes; each volume h
   await it.about('2 keyframes');
   await page.click('#keys-clear');
   await page.click('#ask-act');
-  await it.about('Keyframes say');
+  await it.about('Add views as keyframes');
   assert.deepEqual(it.said, []);
 });
 

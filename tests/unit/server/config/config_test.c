@@ -110,13 +110,13 @@ static void errors_name_the_value_and_the_limit(void **state) {
     static const struct {
         const char *name, *value, *text;
     } cases[] = {
-        { "--threads", "9000", "9000 is out of range [0, 256]" },
+        { "--threads", "9000", "9000 is outside [0, 256]" },
         { "--threads", "many", "'many' is not a whole number in [0, 256]" },
-        { "--header-time", "0.001", "0.001 is out of range [0.05, 600]" },
+        { "--header-time", "0.001", "0.001 is outside [0.05, 600]" },
         { "--memory", "1Q",
           "'1Q' is not a size (a whole number of bytes, or a number with K, M, G or T) in "
           "[0, 65536G]" },
-        { "--frame-size", "8192x8193", "8192x8193 is out of range [256K, 64M]" },
+        { "--frame-size", "8192x8193", "8192x8193 is outside [256K, 64M]" },
         { "--require-gpu=1", NULL, "'1' is not yes or no" },
         { "--log-level", "loud", "'loud' is not one of error, warn, info, debug" },
     };

@@ -121,7 +121,7 @@ static void errors_name_the_line(void **state) {
         assert_null(list);
     }
     assert_false(parse(A " frame-size=64x64\n", &list, &count, &err));
-    assert_string_equal(err.text, "frame-size: 64x64 is out of range [256K, 64M]");
+    assert_string_equal(err.text, "frame-size: 64x64 is outside [256K, 64M]");
     assert_false(parse(B "\n\n" A " name=x\n" A "\n", &list, &count, &err));
     assert_string_equal(err.place, "line 4");
     assert_false(parse(B " name=x\n" A " name=x\n", &list, &count, &err));
