@@ -109,7 +109,7 @@ void srv_snapshot_queue_fail(struct srv_snapshot_queue *queue, struct srv_snapsh
 /* True if this background snapshot yields to sessions and to other snapshots now. With the mutex
  * held. */
 static bool yields(struct srv_snapshot_entry *entry, double now_ms) {
-    if (!entry->snapshot.background)
+    if (!entry->is_background)
         return false;
     if (entry->yields_since_ms == 0)
         entry->yields_since_ms = now_ms;
@@ -143,17 +143,17 @@ static bool has_enough(const struct srv_snapshot_queue *queue,
                        const struct srv_snapshot_entry *entry) {
     unsigned unencoded = 0;
     for (const struct srv_snapshot_entry *e = queue->entries; e; e = e->next)
-        unencoded += !e->is_waiting && !e->snapshot.background &&
+        unencoded += !e->is_waiting && !e->is_background &&
                      strcmp(e->snapshot.owner, entry->snapshot.owner) == 0;
-    return !entry->snapshot.background && unencoded > queue->options.unencoded_max;
+    return !entry->is_background && unencoded > queue->options.unencoded_max;
 }
 
 static bool is_before(const struct srv_snapshot_queue *queue, const struct srv_snapshot_entry *a,
                       const struct srv_snapshot_entry *b) {
-    if (a->snapshot.background != b->snapshot.background)
-        return b->snapshot.background;
-    return !a->snapshot.background && srv_fair_owners_start(&queue->owners, a->snapshot.owner) <
-                                          srv_fair_owners_start(&queue->owners, b->snapshot.owner);
+    if (a->is_background != b->is_background)
+        return b->is_background;
+    return !a->is_background && srv_fair_owners_start(&queue->owners, a->snapshot.owner) <
+                                    srv_fair_owners_start(&queue->owners, b->snapshot.owner);
 }
 
 struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
@@ -170,8 +170,11 @@ struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *qu
             next = e;
     }
     if (next) {
-        if (!next->snapshot.background)
+        if (!next->is_background)
             srv_fair_owners_begin(&queue->owners, next->snapshot.owner);
+        /* Background snapshots are meant to wait; their time is no queueing time. */
+        if (!next->is_background && next->spent_ms == 0)
+            srv_metrics_time(queue->options.metrics, SRV_TIME_QUEUE, now_ms - next->queued_ms);
         next->is_waiting = false;
         atomic_store(&next->cancel, queue->stop);
         queue->current = next;
@@ -194,7 +197,7 @@ static bool are_all_gone(const struct srv_snapshot_entry *entry) {
 /* With the mutex held. */
 static void charge(struct srv_snapshot_queue *queue, const struct srv_snapshot_entry *entry,
                    double ms) {
-    if (!entry->snapshot.background)
+    if (!entry->is_background)
         srv_fair_owners_charge(&queue->owners, entry->snapshot.owner, ms);
 }
 
@@ -246,7 +249,7 @@ static void join_entry(struct srv_snapshot_entry *entry, struct srv_snapshot_wai
     while (*end)
         end = &(*end)->next;
     *end = waiter;
-    entry->snapshot.background = entry->snapshot.background && background;
+    entry->is_background = entry->is_background && background;
 }
 
 /* With the mutex held. */
@@ -255,7 +258,7 @@ static bool has_capacity(const struct srv_snapshot_queue *queue,
     const unsigned most = queue->options.waiting_max, most_own = most - most / 4;
     unsigned waiting = 0, own = 0;
     for (const struct srv_snapshot_entry *e = queue->entries; e; e = e->next) {
-        bool counts = e->is_waiting && e->snapshot.background == snapshot->background;
+        bool counts = e->is_waiting && e->is_background == snapshot->background;
         waiting += counts;
         own += counts && strcmp(e->snapshot.owner, snapshot->owner) == 0;
     }
@@ -276,7 +279,7 @@ static void append(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *
     while (*end)
         end = &(*end)->next;
     *end = entry;
-    if (!entry->snapshot.background)
+    if (!entry->is_background)
         cancel_if_it_yields(queue);
 }
 
@@ -301,6 +304,7 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue,
     } else if (ok) {
         *entry = (struct srv_snapshot_entry){ .snapshot = *snapshot,
                                               .waiters = waiter,
+                                              .is_background = snapshot->background,
                                               .is_waiting = true,
                                               .queued_ms = srv_clock_ms() };
         append(queue, entry);

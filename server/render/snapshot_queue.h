@@ -66,8 +66,9 @@ struct srv_snapshot_waiter;
 
 struct srv_snapshot_entry { /* in the list until it is answered or dropped */
     struct srv_snapshot_entry *next;
-    struct srv_snapshot snapshot; /* of the first request */
+    struct srv_snapshot snapshot; /* of the first request; constant, read without the lock */
     struct srv_snapshot_waiter *waiters;
+    bool is_background;     /* all its requests are */
     bool is_waiting;        /* false: it is being rendered or encoded */
     atomic_bool cancel;     /* of its rendering */
     double queued_ms;       /* when it was submitted */

@@ -42,9 +42,6 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
 static void render(struct srv_render_pool *pool, struct srv_snapshot_entry *entry) {
     struct sp_error err = { .code = SP_OK };
     double start_ms = srv_clock_ms();
-    /* Background snapshots are meant to wait; their time is no queueing time. */
-    if (entry->spent_ms == 0 && !entry->snapshot.background)
-        srv_metrics_time(pool->options.metrics, SRV_TIME_QUEUE, start_ms - entry->queued_ms);
     bool is_cached = false;
     struct sp_frame *frame = find_or_render(pool, entry, &is_cached, &err);
     double render_ms = is_cached ? 0 : srv_clock_ms() - start_ms;
