@@ -149,9 +149,9 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
     struct sp_error err = { .code = SP_OK };
     bool ok = is_wanted(pool, job, &err);
     count_render(pool, task);
-    uint64_t images =
-        ok ? srv_video_encoders_encode(pool->videos, pool->schedule, job, frame, &result.encode_ms)
-           : 0;
+    uint64_t images = ok ? srv_video_encoders_encode(pool->videos, pool->schedule, job, frame,
+                                                     srv_clock_ms(), &result.encode_ms)
+                         : 0;
     while (ok && images)
         ok = is_wanted(pool, job, &err) &&
              encode_group(pool, encoder, task, &images, &result.encode_ms, &err);

@@ -144,7 +144,7 @@ static struct encoder *create(const struct srv_render_job *job, enum sp_video_co
 /* Returns the encoder for a job's frames, in use until give_back(). NULL if there is none and none
  * can be created. */
 static struct encoder *borrow(struct srv_video_encoders *encoders, const struct srv_render_job *job,
-                              enum sp_video_codec codec) {
+                              enum sp_video_codec codec, double now_ms) {
     pthread_mutex_lock(&encoders->mutex);
     struct encoder *encoder = encoders->list;
     while (encoder && !(encoder->session == job->session && encoder->codec == codec &&
@@ -154,7 +154,7 @@ static struct encoder *borrow(struct srv_video_encoders *encoders, const struct 
     uint64_t cost = cost_px(job->full);
     struct encoder *idle = NULL;
     if (!encoder && encoders->px + cost > encoders->px_max)
-        idle = take_idle(encoders, srv_clock_ms() - BUSY_MS);
+        idle = take_idle(encoders, now_ms - BUSY_MS);
     if (!encoder && encoders->px + cost <= encoders->px_max && (encoder = create(job, codec))) {
         encoder->next = encoders->list;
         encoders->list = encoder;
@@ -167,10 +167,10 @@ static struct encoder *borrow(struct srv_video_encoders *encoders, const struct 
     return encoder;
 }
 
-static void give_back(struct srv_video_encoders *encoders, struct encoder *encoder) {
+static void give_back(struct srv_video_encoders *encoders, struct encoder *encoder, double now_ms) {
     pthread_mutex_lock(&encoders->mutex);
     encoder->users--;
-    encoder->used_ms = srv_clock_ms();
+    encoder->used_ms = now_ms;
     pthread_mutex_unlock(&encoders->mutex);
 }
 
@@ -237,7 +237,8 @@ static void advance(struct srv_video_encoders *encoders, struct encoder *encoder
  * received anything. With the encoder locked. */
 static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *schedule,
                    const struct srv_render_job *job, const struct sp_frame *frame,
-                   struct encoder *encoder, uint64_t set, bool key, double *encode_ms) {
+                   struct encoder *encoder, uint64_t set, bool key, double now_ms,
+                   double *encode_ms) {
     struct sp_video_packet packet;
     struct sp_error err;
     double start_ms = srv_clock_ms();
@@ -251,7 +252,7 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
         encoder->mark.epoch = 0;
         return false;
     }
-    advance(encoders, encoder, packet.is_key, start_ms);
+    advance(encoders, encoder, packet.is_key, now_ms);
     encoder->order = job->order;
     struct proto_frame_header header = {
         .codec = codec_number(encoder->codec),
@@ -272,26 +273,27 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
 /* Returns the targets of the set that need an image instead. */
 static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_schedule *schedule,
                            const struct srv_render_job *job, const struct sp_frame *frame,
-                           enum sp_video_codec codec, uint64_t set, double *encode_ms) {
-    struct encoder *encoder = borrow(encoders, job, codec);
+                           enum sp_video_codec codec, uint64_t set, double now_ms,
+                           double *encode_ms) {
+    struct encoder *encoder = borrow(encoders, job, codec, now_ms);
     if (!encoder) {
         srv_schedule_refuse_video(schedule, job, set);
         return set;
     }
     pthread_mutex_lock(&encoder->mutex);
-    struct takers takers = ask(schedule, job, set, encoder, srv_clock_ms());
+    struct takers takers = ask(schedule, job, set, encoder, now_ms);
     uint64_t served = takers.delta | takers.key;
-    if (served &&
-        !encode(encoders, schedule, job, frame, encoder, served, takers.key != 0, encode_ms))
+    if (served && !encode(encoders, schedule, job, frame, encoder, served, takers.key != 0, now_ms,
+                          encode_ms))
         takers.images |= served;
     pthread_mutex_unlock(&encoder->mutex);
-    give_back(encoders, encoder);
+    give_back(encoders, encoder, now_ms);
     return takers.images;
 }
 
 uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,
                                    struct srv_schedule *schedule, const struct srv_render_job *job,
-                                   const struct sp_frame *frame, double *encode_ms) {
+                                   const struct sp_frame *frame, double now_ms, double *encode_ms) {
     uint64_t sets[SP_VIDEO_CODEC_COUNT + 1] = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++)
         sets[job->targets[i].video] |= UINT64_C(1) << i;
@@ -299,6 +301,6 @@ uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,
     for (int codec = 0; codec < SP_VIDEO_CODEC_COUNT; codec++)
         if (sets[codec])
             images |= encode_set(encoders, schedule, job, frame, (enum sp_video_codec)codec,
-                                 sets[codec], encode_ms);
+                                 sets[codec], now_ms, encode_ms);
     return images;
 }

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Video for several participants, each with a decoder of its own: whatever is taken late, left out,
- * replaced by a still or asked for again, what arrives can be decoded and is the picture that it
- * says it is. (Of each picture its view's version is known by its render time.)
+ * Video for several participants, each with its own decoder. Frames arrive late, are skipped, or
+ * are replaced by images, and participants ask for key frames. Each frame that arrives can be
+ * decoded, and shows the version of the view that it claims. The tests write that version into the
+ * header's render time. The test passes the time.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,23 +19,22 @@
 #include <vpx/vp8dx.h>
 #include <vpx/vpx_decoder.h>
 
-#include "common/clock.h"
 #include "render/video.h"
 #include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
-enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, PEOPLE = 3, FLYING = 2, VIDEO_PX = 1 << 20 };
+enum { WIDTH = 64, HEIGHT = 48, SIDE = 16, VIEWERS = 3, JOBS = 2, VIDEO_PX = 1 << 20 };
 
-struct person {
+struct viewer {
     struct srv_participant *p;
     vpx_codec_ctx_t decoder;
-    unsigned videos, keys, stills;
-    uint64_t version; /* of the newest picture */
+    unsigned videos, keys, images;
+    uint64_t version; /* of the newest frame */
     bool is_final;
-    unsigned policies, refusals; /* told by stream.policy; those which say that there is no room */
+    unsigned policies, refusals; /* stream.policy messages; those that name video_pixels */
 };
 
-struct flying {
+struct inflight {
     struct srv_render_job job;
     struct sp_frame frame;
 };
@@ -42,19 +42,19 @@ struct flying {
 struct world {
     struct fixture *f;
     struct srv_video_encoders *videos;
-    struct person people[PEOPLE];
-    struct flying flying[FLYING];
-    unsigned flying_count, seq;
+    struct viewer viewers[VIEWERS];
+    struct inflight jobs[JOBS];
+    unsigned job_count, seq;
     uint64_t random;
     double now_ms;
 };
 
-static unsigned roll(struct world *w, unsigned sides) {
+static unsigned random_below(struct world *w, unsigned bound) {
     w->random = w->random * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-    return (unsigned)(w->random >> 33) % sides;
+    return (unsigned)(w->random >> 33) % bound;
 }
 
-/* Twelve blocks, one of which changes with each version: who lacks a frame sees an old one. */
+/* Each version changes one of twelve blocks, so a decoder that lacks a frame shows an old block. */
 static uint8_t grey(uint64_t version, unsigned x, unsigned y) {
     uint64_t block = x / SIDE + y / SIDE * (WIDTH / SIDE), blocks = WIDTH / SIDE * (HEIGHT / SIDE);
     uint64_t changed = version + blocks - (version + blocks - block) % blocks;
@@ -79,7 +79,7 @@ static struct sp_frame draw(const struct srv_render_job *job) {
     return frame;
 }
 
-static void say(struct world *w, struct srv_participant *p, const char *text) {
+static void send_text(struct world *w, struct srv_participant *p, const char *text) {
     char *answer;
     size_t size;
     assert_true(srv_hub_message(w->f->hub, p, text, strlen(text), w->now_ms, &answer, &size));
@@ -95,29 +95,30 @@ static void change(struct world *w) {
              "\"patch\":{\"background\":[0,%g,0,1]}}}",
              w->seq + 1, (w->seq + 1) % 512 / 512.0);
     w->seq++;
-    say(w, w->people[0].p, text);
+    send_text(w, w->viewers[0].p, text);
 }
 
-static void join(struct world *w, struct person *person) {
-    *person = (struct person){ .p = hub_join(w->f, SRV_ROLE_CONTROL, w->now_ms) };
-    assert_int_equal(vpx_codec_dec_init(&person->decoder, vpx_codec_vp8_dx(), NULL, 0), 0);
-    say(w, person->p,
+static void join(struct world *w, struct viewer *viewer) {
+    *viewer = (struct viewer){ .p = hub_join(w->f, SRV_ROLE_CONTROL, w->now_ms) };
+    assert_int_equal(vpx_codec_dec_init(&viewer->decoder, vpx_codec_vp8_dx(), NULL, 0), 0);
+    send_text(
+        w, viewer->p,
         "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"format\":"
         "[\"vp8\"],\"size\":[64,48],\"max_fps\":120}}");
 }
 
-static void leave(struct world *w, struct person *person) {
-    vpx_codec_destroy(&person->decoder);
-    srv_hub_leave(w->f->hub, &person->p, w->now_ms);
+static void leave(struct world *w, struct viewer *viewer) {
+    vpx_codec_destroy(&viewer->decoder);
+    srv_hub_leave(w->f->hub, &viewer->p, w->now_ms);
 }
 
-static void check_picture(struct person *person, const struct srv_message *message) {
+static void check_frame(struct viewer *viewer, const struct srv_message *message) {
     vpx_codec_iter_t at = NULL;
     uint64_t version = (message->header.render_us + 500) / 1000;
-    assert_int_equal(vpx_codec_decode(&person->decoder, message->blob->bytes,
+    assert_int_equal(vpx_codec_decode(&viewer->decoder, message->blob->bytes,
                                       (unsigned)message->blob->size, NULL, 0),
                      0);
-    const vpx_image_t *image = vpx_codec_get_frame(&person->decoder, &at);
+    const vpx_image_t *image = vpx_codec_get_frame(&viewer->decoder, &at);
     assert_non_null(image);
     for (unsigned y = SIDE / 2; y < image->d_h; y += SIDE)
         for (unsigned x = SIDE / 2; x < image->d_w; x += SIDE) {
@@ -127,20 +128,20 @@ static void check_picture(struct person *person, const struct srv_message *messa
                 fail_msg("version %llu at %u, %u: %.0f, not %.0f", (unsigned long long)version, x,
                          y, seen, right);
         }
-    person->version = version;
+    viewer->version = version;
 }
 
-/* The socket of somebody takes the next message. */
-static bool take(struct world *w, struct person *person) {
+/* Takes the viewer's next message and checks it. False if there is none. */
+static bool take(struct world *w, struct viewer *viewer) {
     struct srv_message message;
-    switch (srv_hub_next_message(w->f->hub, person->p, true, w->now_ms, &message)) {
+    switch (srv_hub_next_message(w->f->hub, viewer->p, true, w->now_ms, &message)) {
     case SRV_MESSAGE_NONE:
     case SRV_MESSAGE_CLOSE:
         return false;
     case SRV_MESSAGE_TEXT:
         if (strstr(message.text, "stream.policy")) {
-            person->policies++;
-            person->refusals += strstr(message.text, "video_pixels") != NULL;
+            viewer->policies++;
+            viewer->refusals += strstr(message.text, "video_pixels") != NULL;
         }
         free(message.text);
         return true;
@@ -149,99 +150,99 @@ static bool take(struct world *w, struct person *person) {
     }
     char text[120];
     bool is_video = message.header.codec == PROTO_CODEC_VP8;
-    person->is_final = (message.header.flags & PROTO_FRAME_FINAL) != 0;
-    assert_true(is_video || message.header.codec == PROTO_CODEC_JPEG);
+    viewer->is_final = (message.header.flags & PROTO_FRAME_FINAL) != 0;
     if (is_video) {
-        assert_false(person->is_final);
-        check_picture(person, &message);
-        person->videos++;
-        person->keys += message.header.flags & PROTO_FRAME_KEY;
+        assert_false(viewer->is_final);
+        check_frame(viewer, &message);
+        viewer->videos++;
+        viewer->keys += message.header.flags & PROTO_FRAME_KEY;
     } else {
-        assert_true(message.header.flags & PROTO_FRAME_KEY);
-        memcpy(&person->version, message.blob->bytes, sizeof person->version);
-        person->stills++;
+        assert_int_equal(message.header.codec, PROTO_CODEC_JPEG);
+        assert_int_equal(message.header.flags & PROTO_FRAME_KEY, PROTO_FRAME_KEY);
+        memcpy(&viewer->version, message.blob->bytes, sizeof viewer->version);
+        viewer->images++;
     }
     snprintf(text, sizeof text,
              "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":%u}}",
              message.header.frame);
-    say(w, person->p, text);
+    send_text(w, viewer->p, text);
     srv_blob_unref(&message.blob);
     return true;
 }
 
 static bool start_job(struct world *w) {
     double wait_ms;
-    struct flying *flying = &w->flying[w->flying_count];
-    if (w->flying_count == FLYING ||
-        !srv_schedule_next(w->f->schedule, w->now_ms, &flying->job, &wait_ms))
+    struct inflight *inflight = &w->jobs[w->job_count];
+    if (w->job_count == JOBS ||
+        !srv_schedule_next(w->f->schedule, w->now_ms, &inflight->job, &wait_ms))
         return false;
-    flying->frame = draw(&flying->job);
-    w->flying_count++;
+    inflight->frame = draw(&inflight->job);
+    w->job_count++;
     return true;
 }
 
 static void finish_job(struct world *w, unsigned which) {
-    struct flying flying = w->flying[which];
-    struct srv_render_result result = { .width = flying.frame.width,
-                                        .height = flying.frame.height,
+    struct inflight inflight = w->jobs[which];
+    struct srv_render_result result = { .width = inflight.frame.width,
+                                        .height = inflight.frame.height,
                                         .render_ms = 1 };
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
-                                         .width = (uint16_t)flying.frame.width,
-                                         .height = (uint16_t)flying.frame.height };
-    w->flying[which] = w->flying[--w->flying_count];
+                                         .width = (uint16_t)inflight.frame.width,
+                                         .height = (uint16_t)inflight.frame.height };
+    w->jobs[which] = w->jobs[--w->job_count];
     double encode_ms = 0;
-    uint64_t stills = srv_video_encoders_encode(w->videos, w->f->schedule, &flying.job,
-                                                &flying.frame, &encode_ms);
-    struct srv_blob *blob = srv_blob_create((const uint8_t *)&flying.job.version, 8);
-    for (uint32_t i = 0; i < flying.job.target_count; i++)
-        if (stills >> i & 1)
-            srv_schedule_deliver(w->f->schedule, &flying.job, i, &header, blob);
+    uint64_t images = srv_video_encoders_encode(w->videos, w->f->schedule, &inflight.job,
+                                                &inflight.frame, w->now_ms, &encode_ms);
+    struct srv_blob *blob = srv_blob_create((const uint8_t *)&inflight.job.version, 8);
+    for (uint32_t i = 0; i < inflight.job.target_count; i++)
+        if (images >> i & 1)
+            srv_schedule_deliver(w->f->schedule, &inflight.job, i, &header, blob);
     srv_blob_unref(&blob);
-    free(flying.frame.pixels);
-    srv_schedule_done(w->f->schedule, &flying.job, &result);
+    free(inflight.frame.pixels);
+    srv_schedule_done(w->f->schedule, &inflight.job, &result);
 }
 
 static void set_up(struct world *w, struct fixture *f, unsigned seed) {
     *w = (struct world){ .f = f, .random = seed, .now_ms = 1 };
     w->videos = srv_video_encoders_create(VIDEO_PX, NULL, NULL);
-    for (int i = 0; i < PEOPLE; i++)
-        join(w, &w->people[i]);
+    for (int i = 0; i < VIEWERS; i++)
+        join(w, &w->viewers[i]);
 }
 
 static void tear_down(struct world *w) {
-    while (w->flying_count > 0)
+    while (w->job_count > 0)
         finish_job(w, 0);
-    for (int i = 0; i < PEOPLE; i++)
-        leave(w, &w->people[i]);
+    for (int i = 0; i < VIEWERS; i++)
+        leave(w, &w->viewers[i]);
     srv_video_encoders_destroy(&w->videos);
 }
 
-/* Until nobody wants anything any more. */
+/* Runs until no frame is due. */
 static void come_to_rest(struct world *w) {
-    for (int turn = 0; turn < 50; turn++) {
+    for (int round = 0; round < 50; round++) {
         w->now_ms += 50;
         while (start_job(w))
             ;
-        while (w->flying_count > 0)
+        while (w->job_count > 0)
             finish_job(w, 0);
-        for (int i = 0; i < PEOPLE; i++)
-            while (take(w, &w->people[i]))
+        for (int i = 0; i < VIEWERS; i++)
+            while (take(w, &w->viewers[i]))
                 ;
     }
 }
 
 static void step(struct world *w) {
     static const char key[] = "{\"jsonrpc\":\"2.0\",\"method\":\"stream.key\"}";
-    struct person *person = &w->people[roll(w, PEOPLE)];
-    w->now_ms += roll(w, 12);
-    switch (roll(w, 24)) {
+    struct viewer *viewer = &w->viewers[random_below(w, VIEWERS)];
+    w->now_ms += random_below(w, 12);
+    switch (random_below(w, 24)) {
     case 0:
-        say(w, person->p, key);
+        send_text(w, viewer->p, key);
         break;
     case 1:
-        if (person != &w->people[0] && roll(w, 4) == 0) {
-            leave(w, person);
-            join(w, person);
+        if (viewer != &w->viewers[0] && random_below(w, 4) == 0) {
+            leave(w, viewer);
+            join(w, viewer);
         }
         break;
     case 2:
@@ -266,17 +267,17 @@ static void step(struct world *w) {
     case 15:
     case 16:
     case 17:
-        if (w->flying_count > 0)
-            finish_job(w, roll(w, w->flying_count));
+        if (w->job_count > 0)
+            finish_job(w, random_below(w, w->job_count));
         break;
-    default: /* the first two are faster than the third */
-        if (person != &w->people[2] || roll(w, 3) == 0)
-            take(w, person);
+    default: /* the third viewer is slower than the others */
+        if (viewer != &w->viewers[2] || random_below(w, 3) == 0)
+            take(w, viewer);
     }
 }
 
-static void whatever_happens(void **state) {
-    unsigned videos = 0, keys = 0, stills = 0;
+static void decoders_stay_in_sync_through_random_events(void **state) {
+    unsigned videos = 0, keys = 0, images = 0;
     for (unsigned seed = 1; seed <= 20; seed++) {
         struct world w;
         set_up(&w, *state, seed);
@@ -284,25 +285,25 @@ static void whatever_happens(void **state) {
             step(&w);
         change(&w);
         come_to_rest(&w);
-        for (int i = 0; i < PEOPLE; i++) {
-            assert_int_equal(w.people[i].version, w.people[0].version);
-            assert_true(w.people[i].is_final);
-            videos += w.people[i].videos;
-            keys += w.people[i].keys;
-            stills += w.people[i].stills;
+        for (int i = 0; i < VIEWERS; i++) {
+            assert_int_equal(w.viewers[i].version, w.viewers[0].version);
+            assert_true(w.viewers[i].is_final);
+            videos += w.viewers[i].videos;
+            keys += w.viewers[i].keys;
+            images += w.viewers[i].images;
         }
         tear_down(&w);
     }
-    print_message("%u of video, %u of them keys; %u stills\n", videos, keys, stills);
+    print_message("%u video frames, %u of them key frames; %u images\n", videos, keys, images);
     assert_compare(videos, >, 500);
     assert_compare(keys, >, 50);
     assert_compare(videos, >, keys + 200);
-    assert_compare(stills, >, 50);
+    assert_compare(images, >, 50);
 }
 
-/* All keep up: a key frame for each size, then deltas, shared; the still at the end costs nobody a
- * key. */
-static void in_step(void **state) {
+/* All viewers keep up: each size begins with a key frame, and they share the delta frames. The
+ * final image costs no further key frame. */
+static void viewers_that_keep_up_share_delta_frames(void **state) {
     struct world w;
     set_up(&w, *state, 1);
     for (int round = 0; round < 2; round++) {
@@ -311,24 +312,24 @@ static void in_step(void **state) {
             change(&w);
             if (start_job(&w))
                 finish_job(&w, 0);
-            for (int p = 0; p < PEOPLE; p++)
-                while (take(&w, &w.people[p]))
+            for (int p = 0; p < VIEWERS; p++)
+                while (take(&w, &w.viewers[p]))
                     ;
         }
         come_to_rest(&w);
     }
-    for (int p = 0; p < PEOPLE; p++) {
-        assert_compare(w.people[p].videos, >=, 50);
-        /* The very first picture is smaller: nothing was known of its cost. */
-        assert_int_equal(w.people[p].keys, 2);
-        assert_true(w.people[p].is_final);
+    for (int p = 0; p < VIEWERS; p++) {
+        assert_compare(w.viewers[p].videos, >=, 50);
+        /* The first frame is smaller, because its time was not known. */
+        assert_int_equal(w.viewers[p].keys, 2);
+        assert_true(w.viewers[p].is_final);
     }
     tear_down(&w);
 }
 
-/* What waits for the socket is not replaced: the newer frame is left out before it is encoded, and
- * the one after it is a delta. */
-static void left_out(void **state) {
+/* A video frame that waits for the socket is not replaced. The newer frame is skipped before it is
+ * encoded, and the frame after it is a delta frame. */
+static void a_frame_skipped_before_encoding_costs_no_key_frame(void **state) {
     struct world w;
     unsigned keys = 0, videos = 0;
     set_up(&w, *state, 1);
@@ -336,23 +337,23 @@ static void left_out(void **state) {
         w.now_ms += 20;
         change(&w);
         assert_true(start_job(&w));
-        if (i == 1) { /* two jobs under way, nobody takes the first one's frame */
+        if (i == 1) { /* two jobs end before any viewer takes the first frame */
             w.now_ms += 20;
             change(&w);
             assert_true(start_job(&w));
-            keys = w.people[0].keys;
-            videos = w.people[0].videos;
+            keys = w.viewers[0].keys;
+            videos = w.viewers[0].videos;
         }
-        while (w.flying_count > 0)
+        while (w.job_count > 0)
             finish_job(&w, 0);
-        for (int p = 0; p < PEOPLE; p++)
-            while (take(&w, &w.people[p]))
+        for (int p = 0; p < VIEWERS; p++)
+            while (take(&w, &w.viewers[p]))
                 ;
         if (i == 1)
-            assert_int_equal(w.people[0].videos, videos + 1);
+            assert_int_equal(w.viewers[0].videos, videos + 1);
     }
-    assert_int_equal(w.people[0].videos, videos + 3);
-    assert_compare(w.people[0].keys, <=, keys + 1); /* of the second size */
+    assert_int_equal(w.viewers[0].videos, videos + 3);
+    assert_compare(w.viewers[0].keys, <=, keys + 1); /* for the second size */
     tear_down(&w);
 }
 
@@ -361,37 +362,37 @@ static void one_frame(struct world *w) {
     change(w);
     assert_true(start_job(w));
     finish_job(w, 0);
-    for (int p = 0; p < PEOPLE; p++)
-        while (take(w, &w->people[p]))
+    for (int p = 0; p < VIEWERS; p++)
+        while (take(w, &w->viewers[p]))
             ;
 }
 
-/* An encoder that nobody uses is given back, and the next picture begins anew. */
-static void idle(void **state) {
+/* An unused encoder is destroyed. The next frame comes from a new one, with a key frame. */
+static void an_idle_encoder_is_destroyed(void **state) {
     struct world w;
     set_up(&w, *state, 1);
-    assert_false(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 1e6));
+    assert_false(srv_video_encoders_are_idle(w.videos, w.now_ms + 1e6));
     one_frame(&w);
     one_frame(&w);
     one_frame(&w);
-    unsigned keys = w.people[0].keys;
+    unsigned keys = w.viewers[0].keys;
     assert_false(srv_video_encoders_are_idle(w.videos, 0));
     srv_video_encoders_tick(w.videos, 0);
     one_frame(&w);
-    assert_int_equal(w.people[0].keys, keys);
-    assert_true(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 11000));
-    srv_video_encoders_tick(w.videos, srv_clock_ms() + 11000);
-    assert_false(srv_video_encoders_are_idle(w.videos, srv_clock_ms() + 1e6));
+    assert_int_equal(w.viewers[0].keys, keys);
+    assert_true(srv_video_encoders_are_idle(w.videos, w.now_ms + 11000));
+    srv_video_encoders_tick(w.videos, w.now_ms + 11000);
+    assert_false(srv_video_encoders_are_idle(w.videos, w.now_ms + 1e6));
     one_frame(&w);
-    assert_int_equal(w.people[0].keys, keys + 1);
+    assert_int_equal(w.viewers[0].keys, keys + 1);
     tear_down(&w);
 }
 
-/* What happens to a participant between the question and the frame. */
-static void races(void **state) {
+/* The state of a participant may change between its decision and the delivery. */
+static void a_delivery_checks_the_mark_again(void **state) {
     struct world w;
     struct proto_frame_header header = { .codec = PROTO_CODEC_VP8 },
-                              still = { .codec = PROTO_CODEC_JPEG };
+                              image = { .codec = PROTO_CODEC_JPEG };
     struct srv_render_result result = { .render_ms = 1 };
     struct srv_video_mark key = { 5, 0 }, second = { 5, 1 }, third = { 5, 2 };
     struct srv_blob *blob = srv_blob_create((const uint8_t *)"12345678", 8);
@@ -404,16 +405,16 @@ static void races(void **state) {
         w.now_ms += 20;
         assert_true(start_job(&w));
     }
-    struct srv_render_job *a = &w.flying[0].job, *b = &w.flying[1].job;
-    struct srv_participant *p = w.people[0].p;
+    struct srv_render_job *a = &w.jobs[0].job, *b = &w.jobs[1].job;
+    struct srv_participant *p = w.viewers[0].p;
     uint32_t at[2] = { 0, 0 };
     while (a->targets[at[0]].participant != srv_participant_id(p))
         at[0]++;
     while (b->targets[at[1]].participant != srv_participant_id(p))
         at[1]++;
-    /* A newer still came first: the key frame is late, and what follows it is no use. */
+    /* A newer image came first: the key frame is late, and its delta frames cannot be used. */
     assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &key), SRV_VIDEO_KEY);
-    srv_schedule_deliver(schedule, b, at[1], &still, blob);
+    srv_schedule_deliver(schedule, b, at[1], &image, blob);
     srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
     assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_NONE);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
@@ -422,7 +423,7 @@ static void races(void **state) {
     srv_blob_unref(&message.blob);
     a->order = b->order + 1;
     assert_int_equal(srv_schedule_video_need(schedule, a, at[0], &second), SRV_VIDEO_KEY);
-    /* A delta that skips one is never put. */
+    /* A delta frame after a missing one is not delivered. */
     srv_schedule_deliver_video(schedule, a, at[0], &header, blob, &key);
     while (srv_hub_next_message(hub, p, true, w.now_ms, &message) == SRV_MESSAGE_TEXT)
         free(message.text);
@@ -432,60 +433,59 @@ static void races(void **state) {
     assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &second), SRV_VIDEO_DELTA);
     assert_int_equal(srv_schedule_video_need(schedule, b, at[1], &third), SRV_VIDEO_KEY);
     srv_blob_unref(&blob);
-    while (w.flying_count > 0) {
-        free(w.flying[--w.flying_count].frame.pixels);
-        srv_schedule_done(schedule, &w.flying[w.flying_count].job, &result);
+    while (w.job_count > 0) {
+        free(w.jobs[--w.job_count].frame.pixels);
+        srv_schedule_done(schedule, &w.jobs[w.job_count].job, &result);
     }
     tear_down(&w);
 }
 
-/* One asks for a key frame with every frame: the others' are few. */
-static void greedy(void **state) {
+/* A viewer that asks for a key frame with every frame causes few key frames for the others. */
+static void requests_for_key_frames_are_limited(void **state) {
     struct world w;
     set_up(&w, *state, 1);
     for (int i = 0; i < 150; i++) { /* 3 s */
         w.now_ms += 20;
         change(&w);
-        say(&w, w.people[2].p, "{\"jsonrpc\":\"2.0\",\"method\":\"stream.key\"}");
+        send_text(&w, w.viewers[2].p, "{\"jsonrpc\":\"2.0\",\"method\":\"stream.key\"}");
         if (start_job(&w))
             finish_job(&w, 0);
-        for (int p = 0; p < PEOPLE; p++)
-            while (take(&w, &w.people[p]))
+        for (int p = 0; p < VIEWERS; p++)
+            while (take(&w, &w.viewers[p]))
                 ;
     }
-    /* Encoders go by the real clock, which hardly moves here: one key for all, at the start. */
-    assert_compare(w.people[0].videos, >, 100);
-    assert_compare(w.people[0].keys, <=, 1 + w.people[2].keys);
-    assert_compare(w.people[0].keys, <, 20);
-    assert_compare(w.people[2].stills, >, 50);
+    assert_compare(w.viewers[0].videos, >, 100);
+    assert_compare(w.viewers[0].keys, <=, 1 + w.viewers[2].keys);
+    assert_compare(w.viewers[0].keys, <, 20);
+    assert_compare(w.viewers[2].images, >, 50);
     tear_down(&w);
 }
 
-/* One takes a tenth of the frames: each time it lacks those between, and the jobs of its own have
- * nobody else in them. The others' key frames are few. */
-static void slower(void **state) {
+/* A viewer takes a tenth of the frames. Each time it lacks those between, and some jobs are for it
+ * alone. That causes few key frames for the others. */
+static void a_slower_viewer_costs_few_key_frames(void **state) {
     struct world w;
     set_up(&w, *state, 1);
-    say(&w, w.people[2].p,
+    send_text(
+        &w, w.viewers[2].p,
         "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"max_fps\":7}"
         "}");
     unsigned alone = 0;
     for (int i = 0; i < 600; i++) {
         w.now_ms += 5;
-        change(&w); /* so often that it is due when the others have theirs */
+        change(&w); /* often enough for its frame to be due together with the others' */
         if (start_job(&w)) {
-            alone += w.flying[0].job.target_count == 1;
+            alone += w.jobs[0].job.target_count == 1;
             finish_job(&w, 0);
         }
-        for (int p = 0; p < PEOPLE; p++)
-            while (take(&w, &w.people[p]))
+        for (int p = 0; p < VIEWERS; p++)
+            while (take(&w, &w.viewers[p]))
                 ;
     }
-    /* Encoders go by the real clock, as in greedy(). */
     assert_compare(alone, >, 3);
-    assert_compare(w.people[0].videos, >, 100);
-    assert_compare(w.people[0].keys, <, 5);
-    assert_compare(w.people[2].stills, >, 3);
+    assert_compare(w.viewers[0].videos, >, 100);
+    assert_compare(w.viewers[0].keys, <, 5);
+    assert_compare(w.viewers[2].images, >, 3);
     tear_down(&w);
 }
 
@@ -495,59 +495,60 @@ static void drag(struct world *w, int frames) {
         change(w);
         while (start_job(w))
             ;
-        while (w->flying_count > 0)
+        while (w->job_count > 0)
             finish_job(w, 0);
-        for (int p = 0; p < PEOPLE; p++)
-            while (take(w, &w->people[p]))
+        for (int p = 0; p < VIEWERS; p++)
+            while (take(w, &w->viewers[p]))
                 ;
     }
 }
 
-/* A picture that is larger than all encoders together may be gets JPEG and is told so once; the
- * others' video goes on, and so does its own with a smaller picture. */
-static void no_room(void **state) {
+/* A viewer whose frame exceeds the bound of all encoders receives JPEG and one policy that says so.
+ * The others' video continues, and so does its own with a smaller frame. */
+static void frames_above_the_bound_are_images(void **state) {
     struct world w;
     set_up(&w, *state, 1);
-    struct person *large = &w.people[2];
-    say(&w, large->p,
-        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
-        "[1100,1000]}}");
+    struct viewer *large = &w.viewers[2];
+    send_text(&w, large->p,
+              "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
+              "[1100,1000]}}");
     drag(&w, 1);
-    unsigned told = large->policies;
+    unsigned policies = large->policies;
     drag(&w, 9);
     assert_int_equal(large->videos, 0);
-    assert_true(large->stills > 0);
+    assert_compare(large->images, >, 0);
     assert_int_equal(large->refusals, 1);
-    assert_int_equal(large->policies, told);
-    assert_compare(w.people[0].videos, >, 3);
-    assert_int_equal(w.people[0].refusals, 0);
-    say(&w, large->p,
-        "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
-        "[128,48]}}");
+    assert_int_equal(large->policies, policies);
+    assert_compare(w.viewers[0].videos, >, 3);
+    assert_int_equal(w.viewers[0].refusals, 0);
+    send_text(&w, large->p,
+              "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"stream.configure\",\"params\":{\"size\":"
+              "[128,48]}}");
     w.now_ms += 20;
     change(&w);
     assert_true(start_job(&w));
     assert_true(start_job(&w));
-    while (w.flying_count > 0)
+    while (w.job_count > 0)
         finish_job(&w, 0);
     while (take(&w, large))
         ;
     assert_int_equal(large->videos, 1);
-    assert_true(large->policies > told);
+    assert_compare(large->policies, >, policies);
     assert_int_equal(large->refusals, 1);
     tear_down(&w);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(in_step, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(left_out, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(idle, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(races, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(no_room, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(greedy, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(slower, hub_set_up, hub_tear_down),
-        cmocka_unit_test_setup_teardown(whatever_happens, hub_set_up, hub_tear_down),
+#define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
+        TEST(viewers_that_keep_up_share_delta_frames),
+        TEST(a_frame_skipped_before_encoding_costs_no_key_frame),
+        TEST(an_idle_encoder_is_destroyed),
+        TEST(a_delivery_checks_the_mark_again),
+        TEST(frames_above_the_bound_are_images),
+        TEST(requests_for_key_frames_are_limited),
+        TEST(a_slower_viewer_costs_few_key_frames),
+        TEST(decoders_stay_in_sync_through_random_events),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
