@@ -144,11 +144,11 @@ static uint64_t half_of_memory(void) {
 }
 
 /* The renderers of the interactive and the snapshot worker may together cache as much as all
- * volumes take, and at least DERIVED_BYTES_MIN each, so that they can work. The renderer of the
+ * volumes take, and at least CACHED_BYTES_MIN each, so that they can work. The renderer of the
  * preemption worker has half of what one of them has. Each of the two has half of the GPU memory.
  */
 #define LARGE_BYTES (512 << 10)
-#define DERIVED_BYTES_MIN (UINT64_C(256) << 20)
+#define CACHED_BYTES_MIN (UINT64_C(256) << 20)
 
 #define WRITE_PAUSE_MS 250.0
 #define WRITE_RETRY_MS 1000.0
@@ -185,9 +185,9 @@ static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
                                            .isa = c->isa,
                                            .threads = (unsigned)c->threads,
                                            .video_bytes = ((uint64_t)c->video_memory + 1) / 2,
-                                           .memory_bytes = budget / 2 > DERIVED_BYTES_MIN
+                                           .memory_bytes = budget / 2 > CACHED_BYTES_MIN
                                                                ? budget / 2
-                                                               : DERIVED_BYTES_MIN };
+                                                               : CACHED_BYTES_MIN };
     struct sp_renderer_options first = options;
     first.refused = on_backend_refused;
     first.user = d;

@@ -82,7 +82,7 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
     }
 }
 
-/* If this fails, the daemon stops: a program that waits for this line would wait for ever. */
+/* If this fails, the daemon stops: a program that waits for this line would wait forever. */
 static bool print_address(const struct srv_daemon *daemon, struct sp_error *err) {
     char url[256];
     srv_daemon_url(daemon, url, sizeof url);

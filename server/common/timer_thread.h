@@ -29,7 +29,7 @@ struct srv_timer_thread *srv_timer_thread_create(struct sp_error *err);
 /* Runs the task at `at_ms` for the first time. Any thread; once per task. */
 void srv_timer_thread_add(struct srv_timer_thread *thread, struct srv_timer_task *task,
                           double at_ms);
-/* Waits for the task that is running. Afterwards no task runs any more. Accepts NULL; nulls. */
+/* Waits until the running task ends; no other task runs afterwards. Accepts NULL; nulls. */
 void srv_timer_thread_destroy(struct srv_timer_thread **thread);
 
 #endif

@@ -305,8 +305,7 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         return NULL;
     }
     if (catalog->count >= ENTRIES_MAX) {
-        sp_fail(err, SP_ERR_BUDGET, NULL,
-                "%u volumes are known already, the most that are allowed; unload one",
+        sp_fail(err, SP_ERR_BUDGET, NULL, "%u volumes exist, which is the limit; unload one",
                 catalog->count);
         return NULL;
     }

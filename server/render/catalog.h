@@ -45,36 +45,36 @@ struct srv_catalog_options {
     const char *data;      /* folder for loads over HTTP; NULL = none */
     const char *importer;  /* splat-import; NULL = the one beside the program */
     void *user;
-    /* Tells the state of a volume, with the progress in [0, 1] and the reason of a failure (""
+    /* Reports the state of a volume, with the progress in [0, 1] and the reason of a failure (""
      * otherwise). Called from the load thread, and from srv_catalog_remove() with
      * SRV_VOLUME_UNLOADED; must not call the catalog. */
     void (*progress)(void *user, const char *id, enum srv_volume_state state, double progress,
                      const char *reason);
-    /* An entry of this id exists now, with its resolved source; request NULL: it was removed. False
-     * if it cannot be persisted; the next srv_catalog_add() of it tries again. Called with a lock
-     * held: must not call the catalog. NULL = volumes are not persisted. */
+    /* Called when an entry was added (request: its resolved source) or removed (NULL). False if it
+     * cannot be persisted; the next srv_catalog_add() of it tries again. Called with a lock held:
+     * must not call the catalog. NULL = volumes are not persisted. */
     bool (*persist)(void *user, const char *id, const struct srv_volume_request *request);
-    /* The entry is gone: cached data is to be evicted. Passes a reference to the callee. */
+    /* The entry was removed: its cached data must be evicted. Passes a reference to the callee. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
 
 /* NULL with *err set: SP_ERR_IO (the data folder, the load thread), SP_ERR_MEMORY. */
 struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options,
                                        struct sp_error *err);
-/* Cancels the load under way and ends the load thread: progress() is not called any more. One
+/* Cancels the load in progress and ends the load thread: progress() is no longer called. One
  * thread at a time. */
 void srv_catalog_stop(struct srv_catalog *catalog);
 /* After all uses were released. Stops first; accepts NULL. */
 void srv_catalog_destroy(struct srv_catalog **catalog);
 
-/* Queues a load. *id_out is the entry's id; *existed is true if the source is known already and has
+/* Queues a load. *id_out is the entry's id; *existed is true if the source was added before and has
  * not failed. Errors: SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON
  * pointer; *conflict: the id belongs to another source), SP_ERR_BUDGET (too many entries),
  * SP_ERR_MEMORY. */
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
-/* Cancels a load under way. SP_ERR_NOT_FOUND, SP_ERR_INVALID with *conflict (it is in use). */
+/* Cancels a load in progress. SP_ERR_NOT_FOUND, SP_ERR_INVALID with *conflict (it is in use). */
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
                         struct sp_error *err);
 
@@ -90,7 +90,7 @@ struct srv_volume_status {
     uint64_t cached_per_renderer[SRV_RENDERERS];
     unsigned uses;
 };
-/* Entry i in the order of adding, or the entry of this id; false if there is none. Unref
+/* Gets entry i in the order of adding, or the entry of this id; false if there is none. Unref
  * status->volume. */
 bool srv_catalog_at(struct srv_catalog *catalog, unsigned i, struct srv_volume_status *status);
 bool srv_catalog_find(struct srv_catalog *catalog, const char *id,

@@ -7,8 +7,8 @@
  *                           that are slow to encode (SRV_SLOW_ENCODE_MS)
  *
  * An encoder cannot be interrupted. Therefore slow work has threads of its own: no quick frame
- * waits behind it. The exception is a daemon with a single participant, which delays nobody. While
- * the frames of several sessions wait, each session has at most one thread.
+ * waits behind it. The exception is a daemon with a single participant, which delays no other one.
+ * While the frames of several sessions wait, each session has at most one thread.
  *
  * A thread with nothing to do helps another thread with the stripes of a large JPEG, which is ready
  * sooner. Background threads help only background threads: a stripe that a quick frame waits for

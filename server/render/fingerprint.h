@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A fingerprint: a hash of 128 bits (XXH3) that is the same in every run of the daemon. It is no
- * defence against deliberate collisions, from which nobody gains anything here.
+ * A fingerprint: a hash of 128 bits (XXH3) that is the same in every run of the daemon. It does
+ * not resist deliberate collisions, which would gain an attacker nothing here.
  *
  * Two volumes with the same fingerprint look the same in every view. The fingerprint does not
  * identify a load: to tell an old handle from a new one, compare the handles (catalog.h).
@@ -25,15 +25,16 @@ struct srv_part {
     const void *bytes; /* NULL only if size is 0 */
     size_t size;
 };
-/* Of the parts in this order, at most SRV_PARTS_MAX. The boundaries between parts count. */
+/* Hashes the parts in this order, at most SRV_PARTS_MAX. The boundaries between parts count. */
 struct srv_fingerprint srv_fingerprint_of(const struct srv_part *parts, unsigned count);
-/* Of all that decides the pixels of a volume: grid, type and voxels. Reads all voxels. */
+/* Hashes all that decides the pixels of a volume: grid, type and voxels. Reads all voxels. */
 struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume);
-/* Of the running program's file; false if it cannot be read. */
+/* Hashes the running program's file; false if it cannot be read. */
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint);
 
 bool srv_fingerprint_equal(const struct srv_fingerprint *a, const struct srv_fingerprint *b);
-/* To 32 hexadecimal digits and a NUL, and back. decode: false for NULL and for any other text. */
+/* Converts to 32 hexadecimal digits and a NUL, and back. decode: false for NULL and for any other
+ * text. */
 void srv_fingerprint_encode(const struct srv_fingerprint *fingerprint,
                             char text[SRV_FINGERPRINT_TEXT]);
 bool srv_fingerprint_decode(const char *text, struct srv_fingerprint *fingerprint);

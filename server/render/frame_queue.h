@@ -68,8 +68,8 @@ void srv_frame_queue_resume(struct srv_frame_queue *queue, uint64_t order, doubl
  * shorter frame is not charged for: half of the time since the request, ms. */
 double srv_inflight_paused(struct srv_inflight *frame, double now_ms);
 
-/* Something more urgent than the frames under way exists, as struct srv_hub_options says. Cancels
- * those that may be cancelled now. */
+/* Handles an interrupt of the scheduler (struct srv_schedule_options): cancels those of the frames
+ * that may be cancelled now. */
 void srv_frame_queue_interrupt(struct srv_frame_queue *queue, uint64_t of, enum srv_interrupt why,
                                double now_ms);
 /* Cancels those that may be cancelled by now. */

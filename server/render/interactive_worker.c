@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The interactive worker: renders the frames of sessions, in the order that schedule/ decides. It
- * keeps as many frames under way as its renderer takes (sp_renderer_depth()): begin, begin, finish,
+ * keeps as many frames in flight as its renderer takes (sp_renderer_depth()): begin, begin, finish,
  * begin, finish, … It never waits for a second frame: without another job it finishes the oldest.
  */
 #include <stdlib.h>

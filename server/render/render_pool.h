@@ -6,15 +6,15 @@
  *        └─────► preemption worker ───┼─► encode threads ─► outboxes, or done() of a snapshot
  *   snapshots ─► snapshot worker ─────┘
  *
- * Each worker is a thread with a renderer of its own (worker.h). README.md beside this file tells
+ * Each worker is a thread with a renderer of its own (worker.h). README.md describes
  * how a frame passes through them. Where to read on:
  *
  *   interactive_worker.c  the frames of sessions; session_frame.c begins and finishes one
- *   frame_queue.h         frames under way, and which of them may be cancelled
+ *   frame_queue.h         in-flight frames, and which of them may be cancelled
  *   preemption_worker.c   short frames while a long one is paused
- *   snapshot_queue.h      images asked for over HTTP, and frames of camera paths
+ *   snapshot_queue.h      images requested over HTTP, and frames of camera paths
  *   encode_pool.h         the encode threads; encode_task.c encodes and delivers
- *   frame_cache.h         the last final frame, for all who want the same
+ *   frame_cache.h         the last final frame, for all requests of the same image
  *
  * When a backend fails, its renderer continues with the next one (sp/renderer.h), and the pool
  * tells the hub, which tells the clients.
@@ -47,7 +47,7 @@ struct srv_render_pool *srv_render_pool_create(const struct srv_render_pool_opti
 /* Starts the threads, which serve this scheduler. */
 bool srv_render_pool_start(struct srv_render_pool *pool, struct srv_schedule *schedule,
                            struct sp_error *err);
-/* Cancels what is under way; waiting snapshots are answered with SP_ERR_CANCELLED. */
+/* Cancels all frames in progress; waiting snapshots are answered with SP_ERR_CANCELLED. */
 void srv_render_pool_stop(struct srv_render_pool *pool);
 void srv_render_pool_destroy(struct srv_render_pool **pool); /* stops first; accepts NULL */
 

@@ -33,7 +33,7 @@ struct srv_render_pool {
     struct srv_frame_queue
         in_flight[SRV_WORKERS]; /* session frames; the snapshot worker has none */
     bool stop;
-    bool has_no_preemption; /* its renderer fails: long frames are not paused any more */
+    bool has_no_preemption; /* its renderer fails: long frames are no longer paused */
 };
 
 /* The workers' threads; `user` is the pool. */
@@ -58,7 +58,7 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
 void srv_session_frame_fail(struct srv_render_pool *pool, struct srv_render_job *job,
                             const struct sp_error *err, double elapsed_ms);
 
-/* The preemption worker renders nothing any more; the interactive worker renders its frames. */
+/* Stops preemption: from now on the interactive worker renders all session frames. */
 void srv_preemption_disable(struct srv_render_pool *pool, const struct sp_error *why);
 
 /* Encodes and delivers (encode_task.c); srv_encode_pool_options.run. */

@@ -10,7 +10,7 @@
 #include "schedule/fair_queue.h"
 #include "session/encode_params.h"
 
-/* After its last frame a session is idle for this long before a background snapshot begins. */
+/* No session has rendered a frame for this long when a background snapshot begins. */
 #define QUIET_MS 100.0
 
 struct srv_snapshot_waiter {
@@ -40,7 +40,7 @@ unsigned srv_snapshot_queue_unanswered(struct srv_snapshot_queue *queue) {
 
 /* Answers. */
 
-/* Removes the entry from the list: no request joins it any more. With the mutex held. */
+/* Removes the entry from the list: no later request joins it. With the mutex held. */
 static void remove_entry(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry) {
     struct srv_snapshot_entry **link = &queue->entries;
     while (*link != entry)

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The queue of snapshots: single images that are asked for over HTTP, or as frames of a camera
+ * The queue of snapshots: single images that HTTP clients request, and frames of a camera
  * path.
  *
  *   submit ─► waiting ─► rendering ─► encoding ─► answered
  *               ▲            │
  *               └────────────┘ a background snapshot was cancelled by more urgent work
  *
- * - The next snapshot is that of the owner who has received the least time for rendering and
+ * - The next snapshot is that of the owner that has received the least time for rendering and
  *   encoding (schedule/fair_owners.h); of that owner, the oldest one.
  * - Equal snapshots are one entry, rendered and encoded once. Each request is a waiter of the
- * entry; the owner of the first request pays.
+ * entry; the owner of the first request is charged.
  * - Background snapshots come last. They begin when no other snapshot waits and no session frame
  * was rendered for 100 ms, and they yield to both: they are cancelled and rendered again later.
  * After waiting for twenty times their own time they no longer yield (schedule/fair_queue.h).
@@ -46,7 +46,7 @@ struct srv_snapshot_result {
 struct srv_snapshot { /* a request for one image */
     struct sp_view view;
     struct srv_volume *volume;        /* a use, taken over by submit */
-    char owner[SRV_FAIR_OWNER_BYTES]; /* whose share pays for it */
+    char owner[SRV_FAIR_OWNER_BYTES]; /* whose account is charged */
     enum sp_image_format format;
     int quality;
     enum sp_chroma chroma; /* of a JPEG */
@@ -123,8 +123,8 @@ void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, doub
  * latest, which stays as it is if only an event can change that. */
 struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,
                                                    double *wait_ms);
-/* The rendering has ended and took so long; the owner pays. Returns true if the entry waits again
- * because it yielded. Else the caller answers it, now or after encoding. */
+/* The rendering has ended and took so long: charges the owner. Returns true if the entry waits
+ * again because it yielded. Else the caller answers it, now or after encoding. */
 bool srv_snapshot_queue_end_rendering(struct srv_snapshot_queue *queue,
                                       struct srv_snapshot_entry *entry, bool is_cancelled,
                                       double render_ms);

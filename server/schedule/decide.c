@@ -10,7 +10,7 @@
 #define ROUNDING_MS 1e-6     /* of a mean of equal numbers */
 #define SHORT_PART 0.1       /* of the work that it preempts */
 
-/* Is the sharp frame known to be ready soon, so that no other has to go before it? */
+/* True if the sharp frame is expected soon, so that no other frame has to precede it. */
 static bool is_sharp_soon(const struct srv_demand *d) {
     return d->sharp_ms > 0 && d->sharp_ms <= FIRST_FRAME_MS;
 }
@@ -64,7 +64,7 @@ int srv_decide_participant(const struct srv_candidate *candidates, int count) {
     return best;
 }
 
-/* Of two that are eligible. */
+/* True if `a` goes before `b`; both are eligible. */
 static bool is_due_before(const struct srv_candidate *a, const struct srv_candidate *b) {
     if (a->rank == SRV_RANK_INTERACTION && a->deadline_ms != b->deadline_ms)
         return a->deadline_ms < b->deadline_ms;

@@ -67,7 +67,7 @@ struct srv_frame_request {
  * once if that is fast. */
 struct srv_frame_request srv_decide_request(const struct srv_demand *demand, double now_ms);
 
-/* Somebody who wants a frame now: a participant of a session, or the best of a session. */
+/* What wants a frame now: a participant of a session, or the best one of a session. */
 struct srv_candidate {
     enum srv_rank rank;
     double deadline_ms;

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The scheduler's life, and what it does when something changes in a session.
+ * Creates and destroys the scheduler, and handles the events of sessions.
  */
 #include "schedule/schedule.h"
 
@@ -64,7 +64,7 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
               is_useless ? SRV_INTERRUPT_UNWANTED : SRV_INTERRUPT_NEWER_VIEW);
 }
 
-/* What the participant has is not what it asks for now. */
+/* The last frame of the participant is not what it asks for now. */
 static void change_image(const struct srv_schedule *schedule, struct srv_participant *p,
                          double now_ms) {
     p->schedule->newest.version = p->schedule->failed_version = 0;

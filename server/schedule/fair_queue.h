@@ -36,7 +36,7 @@ void srv_fair_correct(struct srv_fair_account *account, double more_ms);
 /* The starvation limit. Work of the lowest rank is cancelled whenever something more urgent comes.
  * After a wait of twenty times its expected time, or of 1 s if that is 0, it is protected:
  * returns for how many ms it may then run without being cancelled, a tenth of what it waited. So it
- * is done some day, however busy the others are, and costs them about a twentieth of their time.
+ * is done at last, however busy the others are, and costs them about a twentieth of their time.
  * 0 = not protected. */
 double srv_fair_protected_ms(double waited_ms, double expected_ms);
 

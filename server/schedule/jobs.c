@@ -48,8 +48,8 @@ static bool has_same_size(const struct srv_session *s, const struct srv_particip
 
 /* Accounts. */
 
-/* The participant that holds control counts as much as all others of its session together. However
- * many watch, its view turns at half the speed at worst. */
+/* The participant that holds control counts as much as all others of its session together. So it
+ * keeps half of the session's time, however many others there are. */
 static double weight_of(const struct srv_session *s, const struct srv_participant *p) {
     return p == s->holder && s->participant_count > 1 ? s->participant_count - 1 : 1;
 }
@@ -167,7 +167,7 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
     plan->next_frame_ms = next_frame_ms(s, p->settings.max_fps, now_ms);
 }
 
-/* Collects everybody of the session who wants the same frame as the chosen participant. */
+/* Collects the participants of the session that want the same frame as the chosen one. */
 static uint32_t find_takers(const struct srv_schedule *schedule, const struct srv_choice *choice,
                             double now_ms, struct srv_participant *takers[SRV_PARTICIPANTS_MAX]) {
     struct srv_session *s = choice->participant->session;

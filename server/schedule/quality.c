@@ -8,7 +8,7 @@
 #define SLOW 2.0      /* times the expected time: the load rose for a moment, or for good */
 #define FAST (2 / 3.) /* of the expected time: the load fell */
 #define RAISE 0.75    /* of the budget: detail comes back */
-#define HEARSAY 9.0   /* load_log of a guess from another view */
+#define GUESS 9.0     /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
 enum { SIDES = 8, SIDE_MIN = 2, SIDE_USEFUL = 4, FAILURES_MAX = 5 };
@@ -32,7 +32,7 @@ void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality
                                                              .xy = fit->xy,
                                                              .ratio = fit->ratio,
                                                              .last_mpx = fit->last_mpx,
-                                                             .load_log = HEARSAY };
+                                                             .load_log = GUESS };
     }
 }
 
@@ -205,12 +205,12 @@ static bool is_same_size(const struct srv_quality_fit *fit, double mpx) {
 /* Returns the weight of the past after a frame that took *ms; expected_ms 0 = nothing to compare
  * with. Limits the effect of a single slow frame. */
 static double keep_of(struct srv_quality_fit *fit, double expected_ms, double *ms) {
-    double hearsay = fabs(fit->load_log);
+    double load = fabs(fit->load_log);
     bool slow = expected_ms > 0 && *ms > SLOW * expected_ms;
     bool believed = slow ? fit->was_slow : *ms < FAST * expected_ms;
     fit->load_log = 0;
     fit->was_slow = slow;
-    if (believed || hearsay > log(SLOW))
+    if (believed || load > log(SLOW))
         return 0;
     if (slow)
         *ms = SLOW * expected_ms;

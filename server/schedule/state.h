@@ -88,10 +88,11 @@ struct srv_choice { /* a participant, and what it gets */
 struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
                                         const struct srv_session *session,
                                         const struct srv_participant *participant, double now_ms);
-/* Chooses who is next; participant NULL = no participant. Lowers *wait_ms to when there may be one.
+/* Chooses the participant that is served next; NULL = none. Lowers *wait_ms to when there may be
+ * one.
  */
 struct srv_choice srv_choose(struct srv_schedule *schedule, double now_ms, double *wait_ms);
-/* Chooses who preempts the running job. */
+/* Chooses the participant whose frame preempts the running job; NULL = none. */
 struct srv_choice srv_choose_short(struct srv_schedule *schedule,
                                    const struct srv_running_job *running, double now_ms,
                                    double *wait_ms);
@@ -107,9 +108,9 @@ double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct sr
 
 /* There may be something to render, for this session (NULL = for others). (events.c) */
 void srv_schedule_wake(struct srv_schedule *schedule, struct srv_session *session);
-/* Takes the session out of the list of busy ones. */
+/* Removes the session from the list of busy ones. */
 void srv_schedule_rest(struct srv_schedule *schedule, struct srv_session *session);
-/* Takes those out of the list that want nothing until the next event. */
+/* Removes the sessions from the list that want nothing until the next event. */
 void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms);
 
 /* Returns the job's session, NULL = it ended; and one of its participants, NULL = it left. */

@@ -62,14 +62,15 @@ struct srv_hub_options {
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     void *user;
     void (*ready)(void *user); /* a participant has something to send */
-    /* A session has something to save; a session ended for good. NULL = nothing is persisted. */
+    /* A session has something to save; a session ended. NULL = nothing is persisted. */
     void (*changed)(void *user);
     void (*ended)(void *user, const char *id);
     /* Returns what was saved last of a session: malloc'ed, with a NUL behind it. NULL = nothing is
      * persisted, and idle sessions end instead of hibernating. */
     char *(*recall)(void *user, const char *id, size_t *size, struct sp_error *err);
-    /* Gets today's rights (enum srv_right) and quota of the token with this name. False: the token
-     * is gone, and its last known quota stays valid. NULL = rights and quotas never change. */
+    /* Gets the current rights (enum srv_right) and quota of the token with this name. False: the
+     * token is gone, and its last known quota stays valid. NULL = rights and quotas never change.
+     */
     bool (*token)(void *user, const char *name, unsigned *rights, struct srv_quota *quota);
     /* Can the renderer draw this view? NULL = it can draw all. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
@@ -125,7 +126,7 @@ struct srv_session_info {
     char id[SRV_SESSION_ID_BYTES]; /* first, as struct srv_page requires */
     char volume[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = no owner */
-    bool is_hibernated;               /* hibernated */
+    bool is_hibernated;
     unsigned participants;
     double idle_ms; /* since its last use; 0 with participants */
 };

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The hub: which sessions are active, and what happens by time. Notifications to participants.
+ * The hub: active sessions, their timers, and notifications to participants.
  */
 
 #include "session/hub.h"

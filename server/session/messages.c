@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a participant is sent next: notifications and frames.
+ * The next message to a participant: a notification or a frame.
  */
 
 #include <stdlib.h>
@@ -56,7 +56,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     return proto_rpc_notification("stream.stats", params, size);
 }
 
-/* Of the volumes that changed since `p` was told, the one that changed first. */
+/* Reports the volume that changed first since the last report to `p`. */
 static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
     const struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volumes.count; i++)

@@ -50,7 +50,7 @@ static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                    owner->name, awake + asleep, asleep, most);
 }
 
-/* Returns the part of the limit `most` that a guest, or anybody else, may use. */
+/* Returns the part of the limit `most` that a guest, or any other client, may use. */
 static unsigned limit_for(bool is_guest, unsigned most) {
     return is_guest ? most - most / 4 : most;
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The method stream.configure: what a client asks for, and what it is granted.
+ * The method stream.configure: what a client requests and what it gets.
  */
 
 #include <stdio.h>

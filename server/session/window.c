@@ -14,7 +14,7 @@ void srv_window_init(struct srv_window *window) {
 void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms) {
     bool alone = window->count == 0;
     assert(window->count < SRV_WINDOW_MAX && frame > window->last_frame);
-    window->flying[(window->head + window->count++) % SRV_WINDOW_MAX] = (struct srv_window_frame){
+    window->inflight[(window->head + window->count++) % SRV_WINDOW_MAX] = (struct srv_window_frame){
         .frame = frame, .bytes = bytes, .sent_ms = now_ms, .alone = alone
     };
     window->bytes += bytes;
@@ -42,8 +42,8 @@ static void measure(struct srv_window *window, const struct srv_window_frame *fr
 bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) {
     if (frame == 0 || frame > window->last_frame)
         return false;
-    while (window->count > 0 && window->flying[window->head].frame <= frame) {
-        struct srv_window_frame *oldest = &window->flying[window->head];
+    while (window->count > 0 && window->inflight[window->head].frame <= frame) {
+        struct srv_window_frame *oldest = &window->inflight[window->head];
         measure(window, oldest, now_ms);
         window->bytes -= oldest->bytes;
         window->acked = oldest->frame;
@@ -77,5 +77,5 @@ bool srv_window_is_open(const struct srv_window *window, unsigned waiting, doubl
 }
 
 double srv_window_oldest_ms(const struct srv_window *window) {
-    return window->count ? window->flying[window->head].sent_ms : 0;
+    return window->count ? window->inflight[window->head].sent_ms : 0;
 }

@@ -30,9 +30,9 @@ struct srv_window_frame {
  * window grows by one per round trip, until the network, the client or the granted rate is the
  * bottleneck. */
 struct srv_window {
-    struct srv_window_frame flying[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
-    unsigned head, count;                           /* head: the oldest */
-    size_t bytes;                                   /* of the unacknowledged frames */
+    struct srv_window_frame inflight[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
+    unsigned head, count;                             /* head: the oldest */
+    size_t bytes;                                     /* of the unacknowledged frames */
     double rtt_ms[2];           /* smallest in the current and the previous 10 s; 0 = none */
     double epoch_ms;            /* start of the current 10 s */
     double interval_ms;         /* mean time between acknowledgements; 0 = none yet */

@@ -18,6 +18,7 @@
 #include "protocol/fixture.h"
 #include "protocol/limits.h"
 #include "protocol/view.h"
+#include "support/compare.h"
 
 static char *read_file(const char *path, size_t *size) {
     FILE *file = fopen(path, "rb");
@@ -83,7 +84,7 @@ static bool check_valid(const char *path) {
 static void valid_examples_are_accepted(void **state) {
     (void)state;
     int failed;
-    assert_true(each_file("valid", check_valid, &failed) >= 10);
+    assert_compare(each_file("valid", check_valid, &failed), >=, 10);
     assert_int_equal(failed, 0);
 }
 
@@ -145,7 +146,7 @@ static bool check_invalid(const char *path) {
 static void invalid_examples_give_their_error(void **state) {
     (void)state;
     int failed;
-    assert_true(each_file("invalid", check_invalid, &failed) >= 40);
+    assert_compare(each_file("invalid", check_invalid, &failed), >=, 40);
     assert_int_equal(failed, 0);
 }
 

@@ -18,6 +18,7 @@
 #include "protocol/rpc.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
+#include "support/compare.h"
 #include "support/fake_memory.h"
 
 /* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds. Returns the number of
@@ -59,8 +60,8 @@ static bool parse(void) {
 static void parsing_reports_lack_of_memory(void **state) {
     (void)state;
     strcpy(text, "{\"camera\":{\"up\":[0,1,0.5]},\"volume\":\"é\",\"filter\":{\"c_max\":null}}");
-    assert_true(fail_each(parse, MEMORY_FAILS_ONCE) > 10);
-    assert_true(fail_each(parse, MEMORY_STAYS_OUT) > 10);
+    assert_compare(fail_each(parse, MEMORY_FAILS_ONCE), >, 10);
+    assert_compare(fail_each(parse, MEMORY_STAYS_OUT), >, 10);
 }
 
 /* The library's token buffer grows while it reads a long key, string or number. */
@@ -71,13 +72,13 @@ static void parsing_long_tokens_reports_lack_of_memory(void **state) {
     memset(digits, '1', sizeof digits);
     for (int length = 10; length <= STRING_MAX; length++) {
         snprintf(text, sizeof text, "{\"%.*s\":\"%.*s\"}", length, digits, length / 2, digits);
-        assert_true(fail_each(parse, MEMORY_FAILS_ONCE) > 5);
-        assert_true(fail_each(parse, MEMORY_STAYS_OUT) > 5);
+        assert_compare(fail_each(parse, MEMORY_FAILS_ONCE), >, 5);
+        assert_compare(fail_each(parse, MEMORY_STAYS_OUT), >, 5);
     }
     for (int length = 10; length <= NUMBER_MAX; length++) {
         snprintf(text, sizeof text, "%.*s", length, digits);
-        assert_true(fail_each(parse, MEMORY_FAILS_ONCE) > 2);
-        assert_true(fail_each(parse, MEMORY_STAYS_OUT) > 2);
+        assert_compare(fail_each(parse, MEMORY_FAILS_ONCE), >, 2);
+        assert_compare(fail_each(parse, MEMORY_STAYS_OUT), >, 2);
     }
 }
 
@@ -101,8 +102,8 @@ static bool encode_volume(void) {
 
 static void encoding_reports_lack_of_memory(void **state) {
     (void)state;
-    assert_true(fail_each(encode_view, MEMORY_FAILS_ONCE) > 100);
-    assert_true(fail_each(encode_volume, MEMORY_FAILS_ONCE) > 100);
+    assert_compare(fail_each(encode_view, MEMORY_FAILS_ONCE), >, 100);
+    assert_compare(fail_each(encode_volume, MEMORY_FAILS_ONCE), >, 100);
 }
 
 static bool answer_result(void) {
@@ -131,8 +132,8 @@ static bool answer_error(void) {
 
 static void answering_reports_lack_of_memory(void **state) {
     (void)state;
-    assert_true(fail_each(answer_result, MEMORY_FAILS_ONCE) > 10);
-    assert_true(fail_each(answer_error, MEMORY_FAILS_ONCE) > 10);
+    assert_compare(fail_each(answer_result, MEMORY_FAILS_ONCE), >, 10);
+    assert_compare(fail_each(answer_error, MEMORY_FAILS_ONCE), >, 10);
 }
 
 int main(void) {

@@ -13,6 +13,7 @@
 
 #include "protocol/fixture.h"
 #include "protocol/view.h"
+#include "support/compare.h"
 
 /* cmocka compares floats only; this one prints both doubles. */
 static void assert_double(double actual, double expected) {
@@ -203,7 +204,7 @@ static void random_views_round_trip_bit_for_bit(void **state) {
         char *text = canonical(&view);
         must_apply(text, &back);
         if (!isnan(view.filter.c_max))
-            assert_true(back.filter.c_max == view.filter.c_max);
+            assert_compare(back.filter.c_max, ==, view.filter.c_max);
         back.filter.c_max = view.filter.c_max;
         assert_memory_equal(&back, &view, sizeof view);
         char *again = canonical(&back);

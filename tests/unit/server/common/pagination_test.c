@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Pages of a list.
+ * Pages of a list that changes between requests.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,7 +32,7 @@ static unsigned show(struct srv_page *page, const char *removed) {
 
 /* Pages of any length hold each id once and in order, also when the last item of a page is removed
  * before the next page is requested. */
-static void pages_hold_all_once(void **state) {
+static void pages_hold_every_id_once(void **state) {
     (void)state;
     static char items[IDS + 1][BYTES];
     for (unsigned max = 1; max <= IDS + 1; max += max < 9 ? 1 : 97) {
@@ -57,6 +57,6 @@ static void pages_hold_all_once(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(pages_hold_all_once) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(pages_hold_every_id_once) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -112,7 +112,7 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
         assert_true(srv_catalog_remove(catalog, "v", &conflict, NULL));
         assert_false(srv_catalog_find(catalog, "v", &status));
         assert_int_equal(used_bytes(catalog), 0);
-        /* Another volume with this id waits for the load thread, and is loaded. */
+        /* Another volume with this id waits for the load thread, which loads it. */
         add(catalog, "demo:phantom?size=8");
         wait_for(SRV_VOLUME_READY);
         assert_int_equal(seen.cancelled, round);

@@ -113,7 +113,7 @@ static void slow_encodings_leave_a_thread_to_the_others(void **state) {
     srv_hub_leave(f->render.hub, &hogs, srv_clock_ms());
 }
 
-/* A single participant delays nobody, so its slow frames may use all threads. */
+/* The slow frames of a single participant delay no other client, so they may use all threads. */
 static void a_single_participant_may_use_all_threads(void **state) {
     struct snap_fixture *f = *state;
     char params[60];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Fingerprints: fixed for all times, and different for whatever is seen in a picture.
+ * Fingerprints: the same in every run, and different for everything that a frame shows.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,7 +18,7 @@ static struct srv_fingerprint of_texts(const char *a, const char *b) {
     return srv_fingerprint_of(parts, 2);
 }
 
-static void where_parts_begin_counts(void **state) {
+static void the_boundaries_of_parts_count(void **state) {
     (void)state;
     static const char *const texts[][2] = { { "ab", "c" },   { "a", "bc" }, { "abc", NULL },
                                             { NULL, "abc" }, { "c", "ab" }, { NULL, NULL } };
@@ -36,7 +36,7 @@ static void where_parts_begin_counts(void **state) {
     assert_false(srv_fingerprint_equal(&alone, &prints[2]));
 }
 
-static void goes_to_text_and_back(void **state) {
+static void a_fingerprint_converts_to_text_and_back(void **state) {
     (void)state;
     char text[SRV_FINGERPRINT_TEXT];
     struct srv_fingerprint print = of_texts("splat", "d"), back;
@@ -77,8 +77,8 @@ static struct srv_fingerprint of_volume(const struct sp_grid *grid, enum sp_type
     return print;
 }
 
-/* The text of what it is in every run, on every machine of this byte order. */
-static void a_volume_has_the_same_in_every_run(void **state) {
+/* The expected text is the same on every machine of this byte order. */
+static void a_volume_has_the_same_fingerprint_in_every_run(void **state) {
     (void)state;
     char text[SRV_FINGERPRINT_TEXT];
     uint8_t voxels[VOXELS];
@@ -92,7 +92,7 @@ static void a_volume_has_the_same_in_every_run(void **state) {
     assert_true(srv_fingerprint_equal(&print, &other));
 }
 
-static void all_that_is_seen_counts(void **state) {
+static void everything_that_a_frame_shows_counts(void **state) {
     (void)state;
     uint8_t voxels[VOXELS];
     struct sp_grid grids[9];
@@ -101,7 +101,7 @@ static void all_that_is_seen_counts(void **state) {
     memset(voxels, 5, sizeof voxels);
     for (int i = 0; i < 9; i++)
         grids[i] = grid_of();
-    grids[1].dims[0] = 2 * SIDE; /* as many voxels */
+    grids[1].dims[0] = 2 * SIDE; /* the same number of voxels */
     grids[1].dims[1] = SIDE / 2;
     grids[2].spacing[1] = 2;
     grids[3].origin[2] = 1;
@@ -122,10 +122,10 @@ static void all_that_is_seen_counts(void **state) {
     for (unsigned i = 0; i < count; i++)
         for (unsigned j = 0; j < i; j++)
             if (srv_fingerprint_equal(&prints[i], &prints[j]))
-                fail_msg("%u and %u are the same", i, j);
+                fail_msg("fingerprints %u and %u are equal", i, j);
 }
 
-static void the_program_has_one(void **state) {
+static void the_program_has_a_fingerprint(void **state) {
     (void)state;
     struct srv_fingerprint first = { 0, 0 }, second = { 1, 1 }, none = { 0, 0 };
     assert_true(srv_fingerprint_program(&first));
@@ -136,11 +136,11 @@ static void the_program_has_one(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(where_parts_begin_counts),
-        cmocka_unit_test(goes_to_text_and_back),
-        cmocka_unit_test(a_volume_has_the_same_in_every_run),
-        cmocka_unit_test(all_that_is_seen_counts),
-        cmocka_unit_test(the_program_has_one),
+        cmocka_unit_test(the_boundaries_of_parts_count),
+        cmocka_unit_test(a_fingerprint_converts_to_text_and_back),
+        cmocka_unit_test(a_volume_has_the_same_fingerprint_in_every_run),
+        cmocka_unit_test(everything_that_a_frame_shows_counts),
+        cmocka_unit_test(the_program_has_a_fingerprint),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

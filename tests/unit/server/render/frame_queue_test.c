@@ -156,7 +156,7 @@ static void refinements_and_unwanted_frames_are_cancelled_at_once(void **state) 
     srv_frame_queue_pop(&queue, 1003);
 }
 
-static void of_two_moving_frames_one_is_finished(void **state) {
+static void one_of_two_moving_frames_is_finished(void **state) {
     (void)state;
     struct srv_inflight *first = begin(0, A, 1000), *second = begin(1, A, 1000);
     struct srv_inflight *other = begin(2, B, 1000);
@@ -251,7 +251,7 @@ int main(void) {
         TEST(a_frame_that_has_not_stopped_yet_is_charged_half),
         TEST(the_time_of_a_frame_starts_when_it_is_the_oldest),
         TEST(refinements_and_unwanted_frames_are_cancelled_at_once),
-        TEST(of_two_moving_frames_one_is_finished),
+        TEST(one_of_two_moving_frames_is_finished),
         TEST(frames_that_yield_are_cancelled_by_motion),
         TEST(a_newer_request_cancels_only_frames_of_its_participant),
         TEST(all_frames_can_be_cancelled),

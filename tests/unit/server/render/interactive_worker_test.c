@@ -21,6 +21,7 @@
 #include "common/clock.h"
 #include "schedule/quality.h"
 #include "sp/inflight.h"
+#include "support/compare.h"
 #include "support/gate.h"
 #include "support/render_fixture.h"
 
@@ -38,7 +39,7 @@ struct render { /* begun and not finished */
 };
 
 static struct {                            /* guarded by the gate's mutex */
-    unsigned ended;                        /* jobs that the hub was told to have ended */
+    unsigned ended;                        /* jobs whose end the hub knows */
     unsigned sharp;                        /* renders with all voxels at full size */
     unsigned depth;                        /* of the renderer */
     struct render begun[SP_IN_FLIGHT_MAX]; /* oldest first */
@@ -72,7 +73,8 @@ bool __wrap_sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *vo
     pthread_mutex_lock(&gate.mutex);
     if (!seen.first)
         seen.first = renderer;
-    assert_true(seen.begun_count < seen.depth || renderer != seen.first);
+    if (renderer == seen.first)
+        assert_compare(seen.begun_count, <, seen.depth);
     seen.preempting += renderer != seen.first;
     seen.begun[seen.begun_count++] = (struct render){
         renderer, options->pause, { view->size[0], view->size[1] }, options->cancel, frame
@@ -91,7 +93,7 @@ static unsigned find_render(const struct sp_renderer *renderer) {
     unsigned i = 0;
     while (i < seen.begun_count && seen.begun[i].renderer != renderer)
         i++;
-    assert_true(i < seen.begun_count);
+    assert_compare(i, <, seen.begun_count);
     return i;
 }
 
@@ -200,7 +202,8 @@ static void send_as(struct fixture *f, struct srv_participant *participant, cons
     size_t size;
     assert_true(srv_hub_message(f->render.hub, participant, text, strlen(text), srv_clock_ms(),
                                 &answer, &size));
-    assert_true(!answer || strstr(answer, "\"result\""));
+    if (answer)
+        assert_non_null(strstr(answer, "\"result\""));
     free(answer);
 }
 
@@ -282,7 +285,7 @@ static void a_refinement_yields_to_motion_in_another_session(void **state) {
 static void a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row(void **state) {
     struct fixture *f = *state;
     begin(f, 1e6);
-    gate_let_through(1); /* the first one does the work that is done once */
+    gate_let_through(1); /* the first frame also classifies the volume */
     next_frame(f);
     update(f, 1);
     gate_await(&gate.entered, 2);
@@ -291,13 +294,14 @@ static void a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row(voi
     while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq);
     gate_await(&gate.entered, 3);
-    assert_true(seen.mip_level > mip_level || seen.size[0] * seen.size[1] < pixels);
+    if (seen.mip_level <= mip_level)
+        assert_compare(seen.size[0] * seen.size[1], <, pixels);
     double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
     while (srv_clock_ms() < long_ago_ms)
         update(f, ++seq);
     assert_int_equal(gate_count(&gate.cancelled), 1);
     gate_let_through(1);
-    assert_true(next_frame(f).seq >= 2);
+    assert_compare(next_frame(f).seq, >=, 2);
     gate_await(&gate.entered, 4); /* then the newest view */
 }
 
@@ -522,7 +526,7 @@ static void a_paused_frame_can_be_cancelled(void **state) {
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
-static void a_frame_that_cannot_be_paused_is_waited_for(void **state) {
+static void a_frame_that_cannot_be_paused_delays_the_others(void **state) {
     struct fixture *f = *state;
     struct srv_participant *other = begin_with_a_long_frame(f, false);
     settle_rate();
@@ -548,7 +552,7 @@ int main(void) {
         TEST(the_pool_can_stop_with_frames_in_flight),
         TEST(a_long_frame_is_paused_for_a_short_one),
         TEST(a_paused_frame_can_be_cancelled),
-        TEST(a_frame_that_cannot_be_paused_is_waited_for),
+        TEST(a_frame_that_cannot_be_paused_delays_the_others),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -2,8 +2,8 @@
  *
  * Video for several participants, each with its own decoder. Frames arrive late, are skipped, or
  * are replaced by images, and participants ask for key frames. Each frame that arrives can be
- * decoded, and shows the version of the view that it claims. The tests write that version into the
- * header's render time. The test passes the time.
+ * decoded, and shows the version of the view that its header names. The tests write that version
+ * into the header's render time. The test passes the time.
  */
 #include <setjmp.h>
 #include <stdarg.h>

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The scheduler's decision, from candidates made by hand, in virtual time.
+ * The scheduler's decision for given candidates, in virtual time.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -11,6 +11,7 @@
 #include <cmocka.h>
 
 #include "schedule/decide.h"
+#include "support/compare.h"
 
 /* At 1000 ms: a moving view, 25 frames per second, a frame is due. */
 static struct srv_demand moving(void) {
@@ -91,7 +92,7 @@ static void the_starvation_limit_raises_the_rank(void **state) {
     struct srv_frame_request request = srv_decide_request(&demand, 1000);
     assert_int_equal(request.rank, SRV_RANK_INTERACTION);
     assert_float_equal(request.protected_ms, 800, 1e-9);
-    demand.spent_ms = 300; /* it takes twice that at least */
+    demand.spent_ms = 300; /* the expected time is at least twice that */
     assert_int_equal(srv_decide_request(&demand, 1000).rank, SRV_RANK_REFINEMENT);
 }
 
@@ -107,7 +108,7 @@ static void a_frame_that_is_slow_to_encode_needs_a_slot(void **state) {
     assert_true(request.is_slow_to_encode);
 }
 
-static void in_a_session_rank_then_virtual_start_then_order_decide(void **state) {
+static void rank_then_virtual_start_then_order_decide_in_a_session(void **state) {
     (void)state;
     const struct srv_candidate candidates[] = {
         { .rank = SRV_RANK_REFINEMENT, .start_ms = 0 },
@@ -121,7 +122,7 @@ static void in_a_session_rank_then_virtual_start_then_order_decide(void **state)
     assert_int_equal(srv_decide_participant(candidates, 0), SRV_NO_CANDIDATE);
 }
 
-static void of_eligible_sessions_the_earliest_deadline_goes_first(void **state) {
+static void the_earliest_deadline_of_the_eligible_sessions_goes_first(void **state) {
     (void)state;
     const struct srv_candidate candidates[] = {
         { .rank = SRV_RANK_INTERACTION, .start_ms = 100, .deadline_ms = 1 }, /* over the mean */
@@ -136,7 +137,7 @@ static void of_eligible_sessions_the_earliest_deadline_goes_first(void **state) 
     assert_float_equal(srv_decide_session(candidates, 0, 5).clock_ms, 5, 1e-9);
 }
 
-static void of_refinements_the_least_virtual_start_goes_first(void **state) {
+static void the_least_virtual_start_of_the_refinements_goes_first(void **state) {
     (void)state;
     const struct srv_candidate candidates[] = {
         { .rank = SRV_RANK_REFINEMENT, .start_ms = 7, .deadline_ms = 1 },
@@ -151,7 +152,7 @@ static void a_refinement_waits_until_other_views_are_quiet(void **state) {
     assert_float_equal(srv_decide_quiet_ms(false, 0, 1000), 0, 1e-9);
     assert_float_equal(srv_decide_quiet_ms(true, 0, 1000), SRV_QUIET_MS, 1e-9);
     assert_float_equal(srv_decide_quiet_ms(false, 940, 1000), 40, 1e-9);
-    assert_true(srv_decide_quiet_ms(false, 890, 1000) <= 0);
+    assert_compare(srv_decide_quiet_ms(false, 890, 1000), <=, 0);
 }
 
 static void only_short_frames_preempt(void **state) {
@@ -187,9 +188,9 @@ int main(void) {
         cmocka_unit_test(a_first_frame_is_sharp_at_once_if_that_is_fast),
         cmocka_unit_test(the_starvation_limit_raises_the_rank),
         cmocka_unit_test(a_frame_that_is_slow_to_encode_needs_a_slot),
-        cmocka_unit_test(in_a_session_rank_then_virtual_start_then_order_decide),
-        cmocka_unit_test(of_eligible_sessions_the_earliest_deadline_goes_first),
-        cmocka_unit_test(of_refinements_the_least_virtual_start_goes_first),
+        cmocka_unit_test(rank_then_virtual_start_then_order_decide_in_a_session),
+        cmocka_unit_test(the_earliest_deadline_of_the_eligible_sessions_goes_first),
+        cmocka_unit_test(the_least_virtual_start_of_the_refinements_goes_first),
         cmocka_unit_test(a_refinement_waits_until_other_views_are_quiet),
         cmocka_unit_test(only_short_frames_preempt),
         cmocka_unit_test(the_candidate_that_is_ahead_of_the_running_job_waits),

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How much detail a moving view gets, and the steps at rest, driven by given times.
+ * The quality controller: the detail of a moving view, and the steps at rest. The tests pass the
+ * times of frames.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -11,9 +12,10 @@
 #include <cmocka.h>
 
 #include "schedule/quality.h"
+#include "support/compare.h"
 
-/* What a frame takes here: fixed work an eighth with each level, work a megapixel, and how much the
- * machine is slowed by others. */
+/* The time of a frame: fixed work, which is an eighth with each level, work per megapixel, and the
+ * factor by which other load slows the machine. */
 struct machine {
     double fixed_ms, pixel_ms, load;
 };
@@ -26,7 +28,7 @@ static double time_on(const struct machine *m, const struct srv_detail *d) {
     return m->load * (m->fixed_ms / (1 << 3 * d->mip_level) + m->pixel_ms * mpx);
 }
 
-/* Rank of a detail in the order of the ladder, 0 = finest. */
+/* Returns the rank of a detail, 0 = finest. */
 static unsigned rank(const struct srv_detail *d) {
     return d->mip_level * 8 + (8 - d->size[0] * 8 / full[0]);
 }
@@ -64,9 +66,9 @@ static double rest(struct srv_quality *quality, const struct machine *m) {
 
 static void the_budget_is_for_fifteen_frames_per_second_or_fewer(void **state) {
     (void)state;
-    assert_true(srv_quality_budget_ms(120) == SRV_QUALITY_BUDGET_MIN_MS);
-    assert_true(srv_quality_budget_ms(30) == SRV_QUALITY_BUDGET_MIN_MS);
-    assert_true(srv_quality_budget_ms(5) == 200);
+    assert_compare(srv_quality_budget_ms(120), ==, SRV_QUALITY_BUDGET_MIN_MS);
+    assert_compare(srv_quality_budget_ms(30), ==, SRV_QUALITY_BUDGET_MIN_MS);
+    assert_compare(srv_quality_budget_ms(5), ==, 200);
 }
 
 static void frames_within_the_budget_keep_all_detail(void **state) {
@@ -75,15 +77,15 @@ static void frames_within_the_budget_keep_all_detail(void **state) {
     for (size_t i = 0; i < sizeof machines / sizeof *machines; i++) {
         struct srv_quality quality;
         srv_quality_init(&quality);
-        drag(&quality, &machines[i], 2); /* the first picture is small: nothing is known */
+        drag(&quality, &machines[i], 2); /* the first frame is small: its time is not known */
         struct drag d = drag(&quality, &machines[i], 100);
         assert_int_equal(rank(&d.last), 0);
         assert_int_equal(d.changes, 0);
     }
 }
 
-/* Whatever a machine is like: the drag settles within a few frames, stays within the budget if
- * anything can, and does not go to and fro. */
+/* On any machine the detail settles within a few frames, stays within the budget if any detail can,
+ * and does not oscillate. */
 static void detail_settles_on_any_machine(void **state) {
     (void)state;
     static const double fixed[] = { 0.5, 5, 30, 60, 90, 200, 400, 1500, 5000 };
@@ -106,8 +108,8 @@ static void detail_settles_on_any_machine(void **state) {
         }
 }
 
-/* Frames that differ by a quarter from one to the next: detail may look for its place, but not go
- * to and fro all the time. */
+/* The times of consecutive frames differ by a quarter. Detail may take a while to settle, but must
+ * not oscillate. */
 static void jitter_does_not_flicker(void **state) {
     (void)state;
     static const double fixed[] = { 5, 30, 60, 90, 200, 400, 1500 };
@@ -142,15 +144,15 @@ static void pixels_are_reduced_before_voxels(void **state) {
     struct drag d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 0);
     assert_in_range(d.last.size[0], 512, 1000);
-    m = (struct machine){ 320, 4, 1 }; /* here fewer pixels gain nothing */
+    m = (struct machine){ 320, 4, 1 }; /* on this machine, fewer pixels save no time */
     srv_quality_init(&quality);
     d = drag(&quality, &m, 50);
     assert_int_equal(d.last.mip_level, 1);
     assert_int_equal(d.last.size[0], 1024);
 }
 
-/* The first frame is drawn with the detail that another view's frames had in the end; where that
- * was wrong its own ones tell, at once. */
+/* The first frame has the detail that another view's frames had in the end. If that was wrong, the
+ * view's own first frame corrects it at once. */
 static void times_of_another_view_are_the_first_guess(void **state) {
     (void)state;
     struct srv_detail detail;
@@ -166,15 +168,16 @@ static void times_of_another_view_are_the_first_guess(void **state) {
     assert_int_equal(detail.size[0], 1024);
     assert_int_equal(detail.mip_level, 0);
     double guess_ms = srv_quality_expected_ms(&quality, &detail);
-    assert_true(guess_ms > 10 && guess_ms < 60);
+    assert_compare(guess_ms, >, 10);
+    assert_compare(guess_ms, <, 60);
     srv_quality_done(&quality, &detail, true, BUDGET, 10 * guess_ms);
     assert_float_equal(srv_quality_expected_ms(&quality, &detail), 10 * guess_ms, 1e-6);
     srv_quality_moving(&quality, full, BUDGET, &detail);
-    assert_true(rank(&detail) > 0);
+    assert_compare(rank(&detail), >, 0);
 }
 
-/* Loads from light to heavy and back: detail goes when the budget is missed and comes back during
- * the drag, without a rest. */
+/* Under a rising load, frames that miss the budget reduce the detail. When the load falls, detail
+ * comes back during the drag, without a rest. */
 static void detail_comes_back_when_the_load_falls(void **state) {
     (void)state;
     static const struct machine machines[] = { { 20, 5, 1 }, { 5, 25, 1 }, { 25, 0.5, 1 } };
@@ -188,7 +191,8 @@ static void detail_comes_back_when_the_load_falls(void **state) {
             m.load = load;
             drag(&quality, &m, 40);
             d = drag(&quality, &m, 60);
-            assert_true(d.misses <= 3 || d.last.mip_level == SP_MIP_LEVEL_MAX);
+            if (d.last.mip_level != SP_MIP_LEVEL_MAX)
+                assert_compare(d.misses, <=, 3);
             m.load = 1;
             d = drag(&quality, &m, 100);
             if (rank(&d.last) != 0)
@@ -211,8 +215,8 @@ static void keeping_and_raising_detail_have_different_thresholds(void **state) {
     for (int i = 0; i < 20 && rank(&d.last) == 0; i++)
         d = drag(&quality, &m, 1);
     unsigned low = rank(&d.last);
-    assert_true(low > 0);
-    m.load = 1.5; /* the same, from below: it would fit, but barely */
+    assert_compare(low, >, 0);
+    m.load = 1.5; /* the same load after less detail: all detail would fit, but barely */
     d = drag(&quality, &m, 5);
     assert_int_equal(rank(&d.last), low);
     m.load = 1;
@@ -220,7 +224,7 @@ static void keeping_and_raising_detail_have_different_thresholds(void **state) {
     assert_int_equal(rank(&d.last), 0);
 }
 
-static void one_slow_frame_changes_nothing_two_do(void **state) {
+static void only_the_second_slow_frame_in_a_row_reduces_detail(void **state) {
     (void)state;
     struct srv_quality quality;
     struct machine m = { 10, 5, 1 }, slow = { 10, 5, 40 };
@@ -233,11 +237,11 @@ static void one_slow_frame_changes_nothing_two_do(void **state) {
     drag(&quality, &slow, 2);
     struct srv_detail detail;
     srv_quality_moving(&quality, full, BUDGET, &detail);
-    assert_true(rank(&detail) > 0);
+    assert_compare(rank(&detail), >, 0);
 }
 
-/* 90 ms: doubt tries it again, in vain, and each time later. */
-static void levels_that_were_too_slow_are_tried_more_and_more_rarely(void **state) {
+/* A level that takes 90 ms is tried again in vain, each time after a longer wait. */
+static void levels_that_were_too_slow_are_tried_less_and_less_often(void **state) {
     (void)state;
     struct srv_quality quality;
     struct machine m = { 90, 0.5, 1 };
@@ -247,7 +251,7 @@ static void levels_that_were_too_slow_are_tried_more_and_more_rarely(void **stat
     for (int i = 0; i < 3; i++)
         tries[i] = drag(&quality, &m, 200).misses;
     assert_in_range(tries[0], 1, 4);
-    assert_true(tries[2] <= 1);
+    assert_compare(tries[2], <=, 1);
     struct machine hopeless = { 400, 0.5, 1 }; /* more than twice too slow */
     srv_quality_init(&quality);
     drag(&quality, &hopeless, 4);
@@ -263,7 +267,7 @@ static void slow_levels_are_tried_again_after_a_rest(void **state) {
     assert_int_equal(drag(&quality, &jammed, 3).last.mip_level, 2);
     rest(&quality, &m);
     assert_int_equal(drag(&quality, &m, 1).last.mip_level, 1);
-    /* What is known to be fast is not forgotten: the next drag begins as the last one ended. */
+    /* Levels that are known to be fast stay known: the next drag begins as the last one ended. */
     struct drag before = drag(&quality, &m, 20);
     rest(&quality, &m);
     assert_int_equal(rank(&before.last), rank(&(struct srv_detail){ 1, { 1024, 1024 } }));
@@ -279,12 +283,12 @@ static void a_cancelled_frame_took_at_least_its_elapsed_time(void **state) {
     drag(&quality, &m, 20);
     srv_quality_moving(&quality, full, BUDGET, &detail);
     assert_int_equal(rank(&detail), 0);
-    srv_quality_cancelled(&quality, &detail, 10); /* says nothing */
+    srv_quality_cancelled(&quality, &detail, 10); /* shorter than expected, so it changes nothing */
     srv_quality_moving(&quality, full, BUDGET, &next);
     assert_int_equal(rank(&next), 0);
     srv_quality_cancelled(&quality, &detail, 140);
     srv_quality_moving(&quality, full, BUDGET, &next);
-    assert_true(rank(&next) > 0);
+    assert_compare(rank(&next), >, 0);
 }
 
 static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
@@ -296,7 +300,8 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     assert_false(
         srv_quality_intermediate(&quality, full, &(struct srv_detail){ 0, { 512, 512 } }, &middle));
     struct drag d = drag(&quality, &quick, 50);
-    assert_false(srv_quality_intermediate(&quality, full, &d.last, &middle)); /* it is there soon */
+    assert_false(srv_quality_intermediate(&quality, full, &d.last,
+                                          &middle)); /* the sharp frame is ready soon */
     srv_quality_init(&quality);
     d = drag(&quality, &voxels, 50);
     rest(&quality, &voxels);
@@ -304,14 +309,15 @@ static void an_intermediate_frame_precedes_a_slow_sharp_one(void **state) {
     assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
     assert_int_equal(middle.mip_level, 1);
     assert_int_equal(middle.size[0], 1024);
-    assert_false(
-        srv_quality_intermediate(&quality, full, &middle, &middle)); /* it is shown already */
+    /* The client has this frame already. */
+    assert_false(srv_quality_intermediate(&quality, full, &middle, &middle));
     srv_quality_init(&quality);
     d = drag(&quality, &pixels, 50);
     double sharp_ms = rest(&quality, &pixels);
     assert_true(srv_quality_intermediate(&quality, full, &d.last, &middle));
-    assert_true(middle.size[0] > d.last.size[0] || middle.mip_level < d.last.mip_level);
-    assert_true(time_on(&pixels, &middle) <= sharp_ms / 3);
+    if (middle.mip_level >= d.last.mip_level)
+        assert_compare(middle.size[0], >, d.last.size[0]);
+    assert_compare(time_on(&pixels, &middle), <=, sharp_ms / 3);
 }
 
 static void tiny_frames_have_a_size(void **state) {
@@ -322,7 +328,8 @@ static void tiny_frames_have_a_size(void **state) {
     srv_quality_init(&quality);
     for (int i = 0; i < 20; i++) {
         srv_quality_moving(&quality, tiny, BUDGET, &detail);
-        assert_true(detail.size[0] == 1 && detail.size[1] >= 1 && detail.size[1] <= 3);
+        assert_int_equal(detail.size[0], 1);
+        assert_in_range(detail.size[1], 1, 3);
         srv_quality_done(&quality, &detail, true, BUDGET, 1e6);
     }
 }
@@ -337,8 +344,8 @@ int main(void) {
         cmocka_unit_test(times_of_another_view_are_the_first_guess),
         cmocka_unit_test(detail_comes_back_when_the_load_falls),
         cmocka_unit_test(keeping_and_raising_detail_have_different_thresholds),
-        cmocka_unit_test(one_slow_frame_changes_nothing_two_do),
-        cmocka_unit_test(levels_that_were_too_slow_are_tried_more_and_more_rarely),
+        cmocka_unit_test(only_the_second_slow_frame_in_a_row_reduces_detail),
+        cmocka_unit_test(levels_that_were_too_slow_are_tried_less_and_less_often),
         cmocka_unit_test(slow_levels_are_tried_again_after_a_rest),
         cmocka_unit_test(a_cancelled_frame_took_at_least_its_elapsed_time),
         cmocka_unit_test(an_intermediate_frame_precedes_a_slow_sharp_one),

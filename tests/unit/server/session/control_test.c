@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Control of a session's view by the clock: when it passes on, and to whom. --control-time is
+ * Control of a session's view: when it passes on, and to which participant. --control-time is
  * 500 ms.
  */
 #include <setjmp.h>
@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
 /* Sends a request; true if it was answered with a result that holds `text`. */
@@ -28,7 +29,7 @@ static bool call(struct fixture *f, struct srv_participant *p, const char *metho
     return found;
 }
 
-static bool moves(struct fixture *f, struct srv_participant *p, double now_ms) {
+static bool can_move(struct fixture *f, struct srv_participant *p, double now_ms) {
     return call(f, p, "view.update", "{\"seq\":1,\"patch\":{}}", now_ms, "seq");
 }
 
@@ -36,8 +37,9 @@ static bool asks(struct fixture *f, struct srv_participant *p, double now_ms) {
     return call(f, p, "session.request_control", "{}", now_ms, "true");
 }
 
-/* Does somebody ask, by the session's newest notification? */
-static bool is_told(struct fixture *f, struct srv_participant *p, const char *text, double now_ms) {
+/* True if the newest session.control notification of the participant contains `text`. */
+static bool is_notified(struct fixture *f, struct srv_participant *p, const char *text,
+                        double now_ms) {
     struct srv_message message;
     bool found = false;
     while (srv_hub_next_message(f->hub, p, true, now_ms, &message) == SRV_MESSAGE_TEXT) {
@@ -53,26 +55,26 @@ static void each_new_holder_has_the_full_time_to_answer(void **state) {
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *c = hub_join(f, SRV_ROLE_CONTROL, 0);
-    assert_true(moves(f, a, 0));
+    assert_true(can_move(f, a, 0));
     assert_false(asks(f, b, 100));
     assert_false(asks(f, c, 200));
-    assert_false(asks(f, b, 300)); /* again: keeps its place and its time */
-    assert_true(srv_hub_tick(f->hub, 590) <= 10);
-    assert_true(is_told(f, c, "\"seconds\":0.01}", 590));
-    assert_true(moves(f, a, 590));
+    assert_false(asks(f, b, 300)); /* a repeated request keeps its place and its time */
+    assert_compare(srv_hub_tick(f->hub, 590), <=, 10);
+    assert_true(is_notified(f, c, "\"seconds\":0.01}", 590));
+    assert_true(can_move(f, a, 590));
     srv_hub_tick(f->hub, 600);
-    assert_false(moves(f, a, 600));
-    assert_true(moves(f, b, 600));
+    assert_false(can_move(f, a, 600));
+    assert_true(can_move(f, b, 600));
     srv_hub_tick(f->hub, 1099); /* c asked at 200, but b has been asked since 600 */
-    assert_true(moves(f, b, 1099));
+    assert_true(can_move(f, b, 1099));
     srv_hub_tick(f->hub, 1100);
-    assert_true(moves(f, c, 1100));
+    assert_true(can_move(f, c, 1100));
     srv_hub_leave(f->hub, &a, 1200);
     srv_hub_leave(f->hub, &b, 1200);
     srv_hub_leave(f->hub, &c, 1200);
 }
 
-/* One's own name must not write over those beside it. */
+/* A name must not be able to change how the names beside it are displayed. */
 static void names_with_control_characters_are_refused(void **state) {
     struct fixture *f = *state;
     static const char *const bad[] = { "",
@@ -99,7 +101,7 @@ static void names_with_control_characters_are_refused(void **state) {
     for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
         snprintf(params, sizeof params, "{\"name\":\"%s\"}", bad[i]);
         if (call(f, p, "stream.configure", params, 0, "name"))
-            fail_msg("bad name %zu is taken", i);
+            fail_msg("bad name %zu is accepted", i);
     }
     for (size_t i = 0; i < sizeof good / sizeof *good; i++) {
         snprintf(params, sizeof params, "{\"name\":\"%s\"}", good[i]);
@@ -128,16 +130,16 @@ static void a_view_role_gets_no_control_by_waiting(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_participant *b = hub_join(f, SRV_ROLE_VIEW, 0);
-    assert_true(moves(f, a, 0));
+    assert_true(can_move(f, a, 0));
     assert_false(asks(f, b, 0));
-    assert_true(is_told(f, a, "\"seconds\":null", 0));
+    assert_true(is_notified(f, a, "\"seconds\":null", 0));
     srv_hub_tick(f->hub, 1e9);
-    assert_false(moves(f, b, 1e9));
-    assert_true(moves(f, a, 1e9));
+    assert_false(can_move(f, b, 1e9));
+    assert_true(can_move(f, a, 1e9));
     srv_hub_leave(f->hub, &a, 1e9);
-    assert_false(moves(f, b, 1e9));
+    assert_false(can_move(f, b, 1e9));
     srv_hub_tick(f->hub, 2e9);
-    assert_false(moves(f, b, 2e9));
+    assert_false(can_move(f, b, 2e9));
     srv_hub_leave(f->hub, &b, 2e9);
 }
 
@@ -151,14 +153,14 @@ static void an_answer_ends_the_request(void **state) {
     snprintf(params, sizeof params, "{\"to\":%u}", (unsigned)srv_participant_id(b));
     assert_true(call(f, a, "session.refuse_control", params, 400, "true"));
     srv_hub_tick(f->hub, 5000);
-    assert_true(moves(f, a, 5000));
+    assert_true(can_move(f, a, 5000));
     assert_false(asks(f, b, 5000));
     assert_true(call(f, b, "session.release_control", "{}", 5100, "false")); /* withdrawn */
     srv_hub_tick(f->hub, 9000);
-    assert_true(moves(f, a, 9000));
+    assert_true(can_move(f, a, 9000));
     assert_false(asks(f, b, 9000));
-    srv_hub_leave(f->hub, &b, 9100); /* so is the request of who leaves */
-    assert_true(is_told(f, a, "\"requests\":[]", 9100));
+    srv_hub_leave(f->hub, &b, 9100); /* leaving withdraws the request */
+    assert_true(is_notified(f, a, "\"requests\":[]", 9100));
     srv_hub_leave(f->hub, &a, 9200);
 }
 
@@ -169,7 +171,7 @@ static void picks_are_limited_per_second(void **state) {
     for (int i = 0; i < 100; i++)
         answered += call(f, a, "pick", "{\"at\":[512,0]}", 10000, "\"position\":[1");
     assert_int_equal(answered, 20);
-    for (int i = 0; i < 100; i++) /* a second later */
+    for (int i = 0; i < 100; i++) /* during the next second */
         answered += call(f, a, "pick", "{\"at\":[0,0]}", 10010 + 10 * i, "\"position\":null");
     assert_int_equal(answered, 40);
     srv_hub_leave(f->hub, &a, 20000);

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Tokens that change while sessions and streams of them are there.
+ * Tokens that change while their sessions and streams exist.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -13,14 +13,15 @@
 
 #include "unit/server/session/hub_fixture.h"
 
-/* The fixture's session is the owner's from then on; the one of nobody stays. */
+/* Creates a session of this owner, which replaces the fixture's. The session without owner stays.
+ */
 static void create_owned(struct fixture *f, const struct srv_owner *owner) {
     proto_json *json = srv_hub_session_create_owned(f->hub, NULL, owner, false, 0, f->id, NULL);
     assert_non_null(json);
     proto_json_free(&json);
 }
 
-/* The code with which a participant is told to leave; 0 = it is not. */
+/* Returns the code that closes the participant's stream; 0 = it is not closed. */
 static unsigned close_code(struct fixture *f, struct srv_participant *p) {
     struct srv_message message;
     enum srv_message_kind kind;
@@ -32,11 +33,12 @@ static unsigned close_code(struct fixture *f, struct srv_participant *p) {
 static void a_removed_token_closes_its_streams(void **state) {
     struct fixture *f = *state;
     const struct srv_owner ann = { .name = "ann" };
-    struct srv_quota today = { .sessions = 0 };
+    struct srv_quota current = { .sessions = 0 };
     struct sp_error err;
     struct srv_participant *p[4];
-    p[0] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err); /* of nobody's session */
-    f->quota = &today;
+    p[0] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0,
+                        &err); /* of the session without owner */
+    f->quota = &current;
     f->rights = SRV_RIGHT_VIEW;
     p[1] = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", NULL, 0, &err);
     create_owned(f, &ann);
@@ -48,12 +50,12 @@ static void a_removed_token_closes_its_streams(void **state) {
             assert_int_equal(close_code(f, p[i]), is_gone && i > 0 ? 1008 : 0);
         f->quota = NULL;
     }
-    /* Who has a join token may come again; only the change tells them to leave. */
+    /* A client with a join token may join again: only the change itself closes streams. */
     struct srv_participant *again = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err);
     assert_non_null(again);
     srv_hub_renew_tokens(f->hub);
     assert_int_equal(close_code(f, again), 0);
-    /* Nor does who was let in by a token that went before it came. */
+    /* A token that was removed before the client joins gives no access. */
     assert_null(srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "ann", NULL, 0, &err));
     assert_int_equal(err.code, SP_ERR_DENIED);
     srv_hub_leave(f->hub, &again, 0);
@@ -61,8 +63,8 @@ static void a_removed_token_closes_its_streams(void **state) {
         srv_hub_leave(f->hub, &p[i], 0);
 }
 
-/* What a stream has by a token is what that gives today: in a session of its own name, and in
- * nobody's, where an admin has control. */
+/* The current rights of a token decide on its streams: in sessions of its own, and in sessions
+ * without owner, where an admin has control. */
 static void a_lowered_role_closes_its_streams(void **state) {
     struct fixture *f = *state;
     enum { CONTROL = SRV_RIGHT_VIEW | SRV_RIGHT_RENDER | SRV_RIGHT_CONTROL };
@@ -80,23 +82,25 @@ static void a_lowered_role_closes_its_streams(void **state) {
         { false, SRV_ROLE_VIEW, CONTROL, SRV_RIGHT_VIEW, 0 },
     };
     const struct srv_owner ann = { .name = "ann" };
-    struct srv_quota today = { .sessions = 0 };
+    struct srv_quota current = { .sessions = 0 };
     struct sp_error err;
-    char of_nobody[sizeof f->id];
-    memcpy(of_nobody, f->id, sizeof f->id);
-    f->quota = &today;
+    char without_owner[sizeof f->id];
+    memcpy(without_owner, f->id, sizeof f->id);
+    f->quota = &current;
     create_owned(f, &ann);
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
-        const char *id = cases[i].is_own ? f->id : of_nobody;
+        const char *id = cases[i].is_own ? f->id : without_owner;
         f->rights = cases[i].before;
         struct srv_participant *p = srv_hub_join(f->hub, id, cases[i].role, "ann", NULL, 0, &err);
         struct srv_participant *joined =
             srv_hub_join(f->hub, id, SRV_ROLE_CONTROL, "", NULL, 0, &err);
-        assert_true(p && joined);
+        assert_non_null(p);
+        assert_non_null(joined);
         f->rights = cases[i].after;
         srv_hub_renew_tokens(f->hub);
-        if (close_code(f, p) != cases[i].code || close_code(f, joined) != 0)
-            fail_msg("case %zu", i);
+        print_message("case %zu\n", i);
+        assert_int_equal(close_code(f, p), cases[i].code);
+        assert_int_equal(close_code(f, joined), 0);
         struct srv_participant *late =
             srv_hub_join(f->hub, id, cases[i].role, "ann", NULL, 0, &err);
         assert_int_equal(late == NULL, cases[i].code != 0);
@@ -106,7 +110,7 @@ static void a_lowered_role_closes_its_streams(void **state) {
     }
 }
 
-/* The error's code of a patch, SP_OK = it was merged. */
+/* Applies a patch and returns the code of the error; SP_OK = it was merged. */
 static enum sp_code patched(struct fixture *f, const char *text) {
     struct sp_error err = { .code = SP_OK };
     proto_json *patch = proto_json_parse(text, strlen(text), NULL);
@@ -117,7 +121,7 @@ static enum sp_code patched(struct fixture *f, const char *text) {
     return err.code;
 }
 
-/* The size of the next picture for the only participant. */
+/* Gets the size of the next frame of the only participant. */
 static void next_size(struct fixture *f, uint32_t size[2]) {
     struct srv_render_job job;
     double wait_ms;
@@ -128,34 +132,36 @@ static void next_size(struct fixture *f, uint32_t size[2]) {
     srv_schedule_cancelled(f->schedule, &job, 0);
 }
 
-/* A session larger than its owner's token allows today goes on, in pictures that it allows; only a
- * size that is asked for is refused. The view keeps its own, for the day when there is more again.
- */
+/* A lowered limit reduces the frames of an existing session. The view keeps its size, so that a
+ * raised limit restores the frames. Only a patch that sets a larger size is refused. */
 static void a_lowered_size_limit_reduces_frames(void **state) {
     struct fixture *f = *state;
     const struct srv_owner ann = { .name = "ann" };
-    struct srv_quota today = { .sessions = 0 };
+    struct srv_quota current = { .sessions = 0 };
     struct sp_error err;
     uint32_t size[2];
-    f->quota = &today;
+    f->quota = &current;
     f->rights = SRV_RIGHT_VIEW;
     create_owned(f, &ann);
     assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_OK);
     struct srv_participant *p = srv_hub_join(f->hub, f->id, SRV_ROLE_VIEW, "", NULL, 0, &err);
     assert_non_null(p);
     next_size(f, size);
-    assert_true(size[0] == 1600 && size[1] == 400);
-    today.frame_px = 160000;
+    assert_int_equal(size[0], 1600);
+    assert_int_equal(size[1], 400);
+    current.frame_px = 160000;
     srv_hub_renew_tokens(f->hub);
     assert_int_equal(patched(f, "{\"camera\":{\"fov_y\":33}}"), SP_OK);
     next_size(f, size);
-    assert_true(size[0] == 800 && size[1] == 200);
+    assert_int_equal(size[0], 800);
+    assert_int_equal(size[1], 200);
     assert_int_equal(patched(f, "{\"size\":[1600,401]}"), SP_ERR_INVALID);
     assert_int_equal(patched(f, "{\"size\":[400,400]}"), SP_OK);
     next_size(f, size);
-    assert_true(size[0] == 400 && size[1] == 400);
+    assert_int_equal(size[0], 400);
+    assert_int_equal(size[1], 400);
     assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_ERR_INVALID);
-    today.frame_px = 0;
+    current.frame_px = 0;
     srv_hub_renew_tokens(f->hub);
     assert_int_equal(patched(f, "{\"size\":[1600,400]}"), SP_OK);
     srv_hub_leave(f->hub, &p, 0);
