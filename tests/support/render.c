@@ -14,8 +14,8 @@ static const char *isa_at(unsigned i) {
     return cpu_isa_at(i);
 }
 
-/* Under a sanitizer the GL backend is left to its unit tests: software GL is slow, and the code that
- * it compiles has no instrumentation. */
+/* Under a sanitizer the GL backend is left to its unit tests: software GL is slow, and the code
+ * that it compiles has no instrumentation. */
 static bool is_left_out(const char *backend) {
     return strcmp(backend, "null") == 0 || strcmp(backend, "cpu") == 0 || TEST_SANITIZED;
 }
