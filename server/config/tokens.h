@@ -36,8 +36,8 @@ void srv_tokens_give_back(struct srv_tokens *tokens, struct srv_grant *grant);
 bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *rights,
                         struct srv_quota *quota);
 
-/* One more picture by HTTP is under way with this grant. SP_ERR_QUOTA: too many
- * are, or were within the last second. */
+/* Begins a snapshot with this grant. SP_ERR_QUOTA: too many snapshots of the token are in progress,
+ * or began within the last second. */
 bool srv_tokens_begin_snapshot(struct srv_tokens *tokens, const struct srv_grant *grant,
                                double now_ms, struct sp_error *err);
 /* Ends a snapshot that was not rendered: it does not count towards fps. */

@@ -36,7 +36,7 @@ bool srv_address_parse(const char *text, struct srv_address *address, struct sp_
             return true;
     }
     return sp_fail(err, SP_ERR_INVALID, "--listen",
-                   "'%s' is no numeric address; for IPv6 write [ADDRESS]:PORT", host);
+                   "'%s' is not a numeric address; for IPv6 write [ADDRESS]:PORT", host);
 }
 
 bool srv_address_is_loopback(const struct sockaddr *address) {

@@ -18,7 +18,7 @@ static void set_deadline(struct srv_request *request, double ms) {
 }
 
 static ssize_t on_read(void *user, uint64_t position, char *bytes, size_t size) {
-    (void)position; /* bodies are read once, from begin to end */
+    (void)position; /* a body is read once, from start to end */
     struct body *body = user;
     struct srv_request *request = body->request;
     ssize_t n = body->body.read(body->body.user, bytes, size);

@@ -20,16 +20,16 @@ struct srv_chunked_body {
      * SRV_BODY_FAILED, which cuts the connection so that the client notices that bytes are missing;
      * or SRV_BODY_PAUSED after srv_chunked_body_pause(). */
     ssize_t (*read)(void *user, char *bytes, size_t size);
-    void (*finish)(void *user); /* called once, in any case */
+    void (*finish)(void *user); /* called exactly once */
     bool has_one_deadline;      /* the client must take the whole body within --request-time */
 };
 
-/* The reply's body, of `size` bytes in all. Takes over `body`, also when memory is out: then the
- * reply is the problem. */
+/* Sets the reply's body, of `size` bytes in total. Takes ownership of `body`, also when out of
+ * memory; the reply is a problem document then. */
 void srv_reply_chunked_body(struct srv_request *request, struct srv_reply *reply, uint64_t size,
                             const struct srv_chunked_body *body);
 
-/* For read(), and for the thread that knows that there are bytes again. */
+/* Pause is for read(). Resume is for the thread that has produced more bytes. */
 void srv_chunked_body_pause(struct srv_request *request);
 void srv_chunked_body_resume(struct srv_request *request);
 

@@ -23,10 +23,11 @@ bool srv_cors_check_origins(const char *list, struct sp_error *err) {
     for (const char *at = list; at;) {
         size_t length = strcspn(at, ",");
         if (!is_origin(at, length))
-            return sp_fail(err, SP_ERR_INVALID, "--allow-origin",
-                           "'%.*s' is no origin: write http[s]://HOST[:PORT], without a path, and "
-                           "commas between them",
-                           length < 100 ? (int)length : 100, at);
+            return sp_fail(
+                err, SP_ERR_INVALID, "--allow-origin",
+                "'%.*s' is not an origin: write http[s]://HOST[:PORT] without a path, and "
+                "separate origins by commas",
+                length < 100 ? (int)length : 100, at);
         at = at[length] ? at + length + 1 : NULL;
     }
     return true;

@@ -10,10 +10,10 @@
 
 #include "sp/status.h"
 
-/* Checks a comma-separated list; NULL = empty. SP_ERR_INVALID. */
+/* Checks a comma-separated list of origins; NULL = empty. False: SP_ERR_INVALID. */
 bool srv_cors_check_origins(const char *list, struct sp_error *err);
 
-/* True if the list has the origin, the value of an Origin header. False for NULL. */
+/* True if the list contains `origin`, the value of an Origin header. False if either is NULL. */
 bool srv_cors_allows(const char *list, const char *origin);
 
 #endif

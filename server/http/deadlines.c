@@ -16,15 +16,15 @@ struct srv_connection {
     int socket;
     struct sockaddr_storage address;
     char peer[SRV_ADDRESS_TEXT];
-    double deadline_ms;   /* INFINITY = none */
-    struct srv_timer due; /* the sweep checks the connection no later than this */
+    double deadline_ms;     /* INFINITY = none */
+    struct srv_timer timer; /* fires at the deadline, or earlier if the deadline was moved */
     unsigned requests;
 };
 
 struct srv_deadlines {
     pthread_mutex_t mutex;
     struct srv_connection *list;
-    struct srv_timer_heap dues;
+    struct srv_timer_heap timers;
     size_t count;
 };
 
@@ -44,11 +44,11 @@ void srv_deadlines_destroy(struct srv_deadlines **deadlines) {
     *deadlines = NULL;
 }
 
-/* With the mutex held. 0 = none. */
+/* Call with the mutex held. 0 = no deadline. */
 static void set_deadline(struct srv_deadlines *deadlines, struct srv_connection *c,
                          double deadline_ms) {
     c->deadline_ms = deadline_ms > 0 ? deadline_ms : INFINITY;
-    srv_timer_set_by(&deadlines->dues, &c->due, c->deadline_ms);
+    srv_timer_set_by(&deadlines->timers, &c->timer, c->deadline_ms);
 }
 
 struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
@@ -57,7 +57,7 @@ struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int s
     if (!c)
         return NULL;
     c->socket = socket;
-    c->due.of = c;
+    c->timer.of = c;
     if (peer)
         memcpy(&c->address, peer,
                peer->sa_family == AF_INET6 ? sizeof(struct sockaddr_in6)
@@ -83,7 +83,7 @@ void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection 
     if (c->next)
         c->next->previous = c->previous;
     deadlines->count--;
-    srv_timer_clear(&deadlines->dues, &c->due);
+    srv_timer_clear(&deadlines->timers, &c->timer);
     pthread_mutex_unlock(&deadlines->mutex);
     free(c);
 }
@@ -97,13 +97,13 @@ void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *c
 
 void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms) {
     pthread_mutex_lock(&deadlines->mutex);
-    for (struct srv_connection *c; (c = srv_timer_take(&deadlines->dues, now_ms));) {
+    for (struct srv_connection *c; (c = srv_timer_take(&deadlines->timers, now_ms));) {
         if (c->deadline_ms > now_ms) {
-            srv_timer_set(&deadlines->dues, &c->due, c->deadline_ms);
+            srv_timer_set(&deadlines->timers, &c->timer, c->deadline_ms);
             continue;
         }
         sp_log(SP_LOG_INFO,
-               "connection of %s closed: past --header-time, --request-time or --idle-time",
+               "connection of %s closed: it exceeded --header-time, --request-time or --idle-time",
                c->peer);
         shutdown(c->socket, SHUT_RDWR);
     }

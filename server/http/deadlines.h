@@ -26,25 +26,26 @@ struct srv_deadlines *srv_deadlines_create(struct sp_error *err);
 void srv_deadlines_destroy(
     struct srv_deadlines **deadlines); /* after the last connection was closed */
 
-/* NULL when out of memory. */
+/* Adds a connection; NULL when out of memory. `peer` NULL = unknown. deadline_ms as in
+ * srv_deadlines_set(). */
 struct srv_connection *srv_deadlines_open(struct srv_deadlines *deadlines, int socket,
                                           const struct sockaddr *peer, double deadline_ms);
 void srv_deadlines_close(struct srv_deadlines *deadlines, struct srv_connection *connection);
 /* True if the peer closed its side or the connection is broken. Reads nothing. */
 bool srv_connection_is_gone(const struct srv_connection *connection);
-/* Milliseconds of srv_clock_ms(); 0 = no deadline. */
+/* Sets the deadline, in milliseconds of srv_clock_ms(); 0 = no deadline. */
 void srv_deadlines_set(struct srv_deadlines *deadlines, struct srv_connection *connection,
                        double deadline_ms);
 /* Shuts down the connections whose deadline has passed. */
 void srv_deadlines_sweep(struct srv_deadlines *deadlines, double now_ms);
-/* Counts all open connections and those from this host. */
+/* Counts all open connections, and those from the address `host`. */
 void srv_deadlines_count(struct srv_deadlines *deadlines, const struct sockaddr *host, size_t *all,
                          size_t *same_host);
 
 size_t srv_deadlines_connections(struct srv_deadlines *deadlines);
 
-/* Counts one more request of a connection and returns their number. Only for the thread that serves
- * the connection. */
+/* Counts one more request and returns the number of requests of the connection so far. Only for the
+ * thread that serves the connection. */
 unsigned srv_connection_count_request(struct srv_connection *connection);
 /* Address of the peer; constant while the connection is open. */
 const char *srv_connection_peer(const struct srv_connection *connection);

@@ -5,7 +5,7 @@
 
 #include "sp/log.h"
 
-/* Behind TLS a connection has a socket of its client and a pair (tls.h). */
+/* File descriptors per connection. With TLS: the client socket and a socket pair (tls.h). */
 static int64_t each(const struct srv_config *config) {
     return config->tls_cert ? 3 : 1;
 }
@@ -25,12 +25,12 @@ int64_t srv_descriptors_fit(const struct srv_config *config) {
         getrlimit(RLIMIT_NOFILE, &limit);
     if (limit.rlim_cur >= (rlim_t)wanted)
         return config->connections;
-    int64_t room = ((int64_t)limit.rlim_cur - srv_descriptors_for(config, 0)) / each(config);
-    room = room < 1 ? 1 : room;
+    int64_t fitting = ((int64_t)limit.rlim_cur - srv_descriptors_for(config, 0)) / each(config);
+    fitting = fitting < 1 ? 1 : fitting;
     sp_log(SP_LOG_WARN,
-           "%lld connections are allowed, not the %lld of --connections: they want %lld files and "
-           "sockets, and %llu may be open (ulimit -n; LimitNOFILE= of a service)",
-           (long long)room, (long long)config->connections, (long long)wanted,
+           "%lld connections are allowed, not the %lld of --connections: those need %lld file "
+           "descriptors, and the limit is %llu (ulimit -n; LimitNOFILE= of a service)",
+           (long long)fitting, (long long)config->connections, (long long)wanted,
            (unsigned long long)limit.rlim_cur);
-    return room;
+    return fitting;
 }

@@ -13,11 +13,11 @@
 #include "config/config.h"
 
 enum {
-    SRV_SPARE_CONNECTIONS = 64, /* of each HTTP thread beyond --connections, to answer 503 */
-    SRV_OTHER_DESCRIPTORS = 128 /* of threads, database, volumes that load, files of paths */
+    SRV_SPARE_CONNECTIONS = 64, /* per HTTP thread beyond --connections, to answer 503 */
+    SRV_OTHER_DESCRIPTORS = 128 /* threads, database, volumes being loaded, files of camera paths */
 };
 
-/* Descriptors for `connections` connections and everything else. */
+/* File descriptors that `connections` connections and the rest of the process need. */
 int64_t srv_descriptors_for(const struct srv_config *config, int64_t connections);
 /* Raises the limit of the process (RLIMIT_NOFILE) as far as the settings need and the system
  * allows. Returns the number of connections that fit, in [1, --connections]; logs a warning if it

@@ -5,7 +5,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-/* True for text of 1 KiB or more; images are compressed already. `mime` may be NULL. */
+/* True if compression is worthwhile: for text of 1 KiB or more. Images are compressed already.
+ * `mime` may be NULL. */
 bool srv_gzip_is_for(const char *mime, size_t size);
 
 /* Compresses to a gzip member (RFC 1952), which the caller frees. NULL when out of memory, or if

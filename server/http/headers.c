@@ -9,7 +9,7 @@ static const char *skip(const char *s) {
     return s + strspn(s, " \t");
 }
 
-/* Length without blanks at its end. */
+/* Returns the length without trailing spaces and tabs. */
 static size_t trimmed(const char *s, size_t length) {
     while (length > 0 && (s[length - 1] == ' ' || s[length - 1] == '\t'))
         length--;
@@ -28,7 +28,8 @@ bool srv_header_has_token(const char *list, const char *token) {
     return false;
 }
 
-/* 3 = the type itself, 2 = its group, 1 = anything, 0 = another type. */
+/* How precisely a media range matches: 3 = the type, 2 = its group (image/...), 1 = any type, 0 =
+ * no match. */
 static int specificity(const char *range, size_t length, const char *mime) {
     size_t group = strcspn(mime, "/");
     if (length == strlen(mime) && strncasecmp(range, mime, length) == 0)

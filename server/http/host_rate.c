@@ -5,7 +5,7 @@
 
 #include "http/address.h"
 
-/* The host's place, or that of the one which owes least. */
+/* Returns the entry of the host, or the entry to replace: the one whose quota is full soonest. */
 static size_t find(const struct srv_host_rate *rate, const struct sockaddr *host) {
     size_t least = 0;
     for (size_t i = 0; i < SRV_RATE_HOSTS; i++) {

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A rate limit per host: per_second events, with bursts of SRV_RATE_SECONDS' worth after a pause.
- * Remembers the SRV_RATE_HOSTS most active hosts. Has no clock of its own. For one thread.
+ * A rate limit per host: per_second events per second, with bursts of up to SRV_RATE_SECONDS times
+ * as many after a pause. Remembers the SRV_RATE_HOSTS most active hosts. The caller passes the
+ * time. For one thread.
  */
 #ifndef SRV_HTTP_HOST_RATE_H
 #define SRV_HTTP_HOST_RATE_H
@@ -11,11 +12,11 @@
 
 enum { SRV_RATE_HOSTS = 256, SRV_RATE_SECONDS = 16 };
 
-struct srv_host_rate { /* zeros but for per_second */
-    double per_second; /* 0 = any number */
+struct srv_host_rate { /* all other members start at zero */
+    double per_second; /* 0 = no limit */
     struct {
         struct sockaddr_storage host;
-        double free_ms; /* when its quota is full again */
+        double free_ms; /* when the quota of the host is full again */
     } hosts[SRV_RATE_HOSTS];
 };
 

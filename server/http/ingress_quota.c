@@ -6,17 +6,17 @@
 
 enum { HALF = SRV_INGRESS_TICK_BYTES / 2 };
 
-struct srv_ingress_node { /* all, an owner, or a session */
+struct srv_ingress_node { /* the root, an owner, or a session */
     struct srv_ingress_node *parent, *next, *first;
-    int64_t children; /* nodes, or streams */
+    int64_t children; /* child nodes; of a session: streams */
     char name[];
 };
 
 struct srv_ingress {
     struct srv_ingress_node *all;
     uint64_t tick;
-    int64_t burst; /* of one stream */
-    int64_t open;  /* of the half for who comes first, what is left; less than 0: owed */
+    int64_t burst; /* most bytes that one stream can save up */
+    int64_t open;  /* bytes left in the first-come half; negative = owed to the next tick */
 };
 
 static struct srv_ingress_node *node_create(struct srv_ingress_node *parent, const char *name) {
@@ -41,7 +41,7 @@ static struct srv_ingress_node *find(struct srv_ingress_node *parent, const char
     return node ? node : node_create(parent, name);
 }
 
-/* Ends nodes that have no children, from here upwards, but for the one of all. */
+/* Frees the node and its ancestors as long as they have no children. The root stays. */
 static void prune(struct srv_ingress_node *node) {
     while (node->parent && node->children == 0) {
         struct srv_ingress_node *parent = node->parent, **link = &parent->first;
@@ -103,7 +103,7 @@ void srv_ingress_close(struct srv_ingress_stream *stream) {
     stream->ingress = NULL;
 }
 
-/* As it is in this tick. */
+/* Returns the stream with the quota of the current tick. */
 static struct srv_ingress_stream renewed(const struct srv_ingress_stream *stream) {
     const struct srv_ingress *ingress = stream->ingress;
     const uint64_t ticks = ingress->tick - stream->tick;
@@ -119,7 +119,7 @@ static struct srv_ingress_stream renewed(const struct srv_ingress_stream *stream
     return now;
 }
 
-/* What is left of its own part of the half that is shared out. */
+/* Returns the bytes left of its own part of the divided half. */
 static int64_t sure_left(const struct srv_ingress_stream *stream) {
     int64_t part = HALF;
     for (const struct srv_ingress_node *node = stream->session; node; node = node->parent)

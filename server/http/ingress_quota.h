@@ -12,8 +12,8 @@
  *
  * Each stream also has a limit of its own, which allows one message of the maximal size at once.
  *
- * The unit is bytes, a frame as SRV_INGRESS_FRAME_BYTES of them more: a small
- * message costs the thread about as much as so many bytes of a large one. One thread at a time.
+ * The unit is bytes. Each WebSocket frame counts SRV_INGRESS_FRAME_BYTES more, because a small
+ * message costs the thread about as much as that many bytes of a large one. One thread at a time.
  */
 #ifndef SRV_HTTP_INGRESS_QUOTA_H
 #define SRV_HTTP_INGRESS_QUOTA_H
@@ -24,34 +24,34 @@
 
 enum {
     SRV_INGRESS_FRAME_BYTES = 512,
-    SRV_INGRESS_TICK_BYTES = 512 * 1024,  /* of all streams together */
-    SRV_INGRESS_STREAM_BYTES = 32 * 1024, /* of one, on average */
+    SRV_INGRESS_TICK_BYTES = 512 * 1024,  /* of all streams together, per tick */
+    SRV_INGRESS_STREAM_BYTES = 32 * 1024, /* of one stream, per tick on average */
 };
 
 struct srv_ingress;
 struct srv_ingress_node;
 
-struct srv_ingress_stream { /* private, but for where it lies */
+struct srv_ingress_stream { /* private; the caller owns the memory */
     struct srv_ingress *ingress;
     struct srv_ingress_node *session;
-    uint64_t tick; /* that the rest is of */
-    int64_t left;  /* less than 0: a piece was larger than what was left */
-    int64_t sure;  /* taken of its part of the half that is shared out */
+    uint64_t tick; /* to which the other members belong */
+    int64_t left;  /* own limit; negative if the last piece was larger than the rest */
+    int64_t sure;  /* bytes taken from its own part of the divided half */
 };
 
-/* `message_bytes`: of the longest message. NULL when out of memory. */
+/* `message_bytes`: the size of the longest message. NULL when out of memory. */
 struct srv_ingress *srv_ingress_create(size_t message_bytes);
 /* After the last stream was closed. */
 void srv_ingress_destroy(struct srv_ingress **ingress);
 void srv_ingress_tick(struct srv_ingress *ingress);
 
-/* False when out of memory. The names are copied; an owner's may be empty. */
+/* Adds a stream. False when out of memory. Copies the names; the owner's may be empty. */
 bool srv_ingress_open(struct srv_ingress *ingress, const char *owner, const char *session,
                       struct srv_ingress_stream *stream);
-/* Of a stream that was not opened: nothing. */
+/* Does nothing for a stream that was not opened. */
 void srv_ingress_close(struct srv_ingress_stream *stream);
 
-/* May more be read of it before the next tick? */
+/* True if more may be read from the stream before the next tick. */
 bool srv_ingress_has(const struct srv_ingress_stream *stream);
 void srv_ingress_take(struct srv_ingress_stream *stream, size_t bytes);
 

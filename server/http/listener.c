@@ -31,8 +31,9 @@ unsigned srv_http_connections_from(const struct srv_http *http, const struct soc
     return (unsigned)(few < all ? few : all);
 }
 
-/* Who says nothing gets no answer, but holds a place: also these are bounded, so that no host takes
- * all places. */
+/* Connections that the daemon accepts from one host, including those that only get a 429. A client
+ * that sends no request gets no answer but occupies a connection, so this limit bounds such clients
+ * too. */
 static unsigned accepted_from(void *user, const struct sockaddr *host) {
     const struct srv_http *http = user;
     return srv_http_connections_from(http, host) + SPARE_FROM_HOST;
@@ -77,7 +78,8 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
     char line[512];
     vsnprintf(line, sizeof line, format, args);
     line[strcspn(line, "\n")] = 0;
-    if (strstr(line, "resource limit")) /* who knocks waits: nobody else says so */
+    if (strstr(line,
+               "resource limit")) /* clients wait in the backlog, and nothing else reports it */
         sp_log(SP_LOG_WARN, "no connection can be accepted for now: %s", line);
     else
         sp_log(SP_LOG_DEBUG, "libmicrohttpd: %s", line);
@@ -85,12 +87,13 @@ __attribute__((format(printf, 2, 0))) static void on_log(void *user, const char 
 
 /* Start and stop. */
 
-/* The connections that it accepts inherit its options. */
+/* Accepted connections inherit the socket options. */
 static int open_socket(const struct srv_address *address, const struct srv_config *config,
                        struct sp_error *err) {
     const char *text = config->listen;
     int on = 1;
-    /* Who vanished acknowledges nothing, and need not be waited for as long as the system would. */
+    /* Detect dead peers early: a dead client never acknowledges, and the system would wait longer.
+     */
     int64_t longest_ms = config->request_time_ms > config->stall_time_ms ? config->request_time_ms
                                                                          : config->stall_time_ms;
     unsigned unread_ms = (unsigned)longest_ms;
@@ -116,7 +119,8 @@ static unsigned connections_max(const struct srv_http *http) {
                       SRV_SPARE_CONNECTIONS * http->options.config->http_threads);
 }
 
-/* fd: listens; MHD_INVALID_SOCKET = connections come by MHD_add_connection(). */
+/* `fd` is a listening socket; MHD_INVALID_SOCKET = connections arrive through MHD_add_connection().
+ */
 static bool start(struct srv_http *http, int fd, struct sp_error *err) {
     const struct srv_config *config = http->options.config;
     struct MHD_OptionItem listening[] = {
@@ -237,8 +241,9 @@ void srv_http_tick(void *user, double now_ms) {
     srv_deadlines_sweep(http->deadlines, now_ms);
 }
 
-/* MHD_quiesce_daemon is not for a pool of threads: they take the listening socket in and out of
- * their epoll sets as they like, and the library aborts when both do. */
+/* Does not call MHD_quiesce_daemon(), because it does not work with a thread pool: the threads add
+ * and remove the listening socket in their own epoll sets, and the library aborts if it is removed
+ * twice. */
 void srv_http_close(struct srv_http *http) {
     pthread_mutex_lock(&http->mutex);
     http->draining = true;
@@ -262,7 +267,7 @@ void srv_http_destroy(struct srv_http **http_pointer) {
     if (!http)
         return;
     if (http->tls)
-        srv_tls_close(http->tls); /* nothing is added to a daemon that stops */
+        srv_tls_close(http->tls); /* no connection may be added to a daemon that stops */
     if (http->daemon)
         MHD_stop_daemon(http->daemon);
     srv_tls_destroy(&http->tls);

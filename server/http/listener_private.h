@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the two halves of HTTP share: listener.c, which has sockets and threads, and request.c,
- * which has requests.
+ * State that listener.c (sockets and threads) and request.c (requests) share.
  */
 #ifndef SRV_HTTP_LISTENER_PRIVATE_H
 #define SRV_HTTP_LISTENER_PRIVATE_H
@@ -21,17 +20,18 @@ struct srv_http {
     struct srv_deadlines *deadlines;
     struct srv_packed_asset *packed; /* the page and the contract */
     char address[SRV_ADDRESS_TEXT];
-    int64_t connections; /* --connections, or what there are descriptors for */
+    int64_t connections; /* --connections, or as many as there are file descriptors for */
     pthread_mutex_t mutex;
     pthread_cond_t idle;
     unsigned active; /* requests between headers and the end of the answer */
     bool draining;
 };
 
-/* How many connections may one host have? Somewhat more are accepted, to be told so. */
+/* Returns how many connections one host may have. A few more are accepted, to answer them with 429.
+ */
 unsigned srv_http_connections_from(const struct srv_http *http, const struct sockaddr *host);
 
-/* The library's callbacks for requests; user: the srv_http. */
+/* Callbacks of libmicrohttpd for requests; `user` is the srv_http. */
 void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection);
 enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, const char *path,
                                const char *method, const char *version, const char *bytes,

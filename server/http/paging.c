@@ -16,7 +16,7 @@ bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv
         srv_reply_problem(reply, 400, NULL, "?limit= must be a whole number in [1, %d]", LIMIT_MAX);
         return false;
     }
-    /* One more shows whether there is a next page. */
+    /* One item more than the page holds shows whether there is a next page. */
     *page = (struct srv_page){ .item_bytes = item_bytes,
                                .max = limit + 1,
                                .after = after ? after : "" };

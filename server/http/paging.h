@@ -9,11 +9,11 @@
 #include "common/pagination.h"
 #include "http/listener.h"
 
-/* Prepares a page from the query. False: the reply is the problem. */
+/* Prepares a page from the query parameters. False: the reply is a problem document. */
 bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
                       struct srv_reply *reply);
-/* The answer {"`name`": [encode(user, item), …], "next"?}; frees the page. encode() returns NULL
- * when out of memory. */
+/* Replies with {"`name`": [encode(user, item), …], "next"?} and frees the page. encode() returns
+ * NULL when out of memory. */
 void srv_paging_reply(struct srv_page *page, const char *name,
                       proto_json *(*encode)(void *user, const void *item), void *user,
                       struct srv_reply *reply);

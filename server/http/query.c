@@ -8,7 +8,7 @@
 static const char digits[] = "0123456789";
 
 bool srv_query_number(const char *text, unsigned max, unsigned *number) {
-    unsigned long value = strtoul(text, NULL, 10); /* too many digits: the largest */
+    unsigned long value = strtoul(text, NULL, 10); /* ULONG_MAX if there are too many digits */
     bool ok = *text && !text[strspn(text, digits)] && value >= 1 && value <= max;
     if (ok)
         *number = (unsigned)value;
@@ -25,11 +25,11 @@ bool srv_query_size(const char *text, uint32_t size[2]) {
     return true;
 }
 
-/* Digits at *text, which goes on behind them: more than any size if there are too many. False:
- * there are none. */
+/* Reads digits at *text and advances it. The number is UINT64_MAX if there are too many digits.
+ * False: no digits. */
 static bool read_digits(const char **text, uint64_t *number) {
     size_t count = strspn(*text, digits);
-    *number = count ? strtoull(*text, NULL, 10) : 0; /* too many: UINT64_MAX */
+    *number = count ? strtoull(*text, NULL, 10) : 0; /* UINT64_MAX on overflow */
     *text += count;
     return count > 0;
 }
@@ -48,7 +48,7 @@ enum srv_range srv_header_range(const char *range, const char *if_range, const c
     bool has_last = read_digits(&range, &last);
     if (*range || (!has_first && !has_last) || (has_first && has_last && last < first))
         return SRV_RANGE_WHOLE;
-    if (!has_first) /* the last so many */
+    if (!has_first) /* "bytes=-N": the last N bytes */
         first = last < size ? size - last : 0;
     if (first >= size)
         return SRV_RANGE_NONE;

@@ -16,10 +16,10 @@ bool srv_query_size(const char *text, uint32_t size[2]);
 
 enum srv_range { SRV_RANGE_WHOLE, SRV_RANGE_PART, SRV_RANGE_NONE };
 
-/* Finds the bytes [*from, *from + *count) of `size` that a Range header asks for (RFC 9110, 14). A
- * single range is granted. The whole is sent if there are several ranges, another unit, or an
- * If-Range that is not `etag`. SRV_RANGE_NONE: there are no such bytes. Both headers may be NULL.
- */
+/* Decodes a Range header (RFC 9110, 14) for a file of `size` bytes: the answer has the bytes
+ * [*from, *from + *count). SRV_RANGE_PART: a single range. SRV_RANGE_WHOLE: no or several ranges,
+ * another unit, or an If-Range other than `etag`. SRV_RANGE_NONE: the file does not have these
+ * bytes. Both headers may be NULL. */
 enum srv_range srv_header_range(const char *range, const char *if_range, const char *etag,
                                 uint64_t size, uint64_t *from, uint64_t *count);
 

@@ -10,7 +10,7 @@ void srv_connection_refused(struct srv_metrics *metrics, enum srv_refusal_reason
     va_list args;
     srv_metrics_add(metrics, SRV_COUNT_REFUSED_FULL + reason, 1);
     va_start(args, format);
-    /* Port scanners cause failed handshakes every day. */
+    /* Failed handshakes are normal: port scanners cause many. */
     sp_log_args(reason == SRV_REFUSED_TLS ? SP_LOG_INFO : SP_LOG_WARN, format, args);
     va_end(args);
 }

@@ -23,7 +23,8 @@ void srv_reply_header(struct srv_reply *reply, const char *name, const char *for
     char *value = reply->headers[reply->header_count++].value;
     vsnprintf(value, SRV_REPLY_VALUE, format, args);
     va_end(args);
-    for (char *c = value; *c; c++) /* a header is one line, whatever a name in it holds */
+    for (char *c = value; *c;
+         c++) /* a header is one line, even if a name in it has control characters */
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
 }
@@ -142,7 +143,7 @@ unsigned srv_status_from(enum sp_code code) {
 }
 
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err) {
-    /* A place that is no pointer names a file or flag: it belongs to the text. */
+    /* Only JSON pointers are sent; a place that names a file or a flag is not for the client. */
     bool pointer = err->place[0] == '/' && strncmp(err->place, "//", 2) != 0;
     problem(reply, srv_status_from(err->code), pointer ? err->place : NULL, err->text);
     if (err->code == SP_ERR_NOT_READY)

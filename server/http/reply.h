@@ -21,18 +21,17 @@ struct srv_reply {
     const char *mime; /* NULL = no body */
     const void *body;
     size_t size;
-    void *owned; /* freed with the reply; NULL = the body is constant */
-    const void
-        *gzip; /* the same, compressed, for a constant body; NULL = it is compressed if asked for */
+    void *owned;      /* freed with the reply; NULL = the body is constant */
+    const void *gzip; /* a constant body, already compressed; NULL = compress on demand */
     size_t gzip_size;
-    struct MHD_Response
-        *chunked_body; /* instead of a body: gives one bit by bit (http/flow.h); owned */
+    struct MHD_Response *chunked_body; /* replaces `body` (chunked_body.h); owned */
     struct {
         const char *name;
         char value[SRV_REPLY_VALUE];
     } headers[SRV_REPLY_HEADERS];
     unsigned header_count;
-    char detail[SRV_REPLY_DETAIL]; /* of a problem, cut to fit; "" = it is none, or was logged */
+    char detail[SRV_REPLY_DETAIL]; /* text of a problem, truncated; "" = no problem, or logged
+                                      already */
 };
 
 void srv_reply_finish(struct srv_reply *reply);
@@ -43,14 +42,15 @@ srv_reply_header(struct srv_reply *reply, const char *name, const char *format, 
 void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json);
 void srv_reply_static(struct srv_reply *reply, const char *mime, const void *body, size_t size);
 
-/* RFC 9457. `pointer` may be NULL. The second takes both from an error, and the status from its
- * code. */
+/* Replies with a problem document (RFC 9457). `pointer` may be NULL. The second function takes
+ * pointer and text from the error, and the status from its code. */
 __attribute__((format(printf, 4, 5))) void srv_reply_problem(struct srv_reply *reply,
                                                              unsigned status, const char *pointer,
                                                              const char *format, ...);
 void srv_reply_error(struct srv_reply *reply, const struct sp_error *err);
-/* The same for a refused view that stands at `at` in the body ("" = it is the body): the pointer
- * begins there, and a volume that is not there is the view's fault. */
+/* The same for a refused view at the JSON pointer `at` of the body ("" = the whole body): the
+ * pointer of the error is relative to it. An unknown volume gives 422, not 404, because the view
+ * names it. */
 void srv_reply_view_error(struct srv_reply *reply, const char *at, const struct sp_error *err);
 unsigned srv_status_from(enum sp_code code);
 

@@ -12,7 +12,8 @@
 
 enum {
     DISCARD_BYTES =
-        16 * 1024 * 1024 /* of a refused body that are read, so that the answer arrives */
+        16 * 1024 *
+        1024 /* read and discarded of a refused body, so that the client receives the answer */
 };
 
 /* The query parameters of a route besides "token" (struct srv_route). */
@@ -64,14 +65,14 @@ static const struct srv_route routes[] = {
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
-/* The lines of a header that came more than once, as one list. */
+/* A header that came in several lines, joined to one list. */
 struct srv_joined_header {
     struct srv_joined_header *next;
-    const char *name; /* the library's */
+    const char *name; /* owned by libmicrohttpd */
     char text[];
 };
 
-/* What handlers ask. */
+/* For handlers. */
 
 const char *srv_request_header(const struct srv_request *request, const char *name) {
     const struct srv_joined_header *joined = request->joined;
@@ -160,7 +161,7 @@ static void count_answer(struct srv_request *request, unsigned status, size_t by
     srv_metrics_add(metrics, SRV_COUNT_HTTP_BYTES_OUT, bytes);
 }
 
-/* Over a limit? What the end of the daemon refuses is not. */
+/* True if the request exceeded a limit. A request refused because of a shutdown did not. */
 static bool is_over_limit(const struct srv_request *request) {
     static const unsigned statuses[] = { 413, 414, 429, 431, 503, 507 };
     bool found = false;
@@ -196,7 +197,7 @@ static enum MHD_Result queue(struct srv_request *request) {
     return result;
 }
 
-/* Has the token the right that the route needs? */
+/* True if the token has the right that the route needs; else the reply is a problem document. */
 static bool check_right(struct srv_request *request, enum srv_right needs) {
     struct srv_reply *reply = &request->reply;
     if (needs == SRV_RIGHT_SESSION)
@@ -207,13 +208,14 @@ static bool check_right(struct srv_request *request, enum srv_right needs) {
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
         return false;
     }
-    srv_reply_problem(reply, 401, NULL,
-                      "give the daemon's token as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+    srv_reply_problem(
+        reply, 401, NULL,
+        "give a token of the daemon as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
     srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
     return false;
 }
 
-/* The body may have taken its time: what the token may do today. */
+/* Checks the token again after the body, because it may have been revoked meanwhile. */
 static bool check_again(struct srv_request *request) {
     if (request->body_seen == 0 || !request->route)
         return true;
@@ -227,7 +229,7 @@ static enum MHD_Result dispatch(struct srv_request *request) {
     if (!request->is_refused && check_again(request)) {
         if (request->route)
             request->route->handle(request, &request->reply);
-        /* From here on the reply of a suspended request belongs to whoever answers it. */
+        /* From here on the reply of a suspended request belongs to the thread that completes it. */
         else if (!srv_get_asset(request, &request->reply))
             srv_reply_problem(&request->reply, 404, NULL, "there is nothing at %.200s",
                               request->path);
@@ -237,8 +239,8 @@ static enum MHD_Result dispatch(struct srv_request *request) {
 
 /* Checks before the body. */
 
-/* Where PATCH is one of the methods: what a patch may be (RFC 5789, 2.2 and 3.1). */
-static void tell_patches(struct srv_reply *reply, unsigned methods) {
+/* If the methods include PATCH: lists the media types of patches (RFC 5789, 2.2 and 3.1). */
+static void list_patch_types(struct srv_reply *reply, unsigned methods) {
     if (methods & SRV_PATCH)
         srv_reply_header(reply, "Accept-Patch", SRV_JSON_TYPES);
 }
@@ -246,10 +248,10 @@ static void tell_patches(struct srv_reply *reply, unsigned methods) {
 static void refuse_method(struct srv_request *request, unsigned allowed) {
     char allow[64];
     srv_methods_to_text(allowed, allow);
-    srv_reply_problem(&request->reply, 405, NULL, "%.16s is not among the methods here: %s",
+    srv_reply_problem(&request->reply, 405, NULL, "the method %.16s is not allowed here; use %s",
                       request->method, allow);
     srv_reply_header(&request->reply, "Allow", "%s", allow);
-    tell_patches(&request->reply, allowed);
+    list_patch_types(&request->reply, allowed);
 }
 
 static bool check_limits(struct srv_request *request) {
@@ -277,18 +279,18 @@ static bool check_limits(struct srv_request *request) {
     } else {
         return true;
     }
-    request->reply.detail[0] = 0; /* the log has it */
+    request->reply.detail[0] = 0; /* logged already */
     request->is_last = true;
     return false;
 }
 
-struct reading {
+struct header_scan {
     struct srv_request *request;
     struct srv_smuggling smuggling;
     bool has_memory;
 };
 
-/* One more line behind those of the same name. */
+/* Appends a line to the earlier lines of the same name. False when out of memory. */
 static bool join_header(struct srv_request *request, const char *name, const char *value) {
     struct srv_joined_header **at = &request->joined;
     while (*at && strcasecmp((*at)->name, name) != 0)
@@ -309,23 +311,24 @@ static bool join_header(struct srv_request *request, const char *name, const cha
 
 static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char *name,
                                  const char *value) {
-    struct reading *reading = user;
-    struct srv_request *request = reading->request;
-    srv_smuggling_add_header(&reading->smuggling, name, value);
+    struct header_scan *scan = user;
+    struct srv_request *request = scan->request;
+    srv_smuggling_add_header(&scan->smuggling, name, value);
     bool is_first = MHD_lookup_connection_value(request->mhd, kind, name) == value;
-    if (!is_first && value && reading->smuggling.all <= SRV_HEADERS_MAX)
-        reading->has_memory = join_header(request, name, value) && reading->has_memory;
+    if (!is_first && value && scan->smuggling.all <= SRV_HEADERS_MAX)
+        scan->has_memory = join_header(request, name, value) && scan->has_memory;
     return MHD_YES;
 }
 
-/* True: the answer, which is the last on its connection, need not wait for the body. */
-static bool is_turned_away(struct srv_request *request, const char *version) {
+/* True if the request is answered at once, without header_scan its body, and the connection closes.
+ */
+static bool is_refused_at_once(struct srv_request *request, const char *version) {
     struct srv_rejection refusal = request->target;
     if (!refusal.status) {
-        struct reading reading = { .request = request, .has_memory = true };
-        MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &reading);
-        refusal = srv_smuggling_check_headers(&reading.smuggling, version);
-        if (!refusal.status && !reading.has_memory)
+        struct header_scan scan = { .request = request, .has_memory = true };
+        MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
+        refusal = srv_smuggling_check_headers(&scan.smuggling, version);
+        if (!refusal.status && !scan.has_memory)
             refusal = (struct srv_rejection){ 503, "no memory for the headers" };
     }
     if (!refusal.status && !request->is_counted)
@@ -341,7 +344,7 @@ struct query_check {
     bool is_refused;
 };
 
-/* Refuses a query parameter that the route does not take, or that is there twice. */
+/* Refuses a query parameter that the route does not take, or that is given twice. */
 static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, const char *name,
                                        const char *value) {
     struct query_check *query = user;
@@ -363,14 +366,14 @@ static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, cons
     return MHD_NO;
 }
 
-/* False if a query parameter was refused: the reply is the problem. */
+/* False if a query parameter was refused: the reply is a problem document. */
 static bool check_query(struct srv_request *request) {
     struct query_check query = { .request = request };
     MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, check_parameter, &query);
     return !query.is_refused;
 }
 
-/* Routes and judges what the headers tell; false: the reply is set. */
+/* Finds the route and checks the headers. False: the reply is set. */
 static bool check(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     unsigned allowed;
@@ -398,7 +401,7 @@ static bool check(struct srv_request *request) {
         !srv_header_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL,
                           "the body must be application/json or application/merge-patch+json");
-        tell_patches(reply, method);
+        list_patch_types(reply, method);
         return false;
     }
     const char *length = srv_request_header(request, "Content-Length");
@@ -410,10 +413,10 @@ static bool check(struct srv_request *request) {
     return true;
 }
 
-/* The library's callbacks. */
+/* Callbacks of libmicrohttpd. */
 
-/* The request line was read. What is returned is the state of srv_on_request(). The text is the
- * library's buffer, which it goes on to parse. */
+/* Called when the request line was read. Returns the state for srv_on_request(). `target` lies in
+ * the library's buffer, which the library parses afterwards. */
 void *srv_on_target(void *user, const char *target, struct MHD_Connection *connection) {
     struct srv_http *http = user;
     struct srv_request *request = calloc(1, sizeof *request);
@@ -433,7 +436,7 @@ void *srv_on_target(void *user, const char *target, struct MHD_Connection *conne
     return request;
 }
 
-/* Holds up a shutdown until uncount(), unless that has begun. */
+/* Delays a shutdown until uncount(). Does nothing if the shutdown has begun. */
 static void count(struct srv_request *request) {
     struct srv_http *http = request->http;
     pthread_mutex_lock(&http->mutex);
@@ -446,7 +449,7 @@ static void count(struct srv_request *request) {
 static enum MHD_Result on_headers(struct srv_request *request, const char *version) {
     request->is_begun = true;
     count(request);
-    bool is_over = is_turned_away(request, version);
+    bool is_over = is_refused_at_once(request, version);
     request->is_last = is_over || srv_connection_count_request(request->connection) >=
                                       (unsigned)request->app->config->connection_requests;
     request->is_refused = is_over || !check(request);
@@ -454,13 +457,13 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
                       srv_clock_ms() + (double)request->app->config->request_time_ms);
     /* A client that waits for permission to send its body gets the answer instead. */
     const char *length = srv_request_header(request, "Content-Length");
-    bool hopeless = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
-    if (is_over || (request->is_refused && (hopeless || srv_request_header(request, "Expect"))))
+    bool is_too_long = length && strtoull(length, NULL, 10) > DISCARD_BYTES;
+    if (is_over || (request->is_refused && (is_too_long || srv_request_header(request, "Expect"))))
         return queue(request);
     return MHD_YES;
 }
 
-/* Keeps what belongs to the body; what is refused or past body_max is read and dropped. */
+/* Stores the bytes. Discards those of a refused body and those past body_max. */
 static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
     size_t limit = (size_t)request->app->config->body_size, take = *size;
     *size = 0;
@@ -491,7 +494,8 @@ static enum MHD_Result on_body(struct srv_request *request, const char *bytes, s
     return MHD_YES;
 }
 
-/* Of a target in absolute form, "http://host/path" (RFC 9112, section 3.2.2). */
+/* Returns the path of a target, which may have the absolute form "http://host/path" (RFC 9112,
+ * section 3.2.2). */
 static const char *path_of(const char *target) {
     const char *authority = strncasecmp(target, "http://", 7) == 0    ? target + 7
                             : strncasecmp(target, "https://", 8) == 0 ? target + 8
@@ -524,7 +528,7 @@ enum MHD_Result srv_on_request(void *user, struct MHD_Connection *connection, co
     return queue(request);
 }
 
-/* The request no longer holds up a shutdown. Call once. */
+/* The request no longer delays a shutdown. Call once. */
 static void uncount(struct srv_request *request) {
     struct srv_http *http = request->http;
     request->is_counted = false;

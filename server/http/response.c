@@ -9,21 +9,22 @@
 #include "http/gzip.h"
 #include "http/headers.h"
 
-static const char headers_taken[] = "Authorization, Content-Type, If-None-Match, "
-                                    "If-Range, Last-Event-ID, Range";
-static const char headers_told[] =
+static const char request_headers[] = "Authorization, Content-Type, If-None-Match, "
+                                      "If-Range, Last-Event-ID, Range";
+static const char exposed_headers[] =
     "Accept-Ranges, Content-Disposition, Content-Range, ETag, Location, "
     "Retry-After, WWW-Authenticate, X-Render-Time, "
     "X-Encode-Time, X-Backend, X-Splats, X-Durable";
 
-static bool is_foreign(const struct srv_request *request) {
+static bool is_allowed_origin(const struct srv_request *request) {
     return srv_cors_allows(request->app->config->allow_origin,
                            srv_request_header(request, "Origin"));
 }
 
 bool srv_cors_is_preflight(const struct srv_request *request) {
     return strcmp(request->method, "OPTIONS") == 0 &&
-           srv_request_header(request, "Access-Control-Request-Method") && is_foreign(request);
+           srv_request_header(request, "Access-Control-Request-Method") &&
+           is_allowed_origin(request);
 }
 
 void srv_cors_reply_preflight(struct srv_reply *reply, unsigned allowed) {
@@ -31,11 +32,11 @@ void srv_cors_reply_preflight(struct srv_reply *reply, unsigned allowed) {
     srv_methods_to_text(allowed, methods);
     reply->status = 204;
     srv_reply_header(reply, "Access-Control-Allow-Methods", "%s", methods);
-    srv_reply_header(reply, "Access-Control-Allow-Headers", "%s", headers_taken);
+    srv_reply_header(reply, "Access-Control-Allow-Headers", "%s", request_headers);
     srv_reply_header(reply, "Access-Control-Max-Age", "600");
 }
 
-/* Replaces the body by a compressed one. True if that was done. */
+/* Replaces the body by a compressed one. False if it stays as it is. */
 static bool compress(struct srv_request *request) {
     struct srv_reply *reply = &request->reply;
     const char *accepted = srv_request_header(request, "Accept-Encoding");
@@ -65,7 +66,8 @@ static void add_headers(struct MHD_Response *response, const struct srv_request 
     MHD_add_response_header(response, "X-Content-Type-Options", "nosniff");
     for (unsigned i = 0; i < reply->header_count; i++) {
         const char *name = reply->headers[i].name, *value = reply->headers[i].value;
-        char weak[SRV_REPLY_VALUE + 2] = "W/"; /* the bytes are others than without compression */
+        char weak[SRV_REPLY_VALUE + 2] =
+            "W/"; /* weak, because the bytes differ from the uncompressed ones */
         if (is_gzip && strcmp(name, "ETag") == 0)
             value = strcat(weak, value);
         MHD_add_response_header(response, name, value);
@@ -76,14 +78,15 @@ static void add_headers(struct MHD_Response *response, const struct srv_request 
         MHD_add_response_header(response, "Vary", "Accept-Encoding");
     if (origins)
         MHD_add_response_header(response, "Vary", "Origin");
-    if (is_foreign(request)) {
+    if (is_allowed_origin(request)) {
         MHD_add_response_header(response, "Access-Control-Allow-Origin",
                                 srv_request_header(request, "Origin"));
-        MHD_add_response_header(response, "Access-Control-Expose-Headers", headers_told);
+        MHD_add_response_header(response, "Access-Control-Expose-Headers", exposed_headers);
     }
 }
 
-/* Who has it already is told so, with the headers of the whole answer (RFC 9110, 15.4.5). */
+/* True if the client has this version already. The answer is 304 then, with the headers of the
+ * whole answer (RFC 9110, 15.4.5). */
 static bool is_known(const struct srv_request *request) {
     const struct srv_reply *reply = &request->reply;
     const char *known = srv_request_header(request, "If-None-Match");

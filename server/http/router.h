@@ -27,14 +27,15 @@ struct srv_route {
     const char *query[SRV_QUERY_NAMES + 1];
 };
 
-/* True if the path matches; `param` is what stands for {}, or for several, joined by "/". False
- * also if that is too long. */
+/* True if the path matches the pattern. Writes the segment that matched {} to `param`; several are
+ * joined by "/". False also if `param` is too short for them. */
 bool srv_route_matches(const char *pattern, const char *path, char param[SRV_PARAM_BYTES]);
 
-/* The bit of the method; HEAD counts as GET; 0 = unknown. */
+/* Returns the bit of the method; HEAD counts as GET; 0 = unknown. */
 unsigned srv_method_from(const char *name);
 
-/* The route, or NULL: then *allowed are the methods of that path, 0 = no such path. */
+/* Returns the route, or NULL. Then *allowed is the set of methods of that path; 0 = no such path.
+ */
 const struct srv_route *srv_route_find(const struct srv_route *routes, size_t count,
                                        const char *method, const char *path,
                                        char param[SRV_PARAM_BYTES], unsigned *allowed);
@@ -42,7 +43,7 @@ const struct srv_route *srv_route_find(const struct srv_route *routes, size_t co
 /* True if the route takes a query parameter of this name. */
 bool srv_route_takes(const struct srv_route *route, const char *name);
 
-/* "GET, HEAD, POST" for an Allow header. */
+/* Writes "GET, HEAD, POST", as in an Allow header. */
 void srv_methods_to_text(unsigned methods, char text[64]);
 
 #endif

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What Prometheus scrapes: the counters, and gauges of how things stand now.
+ * GET /metrics: counters, and gauges of the current state, in the text format of Prometheus.
  */
 #include <dirent.h>
 #include <errno.h>
@@ -13,7 +13,7 @@
 #include "http/listener.h"
 #include "ops/metrics.h"
 
-/* Volumes that have a series of their own; the rest are added up as "*". */
+/* Volumes with a series of their own. The other volumes are added up under the name "*". */
 enum { VOLUMES_MAX = 64 };
 
 static void gauge(FILE *out, const char *name, const char *help, double value) {
@@ -30,21 +30,20 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     struct srv_hub_numbers n;
     srv_hub_numbers(request->app->hub, &n);
     gauge(out, "splatd_sessions", "Open sessions", n.sessions);
-    gauge(out, "splatd_sessions_asleep", "Sessions that sleep until somebody asks for them",
-          n.hibernated);
+    gauge(out, "splatd_sessions_asleep", "Hibernated sessions", n.hibernated);
     srv_metrics_family(out, "splatd_participants", "gauge", "Open streams by their role");
     fprintf(out, "splatd_participants{role=\"control\"} %u\n", n.participants[SRV_ROLE_CONTROL]);
     fprintf(out, "splatd_participants{role=\"view\"} %u\n", n.participants[SRV_ROLE_VIEW]);
-    gauge(out, "splatd_connections", "Open connections, streams among them",
+    gauge(out, "splatd_connections", "Open connections, including streams",
           (double)srv_http_connections(request->http));
-    gauge(out, "splatd_pictures_waiting", "Pictures that were asked for and not answered yet",
+    gauge(out, "splatd_pictures_waiting", "Snapshots that were requested and are not answered yet",
           srv_render_pool_unanswered(request->app->render_pool));
 }
 
 static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
-                         const uint64_t derived[SRV_RENDERERS],
+                         const uint64_t cached[SRV_RENDERERS],
                          const struct sp_renderer_info *info) {
-    static const char *const lanes[SRV_RENDERERS] = { "streams", "pictures", "express" };
+    static const char *const workers[SRV_RENDERERS] = { "streams", "pictures", "express" };
     if (voxels) {
         fprintf(out, "splatd_volume_bytes{volume=");
         srv_metrics_label(out, id);
@@ -56,28 +55,29 @@ static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
             continue;
         fprintf(out, "splatd_derived_bytes{volume=");
         srv_metrics_label(out, id);
-        fprintf(out, ",backend=\"%s\",lane=\"%s\"} %" PRIu64 "\n", info[l].backend, lanes[l],
-                derived[l]);
+        fprintf(out, ",backend=\"%s\",lane=\"%s\"} %" PRIu64 "\n", info[l].backend, workers[l],
+                cached[l]);
     }
 }
 
-/* One family over all volumes: their voxels, or what renderers derived from them. */
+/* Prints one family over all volumes: the size of their voxels, or of the renderers' cached data.
+ */
 static void print_volumes(const struct srv_request *request, bool voxels,
                           const struct sp_renderer_info *info, FILE *out) {
     struct srv_volume_status status;
-    uint64_t rest = 0, derived_rest[SRV_RENDERERS] = { 0 };
+    uint64_t rest = 0, cached_rest[SRV_RENDERERS] = { 0 };
     unsigned i = 0;
     for (; srv_catalog_at(request->app->catalog, i, &status); i++) {
         sp_volume_unref(&status.volume);
         rest += i < VOLUMES_MAX ? 0 : status.voxel_bytes;
         for (int l = 0; l < SRV_RENDERERS; l++)
-            derived_rest[l] += i < VOLUMES_MAX ? 0 : status.cached_per_renderer[l];
+            cached_rest[l] += i < VOLUMES_MAX ? 0 : status.cached_per_renderer[l];
         if (i < VOLUMES_MAX)
             print_volume(out, status.id, voxels ? &status.voxel_bytes : NULL,
                          status.cached_per_renderer, info);
     }
     if (i > VOLUMES_MAX)
-        print_volume(out, "*", voxels ? &rest : NULL, derived_rest, info);
+        print_volume(out, "*", voxels ? &rest : NULL, cached_rest, info);
 }
 
 static void print_memory(const struct srv_request *request, FILE *out) {
@@ -86,12 +86,12 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     srv_render_pool_info(request->app->render_pool, info);
     srv_catalog_memory(request->app->catalog, &used, &budget);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
-    gauge(out, "splatd_memory_budget_bytes", "What --memory allows", (double)budget);
+    gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);
     srv_metrics_family(out, "splatd_volume_bytes", "gauge",
-                       "Voxels by volume; those past the first 64 together as *");
+                       "Size of the voxels per volume; volumes after the first 64 together as *");
     print_volumes(request, true, info, out);
     srv_metrics_family(out, "splatd_derived_bytes", "gauge",
-                       "What a renderer keeps of a volume, by volume, backend and lane");
+                       "Cached data of a renderer, per volume, backend and worker");
     print_volumes(request, false, info, out);
 }
 
@@ -100,11 +100,11 @@ static void print_store(const struct srv_request *request, FILE *out) {
                                                   "preset", "path",    "clock" };
     struct srv_store_status s;
     srv_store_status(request->app->store, &s);
-    srv_metrics_family(out, "splatd_kept", "gauge", "What outlives its request, by kind");
+    srv_metrics_family(out, "splatd_kept", "gauge", "Records in the store, by kind");
     for (int k = 0; k < SRV_KINDS; k++)
         fprintf(out, "splatd_kept{kind=\"%s\"} %u\n", kinds[k], s.records[k]);
-    gauge(out, "splatd_kept_bytes", "Memory of what is kept", (double)s.bytes);
-    gauge(out, "splatd_state_waiting", "Changes that are not written yet", s.waiting);
+    gauge(out, "splatd_kept_bytes", "Size of the records in the store", (double)s.bytes);
+    gauge(out, "splatd_state_waiting", "Changes that are not on disk yet", s.waiting);
     gauge(out, "splatd_state_failing", "1 while the state cannot be written", s.is_failing);
     counter(out, "splatd_state_writes_total", "Transactions written", (double)s.writes);
     counter(out, "splatd_state_failures_total", "Transactions that failed", (double)s.failures);
@@ -114,21 +114,23 @@ static void print_store(const struct srv_request *request, FILE *out) {
 static void print_paths(const struct srv_request *request, FILE *out) {
     struct srv_paths_stats n;
     srv_paths_stats(request->app->paths, &n);
-    gauge(out, "splatd_paths", "Camera paths, drawn or not", n.paths);
-    gauge(out, "splatd_paths_unfinished", "Those that are drawn or wait for it", n.unfinished);
-    gauge(out, "splatd_paths_waiting", "Those of them that something is missing for", n.waiting);
-    gauge(out, "splatd_path_bytes", "Their files", (double)n.bytes);
-    gauge(out, "splatd_path_bytes_limit", "What they may take together (--path-bytes)",
+    gauge(out, "splatd_paths", "Camera paths, finished or not", n.paths);
+    gauge(out, "splatd_paths_unfinished", "Camera paths that are not finished", n.unfinished);
+    gauge(out, "splatd_paths_waiting",
+          "Unfinished camera paths that wait for a volume, memory or capacity", n.waiting);
+    gauge(out, "splatd_path_bytes", "Size of the files of all camera paths", (double)n.bytes);
+    gauge(out, "splatd_path_bytes_limit", "Limit of splatd_path_bytes (--path-bytes)",
           (double)request->app->config->path_bytes);
 }
 
-/* What the system does not tell is 0. These return false when out of memory. */
+/* The functions below return false when out of memory. A value that the system does not provide is
+ * 0. */
 
 static bool is_short(const void *opened) {
     return !opened && errno == ENOMEM;
 }
 
-/* When the system started, seconds since 1970. */
+/* Reads when the system started, in seconds since 1970. */
 static bool boot_time(double *seconds) {
     char line[256];
     FILE *stat = fopen("/proc/stat", "re");
@@ -142,7 +144,7 @@ static bool boot_time(double *seconds) {
     return ok;
 }
 
-/* The same of this process. */
+/* Reads when this process started, in seconds since 1970. */
 static bool start_time(double *seconds) {
     char text[1024] = "";
     double ticks = 0, boot;
@@ -153,7 +155,8 @@ static bool start_time(double *seconds) {
     if (stat)
         fclose(stat);
     text[size] = 0;
-    const char *field = strrchr(text, ')'); /* the second one, a name */
+    const char *field =
+        strrchr(text, ')'); /* the end of the second field, a name that may contain blanks */
     for (int i = 2; field && i < 22; i++)
         field = strchr(field + 1, ' ');
     bool is_known = boot > 0 && field && sscanf(field, "%lf", &ticks) == 1;
@@ -161,7 +164,7 @@ static bool start_time(double *seconds) {
     return ok;
 }
 
-/* Resident memory in pages, and open descriptors. */
+/* Reads the resident memory in pages and the number of open file descriptors. */
 static bool sizes(long *resident_pages, long *files) {
     long pages;
     FILE *statm = fopen("/proc/self/statm", "re");
@@ -185,7 +188,7 @@ static double max_files(void) {
     return getrlimit(RLIMIT_NOFILE, &limit) == 0 ? (double)limit.rlim_cur : 0;
 }
 
-/* The usual names of what every process has. */
+/* Prints the standard process metrics of Prometheus. */
 static bool print_process(FILE *out) {
     struct rusage usage;
     long resident, files;
@@ -196,8 +199,9 @@ static bool print_process(FILE *out) {
     gauge(out, "process_resident_memory_bytes", "Resident memory",
           (double)resident * (double)sysconf(_SC_PAGESIZE));
     gauge(out, "process_open_fds", "Open file descriptors", (double)files);
-    gauge(out, "process_max_fds", "How many there may be", max_files());
-    gauge(out, "process_start_time_seconds", "When it was started, since 1970", start);
+    gauge(out, "process_max_fds", "Limit of open file descriptors", max_files());
+    gauge(out, "process_start_time_seconds", "Start time of the process in seconds since 1970",
+          start);
     counter(out, "process_cpu_seconds_total", "Processor time of all threads",
             (double)(usage.ru_utime.tv_sec + usage.ru_stime.tv_sec) +
                 (double)(usage.ru_utime.tv_usec + usage.ru_stime.tv_usec) * 1e-6);
@@ -207,7 +211,8 @@ static bool print_process(FILE *out) {
 static void print_build(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
     srv_render_pool_info(request->app->render_pool, info);
-    srv_metrics_family(out, "splatd_build_info", "gauge", "1; what runs here");
+    srv_metrics_family(out, "splatd_build_info", "gauge",
+                       "Always 1; the labels name version, backend, device and instruction set");
     fprintf(out, "splatd_build_info{version=\"" SPLATD_VERSION "\",backend=\"%s\",device=",
             info[0].backend);
     srv_metrics_label(out, info[0].device);

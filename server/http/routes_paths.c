@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Camera paths: jobs (paths/paths.h) and what they make.
+ * Camera paths (paths/paths.h) and their results.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,10 +14,10 @@
 #include "http/query.h"
 #include "sp/log.h"
 
-/* Making one. */
+/* Creation. */
 
-/* A patch of the members of "view"; the body's own "size" replaces that of the view: NULL leaves
- * both out. NULL: the reply is the problem. */
+/* Returns a patch with the members of "view". With has_own_size the view's "size" is left out, and
+ * `size`, the body's own, takes its place; NULL = none. NULL: the reply is a problem document. */
 static proto_json *view_patch(const proto_json *view, bool has_own_size, const proto_json *size,
                               struct srv_reply *reply) {
     const proto_json *value;
@@ -65,7 +65,8 @@ static bool resolve(struct srv_request *request, const proto_json *body,
                        &volume, reply))
         return false;
     if (size) {
-        void *without_size = volume; /* in use, so that the volume cannot go in between */
+        void *without_size =
+            volume; /* still in use, so that the volume cannot be unloaded in between */
         bool ok = resolve_patch(request, view_patch(base, true, size, reply), "", &view->view,
                                 &volume, reply);
         srv_catalog_release(request->app->catalog, without_size);
@@ -81,9 +82,9 @@ static bool resolve(struct srv_request *request, const proto_json *body,
     return false;
 }
 
-/* Who cannot be told of it has none. */
-static void reply_made(struct srv_request *request, proto_json *json, const char *id,
-                       struct srv_reply *reply) {
+/* Replies with the new path. Removes the path if the reply cannot be made. */
+static void reply_created(struct srv_request *request, proto_json *json, const char *id,
+                          struct srv_reply *reply) {
     struct sp_error err;
     srv_reply_json(reply, 202, json);
     if (reply->status != 202) {
@@ -109,7 +110,7 @@ void srv_post_path(struct srv_request *request, struct srv_reply *reply) {
             srv_paths_add(request->app->paths, body, &view, owner.name, id, &is_full, &err);
         srv_catalog_release(request->app->catalog, view.volume);
         if (json)
-            reply_made(request, json, id, reply);
+            reply_created(request, json, id, reply);
         else if (is_full)
             srv_reply_problem(reply, 507, NULL, "%s", err.text);
         else
@@ -123,7 +124,7 @@ static proto_json *encode_item(void *user, const void *item) {
     return srv_path_info_encode(item);
 }
 
-/* Who may everything sees all paths, others their own. */
+/* An admin token lists all paths, other tokens list their own. */
 void srv_get_paths(struct srv_request *request, struct srv_reply *reply) {
     bool sees_all = request->grant.rights & SRV_RIGHT_ADMIN;
     struct srv_page page;
@@ -156,14 +157,14 @@ void srv_delete_path(struct srv_request *request, struct srv_reply *reply) {
 
 struct file {
     int fd;
-    uint64_t left; /* bytes that are to be sent */
+    uint64_t left; /* bytes left to send */
 };
 
 static ssize_t read_file(void *user, char *bytes, size_t size) {
     struct file *file = user;
     ssize_t n = read(file->fd, bytes, size < file->left ? size : (size_t)file->left);
     file->left -= n > 0 ? (uint64_t)n : 0;
-    return n; /* 0 and −1 mean the same there */
+    return n; /* 0 and −1 have the meaning of SRV_BODY_END and SRV_BODY_FAILED */
 }
 
 static void close_file(void *user) {
@@ -172,31 +173,34 @@ static void close_file(void *user) {
     free(file);
 }
 
-/* What a job made never changes. `name` tells it from the job's other results. */
-static void reply_file(struct srv_request *request, const struct srv_path_file *made,
+/* Replies with a result of the path, which never changes. `name` distinguishes it from the other
+ * results of the path in the ETag. */
+static void reply_file(struct srv_request *request, const struct srv_path_file *result,
                        const char *name, struct srv_reply *reply) {
     char etag[96];
     struct file *file = malloc(sizeof *file);
     snprintf(etag, sizeof etag, "\"%.32s-%.32s\"", request->param, name);
     uint64_t from, count;
-    enum srv_range range =
-        srv_header_range(srv_request_header(request, "Range"),
-                         srv_request_header(request, "If-Range"), etag, made->size, &from, &count);
+    enum srv_range range = srv_header_range(srv_request_header(request, "Range"),
+                                            srv_request_header(request, "If-Range"), etag,
+                                            result->size, &from, &count);
     bool has_it = srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag);
-    if (!file || has_it || range == SRV_RANGE_NONE || lseek(made->fd, (off_t)from, SEEK_SET) < 0) {
-        close(made->fd);
+    if (!file || has_it || range == SRV_RANGE_NONE ||
+        lseek(result->fd, (off_t)from, SEEK_SET) < 0) {
+        close(result->fd);
         if (has_it)
             reply->status = 304;
         else if (range == SRV_RANGE_NONE)
-            srv_reply_problem(reply, 416, NULL, "there are %llu bytes",
-                              (unsigned long long)made->size);
+            srv_reply_problem(reply, 416, NULL,
+                              "the range is outside of the file, which has %llu bytes",
+                              (unsigned long long)result->size);
         else
             srv_reply_problem(reply, 503, NULL, "no memory for a file");
         free(file);
     } else {
-        *file = (struct file){ .fd = made->fd, .left = count };
+        *file = (struct file){ .fd = result->fd, .left = count };
         reply->status = range == SRV_RANGE_PART ? 206 : 200;
-        reply->mime = made->mime;
+        reply->mime = result->mime;
         srv_reply_chunked_body(
             request, reply, count,
             &(struct srv_chunked_body){ .user = file, .read = read_file, .finish = close_file });
@@ -208,9 +212,9 @@ static void reply_file(struct srv_request *request, const struct srv_path_file *
     }
     if (reply->status == 206)
         srv_reply_header(reply, "Content-Range", "bytes %llu-%llu/%llu", (unsigned long long)from,
-                         (unsigned long long)(from + count - 1), (unsigned long long)made->size);
+                         (unsigned long long)(from + count - 1), (unsigned long long)result->size);
     else if (reply->status == 416)
-        srv_reply_header(reply, "Content-Range", "bytes */%llu", (unsigned long long)made->size);
+        srv_reply_header(reply, "Content-Range", "bytes */%llu", (unsigned long long)result->size);
 }
 
 void srv_get_path_frame(struct srv_request *request, struct srv_reply *reply) {
@@ -221,7 +225,7 @@ void srv_get_path_frame(struct srv_request *request, struct srv_reply *reply) {
     *number++ = 0; /* the parameters are "ID/N" */
     size_t digits = strspn(number, "0123456789");
     if (number[digits] || digits > DIGITS_MAX)
-        srv_reply_problem(reply, 404, NULL, "'%.32s' is no number of a frame", number);
+        srv_reply_problem(reply, 404, NULL, "'%.32s' is not a frame number", number);
     else if (srv_paths_open_frame(request->app->paths, request->param,
                                   (uint32_t)strtoul(number, NULL, 10), &file, &err))
         reply_file(request, &file, number, reply);
@@ -265,24 +269,24 @@ void srv_get_path_archive(struct srv_request *request, struct srv_reply *reply) 
 
 /* Events. */
 
-struct watching { /* one answer of events */
+struct watching { /* one event stream */
     struct srv_request *request;
     struct srv_path_watch *watch;
-    char *text; /* what is being sent; NULL = nothing */
+    char *text; /* the event being sent; NULL = none */
     size_t size, at;
 };
 
-static void on_sleep(void *user) {
+static void on_pause(void *user) {
     struct watching *w = user;
     srv_chunked_body_pause(w->request);
 }
 
-static void on_wake(void *user) {
+static void on_resume(void *user) {
     struct watching *w = user;
     srv_chunked_body_resume(w->request);
 }
 
-static bool has_left(void *user) {
+static bool is_gone(void *user) {
     struct watching *w = user;
     return srv_connection_is_gone(w->request->connection);
 }
@@ -298,7 +302,7 @@ static ssize_t read_events(void *user, char *bytes, size_t size) {
             return SRV_BODY_PAUSED;
         case SRV_WATCH_OVER:
             return SRV_BODY_END;
-        case SRV_WATCH_FAILED: /* cut off, so that nobody takes it for the end */
+        case SRV_WATCH_FAILED: /* a cut connection, which the client cannot mistake for the end */
             return SRV_BODY_FAILED;
         case SRV_WATCH_EVENT:
             break;
@@ -322,7 +326,7 @@ void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
     struct watching *w = calloc(1, sizeof *w);
     bool is_over = false;
     if (w) {
-        const struct srv_path_watcher watcher = { w, on_sleep, on_wake, has_left };
+        const struct srv_path_watcher watcher = { w, on_pause, on_resume, is_gone };
         w->request = request;
         w->watch =
             srv_paths_watch(request->app->paths, request->param,
@@ -331,7 +335,7 @@ void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
     if (!w || !w->watch) {
         free(w);
         if (is_over)
-            reply->status = 204; /* a browser does not come again then */
+            reply->status = 204; /* tells a browser not to reconnect */
         else
             srv_reply_error(reply, &err);
         return;
@@ -339,7 +343,7 @@ void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
     reply->status = 200;
     reply->mime = "text/event-stream";
     srv_reply_header(reply, "Cache-Control", "no-store");
-    srv_reply_header(reply, "X-Accel-Buffering", "no"); /* nginx: each event at once */
+    srv_reply_header(reply, "X-Accel-Buffering", "no"); /* nginx does not buffer events */
     srv_reply_chunked_body(
         request, reply, SRV_BODY_SIZE_UNKNOWN,
         &(struct srv_chunked_body){ .user = w, .read = read_events, .finish = end_events });

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Presets: parts of views under names of the clients' choice. A preset is a patch, as in
- * view.update: whoever wants it merges it into a view.
+ * Presets: parts of views under names that clients choose. A preset is a patch, as in view.update,
+ * which clients merge into a view.
  */
 #include <ctype.h>
 #include <stdlib.h>
@@ -20,8 +20,8 @@ static bool is_name(const char *name) {
     return length >= 1 && length <= NAME_BYTES_MAX;
 }
 
-/* Is it a valid patch of some view? A preset belongs to no volume, so the view is that of a plain
- * cube. */
+/* True if the preset is a valid patch. A preset belongs to no volume, so it is applied to the
+ * default view of a cube. */
 static bool check(const proto_json *patch, struct sp_error *err) {
     struct sp_volume_info cube = { .type = SP_UINT8, .components = 1, .range = { 0, 255 } };
     struct sp_view view, defaults;
@@ -91,7 +91,7 @@ void srv_put_preset(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!is_name(request->param)) {
         srv_reply_problem(reply, 422, NULL,
-                          "a preset's name has 1 to %d characters of [A-Za-z0-9._-]",
+                          "the name of a preset must have 1 to %d characters of [A-Za-z0-9._-]",
                           NAME_BYTES_MAX);
         return;
     }

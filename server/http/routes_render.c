@@ -16,8 +16,8 @@
 
 enum { QUALITY_DEFAULT = 90, ETAG_BYTES = 40 };
 
-/* ?format= decides, else Accept; JPEG if nothing is said. SP_IMAGE_FORMAT_COUNT: the reply is the
- * problem. */
+/* Returns the format of ?format=, or else of Accept, or else JPEG. SP_IMAGE_FORMAT_COUNT: the reply
+ * is a problem document. */
 static enum sp_image_format choose_format(struct srv_request *request, struct srv_reply *reply) {
     const char *name = srv_request_query(request, "format");
     const char *accept = srv_request_header(request, "Accept");
@@ -37,7 +37,7 @@ static enum sp_image_format choose_format(struct srv_request *request, struct sr
     }
     if (best == SP_IMAGE_FORMAT_COUNT)
         srv_reply_problem(reply, 406, NULL,
-                          "no image format fits; there are image/jpeg, image/png, image/webp and "
+                          "unknown image format; choose image/jpeg, image/png, image/webp or "
                           "image/x-exr (?format=jpeg, png, webp, exr)");
     return best;
 }
@@ -70,14 +70,15 @@ static struct srv_part part_of(const char *text) {
     return (struct srv_part){ text, strlen(text) };
 }
 
-/* Of all of them: who draws a picture is not known before. */
+/* Fingerprint of all renderers, because it is not known in advance which one renders the snapshot.
+ */
 static struct srv_fingerprint of_renderers(struct srv_render_pool *render_pool) {
     enum { PARTS = 3 };
     struct sp_renderer_info info[SRV_RENDERERS];
     struct srv_part parts[SRV_RENDERERS * PARTS];
     srv_render_pool_info(render_pool, info);
     for (int l = 0; l < SRV_RENDERERS; l++) {
-        if (!info[l].backend) /* which begins as the first one did */
+        if (!info[l].backend) /* not started yet; it will start like the first one */
             info[l] = info[0];
         parts[PARTS * l] = part_of(info[l].backend);
         parts[PARTS * l + 1] = part_of(info[l].isa);
@@ -86,26 +87,27 @@ static struct srv_fingerprint of_renderers(struct srv_render_pool *render_pool) 
     return srv_fingerprint_of(parts, SRV_RENDERERS * PARTS);
 }
 
-/* Of all that decides the bytes: program, renderers, volume, view and form. */
-static bool make_etag(const struct srv_request *request, const struct srv_snapshot *still,
+/* Computes the ETag from everything that determines the bytes: program, renderers, volume, view and
+ * encode parameters. False when out of memory. */
+static bool make_etag(const struct srv_request *request, const struct srv_snapshot *snapshot,
                       char etag[ETAG_BYTES]) {
     const struct srv_http_options *app = request->app;
     char digits[SRV_FINGERPRINT_TEXT];
     size_t size;
-    proto_json *json = proto_view_encode(&still->view);
+    proto_json *json = proto_view_encode(&snapshot->view);
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
     if (!text)
         return false;
     struct srv_encode_params like =
-        srv_encode_params_from(still->format, still->quality, still->chroma);
-    int32_t form[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
+        srv_encode_params_from(snapshot->format, snapshot->quality, snapshot->chroma);
+    int32_t params[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
     struct srv_fingerprint renderers = of_renderers(app->render_pool);
     const struct srv_part parts[] = {
         { &app->program, sizeof app->program },
         { &renderers, sizeof renderers },
-        { srv_volume_fingerprint(still->volume), sizeof(struct srv_fingerprint) },
-        { form, sizeof form },
+        { srv_volume_fingerprint(snapshot->volume), sizeof(struct srv_fingerprint) },
+        { params, sizeof params },
         { text, size },
     };
     struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
@@ -128,33 +130,34 @@ static void set_caching(struct srv_reply *reply, const char *etag, const char *c
     srv_reply_header(reply, "Vary", "Accept");
 }
 
-struct picture { /* on its way to the client */
+struct image_body { /* an image that is being sent */
     struct srv_request *request;
     size_t size, at;
     uint8_t bytes[];
 };
 
-/* It is given back before the client can have all of it, who may ask for the next one then. */
-static ssize_t read_picture(void *user, char *bytes, size_t size) {
-    struct picture *picture = user;
-    const size_t left = picture->size - picture->at, n = left < size ? left : size;
-    memcpy(bytes, picture->bytes + picture->at, n);
-    picture->at += n;
-    if (picture->at == picture->size)
-        srv_request_end_snapshot(picture->request);
+/* Ends the snapshot with the last block, before the client has the whole image: the client may
+ * request the next one at once. */
+static ssize_t read_image(void *user, char *bytes, size_t size) {
+    struct image_body *image = user;
+    const size_t left = image->size - image->at, n = left < size ? left : size;
+    memcpy(bytes, image->bytes + image->at, n);
+    image->at += n;
+    if (image->at == image->size)
+        srv_request_end_snapshot(image->request);
     return (ssize_t)n;
 }
 
-static void reply_picture(struct srv_request *request, const struct srv_snapshot_result *result) {
-    struct picture *picture = malloc(sizeof *picture + result->size);
-    const struct srv_chunked_body body = { picture, read_picture, free, .has_one_deadline = true };
-    if (!picture) {
+static void reply_image(struct srv_request *request, const struct srv_snapshot_result *result) {
+    struct image_body *image = malloc(sizeof *image + result->size);
+    const struct srv_chunked_body body = { image, read_image, free, .has_one_deadline = true };
+    if (!image) {
         srv_reply_problem(&request->reply, 503, NULL, "no memory for an image of %zu bytes",
                           result->size);
         return;
     }
-    *picture = (struct picture){ .request = request, .size = result->size };
-    memcpy(picture->bytes, result->bytes, result->size);
+    *image = (struct image_body){ .request = request, .size = result->size };
+    memcpy(image->bytes, result->bytes, result->size);
     srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
@@ -164,15 +167,16 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct srv_reply *reply = &request->reply;
     if (!result->ok) {
         if (result->err.code == SP_ERR_CANCELLED)
-            sp_log(SP_LOG_INFO, "a picture for %s is not drawn: %s",
+            sp_log(SP_LOG_INFO, "snapshot for %s not rendered: %s",
                    srv_connection_peer(request->connection), result->err.text);
-        /* More than the renderer may keep: waiting does not help, another view does. */
+        /* The view exceeds the memory of the renderer: a retry does not help, but another view may.
+         * Hence 422, not 503. */
         if (result->err.code == SP_ERR_BUDGET)
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
         else
             srv_reply_error(reply, &result->err);
     } else {
-        reply_picture(request, result);
+        reply_image(request, result);
     }
     if (reply->chunked_body) {
         reply->status = 200;
@@ -190,49 +194,50 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
     srv_request_complete(request);
 }
 
-/* While it sleeps its connection stays open for us, whatever the client does. */
-static bool has_left(void *user) {
+/* True if the client has left. The connection of a suspended request stays open until it is
+ * completed. */
+static bool is_gone(void *user) {
     const struct render *render = user;
     return srv_connection_is_gone(render->request->connection);
 }
 
-/* Who pays for its pictures: its token, or where all have the same one that has no name, its host.
- */
-static void set_owner(const struct srv_request *request, struct srv_snapshot *still) {
+/* Sets the owner in the fair queue: the name of the token. Without a name, all clients share one
+ * token, and the owner is the host. */
+static void set_owner(const struct srv_request *request, struct srv_snapshot *snapshot) {
     struct srv_owner owner;
     srv_request_owner(request, &owner);
     if (owner.name[0])
-        snprintf(still->owner, sizeof still->owner, "%s", owner.name);
+        snprintf(snapshot->owner, sizeof snapshot->owner, "%s", owner.name);
     else
         srv_address_to_host((const struct sockaddr *)srv_connection_address(request->connection),
-                            still->owner);
+                            snapshot->owner);
 }
 
-/* Puts the request to sleep and queues its frame. Takes over the use of the volume. */
-static void submit(struct srv_request *request, struct srv_snapshot *still, const char *etag,
+/* Suspends the request and queues its snapshot. Takes over the use of the volume. */
+static void submit(struct srv_request *request, struct srv_snapshot *snapshot, const char *etag,
                    const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    uint64_t bytes = srv_snapshot_memory_of(still->view.size, still->format);
+    uint64_t bytes = srv_snapshot_memory_of(snapshot->view.size, snapshot->format);
     struct render *render = malloc(sizeof *render);
     if (!render)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory for a render request");
     if (!render || !srv_request_begin_snapshot(request, bytes, &err)) {
-        srv_catalog_release(request->app->catalog, still->volume);
+        srv_catalog_release(request->app->catalog, snapshot->volume);
         srv_reply_error(reply, &err);
         free(render);
         return;
     }
     render->request = request;
-    render->format = still->format;
+    render->format = snapshot->format;
     render->caching = caching;
     memcpy(render->etag, etag, sizeof render->etag);
-    still->done = on_done;
-    still->is_gone = has_left;
-    still->user = render;
-    set_owner(request, still);
+    snapshot->done = on_done;
+    snapshot->is_gone = is_gone;
+    snapshot->user = render;
+    set_owner(request, snapshot);
     srv_request_suspend(request);
     /* From here on the request may be answered, and gone, at any moment. */
-    if (srv_render_pool_submit(request->app->render_pool, still, &err))
+    if (srv_render_pool_submit(request->app->render_pool, snapshot, &err))
         return;
     free(render);
     srv_request_cancel_snapshot(request);
@@ -240,19 +245,20 @@ static void submit(struct srv_request *request, struct srv_snapshot *still, cons
     srv_request_complete(request);
 }
 
-/* Draws the view that `base` and `patch` make. */
+/* Renders the view `base` with `patch` applied; `base` NULL = the default view. */
 static void draw(struct srv_request *request, const proto_json *base, const proto_json *patch,
                  const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    struct srv_snapshot still = { .quality = 0 };
+    struct srv_snapshot snapshot = { .quality = 0 };
     struct srv_owner owner;
     void *volume = NULL;
     char etag[ETAG_BYTES];
-    still.format = choose_format(request, reply);
-    if (still.format == SP_IMAGE_FORMAT_COUNT || !read_quality(request, &still.quality, reply) ||
-        !read_chroma(request, &still.chroma, reply))
+    snapshot.format = choose_format(request, reply);
+    if (snapshot.format == SP_IMAGE_FORMAT_COUNT ||
+        !read_quality(request, &snapshot.quality, reply) ||
+        !read_chroma(request, &snapshot.chroma, reply))
         return;
-    if (!srv_hub_resolve_view(request->app->hub, base, patch, &still.view, &volume, &err)) {
+    if (!srv_hub_resolve_view(request->app->hub, base, patch, &snapshot.view, &volume, &err)) {
         /* The request does not name the volume of a saved view: the volume must be loaded first. */
         if (base && (err.code == SP_ERR_VOLUME_UNKNOWN || err.code == SP_ERR_NOT_READY ||
                      err.code == SP_ERR_VOLUME_FAILED))
@@ -261,20 +267,20 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
             srv_reply_view_error(reply, "", &err);
         return;
     }
-    still.volume = volume;
+    snapshot.volume = volume;
     srv_request_owner(request, &owner);
-    if (!srv_owner_allows_size(&owner, still.view.size, &err)) {
-        srv_catalog_release(request->app->catalog, still.volume);
+    if (!srv_owner_allows_size(&owner, snapshot.view.size, &err)) {
+        srv_catalog_release(request->app->catalog, snapshot.volume);
         srv_reply_error(reply, &err);
-    } else if (!make_etag(request, &still, etag)) {
-        srv_catalog_release(request->app->catalog, still.volume);
+    } else if (!make_etag(request, &snapshot, etag)) {
+        srv_catalog_release(request->app->catalog, snapshot.volume);
         srv_reply_problem(reply, 503, NULL, "no memory for a render request");
     } else if (srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag)) {
-        srv_catalog_release(request->app->catalog, still.volume);
+        srv_catalog_release(request->app->catalog, snapshot.volume);
         reply->status = 304;
         set_caching(reply, etag, caching);
     } else {
-        submit(request, &still, etag, caching, reply);
+        submit(request, &snapshot, etag, caching, reply);
     }
 }
 
@@ -285,7 +291,8 @@ void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&view);
 }
 
-/* ?camera= is JSON, as in a view. */
+/* Adds ?camera=, which is JSON as in a view, to the patch. False: the reply is a problem document.
+ */
 static bool read_camera(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
     const char *text = srv_request_query(request, "camera");
     struct sp_error err;
@@ -303,14 +310,15 @@ static bool read_camera(struct srv_request *request, proto_json *patch, struct s
     return false;
 }
 
-/* ?size=WIDTH,HEIGHT. */
+/* Adds ?size=WIDTH,HEIGHT to the patch. False: the reply is a problem document. */
 static bool read_size(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
     const char *text = srv_request_query(request, "size");
     uint32_t px[2];
     if (!text)
         return true;
     if (!srv_query_size(text, px)) {
-        srv_reply_problem(reply, 400, NULL, "?size= must be WIDTH,HEIGHT, whole numbers of px");
+        srv_reply_problem(reply, 400, NULL,
+                          "?size= must be WIDTH,HEIGHT: two whole numbers of pixels");
         return false;
     }
     proto_json *size = proto_json_array();
@@ -328,8 +336,8 @@ void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
     if (!view)
         srv_reply_error(reply, &err);
     else if (read_camera(request, patch, reply) && read_size(request, patch, reply))
-        /* Any cache may keep it, and asks whether it is still right: the daemon sees every token,
-         * and draws nothing for an answer of 304. */
+        /* Shared caches may store the image but must revalidate it: the daemon checks the token
+         * each time, and renders nothing for a 304. */
         draw(request, view, patch, "public, no-cache", reply);
     proto_json_free(&patch);
     proto_json_free(&view);

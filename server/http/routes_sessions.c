@@ -14,12 +14,15 @@
 enum { KEY_CHARACTERS = 24 };
 enum { FORK_BYTES = 256 }; /* {"from": id}, with blanks */
 static const char subprotocol[] = "splatd.v1";
-static const char for_nobody[] = "give the daemon's token, or a session's to fork it";
-static const char *const for_new[] = { "view", "from", NULL }, *const for_change[] = { "view",
-                                                                                       NULL };
+static const char token_missing[] =
+    "give a token of the daemon, or fork a session with its control token";
+static const char *const members_of_post[] = { "view", "from", NULL }, *const members_of_patch[] = {
+    "view", NULL
+};
 
-/* Refuses a body with others than these members, or a "view" that is no object. */
-static bool only_known(const proto_json *body, const char *const *known, struct srv_reply *reply) {
+/* False if the body has other members, or a "view" that is not an object: the reply is a problem
+ * document. */
+static bool has_only(const proto_json *body, const char *const *known, struct srv_reply *reply) {
     const proto_json *view = proto_json_get(body, "view");
     struct sp_error err;
     if (!proto_json_only(body, known, &err))
@@ -31,7 +34,8 @@ static bool only_known(const proto_json *body, const char *const *known, struct 
     return false;
 }
 
-/* The view that a new session begins with; *owner keeps it alive. */
+/* Returns the first view of a new session. The view belongs to *owner or to the body. NULL: the
+ * reply is a problem document. */
 static const proto_json *first_view(struct srv_request *request, const proto_json *body,
                                     proto_json **owner, struct srv_reply *reply) {
     const proto_json *from = proto_json_get(body, "from"), *view = proto_json_get(body, "view");
@@ -41,8 +45,8 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         return view ? view : body; /* an empty body: all defaults */
     if (!id || view) {
         srv_reply_problem(reply, 422, "/from",
-                          id ? "give either view or from"
-                             : "must be the id of a session or kept view");
+                          id ? "give either view or from, not both"
+                             : "must be the id of a session or saved view");
         return NULL;
     }
     if ((*owner = srv_saved_view_get(request->app->store, id, &err)))
@@ -51,7 +55,7 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
         (*owner = srv_hub_session_get(request->app->hub, id, false, srv_clock_ms(), &err)))
         return proto_json_get(*owner, "view");
     if (err.code == SP_ERR_NOT_FOUND)
-        srv_reply_problem(reply, 422, "/from", "there is no session and no kept view '%.64s'", id);
+        srv_reply_problem(reply, 422, "/from", "there is no session and no saved view '%.64s'", id);
     else
         srv_reply_error(reply, &err);
     return NULL;
@@ -62,27 +66,28 @@ static void reply_unauthorized(struct srv_reply *reply, const char *detail) {
     srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
 }
 
-/* The daemon's token, or the control token of the session body["from"]; false: the reply is the
- * problem. */
+/* True if the request has a token of the daemon, or the control token of the session body["from"].
+ * False: the reply is a problem document. */
 static bool may_fork(struct srv_request *request, const proto_json *body, struct srv_reply *reply) {
     struct sp_error err;
     enum srv_role role;
     const char *from = proto_json_string(proto_json_get(body, "from"));
-    if (request->grant.rights) /* srv_session_admits() saw to that */
+    if (request->grant.rights) /* srv_session_admits() has checked them */
         return true;
     if (!from ||
         !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
         reply_unauthorized(reply,
-                           "give the daemon's token, or fork a session with its control token");
+                           "give a token of the daemon, or fork a session with its control token");
     else if (role != SRV_ROLE_CONTROL)
-        /* A fork may show any volume: more than this token was given for. */
-        srv_reply_problem(reply, 403, NULL, "this token may watch, not fork");
+        /* A fork can show any volume, which is more than this token permits. */
+        srv_reply_problem(reply, 403, NULL, "this token may watch the session, not fork it");
     else
         return true;
     return false;
 }
 
-/* Whose the new session is: of who gave a token, or of who made the one that is forked. */
+/* Finds the owner of the new session: the token of the request, or else the owner of the session
+ * that is forked. */
 static void owner_of(const struct srv_request *request, const proto_json *body,
                      struct srv_owner *owner) {
     srv_request_owner(request, owner);
@@ -91,9 +96,9 @@ static void owner_of(const struct srv_request *request, const proto_json *body,
                               owner);
 }
 
-/* Makes it; who cannot be told of it has none. */
-static void make_session(struct srv_request *request, const proto_json *body,
-                         const proto_json *view, struct srv_reply *reply) {
+/* Creates the session. Deletes it again if the reply cannot be made. */
+static void create_session(struct srv_request *request, const proto_json *body,
+                           const proto_json *view, struct srv_reply *reply) {
     struct sp_error err;
     struct srv_owner owner;
     char id[SRV_SESSION_ID_BYTES];
@@ -119,31 +124,31 @@ static void make_session(struct srv_request *request, const proto_json *body,
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     if (request->body_max && request->body_seen > request->body_max) {
-        reply_unauthorized(reply, for_nobody);
+        reply_unauthorized(reply, token_missing);
         return;
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
-    /* Who may not ask learns nothing about the question. */
+    /* Check the rights first: a client without rights learns nothing about its body. */
     bool is_short = !body && reply->status == 503;
-    bool ok =
-        !is_short && may_fork(request, body, reply) && body && only_known(body, for_new, reply);
+    bool ok = !is_short && may_fork(request, body, reply) && body &&
+              has_only(body, members_of_post, reply);
     const proto_json *view = ok ? first_view(request, body, &owner, reply) : NULL;
     if (view)
-        make_session(request, body, view, reply);
+        create_session(request, body, view, reply);
     proto_json_free(&owner);
     proto_json_free(&body);
 }
 
 static proto_json *encode_item(void *user, const void *item) {
-    const struct srv_session_info *note = item;
+    const struct srv_session_info *info = item;
     (void)user;
     proto_json *json = proto_json_object();
-    bool ok = proto_json_set_string(json, "id", note->id);
-    ok = proto_json_set_string(json, "volume", note->volume) && ok;
-    ok = (!note->owner[0] || proto_json_set_string(json, "owner", note->owner)) && ok;
-    ok = proto_json_set_integer(json, "participants", note->participants) && ok;
-    ok = proto_json_set_bool(json, "asleep", note->is_hibernated) && ok;
-    ok = proto_json_set_number(json, "idle", note->idle_ms / 1000) && ok;
+    bool ok = proto_json_set_string(json, "id", info->id);
+    ok = proto_json_set_string(json, "volume", info->volume) && ok;
+    ok = (!info->owner[0] || proto_json_set_string(json, "owner", info->owner)) && ok;
+    ok = proto_json_set_integer(json, "participants", info->participants) && ok;
+    ok = proto_json_set_bool(json, "asleep", info->is_hibernated) && ok;
+    ok = proto_json_set_number(json, "idle", info->idle_ms / 1000) && ok;
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -158,22 +163,23 @@ void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     srv_paging_reply(&page, "sessions", encode_item, NULL, reply);
 }
 
-/* What the daemon's token of this request is in the session; false: nothing. */
+/* Finds the role that the daemon's token of this request has in the session. False: none. */
 static bool role_of_grant(const struct srv_request *request, enum srv_role *role) {
     struct srv_owner owner;
     srv_hub_session_owner(request->app->hub, request->param, &owner);
     return srv_owner_role(&owner, request->grant.name, request->grant.rights, role);
 }
 
-/* What a token is in the session: one of the session's what it says, the daemon's control in those
- * that it made and else a watcher. False: nothing, and the reply is the problem. */
+/* Finds the role of the token in the session. A join token has the role that it was created for. A
+ * token of the daemon controls the sessions that it created and watches others. False: no role, and
+ * the reply is a problem document. */
 static bool find_role(struct srv_request *request, enum srv_role *role, struct srv_reply *reply) {
     struct sp_error err;
     const char *token = srv_request_token(request);
     if (srv_hub_authorize(request->app->hub, request->param, token, role, &err))
         return true;
-    if (!request->grant.rights) /* who has no valid token does not learn which sessions exist */
-        reply_unauthorized(reply, "give the daemon's token, or one of a session that is there");
+    if (!request->grant.rights) /* without a valid token, do not reveal which sessions exist */
+        reply_unauthorized(reply, "give a token of the daemon, or one of an existing session");
     else if (!role_of_grant(request, role))
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
     else if (err.code != SP_ERR_DENIED)
@@ -190,8 +196,8 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     if (role < wanted)
         srv_reply_problem(reply, 403, NULL, "%s",
                           request->grant.rights & SRV_RIGHT_CONTROL
-                              ? "another token made this session; give its control token"
-                              : "this token may watch, not change");
+                              ? "another token created this session; give its control token"
+                              : "this token may watch the session, not change it");
     return role >= wanted;
 }
 
@@ -205,8 +211,8 @@ bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
     if (rights) {
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include sessions");
     } else if (!srv_request_token(request)) {
-        reply_unauthorized(reply, for_nobody);
-    } else { /* it may name a session to fork, and is not read further */
+        reply_unauthorized(reply, token_missing);
+    } else { /* the body may name a session to fork; a longer one is not stored */
         request->body_max = FORK_BYTES;
         return true;
     }
@@ -228,7 +234,7 @@ void srv_get_session(struct srv_request *request, struct srv_reply *reply) {
 void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     proto_json *body = srv_request_json(request, reply);
-    if (body && only_known(body, for_change, reply)) {
+    if (body && has_only(body, members_of_patch, reply)) {
         const proto_json *view = proto_json_get(body, "view");
         proto_json *changed = srv_hub_session_patch(request->app->hub, request->param,
                                                     view ? view : body, srv_clock_ms(), &err);
@@ -258,9 +264,9 @@ void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     }
 }
 
-/* The stream. */
+/* Streams. */
 
-struct upgrade { /* lives as long as the request, whether the upgrade comes about or not */
+struct upgrade { /* lives as long as the request, whether or not the upgrade succeeds */
     struct srv_streams *streams;
     struct srv_stream_start start;
 };
@@ -295,7 +301,7 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
     const char *origin = srv_request_header(request, "Origin");
     if (!srv_header_has_token(srv_request_header(request, "Upgrade"), "websocket") ||
         !srv_header_has_token(srv_request_header(request, "Connection"), "upgrade")) {
-        srv_reply_problem(reply, 426, NULL, "this is a WebSocket: upgrade to it");
+        srv_reply_problem(reply, 426, NULL, "this path is a WebSocket; send an upgrade request");
         srv_reply_header(reply, "Upgrade", "websocket");
     } else if (!version || strcmp(version, "13") != 0) {
         srv_reply_problem(reply, 426, NULL, "Sec-WebSocket-Version must be 13");
@@ -304,7 +310,7 @@ static bool check_handshake(struct srv_request *request, struct srv_reply *reply
         srv_reply_problem(reply, 400, NULL, "Sec-WebSocket-Key must have %d characters",
                           KEY_CHARACTERS);
     } else if (offered && !srv_header_has_token(offered, subprotocol)) {
-        srv_reply_problem(reply, 400, NULL, "the subprotocol is %s", subprotocol);
+        srv_reply_problem(reply, 400, NULL, "the subprotocol must be %s", subprotocol);
     } else if (!srv_cors_is_same_origin(origin, srv_request_header(request, "Host")) &&
                !srv_cors_allows(request->app->config->allow_origin, origin)) {
         sp_log(SP_LOG_WARN, "stream of %s refused: Origin %.200s is not this host",

@@ -5,7 +5,8 @@
 #include "http/headers.h"
 #include "http/listener_private.h"
 
-/* The page loads nothing from elsewhere, is framed by nobody and talks to this daemon alone. */
+/* The page loads nothing from other hosts, cannot be framed by other pages, and connects only to
+ * this daemon. */
 static const char policy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; "
@@ -45,7 +46,7 @@ void srv_get_contract(struct srv_request *request, struct srv_reply *reply) {
     if (asset)
         serve(request, asset, reply);
     else
-        srv_reply_problem(reply, 404, NULL, "this build does not hold %s", request->path);
+        srv_reply_problem(reply, 404, NULL, "this build does not contain %s", request->path);
 }
 
 void srv_get_healthz(struct srv_request *request, struct srv_reply *reply) {

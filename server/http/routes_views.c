@@ -25,7 +25,7 @@ bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_
 
 enum { BEGINNING_BYTES = SRV_TOKEN_NAME_BYTES + 32 };
 
-/* What records of the token's begin with. Names have no characters that JSON would escape. */
+/* Writes how the records of the token begin. Names have no characters that JSON would escape. */
 static void beginning_of(const struct srv_request *request, char text[BEGINNING_BYTES]) {
     snprintf(text, BEGINNING_BYTES, "{\"owner\":\"%s\",", request->grant.name);
 }
@@ -35,7 +35,7 @@ static proto_json *read_record(struct srv_store *store, const char *id, struct s
     struct sp_error why;
     char *text = srv_store_get(store, SRV_KIND_VIEW, id, &size, &why);
     if (!text && why.code == SP_ERR_NOT_FOUND)
-        sp_fail(err, why.code, NULL, "there is no kept view '%.64s'", id);
+        sp_fail(err, why.code, NULL, "there is no saved view '%.64s'", id);
     else if (!text)
         *err = why;
     proto_json *json = text ? proto_json_parse(text, size, err) : NULL;
@@ -53,7 +53,7 @@ proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct s
     return view;
 }
 
-/* Keeps a text under its id, unless the token keeps too many. */
+/* Saves a text under its id. False: *err; SP_ERR_QUOTA if the token has too many saved views. */
 static bool add_record(struct srv_request *request, const char *id, const char *text,
                        struct sp_error *err) {
     char beginning[BEGINNING_BYTES], *record = NULL;
@@ -70,8 +70,8 @@ static bool add_record(struct srv_request *request, const char *id, const char *
     return ok;
 }
 
-/* {"id": id}; false: the reply is the problem. */
-static bool answer_with(const char *id, struct srv_reply *reply) {
+/* Replies with {"id": id}. False when out of memory: the reply is a problem document. */
+static bool reply_id(const char *id, struct srv_reply *reply) {
     proto_json *answer = proto_json_object();
     if (!proto_json_set_string(answer, "id", id))
         proto_json_free(&answer);
@@ -79,8 +79,8 @@ static bool answer_with(const char *id, struct srv_reply *reply) {
     return reply->status == 201;
 }
 
-/* Answers with the view's id once it is kept. */
-static void keep_view(struct srv_request *request, const struct sp_view *view,
+/* Saves the view and replies with its id once the view is on disk. */
+static void save_view(struct srv_request *request, const struct sp_view *view,
                       struct srv_reply *reply) {
     struct sp_error err;
     char id[SRV_SAVED_VIEW_ID_BYTES];
@@ -90,7 +90,8 @@ static void keep_view(struct srv_request *request, const struct sp_view *view,
     proto_json_free(&json);
     if (!text || !srv_saved_view_id(text, size, id)) {
         srv_reply_problem(reply, 503, NULL, "no memory for a view");
-    } else if (answer_with(id, reply)) { /* first: who is refused keeps nothing */
+    } else if (reply_id(id, reply)) { /* first, so that nothing is saved if there is no memory for
+                                         the reply */
         if (add_record(request, id, text, &err)) {
             srv_reply_header(reply, "Location", "views/%s", id);
             srv_request_reply_when_durable(request);
@@ -115,7 +116,7 @@ void srv_post_view(struct srv_request *request, struct srv_reply *reply) {
         return;
     }
     srv_catalog_release(request->app->catalog, volume);
-    keep_view(request, &view, reply);
+    save_view(request, &view, reply);
 }
 
 void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
@@ -132,7 +133,7 @@ void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
 }
 
-/* {"id", "owner", "volume", "size"}; the id alone of one that went meanwhile. */
+/* Encodes {"id", "owner", "volume", "size"}; only the id if the view was deleted meanwhile. */
 static proto_json *encode_item(void *user, const void *item) {
     struct srv_request *request = user;
     struct sp_error err = { .code = SP_OK };
@@ -161,7 +162,7 @@ static proto_json *encode_item(void *user, const void *item) {
     return json;
 }
 
-/* An admin's are all. */
+/* An admin token sees all saved views. */
 static bool sees_all(const struct srv_request *request) {
     return request->grant.rights & SRV_RIGHT_ADMIN;
 }
@@ -189,9 +190,9 @@ void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
     if (!is_there && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (is_there && !may) {
-        srv_reply_problem(reply, 403, NULL, "another token keeps this view");
+        srv_reply_problem(reply, 403, NULL, "another token saved this view");
     } else if (!is_there || !srv_store_remove(store, SRV_KIND_VIEW, request->param)) {
-        srv_reply_problem(reply, 404, NULL, "there is no kept view '%.64s'", request->param);
+        srv_reply_problem(reply, 404, NULL, "there is no saved view '%.64s'", request->param);
     } else {
         reply->status = 204;
         srv_request_reply_when_durable(request);

@@ -6,8 +6,8 @@
 #include "protocol/view.h"
 #include "protocol/volume.h"
 
-/* What the volume takes, and what is derived from it: in all renderers, each of which keeps its own
- * lists. NULL when out of memory. */
+/* Encodes the memory of the volume: its voxels, and the cached data of all renderers. NULL when out
+ * of memory. */
 static proto_json *encode_memory(const struct srv_volume_status *status) {
     const struct sp_volume_info *info = sp_volume_info(status->volume);
     const uint32_t *dims = info->grid.dims;
@@ -23,7 +23,8 @@ static proto_json *encode_memory(const struct srv_volume_status *status) {
     return memory;
 }
 
-/* {"id", "name", "source", "state", "progress", …} and, once it is loaded, what it is. */
+/* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
+ * description. NULL when out of memory. */
 static proto_json *encode_volume(const struct srv_volume_status *status, bool in_full) {
     proto_json *json =
         status->volume ? proto_volume_encode(sp_volume_info(status->volume), status->id, in_full)
@@ -93,7 +94,7 @@ void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_json(reply, 200, proto_view_encode(&view));
 }
 
-/* Reads a member that must be a string; false: the reply is the problem. */
+/* Reads an optional member that must be a string. False: the reply is a problem document. */
 static bool read_string(const proto_json *body, const char *key, const char *pointer,
                         const char **out, struct srv_reply *reply) {
     const proto_json *value = proto_json_get(body, key);
@@ -122,23 +123,24 @@ static bool read_request(const proto_json *body, struct srv_volume_request *load
                           "give either \"path\" (below the data folder) or "
                           "\"uri\" (\"demo:NAME\")");
     else if (uri && strncmp(uri, "demo:", 5) != 0)
-        srv_reply_problem(reply, 422, "/uri", "only demo:NAME is known");
+        srv_reply_problem(reply, 422, "/uri", "must be demo:NAME");
     else if (!*(path ? path : uri))
-        srv_reply_problem(reply, 422, "/path", "is empty");
+        srv_reply_problem(reply, 422, "/path", "must not be empty");
     else
         load->source = path ? path : uri;
     return load->source != NULL;
 }
 
-/* The load goes on either way; of a volume that could not be put there is nothing to wait for. */
-static void keep_volume(struct srv_request *request, const char *id, struct srv_reply *reply) {
+/* Waits until the volume is on disk, unless the store has no record of it. The volume is loaded in
+ * any case. */
+static void reply_durable(struct srv_request *request, const char *id, struct srv_reply *reply) {
     struct sp_error err;
-    char *kept = srv_store_get(request->app->store, SRV_KIND_VOLUME, id, NULL, &err);
-    if (kept)
+    char *record = srv_store_get(request->app->store, SRV_KIND_VOLUME, id, NULL, &err);
+    if (record)
         srv_request_reply_when_durable(request);
     else
         srv_reply_header(reply, "X-Durable", "no");
-    free(kept);
+    free(record);
 }
 
 void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
@@ -161,7 +163,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             sp_volume_unref(&status.volume);
             if (reply->status < 400) {
                 srv_reply_header(reply, "Location", "volumes/%s", id);
-                keep_volume(request, id, reply);
+                reply_durable(request, id, reply);
             }
         }
     }

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Saved views: the canonical text of a whole view, named by its SHA-256, with the token that saved
- * it first: {"owner": NAME, "view": {…}}. Earlier versions saved the view alone; it has no owner.
+ * Saved views: the canonical text of a whole view, named by its SHA-256, with the name of the token
+ * that saved it first: {"owner": NAME, "view": {…}}. Records of earlier versions are the view
+ * alone, without an owner.
  */
 #ifndef SRV_HTTP_SAVED_VIEWS_H
 #define SRV_HTTP_SAVED_VIEWS_H

@@ -18,7 +18,7 @@ struct srv_rejection srv_smuggling_check_target(char *target, size_t limit) {
     if (count > SRV_QUERY_AMPERSANDS_MAX)
         return (struct srv_rejection){ 414, "the query has more than 16 '&'" };
     if (strstr(target, "%00"))
-        return (struct srv_rejection){ 400, "%00 in an address means nothing here" };
+        return (struct srv_rejection){ 400, "the address contains %00" };
     return (struct srv_rejection){ 0, NULL };
 }
 
@@ -28,7 +28,7 @@ static bool is_name(const char *name) {
     return length > 0 && !name[length];
 }
 
-/* RFC 9110, section 5.5. */
+/* True for a valid header value (RFC 9110, section 5.5). */
 static bool is_text(const char *value) {
     for (const char *c = value; *c; c++)
         if (((unsigned char)*c < ' ' && *c != '\t') || *c == 127)
@@ -62,22 +62,22 @@ struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smu
     bool is_old = strcmp(version, "HTTP/1.0") == 0;
     const char *detail = NULL;
     if (smuggling->all > SRV_HEADERS_MAX)
-        return (struct srv_rejection){ 431, "a request has at most 128 headers" };
+        return (struct srv_rejection){ 431, "the request has more than 128 headers" };
     if (smuggling->is_not_name)
-        detail = "a header's name has characters that none may have";
+        detail = "the name of a header has an invalid character";
     else if (smuggling->is_not_text)
-        detail = "a header's value has a control character";
+        detail = "the value of a header has a control character";
     else if (smuggling->hosts > 1 || (smuggling->hosts == 0 && !is_old))
-        detail = "a request has one Host header";
+        detail = "the request must have exactly one Host header";
     else if (smuggling->lengths > 1)
-        detail = "a request has at most one Content-Length header";
+        detail = "the request has more than one Content-Length header";
     else if (smuggling->is_not_number)
         detail = "Content-Length must be a number of at most 19 digits";
     else if (smuggling->encodings > 0 && smuggling->lengths > 0)
-        detail = "a request has either Transfer-Encoding or Content-Length";
+        detail = "the request has both Transfer-Encoding and Content-Length";
     else if (smuggling->encodings > 1 || smuggling->is_not_chunked)
         detail = "Transfer-Encoding must be chunked";
     else if (smuggling->encodings > 0 && is_old)
-        detail = "there is no Transfer-Encoding in HTTP/1.0";
+        detail = "HTTP/1.0 does not define Transfer-Encoding";
     return (struct srv_rejection){ detail ? 400 : 0, detail };
 }

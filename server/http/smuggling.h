@@ -10,7 +10,7 @@
 #include <stddef.h>
 
 enum {
-    SRV_QUERY_AMPERSANDS_MAX = 16, /* '&' in a query */
+    SRV_QUERY_AMPERSANDS_MAX = 16, /* '&' characters in a query */
     SRV_HEADERS_MAX = 128          /* of a request */
 };
 
@@ -19,19 +19,19 @@ struct srv_rejection {
     const char *detail; /* constant */
 };
 
-/* Checks the target of a request line before it is decoded; it may have `limit` bytes. A query with
- * too many parameters is erased: the HTTP library would fill its memory with them and have none
+/* Checks the target of a request line before it is decoded; it may have `limit` bytes. Erases a
+ * query with too many parameters: the HTTP library would fill its memory with them and have none
  * left for the answer. */
 struct srv_rejection srv_smuggling_check_target(char *target, size_t limit);
 
-/* What the headers say about the end of the request. */
+/* What the headers say about where the request ends. */
 struct srv_smuggling {
     unsigned all, hosts, lengths, encodings;
     bool is_not_number, is_not_chunked, is_not_name, is_not_text;
 };
-/* value NULL = empty. */
+/* Adds a header; `value` NULL = empty. */
 void srv_smuggling_add_header(struct srv_smuggling *smuggling, const char *name, const char *value);
-/* version: "HTTP/1.1" … */
+/* Checks all headers. `version` is "HTTP/1.1" or "HTTP/1.0". */
 struct srv_rejection srv_smuggling_check_headers(const struct srv_smuggling *smuggling,
                                                  const char *version);
 

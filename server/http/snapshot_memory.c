@@ -13,7 +13,7 @@ struct srv_snapshot_memory {
 struct srv_snapshot_memory *srv_snapshot_memory_create(uint64_t bytes_max, struct sp_error *err) {
     struct srv_snapshot_memory *memory = calloc(1, sizeof *memory);
     if (!memory) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the account of snapshots");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to account for snapshots");
         return NULL;
     }
     pthread_mutex_init(&memory->mutex, NULL);
@@ -42,7 +42,7 @@ bool srv_snapshot_memory_reserve(struct srv_snapshot_memory *memory, uint64_t by
         memory->bytes += bytes;
     pthread_mutex_unlock(&memory->mutex);
     return ok || sp_fail(err, SP_ERR_BUDGET, NULL,
-                         "pictures under way have %" PRIu64 " bytes, this one takes %" PRIu64
+                         "snapshots in progress have %" PRIu64 " bytes, this one needs %" PRIu64
                          ", and --render-bytes allows %" PRIu64 "; try again later",
                          others, bytes, memory->bytes_max);
 }

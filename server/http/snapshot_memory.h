@@ -19,7 +19,7 @@ struct srv_snapshot_memory *srv_snapshot_memory_create(uint64_t bytes_max, struc
 void srv_snapshot_memory_destroy(
     struct srv_snapshot_memory **memory); /* all bytes must be returned */
 
-/* Bytes of a snapshot of this size while it is rendered for this format. */
+/* Returns the bytes that a snapshot of this size and format takes while it is rendered. */
 uint64_t srv_snapshot_memory_of(const uint32_t size[2], enum sp_image_format format);
 
 /* Fails with SP_ERR_BUDGET if all snapshots together would exceed the limit. A single snapshot is

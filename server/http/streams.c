@@ -26,15 +26,15 @@ enum { EVENTS = 8, UNSENT_BYTES = 128 * 1024, DISCARD_BYTES = 64 * 1024 };
  * that still arrive are discarded until the peer closes. Otherwise a reset could destroy the close
  * frame before the peer reads it. */
 struct stream {
-    struct stream *next, **link; /* of the list; `link` is what points to it */
+    struct stream *next, **link; /* the list; `link` is the pointer that points to this stream */
     struct stream *next_dead;
-    struct srv_timer due; /* a tick looks at it then */
+    struct srv_timer timer; /* the next check by a tick */
     struct srv_stream_start start;
     struct srv_ws *ws; /* NULL while the stream lingers */
     uint8_t *extra;
     size_t extra_at, extra_size;
     uint32_t events;  /* watched by epoll */
-    double linger_ms; /* since when */
+    double linger_ms; /* when lingering began */
     bool dead;
 };
 
@@ -44,21 +44,21 @@ struct srv_streams {
     int epoll, wake;
     atomic_bool has_tick;        /* srv_streams_tick() was called and not handled yet */
     _Atomic double alive_ms;     /* when a tick was handled last */
-    struct srv_ingress *ingress; /* the thread's */
+    struct srv_ingress *ingress; /* used by the stream thread only */
     pthread_mutex_t mutex;
     pthread_cond_t gone;
     struct stream *inbox; /* guarded by mutex */
     size_t count;         /* streams of both lists; guarded by mutex */
     bool drain, stop;     /* guarded by mutex */
-    /* The rest belongs to the thread. No event and no tick iterates over all streams. */
+    /* The rest belongs to the stream thread. No event and no tick iterates over all streams. */
     struct stream *list, *dead;
-    struct srv_timer_heap dues;
+    struct srv_timer_heap timers;
 };
 
 static void wake(struct srv_streams *s) {
     uint64_t one = 1;
     ssize_t written = write(s->wake, &one, sizeof one);
-    (void)written; /* full means that the thread is awake already */
+    (void)written; /* if the counter is full, the thread is awake already */
 }
 
 void srv_streams_ready(void *user) {
@@ -122,7 +122,7 @@ static void linger(struct srv_streams *s, struct stream *stream, double now_ms) 
     stream->linger_ms = now_ms;
     if (lost)
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
-                    "stream of session %s ended without a close", stream->start.session);
+                    "stream of session %s ended without a close frame", stream->start.session);
     if (lost || shutdown(stream->start.socket, SHUT_WR) != 0)
         end(s, stream);
 }
@@ -140,7 +140,7 @@ static void send_and_watch(struct srv_streams *s, struct stream *stream, double 
 /* Call after every event of a stream. The next tick checks its time limits. */
 static void settle(struct srv_streams *s, struct stream *stream, double now_ms) {
     send_and_watch(s, stream, now_ms);
-    srv_timer_set_by(&s->dues, &stream->due, now_ms);
+    srv_timer_set_by(&s->timers, &stream->timer, now_ms);
 }
 
 static void discard(struct srv_streams *s, struct stream *stream) {
@@ -163,14 +163,15 @@ static void on_event(struct srv_streams *s, struct stream *stream, uint32_t even
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", stream->start.session }),
                     "stream of session %s cut off by its client (events %x)", stream->start.session,
                     events);
-        end(s, stream); /* nobody is there to read an answer */
+        end(s, stream); /* the client cannot read an answer any more */
     } else if (events & EPOLLIN)
         srv_ws_read(stream->ws, now_ms);
     if (!stream->dead)
         settle(s, stream, now_ms);
 }
 
-/* What came with the handshake wakes nobody. */
+/* Reads bytes that arrived with the handshake: epoll does not report bytes that are already
+ * buffered. */
 static void read_extra(struct stream *stream, double now_ms) {
     while (stream->ws && stream->extra_at < stream->extra_size && srv_ws_wants_read(stream->ws))
         srv_ws_read(stream->ws, now_ms);
@@ -219,7 +220,7 @@ static void reap(struct srv_streams *s, double now_ms) {
         *stream->link = stream->next;
         if (stream->next)
             stream->next->link = stream->link;
-        srv_timer_clear(&s->dues, &stream->due);
+        srv_timer_clear(&s->timers, &stream->timer);
         srv_ws_destroy(&stream->ws, now_ms);
         if (stream->events)
             epoll_ctl(s->epoll, EPOLL_CTL_DEL, stream->start.socket, NULL);
@@ -250,12 +251,12 @@ static void tick_stream(struct srv_streams *s, struct stream *stream, double now
     double due_ms = !stream->ws ? stream->linger_ms + LINGER_MS
                     : has_extra ? now_ms
                                 : srv_ws_deadline_ms(stream->ws);
-    srv_timer_set(&s->dues, &stream->due, fmax(due_ms, now_ms + SRV_STREAMS_TICK_MS / 2));
+    srv_timer_set(&s->timers, &stream->timer, fmax(due_ms, now_ms + SRV_STREAMS_TICK_MS / 2));
 }
 
 static void tick(struct srv_streams *s, double now_ms) {
     srv_ingress_tick(s->ingress);
-    for (struct stream *stream; (stream = srv_timer_take(&s->dues, now_ms));)
+    for (struct stream *stream; (stream = srv_timer_take(&s->timers, now_ms));)
         if (!stream->dead)
             tick_stream(s, stream, now_ms);
     atomic_store(&s->alive_ms, now_ms);
@@ -361,7 +362,7 @@ bool srv_streams_add(struct srv_streams *s, const struct srv_stream_start *start
     if (!stream)
         return false;
     stream->start = *start;
-    stream->due.of = stream;
+    stream->timer.of = stream;
     if (start->extra_size > 0) {
         stream->extra = malloc(start->extra_size);
         if (!stream->extra) {

@@ -32,22 +32,25 @@ struct srv_stream_start {
     enum srv_role role;
     char token[SRV_TOKEN_NAME_BYTES]; /* of srv_hub_join() */
     int socket;                       /* non-blocking */
-    const void *extra;                /* bytes that the client sent already; copied */
+    const void *extra;                /* bytes that arrived with the handshake; copied */
     size_t extra_size;
     struct sockaddr_storage peer;
     void *owner; /* released by close() when the stream thread is done with the socket */
     void (*close)(void *owner);
 };
-/* Hands a connection over. Any thread. False when out of memory: the caller keeps it. */
+/* Hands a connection over to the stream thread. Any thread. False when out of memory: the caller
+ * still owns it. */
 bool srv_streams_add(struct srv_streams *streams, const struct srv_stream_start *start);
 
 /* Wakes the stream thread: a participant has something to send. Any thread. */
 void srv_streams_ready(void *streams);
 
-/* Has the stream thread check pings, time limits and ingress quotas of its streams. To be called
- * about every SRV_STREAMS_TICK_MS; calls that come while one is waiting count once. Any thread. */
+/* Makes the stream thread check pings, time limits and ingress quotas of its streams. Call it about
+ * every SRV_STREAMS_TICK_MS; calls that arrive before the thread has handled the last one count
+ * once. Any thread. */
 void srv_streams_tick(struct srv_streams *streams);
-/* When the stream thread finished such a check last, in ms of srv_clock_ms(). Any thread. */
+/* Returns when the stream thread last finished such a check, in ms of srv_clock_ms(). Any thread.
+ */
 double srv_streams_alive_ms(const struct srv_streams *streams);
 
 /* Closes all streams with 1001. Returns when all are gone, after 3 s at the latest. */

@@ -13,9 +13,9 @@
 #include "http/tls_private.h"
 #include "sp/log.h"
 
-#define LINGER_MS 2000.0 /* for a client to close after our end */
+#define LINGER_MS 2000.0 /* for a client to close its side after the daemon closed its own */
 
-/* What both threads do with a connection. */
+/* For both threads. */
 
 void srv_tls_watch(struct srv_tls_connection *c, int which, uint32_t events) {
     struct srv_tls_side *side = &c->sides[which];
@@ -33,8 +33,8 @@ bool srv_tls_is_again(int error) {
 }
 
 void srv_tls_linger(struct srv_tls_connection *c, double now_ms) {
-    bool told = shutdown(c->sides[SRV_TLS_CLIENT].fd, SHUT_WR) == 0;
-    c->state = told ? SRV_TLS_LINGERS : SRV_TLS_DEAD;
+    bool is_shut = shutdown(c->sides[SRV_TLS_CLIENT].fd, SHUT_WR) == 0;
+    c->state = is_shut ? SRV_TLS_LINGERS : SRV_TLS_DEAD;
     c->deadline_ms = now_ms + LINGER_MS;
     srv_tls_watch(c, SRV_TLS_SERVER, 0);
     srv_tls_watch(c, SRV_TLS_CLIENT, EPOLLIN);
@@ -54,7 +54,7 @@ void srv_tls_discard(struct srv_tls_connection *c) {
 void srv_tls_end(struct srv_tls_connection *c) {
     for (int i = 0; i < SRV_TLS_SIDES; i++) {
         if (c->sides[i].fd >= 0)
-            close(c->sides[i].fd); /* which takes it out of epoll */
+            close(c->sides[i].fd); /* also removes it from epoll */
         c->sides[i].fd = -1;
     }
     if (c->session)
@@ -67,7 +67,7 @@ void srv_tls_end(struct srv_tls_connection *c) {
 void srv_tls_wake(struct srv_tls_thread *thread) {
     uint64_t one = 1;
     ssize_t written = write(thread->wake, &one, sizeof one);
-    (void)written; /* full means that it is awake already */
+    (void)written; /* if the counter is full, the thread is awake already */
 }
 
 void srv_tls_woken(struct srv_tls_thread *thread) {
@@ -99,7 +99,7 @@ static void stop(struct srv_tls_thread *thread) {
     thread->is_there = false;
 }
 
-/* Both threads have ended. */
+/* Call after both threads have ended. */
 static void release(struct srv_tls *tls) {
     while (tls->list) {
         struct srv_tls_connection *c = tls->list;

@@ -1,27 +1,28 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * TLS in front of the HTTP library, whose own breaks upgraded connections. Behind it everything is
- * as it is without TLS:
+ * TLS in front of the HTTP library, whose own TLS breaks upgraded connections. The HTTP side of a
+ * connection looks as without TLS:
  *
  *   client ◄──TCP──► GnuTLS ◄── 16 KiB up, 16 KiB down ──► one end │ other end ──► give()
- *                                                            └──────┘ socket pair
+ *                                                            └── socket pair ──┘
  *
- *   the acceptor      accepted ──► handshake ──► failed, plain HTTP ──► lingers ──► closed
- *                                │
- *   the relay                  └──► open ──► lingers ──► closed
+ *   acceptor   accepted ──► handshake ──► failed, or plain HTTP ──► lingers ──► closed
+ *                              │
+ *   relay                      └──► open ──► lingers ──► closed
  *
- * Two threads, since a handshake costs a hundred times what it costs to carry a picture's buffer,
- * and whoever likes may begin one: the acceptor is nice, one for all handshakes, which take turns.
- * So who floods it takes a share of the processor that a nice thread gets, and from open
- * connections nothing else: none of their bytes waits for a handshake.
+ * There are two threads, because a handshake costs about a hundred times as much processor time as
+ * relaying a buffer, and any client can start one. The acceptor does all handshakes as a background
+ * thread. A flood of handshakes takes only the processor time of a background thread; no byte of an
+ * open connection waits for it.
  *
- * Bounded: a connection costs two buffers and GnuTLS's session; a handshake has a deadline; of too
- * many handshakes the oldest ends, so that clients which dawdle keep nobody out; beyond
- * connections_max, for one host beyond accepted_from() or handshakes_per_s, and without descriptors
- * the newest is closed at once.
- * Back-pressure goes through: a side is read only while the other takes it. An end of either side
- * is passed on after the bytes before it; the time limits of an open connection are those of
- * whoever has the other end, and once that end is closed, linger_ms.
+ * Limits: a connection costs two buffers and the GnuTLS session; a handshake has a deadline; if
+ * there are too many handshakes, the oldest one ends, so that slow clients do not lock others out.
+ * The newest connection is closed at once beyond connections_max, beyond accepted_from() or
+ * handshakes_per_s of its host, and without file descriptors.
+ *
+ * Back-pressure passes through: a side is read only while the other side takes data. The end of one
+ * side is passed on after the bytes before it. An open connection has the time limits of its HTTP
+ * side; once that side is closed, the limit is linger_ms.
  */
 #ifndef SRV_HTTP_TLS_H
 #define SRV_HTTP_TLS_H
@@ -36,30 +37,31 @@
 struct srv_tls;
 
 struct srv_tls_options {
-    struct srv_tls_keys *keys; /* taken over on success */
-    int socket;                /* listens, does not block; closed by srv_tls_destroy() */
-    double handshake_ms;       /* longest */
-    double linger_ms;          /* longest for a client to read the rest, once give()'s end closed */
-    unsigned handshakes_max;   /* at a time */
-    double handshakes_per_s;   /* from one host (host_rate.h); 0 = any number */
-    bool spares_loopback;      /* from this machine's own: any number, too */
-    unsigned connections_max;  /* at a time, handshakes and those that linger too */
-    struct srv_metrics *metrics; /* not owned; NULL = what is refused is not counted */
+    struct srv_tls_keys *keys;   /* owned by the acceptor on success */
+    int socket;                  /* non-blocking listening socket; closed by srv_tls_destroy() */
+    double handshake_ms;         /* time limit of a handshake */
+    double linger_ms;            /* time for a client to read the rest after the HTTP side closed */
+    unsigned handshakes_max;     /* at a time */
+    double handshakes_per_s;     /* from one host (host_rate.h); 0 = no limit */
+    bool spares_loopback;        /* no limit for loopback addresses */
+    unsigned connections_max;    /* at a time, including handshakes and lingering connections */
+    struct srv_metrics *metrics; /* not owned; NULL = refusals are not counted */
     void *user;
-    /* Connections that one host may have at a time, as connections_max; NULL = any number. On the
-     * acceptor. */
+    /* Returns how many connections one host may have at a time, counted as for connections_max;
+     * NULL = no limit. Called on the acceptor. */
     unsigned (*accepted_from)(void *user, const struct sockaddr *host);
-    /* Takes the other end over, also when false: then the connection ends. On the relay. */
+    /* Takes ownership of the HTTP side of the socket pair, also on failure. False: the connection
+     * ends. Called on the relay. */
     bool (*give)(void *user, int socket, const struct sockaddr *peer, socklen_t size);
 };
 
-/* Accepts from then on. NULL with *err set. */
+/* Starts to accept connections. NULL with *err set. */
 struct srv_tls *srv_tls_create(const struct srv_tls_options *options, struct sp_error *err);
-/* New connections get these; takes them over. Any thread. */
+/* Takes ownership of the keys, for new connections. Any thread. */
 void srv_tls_set_keys(struct srv_tls *tls, struct srv_tls_keys *keys);
-/* Ends accepting and handshakes; once it returns, give() is not called any more. */
+/* Stops accepting and ends handshakes. give() is not called after it returns. */
 void srv_tls_close(struct srv_tls *tls);
-/* After all ends that were given are closed: clients get what is left, within two seconds. */
+/* Call after all HTTP sides are closed. Waits up to two seconds for clients to read the rest. */
 void srv_tls_destroy(struct srv_tls **tls);
 
 #endif

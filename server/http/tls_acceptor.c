@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The acceptor: accepts, shakes hands, hands over. Nice: what it does for those who come takes
- * nothing from those who are there. It holds no lock that others wait for but to hand over.
+ * The TLS acceptor: accepts connections, does the handshakes, and hands the connections over to the
+ * relay. It is a background thread, so that new connections take no processor time from open ones.
+ * It holds a shared lock only to hand a connection over.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -21,7 +22,7 @@
 
 enum {
     UNSENT_BYTES = 128 * 1024, /* as in streams.c */
-    ACCEPTS = 64               /* a turn */
+    ACCEPTS = 64               /* per event of the listening socket */
 };
 
 static void listen_again(struct srv_tls *tls, bool on) {
@@ -32,13 +33,13 @@ static void listen_again(struct srv_tls *tls, bool on) {
         tls->is_listening = on;
 }
 
-static bool shakes(const struct srv_tls_connection *c) {
+static bool is_in_handshake(const struct srv_tls_connection *c) {
     return !c->is_handed_over && c->state == SRV_TLS_HANDSHAKE;
 }
 
 /* Handshakes. */
 
-/* From here on it is the relay's. */
+/* Hands the connection over to the relay, which owns it from here on. */
 static void hand_over(struct srv_tls *tls, struct srv_tls_connection *c) {
     srv_tls_watch(c, SRV_TLS_CLIENT, 0);
     c->deadline_ms = 0;
@@ -61,8 +62,8 @@ static void shake(struct srv_tls *tls, struct srv_tls_connection *c, double now_
         bool writes = gnutls_record_get_direction(c->session) == 1;
         srv_tls_watch(c, SRV_TLS_CLIENT, writes ? EPOLLOUT : EPOLLIN);
     } else {
-        srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS, "no TLS with %s: %s", c->peer,
-                               gnutls_strerror(code));
+        srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS,
+                               "TLS handshake with %s failed: %s", c->peer, gnutls_strerror(code));
         gnutls_alert_send_appropriate(c->session, code);
         srv_tls_linger(c, now_ms);
     }
@@ -75,9 +76,9 @@ static bool is_plain_http(const struct srv_tls_connection *c) {
            first <= 'Z';
 }
 
-static void tell_plain(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+static void refuse_plain_http(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
     static const char body[] = "{\"type\":\"about:blank\",\"title\":\"Bad Request\",\"status\":400,"
-                               "\"detail\":\"this port speaks TLS: use https\"}";
+                               "\"detail\":\"this port speaks TLS; use https\"}";
     char answer[512];
     int size = snprintf(answer, sizeof answer,
                         "HTTP/1.1 400 Bad Request\r\nContent-Type: application/problem+json\r\n"
@@ -85,7 +86,7 @@ static void tell_plain(struct srv_tls *tls, struct srv_tls_connection *c, double
                         sizeof body - 1, body);
     ssize_t sent = send(c->sides[SRV_TLS_CLIENT].fd, answer, (size_t)size, MSG_NOSIGNAL);
     srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS,
-                           "no TLS with %s: it speaks plain HTTP", c->peer);
+                           "TLS handshake with %s failed: the client sent plain HTTP", c->peer);
     if (sent == size)
         srv_tls_linger(c, now_ms);
     else
@@ -95,7 +96,7 @@ static void tell_plain(struct srv_tls *tls, struct srv_tls_connection *c, double
 static void on_event(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
     if (c->state == SRV_TLS_HANDSHAKE && !c->session) {
         if (is_plain_http(c))
-            tell_plain(tls, c, now_ms);
+            refuse_plain_http(tls, c, now_ms);
         else if (!srv_tls_keys_begin(c->keys, c->sides[SRV_TLS_CLIENT].fd, &c->session))
             c->state = SRV_TLS_DEAD;
     }
@@ -107,7 +108,7 @@ static void on_event(struct srv_tls *tls, struct srv_tls_connection *c, double n
 
 /* The list. */
 
-/* Also what the relay is done with. */
+/* Frees dead connections, and those that the relay has finished. */
 static void reap(struct srv_tls *tls) {
     for (struct srv_tls_connection **link = &tls->list; *link;) {
         struct srv_tls_connection *c = *link;
@@ -127,18 +128,19 @@ static void end_oldest_handshake(struct srv_tls *tls) {
     struct srv_tls_connection *oldest = NULL;
     unsigned handshakes = 0;
     for (struct srv_tls_connection *c = tls->list; c; c = c->next) {
-        handshakes += shakes(c);
-        oldest = shakes(c) ? c : oldest;
+        handshakes += is_in_handshake(c);
+        oldest = is_in_handshake(c) ? c : oldest;
     }
     if (handshakes <= tls->options.handshakes_max)
         return;
-    srv_connection_refused(tls->options.metrics, SRV_REFUSED_HANDSHAKE,
-                           "no TLS with %s: more than %u handshakes at a time (--handshakes)",
-                           oldest->peer, tls->options.handshakes_max);
+    srv_connection_refused(
+        tls->options.metrics, SRV_REFUSED_HANDSHAKE,
+        "TLS handshake with %s ended: more than %u handshakes at a time (--handshakes)",
+        oldest->peer, tls->options.handshakes_max);
     oldest->state = SRV_TLS_DEAD;
 }
 
-static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const char *peer) {
+static bool has_capacity(struct srv_tls *tls, const struct sockaddr *host, const char *peer) {
     unsigned all = 0, same_host = 0;
     for (struct srv_tls_connection *c = tls->list; c; c = c->next) {
         bool is_there = !atomic_load(&c->is_over);
@@ -146,31 +148,32 @@ static bool has_room(struct srv_tls *tls, const struct sockaddr *host, const cha
         same_host += is_there && srv_address_same_host((const struct sockaddr *)&c->address, host);
     }
     if (all >= tls->options.connections_max) {
-        srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
-                               "TLS connection of %s refused: --connections (%u are open)", peer,
-                               all);
+        srv_connection_refused(
+            tls->options.metrics, SRV_REFUSED_FULL,
+            "TLS connection of %s refused: %u connections are open (--connections)", peer, all);
         return false;
     }
     if (!tls->options.accepted_from ||
         same_host < tls->options.accepted_from(tls->options.user, host))
         return true;
-    srv_connection_refused(tls->options.metrics, SRV_REFUSED_ADDRESS,
-                           "TLS connection of %s refused: it has %u (--connections-per-address)",
-                           peer, same_host);
+    srv_connection_refused(
+        tls->options.metrics, SRV_REFUSED_ADDRESS,
+        "TLS connection of %s refused: its address has %u connections (--connections-per-address)",
+        peer, same_host);
     return false;
 }
 
 /* Accepting. */
 
-static bool is_in_time(struct srv_tls *tls, const struct sockaddr_storage *host, const char *peer,
-                       double now_ms) {
+static bool is_within_rate(struct srv_tls *tls, const struct sockaddr_storage *host,
+                           const char *peer, double now_ms) {
     if ((tls->options.spares_loopback && srv_address_is_loopback((const struct sockaddr *)host)) ||
         srv_host_rate_take(&tls->rate, host, now_ms))
         return true;
     srv_connection_refused(
         tls->options.metrics, SRV_REFUSED_HANDSHAKE,
-        "TLS connection of %s refused: its address began more than %.0f per second "
-        "(--handshake-rate)",
+        "TLS connection of %s refused: its address started more than %.0f handshakes per "
+        "second (--handshake-rate)",
         peer, tls->options.handshakes_per_s);
     return false;
 }
@@ -180,11 +183,11 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
     srv_address_to_text((const struct sockaddr *)address, peer);
-    bool has = has_room(tls, (const struct sockaddr *)address, peer) &&
-               is_in_time(tls, address, peer, now_ms);
-    struct srv_tls_connection *c = has ? calloc(1, sizeof *c) : NULL;
+    bool is_allowed = has_capacity(tls, (const struct sockaddr *)address, peer) &&
+                      is_within_rate(tls, address, peer, now_ms);
+    struct srv_tls_connection *c = is_allowed ? calloc(1, sizeof *c) : NULL;
     if (!c) {
-        if (has)
+        if (is_allowed)
             srv_connection_refused(tls->options.metrics, SRV_REFUSED_FULL,
                                    "TLS connection of %s refused: no memory", peer);
         close(fd);
@@ -209,8 +212,9 @@ static void take(struct srv_tls *tls, int fd, const struct sockaddr_storage *add
     end_oldest_handshake(tls);
 }
 
-/* No file descriptors are left: closes one connection of the backlog, which would wait for long
- * otherwise, by means of the reserved descriptor. False with errno: there is none, or it failed. */
+/* Refuses a connection when no file descriptors are left: frees the reserved descriptor, then
+ * accepts and closes the connection, which would otherwise wait in the backlog. False with errno
+ * set: there is no connection, or accept4() failed. */
 static bool refuse_one(struct srv_tls *tls, int reason) {
     if (tls->spare >= 0)
         close(tls->spare);
@@ -225,7 +229,8 @@ static bool refuse_one(struct srv_tls *tls, int reason) {
     return fd >= 0;
 }
 
-/* Without descriptors accept4() fails with these also if no client waits. */
+/* True if the process has no file descriptors or memory left. accept4() fails with these errors
+ * even if no client waits. */
 static bool is_exhausted(int error) {
     return error == EMFILE || error == ENFILE || error == ENOBUFS || error == ENOMEM;
 }
@@ -261,7 +266,8 @@ static void tick(struct srv_tls *tls, double now_ms) {
             continue;
         if (c->state == SRV_TLS_HANDSHAKE)
             srv_connection_refused(tls->options.metrics, SRV_REFUSED_TLS,
-                                   "no TLS with %s: no handshake within --header-time", c->peer);
+                                   "TLS handshake with %s ended: not finished within --header-time",
+                                   c->peer);
         c->state = SRV_TLS_DEAD;
     }
     listen_again(tls, true);

@@ -15,9 +15,10 @@
 
 enum { PEM_BYTES_MAX = 1 << 20 };
 
-/* Without RSA key exchange and CBC, which have no forward secrecy and a history, and without finite
- * fields, which cost a server tens of times as much. The first group is the one that clients send a
- * share for unasked: any other before it would cost them a round trip more. */
+/* No RSA key exchange, because it has no forward secrecy. No CBC, because of its history of
+ * attacks. No finite-field groups, because they cost a server tens of times as much. X25519 is
+ * first, because clients send a key share for it without being asked: any other group would cost
+ * them another round trip. */
 static const char priorities[] = "SECURE128:-VERS-ALL:+VERS-TLS1.3:+VERS-TLS1.2:-RSA:-DHE-RSA:"
                                  "-GROUP-ALL:+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1:"
                                  "-AES-128-CBC:-AES-256-CBC:%SERVER_PRECEDENCE";
@@ -45,27 +46,27 @@ void srv_tls_keys_unref(struct srv_tls_keys **keys_pointer) {
     free(keys);
 }
 
-/* malloc'ed bytes of a file; data == NULL with *err set. */
+/* Returns the malloc'ed bytes of a file; data == NULL with *err set. */
 static gnutls_datum_t read_pem(const char *path, bool is_secret, struct sp_error *err) {
     gnutls_datum_t pem = { NULL, 0 };
     struct stat st;
     FILE *file = srv_open_regular(path);
     if (!file || fstat(fileno(file), &st) != 0) {
-        sp_fail(err, SP_ERR_IO, path, "cannot read it: %s", strerror(errno));
+        sp_fail(err, SP_ERR_IO, path, "cannot read the file: %s", strerror(errno));
     } else if (is_secret && st.st_mode & (S_IRWXO | S_IWGRP)) {
         sp_fail(err, SP_ERR_DENIED, path,
-                "others than its owner could read or change the private key (mode %04o); "
+                "users other than its owner can read or change the private key (mode %04o); "
                 "run: chmod 600 FILE",
                 (unsigned)st.st_mode & 07777);
     } else if (st.st_size > PEM_BYTES_MAX) {
-        sp_fail(err, SP_ERR_FORMAT, path, "%lld bytes; a PEM file has at most %d",
+        sp_fail(err, SP_ERR_FORMAT, path, "has %lld bytes; the limit of a PEM file is %d",
                 (long long)st.st_size, PEM_BYTES_MAX);
     } else if (!(pem.data = malloc(PEM_BYTES_MAX))) {
-        sp_fail(err, SP_ERR_MEMORY, path, "no memory to read it");
+        sp_fail(err, SP_ERR_MEMORY, path, "no memory to read the file");
     } else {
         pem.size = (unsigned)fread(pem.data, 1, PEM_BYTES_MAX, file);
         if (ferror(file)) {
-            sp_fail(err, SP_ERR_IO, path, "cannot read it: %s", strerror(errno));
+            sp_fail(err, SP_ERR_IO, path, "cannot read the file: %s", strerror(errno));
             free(pem.data);
             pem.data = NULL;
         }
@@ -98,7 +99,8 @@ static void warn_of_dates(const struct srv_tls_keys *keys, const char *path) {
     gnutls_x509_crt_deinit(certificate);
 }
 
-/* Whose fault is it that the two cannot be used together? */
+/* Writes to *err why certificate and key cannot be used: one of them is invalid, or they do not
+ * match. Returns false. */
 static bool explain(const gnutls_datum_t *certificate, const char *certificate_path,
                     const char *key_path, int code, struct sp_error *err) {
     gnutls_x509_crt_t *list = NULL;
@@ -110,12 +112,12 @@ static bool explain(const gnutls_datum_t *certificate, const char *certificate_p
     if (code == GNUTLS_E_MEMORY_ERROR)
         return sp_fail(err, SP_ERR_MEMORY, certificate_path, "no memory for the certificate");
     if (listed < 0)
-        return sp_fail(err, SP_ERR_FORMAT, certificate_path, "is no certificate in PEM: %s",
+        return sp_fail(err, SP_ERR_FORMAT, certificate_path, "is not a PEM certificate: %s",
                        gnutls_strerror(listed));
     if (code == GNUTLS_E_CERTIFICATE_KEY_MISMATCH)
         return sp_fail(err, SP_ERR_FORMAT, key_path, "is not the key of the certificate in %s",
                        certificate_path);
-    return sp_fail(err, SP_ERR_FORMAT, key_path, "is no private key in PEM without a password: %s",
+    return sp_fail(err, SP_ERR_FORMAT, key_path, "is not a PEM private key without a password: %s",
                    gnutls_strerror(code));
 }
 
@@ -155,7 +157,8 @@ bool srv_tls_keys_begin(const struct srv_tls_keys *keys, int socket, gnutls_sess
     if (gnutls_priority_set(*session, keys->priorities) == 0 &&
         gnutls_credentials_set(*session, GNUTLS_CRD_CERTIFICATE, keys->credentials) == 0 &&
         gnutls_alpn_set_protocols(*session, &http, 1, 0) == 0) {
-        gnutls_handshake_set_timeout(*session, GNUTLS_INDEFINITE_TIMEOUT); /* ours is in tls.c */
+        gnutls_handshake_set_timeout(
+            *session, GNUTLS_INDEFINITE_TIMEOUT); /* srv_tls_options.handshake_ms limits it */
         gnutls_transport_set_int(*session, socket);
         return true;
     }

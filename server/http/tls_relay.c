@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The TLS relay: moves the bytes of open connections between the client and the server's end. The
- * work per turn is bounded, whatever a client does.
+ * The TLS relay: moves the bytes of open connections between the client and the HTTP side of the
+ * socket pair. The work per event is bounded, whatever a client does.
  */
 #include <errno.h>
 #include <poll.h>
@@ -15,8 +15,9 @@
 #include "sp/log.h"
 
 enum {
-    TURNS = 8,             /* buffers a turn, so that one client does not keep the thread */
-    PAIR_BYTES = 64 * 1024 /* on their way to us, where no newer frame replaces them */
+    BUFFERS =
+        8, /* buffers per event and direction, so that one client does not occupy the thread */
+    PAIR_BYTES = 64 * 1024 /* buffered in the socket pair, where no newer frame can replace them */
 };
 #define STOP_MS 2000.0
 
@@ -51,7 +52,7 @@ static bool drain_up(struct srv_tls_connection *c) {
         send(c->sides[SRV_TLS_SERVER].fd, up->bytes + up->at, up->size - up->at, MSG_NOSIGNAL);
     if (sent < 0 && srv_tls_is_again(errno))
         return false;
-    if (sent < 0) { /* the server's end is closed: discard the bytes */
+    if (sent < 0) { /* the HTTP side is closed: discard the bytes */
         up->at = up->size = 0;
         return true;
     }
@@ -85,10 +86,11 @@ static bool drain_down(struct srv_tls_connection *c) {
     return true;
 }
 
-/* Never returns while it holds bytes that the server would take: no event would wake it. */
+/* Never returns with bytes that the HTTP side could take, because no event would continue the
+ * transfer. */
 static void pump_up(struct srv_tls_connection *c) {
     struct srv_tls_half *up = &c->up;
-    for (int turns = TURNS;; turns--) {
+    for (int turns = BUFFERS;; turns--) {
         while (up->at < up->size)
             if (!drain_up(c))
                 return;
@@ -103,7 +105,7 @@ static void pump_up(struct srv_tls_connection *c) {
 
 static void pump_down(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
     struct srv_tls_half *down = &c->down;
-    for (int turns = TURNS; !down->is_ended; turns--) {
+    for (int turns = BUFFERS; !down->is_ended; turns--) {
         while (down->at < down->size)
             if (!drain_down(c))
                 return;
@@ -135,7 +137,7 @@ static void pump(struct srv_tls *tls, struct srv_tls_connection *c, double now_m
         watch_open(c);
 }
 
-/* Coming and going. */
+/* Start and end of connections. */
 
 static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
     int pair[2], bytes = PAIR_BYTES;
@@ -158,10 +160,11 @@ static void open_pair(struct srv_tls *tls, struct srv_tls_connection *c) {
     }
 }
 
-/* Takes over what the acceptor has shaken hands with; a byte may wait in GnuTLS already. */
+/* Takes over connections from the acceptor. Pumps each at once, because bytes may already wait in
+ * GnuTLS. */
 static void take_arrivals(struct srv_tls *tls, double now_ms) {
     srv_tls_woken(&tls->relay);
-    pthread_mutex_lock(&tls->mutex); /* also while they are given: srv_tls_close() waits for that */
+    pthread_mutex_lock(&tls->mutex); /* held during give(), so that srv_tls_close() waits for it */
     struct srv_tls_connection *list = tls->arrivals;
     tls->arrivals = NULL;
     for (struct srv_tls_connection *c = list; c; c = c->next_relayed) {
@@ -181,7 +184,7 @@ static void take_arrivals(struct srv_tls *tls, double now_ms) {
     }
 }
 
-/* The acceptor counts and frees them. */
+/* Ends dead connections. The acceptor counts and frees them. */
 static void reap(struct srv_tls *tls) {
     for (struct srv_tls_connection **link = &tls->relayed; *link;) {
         struct srv_tls_connection *c = *link;
@@ -195,8 +198,9 @@ static void reap(struct srv_tls *tls) {
     }
 }
 
-/* While bytes wait for the client nobody reads the server's side, nor hears of its end. */
-static void look_for_end(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
+/* Starts the deadline when the HTTP side has closed. Epoll does not watch that side while bytes
+ * wait for the client. */
+static void check_http_side(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
     struct pollfd look = { .fd = c->sides[SRV_TLS_SERVER].fd, .events = POLLRDHUP };
     if (c->state == SRV_TLS_OPEN && c->deadline_ms == 0 && c->down.at < c->down.size &&
         poll(&look, 1, 0) > 0)
@@ -205,12 +209,13 @@ static void look_for_end(struct srv_tls *tls, struct srv_tls_connection *c, doub
 
 static void tick(struct srv_tls *tls, double now_ms) {
     for (struct srv_tls_connection *c = tls->relayed; c; c = c->next_relayed) {
-        look_for_end(tls, c, now_ms);
+        check_http_side(tls, c, now_ms);
         if (c->deadline_ms == 0 || now_ms < c->deadline_ms)
             continue;
         if (c->state == SRV_TLS_OPEN)
             sp_log(SP_LOG_INFO,
-                   "TLS connection of %s closed: the rest was not read within --request-time",
+                   "TLS connection of %s closed: the client did not read the rest within "
+                   "--request-time",
                    c->peer);
         c->state = SRV_TLS_DEAD;
     }
@@ -218,7 +223,7 @@ static void tick(struct srv_tls *tls, double now_ms) {
 
 /* The thread. */
 
-/* True: it is dead, and may go at the end of the turn. */
+/* True if the connection is dead; reap() frees it after the events. */
 static bool on_event(struct srv_tls *tls, struct srv_tls_connection *c, double now_ms) {
     if (c->state == SRV_TLS_OPEN)
         pump(tls, c, now_ms);

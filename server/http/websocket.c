@@ -12,18 +12,18 @@
 #include "sp/log.h"
 
 enum {
-    REPLIES_MAX = 64,     /* messages that wait for the socket before reading stops */
-    FRAGMENTS_MAX = 1024, /* of one message: each costs memory of its own */
-    READ_BYTES = 8192,    /* a turn */
-    PIECE_BYTES = 512,    /* the library takes all frames of a piece before it asks again */
-    MESSAGES_BUDGET = 64, /* messages sent a turn */
+    REPLIES_MAX = 64,     /* messages waiting for the socket at which reading stops */
+    FRAGMENTS_MAX = 1024, /* per message, because each costs memory */
+    READ_BYTES = 8192,    /* per srv_ws_read() */
+    PIECE_BYTES = 512,    /* per recv: wslay handles all frames of a piece before it reads again */
+    MESSAGES_BUDGET = 64, /* messages per srv_ws_write() */
 };
-#define CLOSE_MS 2000.0 /* to send what is queued after the decision to close */
+#define CLOSE_MS 2000.0 /* to send queued messages after the decision to close */
 
-struct out_frame { /* on its way to the socket: two headers, and the picture */
+struct out_frame { /* a frame being sent: WebSocket header, frame header, then the image */
     uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
     size_t head_size, sent;
-    struct srv_blob *blob; /* NULL = no frame is on its way */
+    struct srv_blob *blob; /* NULL = no frame is being sent */
     double since_ms;
 };
 
@@ -33,13 +33,13 @@ struct srv_ws {
     wslay_event_context_ptr context;
     struct srv_participant *participant;
     struct srv_ingress_stream ingress;
-    size_t turn_left;   /* bytes */
-    unsigned fragments; /* of the message that is arriving */
+    size_t read_left;   /* bytes that this srv_ws_read() may still read */
+    unsigned fragments; /* of the message being received */
     struct out_frame frame;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
     bool end_of_file, broken, closing;
-    bool is_behind; /* the last turn had no room for all that there was to send */
-    bool is_ended;  /* its end was counted */
+    bool is_behind; /* the last srv_ws_write() reached its limit with messages left */
+    bool is_ended;  /* its end is counted in the metrics */
 };
 
 static bool has_replies(const struct srv_ws *ws) {
@@ -51,19 +51,19 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     (void)flags;
     struct srv_ws *ws = user;
     ssize_t got = -1;
-    if (ws->turn_left == 0 || !srv_ingress_has(&ws->ingress) || has_replies(ws)) {
+    if (ws->read_left == 0 || !srv_ingress_has(&ws->ingress) || has_replies(ws)) {
         wslay_event_set_error(context, WSLAY_ERR_WOULDBLOCK);
         return -1;
     }
     if (size > PIECE_BYTES)
         size = PIECE_BYTES;
-    if (size > ws->turn_left)
-        size = ws->turn_left;
+    if (size > ws->read_left)
+        size = ws->read_left;
     do
         got = ws->options.transport.recv(ws->options.transport.user, bytes, size);
     while (got < 0 && errno == EINTR);
     if (got > 0) {
-        ws->turn_left -= (size_t)got;
+        ws->read_left -= (size_t)got;
         srv_ingress_take(&ws->ingress, (size_t)got);
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
@@ -76,7 +76,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     return -1;
 }
 
-/* How much of it the transport took; 0 = it is full, less than 0 = it failed. */
+/* Returns the number of bytes that the transport took; 0 = it is full, negative = it failed. */
 static ssize_t send_parts(struct srv_ws *ws, const struct iovec *parts, size_t count,
                           bool is_more) {
     ssize_t sent;
@@ -101,7 +101,7 @@ static ssize_t on_send(wslay_event_context_ptr context, const uint8_t *bytes, si
     return -1;
 }
 
-/* Counts the end of a stream, once: the first reason is the one. */
+/* Counts the end of a stream once, with the first reason. */
 static void count_end(struct srv_ws *ws, enum srv_counter reason) {
     if (!ws->is_ended)
         srv_metrics_add(ws->options.metrics, reason, 1);
@@ -134,7 +134,8 @@ static void on_frame_start(wslay_event_context_ptr context,
     struct srv_ws *ws = user;
     srv_ingress_take(&ws->ingress, SRV_INGRESS_FRAME_BYTES);
     if (frame->opcode == WSLAY_CONNECTION_CLOSE && frame->payload_length == 1)
-        srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close with half a code", ws->now_ms);
+        srv_ws_close(ws, WSLAY_CODE_PROTOCOL_ERROR, "a close frame with half a status code",
+                     ws->now_ms);
     if (wslay_is_ctrl_frame(frame->opcode))
         return;
     ws->fragments = frame->opcode == WSLAY_CONTINUATION_FRAME ? ws->fragments + 1 : 1;
@@ -147,7 +148,7 @@ static void on_message(wslay_event_context_ptr context,
                        const struct wslay_event_on_msg_recv_arg *message, void *user) {
     struct srv_ws *ws = user;
     if (ws->closing || wslay_is_ctrl_frame(message->opcode))
-        return; /* pings are answered by the library */
+        return; /* wslay answers pings itself */
     if (message->opcode != WSLAY_TEXT_FRAME) {
         srv_ws_close(ws, WSLAY_CODE_UNSUPPORTED_DATA, "clients send text messages only",
                      ws->now_ms);
@@ -219,15 +220,15 @@ static bool is_sending(const struct srv_ws *ws) {
     return ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 0;
 }
 
-/* The socket has its time for what is queued from then on. */
-static void begin_turn(struct srv_ws *ws, double now_ms) {
+/* Starts a call. The stall time of the socket starts when there is something to send. */
+static void begin_call(struct srv_ws *ws, double now_ms) {
     ws->now_ms = now_ms;
     if (!is_sending(ws))
         ws->progress_ms = now_ms;
 }
 
-/* After a frame that the library cannot parse it has queued a close without a code. When nothing
- * else is on its way, a close with the code is sent in its place. */
+/* wslay queues a close without a status code after a frame that it cannot parse. If nothing else is
+ * being sent, this sends a close with the code instead. */
 static void refuse_frame(struct srv_ws *ws) {
     static const uint8_t close[] = { 0x88, 2, WSLAY_CODE_PROTOCOL_ERROR >> 8,
                                      WSLAY_CODE_PROTOCOL_ERROR & 255 };
@@ -236,7 +237,7 @@ static void refuse_frame(struct srv_ws *ws) {
     count_end(ws, SRV_COUNT_END_PROTOCOL);
     sp_log_with(SP_LOG_WARN,
                 SP_LOG_FIELDS({ "session", ws->options.session }, { "peer", ws->peer }),
-                "stream of %s closed: a frame against RFC 6455", ws->peer);
+                "stream of %s closed: a frame violates RFC 6455", ws->peer);
     if (ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 1)
         return;
     wslay_event_shutdown_write(ws->context);
@@ -246,16 +247,16 @@ static void refuse_frame(struct srv_ws *ws) {
 }
 
 void srv_ws_read(struct srv_ws *ws, double now_ms) {
-    begin_turn(ws, now_ms);
+    begin_call(ws, now_ms);
     if (!srv_ws_wants_read(ws))
         return;
-    ws->turn_left = READ_BYTES;
+    ws->read_left = READ_BYTES;
     int failed = wslay_event_recv(ws->context);
     if (failed == WSLAY_ERR_CALLBACK_FAILURE && !ws->end_of_file && !ws->closing)
         refuse_frame(ws);
     else if (failed)
         ws->broken = true;
-    /* The library closes by itself after errors of the peer and after its close. */
+    /* wslay closes the stream itself after errors of the peer and after its close. */
     if (!ws->closing && !wslay_event_want_read(ws->context)) {
         ws->closing = true;
         ws->close_ms = now_ms;
@@ -269,12 +270,12 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     }
 }
 
-/* Takes over the message's blob. */
+/* Takes ownership of the message's blob. */
 static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
     struct out_frame *frame = &ws->frame;
     uint64_t size = PROTO_FRAME_HEADER_BYTES + (uint64_t)message->blob->size;
     unsigned length_bytes = size < 126 ? 0 : size <= UINT16_MAX ? 2 : 8;
-    frame->head[0] = 0x80 | WSLAY_BINARY_FRAME; /* RFC 6455, 5.2; the first and last of it */
+    frame->head[0] = 0x80 | WSLAY_BINARY_FRAME; /* RFC 6455, 5.2: a message of one frame */
     frame->head[1] = (uint8_t)(length_bytes == 0 ? size : length_bytes == 2 ? 126 : 127);
     for (unsigned i = 0; i < length_bytes; i++)
         frame->head[2 + i] = (uint8_t)(size >> 8 * (length_bytes - 1 - i));
@@ -337,7 +338,7 @@ static bool pull(struct srv_ws *ws) {
 }
 
 void srv_ws_write(struct srv_ws *ws, double now_ms) {
-    begin_turn(ws, now_ms);
+    begin_call(ws, now_ms);
     ws->is_behind = false;
     for (int i = 0; i < MESSAGES_BUDGET && !ws->broken; i++) {
         if (!is_sending(ws) && !ws->closing && !pull(ws))
@@ -358,13 +359,13 @@ void srv_ws_write(struct srv_ws *ws, double now_ms) {
 }
 
 void srv_ws_tick(struct srv_ws *ws, double now_ms) {
-    begin_turn(ws, now_ms);
+    begin_call(ws, now_ms);
     if (ws->closing) {
         if (now_ms - ws->close_ms > CLOSE_MS)
             ws->broken = true;
         return;
     }
-    /* Who is not listened to is not silent; the stall limit is for this one. */
+    /* A client whose bytes are not read is not silent; the stall limit covers it. */
     if (!srv_ws_wants_read(ws))
         ws->heard_ms = now_ms;
     double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
@@ -408,17 +409,17 @@ double srv_ws_deadline_ms(const struct srv_ws *ws) {
     return due_ms;
 }
 
-static bool listens(const struct srv_ws *ws) {
+static bool can_listen(const struct srv_ws *ws) {
     return !ws->broken && !ws->end_of_file && wslay_event_want_read(ws->context) &&
            !has_replies(ws);
 }
 
 bool srv_ws_wants_read(const struct srv_ws *ws) {
-    return listens(ws) && srv_ingress_has(&ws->ingress);
+    return can_listen(ws) && srv_ingress_has(&ws->ingress);
 }
 
 bool srv_ws_is_paused(const struct srv_ws *ws) {
-    return listens(ws) && !srv_ingress_has(&ws->ingress);
+    return can_listen(ws) && !srv_ingress_has(&ws->ingress);
 }
 
 bool srv_ws_wants_write(const struct srv_ws *ws) {

@@ -5,12 +5,13 @@
  *
  *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
  *
- * Bounded: reading stops while 64 messages wait to be sent, and until the next tick when the client
- * has said as much as it may (ingress.h); a turn reads a few KiB, so that frames go out between two
- * turns of a flood; one frame is in the socket's hands and one in the outbox, both shared with all
- * who get the same picture. The library frames and queues messages of text; a picture goes out
- * beside it, from where it lies, when all else was sent, and whole before anything else is. One
- * thread at a time.
+ * Everything is bounded. Reading stops while 64 messages wait to be sent, and until the next tick
+ * when the client has used up its ingress quota (ingress_quota.h). One srv_ws_read() reads a few
+ * KiB, so that frames are sent even during a flood. One frame is in the socket's buffer and one in
+ * the outbox; clients that get the same image share both.
+ *
+ * wslay frames and queues text messages. An image bypasses it: it is sent from its blob, without a
+ * copy, after all queued messages and before any later one. One thread at a time.
  */
 #ifndef SRV_HTTP_WEBSOCKET_H
 #define SRV_HTTP_WEBSOCKET_H
@@ -36,10 +37,10 @@ struct srv_ws_transport { /* like recv() and sendmsg() on a non-blocking socket,
 struct srv_ws_options {
     struct srv_hub *hub;
     struct srv_ingress *ingress;
-    struct srv_metrics *metrics; /* NULL = nothing is counted */
+    struct srv_metrics *metrics; /* NULL = no metrics */
     const char *session;
     enum srv_role role;
-    const char *token; /* of srv_hub_join(); copied */
+    const char *token; /* for srv_hub_join(); copied */
     void *user;        /* what srv_hub_take_ready() returns for it */
     const char *peer;  /* for the log; copied */
     size_t message_bytes;
@@ -52,9 +53,10 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
                              struct sp_error *err);
 void srv_ws_destroy(struct srv_ws **ws, double now_ms); /* leaves the session */
 
-void srv_ws_read(struct srv_ws *ws, double now_ms);  /* the transport may have bytes */
-void srv_ws_write(struct srv_ws *ws, double now_ms); /* it may take bytes, or there is something */
-/* Pings and time limits; after srv_ingress_tick(). */
+void srv_ws_read(struct srv_ws *ws, double now_ms); /* the transport may have bytes */
+void srv_ws_write(struct srv_ws *ws,
+                  double now_ms); /* the transport may take bytes, or there are messages */
+/* Checks pings and time limits. Call after srv_ingress_tick(). */
 void srv_ws_tick(struct srv_ws *ws, double now_ms);
 /* Returns when srv_ws_tick() has work if nothing else happens until then. A time in the past means
  * the next tick. After any event the caller ticks at the next tick at the latest. */
@@ -63,9 +65,9 @@ double srv_ws_deadline_ms(const struct srv_ws *ws);
 void srv_ws_close(struct srv_ws *ws, uint16_t code, const char *reason, double now_ms);
 
 bool srv_ws_wants_read(const struct srv_ws *ws);
-bool srv_ws_is_paused(const struct srv_ws *ws); /* it will want to read after the next tick */
+bool srv_ws_is_paused(const struct srv_ws *ws); /* it will read again after the next tick */
 bool srv_ws_wants_write(const struct srv_ws *ws);
-bool srv_ws_is_over(const struct srv_ws *ws); /* nothing more to send or to receive */
-bool srv_ws_is_lost(const struct srv_ws *ws); /* over, and the peer is gone or beyond talking to */
+bool srv_ws_is_over(const struct srv_ws *ws); /* nothing left to send or receive */
+bool srv_ws_is_lost(const struct srv_ws *ws); /* over, and the peer cannot be reached any more */
 
 #endif

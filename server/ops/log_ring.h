@@ -2,9 +2,9 @@
  *
  * Passes log lines to a writer thread: the thread that logs puts its line into a ring and
  * continues; the writer writes it to standard error. So a reader that stops reading (a pager, a
- * terminal after Ctrl-S, a collector that hangs) blocks nobody. Lines that do not fit or cannot be
- * written are counted as lost. After a loss the ring takes no line until it is half empty and the
- * count has been taken, so that the report stands where the lines are missing.
+ * terminal after Ctrl-S, a collector that hangs) blocks no thread of the daemon. Lines that do not
+ * fit or cannot be written are counted as lost. After a loss the ring takes no line until it is
+ * half empty and the count has been taken, so that the report stands where the lines are missing.
  */
 #ifndef SRV_OPS_LOG_RING_H
 #define SRV_OPS_LOG_RING_H

@@ -43,7 +43,7 @@ static void remove_paths(const struct srv_folder *left) {
         closedir(paths);
 }
 
-/* Removes the folder of a killed process: it belongs to our user, and nobody holds its lock. */
+/* Removes the folder of a killed process: it belongs to our user, and no process holds its lock. */
 static void remove_left(int parent, const char *name, const char *parent_path) {
     struct srv_folder left = { .lock = -1 };
     struct stat st;
@@ -81,7 +81,8 @@ static bool open_private(struct srv_folder *folder, struct sp_error *err) {
         folder->lock = open(folder->root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
         if (folder->lock < 0)
             continue;
-        flock(folder->lock, LOCK_EX); /* on a file system without locks nobody removes it either */
+        flock(folder->lock,
+              LOCK_EX); /* a file system without locks: no process removes it either */
         if (fstat(folder->lock, &st) == 0 && st.st_nlink > 0)
             return true;
         close(folder->lock);

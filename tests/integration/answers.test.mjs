@@ -132,7 +132,7 @@ test('no origin is allowed by default, and an invalid --allow-origin is refused 
   for (const list of ['*', 'viewer.example', 'https://a/', 'https://a, https://b']) {
     const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--allow-origin', list]);
     assert.notEqual(status, 0, list);
-    assert.match(err, /--allow-origin: .*is no origin/);
+    assert.match(err, /--allow-origin: .*is not an origin/);
   }
 });
 

@@ -235,7 +235,7 @@ test('large images for clients that disconnected are not rendered and delay no o
   await stream.end();
   const peers = impatient.map((raw) => raw.socket.address().port);
   for (const raw of impatient) raw.destroy();
-  for (const port of peers) await slow.untilLogged(`a picture for 127.0.0.1:${port} is not drawn`);
+  for (const port of peers) await slow.untilLogged(`snapshot for 127.0.0.1:${port} not rendered`);
   const { status } = await slow.fetch('/api/v1/render', {
     method: 'POST', body: '{"volume": "engine", "size": [16, 16]}', headers: { 'Content-Type': 'application/json' },
   });
@@ -269,11 +269,11 @@ test('requests that a proxy could parse differently are refused and end their co
     [`${post}Host: x\r\nContent-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n`, 400, /Transfer-Encoding/],
     [`${post}Host: x\r\nTransfer-Encoding: gzip\r\n\r\n`, 400, /must be chunked/],
     [`${post}Host: x\r\nTransfer-Encoding: gzip, chunked\r\n\r\n0\r\n\r\n`, 400, /must be chunked/],
-    ['GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n', 400, /one Host/],
-    ['GET /healthz HTTP/1.1\r\n\r\n', 400, /one Host/],
-    [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /header's name/],
+    ['GET /healthz HTTP/1.1\r\nHost: x\r\nHost: y\r\n\r\n', 400, /exactly one Host/],
+    ['GET /healthz HTTP/1.1\r\n\r\n', 400, /exactly one Host/],
+    [`${post}Host: x\r\nContent-Length : 2\r\n\r\n{}`, 400, /name of a header/],
     [`${post}Host: x\r\nX: a\x01b\r\nContent-Length: 2\r\n\r\n{}`, 400, /control character/],
-    [`GET /healthz HTTP/1.1\r\nHost: x\r\n${'A: b\r\n'.repeat(128)}\r\n`, 431, /at most 128 headers/],
+    [`GET /healthz HTTP/1.1\r\nHost: x\r\n${'A: b\r\n'.repeat(128)}\r\n`, 431, /more than 128 headers/],
     ['GET /%00 HTTP/1.1\r\nHost: x\r\n\r\n', 400, /%00/],
     [`GET /api/v1/volumes?token=${daemon.token}%00x HTTP/1.1\r\nHost: x\r\n\r\n`, 400, /%00/],
     [`GET /healthz?${many} HTTP/1.1\r\nHost: x\r\n\r\n`, 414, /16/],

@@ -57,7 +57,7 @@ test('images of HTTP responses share a limit of bytes and return their share', a
     refusal = answers.find((answer) => answer);
   }
   assert.deepEqual([refusal.status, refusal.retry], [503, '1']);
-  assert.match(refusal.detail, /this one takes 8388608, and --render-bytes allows 1048576/);
+  assert.match(refusal.detail, /this one needs 8388608, and --render-bytes allows 1048576/);
   assert.equal(await ask(1), null, 'all bytes were returned');
 });
 
@@ -91,7 +91,7 @@ for (const [what, hard, count] of [['is raised', 2000, 100], ['is too low, so th
   test(`the limit of open files ${what}: every client gets an answer`, async (t) => {
     const small = await Daemon.start(['--connections', '100', '--http-threads', '1'],
       { prefix: ['/bin/bash', '-c', `ulimit -Sn 100; ulimit -Hn ${hard}; exec "$@"`, 'splatd'] });
-    const warned = small.log.includes(`${count} connections are allowed, not the 100 of --connections: they want 292 files and sockets, and ${hard} may be open`);
+    const warned = small.log.includes(`${count} connections are allowed, not the 100 of --connections: those need 292 file descriptors, and the limit is ${hard}`);
     assert.equal(warned, count < 100, small.log);
     const held = await Promise.all(Array.from({ length: count }, () => Raw.connect(small.port)));
     t.after(() => held.forEach((raw) => raw.destroy()));

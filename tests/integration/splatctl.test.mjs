@@ -148,7 +148,7 @@ test('views are saved, listed, printed and deleted', async () => {
   await succeeds(['saved', id, '--delete']);
   const gone = await splatctl(['saved', id]);
   assert.equal(gone.status, 1);
-  assert.match(gone.err, /no kept view/);
+  assert.match(gone.err, /no saved view/);
 });
 
 test('presets are stored under names, listed, printed and deleted', async () => {

@@ -137,7 +137,7 @@ test('a plain HTTP request gets the advice to use https', async () => {
   await raw.until(() => raw.ended, 'the end of the connection');
   assert.match(raw.text(), /^HTTP\/1\.1 400 Bad Request\r\n/);
   const [head, body] = raw.text().split('\r\n\r\n');
-  assert.equal(JSON.parse(body).detail, 'this port speaks TLS: use https');
+  assert.equal(JSON.parse(body).detail, 'this port speaks TLS; use https');
   assert.match(head, new RegExp(`Content-Length: ${body.length}`));
   await othersAreServed();
 });
@@ -307,7 +307,7 @@ test('a client that stops reading in the middle of its responses is dropped', as
   // Request more than the kernel's buffers hold.
   const request = `GET /api/v1/openapi.yaml HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${short.token}\r\n\r\n`;
   raw.write(request.repeat(900));
-  await short.untilLogged(`TLS connection of 127.0.0.1:${localPort} closed: the rest was not read within --request-time`);
+  await short.untilLogged(`TLS connection of 127.0.0.1:${localPort} closed: the client did not read the rest within --request-time`);
   raw.destroy();
   assert.equal((await ask('/healthz', { of: short })).status, 200);
   assert.equal(await short.stop(), 0);
@@ -335,7 +335,7 @@ test('handshakes per second are limited per address, and other addresses are ser
   const all = await Promise.allSettled(Array.from({ length: 60 }, () => get('127.0.0.1')));
   const served = all.filter((one) => one.value?.status === 200).length;
   assert.ok(served >= 16 && served < 60, `${served} of 60`);
-  await slow.untilLogged('its address began more than 1 per second (--handshake-rate)');
+  await slow.untilLogged('its address started more than 1 handshakes per second (--handshake-rate)');
   assert.equal((await get('127.0.0.2')).status, 200);
   assert.match(String((await ask('/metrics', { of: slow, localAddress: '127.0.0.3' })).body),
     /^splatd_connections_refused_total\{reason="handshakes"\} [1-9]/m);
@@ -352,7 +352,7 @@ test('after SIGHUP new connections get the new certificate and old ones continue
   assert.equal((await ask('/healthz')).subject, 'two');
   writeFileSync(cert, 'no certificate');
   daemon.kill('SIGHUP');
-  await daemon.untilLogged(/reload failed; keeping the old configuration: \S+cert\.pem: is no certificate in PEM/);
+  await daemon.untilLogged(/reload failed; keeping the old configuration: \S+cert\.pem: is not a PEM certificate/);
   assert.equal((await ask('/healthz')).subject, 'two');
   await stream.update({ background: [0, 0, 1, 1] }, 9);
   await stream.final(9);
@@ -382,13 +382,13 @@ test('an unusable certificate or key is reported at start-up', async () => {
   const cases = [
     [['--tls-cert', cert], 2, '--tls-cert: --tls-cert and --tls-key must be given together'],
     [['--tls-key', key], 2, '--tls-key: --tls-cert and --tls-key must be given together'],
-    [['--tls-cert', at('none'), '--tls-key', key], 1, `${at('none')}: cannot read it: No such file`],
-    [['--tls-cert', folder, '--tls-key', key], 1, `${folder}: cannot read it: Is a directory`],
-    [['--tls-cert', '/dev/zero', '--tls-key', key], 1, '/dev/zero: cannot read it'],
-    [['--tls-cert', bad, '--tls-key', key], 1, `${bad}: is no certificate in PEM`],
-    [['--tls-cert', cert, '--tls-key', bad], 1, `${bad}: is no private key in PEM`],
+    [['--tls-cert', at('none'), '--tls-key', key], 1, `${at('none')}: cannot read the file: No such file`],
+    [['--tls-cert', folder, '--tls-key', key], 1, `${folder}: cannot read the file: Is a directory`],
+    [['--tls-cert', '/dev/zero', '--tls-key', key], 1, '/dev/zero: cannot read the file'],
+    [['--tls-cert', bad, '--tls-key', key], 1, `${bad}: is not a PEM certificate`],
+    [['--tls-cert', cert, '--tls-key', bad], 1, `${bad}: is not a PEM private key`],
     [['--tls-cert', cert, '--tls-key', at('two.key')], 1, `${at('two.key')}: is not the key of the certificate`],
-    [['--tls-cert', cert, '--tls-key', open], 1, `${open}: others than its owner could read or change the private key (mode 0644)`],
+    [['--tls-cert', cert, '--tls-key', open], 1, `${open}: users other than its owner can read or change the private key (mode 0644)`],
     [['--listen', '0.0.0.0:0'], 2, '0.0.0.0:0: another address than loopback needs TLS'],
   ];
   for (const [args, status, text] of cases) {

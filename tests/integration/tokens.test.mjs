@@ -98,7 +98,7 @@ test('only the token that created a session, an admin token and its own join tok
     ['view', 'control', 'control', 'control', 'view']);
   assert.deepEqual([await owners('control'), await owners('other'), await owners('admin')], [[], ['carl'], ['carl']]);
   const refused = await post(at, {}, of('control'), 'PATCH');
-  assert.equal(refused.json.detail, 'another token made this session; give its control token');
+  assert.equal(refused.json.detail, 'another token created this session; give its control token');
   assert.equal((await daemon.json(at, { token: of('control') })).json.tokens, undefined);
   assert.deepEqual((await daemon.json(at, { token: of('other') })).json.tokens, tokens);
   const { status, json: fork } = await post('/api/v1/sessions', { from: made.id }, of('control'));

@@ -159,11 +159,14 @@ class Tree(unittest.TestCase):
         for path, text in [('server/session/a.c', 'struct srv_fl' 'ight *f;'), ('server/http/a.c', '/* A ro' 'om for it. */'),
                            ('renderer/README.md', 'thirty frames a ' 'second'), ('server/render/a.h', '/* the still ' 'lane */'),
                            ('clients/web/a.js', 'no' 'body waits'), ('renderer/tile/a.c', '/* one pic' 'ture */'),
-                           ('server/schedule/a.c', 'int wi' 'sh_count;'), ('server/render/a.c', '/* bytes a ' 'pixel */')]:
+                           ('server/schedule/a.c', 'int wi' 'sh_count;'), ('server/render/a.c', '/* bytes a ' 'pixel */'),
+                           ('server/http/a.c', 'int la' 'ne = 1;'), ('server/config/a.c', '/* two sti' 'lls */')]:
             with self.subTest(text):
                 self.assertNotEqual(self.findings('glossary', {path: text}), [])
         for path, text in [('renderer/base/wide.h', '/* SIMD lanes */'), ('server/a.md', 'frames in fl' 'ight, in_fl' 'ight'),
-                           ('clients/web/a.js', 'save the picture'), ('renderer/tile/a.c', '/* frames per second, headroom */')]:
+                           ('clients/web/a.js', 'save the picture'), ('renderer/tile/a.c', '/* frames per second, headroom */'),
+                           ('server/config/a.md', 'TOKEN [still' 's=N]'), ('server/http/a.c', 'set(json, "lanes", info->lanes)'),
+                           ('server/http/a.c', 'fprintf(out, ",lane=\\"%s\\"", name)'), ('deploy/a.json', '{{backend}} {{lane}}')]:
             with self.subTest(text):
                 self.assertEqual(self.findings('glossary', {path: text}), [])
 

@@ -107,9 +107,9 @@ class Local(unittest.TestCase):
         self.assertEqual(png_size(self.render('-', '--view', '-', '--size', '7,9', stdin=view).stdout), (7, 9))
 
     def test_same_bytes_for_any_number_of_threads(self):
-        pictures = {self.render('-', '--volume', 'demo:engine?size=32', '--threads', str(n)).stdout for n in (1, 2, 3)}
-        self.assertEqual(len(pictures), 1)
-        self.assertEqual(png_size(pictures.pop()), (512, 512))
+        images = {self.render('-', '--volume', 'demo:engine?size=32', '--threads', str(n)).stdout for n in (1, 2, 3)}
+        self.assertEqual(len(images), 1)
+        self.assertEqual(png_size(images.pop()), (512, 512))
 
     def test_report(self):
         result = self.render(self.path('a.png'), '--volume', 'demo:phantom?size=16', '--json')
@@ -223,7 +223,7 @@ def path(state, done, frames):
     return {'id': 'p1', 'state': state, 'format': 'png', 'frames': frames, 'done': done, **more}
 
 
-PIXELS = b'\x89PNG\r\n\x1a\n' + b'picture' * 100000
+PIXELS = b'\x89PNG\r\n\x1a\n' + b'content' * 100000
 
 
 class Remote(unittest.TestCase):
@@ -310,12 +310,12 @@ class Remote(unittest.TestCase):
         result = self.run_at('view', 'none')
         self.assertEqual(result.stderr, b'splatctl: GET /volumes/none/view: there is nothing (HTTP 404)\n')
 
-    def picture(self, **headers):
+    def reply_image(self, **headers):
         Daemon.answers['GET', '/api/v1/volumes/head'] = [answer(200, {**volume('ready'), 'id': 'head'})]
         Daemon.answers['POST', '/api/v1/render'] = [(200, 'image/png', PIXELS, headers)]
 
     def test_render(self):
-        self.picture(**{'X-Backend': 'cpu scalar', 'X-Render-Time': '12.5', 'X-Splats': '77'})
+        self.reply_image(**{'X-Backend': 'cpu scalar', 'X-Render-Time': '12.5', 'X-Splats': '77'})
         result = self.run_at('render', '--volume', 'head', '--view', '-', '--out', self.out, '--size', '20,10',
                              '--quality', '70', '--json', stdin=b'{"camera":{"fov_y":40},"volume":"other"}')
         self.assertEqual((result.returncode, result.stderr), (0, b''))
@@ -330,7 +330,7 @@ class Remote(unittest.TestCase):
         self.assertEqual(self.run_at('render', '--volume', 'head', '--out', '-').stdout, PIXELS)
 
     def test_render_loads_a_source(self):
-        self.picture()
+        self.reply_image()
         Daemon.answers['POST', '/api/v1/volumes'] = [answer(202, volume('loading'))]
         Daemon.answers['GET', '/api/v1/volumes/head%201'] = [answer(200, volume('ready'))]
         self.assertEqual(self.run_at('render', '--volume', 'demo:engine', '--out', self.out).returncode, 0)
@@ -347,7 +347,7 @@ class Remote(unittest.TestCase):
         self.assertEqual(os.listdir(self.folder.name), [])
 
     def test_render_fails(self):
-        self.picture()
+        self.reply_image()
         render = Daemon.answers['POST', '/api/v1/render']
         render[0] = problem(422, 'up is zero', '/camera/up')
         self.refused('splatctl: /camera/up: up is zero (HTTP 422)\n')

@@ -125,5 +125,6 @@ void oom_paths(void **state) {
     snprintf(path, sizeof path, "paths/%s/movie", movie);
     oom_each_allocation("GET", path, "", 200);
     each_allocation_of_deleting();
-    each_allocation_of_drawing(); /* of a movie, which has all that pictures have but an image */
+    each_allocation_of_drawing(); /* of a movie, which takes every step of an image except writing
+                                     the file */
 }

@@ -83,8 +83,8 @@ static bool join(void) {
     return status == 101;
 }
 
-/* Reads until the final picture of update `seq` came, or the client was told that there is none;
- * false: the stream ended. */
+/* Reads until the final frame of update `seq` or the error in its place has arrived. False: the
+ * stream ended. */
 static bool see(uint32_t seq, bool *failed) {
     const uint8_t *bytes;
     size_t size;
@@ -130,13 +130,13 @@ void oom_streams(void **state) {
     char path[96];
     long n = 0;
     bool failed;
-    for (bool refused = true; refused; n++) { /* to join and see the first picture */
+    for (bool refused = true; refused; n++) { /* joins and waits for the first frame */
         memory_run_out(n, MEMORY_FAILS_ONCE);
         bool ok = join() && see(0, &failed) && !failed;
         refused = memory_come_back();
         assert_true(ok || refused);
         oom_hang_up(&stream);
-        if (!ok) { /* a view that failed is drawn again when it changes */
+        if (!ok) { /* a view that failed is rendered again when it changes */
             assert_true(join());
             update(1, n);
             assert_true(see(1, &failed) && !failed);
@@ -161,7 +161,8 @@ void oom_streams(void **state) {
         }
         update(++seq, 2 * n + 1);
         is_open = see(seq, &failed);
-        if (refused && (!is_open || failed)) { /* it was the acknowledgement's: told only here */
+        if (refused &&
+            (!is_open || failed)) { /* the acknowledgement failed, which shows only now */
             if (!is_open) {
                 oom_hang_up(&stream);
                 assert_true(join());

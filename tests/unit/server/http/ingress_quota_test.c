@@ -22,7 +22,8 @@ static size_t drain(struct srv_ingress_stream *stream) {
     return all;
 }
 
-/* One stream has room for a long message, then for so much a tick, and saves up no more. */
+/* One stream may send a long message at once, then a fixed number of bytes per tick, and saves up
+ * no more. */
 static void a_stream_has_a_bound_of_its_own(void **state) {
     (void)state;
     struct srv_ingress *ingress = srv_ingress_create(MESSAGE);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The TLS gate: what handshakes may not hold up, how it closes, and what happens without
- * descriptors. The daemon's handshakes stand still on request.
+ * The TLS acceptor: handshakes delay no open connection, closing, and a lack of file descriptors.
+ * The tests can pause the handshakes of the daemon.
  */
 #include <arpa/inet.h>
 #include <errno.h>
@@ -26,65 +26,65 @@
 #include "http/tls.h"
 #include "support/metric_value.h"
 
-enum { LIMIT_MS = 30000 /* of what must not be waited for at all */, GIVEN = 64 };
+enum { LIMIT_MS = 30000 /* timeout of waits that must not be necessary */, GIVEN = 64 };
 
-/* The gate. */
+/* The pause. */
 
 static struct {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
-    bool is_shut;
-    unsigned waiting; /* handshakes that stand still */
-    int given[GIVEN]; /* the daemon's ends, in order */
+    bool is_paused;
+    unsigned waiting; /* handshakes that are paused */
+    int given[GIVEN]; /* HTTP sides of the connections, in order */
     unsigned count;
-} gate = { .mutex = PTHREAD_MUTEX_INITIALIZER };
+} pause_point = { .mutex = PTHREAD_MUTEX_INITIALIZER };
 
 int __real_gnutls_handshake(gnutls_session_t session);
 int __wrap_gnutls_handshake(gnutls_session_t session);
 int __wrap_gnutls_handshake(gnutls_session_t session) {
-    pthread_mutex_lock(&gate.mutex);
-    gate.waiting++;
-    pthread_cond_broadcast(&gate.changed);
-    while (gate.is_shut)
-        pthread_cond_wait(&gate.changed, &gate.mutex);
-    gate.waiting--;
-    pthread_mutex_unlock(&gate.mutex);
+    pthread_mutex_lock(&pause_point.mutex);
+    pause_point.waiting++;
+    pthread_cond_broadcast(&pause_point.changed);
+    while (pause_point.is_paused)
+        pthread_cond_wait(&pause_point.changed, &pause_point.mutex);
+    pause_point.waiting--;
+    pthread_mutex_unlock(&pause_point.mutex);
     return __real_gnutls_handshake(session);
 }
 
-static void shut(bool is_shut) {
-    pthread_mutex_lock(&gate.mutex);
-    gate.is_shut = is_shut;
-    pthread_cond_broadcast(&gate.changed);
-    pthread_mutex_unlock(&gate.mutex);
+static void pause_handshakes(bool is_paused) {
+    pthread_mutex_lock(&pause_point.mutex);
+    pause_point.is_paused = is_paused;
+    pthread_cond_broadcast(&pause_point.changed);
+    pthread_mutex_unlock(&pause_point.mutex);
 }
 
-static void until(const unsigned *number, unsigned is) {
+static void wait_until(const unsigned *number, unsigned is) {
     struct timespec limit;
     clock_gettime(CLOCK_MONOTONIC, &limit);
     limit.tv_sec += LIMIT_MS / 1000;
     int code = 0;
-    pthread_mutex_lock(&gate.mutex);
+    pthread_mutex_lock(&pause_point.mutex);
     while (*number < is && code == 0)
-        code = pthread_cond_timedwait(&gate.changed, &gate.mutex, &limit);
-    pthread_mutex_unlock(&gate.mutex);
+        code = pthread_cond_timedwait(&pause_point.changed, &pause_point.mutex, &limit);
+    pthread_mutex_unlock(&pause_point.mutex);
     assert_int_equal(code, 0);
 }
 
 static bool give(void *user, int socket, const struct sockaddr *peer, socklen_t size) {
     (void)user, (void)peer, (void)size;
-    pthread_mutex_lock(&gate.mutex);
-    bool has_room = gate.count < GIVEN;
-    if (has_room)
-        gate.given[gate.count++] = socket;
-    pthread_cond_broadcast(&gate.changed);
-    pthread_mutex_unlock(&gate.mutex);
-    if (!has_room)
+    pthread_mutex_lock(&pause_point.mutex);
+    bool has_capacity = pause_point.count < GIVEN;
+    if (has_capacity)
+        pause_point.given[pause_point.count++] = socket;
+    pthread_cond_broadcast(&pause_point.changed);
+    pthread_mutex_unlock(&pause_point.mutex);
+    if (!has_capacity)
         close(socket);
-    return has_room;
+    return has_capacity;
 }
 
-/* The gate. */
+/* The acceptor. */
 
 static void write_file(const char *path, const gnutls_datum_t *text) {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
@@ -93,7 +93,7 @@ static void write_file(const char *path, const gnutls_datum_t *text) {
     close(fd);
 }
 
-/* A certificate of its own, made for the test. */
+/* Creates a self-signed certificate for the test. */
 static struct srv_tls_keys *make_keys(void) {
     char folder[] = "/tmp/splatd-tls-XXXXXX", certificate_path[64], key_path[64];
     unsigned char serial = 1;
@@ -132,15 +132,16 @@ static struct srv_tls_keys *make_keys(void) {
     return keys;
 }
 
-struct gate {
+struct acceptor {
     struct srv_tls *tls;
     struct srv_metrics *metrics;
     struct sockaddr_in address;
-    gnutls_certificate_credentials_t trust; /* of clients: anybody */
+    gnutls_certificate_credentials_t
+        trust; /* credentials of clients, which trust any certificate */
 };
 
 static int begin(void **state) {
-    struct gate *a = calloc(1, sizeof *a);
+    struct acceptor *a = calloc(1, sizeof *a);
     socklen_t size = sizeof a->address;
     assert_non_null(a);
     a->address.sin_family = AF_INET;
@@ -160,7 +161,7 @@ static int begin(void **state) {
                                        .metrics = a->metrics,
                                        .give = give };
     struct sp_error err;
-    gate.count = 0;
+    pause_point.count = 0;
     a->tls = srv_tls_create(&options, &err);
     assert_non_null(a->tls);
     *state = a;
@@ -168,11 +169,11 @@ static int begin(void **state) {
 }
 
 static int end(void **state) {
-    struct gate *a = *state;
-    shut(false);
+    struct acceptor *a = *state;
+    pause_handshakes(false);
     srv_tls_close(a->tls);
-    for (unsigned i = 0; i < gate.count; i++)
-        close(gate.given[i]);
+    for (unsigned i = 0; i < pause_point.count; i++)
+        close(pause_point.given[i]);
     srv_tls_destroy(&a->tls);
     gnutls_certificate_free_credentials(a->trust);
     srv_metrics_destroy(&a->metrics);
@@ -184,24 +185,24 @@ static int end(void **state) {
 
 struct client {
     int fd;
-    bool is_deaf; /* reads nothing */
+    bool is_not_reading; /* does not read from the socket */
     gnutls_session_t session;
 };
 
-static void call(const struct gate *a, struct client *c) {
+static void call(const struct acceptor *a, struct client *c) {
     assert_int_equal(connect(c->fd, (const struct sockaddr *)&a->address, sizeof a->address), 0);
 }
 
-static ssize_t hear(gnutls_transport_ptr_t client, void *bytes, size_t size) {
+static ssize_t pull(gnutls_transport_ptr_t client, void *bytes, size_t size) {
     const struct client *c = client;
-    if (!c->is_deaf)
+    if (!c->is_not_reading)
         return recv(c->fd, bytes, size, 0);
     gnutls_transport_set_errno(c->session, EAGAIN);
     return -1;
 }
 
-/* With its greeting on the way, and nothing read. */
-static void greet(const struct gate *a, struct client *c) {
+/* Connects and sends the ClientHello, without reading the answer. */
+static void send_client_hello(const struct acceptor *a, struct client *c) {
     c->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     call(a, c);
     assert_int_equal(fcntl(c->fd, F_SETFL, O_NONBLOCK), 0);
@@ -211,10 +212,10 @@ static void greet(const struct gate *a, struct client *c) {
     assert_int_equal(gnutls_credentials_set(c->session, GNUTLS_CRD_CERTIFICATE, a->trust), 0);
     gnutls_handshake_set_timeout(c->session, GNUTLS_INDEFINITE_TIMEOUT);
     gnutls_transport_set_ptr2(c->session, c, (gnutls_transport_ptr_t)(intptr_t)c->fd);
-    gnutls_transport_set_pull_function(c->session, hear);
-    c->is_deaf = true;
+    gnutls_transport_set_pull_function(c->session, pull);
+    c->is_not_reading = true;
     assert_int_equal(__real_gnutls_handshake(c->session), GNUTLS_E_AGAIN);
-    c->is_deaf = false;
+    c->is_not_reading = false;
 }
 
 static void wait_for(int fd, short what) {
@@ -222,7 +223,7 @@ static void wait_for(int fd, short what) {
     assert_int_equal(poll(&look, 1, LIMIT_MS), 1);
 }
 
-static void shake(struct client *c) {
+static void finish_handshake(struct client *c) {
     int code;
     while ((code = __real_gnutls_handshake(c->session)) != 0) {
         assert_int_equal(code, GNUTLS_E_AGAIN);
@@ -236,9 +237,9 @@ static void hang_up(struct client *c) {
     close(c->fd);
 }
 
-/* Bytes of the client arrive at the daemon's end, and the other way round. */
-static void talk(struct client *c, int server) {
-    static const char text[] = "what is said over a connection that is open";
+/* Checks that bytes pass in both directions. */
+static void exchange(struct client *c, int server) {
+    static const char text[] = "a message over an open connection of two sides";
     char got[sizeof text] = "";
     assert_int_equal(gnutls_record_send(c->session, text, sizeof text), sizeof text);
     wait_for(server, POLLIN);
@@ -252,7 +253,7 @@ static void talk(struct client *c, int server) {
     assert_int_equal(size, sizeof text);
 }
 
-/* The daemon ends it, whatever it says last. */
+/* Waits until the daemon ends the connection; ignores what it sends. */
 static void until_ended(const struct client *c) {
     char bytes[512];
     do
@@ -262,46 +263,46 @@ static void until_ended(const struct client *c) {
 
 /* Tests. */
 
-static void a_handshake_that_stands_still_and_a_queue_of_them_hold_up_no_bytes(void **state) {
-    struct gate *a = *state;
+static void paused_and_queued_handshakes_delay_no_open_connection(void **state) {
+    struct acceptor *a = *state;
     enum { MANY = 20 };
     struct client open, more[MANY];
-    greet(a, &open);
-    shake(&open);
-    until(&gate.count, 1);
-    talk(&open, gate.given[0]);
-    shut(true);
+    send_client_hello(a, &open);
+    finish_handshake(&open);
+    wait_until(&pause_point.count, 1);
+    exchange(&open, pause_point.given[0]);
+    pause_handshakes(true);
     for (int i = 0; i < MANY; i++)
-        greet(a, &more[i]);
-    until(&gate.waiting, 1);
+        send_client_hello(a, &more[i]);
+    wait_until(&pause_point.waiting, 1);
     for (int i = 0; i < 100; i++)
-        talk(&open, gate.given[0]);
-    /* Nor does one that was open and ends: its end arrives. */
+        exchange(&open, pause_point.given[0]);
+    /* The end of an open connection arrives as well. */
     hang_up(&open);
-    wait_for(gate.given[0], POLLIN);
+    wait_for(pause_point.given[0], POLLIN);
     char byte;
-    assert_int_equal(recv(gate.given[0], &byte, 1, 0), 0);
-    assert_int_equal(gate.count, 1);
-    shut(false);
+    assert_int_equal(recv(pause_point.given[0], &byte, 1, 0), 0);
+    assert_int_equal(pause_point.count, 1);
+    pause_handshakes(false);
     for (int i = 0; i < MANY; i++)
-        shake(&more[i]);
-    until(&gate.count, 1 + MANY);
+        finish_handshake(&more[i]);
+    wait_until(&pause_point.count, 1 + MANY);
     for (int i = 0; i < MANY; i++)
         hang_up(&more[i]);
 }
 
 static void closing_ends_handshakes_and_leaves_open_connections(void **state) {
-    struct gate *a = *state;
+    struct acceptor *a = *state;
     struct client open, half;
-    greet(a, &open);
-    shake(&open);
-    until(&gate.count, 1);
-    greet(a, &half);
-    wait_for(half.fd, POLLIN); /* it was accepted, and is answered */
+    send_client_hello(a, &open);
+    finish_handshake(&open);
+    wait_until(&pause_point.count, 1);
+    send_client_hello(a, &half);
+    wait_for(half.fd, POLLIN); /* the connection was accepted and answered */
     srv_tls_close(a->tls);
     until_ended(&half);
-    talk(&open, gate.given[0]);
-    assert_int_equal(gate.count, 1);
+    exchange(&open, pause_point.given[0]);
+    assert_int_equal(pause_point.count, 1);
     hang_up(&half);
     hang_up(&open);
 }
@@ -313,9 +314,9 @@ static int count_retry(gnutls_session_t session, unsigned type, unsigned when, u
     return 0;
 }
 
-/* As browsers greet: several groups, and a share for the first of them. */
-static void who_greets_with_a_share_of_x25519_is_not_asked_for_another(void **state) {
-    struct gate *a = *state;
+/* A ClientHello like that of browsers: several groups, and a key share for the first one. */
+static void a_key_share_of_x25519_needs_no_retry(void **state) {
+    struct acceptor *a = *state;
     static const char *const groups[] = { "+GROUP-X25519:+GROUP-SECP256R1:+GROUP-SECP384R1",
                                           "+GROUP-SECP384R1", "+GROUP-SECP256R1" };
     for (size_t i = 0; i < sizeof groups / sizeof *groups; i++) {
@@ -340,15 +341,15 @@ static void who_greets_with_a_share_of_x25519_is_not_asked_for_another(void **st
     }
 }
 
-static void without_descriptors_a_client_is_refused_and_does_not_hang(void **state) {
-    struct gate *a = *state;
+static void without_descriptors_a_client_is_refused_at_once(void **state) {
+    struct acceptor *a = *state;
     struct rlimit limit, none;
     struct client first, refused, later;
-    greet(a, &first);
-    shake(&first);
-    until(&gate.count, 1);
+    send_client_hello(a, &first);
+    finish_handshake(&first);
+    wait_until(&pause_point.count, 1);
     refused = (struct client){ .fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0) };
-    int lowest = dup(refused.fd); /* which is the next that there would be */
+    int lowest = dup(refused.fd); /* the descriptor that would be next */
     assert_int_equal(getrlimit(RLIMIT_NOFILE, &limit), 0);
     none = limit;
     none.rlim_cur = (rlim_t)lowest;
@@ -359,10 +360,10 @@ static void without_descriptors_a_client_is_refused_and_does_not_hang(void **sta
     assert_int_equal(setrlimit(RLIMIT_NOFILE, &limit), 0);
     assert_int_equal(
         metric_value(a->metrics, "splatd_connections_refused_total{reason=\"connections\"}"), 1);
-    talk(&first, gate.given[0]);
-    greet(a, &later);
-    shake(&later);
-    until(&gate.count, 2);
+    exchange(&first, pause_point.given[0]);
+    send_client_hello(a, &later);
+    finish_handshake(&later);
+    wait_until(&pause_point.count, 2);
     hang_up(&refused);
     hang_up(&later);
     hang_up(&first);
@@ -372,17 +373,16 @@ int main(void) {
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_cond_init(&gate.changed, &monotonic);
+    pthread_cond_init(&pause_point.changed, &monotonic);
     pthread_condattr_destroy(&monotonic);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(
-            a_handshake_that_stands_still_and_a_queue_of_them_hold_up_no_bytes, begin, end),
+        cmocka_unit_test_setup_teardown(paused_and_queued_handshakes_delay_no_open_connection,
+                                        begin, end),
         cmocka_unit_test_setup_teardown(closing_ends_handshakes_and_leaves_open_connections, begin,
                                         end),
-        cmocka_unit_test_setup_teardown(who_greets_with_a_share_of_x25519_is_not_asked_for_another,
-                                        begin, end),
-        cmocka_unit_test_setup_teardown(without_descriptors_a_client_is_refused_and_does_not_hang,
-                                        begin, end),
+        cmocka_unit_test_setup_teardown(a_key_share_of_x25519_needs_no_retry, begin, end),
+        cmocka_unit_test_setup_teardown(without_descriptors_a_client_is_refused_at_once, begin,
+                                        end),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

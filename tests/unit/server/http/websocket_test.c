@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A client's stream over a transport in memory, with the clock in hand: what it may make the stream
- * thread do.
+ * The stream of one client, over a transport in memory and with a simulated clock: how much work a
+ * client can cause.
  */
 #include <errno.h>
 #include <setjmp.h>
@@ -18,13 +18,13 @@
 #include "support/fake_memory.h"
 #include "unit/server/session/hub_fixture.h"
 
-enum { ROOM = 1 << 20 };
+enum { CAPACITY = 1 << 20 };
 
-struct wire { /* what the client sent, and what it was sent */
+struct wire { /* bytes from the client, and bytes to it */
     uint8_t *in, *out;
     size_t in_size, in_at, out_size;
-    bool is_full; /* takes nothing */
-    size_t piece; /* takes so many bytes every other time that it is asked; 0 = all, always */
+    bool is_full; /* the transport is full */
+    size_t piece; /* bytes taken by every second send(); 0 = everything, each time */
     bool took;
 };
 
@@ -50,7 +50,7 @@ static ssize_t wire_recv(void *user, uint8_t *bytes, size_t size) {
 
 static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
     struct wire *wire = user;
-    size_t left = wire->piece ? wire->piece : ROOM, all = 0;
+    size_t left = wire->piece ? wire->piece : CAPACITY, all = 0;
     (void)is_more;
     wire->took = !wire->took;
     errno = EAGAIN;
@@ -58,7 +58,7 @@ static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bo
         return -1;
     for (size_t i = 0; i < count; i++) {
         size_t size = parts[i].iov_len < left ? parts[i].iov_len : left;
-        assert_true(wire->out_size + size <= ROOM);
+        assert_true(wire->out_size + size <= CAPACITY);
         memcpy(wire->out + wire->out_size, parts[i].iov_base, size);
         wire->out_size += size;
         left -= size;
@@ -73,7 +73,7 @@ struct sent { /* one frame of RFC 6455 */
     size_t size;
 };
 
-/* The frame at *at, which moves behind it; false at the end, where it has to end. */
+/* Decodes the frame at *at and moves *at past it. False at the end of the bytes. */
 static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
     const uint8_t *from = wire->out + *at;
     if (*at == wire->out_size)
@@ -83,17 +83,17 @@ static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
     *sent = (struct sent){ from[0], from + 2 + more, more ? 0 : from[1] };
     for (size_t i = 0; i < more; i++)
         sent->size = sent->size << 8 | from[2 + i];
-    assert_true(more != 2 || sent->size >= 126); /* in the shortest form */
+    assert_true(more != 2 || sent->size >= 126); /* the length must have the shortest form */
     assert_true(more != 8 || sent->size > UINT16_MAX);
     *at += 2 + more + sent->size;
     assert_true(*at <= wire->out_size);
     return true;
 }
 
-/* One more client of a session of the fixture's hub. */
+/* Joins a client to a session of the hub. */
 static struct srv_ws *join(struct stream *s, const char *session, struct wire *wire) {
     struct fixture *f = s->fixture;
-    *wire = (struct wire){ .in = malloc(ROOM), .out = malloc(ROOM) };
+    *wire = (struct wire){ .in = malloc(CAPACITY), .out = malloc(CAPACITY) };
     struct srv_ws_options options = { .hub = f->hub,
                                       .ingress = s->ingress,
                                       .token = "",
@@ -101,12 +101,14 @@ static struct srv_ws *join(struct stream *s, const char *session, struct wire *w
                                       .role = SRV_ROLE_CONTROL,
                                       .user = s,
                                       .peer = "test",
-                                      .message_bytes = ROOM,
+                                      .message_bytes = CAPACITY,
                                       .ping_ms = 15000,
                                       .stall_ms = 20000,
                                       .transport = { wire, wire_recv, wire_send } };
     struct srv_ws *ws = srv_ws_create(&options, 0, NULL);
-    assert_true(wire->in && wire->out && ws);
+    assert_non_null(wire->in);
+    assert_non_null(wire->out);
+    assert_non_null(ws);
     return ws;
 }
 
@@ -114,7 +116,7 @@ static int set_up(void **state) {
     struct stream *s = calloc(1, sizeof *s);
     assert_non_null(s);
     assert_int_equal(hub_set_up(&s->fixture), 0);
-    s->ingress = srv_ingress_create(ROOM);
+    s->ingress = srv_ingress_create(CAPACITY);
     assert_non_null(s->ingress);
     s->ws = join(s, ((struct fixture *)s->fixture)->id, &s->wire);
     *state = s;
@@ -132,11 +134,11 @@ static int tear_down(void **state) {
     return failed;
 }
 
-/* A masked text frame; the mask is zero. */
-static void say(struct wire *wire, const char *text, size_t size) {
+/* Appends a masked text frame from the client; the mask is zero. */
+static void send_text(struct wire *wire, const char *text, size_t size) {
     uint8_t *at = wire->in + wire->in_size;
     size_t head = size < 126 ? 2 : 10;
-    assert_true(wire->in_size + head + 4 + size <= ROOM);
+    assert_true(wire->in_size + head + 4 + size <= CAPACITY);
     at[0] = 0x81;
     at[1] = (uint8_t)(0x80 | (size < 126 ? size : 127));
     for (size_t i = 0; head == 10 && i < 8; i++)
@@ -146,16 +148,16 @@ static void say(struct wire *wire, const char *text, size_t size) {
     wire->in_size += head + 4 + size;
 }
 
-static void say_pings(struct wire *wire, unsigned count) {
+static void send_pings(struct wire *wire, unsigned count) {
     for (unsigned i = 0; i < count; i++) {
         char text[64];
         int size =
             snprintf(text, sizeof text, "{\"jsonrpc\":\"2.0\",\"id\":%u,\"method\":\"ping\"}", i);
-        say(wire, text, (size_t)size);
+        send_text(wire, text, (size_t)size);
     }
 }
 
-/* Answers to requests so far. */
+/* Returns the number of answers sent so far. */
 static unsigned answers(const struct wire *wire) {
     static const char answer[] = "\"result\":{}";
     unsigned count = 0;
@@ -169,7 +171,7 @@ static void tick(struct stream *s, double now_ms) {
     srv_ws_tick(s->ws, now_ms);
 }
 
-/* Whatever happens before the next tick: the thread reads while that is wanted. */
+/* Runs everything that the stream thread does until the next tick. */
 static void run(struct stream *s, double now_ms) {
     for (int i = 0; i < 1000; i++) {
         if (srv_ws_wants_read(s->ws))
@@ -178,23 +180,24 @@ static void run(struct stream *s, double now_ms) {
     }
 }
 
-/* One alone may say what all may, until it has said as much as a long message has. */
-static void a_flood_is_read_bit_by_bit_and_nothing_is_lost(void **state) {
+/* A single client may use the quota of all streams, until it has sent as many bytes as the longest
+ * message has. */
+static void a_flood_is_read_in_pieces_and_nothing_is_lost(void **state) {
     struct stream *s = *state;
     enum {
         PINGS = 2500,
         COST = SRV_INGRESS_FRAME_BYTES + 47,
-        BURST_TICKS = ROOM / SRV_INGRESS_TICK_BYTES
+        BURST_TICKS = CAPACITY / SRV_INGRESS_TICK_BYTES
     };
-    /* What a piece is too much in one tick is owed in the next. */
+    /* A piece may exceed the quota of a tick; the next tick gets less then. */
     enum {
         FIRST = SRV_INGRESS_TICK_BYTES / COST + 12,
         THEN = SRV_INGRESS_STREAM_BYTES / COST + 12
     };
-    say_pings(&s->wire, PINGS);
+    send_pings(&s->wire, PINGS);
     unsigned before = 0, ticks = 0;
     for (; before < PINGS; ticks++) {
-        s->wire.out_size = 0; /* those that were counted */
+        s->wire.out_size = 0; /* drop the answers that were counted */
         run(s, 100.0 * ticks);
         unsigned now = before + answers(&s->wire);
         if (now < PINGS) {
@@ -209,35 +212,34 @@ static void a_flood_is_read_bit_by_bit_and_nothing_is_lost(void **state) {
     assert_true(ticks > 10);
 }
 
-/* One that is heard in vain, as long as may be. */
-static void say_much(struct wire *wire, size_t size) {
+/* A request of `size` bytes, most of them blanks. */
+static void send_long(struct wire *wire, size_t size) {
     char *text = malloc(size);
     assert_non_null(text);
     int used = snprintf(text, size, "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"ping\"}");
     memset(text + used, ' ', size - (size_t)used);
-    say(wire, text, size);
+    send_text(wire, text, size);
     free(text);
 }
 
-static void a_turn_reads_a_few_kib(void **state) {
+static void one_read_takes_a_few_kib(void **state) {
     struct stream *s = *state;
-    say_much(&s->wire, 100000);
+    send_long(&s->wire, 100000);
     srv_ws_read(s->ws, 1);
     assert_int_equal(s->wire.in_at, 8192);
     assert_true(srv_ws_wants_read(s->ws));
 }
 
-static void a_long_message_comes_at_once(void **state) {
+static void a_long_message_is_read_at_once(void **state) {
     struct stream *s = *state;
-    say_much(&s->wire, SRV_INGRESS_TICK_BYTES / 2);
+    send_long(&s->wire, SRV_INGRESS_TICK_BYTES / 2);
     run(s, 1);
     assert_int_equal(answers(&s->wire), 1);
 }
 
-/* What all streams of one session send holds up nobody else: not the other session, even if it is
- * read last. */
-static void many_streams_of_one_session_take_no_time_of_another(void **state) {
-    enum { CROWD = 3, TICKS = 6, A_DRAG = 180 }; /* more than a quarter of what is shared out */
+/* The streams of one session do not delay another session, even if that one is read last. */
+static void streams_of_one_session_do_not_delay_another(void **state) {
+    enum { CROWD = 3, TICKS = 6, A_DRAG = 180 }; /* more than a quarter of the divided half */
     struct stream *s = *state;
     struct fixture *f = s->fixture;
     struct wire wires[CROWD];
@@ -248,7 +250,7 @@ static void many_streams_of_one_session_take_no_time_of_another(void **state) {
     proto_json_free(&json);
     for (int i = 0; i < CROWD; i++) {
         crowd[i] = join(s, id, &wires[i]);
-        say_much(&wires[i], ROOM - 100);
+        send_long(&wires[i], CAPACITY - 100);
     }
     size_t before = 0;
     for (unsigned now = 1; now <= TICKS; now++) {
@@ -264,7 +266,7 @@ static void many_streams_of_one_session_take_no_time_of_another(void **state) {
             all += wires[i].in_at;
         assert_in_range(all - before, SRV_INGRESS_TICK_BYTES / 2, SRV_INGRESS_TICK_BYTES);
         before = all;
-        say_pings(&s->wire, A_DRAG);
+        send_pings(&s->wire, A_DRAG);
         run(s, 100.0 * now);
         assert_int_equal(answers(&s->wire), now * A_DRAG);
         tick(s, 100.0 * now + 99);
@@ -276,10 +278,10 @@ static void many_streams_of_one_session_take_no_time_of_another(void **state) {
     }
 }
 
-static void who_does_not_read_is_not_read(void **state) {
+static void reading_stops_while_the_client_does_not_read(void **state) {
     struct stream *s = *state;
-    enum { PINGS = 2500 }; /* more than are read at once */
-    say_pings(&s->wire, PINGS);
+    enum { PINGS = 2500 }; /* more than one tick reads */
+    send_pings(&s->wire, PINGS);
     run(s, 1);
     unsigned first = answers(&s->wire);
     s->wire.is_full = true;
@@ -288,7 +290,7 @@ static void who_does_not_read_is_not_read(void **state) {
         run(s, 100.0 * now + 1);
     }
     assert_false(srv_ws_wants_read(s->ws));
-    assert_false(srv_ws_is_paused(s->ws)); /* no tick helps */
+    assert_false(srv_ws_is_paused(s->ws)); /* it waits for the socket, not for a tick */
     size_t read = s->wire.in_at;
     assert_true(read < s->wire.in_size);
     s->wire.is_full = false;
@@ -300,7 +302,7 @@ static void who_does_not_read_is_not_read(void **state) {
     assert_int_equal(answers(&s->wire), PINGS);
 }
 
-/* The code of the close frame that was sent, the last one of all; 0 = none was. */
+/* Returns the code of the close frame, which must be the last frame; 0 = no close frame. */
 static unsigned close_code(const struct wire *wire) {
     struct sent sent;
     unsigned code = 0;
@@ -312,7 +314,7 @@ static unsigned close_code(const struct wire *wire) {
     return code;
 }
 
-/* A picture of so many bytes for the participant; the caller's reference. */
+/* Delivers an image of `size` bytes to the participant. The caller owns the reference. */
 static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     struct fixture *f = s->fixture;
     static struct srv_render_job job;
@@ -331,52 +333,54 @@ static struct srv_blob *deliver(struct stream *s, size_t size, double now_ms) {
     return blob;
 }
 
-/* The picture is there once, whole, and all else is text; the number of other frames. */
-static unsigned check_picture(const struct wire *wire, const struct srv_blob *blob) {
+/* Checks that the image was sent once and whole, and that all other frames are text. Returns their
+ * number. */
+static unsigned check_image(const struct wire *wire, const struct srv_blob *blob) {
     struct sent sent;
     struct proto_frame_header header;
-    unsigned pictures = 0, others = 0;
+    unsigned images = 0, others = 0;
     for (size_t at = 0; next_sent(wire, &at, &sent);) {
         if (sent.first != 0x82) {
             assert_int_equal(sent.first, 0x81);
             others++;
             continue;
         }
-        pictures++;
+        images++;
         assert_true(proto_frame_header_decode(sent.bytes, sent.size, &header));
         assert_int_equal(header.payload_bytes, blob->size);
         assert_int_equal(header.width, 300);
         assert_int_equal(sent.size, PROTO_FRAME_HEADER_BYTES + blob->size);
         assert_memory_equal(sent.bytes + PROTO_FRAME_HEADER_BYTES, blob->bytes, blob->size);
     }
-    assert_int_equal(pictures, 1);
+    assert_int_equal(images, 1);
     return others;
 }
 
-/* Also where the length of a frame takes another form, and when answers come meanwhile. */
-static void a_picture_arrives_whole_by_any_pieces(void **state) {
+/* The sizes cover all forms of the frame length. Answers are queued while the image is being sent.
+ */
+static void an_image_arrives_whole_in_pieces_of_any_size(void **state) {
     static const size_t sizes[] = { 1, 93, 94, 65503, 65504, 300000 };
     (void)state;
     for (size_t i = 0; i < 2 * sizeof sizes / sizeof *sizes; i++) {
         void *one = NULL;
         assert_int_equal(set_up(&one), 0);
         struct stream *s = one;
-        run(s, 1); /* who is there, and the like */
+        run(s, 1); /* sends the first notifications */
         s->wire.out_size = 0;
         struct srv_blob *blob = deliver(s, sizes[i / 2], 2);
         s->wire.piece = i % 2 ? 0 : sizes[i / 2] < 100 ? 1 : 999;
         srv_ws_write(s->ws, 2);
-        say_pings(&s->wire, 3);
+        send_pings(&s->wire, 3);
         run(s, 3);
         assert_int_equal(answers(&s->wire), 3);
-        assert_true(check_picture(&s->wire, blob) >= 3);
+        assert_true(check_image(&s->wire, blob) >= 3);
         assert_int_equal(close_code(&s->wire), 0);
         srv_blob_unref(&blob);
         assert_int_equal(tear_down(&one), 0);
     }
 }
 
-static void a_picture_is_sent_from_where_it_lies(void **state) {
+static void an_image_is_sent_without_a_copy(void **state) {
     struct stream *s = *state;
     run(s, 1);
     s->wire.out_size = 0;
@@ -390,11 +394,11 @@ static void a_picture_is_sent_from_where_it_lies(void **state) {
     assert_false(memory_come_back());
     run(s, 3);
     assert_int_equal(atomic_load(&blob->references), 1);
-    check_picture(&s->wire, blob);
+    check_image(&s->wire, blob);
     srv_blob_unref(&blob);
 }
 
-static void a_close_waits_for_the_picture_before_it(void **state) {
+static void a_close_waits_for_the_image_before_it(void **state) {
     struct stream *s = *state;
     run(s, 1);
     s->wire.out_size = 0;
@@ -411,18 +415,20 @@ static void a_close_waits_for_the_picture_before_it(void **state) {
     assert_true(srv_ws_is_over(s->ws));
     assert_int_equal(close_code(&s->wire), 1001);
     s->wire.out_size -= 2 + 2 + 3;
-    assert_int_equal(check_picture(&s->wire, blob), 0);
+    assert_int_equal(check_image(&s->wire, blob), 0);
     srv_blob_unref(&blob);
 }
 
-static void garbage_meanwhile_does_not_get_into_the_picture(void **state) {
+static void a_protocol_error_does_not_corrupt_an_image(void **state) {
     struct stream *s = *state;
     run(s, 1);
     s->wire.out_size = 0;
     struct srv_blob *blob = deliver(s, 100000, 2);
     s->wire.piece = 30000;
     srv_ws_write(s->ws, 2);
-    static const uint8_t ping[2] = { 0x89, 0xfe }; /* of more than 125 bytes, which may not be */
+    static const uint8_t ping[2] = {
+        0x89, 0xfe
+    }; /* a ping of more than 125 bytes, which RFC 6455 forbids */
     memcpy(s->wire.in + s->wire.in_size, ping, sizeof ping);
     s->wire.in_size += sizeof ping;
     run(s, 3);
@@ -438,7 +444,7 @@ static void garbage_meanwhile_does_not_get_into_the_picture(void **state) {
     srv_blob_unref(&blob);
 }
 
-static void who_takes_half_a_picture_has_stalled(void **state) {
+static void a_client_that_takes_half_an_image_has_stalled(void **state) {
     struct stream *s = *state;
     run(s, 1);
     struct srv_blob *blob = deliver(s, 100000, 2);
@@ -448,7 +454,7 @@ static void who_takes_half_a_picture_has_stalled(void **state) {
     for (double now_ms = 102; now_ms < 19900; now_ms += 100) {
         run(s, now_ms);
         srv_ws_tick(s->ws, now_ms);
-        say_pings(&s->wire, 1); /* it is not silent */
+        send_pings(&s->wire, 1); /* the client is not silent */
     }
     assert_false(srv_ws_is_lost(s->ws));
     srv_ws_tick(s->ws, 20100);
@@ -456,9 +462,9 @@ static void who_takes_half_a_picture_has_stalled(void **state) {
     srv_blob_unref(&blob);
 }
 
-/* Ticks when something is due, and at no other time: what is due at `due_ms` happens then, and a
- * tick just before it does nothing. */
-static void tick_when_due(struct stream *s, double due_ms) {
+/* Checks that the deadline is `due_ms`, that a tick just before it does nothing, and then ticks
+ * after it. */
+static void tick_at_deadline(struct stream *s, double due_ms) {
     assert_true(srv_ws_deadline_ms(s->ws) == due_ms);
     s->wire.out_size = 0;
     for (int late = 0; late < 2; late++) {
@@ -469,76 +475,77 @@ static void tick_when_due(struct stream *s, double due_ms) {
     }
 }
 
-static void who_is_silent_is_due_twice_and_lost(void **state) {
+static void a_silent_client_gets_two_pings_and_is_lost(void **state) {
     struct stream *s = *state;
     run(s, 10);
     for (int i = 0; i < 2; i++) {
         struct sent sent;
         size_t at = 0;
-        tick_when_due(s, 15000 + 15001 * i);
+        tick_at_deadline(s, 15000 + 15001 * i);
         assert_true(next_sent(&s->wire, &at, &sent));
         assert_int_equal(sent.first, 0x89);
     }
-    tick_when_due(s, 45000);
+    tick_at_deadline(s, 45000);
     assert_true(srv_ws_is_lost(s->ws));
 }
 
-static void what_is_heard_puts_off_the_ping_and_who_says_too_much_is_due(void **state) {
+static void messages_delay_the_ping_and_a_flood_is_due_at_once(void **state) {
     struct stream *s = *state;
     run(s, 10);
-    say_pings(&s->wire, 1);
+    send_pings(&s->wire, 1);
     run(s, 5000);
     assert_true(srv_ws_deadline_ms(s->ws) == 20000);
-    say_pings(&s->wire, 2500); /* more than are read at once */
+    send_pings(&s->wire, 2500); /* more than one tick reads */
     run(s, 6000);
-    assert_true(srv_ws_is_paused(s->ws) && srv_ws_deadline_ms(s->ws) <= 6000);
+    assert_true(srv_ws_is_paused(s->ws));
+    assert_true(srv_ws_deadline_ms(s->ws) <= 6000);
 }
 
-static void a_picture_that_is_not_acknowledged_is_due(void **state) {
+static void an_image_without_acknowledgement_has_a_deadline(void **state) {
     struct stream *s = *state;
     run(s, 1);
-    say_pings(&s->wire, 1);
-    run(s, 12000); /* it is not silent */
+    send_pings(&s->wire, 1);
+    run(s, 12000); /* the client is not silent */
     srv_ws_tick(s->ws, 12050);
     struct srv_blob *blob = deliver(s, 100, 12100);
     run(s, 12100);
     assert_true(srv_ws_deadline_ms(s->ws) == 27000);
-    srv_ws_tick(s->ws, 27001); /* it is asked whether it is there */
+    srv_ws_tick(s->ws, 27001); /* sends a ping */
     run(s, 27001);
-    say_pings(&s->wire, 1);
+    send_pings(&s->wire, 1);
     run(s, 31000);
     srv_ws_tick(s->ws, 31050);
-    tick_when_due(s, 32100);
+    tick_at_deadline(s, 32100);
     assert_int_equal(close_code(&s->wire), 1008);
     srv_blob_unref(&blob);
 }
 
-static void what_the_socket_does_not_take_is_due(void **state) {
+static void bytes_that_the_socket_does_not_take_have_a_deadline(void **state) {
     struct stream *s = *state;
     run(s, 1);
     s->wire.is_full = true;
-    say_pings(&s->wire, 1);
-    run(s, 12000); /* the answer waits, and all that follows */
+    send_pings(&s->wire, 1);
+    run(s, 12000); /* the answer and everything after it wait */
     srv_ws_tick(s->ws, 12050);
     assert_true(srv_ws_deadline_ms(s->ws) == 27000);
     srv_ws_tick(s->ws, 27001);
     srv_ws_write(s->ws, 27001);
-    tick_when_due(s, 32000);
+    tick_at_deadline(s, 32000);
     assert_true(srv_ws_is_lost(s->ws));
 }
 
-static void a_close_that_is_not_taken_is_due(void **state) {
+static void a_close_that_is_not_taken_has_a_deadline(void **state) {
     struct stream *s = *state;
     run(s, 1);
     s->wire.is_full = true;
     srv_ws_close(s->ws, 1001, "good-bye", 100);
     srv_ws_write(s->ws, 100);
-    tick_when_due(s, 2100);
+    tick_at_deadline(s, 2100);
     assert_true(srv_ws_is_lost(s->ws));
 }
 
-/* Memory runs out at each allocation that a message costs, one after the other: the stream goes on,
- * says why not, or is over. */
+/* Every allocation from the n-th on fails, for each n: the stream continues, is closed with a
+ * reason, or ends. */
 static void out_of_memory(void **state) {
     static const char update[] = "{\"jsonrpc\":\"2.0\",\"id\":1,\"method\":\"view.update\","
                                  "\"params\":{\"seq\":1,\"patch\":{\"background\":[1,0,0,1]}}}";
@@ -549,9 +556,9 @@ static void out_of_memory(void **state) {
         void *one = NULL;
         assert_int_equal(set_up(&one), 0);
         struct stream *s = one;
-        run(s, 1); /* who is there, and the like */
+        run(s, 1); /* sends the first notifications */
         s->wire.out_size = 0;
-        say(&s->wire, update, sizeof update - 1);
+        send_text(&s->wire, update, sizeof update - 1);
         memory_run_out(n, MEMORY_STAYS_OUT);
         srv_ws_read(s->ws, 2);
         answered = !memory_come_back();
@@ -569,26 +576,31 @@ static void out_of_memory(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_flood_is_read_bit_by_bit_and_nothing_is_lost, set_up,
+        cmocka_unit_test_setup_teardown(a_flood_is_read_in_pieces_and_nothing_is_lost, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(a_turn_reads_a_few_kib, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_long_message_comes_at_once, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(many_streams_of_one_session_take_no_time_of_another, set_up,
+        cmocka_unit_test_setup_teardown(one_read_takes_a_few_kib, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_long_message_is_read_at_once, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(streams_of_one_session_do_not_delay_another, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(who_does_not_read_is_not_read, set_up, tear_down),
-        cmocka_unit_test(a_picture_arrives_whole_by_any_pieces),
-        cmocka_unit_test_setup_teardown(a_picture_is_sent_from_where_it_lies, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_close_waits_for_the_picture_before_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(garbage_meanwhile_does_not_get_into_the_picture, set_up,
+        cmocka_unit_test_setup_teardown(reading_stops_while_the_client_does_not_read, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(who_is_silent_is_due_twice_and_lost, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(
-            what_is_heard_puts_off_the_ping_and_who_says_too_much_is_due, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_picture_that_is_not_acknowledged_is_due, set_up,
+        cmocka_unit_test(an_image_arrives_whole_in_pieces_of_any_size),
+        cmocka_unit_test_setup_teardown(an_image_is_sent_without_a_copy, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_close_waits_for_the_image_before_it, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_protocol_error_does_not_corrupt_an_image, set_up,
                                         tear_down),
-        cmocka_unit_test_setup_teardown(what_the_socket_does_not_take_is_due, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_close_that_is_not_taken_is_due, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(who_takes_half_a_picture_has_stalled, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_silent_client_gets_two_pings_and_is_lost, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(messages_delay_the_ping_and_a_flood_is_due_at_once, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(an_image_without_acknowledgement_has_a_deadline, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(bytes_that_the_socket_does_not_take_have_a_deadline, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_close_that_is_not_taken_has_a_deadline, set_up,
+                                        tear_down),
+        cmocka_unit_test_setup_teardown(a_client_that_takes_half_an_image_has_stalled, set_up,
+                                        tear_down),
         cmocka_unit_test(out_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

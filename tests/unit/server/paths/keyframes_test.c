@@ -34,10 +34,10 @@ static int set_up(void **state) {
 /* Reads a path of frames 0 to 100 with these keyframes; NULL with *err set. */
 static struct srv_keyframes *try_keys(const char *keys, struct sp_error *err) {
     static const char format[] = "{\"frames\": 101, \"fps\": 10, \"keyframes\": %s}";
-    size_t room = sizeof format + strlen(keys);
-    char *text = malloc(room);
+    size_t capacity = sizeof format + strlen(keys);
+    char *text = malloc(capacity);
     assert_non_null(text);
-    int n = snprintf(text, room, format, keys);
+    int n = snprintf(text, capacity, format, keys);
     proto_json *json = proto_json_parse(text, (size_t)n, err);
     assert_non_null(json);
     struct srv_keyframes *keyframes = srv_keyframes_read(json, &base, &base, 1000, err);

@@ -131,7 +131,7 @@ static const uint32_t size[2] = { WIDTH, HEIGHT };
 static const struct srv_path_output output = { .frames = FRAMES, .fps = FPS, .is_movie = true };
 
 /* What the movie of these packets may take. */
-static uint64_t room_of(const char *id, uint32_t packets) {
+static uint64_t bytes_max_of(const char *id, uint32_t packets) {
     uint64_t bytes = 0, length;
     char name[32];
     for (uint32_t i = 0; i < packets; i++, bytes += length) {
@@ -158,7 +158,7 @@ static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made
     assert_int_equal(fread(movie, 1, length, file), length);
     fclose(file);
     *bytes = length;
-    assert_in_range(length, 1, room_of(id, made->frames));
+    assert_in_range(length, 1, bytes_max_of(id, made->frames));
     return movie;
 }
 
@@ -225,7 +225,7 @@ static void cues_point_to_key_frames(void **state) {
     free(movie);
 }
 
-/* Decodes a packet; the mean luma of its picture. */
+/* Decodes a packet. Returns the mean luma of its image. */
 static double luma(vpx_codec_ctx_t *decoder, const uint8_t *bytes, size_t count) {
     vpx_codec_iter_t at = NULL;
     assert_int_equal(vpx_codec_decode(decoder, bytes, (unsigned)count, NULL, 0), 0);
