@@ -7,7 +7,7 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* What passes is a message that the parent may act on without another look. */
+/* An accepted message is one that the parent may use without further checks. */
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct sp_handover m;
     struct sp_error err;

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a client says beside bodies: the request line and headers, as the daemon judges them once
- * the HTTP library has split them into lines. The input is such text, requests one after the other
- * with an empty line between them; what is after the last one is not looked at.
+ * Request lines and headers, as the daemon checks them after the HTTP library has split them into
+ * lines. The input is a list of requests, separated by empty lines. Bodies are not part of it.
  */
 #include <stdint.h>
 #include <stdlib.h>
@@ -18,19 +17,19 @@
 
 enum { TARGET_MAX = 256 };
 
-static void nothing(struct srv_request *request, struct srv_reply *reply) {
+static void handle_nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
     (void)reply;
 }
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/healthz", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/healthz", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_POST, "/api/v1/volumes", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };
 
@@ -39,7 +38,7 @@ static void must(bool holds) {
         abort();
 }
 
-static void judge_path(const char *method, const char *path) {
+static void check_path(const char *method, const char *path) {
     char param[SRV_PARAM_BYTES], text[64];
     unsigned allowed;
     const struct srv_route *route = srv_route_find(routes, ROUTES, method, path, param, &allowed);
@@ -53,8 +52,8 @@ static void judge_path(const char *method, const char *path) {
     }
 }
 
-/* An address is shown as it is read. */
-static void judge_address(const char *text) {
+/* An address that is parsed, printed and parsed again is the same address. */
+static void check_address(const char *text) {
     struct srv_address address, again;
     char shown[SRV_ADDRESS_TEXT];
     if (!srv_address_parse(text, &address, NULL))
@@ -67,7 +66,7 @@ static void judge_address(const char *text) {
          srv_address_is_loopback((const struct sockaddr *)&again.storage));
 }
 
-static void judge_origin(const char *value) {
+static void check_origin(const char *value) {
     struct sp_error err;
     srv_cors_is_same_origin(value, "splat.example:8080");
     srv_cors_is_same_origin("https://splat.example", value);
@@ -75,16 +74,16 @@ static void judge_origin(const char *value) {
         must(srv_cors_allows(value, value));
 }
 
-static void judge_etags(const char *value) {
+static void check_etags(const char *value) {
     bool any = srv_header_has_etag(value, "\"0123456789abcdef\"");
     must(!any || strchr(value, '*') || strstr(value, "0123456789abcdef"));
 }
 
-static void judge_token(const char *value, const char *token) {
+static void check_token(const char *value, const char *token) {
     must(!srv_header_has_token(value, token) || strcasestr(value, token));
 }
 
-static void judge_header(struct srv_smuggling *smuggling, const char *name, const char *value) {
+static void check_header(struct srv_smuggling *smuggling, const char *name, const char *value) {
     static const char *const types[] = { "image/jpeg", "image/png", "gzip", "application/json" };
     char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
     srv_smuggling_add_header(smuggling, name, value);
@@ -97,26 +96,26 @@ static void judge_header(struct srv_smuggling *smuggling, const char *name, cons
         strcasecmp(name, "Authorization") == 0 ? srv_header_bearer_token(value) : NULL;
     must(!token || (token >= value + 7 && token <= value + strlen(value)));
     if (strcasecmp(name, "If-None-Match") == 0)
-        judge_etags(value);
+        check_etags(value);
     if (strcasecmp(name, "Origin") == 0)
-        judge_origin(value);
+        check_origin(value);
     if (strcasecmp(name, "Host") == 0)
-        judge_address(value);
+        check_address(value);
     if (strcasecmp(name, "Content-Type") == 0)
         srv_header_is_json(value);
     if (strcasecmp(name, "Connection") == 0)
-        judge_token(value, "upgrade");
+        check_token(value, "upgrade");
     if (strcasecmp(name, "Upgrade") == 0)
-        judge_token(value, "websocket");
+        check_token(value, "websocket");
     if (strcasecmp(name, "Sec-WebSocket-Protocol") == 0)
-        judge_token(value, "splatd.v1");
+        check_token(value, "splatd.v1");
     if (strcasecmp(name, "Sec-WebSocket-Key") == 0 && strlen(value) == 24)
         must(!srv_header_websocket_accept(value, accept) ||
              strlen(accept) == SRV_WEBSOCKET_ACCEPT_BYTES - 1);
 }
 
-/* METHOD TARGET VERSION; returns the version. The target is judged, and cut, in place. */
-static const char *judge_line(char *line) {
+/* Checks "METHOD TARGET VERSION" and splits it in place. Returns the version. */
+static const char *check_line(char *line) {
     char *target = line + strcspn(line, " ");
     if (*target)
         *target++ = 0;
@@ -128,11 +127,11 @@ static const char *judge_line(char *line) {
     must(!refusal.status == !refusal.detail);
     must(size <= TARGET_MAX || refusal.status == 414);
     target[strcspn(target, "?")] = 0;
-    judge_path(line, target);
+    check_path(line, target);
     return version;
 }
 
-/* The next line, whose end becomes a NUL; NULL at the end. */
+/* Returns the next line, whose end becomes a NUL; NULL at the end of the text. */
 static char *next_line(char **at) {
     char *line = *at;
     if (!*line)
@@ -152,15 +151,15 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (!text)
         return 0;
     memcpy(text, data, size);
-    text[size] = 0; /* bytes after a NUL are not looked at: the library takes them for no text */
+    text[size] = 0; /* bytes after a NUL are ignored: the HTTP library refuses them */
     while ((line = next_line(&at))) {
         struct srv_smuggling smuggling = { .hosts = 0 };
-        const char *version = judge_line(line);
+        const char *version = check_line(line);
         while ((line = next_line(&at)) && *line) {
             char *value = line + strcspn(line, ":");
             if (*value)
                 *value++ = 0;
-            judge_header(&smuggling, line, value + strspn(value, " \t"));
+            check_header(&smuggling, line, value + strspn(value, " \t"));
         }
         struct srv_rejection refusal = srv_smuggling_check_headers(&smuggling, version);
         must(!refusal.status == !refusal.detail);

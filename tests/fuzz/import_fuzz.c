@@ -41,7 +41,7 @@ static void read_samples(const struct import_format *format, void *reader,
                          const struct import_header *header) {
     const struct import_progress progress = { ignore, NULL };
     struct sp_error err;
-    void *voxels = malloc(header->bytes); /* exact, so that a byte too much is seen */
+    void *voxels = malloc(header->bytes); /* exact size, so that a write past the end is found */
     if (voxels && !format->read(reader, voxels, &progress, &err) && err.code == SP_OK)
         abort();
     free(voxels);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Runs the files of a folder through a fuzz target, for builds without libFuzzer: a crash or a
- * sanitizer's finding fails the test. An empty or missing folder fails it too.
+ * Runs the files of a folder through a fuzz target, for builds without libFuzzer. A crash or a
+ * finding of a sanitizer fails the test, and so does an empty or missing folder.
  */
 #include <dirent.h>
 #include <stdint.h>
@@ -20,7 +20,7 @@ static int replay(const char *path) {
     uint8_t *buffer = malloc(capacity);
     size_t size = buffer ? fread(buffer, 1, capacity, file) : 0;
     fclose(file);
-    /* An exact allocation, so that a read past the end is seen. */
+    /* An allocation of the exact size, so that a read past the end is found. */
     uint8_t *exact = buffer ? realloc(buffer, size ? size : 1) : NULL;
     if (exact)
         LLVMFuzzerTestOneInput(exact, size);

@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A value of a query, or of the header Range, whatever it is for: it is refused, or it says what
- * was understood.
+ * A query value or Range header: it is refused, or the decoded value equals the text.
  */
 #include <stdint.h>
 #include <stdio.h>
@@ -18,41 +17,41 @@ static void must(bool holds) {
         abort();
 }
 
-/* Without zeros in front. */
+/* Skips leading zeros. */
 static const char *shortest(const char *text) {
     return text + strspn(text, "0");
 }
 
-static void judge_number(const char *text) {
+static void check_number(const char *text) {
     static const unsigned most[] = { 1, 100, 1000, UINT32_MAX };
     const char *rest = shortest(text);
     size_t length = strlen(rest);
-    bool has_one_deadline = length > 0 && strspn(rest, "0123456789") == length &&
-                            (length < 10 || (length == 10 && strcmp(rest, "4294967295") <= 0));
+    bool is_valid = length > 0 && strspn(rest, "0123456789") == length &&
+                    (length < 10 || (length == 10 && strcmp(rest, "4294967295") <= 0));
     for (int i = 0; i < 4; i++) {
         unsigned number = 0;
         bool ok = srv_query_number(text, most[i], &number);
-        must(ok == (has_one_deadline && strtoull(rest, NULL, 10) <= most[i]));
+        must(ok == (is_valid && strtoull(rest, NULL, 10) <= most[i]));
         must(!ok || number == strtoull(rest, NULL, 10));
     }
 }
 
-/* Is this the number at `text`, which ends so? */
-static bool says(const char *text, unsigned number, char end) {
+/* True if the text is this number, followed by `end`. */
+static bool is_number(const char *text, unsigned number, char end) {
     char shown[16];
     int length = number ? snprintf(shown, sizeof shown, "%u", number) : 0;
     const char *rest = shortest(text);
     return memcmp(rest, shown, strnlen(rest, (size_t)length)) == 0 && rest[length] == end;
 }
 
-static void judge_size(const char *text) {
+static void check_size(const char *text) {
     uint32_t px[2];
     if (!srv_query_size(text, px))
         return;
-    must(says(text, px[0], ',') && says(strchr(text, ',') + 1, px[1], 0));
+    must(is_number(text, px[0], ',') && is_number(strchr(text, ',') + 1, px[1], 0));
 }
 
-static void judge_range(const char *text, uint64_t size) {
+static void check_range(const char *text, uint64_t size) {
     char again[64];
     uint64_t from, count, more[2];
     enum srv_range range = srv_header_range(text, NULL, "\"e\"", size, &from, &count);
@@ -77,12 +76,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         return 0;
     memcpy(text, data, size);
     text[size] = 0;
-    judge_number(text);
-    judge_size(text);
-    judge_range(text, 0);
-    judge_range(text, 1);
-    judge_range(text, 1000);
-    judge_range(text, (uint64_t)1 << 62);
+    check_number(text);
+    check_size(text);
+    check_range(text, 0);
+    check_range(text, 1);
+    check_range(text, 1000);
+    check_range(text, (uint64_t)1 << 62);
     enum sp_image_format format = sp_image_format_find(text);
     must(format == SP_IMAGE_FORMAT_COUNT || *sp_image_format_info(format)->mime);
     must(sp_chroma_find(text) <= SP_CHROMA_COUNT);

@@ -33,7 +33,7 @@ static void check_accepted(const struct sp_view *view, const struct sp_view *def
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
-    static struct sp_view defaults; /* made once, because its histogram takes most of the time */
+    static struct sp_view defaults; /* created once: computing its histogram takes longest */
     if (!defaults.size[0])
         defaults = fixture_view();
     struct sp_view view;

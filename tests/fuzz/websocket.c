@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Bytes of a client's WebSocket connection: smuggling, JSON-RPC, and what the messages do to a
- * session, over a transport in memory. The input is handed out in pieces whose lengths are taken
- * from it; what the daemon sends goes nowhere.
+ * Bytes of a client's WebSocket connection: framing, JSON-RPC, and the effect of the messages on a
+ * session, over a transport in memory. The input arrives in pieces whose lengths are taken from it.
+ * What the daemon sends is discarded.
  */
 #include <errno.h>
 #include <stdint.h>
@@ -93,7 +93,7 @@ static void no_log(void *user, enum sp_log_level level, const char *kind,
     (void)line;
 }
 
-/* Renders by hand what the session asks for, so that acknowledgements have something to name. */
+/* Delivers a frame for each request of the session, so that there are frames to acknowledge. */
 static void serve(struct srv_schedule *schedule, double now_ms) {
     static struct srv_render_job job;
     double wait_ms;

@@ -69,9 +69,11 @@ static void a_name_stands_for_what_is_on_the_disk(void **state) {
     bool is_new;
     snprintf(path, sizeof path, "%s/new", folder);
     disk.synced = 0;
-    assert_true(output_make_folder(path, &is_new, &err) && is_new);
+    assert_true(output_make_folder(path, &is_new, &err));
+    assert_true(is_new);
     assert_int_equal(disk.synced, there.st_ino);
-    assert_true(output_make_folder(path, &is_new, &err) && !is_new);
+    assert_true(output_make_folder(path, &is_new, &err));
+    assert_false(is_new);
     assert_int_equal(rmdir(path), 0);
     assert_int_equal(rmdir(folder), 0);
 }
@@ -96,7 +98,8 @@ static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
         assert_true(output_add(&output, "taken back", 10, &err));
         raise(SIGINT);
         assert_true(output_restart(&output));
-        assert_true(output_add(&output, "by", 2, &err) && output_add(&output, "tes", 3, &err));
+        assert_true(output_add(&output, "by", 2, &err));
+        assert_true(output_add(&output, "tes", 3, &err));
         assert_int_equal(access(path, F_OK), -1);
         assert_int_equal(signals, 0);
         if (is_given_up) {

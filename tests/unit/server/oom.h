@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the tests of memory that runs out share: the daemon in this process, with a token for
- * everything and one that draws, a client on a socket, and what holds of each answer.
+ * Shared by the out-of-memory tests: the daemon in this process, with one admin token and one
+ * render token, a client on a socket, and checks that hold for every answer.
  */
 #ifndef TESTS_OOM_H
 #define TESTS_OOM_H
@@ -10,7 +10,7 @@
 #include <stddef.h>
 
 #define OOM_ADMIN "admin-0123456789abcdef"
-#define OOM_GALLERY "gallery-0123456789abcdef" /* of the role "render" */
+#define OOM_GALLERY "gallery-0123456789abcdef" /* has the role "render" */
 
 /* Fixture of the group. The volume "engine" may still be loading. */
 int oom_set_up(void **state);
@@ -19,40 +19,44 @@ int oom_tear_down(void **state);
 struct oom_client {
     int fd;
     size_t have;
-    char bytes[1 << 17]; /* that came and were not used, with a NUL behind them */
+    char bytes[1 << 17]; /* received but not used yet, with a NUL after them */
 };
-extern struct oom_client oom_http;         /* of oom_ask(); its bytes are the last answer */
-extern const char *oom_token;              /* that oom_ask() gives; at first OOM_ADMIN */
-extern char oom_session[64], oom_kept[64]; /* ids of what is there during all tests */
+extern struct oom_client oom_http; /* used by oom_ask(); its bytes are the last answer */
+extern const char *oom_token;      /* sent by oom_ask(); initially OOM_ADMIN */
+extern char oom_session[64],
+    oom_saved_view[64]; /* ids of a session and a saved view that exist during all tests */
 
-void oom_dial(struct oom_client *client);
+void oom_connect(struct oom_client *client);
 void oom_hang_up(struct oom_client *client);
-void oom_tell(struct oom_client *client, const void *bytes, size_t size);
+void oom_send(struct oom_client *client, const void *bytes, size_t size);
 /* False: the other side has closed. */
-bool oom_hear(struct oom_client *client);
+bool oom_receive(struct oom_client *client);
 
-/* Sends a request whose answer is the last one. A path without a slash lies below /api/v1/. */
+/* Sends a request; its answer will be the last one. A path without a leading slash is below
+ * /api/v1/. */
 void oom_request(const char *method, const char *path, const char *body);
-/* The status of the answer; 0 = the connection ended before it did. */
+/* Sends a request. Returns the status of its answer; 0 = the connection ended before the answer was
+ * complete. */
 int oom_ask(const char *method, const char *path, const char *body);
-/* The answer has that status, and what it promises is on the disk. */
+/* The same; fails unless the status is `expected`. */
 void oom_must(const char *method, const char *path, const char *body, int expected);
-/* The text behind the first `"key":"` of the last answer. */
+/* Copies the text after the first `"key":"` of the last answer. */
 void oom_member(const char *key, char value[64]);
 
-/* Is that what is answered when there was no memory? */
-bool oom_is_told(int status);
-/* Asks while the n-th allocation fails; false: none did. The status is `expected`, or told. */
+/* True if the status is that of an answer without memory. */
+bool oom_is_no_memory(int status);
+/* Sends a request while the n-th allocation fails. False if no allocation failed. The status is
+ * `expected`, or that of an answer without memory. */
 bool oom_try(long n, const char *method, const char *path, const char *body, int expected,
              int *status);
-/* The same for every n until nothing fails. `body` may have one %ld, so that nothing is there
- * already. An answer of 200 is like one with memory; who is refused has made nothing; and the next
- * request is answered as ever. */
+/* The same for every n until no allocation fails. `body` may have one %ld, so that each request
+ * creates something new. An answer of 200 equals that with enough memory; a refused request has
+ * created nothing; and the next request is answered normally. */
 void oom_each_allocation(const char *method, const char *path, const char *body, int expected);
 
-/* A request of this method and path is covered: marks its operation of openapi.yaml. */
+/* Marks the operation of openapi.yaml with this method and path as covered. */
 void oom_cover(const char *method, const char *path);
-/* Each operation of openapi.yaml was covered. */
+/* Fails unless each operation of openapi.yaml is covered. */
 void oom_all_is_covered(void **state);
 
 void oom_paths(void **state);   /* oom_paths.c */

@@ -31,7 +31,7 @@ static struct fixture {
     uint16_t port;
 } f;
 
-/* In memory, if there is such a place: nothing here is about a disk. */
+/* Creates a folder in memory if possible, because these tests do not need a disk. */
 static bool make_folder(void) {
     static const char *const places[] = { "/dev/shm", "/tmp" };
     for (size_t i = 0; i < sizeof places / sizeof *places; i++) {
@@ -106,11 +106,11 @@ int oom_tear_down(void **state) {
 
 struct oom_client oom_http;
 const char *oom_token = OOM_ADMIN;
-char oom_session[64], oom_kept[64];
+char oom_session[64], oom_saved_view[64];
 
-void oom_dial(struct oom_client *client) {
+void oom_connect(struct oom_client *client) {
     struct sockaddr_in to = { .sin_family = AF_INET, .sin_port = htons(f.port) };
-    struct timeval limit = { .tv_sec = 120 }; /* for an answer that never comes */
+    struct timeval limit = { .tv_sec = 120 }; /* so that a missing answer fails the test */
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     client->have = 0;
     client->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -125,18 +125,18 @@ void oom_hang_up(struct oom_client *client) {
     client->fd = -1;
 }
 
-void oom_tell(struct oom_client *client, const void *bytes, size_t size) {
+void oom_send(struct oom_client *client, const void *bytes, size_t size) {
     if (send(client->fd, bytes, size, MSG_NOSIGNAL) != (ssize_t)size && errno != EPIPE &&
         errno != ECONNRESET)
         fail_msg("cannot send: %s", strerror(errno));
 }
 
-bool oom_hear(struct oom_client *client) {
+bool oom_receive(struct oom_client *client) {
     assert_true(client->have + 1 < sizeof client->bytes);
     ssize_t got =
         recv(client->fd, client->bytes + client->have, sizeof client->bytes - 1 - client->have, 0);
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
-        fail_msg("it hangs");
+        fail_msg("the daemon does not answer");
     if (got <= 0)
         return false;
     client->have += (size_t)got;
@@ -153,11 +153,11 @@ void oom_request(const char *method, const char *path, const char *body) {
                  "Content-Length: %zu\r\n\r\n%s",
                  method, path[0] == '/' ? "" : "/api/v1/", path, oom_token, strlen(body), body);
     assert_true(size < (int)sizeof text);
-    oom_dial(&oom_http);
-    oom_tell(&oom_http, text, (size_t)size);
+    oom_connect(&oom_http);
+    oom_send(&oom_http, text, (size_t)size);
 }
 
-/* Did all of the answer come? */
+/* True if the answer is complete. */
 static bool is_whole(void) {
     const char *body = strstr(oom_http.bytes, "\r\n\r\n");
     const char *length = strstr(oom_http.bytes, "Content-Length: ");
@@ -173,7 +173,7 @@ static bool is_whole(void) {
 int oom_ask(const char *method, const char *path, const char *body) {
     int status = 0;
     oom_request(method, path, body);
-    while (oom_hear(&oom_http)) {
+    while (oom_receive(&oom_http)) {
     }
     oom_http.bytes[oom_http.have] = 0;
     oom_hang_up(&oom_http);
@@ -201,9 +201,9 @@ void oom_member(const char *key, char value[64]) {
     snprintf(value, 64, "%.*s", (int)strcspn(at, "\""), at);
 }
 
-/* What holds of each answer. */
+/* Checks of every answer. */
 
-bool oom_is_told(int status) {
+bool oom_is_no_memory(int status) {
     return status == 0 || status == 500 || status == 503;
 }
 
@@ -212,13 +212,13 @@ bool oom_try(long n, const char *method, const char *path, const char *body, int
     memory_run_out(n, MEMORY_FAILS_ONCE);
     *status = oom_ask(method, path, body);
     bool refused = memory_come_back();
-    if (*status != expected && !(refused && oom_is_told(*status)))
+    if (*status != expected && !(refused && oom_is_no_memory(*status)))
         fail_msg("%s %s with allocation %ld refused: %d: %.600s", method, path, n, *status,
                  oom_http.bytes);
     return refused;
 }
 
-/* The last answer, with a # for each number in it: malloc'ed. */
+/* Returns the last answer with each number replaced by #, malloc'ed. */
 static char *shape(void) {
     char *text = strdup(oom_http.bytes), *out = text;
     assert_non_null(text);
@@ -235,11 +235,11 @@ static char *shape(void) {
     return text;
 }
 
-/* Fails if the last answer is another than `whole`. */
+/* Fails unless the last answer has the shape `whole`. */
 static void check_shape(const char *path, const char *whole) {
     char *text = shape();
     if (strcmp(text, whole) != 0)
-        fail_msg("%s is answered by\n%.2000s\nnot by\n%.2000s", path, text, whole);
+        fail_msg("the answer of %s is\n%.2000s\ninstead of\n%.2000s", path, text, whole);
     free(text);
 }
 
@@ -250,8 +250,8 @@ static long count(const char *pattern) {
     return n;
 }
 
-/* How many there are of what a POST makes; -1: it makes nothing that stays. */
-static long count_made(const char *method, const char *path) {
+/* Returns the number of objects of the kind that the POST creates; -1: the request creates none. */
+static long count_objects(const char *method, const char *path) {
     static const char views[] = "splatd_kept{kind=\"view\"} ";
     if (strcmp(method, "POST") != 0)
         return -1;
@@ -267,15 +267,15 @@ static long count_made(const char *method, const char *path) {
     return atol(at + strlen(views));
 }
 
-/* Ends what a session or a path costs that was made just now. */
-static void forget(const char *method, const char *path) {
-    char id[64], made[128];
+/* Deletes the session or the path that the request has created. */
+static void delete_created(const char *method, const char *path) {
+    char id[64], created[128];
     if (strcmp(method, "POST") != 0 ||
         (strcmp(path, "sessions") != 0 && strcmp(path, "paths") != 0))
         return;
     oom_member("id", id);
-    snprintf(made, sizeof made, "%s/%s", path, id);
-    oom_must("DELETE", made, "", 204);
+    snprintf(created, sizeof created, "%s/%s", path, id);
+    oom_must("DELETE", created, "", 204);
 }
 
 void oom_each_allocation(const char *method, const char *path, const char *body, int expected) {
@@ -290,20 +290,20 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
         int status;
         snprintf(text, sizeof text, body, n);
         oom_token = OOM_ADMIN;
-        long before = count_made(method, path);
+        long before = count_objects(method, path);
         oom_token = token;
         refused = oom_try(n, method, path, text, expected, &status);
         if (whole && status == expected)
             check_shape(path, whole);
         if (status >= 500) {
             oom_token = OOM_ADMIN;
-            assert_int_equal(count_made(method, path), before);
+            assert_int_equal(count_objects(method, path), before);
             oom_token = token;
         }
         if (status != expected)
             oom_must(method, path, text, expected);
         oom_token = OOM_ADMIN;
-        forget(method, path);
+        delete_created(method, path);
         oom_token = token;
     }
     free(whole);
@@ -312,7 +312,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
     oom_cover(method, path);
 }
 
-/* What was covered. */
+/* Coverage. */
 
 static struct covered { char method[8], path[120]; } covered[64];
 static size_t covered_count;
@@ -325,7 +325,7 @@ void oom_cover(const char *method, const char *path) {
              (int)strcspn(path, "?"), path);
 }
 
-/* "{…}" of the pattern stands for a segment. */
+/* True if the path matches the pattern, in which "{…}" stands for one segment. */
 static bool matches(const char *pattern, const char *path) {
     while (*pattern && *path) {
         if (*pattern == '{') {
@@ -345,7 +345,7 @@ static bool is_covered(const char *method, const char *pattern) {
     return false;
 }
 
-/* Paths stand in openapi.yaml after two blanks, their methods after four. */
+/* In openapi.yaml, paths are indented by two blanks, their methods by four. */
 void oom_all_is_covered(void **state) {
     (void)state;
     char pattern[128] = "", method[16];
@@ -363,7 +363,7 @@ void oom_all_is_covered(void **state) {
         operations++;
         if (!is_covered(method, pattern)) {
             missing++;
-            print_error("memory does not run out in %s %s\n", method, pattern);
+            print_error("no test of %s %s without memory\n", method, pattern);
         }
     }
     print_message("%d operations of openapi.yaml\n", operations);

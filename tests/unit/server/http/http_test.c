@@ -22,18 +22,18 @@
 #include "http/router.h"
 #include "http/smuggling.h"
 
-static void nothing(struct srv_request *request, struct srv_reply *reply) {
+static void handle_nothing(struct srv_request *request, struct srv_reply *reply) {
     (void)request;
     (void)reply;
 }
 
 static const struct srv_route routes[] = {
-    { SRV_GET, "/a", SRV_RIGHT_NONE, nothing, { "after", "limit" } },
-    { SRV_POST, "/a", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, nothing, { NULL } },
-    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, nothing, { NULL } },
+    { SRV_GET, "/a", SRV_RIGHT_NONE, handle_nothing, { "after", "limit" } },
+    { SRV_POST, "/a", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/a/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_DELETE, "/a/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/a/{}/view", SRV_RIGHT_NONE, handle_nothing, { NULL } },
+    { SRV_GET, "/a/{}/b/{}", SRV_RIGHT_NONE, handle_nothing, { NULL } },
 };
 
 static void routing(void **state) {
@@ -82,7 +82,7 @@ static void routing(void **state) {
     assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
     path[3 + SRV_PARAM_BYTES - 1] = 0;
     assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
-    memcpy(path + SRV_PARAM_BYTES, "/b/yy", sizeof "/b/yy"); /* with the "/" one too long */
+    memcpy(path + SRV_PARAM_BYTES, "/b/yy", sizeof "/b/yy"); /* one byte too long with the "/" */
     assert_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
     path[SRV_PARAM_BYTES + 4] = 0;
     assert_non_null(srv_route_find(routes, 6, "GET", path, param, &allowed));
@@ -189,7 +189,7 @@ static void compression(void **state) {
     unsigned seed = 1;
     for (size_t i = 0; i < sizeof text; i++)
         text[i] = (char)((seed = seed * 1103515245u + 12345u) >> 16);
-    assert_null(srv_gzip(text, sizeof text, &size)); /* noise would become longer */
+    assert_null(srv_gzip(text, sizeof text, &size)); /* compressed noise would be longer */
 }
 
 static void accepting(void **state) {
@@ -315,22 +315,23 @@ static unsigned taken(struct srv_host_rate *rate, const char *host, unsigned tri
     return count;
 }
 
-static void how_often_a_host_may(void **state) {
+static void rate_per_host(void **state) {
     (void)state;
     struct srv_host_rate rate = { .per_second = 10 }, any = { .per_second = 0 };
     assert_int_equal(taken(&any, "10.0.0.1:1", 100000, 0), 100000);
-    /* Sixteen seconds' worth at once, then by the second, whatever the port. */
+    /* A burst of 16 seconds, then 10 per second; the port does not matter. */
     assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 5000), 160);
     assert_int_equal(taken(&rate, "10.0.0.1:2", 1000, 5050), 0);
     assert_int_equal(taken(&rate, "10.0.0.1:3", 1000, 6000), 10);
     for (unsigned i = 1; i <= 20; i++)
         assert_int_equal(taken(&rate, "10.0.0.1:1", 7, 6000 + i * 1000), 7);
     assert_int_equal(taken(&rate, "10.0.0.1:1", 1000, 1e6), 160);
-    /* Others have their own. */
+    /* Other hosts have a quota of their own. */
     assert_int_equal(taken(&rate, "10.0.0.2:1", 1000, 1e6), 160);
     assert_int_equal(taken(&rate, "[2001:db8::1]:1", 90, 1e6), 90);
-    assert_int_equal(taken(&rate, "[2001:db8::ffff]:1", 90, 1e6), 70); /* one host may be both */
-    /* More hosts than are remembered do not make who owes most forgotten. */
+    assert_int_equal(taken(&rate, "[2001:db8::ffff]:1", 90, 1e6),
+                     70); /* the same /64 counts as one host */
+    /* More hosts than the table holds do not evict the most active one. */
     for (unsigned i = 0; i < 2 * SRV_RATE_HOSTS; i++) {
         char host[32];
         snprintf(host, sizeof host, "10.1.%u.%u:1", i / 256, i % 256);
@@ -352,12 +353,17 @@ static void values(void **state) {
     for (size_t i = 0; i < sizeof none / sizeof *none; i++)
         assert_false(srv_query_number(none[i], 100, &number));
     assert_int_equal(number, 7);
-    assert_true(srv_query_number("1", 100, &number) && number == 1);
-    assert_true(srv_query_number("0100", 100, &number) && number == 100);
+    assert_true(srv_query_number("1", 100, &number));
+    assert_int_equal(number, 1);
+    assert_true(srv_query_number("0100", 100, &number));
+    assert_int_equal(number, 100);
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++)
         assert_false(srv_query_size(sizes[i], size));
-    assert_true(size[0] == 7 && size[1] == 7);
-    assert_true(srv_query_size("640,00480", size) && size[0] == 640 && size[1] == 480);
+    assert_int_equal(size[0], 7);
+    assert_int_equal(size[1], 7);
+    assert_true(srv_query_size("640,00480", size));
+    assert_int_equal(size[0], 640);
+    assert_int_equal(size[1], 480);
 }
 
 static void ranges(void **state) {
@@ -366,7 +372,7 @@ static void ranges(void **state) {
         const char *range;
         enum srv_range is;
         uint64_t from, count;
-    } of_ten[] = {
+    } cases_of_ten_bytes[] = {
         { NULL, SRV_RANGE_WHOLE, 0, 10 },
         { "bytes=0-0", SRV_RANGE_PART, 0, 1 },
         { "bytes=3-", SRV_RANGE_PART, 3, 7 },
@@ -387,10 +393,12 @@ static void ranges(void **state) {
         { "lines=1-2", SRV_RANGE_WHOLE, 0, 10 },
     };
     uint64_t from, count;
-    for (size_t i = 0; i < sizeof of_ten / sizeof *of_ten; i++) {
-        assert_int_equal(srv_header_range(of_ten[i].range, NULL, "\"e\"", 10, &from, &count),
-                         of_ten[i].is);
-        assert_true(from == of_ten[i].from && count == of_ten[i].count);
+    for (size_t i = 0; i < sizeof cases_of_ten_bytes / sizeof *cases_of_ten_bytes; i++) {
+        assert_int_equal(
+            srv_header_range(cases_of_ten_bytes[i].range, NULL, "\"e\"", 10, &from, &count),
+            cases_of_ten_bytes[i].is);
+        assert_int_equal(from, cases_of_ten_bytes[i].from);
+        assert_int_equal(count, cases_of_ten_bytes[i].count);
     }
     assert_int_equal(srv_header_range("bytes=1-2", "\"e\"", "\"e\"", 10, &from, &count),
                      SRV_RANGE_PART);
@@ -399,7 +407,8 @@ static void ranges(void **state) {
     assert_int_equal(srv_header_range("bytes=0-", NULL, "\"e\"", 0, &from, &count), SRV_RANGE_NONE);
 }
 
-/* RFC 6455, 1.3; another one from `printf KEY258EAFA5-… | openssl sha1 -binary | base64`. */
+/* The first key is from RFC 6455, 1.3, the second from `printf KEY258EAFA5-… | openssl sha1 -binary
+ * | base64`. */
 static void handshake(void **state) {
     (void)state;
     char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
@@ -486,11 +495,11 @@ static void smuggling(void **state) {
         struct srv_rejection refusal = srv_smuggling_check_headers(&seen, cases[i].version);
         if (refusal.status != cases[i].status)
             fail_msg("case %zu: %u %s", i, refusal.status, refusal.detail);
-        assert_true(!refusal.detail == !refusal.status);
+        assert_int_equal(!refusal.detail, !refusal.status);
     }
 }
 
-static void headers_have_a_number(void **state) {
+static void number_of_headers(void **state) {
     (void)state;
     struct srv_smuggling seen = { .hosts = 0 };
     srv_smuggling_add_header(&seen, "Host", "x");
@@ -518,8 +527,8 @@ int main(void) {
         cmocka_unit_test(targets),
         cmocka_unit_test(smuggling),
         cmocka_unit_test(connections_from_one_host),
-        cmocka_unit_test(how_often_a_host_may),
-        cmocka_unit_test(headers_have_a_number),
+        cmocka_unit_test(rate_per_host),
+        cmocka_unit_test(number_of_headers),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How much the clients of streams may say from one tick to the next.
+ * How many bytes the clients of streams may send per tick.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,7 +14,7 @@
 
 enum { HALF = SRV_INGRESS_TICK_BYTES / 2, MESSAGE = 4 * SRV_INGRESS_STREAM_BYTES, PIECE = 512 };
 
-/* Reads until it may not; how much that was. */
+/* Takes pieces until the quota is used up. Returns their sum in bytes. */
 static size_t drain(struct srv_ingress_stream *stream) {
     size_t all = 0;
     for (; srv_ingress_has(stream); all += PIECE)
@@ -24,7 +24,7 @@ static size_t drain(struct srv_ingress_stream *stream) {
 
 /* One stream may send a long message at once, then a fixed number of bytes per tick, and saves up
  * no more. */
-static void a_stream_has_a_bound_of_its_own(void **state) {
+static void a_stream_has_a_limit_of_its_own(void **state) {
     (void)state;
     struct srv_ingress *ingress = srv_ingress_create(MESSAGE);
     struct srv_ingress_stream stream;
@@ -41,7 +41,8 @@ static void a_stream_has_a_bound_of_its_own(void **state) {
         srv_ingress_tick(ingress);
     assert_int_equal(drain(&stream), MESSAGE);
     srv_ingress_tick(ingress);
-    srv_ingress_take(&stream, 2 * SRV_INGRESS_STREAM_BYTES); /* what was too much is owed */
+    srv_ingress_take(&stream,
+                     2 * SRV_INGRESS_STREAM_BYTES); /* the excess is deducted from later ticks */
     assert_false(srv_ingress_has(&stream));
     srv_ingress_tick(ingress);
     assert_false(srv_ingress_has(&stream));
@@ -51,7 +52,7 @@ static void a_stream_has_a_bound_of_its_own(void **state) {
     srv_ingress_destroy(&ingress);
 }
 
-static void the_sum_has_a_bound_whatever_their_number(void **state) {
+static void the_sum_is_limited_for_any_number_of_streams(void **state) {
     enum { STREAMS = 256 };
     (void)state;
     struct srv_ingress *ingress = srv_ingress_create(SRV_INGRESS_TICK_BYTES);
@@ -66,7 +67,7 @@ static void the_sum_has_a_bound_whatever_their_number(void **state) {
         size_t all = 0;
         for (int i = 0; i < STREAMS; i++)
             all += drain(&streams[i]);
-        /* Each takes whole pieces, the last one of which is more than there was. */
+        /* Each stream takes whole pieces, and its last piece may exceed the quota. */
         assert_in_range(all, SRV_INGRESS_TICK_BYTES - 2 * PIECE,
                         SRV_INGRESS_TICK_BYTES + STREAMS * PIECE);
         srv_ingress_tick(ingress);
@@ -76,9 +77,9 @@ static void the_sum_has_a_bound_whatever_their_number(void **state) {
     srv_ingress_destroy(&ingress);
 }
 
-/* Ann has one session with one stream; bob has three, of which one has many streams. All but one
- * have taken what they could get: what the last one has is its own. */
-static void nobody_uses_up_the_part_of_another(void **state) {
+/* Ann has one session with one stream. Bob has three sessions, one of them with many streams. All
+ * streams but one have used up what they could get: the last one still gets its own part. */
+static void no_stream_uses_up_the_part_of_another(void **state) {
     enum { CROWD = 50, LAST = CROWD + 2 };
     static const struct {
         int last;
@@ -86,7 +87,7 @@ static void nobody_uses_up_the_part_of_another(void **state) {
     } cases[] = {
         { CROWD, HALF / 2 },         /* ann */
         { CROWD + 1, HALF / 2 / 3 }, /* bob's session with one stream */
-        { 0, HALF / 2 / 3 / CROWD }, /* one of the many */
+        { 0, HALF / 2 / 3 / CROWD }, /* one stream of the crowd */
     };
     (void)state;
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
@@ -108,8 +109,8 @@ static void nobody_uses_up_the_part_of_another(void **state) {
     }
 }
 
-/* Who is alone again has everything again. */
-static void parts_go_with_who_has_them(void **state) {
+/* A stream that is alone again gets the whole quota again. */
+static void parts_are_returned_when_streams_close(void **state) {
     enum { OTHERS = 40 };
     (void)state;
     struct srv_ingress *ingress = srv_ingress_create(2 * SRV_INGRESS_TICK_BYTES);
@@ -136,10 +137,10 @@ static void parts_go_with_who_has_them(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_stream_has_a_bound_of_its_own),
-        cmocka_unit_test(the_sum_has_a_bound_whatever_their_number),
-        cmocka_unit_test(nobody_uses_up_the_part_of_another),
-        cmocka_unit_test(parts_go_with_who_has_them),
+        cmocka_unit_test(a_stream_has_a_limit_of_its_own),
+        cmocka_unit_test(the_sum_is_limited_for_any_number_of_streams),
+        cmocka_unit_test(no_stream_uses_up_the_part_of_another),
+        cmocka_unit_test(parts_are_returned_when_streams_close),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The stream thread over socket pairs: which streams it looks at, and that all of them end.
+ * The stream thread over socket pairs: it checks only active streams, and all streams end.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -27,7 +27,7 @@
 enum { SESSIONS = 2, EACH = 3, STREAMS = SESSIONS * EACH };
 
 struct peer {
-    int socket, other; /* the peer's end, and the stream's */
+    int socket, other; /* the peer's end and the stream's end */
 };
 
 static struct {
@@ -37,9 +37,9 @@ static struct {
     struct srv_timer_task task;
     char ids[SESSIONS][SRV_SESSION_ID_BYTES];
     struct peer peers[STREAMS];
-    int ticks[2], ends[2]; /* pipes: a byte for each */
-    atomic_uint looks[STREAMS];
-    struct srv_ws *ws[STREAMS]; /* the stream thread's, as they join: the same order */
+    int ticks[2], ends[2]; /* socket pairs: one byte per tick or ended stream */
+    atomic_uint checks[STREAMS];
+    struct srv_ws *ws[STREAMS]; /* in the order in which they join */
     unsigned joined;
 } t;
 
@@ -60,18 +60,18 @@ struct srv_ws *__wrap_srv_ws_create(const struct srv_ws_options *options, double
 void __wrap_srv_ws_tick(struct srv_ws *ws, double now_ms) {
     for (unsigned i = 0; i < t.joined; i++)
         if (t.ws[i] == ws)
-            atomic_fetch_add(&t.looks[i], 1);
+            atomic_fetch_add(&t.checks[i], 1);
     __real_srv_ws_tick(ws, now_ms);
 }
 
-static void tell(int pipe) {
+static void write_byte(int pipe) {
     ssize_t written = write(pipe, "", 1);
-    (void)written; /* of ticks there may be more than anybody waits for */
+    (void)written; /* if the buffer is full, enough ticks are waiting */
 }
 
-/* A tick begins; those before it are complete. */
+/* Marks the start of a tick: all earlier ticks are complete. */
 void __wrap_srv_ingress_tick(struct srv_ingress *ingress) {
-    tell(t.ticks[1]);
+    write_byte(t.ticks[1]);
     __real_srv_ingress_tick(ingress);
 }
 
@@ -84,7 +84,7 @@ static double on_timer(void *user, double now_ms) {
 static void on_end(void *owner) {
     struct peer *peer = owner;
     close(peer->other);
-    tell(t.ends[1]);
+    write_byte(t.ends[1]);
 }
 
 static void wait_for(int pipe, unsigned count) {
@@ -93,7 +93,7 @@ static void wait_for(int pipe, unsigned count) {
         assert_int_equal(read(pipe, &byte, 1), 1);
 }
 
-/* What was ticked before it was asked for does not count. */
+/* Waits for `count` new ticks; earlier ones do not count. */
 static void wait_for_ticks(unsigned count) {
     char bytes[512];
     ssize_t got = recv(t.ticks[0], bytes, sizeof bytes, MSG_DONTWAIT);
@@ -101,7 +101,7 @@ static void wait_for_ticks(unsigned count) {
     wait_for(t.ticks[0], count);
 }
 
-static void hear(struct peer *peer) {
+static void receive(struct peer *peer) {
     uint8_t bytes[4096];
     assert_true(recv(peer->socket, bytes, sizeof bytes, 0) > 0);
 }
@@ -117,7 +117,7 @@ static void join(struct peer *peer, const char *session) {
     };
     strcpy(start.session, session);
     assert_true(srv_streams_add(t.streams, &start));
-    hear(peer); /* it joined before the next one */
+    receive(peer); /* so that it joins before the next one */
 }
 
 static int set_up(void **state) {
@@ -160,60 +160,63 @@ static int tear_down(void **state) {
     return hub_tear_down(&t.hub);
 }
 
-static void ask(struct peer *peer) {
-    static const uint8_t ping[] = { 0x89, 0x80, 0, 0, 0, 0 }; /* RFC 6455: of the library */
-    assert_int_equal(send(peer->socket, ping, sizeof ping, 0), sizeof ping);
-    hear(peer);
+static void ping(struct peer *peer) {
+    static const uint8_t frame[] = {
+        0x89, 0x80, 0, 0, 0, 0
+    }; /* an RFC 6455 ping, which wslay answers */
+    assert_int_equal(send(peer->socket, frame, sizeof frame, 0), sizeof frame);
+    receive(peer);
 }
 
-static void who_does_nothing_is_not_looked_at(void **state) {
+static void idle_streams_are_not_checked(void **state) {
     unsigned before[STREAMS];
     (void)state;
     wait_for_ticks(3); /* since they joined */
     for (int i = 0; i < STREAMS; i++)
-        before[i] = atomic_load(&t.looks[i]);
+        before[i] = atomic_load(&t.checks[i]);
     for (int i = 0; i < 5; i++) {
-        ask(&t.peers[2]);
+        ping(&t.peers[2]);
         wait_for_ticks(2);
     }
     for (int i = 0; i < STREAMS; i++)
         if (i != 2)
-            assert_int_equal(atomic_load(&t.looks[i]), before[i]);
-    assert_true(atomic_load(&t.looks[2]) >= before[2] + 5);
+            assert_int_equal(atomic_load(&t.checks[i]), before[i]);
+    assert_true(atomic_load(&t.checks[2]) >= before[2] + 5);
 }
 
-/* From the middle, the ends, and at once; the others go on. */
+/* Streams from the middle and both ends of the list end, one by one and two at once. The others
+ * continue. */
 static void all_end(void **state) {
     static const int order[] = { 3, 0, STREAMS - 1 };
     (void)state;
     for (unsigned i = 0; i < sizeof order / sizeof *order; i++) {
         shutdown(t.peers[order[i]].socket, SHUT_RDWR);
         wait_for(t.ends[0], 1);
-        ask(&t.peers[4]);
+        ping(&t.peers[4]);
     }
     shutdown(t.peers[1].socket, SHUT_RDWR);
     shutdown(t.peers[2].socket, SHUT_RDWR);
     wait_for(t.ends[0], 2);
-    ask(&t.peers[4]);
+    ping(&t.peers[4]);
     srv_timer_thread_destroy(&t.timers);
     srv_streams_destroy(&t.streams);
     wait_for(t.ends[0], 1);
 }
 
-/* A peer that does not close after the good-bye. */
-static void who_lingers_ends(void **state) {
+/* A peer that does not close its side after the close frame. */
+static void lingering_streams_end(void **state) {
     struct fixture *f = t.hub;
     (void)state;
     assert_true(srv_hub_session_delete(f->hub, t.ids[0], NULL));
     wait_for(t.ends[0], EACH);
-    ask(&t.peers[4]);
+    ping(&t.peers[4]);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(who_does_nothing_is_not_looked_at, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(idle_streams_are_not_checked, set_up, tear_down),
         cmocka_unit_test_setup_teardown(all_end, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(who_lingers_ends, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(lingering_streams_end, set_up, tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -54,7 +54,10 @@ static bool call(const char *what) {
         return true;
     int before = errno;
     disk.is_watching = false; /* what it takes to look is not looked at */
-    assert_true(!is_there(disk.final) || (disk.is_renamed && is_whole(disk.final)));
+    if (is_there(disk.final)) {
+        assert_true(disk.is_renamed);
+        assert_true(is_whole(disk.final));
+    }
     disk.is_watching = true;
     errno = before;
     if (++disk.calls != disk.fails_at)
@@ -204,7 +207,10 @@ static void a_failed_write_leaves_no_file(void **state) {
             break;
         }
         assert_int_equal(count_files(disk.job), ok ? 1 : 0);
-        assert_true(!ok || (is_whole(disk.final) && strcmp(disk.failed, "close") == 0));
+        if (ok) {
+            assert_true(is_whole(disk.final));
+            assert_string_equal(disk.failed, "close");
+        }
         if (!ok) {
             failures++;
             assert_int_equal(err.code, SP_ERR_IO);
