@@ -213,7 +213,7 @@ test('the deadlines of HTTP apply behind TLS, and the connection ends with a clo
     const port = socket.localPort;
     if (start) socket.write(start);
     assert.equal((await readAll(socket)).length, 0);
-    await daemon.untilLogged(`connection of 127.0.0.1:${port} closed: past --header-time`);
+    await daemon.untilLogged(`connection of 127.0.0.1:${port} closed: it exceeded --header-time`);
   });
   await Promise.all(ends);
   await othersAreServed();
