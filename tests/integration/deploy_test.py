@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the files of deploy/ against the daemon: what they name exists.
+"""Compares the files of deploy/ with the daemon: everything that they name must exist.
 
   deploy_test.py SPLATD SOURCE_DIR
 """
@@ -57,9 +57,9 @@ class Daemon:
         self.token = (re.search(r'token=(\w+)', address) or ['', ''])[1]
 
     def get(self, path, token=None):
-        asked = urllib.request.Request(f'http://127.0.0.1:{self.port}{path}', headers={'Authorization': f'Bearer {token or self.token}'})
+        request = urllib.request.Request(f'http://127.0.0.1:{self.port}{path}', headers={'Authorization': f'Bearer {token or self.token}'})
         try:
-            with urllib.request.urlopen(asked, timeout=DEADLINE_S) as answer:
+            with urllib.request.urlopen(request, timeout=DEADLINE_S) as answer:
                 return answer.status, answer.read().decode()
         except urllib.error.HTTPError as error:
             with error:
@@ -100,9 +100,9 @@ class Deploy(unittest.TestCase):
                 self.assertIn(name, labels)
         self.assertEqual(len({rule['alert'] for rule in rules}), len(rules))
 
-    def test_dashboard_is_what_grafana_takes(self):
-        """Of its model: each panel has a number, a place of its own on 24 columns, a source of data that a variable names, and queries
-        that can be told apart."""
+    def test_grafana_accepts_the_dashboard(self):
+        """Each panel has its own id and its own place on 24 columns, a data source that a variable names, and queries with different
+        ids."""
         board = json.loads(read('dashboard.json'))
         sources = {'${%s}' % v['name'] for v in board['templating']['list'] if v['type'] == 'datasource' and v['query'] == 'prometheus'}
         self.assertEqual(len({panel['id'] for panel in board['panels']}), len(board['panels']))
@@ -120,7 +120,7 @@ class Deploy(unittest.TestCase):
             self.assertFalse(cells & taken, panel['title'])
             taken |= cells
 
-    def test_tokens_are_made_as_the_unit_says(self):
+    def test_the_commands_of_the_unit_create_tokens(self):
         """The documented commands work: the daemon reads the file, and the token of Prometheus may only read /metrics."""
         with tempfile.TemporaryDirectory() as folder:
             os.makedirs(os.path.join(folder, 'etc/prometheus'))
@@ -140,7 +140,7 @@ class Deploy(unittest.TestCase):
                 self.assertEqual([daemon.get('/metrics', prometheus)[0], daemon.get('/api/v1/volumes', prometheus)[0],
                                   daemon.get('/api/v1/volumes', first)[0]], [200, 403, 200])
 
-    def test_no_restart_for_wrong_settings(self):
+    def test_wrong_settings_cause_no_restart(self):
         status = int(re.search(r'^RestartPreventExitStatus=(\d+)$', read('splatd.service'), re.M)[1])
         with tempfile.NamedTemporaryFile('w', suffix='.conf') as config:
             config.write('no-such-setting = 1\n')
@@ -149,7 +149,7 @@ class Deploy(unittest.TestCase):
                 done = subprocess.run([sys.argv[1], *wrong], capture_output=True, text=True, check=False, timeout=DEADLINE_S)
                 self.assertEqual(done.returncode, status, done.stderr)
 
-    def test_health_is_seen(self):
+    def test_the_health_check_notices_a_stopped_daemon(self):
         """The health check of the image succeeds while a daemon runs and fails without one."""
         check = json.loads(re.search(r'^HEALTHCHECK .*?CMD (\[.*\])$', read('Containerfile'), re.M)[1])
         self.assertIn('/8080', check[-1])
@@ -158,7 +158,7 @@ class Deploy(unittest.TestCase):
             self.assertEqual(subprocess.run(check, capture_output=True, check=False, timeout=DEADLINE_S).returncode, 0)
         self.assertNotEqual(subprocess.run(check, capture_output=True, check=False, timeout=DEADLINE_S).returncode, 0)
 
-    def test_image_is_made_of_what_there_is(self):
+    def test_the_image_copies_files_that_exist(self):
         """All files copied into the image are in its context, and it builds every program that run.sh installs."""
         with open(os.path.join(sys.argv[2], '.dockerignore'), encoding='utf-8') as f:
             ignored = {line.strip() for line in f if line.strip() and line[0] != '#'}
@@ -173,8 +173,8 @@ class Deploy(unittest.TestCase):
         built = re.search(r'--target (.*?) \\', read('Containerfile'))[1].split()
         self.assertEqual(set(built), set(re.search(r'^build release (.*)$', read('run.sh'), re.M)[1].split()) - {'splat-bench'})
 
-    def test_packages_are_all_that_is_asked_for(self):
-        """Each library that CMake asks pkg-config for comes from a package of the list, where dpkg can tell."""
+    def test_every_library_has_a_package(self):
+        """Each library that CMake finds with pkg-config belongs to a package of the list. Skipped without dpkg."""
         kinds = [line.split() for line in read('packages.txt').splitlines() if line and line[0] != '#']
         self.assertEqual(kinds, sorted(kinds))
         self.assertEqual({kind for kind, _ in kinds}, {'build', 'peer', 'test'})
@@ -183,15 +183,15 @@ class Deploy(unittest.TestCase):
             self.skipTest('no dpkg-query or pkg-config')
         for path in glob.glob(os.path.join(sys.argv[2], '**/CMakeLists.txt'), recursive=True):
             with open(path, encoding='utf-8') as f:
-                asked = re.findall(r'pkg_check_modules\(\w+ (?:REQUIRED )?IMPORTED_TARGET (?:GLOBAL )?([^)]*)\)', f.read())
-            for module in ' '.join(asked).split():
+                modules = re.findall(r'pkg_check_modules\(\w+ (?:REQUIRED )?IMPORTED_TARGET (?:GLOBAL )?([^)]*)\)', f.read())
+            for module in ' '.join(modules).split():
                 module = re.split('[<>=]', module)[0]
                 place = subprocess.run(['pkg-config', '--variable=pcfiledir', module], capture_output=True, text=True, check=False).stdout.strip()
                 owner = subprocess.run(['dpkg-query', '-S', f'{place}/{module}.pc'], capture_output=True, text=True, check=False).stdout.split(':')[0]
-                if owner: # else it is not Debian's, or not there
+                if owner:  # else no Debian package installed the library
                     self.assertIn(owner, {name for _, name in kinds} | DEPENDED, f'{module} of {path}')
 
-    def test_unit_is_understood(self):
+    def test_systemd_accepts_the_units(self):
         """systemd-analyze accepts the units, where it is installed."""
         tool = shutil.which('systemd-analyze')
         if not tool:

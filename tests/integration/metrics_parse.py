@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Reads the Prometheus text format from standard input as Prometheus' own Python client does, and more strictly:
+"""Reads the Prometheus text format from standard input with Prometheus' own Python client, checks more than it does, and prints
 every family is told with its type and help before its samples, once, in one piece; histograms add up. Writes
 {sample name with sorted labels: value} as JSON. Exit status 77: skipped."""
 import json

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""What splatd tells a service manager over its socket (sd_notify(3)), and what SIGHUP changes.
+"""What splatd reports to a service manager over its socket (sd_notify(3)), and what SIGHUP changes.
 
   service_test.py SPLATD
 """
@@ -47,14 +47,14 @@ class Manager:
                 self.lines.append(line.decode(errors='surrogateescape').rstrip('\n'))
                 self.came.notify_all()
 
-    def told(self):
+    def messages(self):
         return self.socket.recv(4096).decode().split('\n')
 
-    def until_told(self, text):
+    def until_received(self, text):
         while True:
-            told = self.told()
-            if text in told:
-                return told
+            received = self.messages()
+            if text in received:
+                return received
 
     def until_logged(self, text, start=0):
         with self.came:
@@ -67,7 +67,7 @@ class Manager:
 
     def end(self):
         self.process.send_signal(signal.SIGTERM)
-        told = self.until_told('STOPPING=1')
+        received = self.until_received('STOPPING=1')
         status = self.process.wait(DEADLINE_S)
         self.reader.join(DEADLINE_S)
         self.process.stdout.close()
@@ -75,7 +75,7 @@ class Manager:
         self.socket.close()
         log = '\n'.join(self.lines)
         assert 'Sanitizer' not in log and 'runtime error' not in log, log
-        return status, told
+        return status, received
 
 
 class Service(unittest.TestCase):
@@ -91,50 +91,50 @@ class Service(unittest.TestCase):
 
     def test_ready_reload_and_stop(self):
         manager = Manager(self.folder.name, ['--volume', 'demo:engine?size=8'])
-        ready = manager.told()
+        ready = manager.messages()
         self.assertEqual(ready[0], 'READY=1')
         self.assertRegex(ready[1], '^STATUS=listening on 127.0.0.1')
         self.assertNotIn('token', ready[1])
         urllib.request.urlopen(manager.address() + 'healthz', timeout=DEADLINE_S).close()
         before_us = time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000
         manager.process.send_signal(signal.SIGHUP)
-        reloading = manager.told()
+        reloading = manager.messages()
         self.assertEqual(reloading[0], 'RELOADING=1')
         stamp = int(re.fullmatch(r'MONOTONIC_USEC=(\d+)', reloading[1])[1])
         self.assertTrue(before_us <= stamp <= time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000)
-        self.assertEqual(manager.told()[0], 'READY=1')
+        self.assertEqual(manager.messages()[0], 'READY=1')
         status, stopping = manager.end()
         self.assertEqual(status, 0)
         self.assertEqual(stopping[0], 'STOPPING=1')
 
     def test_watchdog(self):
         manager = Manager(self.folder.name, [], watchdog_us=400000)
-        manager.until_told('READY=1')
+        manager.until_received('READY=1')
         for _ in range(5):
-            self.assertEqual(manager.told(), ['WATCHDOG=1'])
+            self.assertEqual(manager.messages(), ['WATCHDOG=1'])
         manager.process.send_signal(signal.SIGHUP)  # a reload in between does not end it
-        manager.until_told('READY=1')
-        manager.until_told('WATCHDOG=1')
+        manager.until_received('READY=1')
+        manager.until_received('WATCHDOG=1')
         self.assertEqual(manager.end()[0], 0)
 
     @unittest.skipIf(os.environ.get('SPLATD_SANITIZE'), 'the sanitizers want to be preloaded themselves')
-    def test_who_hangs_gives_no_sign_of_life(self):
+    def test_a_daemon_that_hangs_sends_no_watchdog_message(self):
         hold = self.file('hold', '')
         manager = Manager(self.folder.name, [], watchdog_us=4000000,
                           variables={'LD_PRELOAD': os.environ['SPLATD_HOLD_EPOLL'], 'SPLATD_HOLD': hold})
-        manager.until_told('READY=1')
-        manager.until_told('WATCHDOG=1')
+        manager.until_received('READY=1')
+        manager.until_received('WATCHDOG=1')
         with open(hold, encoding='utf-8') as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)  # the stream thread hangs
             manager.until_logged('the stream or timer thread was blocked for', len(manager.lines))
-            told = []
+            received = []
             for _ in range(2):  # the main thread goes on, and says nothing between the two but this
                 manager.process.send_signal(signal.SIGHUP)
-                told = [manager.told()]
-                while told[-1][0] != 'READY=1':
-                    told.append(manager.told())
-            self.assertEqual([message[0] for message in told], ['RELOADING=1', 'READY=1'])
-        manager.until_told('WATCHDOG=1')
+                received = [manager.messages()]
+                while received[-1][0] != 'READY=1':
+                    received.append(manager.messages())
+            self.assertEqual([message[0] for message in received], ['RELOADING=1', 'READY=1'])
+        manager.until_received('WATCHDOG=1')
         self.assertEqual(manager.end()[0], 0)
 
     def status_with(self, address, token):
@@ -149,13 +149,13 @@ class Service(unittest.TestCase):
     def test_what_sighup_changes(self):
         token, config = self.file('token', TOKENS[0]), self.file('config', 'log-level = info\nsessions = 5\n')
         manager = Manager(self.folder.name, ['--token-file', token, '--config', config])
-        manager.until_told('READY=1')
+        manager.until_received('READY=1')
         address = manager.address()
         self.assertEqual([self.status_with(address, t) for t in TOKENS], [200, 401])
         self.file('token', TOKENS[1])
         self.file('config', 'log-level = debug\nsessions = 6\n')
         manager.process.send_signal(signal.SIGHUP)
-        manager.until_told('READY=1')
+        manager.until_received('READY=1')
         manager.until_logged('the setting sessions has changed and takes effect at the next start')
         self.assertEqual([self.status_with(address, t) for t in TOKENS], [401, 200])
         manager.until_logged('level=debug')
@@ -167,24 +167,24 @@ class Service(unittest.TestCase):
                 old = f.read()
             self.file(name, text)
             manager.process.send_signal(signal.SIGHUP)
-            manager.until_told('READY=1')
+            manager.until_received('READY=1')
             manager.until_logged(why, start)
             self.file(name, old)
             self.assertEqual([self.status_with(address, t) for t in TOKENS], [401, 200])
         self.assertFalse(any('log-level' in line for line in manager.lines))
         self.assertEqual(manager.end()[0], 0)
 
-    def test_forms_of_the_log(self):
+    def test_formats_of_the_log(self):
         stamp = r'\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z'
         for form, pattern in (('text', rf'{stamp} info .+'), ('logfmt', rf'time={stamp} level=info (volume="[^"]+" )?msg=".+"')):
             manager = Manager(tempfile.mkdtemp(dir=self.folder.name), ['--log-format', form])
-            manager.until_told('READY=1')
+            manager.until_received('READY=1')
             self.assertEqual(manager.end()[0], 0)
             for line in manager.lines:
                 self.assertRegex(line, f'^{pattern}$')
             self.assertTrue(manager.lines)
         manager = Manager(tempfile.mkdtemp(dir=self.folder.name), ['--log-format', 'json', '--log-level', 'debug', '--volume', 'demo:phantom?size=8'])
-        manager.until_told('READY=1')
+        manager.until_received('READY=1')
         manager.until_logged('volume phantom loaded')
         with self.assertRaises(urllib.error.HTTPError) as refused:
             urllib.request.urlopen(manager.address() + 'a%22%5C%FF%C3%A9', timeout=DEADLINE_S)

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Video while a view changes: the granted formats, the frames that arrive, and a full-quality image of a view at rest. (Tests
-// of decoding: tests/unit/server/video_test.c and, in a browser, tests/web/page/video.test.mjs.)
+// of decoding: tests/unit/server/render/video_test.c and, in a browser, tests/web/page/video.test.mjs.)
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Daemon, FINAL, LOSSLESS, turned } from './harness.mjs';

@@ -8,7 +8,7 @@ export class Participants {
   #holder = null;
   #requests = [];
 
-  /** Forgets everything, because the stream is gone. */
+  /** Clears everything, because the stream is lost. */
   reset() {
     this.#people = [];
     this.#you = this.#holder = null;
