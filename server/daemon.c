@@ -11,8 +11,10 @@
 
 #include "common/clock.h"
 #include "common/timer_thread.h"
+#include "http/address.h"
 #include "http/cors.h"
 #include "http/listener.h"
+#include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
 #include "render/catalog.h"

@@ -9,7 +9,7 @@
 
 #include <sys/types.h>
 
-#include "http/listener.h"
+#include "http/request.h"
 
 #define SRV_BODY_SIZE_UNKNOWN UINT64_MAX
 enum { SRV_BODY_END = 0, SRV_BODY_FAILED = -1, SRV_BODY_PAUSED = -2 };

@@ -36,3 +36,21 @@ bool srv_cors_check_origins(const char *list, struct sp_error *err) {
 bool srv_cors_allows(const char *list, const char *origin) {
     return list && origin && *origin && srv_header_has_token(list, origin);
 }
+
+bool srv_cors_is_same_origin(const char *origin, const char *host) {
+    if (!origin)
+        return true;
+    if (!host)
+        return false;
+    bool https = strncasecmp(origin, "https://", 8) == 0;
+    if (!https && strncasecmp(origin, "http://", 7) != 0)
+        return false;
+    const char *given = origin + (https ? 8 : 7), *scheme_port = https ? ":443" : ":80";
+    size_t a = strlen(given), b = strlen(host);
+    size_t port = strlen(scheme_port);
+    if (a > port && strcmp(given + a - port, scheme_port) == 0)
+        a -= port;
+    if (b > port && strcmp(host + b - port, scheme_port) == 0)
+        b -= port;
+    return a == b && a > 0 && strncasecmp(given, host, a) == 0;
+}

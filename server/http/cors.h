@@ -16,4 +16,9 @@ bool srv_cors_check_origins(const char *list, struct sp_error *err);
 /* True if the list contains `origin`, the value of an Origin header. False if either is NULL. */
 bool srv_cors_allows(const char *list, const char *origin);
 
+/* True if a page of `origin` may open a stream on `host`, the Host header. Without an Origin header
+ * the client is not a browser, and may. Otherwise the scheme must be http or https, and host and
+ * port must be equal; the default port is that of the scheme. */
+bool srv_cors_is_same_origin(const char *origin, const char *host);
+
 #endif

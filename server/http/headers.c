@@ -1,9 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "http/headers.h"
 
+#include <assert.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+
+#include <gnutls/crypto.h>
+#include <gnutls/gnutls.h>
 
 static const char *skip(const char *s) {
     return s + strspn(s, " \t");
@@ -72,24 +77,6 @@ double srv_header_accept_quality(const char *accept, const char *mime) {
     return quality;
 }
 
-bool srv_cors_is_same_origin(const char *origin, const char *host) {
-    if (!origin)
-        return true;
-    if (!host)
-        return false;
-    bool https = strncasecmp(origin, "https://", 8) == 0;
-    if (!https && strncasecmp(origin, "http://", 7) != 0)
-        return false;
-    const char *given = origin + (https ? 8 : 7), *scheme_port = https ? ":443" : ":80";
-    size_t a = strlen(given), b = strlen(host);
-    size_t port = strlen(scheme_port);
-    if (a > port && strcmp(given + a - port, scheme_port) == 0)
-        a -= port;
-    if (b > port && strcmp(host + b - port, scheme_port) == 0)
-        b -= port;
-    return a == b && a > 0 && strncasecmp(given, host, a) == 0;
-}
-
 bool srv_header_has_etag(const char *if_none_match, const char *etag) {
     for (const char *at = if_none_match; at && *at;) {
         at = skip(at);
@@ -118,4 +105,76 @@ bool srv_header_is_json(const char *content_type) {
         if (length == strlen(types[i]) && strncasecmp(content_type, types[i], length) == 0)
             return true;
     return false;
+}
+
+bool srv_header_websocket_accept(const char *key, char accept[SRV_WEBSOCKET_ACCEPT_BYTES]) {
+    enum { SHA1_BYTES = 20 };
+    char text[128];
+    uint8_t digest[SHA1_BYTES];
+    assert(strlen(key) <= 64);
+    int length = snprintf(text, sizeof text, "%s258EAFA5-E914-47DA-95CA-C5AB0DC85B11", key);
+    if (gnutls_hash_fast(GNUTLS_DIG_SHA1, text, (size_t)length, digest) != 0)
+        return false;
+    gnutls_datum_t from = { digest, sizeof digest }, encoded;
+    if (gnutls_base64_encode2(&from, &encoded) != 0)
+        return false;
+    assert(encoded.size == SRV_WEBSOCKET_ACCEPT_BYTES - 1);
+    memcpy(accept, encoded.data, encoded.size);
+    accept[encoded.size] = 0;
+    gnutls_free(encoded.data);
+    return true;
+}
+
+/* Query values and Range. */
+
+static const char digits[] = "0123456789";
+
+bool srv_query_number(const char *text, unsigned max, unsigned *number) {
+    unsigned long value = strtoul(text, NULL, 10); /* ULONG_MAX if there are too many digits */
+    bool ok = *text && !text[strspn(text, digits)] && value >= 1 && value <= max;
+    if (ok)
+        *number = (unsigned)value;
+    return ok;
+}
+
+bool srv_query_size(const char *text, uint32_t size[2]) {
+    unsigned width, height;
+    char end;
+    if (text[strspn(text, "0123456789,")] || sscanf(text, "%5u,%5u%c", &width, &height, &end) != 2)
+        return false;
+    size[0] = width;
+    size[1] = height;
+    return true;
+}
+
+/* Reads digits at *text and advances it. The number is UINT64_MAX if there are too many digits.
+ * False: no digits. */
+static bool read_digits(const char **text, uint64_t *number) {
+    size_t count = strspn(*text, digits);
+    *number = count ? strtoull(*text, NULL, 10) : 0; /* UINT64_MAX on overflow */
+    *text += count;
+    return count > 0;
+}
+
+enum srv_range srv_header_range(const char *range, const char *if_range, const char *etag,
+                                uint64_t size, uint64_t *from, uint64_t *count) {
+    uint64_t first, last;
+    *from = 0;
+    *count = size;
+    if (!range || strncmp(range, "bytes=", 6) != 0 || (if_range && strcmp(if_range, etag) != 0))
+        return SRV_RANGE_WHOLE;
+    range += 6;
+    bool has_first = read_digits(&range, &first);
+    if (*range++ != '-')
+        return SRV_RANGE_WHOLE;
+    bool has_last = read_digits(&range, &last);
+    if (*range || (!has_first && !has_last) || (has_first && has_last && last < first))
+        return SRV_RANGE_WHOLE;
+    if (!has_first) /* "bytes=-N": the last N bytes */
+        first = last < size ? size - last : 0;
+    if (first >= size)
+        return SRV_RANGE_NONE;
+    *from = first;
+    *count = (has_first && has_last && last < size ? last + 1 : size) - first;
+    return SRV_RANGE_PART;
 }

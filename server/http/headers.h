@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Parsers of request headers. Pure functions; all accept NULL for a missing header.
+ * Parsers of request headers and query values. Pure functions. A parser of a header accepts
+ * NULL for a missing header, except srv_header_websocket_accept().
  */
 #ifndef SRV_HTTP_HEADERS_H
 #define SRV_HTTP_HEADERS_H
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 /* True if a comma-separated list ("Connection: keep-alive, Upgrade") contains the token. Ignores
  * case. */
@@ -15,11 +17,6 @@ bool srv_header_has_token(const char *list, const char *token);
 /* Returns the quality of a media type in an Accept header (RFC 9110, 12.5.1): the q of its most
  * specific range, in [0, 1]. 1 without a header. */
 double srv_header_accept_quality(const char *accept, const char *mime);
-
-/* True if a page of `origin` may open a stream on `host`, the Host header. Without an Origin header
- * the client is not a browser, and may. Otherwise the scheme must be http or https, and host and
- * port must be equal; the default port is that of the scheme. */
-bool srv_cors_is_same_origin(const char *origin, const char *host);
 
 /* True if If-None-Match is "*" or lists `etag`, by weak comparison (RFC 9110, 13.1.2). */
 bool srv_header_has_etag(const char *if_none_match, const char *etag);
@@ -32,5 +29,26 @@ const char *srv_header_bearer_token(const char *authorization);
 
 /* True for SRV_JSON_TYPES, with or without parameters, and for NULL. */
 bool srv_header_is_json(const char *content_type);
+
+enum { SRV_WEBSOCKET_ACCEPT_BYTES = 29 };
+
+/* Computes Sec-WebSocket-Accept from a Sec-WebSocket-Key of at most 64 bytes. False if GnuTLS does
+ * not provide SHA-1 or when out of memory. Thread-safe. */
+bool srv_header_websocket_accept(const char *key, char accept[SRV_WEBSOCKET_ACCEPT_BYTES]);
+
+/* Parses a whole number in [1, max]: digits only. */
+bool srv_query_number(const char *text, unsigned max, unsigned *number);
+
+/* Parses "WIDTH,HEIGHT": whole numbers of at most 5 digits. */
+bool srv_query_size(const char *text, uint32_t size[2]);
+
+enum srv_range { SRV_RANGE_WHOLE, SRV_RANGE_PART, SRV_RANGE_NONE };
+
+/* Decodes a Range header (RFC 9110, 14) for a file of `size` bytes: the answer has the bytes
+ * [*from, *from + *count). SRV_RANGE_PART: a single range. SRV_RANGE_WHOLE: no or several ranges,
+ * another unit, or an If-Range other than `etag`. SRV_RANGE_NONE: the file does not have these
+ * bytes. Both headers may be NULL. */
+enum srv_range srv_header_range(const char *range, const char *if_range, const char *etag,
+                                uint64_t size, uint64_t *from, uint64_t *count);
 
 #endif

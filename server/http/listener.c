@@ -11,8 +11,9 @@
 #include <unistd.h>
 
 #include "common/clock.h"
+#include "config/tokens.h"
 #include "http/assets.h"
-#include "http/descriptors.h"
+#include "http/connection_limits.h"
 #include "http/listener_private.h"
 #include "http/tls.h"
 #include "sp/log.h"

@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * State that listener.c (sockets and threads) and request.c (requests) share.
+ * State that the listener (sockets and threads) and the requests share.
  */
 #ifndef SRV_HTTP_LISTENER_PRIVATE_H
 #define SRV_HTTP_LISTENER_PRIVATE_H
 
+#include <microhttpd.h>
 #include <pthread.h>
 
+#include "http/connection_limits.h"
+#include "http/deadlines.h"
 #include "http/listener.h"
-#include "http/refusals.h"
 
 struct srv_packed_asset;
 struct srv_tls;

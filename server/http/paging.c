@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-#include "http/query.h"
+#include "http/headers.h"
 
 enum { LIMIT_DEFAULT = 100, LIMIT_MAX = 1000 };
 

@@ -7,7 +7,7 @@
 #define SRV_HTTP_PAGING_H
 
 #include "common/pagination.h"
-#include "http/listener.h"
+#include "http/request.h"
 
 /* Prepares a page from the query parameters. False: the reply is a problem document. */
 bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,

@@ -6,7 +6,7 @@
 #ifndef SRV_HTTP_RESPONSE_H
 #define SRV_HTTP_RESPONSE_H
 
-#include "http/listener.h"
+#include "http/request.h"
 
 /* Takes ownership of what the request's reply owns. NULL when out of memory. */
 struct MHD_Response *srv_response_create(struct srv_request *request);

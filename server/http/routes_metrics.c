@@ -10,7 +10,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-#include "http/listener.h"
+#include "http/routes.h"
 #include "ops/metrics.h"
 
 /* Volumes with a series of their own. The other volumes are added up under the name "*". */

@@ -11,7 +11,7 @@
 #include "http/deadlines.h"
 #include "http/headers.h"
 #include "http/paging.h"
-#include "http/query.h"
+#include "http/routes.h"
 #include "sp/log.h"
 
 /* Creation. */
@@ -65,8 +65,8 @@ static bool resolve(struct srv_request *request, const proto_json *body,
                        &volume, reply))
         return false;
     if (size) {
-        void *without_size =
-            volume; /* still in use, so that the volume cannot be unloaded in between */
+        /* Keeps the volume in use, so that it cannot be unloaded in between. */
+        void *without_size = volume;
         bool ok = resolve_patch(request, view_patch(base, true, size, reply), "", &view->view,
                                 &volume, reply);
         srv_catalog_release(request->app->catalog, without_size);

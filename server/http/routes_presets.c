@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "http/listener.h"
+#include "http/routes.h"
 #include "protocol/view.h"
 
 enum { NAME_BYTES_MAX = 64 };

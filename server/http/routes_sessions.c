@@ -4,10 +4,9 @@
 
 #include "common/clock.h"
 #include "http/cors.h"
-#include "http/handshake.h"
 #include "http/headers.h"
-#include "http/listener.h"
 #include "http/paging.h"
+#include "http/routes.h"
 #include "http/saved_views.h"
 #include "sp/log.h"
 

@@ -4,6 +4,7 @@
 #include "http/assets.h"
 #include "http/headers.h"
 #include "http/listener_private.h"
+#include "http/routes.h"
 
 /* The page loads nothing from other hosts, cannot be framed by other pages, and connects only to
  * this daemon. */

@@ -8,8 +8,8 @@
 #include <gnutls/gnutls.h>
 
 #include "http/headers.h"
-#include "http/listener.h"
 #include "http/paging.h"
+#include "http/routes.h"
 #include "http/saved_views.h"
 #include "protocol/view.h"
 

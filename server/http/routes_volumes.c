@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "http/listener.h"
+#include "http/routes.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
 

@@ -42,7 +42,7 @@ struct srv_tls_options {
     double handshake_ms;         /* time limit of a handshake */
     double linger_ms;            /* time for a client to read the rest after the HTTP side closed */
     unsigned handshakes_max;     /* at a time */
-    double handshakes_per_s;     /* from one host (host_rate.h); 0 = no limit */
+    double handshakes_per_s;     /* from one host (connection_limits.h); 0 = no limit */
     bool spares_loopback;        /* no limit for loopback addresses */
     unsigned connections_max;    /* at a time, including handshakes and lingering connections */
     struct srv_metrics *metrics; /* not owned; NULL = refusals are not counted */

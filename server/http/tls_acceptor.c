@@ -16,7 +16,7 @@
 
 #include "common/background.h"
 #include "common/clock.h"
-#include "http/refusals.h"
+#include "http/connection_limits.h"
 #include "http/tls_private.h"
 #include "sp/log.h"
 

@@ -13,7 +13,7 @@
 #include <stdint.h>
 
 #include "http/address.h"
-#include "http/host_rate.h"
+#include "http/connection_limits.h"
 #include "http/tls.h"
 
 enum {
@@ -53,9 +53,8 @@ struct srv_tls_connection {
     enum srv_tls_state state;
     int epoll; /* of the owning thread */
     struct srv_tls_side sides[SRV_TLS_SIDES];
-    gnutls_session_t
-        session;        /* NULL = not started, or refused because the client sent plain HTTP */
-    double deadline_ms; /* 0 = none */
+    gnutls_session_t session;     /* NULL = not started, or the client sent plain HTTP */
+    double deadline_ms;           /* 0 = none */
     struct srv_tls_half up, down; /* to the server, to the client */
 };
 

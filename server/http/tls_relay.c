@@ -10,7 +10,7 @@
 #include <unistd.h>
 
 #include "common/clock.h"
-#include "http/refusals.h"
+#include "http/connection_limits.h"
 #include "http/tls_private.h"
 #include "sp/log.h"
 

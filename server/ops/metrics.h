@@ -58,7 +58,7 @@ enum srv_counter {
     SRV_COUNT_PATH_WAIT_MEMORY,  /* memory of the process */
     SRV_COUNT_PATH_WAIT_BACKEND, /* the backend failed */
     SRV_COUNT_PATH_FAILED,       /* camera paths that failed for good */
-    /* Refused connections (http/refusals.h): */
+    /* Refused connections (http/connection_limits.h): */
     SRV_COUNT_REFUSED_FULL,
     SRV_COUNT_REFUSED_ADDRESS,
     SRV_COUNT_REFUSED_HANDSHAKE,

@@ -10,7 +10,6 @@
 
 #include "http/address.h"
 #include "http/cors.h"
-#include "http/handshake.h"
 #include "http/headers.h"
 #include "http/router.h"
 #include "http/smuggling.h"

@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "http/query.h"
+#include "http/headers.h"
 #include "sp/encode.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);

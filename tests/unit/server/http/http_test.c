@@ -11,13 +11,11 @@
 #include <zlib.h>
 
 #include "http/address.h"
+#include "http/connection_limits.h"
 #include "http/cors.h"
 #include "http/gzip.h"
-#include "http/handshake.h"
 #include "http/headers.h"
-#include "http/host_rate.h"
 #include "http/listener_private.h"
-#include "http/query.h"
 #include "http/reply.h"
 #include "http/router.h"
 #include "http/smuggling.h"

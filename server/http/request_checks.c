@@ -1,0 +1,200 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "http/request_checks.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "http/connection_limits.h"
+#include "http/headers.h"
+#include "http/listener_private.h"
+#include "http/response.h"
+#include "http/routes.h"
+
+bool srv_request_check_right(struct srv_request *request, enum srv_right needs) {
+    struct srv_reply *reply = &request->reply;
+    if (needs == SRV_RIGHT_SESSION)
+        return srv_session_admits(request, reply);
+    if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
+        return true;
+    if (request->grant.rights) {
+        srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
+        return false;
+    }
+    srv_reply_problem(
+        reply, 401, NULL,
+        "give a token of the daemon as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
+    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    return false;
+}
+
+/* If the methods include PATCH: lists the media types of patches (RFC 5789, 2.2 and 3.1). */
+static void list_patch_types(struct srv_reply *reply, unsigned methods) {
+    if (methods & SRV_PATCH)
+        srv_reply_header(reply, "Accept-Patch", SRV_JSON_TYPES);
+}
+
+static void refuse_method(struct srv_request *request, unsigned allowed) {
+    char allow[64];
+    srv_methods_to_text(allowed, allow);
+    srv_reply_problem(&request->reply, 405, NULL, "the method %.16s is not allowed here; use %s",
+                      request->method, allow);
+    srv_reply_header(&request->reply, "Allow", "%s", allow);
+    list_patch_types(&request->reply, allowed);
+}
+
+static bool check_limits(struct srv_request *request) {
+    long long connections = request->http->connections;
+    const struct sockaddr *host =
+        (const struct sockaddr *)srv_connection_address(request->connection);
+    unsigned from_host = srv_http_connections_from(request->http, host);
+    size_t all, same_host;
+    srv_deadlines_count(request->http->deadlines, host, &all, &same_host);
+    if (all > (size_t)connections) {
+        srv_connection_refused(request->app->metrics, SRV_REFUSED_FULL,
+                               "%s refused: %zu connections, --connections %lld",
+                               srv_connection_peer(request->connection), all, connections);
+        srv_reply_problem(&request->reply, 503, NULL,
+                          "%zu connections are open and --connections allows %lld; try again later",
+                          all, connections);
+    } else if (same_host > from_host) {
+        srv_connection_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
+                               "%s refused: %zu connections, --connections-per-address %u",
+                               srv_connection_peer(request->connection), same_host, from_host);
+        srv_reply_problem(&request->reply, 429, NULL,
+                          "%zu connections from your address are open and "
+                          "--connections-per-address allows %u",
+                          same_host, from_host);
+    } else {
+        return true;
+    }
+    request->reply.detail[0] = 0; /* logged already */
+    request->is_last = true;
+    return false;
+}
+
+struct header_scan {
+    struct srv_request *request;
+    struct srv_smuggling smuggling;
+    bool has_memory;
+};
+
+/* Appends a line to the earlier lines of the same name. False when out of memory. */
+static bool join_header(struct srv_request *request, const char *name, const char *value) {
+    struct srv_joined_header **at = &request->joined;
+    while (*at && strcasecmp((*at)->name, name) != 0)
+        at = &(*at)->next;
+    const char *before = srv_request_header(request, name);
+    size_t had = before ? strlen(before) : 0, size = had + 2 + strlen(value) + 1;
+    struct srv_joined_header *joined = realloc(*at, sizeof *joined + size);
+    if (!joined)
+        return false;
+    if (!*at) {
+        *joined = (struct srv_joined_header){ .name = name };
+        memcpy(joined->text, before ? before : "", had);
+    }
+    snprintf(joined->text + had, size - had, ", %s", value);
+    *at = joined;
+    return true;
+}
+
+static enum MHD_Result on_header(void *user, enum MHD_ValueKind kind, const char *name,
+                                 const char *value) {
+    struct header_scan *scan = user;
+    struct srv_request *request = scan->request;
+    srv_smuggling_add_header(&scan->smuggling, name, value);
+    bool is_first = MHD_lookup_connection_value(request->mhd, kind, name) == value;
+    if (!is_first && value && scan->smuggling.all <= SRV_HEADERS_MAX)
+        scan->has_memory = join_header(request, name, value) && scan->has_memory;
+    return MHD_YES;
+}
+
+bool srv_request_is_refused_at_once(struct srv_request *request, const char *version) {
+    struct srv_rejection refusal = request->target;
+    if (!refusal.status) {
+        struct header_scan scan = { .request = request, .has_memory = true };
+        MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
+        refusal = srv_smuggling_check_headers(&scan.smuggling, version);
+        if (!refusal.status && !scan.has_memory)
+            refusal = (struct srv_rejection){ 503, "no memory for the headers" };
+    }
+    if (!refusal.status && !request->is_counted)
+        refusal = (struct srv_rejection){ 503, "the daemon is shutting down" };
+    if (!refusal.status)
+        return false;
+    srv_reply_problem(&request->reply, refusal.status, NULL, "%s", refusal.detail);
+    return true;
+}
+
+struct query_check {
+    struct srv_request *request;
+    bool is_refused;
+};
+
+/* Refuses a query parameter that the route does not take, or that is given twice. */
+static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, const char *name,
+                                       const char *value) {
+    struct query_check *query = user;
+    const struct srv_route *route = query->request->route;
+    bool is_known = srv_route_takes(route, name);
+    if (is_known && MHD_lookup_connection_value(query->request->mhd, kind, name) == value)
+        return MHD_YES;
+    query->is_refused = true;
+    if (is_known) {
+        srv_reply_problem(&query->request->reply, 400, NULL,
+                          "the query parameter \"%.64s\" is given more than once", name);
+        return MHD_NO;
+    }
+    char known[128] = "";
+    for (size_t i = 0; i < SRV_QUERY_NAMES && route->query[i]; i++)
+        snprintf(known + strlen(known), sizeof known - strlen(known), "%s, ", route->query[i]);
+    srv_reply_problem(&query->request->reply, 400, NULL,
+                      "unknown query parameter \"%.64s\"; this path takes %stoken", name, known);
+    return MHD_NO;
+}
+
+/* False if a query parameter was refused: the reply is a problem document. */
+static bool check_query(struct srv_request *request) {
+    struct query_check query = { .request = request };
+    MHD_get_connection_values(request->mhd, MHD_GET_ARGUMENT_KIND, check_parameter, &query);
+    return !query.is_refused;
+}
+
+bool srv_request_check(struct srv_request *request) {
+    struct srv_reply *reply = &request->reply;
+    unsigned allowed;
+    if (!check_limits(request))
+        return false;
+    srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
+    request->route = srv_routes_find(request->method, request->path, request->param, &allowed);
+    if (allowed && srv_cors_is_preflight(request)) {
+        srv_cors_reply_preflight(reply, allowed);
+        return false;
+    }
+    bool is_api = strncmp(request->path, "/api/", 5) == 0;
+    enum srv_right unknown = is_api ? SRV_RIGHT_VIEW : SRV_RIGHT_NONE;
+    if (!srv_request_check_right(request, request->route ? request->route->needs : unknown))
+        return false;
+    unsigned method = srv_method_from(request->method);
+    if (!request->route && (allowed || method != SRV_GET) && !(is_api && !allowed)) {
+        refuse_method(request, allowed ? allowed : SRV_GET);
+        return false;
+    }
+    if (request->route && !check_query(request))
+        return false;
+    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
+        !srv_header_is_json(srv_request_header(request, "Content-Type"))) {
+        srv_reply_problem(reply, 415, NULL,
+                          "the body must be application/json or application/merge-patch+json");
+        list_patch_types(reply, method);
+        return false;
+    }
+    const char *length = srv_request_header(request, "Content-Length");
+    if (length && strtoull(length, NULL, 10) > (uint64_t)request->app->config->body_size) {
+        srv_reply_problem(reply, 413, NULL, "the body has %.20s bytes and --body-size allows %lld",
+                          length, (long long)request->app->config->body_size);
+        return false;
+    }
+    return true;
+}

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The table of routes, and their handlers.
+ */
+#ifndef SRV_HTTP_ROUTES_H
+#define SRV_HTTP_ROUTES_H
+
+#include "http/request.h"
+
+/* Finds a route in the table, as srv_route_find() does. */
+const struct srv_route *srv_routes_find(const char *method, const char *path,
+                                        char param[SRV_PARAM_BYTES], unsigned *allowed);
+
+/* Handlers, by file. */
+typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
+srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
+    srv_get_volume_view;                                                 /* routes_volumes.c */
+srv_handler srv_post_render, srv_get_render;                             /* routes_render.c */
+srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* routes_views.c */
+srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
+    srv_delete_session, srv_get_stream; /* routes_sessions.c */
+/* Checks the token for a route that needs SRV_RIGHT_SESSION, before the body is read. False: the
+ * reply is a problem document. */
+bool srv_session_admits(struct srv_request *request, struct srv_reply *reply);
+srv_handler srv_get_presets, srv_get_preset, srv_put_preset,
+    srv_delete_preset; /* routes_presets.c */
+srv_handler srv_get_paths, srv_post_path, srv_get_path, srv_delete_path, srv_get_path_events,
+    srv_get_path_frame, srv_get_path_archive, srv_get_path_movie; /* routes_paths.c */
+srv_handler srv_get_metrics;                                      /* routes_metrics.c */
+srv_handler srv_get_healthz, srv_get_readyz, srv_get_contract;    /* routes_static.c */
+/* Serves a file of the web page; false if there is none at this path. */
+bool srv_get_asset(struct srv_request *request, struct srv_reply *reply);
+
+#endif
