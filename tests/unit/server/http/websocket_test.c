@@ -574,33 +574,25 @@ static void out_of_memory(void **state) {
     assert_true(closed > 0);
 }
 
+#define WITH_STREAM(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)
+
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_setup_teardown(a_flood_is_read_in_pieces_and_nothing_is_lost, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(one_read_takes_a_few_kib, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_long_message_is_read_at_once, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(streams_of_one_session_do_not_delay_another, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(reading_stops_while_the_client_does_not_read, set_up,
-                                        tear_down),
+        WITH_STREAM(a_flood_is_read_in_pieces_and_nothing_is_lost),
+        WITH_STREAM(one_read_takes_a_few_kib),
+        WITH_STREAM(a_long_message_is_read_at_once),
+        WITH_STREAM(streams_of_one_session_do_not_delay_another),
+        WITH_STREAM(reading_stops_while_the_client_does_not_read),
         cmocka_unit_test(an_image_arrives_whole_in_pieces_of_any_size),
-        cmocka_unit_test_setup_teardown(an_image_is_sent_without_a_copy, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_close_waits_for_the_image_before_it, set_up, tear_down),
-        cmocka_unit_test_setup_teardown(a_protocol_error_does_not_corrupt_an_image, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_silent_client_gets_two_pings_and_is_lost, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(messages_delay_the_ping_and_a_flood_is_due_at_once, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(an_image_without_acknowledgement_has_a_deadline, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(bytes_that_the_socket_does_not_take_have_a_deadline, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_close_that_is_not_taken_has_a_deadline, set_up,
-                                        tear_down),
-        cmocka_unit_test_setup_teardown(a_client_that_takes_half_an_image_has_stalled, set_up,
-                                        tear_down),
+        WITH_STREAM(an_image_is_sent_without_a_copy),
+        WITH_STREAM(a_close_waits_for_the_image_before_it),
+        WITH_STREAM(a_protocol_error_does_not_corrupt_an_image),
+        WITH_STREAM(a_silent_client_gets_two_pings_and_is_lost),
+        WITH_STREAM(messages_delay_the_ping_and_a_flood_is_due_at_once),
+        WITH_STREAM(an_image_without_acknowledgement_has_a_deadline),
+        WITH_STREAM(bytes_that_the_socket_does_not_take_have_a_deadline),
+        WITH_STREAM(a_close_that_is_not_taken_has_a_deadline),
+        WITH_STREAM(a_client_that_takes_half_an_image_has_stalled),
         cmocka_unit_test(out_of_memory),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
