@@ -25,10 +25,10 @@ struct fetching {
     int64_t frames, done;
     int64_t fetched; /* frames in the folder */
     bool is_movie, is_done;
-    bool has_said;    /* a retry was reported */
-    bool is_gone;     /* the path no longer exists on the daemon */
-    bool has_folder;  /* this command created the folder for the frames */
-    sigset_t signals; /* signals that end the program; blocked during requests */
+    bool has_reported; /* a retry was reported */
+    bool is_gone;      /* the path no longer exists on the daemon */
+    bool has_folder;   /* this command created the folder for the frames */
+    sigset_t signals;  /* signals that end the program; blocked during requests */
 };
 
 /* Shows progress on one line of a terminal, and nothing elsewhere. */
@@ -40,7 +40,7 @@ static void show_progress(const struct fetching *f, bool is_last) {
 
 /* Blocks the signals that end this program, except ignored ones. The command checks for them, so
  * that it can say what remains on the daemon before it ends. */
-static void hold_signals(struct fetching *f) {
+static void block_signals(struct fetching *f) {
     static const int signals[] = { SIGINT, SIGTERM, SIGHUP };
     sigemptyset(&f->signals);
     for (size_t i = 0; i < sizeof signals / sizeof *signals; i++) {
@@ -125,10 +125,10 @@ static bool ask(struct fetching *f, const char *method, const char *what, struct
         if (ok || !may_try_again(into, response, err) || now_s() >= give_up_s)
             break;
         http_response_finish(response);
-        if (!f->has_said)
+        if (!f->has_reported)
             fprintf(stderr, "%ssplatctl: %s: %s; trying again\n", isatty(STDERR_FILENO) ? "\n" : "",
                     err->place, err->text);
-        f->has_said = true;
+        f->has_reported = true;
         if (!pause_for(f, pause_ms < PAUSE_MAX_MS ? pause_ms : PAUSE_MAX_MS, err))
             break;
         if (pause_ms > PAUSE_MAX_MS)
@@ -254,7 +254,7 @@ static bool find(struct fetching *f, struct sp_error *err) {
 }
 
 /* Deletes the path on the daemon, because everything is here. */
-static void let_go(struct fetching *f) {
+static void delete_fetched(struct fetching *f) {
     struct http_response response = { 0 };
     struct sp_error err;
     if (!ask(f, "DELETE", "", NULL, &response, &err) && !f->is_gone)
@@ -265,7 +265,7 @@ static void let_go(struct fetching *f) {
 }
 
 /* Says how to resume or delete a path that remains on the daemon. */
-static void say_how_to_go_on(const struct fetching *f) {
+static void say_how_to_resume(const struct fetching *f) {
     if (f->id && !f->is_gone)
         fprintf(stderr,
                 "%ssplatctl: %s: the daemon keeps this path: \"splatctl path --id %s --out %s\" "
@@ -303,13 +303,13 @@ static int draw_path(const struct options *options, struct sp_error *err) {
     struct fetching f = { .options = options };
     bool ok = options->id ? find(&f, err) : create(&f, err);
     if (ok && options->out) {
-        hold_signals(&f);
+        block_signals(&f);
         http_set_stop(f.http, is_interrupted, &f);
         ok = follow(&f, err);
         if (ok)
-            let_go(&f);
+            delete_fetched(&f);
         else
-            say_how_to_go_on(&f);
+            say_how_to_resume(&f);
         if (!ok && f.has_folder)
             rmdir(options->out);                    /* fails unless it is empty */
         sigprocmask(SIG_UNBLOCK, &f.signals, NULL); /* may end here */

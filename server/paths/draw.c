@@ -107,7 +107,7 @@ static void set_state(struct srv_paths *paths, struct srv_path *path, enum srv_p
     path->state = state;
     snprintf(path->reason, sizeof path->reason, "%s", reason);
     if (!same)
-        srv_paths_tell(paths, path);
+        srv_paths_notify(paths, path);
 }
 
 static void fail_path(struct drawing *d, const struct sp_error *err) {
@@ -312,7 +312,7 @@ static void count_frame(struct drawing *d) {
     d->path->pause_ms = 0;
     d->path->state = SRV_PATH_RUNNING;
     d->path->reason[0] = 0;
-    srv_paths_tell(paths, d->path);
+    srv_paths_notify(paths, d->path);
     pthread_mutex_unlock(&paths->mutex);
 }
 

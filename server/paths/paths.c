@@ -457,7 +457,7 @@ static void mark_removed(struct srv_paths *paths, struct srv_path *path) {
     srv_path_quota_remove_path(paths, path->by);
     atomic_store(&path->is_removed, true);
     begin_write(path);
-    srv_paths_tell(paths, path);
+    srv_paths_notify(paths, path);
     pthread_cond_broadcast(&paths->wake);
     pthread_mutex_unlock(&paths->mutex);
 }

@@ -119,12 +119,12 @@ struct srv_archive *srv_paths_open_archive(struct srv_paths *paths, const char *
 struct srv_path_watch;
 struct srv_path_watcher {
     void *user;
-    /* Called with the mutex held, alternately, sleep() first: sleep() when there is no event to
-     * send, wake() when there is one. */
-    void (*sleep)(void *user);
-    void (*wake)(void *user);
+    /* Called with the mutex held, alternately, pause() first: pause() when there is no event to
+     * send, resume() when there is one. */
+    void (*pause)(void *user);
+    void (*resume)(void *user);
     bool (*is_gone)(
-        void *user); /* true if the client has left; called between sleep() and wake() */
+        void *user); /* true if the client has left; called between pause() and resume() */
 };
 /* after: the id of the last event that the client has; NULL = none. *is_over = true: that was the
  * last event of the path, and the function returns NULL without an error. */

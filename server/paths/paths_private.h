@@ -58,8 +58,8 @@ struct srv_path_watch {
     struct srv_path *path;
     struct srv_path_watcher watcher;
     char last[32];  /* id of the last event sent */
-    double told_ms; /* when anything was last sent */
-    bool is_asleep;
+    double sent_ms; /* when anything was last sent */
+    bool is_paused;
 };
 
 struct srv_paths {
@@ -86,7 +86,7 @@ struct srv_paths {
 /* Lets all waiting paths try again. The caller holds the mutex. */
 void srv_paths_unblock(struct srv_paths *paths);
 /* Wakes all watches of the path. The caller holds the mutex. */
-void srv_paths_tell(struct srv_paths *paths, const struct srv_path *path);
+void srv_paths_notify(struct srv_paths *paths, const struct srv_path *path);
 /* Drops a reference; the last one frees the path. The caller holds the mutex. */
 void srv_path_unref(struct srv_path *path);
 /* Returns the link in the list that points to the path; it points to NULL if there is no such path.

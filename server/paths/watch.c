@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Watches of a path: each sends the current state, then sleeps until the state changes.
+ * Watches of a path: each sends the current state, then pauses until the state changes.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -28,13 +28,13 @@ static bool is_over(const struct srv_path *path) {
 
 /* The caller holds the mutex. */
 static void wake(struct srv_path_watch *watch) {
-    if (!watch->is_asleep)
+    if (!watch->is_paused)
         return;
-    watch->is_asleep = false;
-    watch->watcher.wake(watch->watcher.user);
+    watch->is_paused = false;
+    watch->watcher.resume(watch->watcher.user);
 }
 
-void srv_paths_tell(struct srv_paths *paths, const struct srv_path *path) {
+void srv_paths_notify(struct srv_paths *paths, const struct srv_path *path) {
     for (struct srv_path_watch *watch = paths->watches; watch; watch = watch->next)
         if (watch->path == path)
             wake(watch);
@@ -52,8 +52,8 @@ void srv_paths_close(struct srv_paths *paths) {
 void srv_paths_tick(struct srv_paths *paths, double now_ms) {
     pthread_mutex_lock(&paths->mutex);
     for (struct srv_path_watch *watch = paths->watches; watch; watch = watch->next)
-        if (watch->is_asleep &&
-            (now_ms - watch->told_ms >= SILENCE_MS || watch->watcher.is_gone(watch->watcher.user)))
+        if (watch->is_paused &&
+            (now_ms - watch->sent_ms >= SILENCE_MS || watch->watcher.is_gone(watch->watcher.user)))
             wake(watch);
     pthread_mutex_unlock(&paths->mutex);
 }
@@ -69,7 +69,7 @@ struct srv_path_watch *srv_paths_watch(struct srv_paths *paths, const char *id, 
     }
     watch->paths = paths;
     watch->watcher = *watcher;
-    watch->told_ms = srv_clock_ms();
+    watch->sent_ms = srv_clock_ms();
     snprintf(watch->last, sizeof watch->last, "%s", after ? after : "");
     pthread_mutex_lock(&paths->mutex);
     struct srv_path *path = paths->list;
@@ -142,20 +142,20 @@ enum srv_path_watch_result srv_path_watch_next(struct srv_path_watch *watch, cha
     bool has_news = strcmp(now, watch->last) != 0;
     if (has_news)
         *text = event_text(path, now, size);
-    else if (!is_over(path) && now_ms - watch->told_ms >= SILENCE_MS)
+    else if (!is_over(path) && now_ms - watch->sent_ms >= SILENCE_MS)
         *text = strdup(":\n\n"); /* a comment */
     if (*text && !has_news)
         *size = strlen(*text);
     if (*text) {
         memcpy(watch->last, now, sizeof watch->last);
-        watch->told_ms = now_ms;
+        watch->sent_ms = now_ms;
         result = SRV_WATCH_EVENT;
     } else if (has_news) {
         result = SRV_WATCH_FAILED;
     } else if (!is_over(path) && !atomic_load(&paths->stop) &&
                !watch->watcher.is_gone(watch->watcher.user)) {
-        watch->watcher.sleep(watch->watcher.user);
-        watch->is_asleep = true;
+        watch->watcher.pause(watch->watcher.user);
+        watch->is_paused = true;
         result = SRV_WATCH_WAITING;
     }
     pthread_mutex_unlock(&paths->mutex);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A file that splatctl writes is on the disk before it has its name, and then the name is; nothing
- * of it is left when it is given up.
+ * Output files of splatctl: the bytes are synced before the rename, the name after it, and a
+ * dropped file leaves nothing behind.
  */
 #include <errno.h>
 #include <setjmp.h>

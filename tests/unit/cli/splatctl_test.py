@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""splatctl_test.py SPLATCTL: usage, rendering in process, and how answers of a daemon are taken."""
+"""splatctl_test.py SPLATCTL: usage, rendering in process, and the handling of answers of a daemon."""
 import http.server
 import json
 import os
@@ -26,7 +26,7 @@ def run(*arguments, stdin=b'', env=None):
 
 
 def png_size(data):
-    """Width and height; checks the signature and every chunk's checksum."""
+    """Returns width and height. Checks the signature and the checksum of every chunk."""
     assert data[:8] == b'\x89PNG\r\n\x1a\n', data[:8]
     at, size = 8, None
     while at < len(data):
@@ -168,8 +168,8 @@ class Local(unittest.TestCase):
 
 
 class Daemon(http.server.BaseHTTPRequestHandler):
-    """Answers as a daemon does; `answers` maps (method, path) to a list of answers, the last of which stays. Content that
-    is a list is sent piece by piece; what can be called among them is called then."""
+    """A fake daemon. `answers` maps (method, path) to a list of answers, the last of which is repeated. Content that is a
+    list is sent piece by piece; a callable piece is called instead of sent."""
     answers, seen, change = {}, [], threading.Condition()
 
     def do_any(self):
@@ -371,7 +371,7 @@ class Remote(unittest.TestCase):
             self.assertEqual(self.run_at('volumes').returncode, 0)
 
     def paths(self, *states, frames=3):
-        """A daemon with one path whose state is asked for; an answer, or (state, frames done)."""
+        """Prepares a daemon with one path. Each state is an answer, or (state, frames done)."""
         def as_answer(s):
             return s if len(s) == 4 else answer(200, path(s[0], s[1], frames))
         Daemon.answers['POST', '/api/v1/paths'] = [answer(202, path('waiting', 0, frames))]
@@ -462,7 +462,7 @@ class Remote(unittest.TestCase):
         self.out = os.path.join(self.folder.name, 'movie.webm')
 
     def until_it_lies_there(self):
-        """Until there are bytes in a file of the folder, which has not its name yet."""
+        """Waits until a temporary file in the folder has bytes."""
         end = time.monotonic() + 60
         while time.monotonic() < end:
             names = os.listdir(self.folder.name)

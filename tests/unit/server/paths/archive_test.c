@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Archives of frames: what libarchive reads of them, and what is left of one that is given up.
+ * Archives of frames: libarchive can read them, and a cancelled archive frees its memory.
  */
 #include <malloc.h>
 #include <setjmp.h>
@@ -84,7 +84,8 @@ static void an_archive_has_all_frames(void **state) {
     free(bytes);
 }
 
-/* By the C library's own count, since libarchive's memory is not ours to count. */
+/* Uses the statistics of the C library, because the memory of libarchive has no counter of its own.
+ */
 static void a_cancelled_archive_frees_everything(void **state) {
     const struct fixture *f = *state;
     enum { TRIES = 1000 };
@@ -104,7 +105,7 @@ static void a_cancelled_archive_frees_everything(void **state) {
     assert_true(mallinfo2().uordblks < before + TRIES);
 }
 
-/* A frame that was removed ends it; so does what it had begun. */
+/* A missing frame ends the archive with an error. */
 static void a_missing_frame_is_an_error(void **state) {
     struct fixture *f = *state;
     char *bytes = malloc(ALL_BYTES);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Files of jobs are there whole or not at all, whichever call fails and whenever the machine stops.
+ * Files of camera paths are complete or absent, whichever call fails and whenever the machine
+ * crashes.
  */
 #include <errno.h>
 #include <fcntl.h>
@@ -23,15 +24,15 @@
 #define BODY "and many bytes behind it"
 static const char name[] = "000001.png", whole[] = HEAD BODY;
 
-/* The calls that reach the disk, by name: each looks at what is there, and one may fail. */
+/* Wrappers of the calls that reach the disk: each checks the files, and one may fail. */
 
 static struct {
     bool is_watching;
     char final[SRV_FILE_BYTES], job[SRV_FILE_BYTES], root[SRV_FOLDER_BYTES];
-    unsigned calls, fails_at;  /* from 1; 0 = none fails */
-    const char *failed;        /* the call that did */
-    ino_t written;             /* with bytes that are not on the disk */
-    bool is_renamed, is_known; /* known: for good, by the folder */
+    unsigned calls, fails_at;  /* counted from 1; fails_at 0 = no call fails */
+    const char *failed;        /* name of the call that failed */
+    ino_t written;             /* file with bytes that are not synced */
+    bool is_renamed, is_known; /* is_known: the folder is synced after the rename */
 } disk;
 
 static bool is_there(const char *path) {
@@ -48,12 +49,12 @@ static bool is_whole(const char *path) {
     return size == strlen(whole) && strcmp(bytes, whole) == 0;
 }
 
-/* False: it fails. */
+/* Checks the files and counts the call. False: the call must fail. */
 static bool call(const char *what) {
     if (!disk.is_watching)
         return true;
     int before = errno;
-    disk.is_watching = false; /* what it takes to look is not looked at */
+    disk.is_watching = false; /* the calls of the check are not watched */
     if (is_there(disk.final)) {
         assert_true(disk.is_renamed);
         assert_true(is_whole(disk.final));
@@ -88,7 +89,7 @@ int __wrap_rename(const char *from, const char *to);
 int __real_mkdir(const char *path, mode_t mode);
 int __wrap_mkdir(const char *path, mode_t mode);
 
-/* No more than seven bytes at a time, as a disk may. */
+/* Writes at most seven bytes per call, because write() may write less than it is given. */
 ssize_t __wrap_write(int fd, const void *bytes, size_t size) {
     if (!disk.is_watching)
         return __real_write(fd, bytes, size);
@@ -120,7 +121,7 @@ int __wrap_rename(const char *from, const char *to) {
     if (!call("rename"))
         return -1;
     if (disk.is_watching) {
-        /* A machine that stops after this must find the bytes behind the name. */
+        /* After a crash from here on, the file must have its content. */
         assert_string_equal(to, disk.final);
         assert_int_equal(disk.written, 0);
         disk.is_renamed = true;
@@ -195,7 +196,7 @@ static void a_name_stands_for_a_complete_file(void **state) {
     assert_true(disk.is_known);
 }
 
-/* Only what close() says of folders and of what is synchronised already does not matter. */
+/* Only errors of close() are ignored, after the file was synced and for folders. */
 static void a_failed_write_leaves_no_file(void **state) {
     const struct srv_folder *folder = *state;
     unsigned failures = 0;

@@ -92,7 +92,7 @@ static void a_keyframe_is_reproduced_bit_for_bit(void **state) {
 
 static void the_camera_moves_on_an_arc(void **state) {
     (void)state;
-    /* A quarter turn about the axis up, while the distance is quartered and the target moves. */
+    /* A quarter turn around the up axis, while the distance is quartered and the target moves. */
     struct srv_keyframes *keyframes = read_keys(
         "[{\"frame\": 100, \"view\": {\"camera\": {\"position\": [45, 0, 0], \"target\": [20, 0, "
         "0], \"height\": 200, \"near\": 0.4, \"fov_y\": 50}}}]");
@@ -115,7 +115,7 @@ static double dot(const double a[3], const double b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* The camera's axes back, right and up, of length 1. */
+/* Computes the unit axes back, right and up of the camera. */
 static void axes_of(const struct sp_camera *c, double axes[3][3]) {
     for (int i = 0; i < 3; i++)
         axes[0][i] = c->position[i] - c->target[i];
@@ -129,7 +129,7 @@ static void axes_of(const struct sp_camera *c, double axes[3][3]) {
     }
 }
 
-/* The angle of the one rotation that takes one frame's axes to the other's. */
+/* Returns the angle of the rotation between the axes of two frames. */
 static double turn_between(const struct srv_keyframes *keyframes, uint32_t f, uint32_t g) {
     double a[3][3], b[3][3], trace = 0;
     struct sp_view from = frame_of(keyframes, f), to = frame_of(keyframes, g);
@@ -140,7 +140,7 @@ static double turn_between(const struct srv_keyframes *keyframes, uint32_t f, ui
     return acos(fmin(1, (trace - 1) / 2));
 }
 
-/* From any orientation to any: equal steps of the path are equal angles. */
+/* Between any two orientations, equal steps of the path turn by equal angles. */
 static void the_camera_turns_at_constant_speed(void **state) {
     (void)state;
     static const double to[][6] = { { 50, 80, -30, 0, 0, 1 },  { 0, 0, -100, 0, -1, 0 },
@@ -203,7 +203,8 @@ static void transfer_functions_are_blended_at_every_value(void **state) {
     const struct sp_transfer_function *b = &srv_keyframes_key(keyframes, 2)->transfer_function;
     for (uint32_t f = 10; f < 80; f += 10) {
         struct sp_view view = frame_of(keyframes, f);
-        assert_int_equal(view.transfer_function.point_count, 5); /* 50 is in both */
+        assert_int_equal(view.transfer_function.point_count,
+                         5); /* the point at 50 is in both curves */
         for (double x = -20; x < 70; x += 0.5) {
             double u = f / 80.0;
             double mean = opacity_at(a, x) * (1 - u) + opacity_at(b, x) * u;
@@ -272,7 +273,8 @@ static void values_that_cannot_be_blended_stay_until_the_key(void **state) {
     struct sp_view view = frame_of(keyframes, 25);
     assert_near(view.clip.planes[0].normal[2], 1);
     assert_near(view.clip.planes[0].offset, 4);
-    assert_near(view.shading.lights[0].direction[0], 2 * sqrt(0.5)); /* half way, length 2 */
+    assert_near(view.shading.lights[0].direction[0],
+                2 * sqrt(0.5)); /* half-way, scaled to length 2 */
     assert_near(view.shading.lights[0].direction[1], 2 * sqrt(0.5));
     assert_near((double)view.shading.lights[0].color[0], 2);
     assert_near(frame_of(keyframes, 50).clip.planes[0].normal[2], -1);
@@ -349,7 +351,7 @@ static void the_output_of_a_path_is_checked(void **state) {
     }
 }
 
-/* 200 points from `first` on, one unit apart. */
+/* Writes 200 points, from `first` on and one unit apart. */
 static char *many_points(char *at, double first) {
     for (int i = 0; i < 200; i++)
         at += sprintf(at, "%s{\"value\": %g, \"color\": [1, 1, 1], \"opacity\": 0.5}", i ? "," : "",
@@ -365,7 +367,7 @@ static void too_many_points_of_both_are_refused(void **state) {
         const char *place;
     } cases[] = { { 0.5, "linear", "/keyframes/1/view/transfer_function/points" },
                   { 0.5, "step", NULL },
-                  { 50, "linear", NULL } }; /* 150 of them are the same */
+                  { 50, "linear", NULL } }; /* 150 points are in both curves */
     char *keys = malloc(100000);
     assert_non_null(keys);
     for (size_t i = 0; i < 3; i++) {

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Packets become a WebM file: it is taken apart here by a reader of its own, and decoded.
+ * WebM files from packets: parsed by a reader of the test, and decoded.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -23,7 +23,7 @@
 
 enum { FRAMES = 150, FPS = 25, KEY_EVERY = 60, WIDTH = 64, HEIGHT = 48 };
 
-/* EBML: an element is an id, a size, and that many bytes. */
+/* An EBML element: an id, a size, and the bytes. */
 
 struct element {
     uint32_t id;
@@ -54,7 +54,7 @@ static struct element element_at(const uint8_t *at, const uint8_t *limit) {
     return e;
 }
 
-/* The n-th child of that id; false: there is none. */
+/* Finds the n-th child with this id. False: there is none. */
 static bool find_child(const struct element *parent, uint32_t id, unsigned n,
                        struct element *child) {
     for (const uint8_t *at = parent->data; at < parent->end; at = child->end) {
@@ -77,11 +77,11 @@ static uint64_t value_of(const struct element *parent, uint32_t id) {
     return number(e.data, (size_t)(e.end - e.data));
 }
 
-/* The packets' files. */
+/* The files of the packets. */
 
 static struct srv_folder folder;
 
-/* Frame i is grey, a level of its own. */
+/* Returns the grey level of frame i; each frame has another one. */
 static uint8_t grey(uint32_t i) {
     return (uint8_t)(20 + i);
 }
@@ -130,7 +130,7 @@ static int tear_down(void **state) {
 static const uint32_t size[2] = { WIDTH, HEIGHT };
 static const struct srv_path_output output = { .frames = FRAMES, .fps = FPS, .is_movie = true };
 
-/* What the movie of these packets may take. */
+/* Returns the upper bound for the movie of these packets. */
 static uint64_t bytes_max_of(const char *id, uint32_t packets) {
     uint64_t bytes = 0, length;
     char name[32];
@@ -141,7 +141,7 @@ static uint64_t bytes_max_of(const char *id, uint32_t packets) {
     return srv_movie_bytes_max(bytes, packets);
 }
 
-/* The movie, malloc'ed. */
+/* Writes the movie and returns its bytes, malloc'ed. */
 static uint8_t *make_movie_of(const char *id, const struct srv_path_output *made, size_t *bytes) {
     struct sp_error err = { .code = SP_OK };
     char path[SRV_FILE_BYTES];
@@ -177,7 +177,7 @@ static void the_headers_are_complete(void **state) {
     assert_memory_equal(type.data, "webm", 4);
     struct element segment = element_at(head.end, movie + bytes);
     assert_int_equal(segment.id, 0x18538067);
-    assert_ptr_equal(segment.end, movie + bytes); /* nothing behind it, nothing missing */
+    assert_ptr_equal(segment.end, movie + bytes); /* the segment ends with the file */
 
     struct element info = child_of(&segment, 0x1549A966), tracks = child_of(&segment, 0x1654AE6B);
     assert_int_equal(value_of(&info, 0x2AD7B1), 1000000); /* times are in ms */
@@ -193,7 +193,8 @@ static void the_headers_are_complete(void **state) {
 
     struct element seek, places = child_of(&segment, 0x114D9B74);
     unsigned n = 0;
-    for (; find_child(&places, 0x4DBB, n, &seek); n++) { /* each leads to what it says */
+    for (; find_child(&places, 0x4DBB, n, &seek);
+         n++) { /* each entry points to the element that it names */
         const uint8_t *to = segment.data + value_of(&seek, 0x53AC);
         assert_true(to < segment.end);
         assert_int_equal(element_at(to, segment.end).id, value_of(&seek, 0x53AB));
@@ -274,12 +275,12 @@ static void an_invalid_packet_is_an_error(void **state) {
     srv_folder_remove_file(&folder, "a", "000003.vp9");
     assert_false(srv_movie_write(&folder, "a", "n.webm", &output, size, &bytes, &err));
     assert_false(srv_folder_size(&folder, "a", "n.webm", &bytes));
-    assert_false(srv_folder_size(&folder, "a", "movie.part", &bytes)); /* nothing is left */
+    assert_false(srv_folder_size(&folder, "a", "movie.part", &bytes)); /* no partial file is left */
 }
 
 static void clusters_have_a_size_limit(void **state) {
     (void)state;
-    enum { COUNT = 4, BYTES = 3 << 20 }; /* more than one does not fit */
+    enum { COUNT = 4, BYTES = 3 << 20 }; /* only one packet fits into a cluster */
     const struct srv_path_output large = { .frames = COUNT, .fps = FPS, .is_movie = true };
     uint8_t *packet = calloc(1, BYTES);
     struct sp_error err;
@@ -304,7 +305,7 @@ static void clusters_have_a_size_limit(void **state) {
 
 static void the_size_bound_holds_for_tiny_packets(void **state) {
     (void)state;
-    enum { COUNT = 200 }; /* each of them with a cluster, and a cue of many digits */
+    enum { COUNT = 200 }; /* each packet has a cluster and a large cue */
     const struct srv_path_output many = { .frames = COUNT, .fps = 1e-4, .is_movie = true };
     const uint8_t head = SRV_PACKET_KEY;
     struct sp_error err;
@@ -314,7 +315,7 @@ static void the_size_bound_holds_for_tiny_packets(void **state) {
         assert_true(srv_folder_write(&folder, "c", name, &head, 1, "x", 1, &err));
     }
     size_t bytes;
-    free(make_movie_of("c", &many, &bytes)); /* which measures it */
+    free(make_movie_of("c", &many, &bytes)); /* checks the size */
     srv_folder_remove(&folder, "c", NULL);
 }
 
