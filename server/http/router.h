@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Finds the handler of a path and method in the table of routes (request.c).
+ * Finds the handler of a path and method in the table of routes (routes.c).
  */
 #ifndef SRV_HTTP_ROUTER_H
 #define SRV_HTTP_ROUTER_H
@@ -20,7 +20,7 @@ struct srv_route {
     enum srv_method method;
     const char *pattern;  /* "{}" matches one segment that is not empty */
     enum srv_right needs; /* checked before the body is read */
-    /* Fills *reply, or suspends the request (listener.h). */
+    /* Fills *reply, or suspends the request (request.h). */
     void (*handle)(struct srv_request *request, struct srv_reply *reply);
     /* Names of the query parameters besides "token", which every route takes; NULL after the last
      * one. A request with another one is refused with 400. */
