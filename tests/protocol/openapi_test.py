@@ -5,7 +5,7 @@
   openapi_test.py SOURCE_DIR
 
 Every $ref resolves; every operation has an id, a summary and described answers; every schema is valid; the documented
-operations and query parameters are those of server/http/request.c; the errors use application/problem+json. Exit status 77:
+operations and query parameters are those of server/http/routes.c; the errors use application/problem+json. Exit status 77:
 skipped.
 """
 import json
@@ -105,7 +105,7 @@ def query_parameters(document, item, operation):
 
 def read_routes(source):
     """{(method, path pattern, names of the query parameters)} of the daemon's table."""
-    with open(f'{source}/server/http/request.c', encoding='utf-8') as f:
+    with open(f'{source}/server/http/routes.c', encoding='utf-8') as f:
         text = f.read()
     queries = {name: frozenset(re.findall(r'"(\w+)"', list_)) for name, list_ in re.findall(r'#define ([A-Z_]+) \{(.*?)\}', text)}
     rows = re.findall(r'\{ SRV_(\w+), "([^"]+)", SRV_RIGHT_\w+,\s*\w+,\s*([A-Z_]+) \}', text)
@@ -114,7 +114,7 @@ def read_routes(source):
 
 def check_routes(document, source):
     routed = read_routes(source)
-    check(len(routed) > 5, 'the table of routes in server/http/request.c could not be parsed')
+    check(len(routed) > 5, 'the table of routes in server/http/routes.c could not be parsed')
     documented = {(method.upper(), re.sub(r'\{\w+\}', '{}', path), query_parameters(document, item, item[method]))
                   for path, item in document['paths'].items() for method in METHODS & item.keys()}
     for method, path, query in sorted(routed ^ documented, key=str):
