@@ -16,7 +16,7 @@
  * While it reads a token, jansson does not check that its buffer grew: without memory it would lose
  * a character, abort, or write past a block. So the first allocation that fails during a parse is
  * served from a spare block, which is larger than any such buffer can become. The parse then ends,
- * and its result is thrown away. jansson passes no user pointer to its allocator, hence the
+ * and its result is discarded. jansson passes no user pointer to its allocator, hence the
  * thread-local variable. */
 struct parse {
     struct proto_position position; /* lags behind the bytes that were delivered by one */

@@ -120,8 +120,8 @@ static void on_ready(void *user) {
     srv_streams_ready(d->streams);
 }
 
-/* All that depends on time, on the timer thread. Each part keeps its own timer heap and does what
- * is due; streams are checked by the stream thread, which this only wakes. */
+/* Runs the timers of all parts, on the timer thread. Each part has its own timer heap. Streams are
+ * checked by the stream thread, which this only wakes. */
 static double on_tick(void *user, double now_ms) {
     struct srv_daemon *d = user;
     srv_streams_tick(d->streams);

@@ -5,7 +5,7 @@
  * allocated. set() takes constant time; take() and clear() take amortised O(log n).
  *
  * An object whose deadline moves with every use need not move its timer each time. Set the timer
- * once; whoever takes it compares the time with the real deadline and sets the timer again.
+ * once; the code that takes it compares the time with the real deadline and sets the timer again.
  *
  * `at` may also be any other rising number. The owner of a heap serialises all calls.
  *

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The quality controller: how much detail a frame of a moving view has, so that it keeps up with
- * the hand, and which frames lead to the sharp one when the view rests. Pure: no clock, no lock.
+ * the user, and which frames precede the sharp one when the view rests. Pure: no clock, no lock.
  */
 #ifndef SRV_SCHEDULE_QUALITY_H
 #define SRV_SCHEDULE_QUALITY_H

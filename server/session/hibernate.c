@@ -12,7 +12,7 @@
  *
  * A hibernated session has only its id, tokens and names in memory, some hundred bytes. It uses no
  * volume; its view is in the store. It becomes active when its volume is ready; until then requests
- * are told what it waits for.
+ * fail with the reason.
  */
 #include <math.h>
 #include <stdio.h>

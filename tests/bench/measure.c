@@ -163,7 +163,7 @@ static double decibels(double square) {
 }
 
 /* Renders each camera with both settings as float images. */
-static bool compare_pictures(struct bench_result *r, const struct bench_studio *studio,
+static bool compare_images(struct bench_result *r, const struct bench_studio *studio,
                              struct sp_error *err) {
     struct bench_way a = studio->way, b = studio->against;
     unsigned cameras = studio->scene->camera_count;
@@ -270,7 +270,7 @@ bool bench_measure(struct bench_result *r, struct bench_studio *studio, struct s
         !measure_times(r, studio, err))
         return false;
     /* With an edit the two images are expected to differ. */
-    if (o->against_text && o->setting.edit == o->against.edit && !compare_pictures(r, studio, err))
+    if (o->against_text && o->setting.edit == o->against.edit && !compare_images(r, studio, err))
         return false;
     return !o->cancel || measure_cancels(r, studio, err);
 }

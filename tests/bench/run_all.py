@@ -35,12 +35,12 @@ def arguments():
     p.add_argument('--scenes', required=True, help='folder of their scenes')
     p.add_argument('--out', required=True, help='folder of the CSV files')
     p.add_argument('--vtk-bench', default='', help='script that measures VTK on the same scenes; "" = without')
-    p.add_argument('--no-vtk-because', default='', help='what to say where VTK is not measured')
-    p.add_argument('--only', default=','.join(UNASKED), help='what to measure, of ' + ', '.join(PARTS) + ' (which takes 20 minutes and is left out unless named); the other files stay')
+    p.add_argument('--no-vtk-because', default='', help='reason to print where VTK is not measured')
+    p.add_argument('--only', default=','.join(UNASKED), help='parts to measure, of ' + ', '.join(PARTS) + ' (takes 20 minutes and runs only if named); the files of other parts stay')
     p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
     p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
-                   help='memory bandwidth and single-precision arithmetic of the GPU, which the page compares with')
+                   help='memory bandwidth and single-precision arithmetic of the GPU; the page compares with them')
     p.add_argument('--software-limit', type=int, default=30, metavar='S', help='seconds that two views of a scene may take on software GL')
     p.add_argument('--peer-views', type=int, default=8, help='cameras for VTK at 1024 px, evenly chosen; 24 at 512 px')
     options = p.parse_args()
@@ -470,7 +470,7 @@ def available_memory():
 
 
 def machine(run):
-    """Returns what a reader must know besides the numbers, as (key, value)."""
+    """Returns the facts that a reader needs besides the numbers, as (key, value)."""
     def first(path, key, separator):
         with open(path, encoding='utf-8') as f:
             return next((line.split(separator, 1)[1].strip().strip('"') for line in f if line.startswith(key)), '?')

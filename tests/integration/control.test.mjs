@@ -2,6 +2,7 @@
 // Several participants in one session: names, colours, transfer of control, forks and picks.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon } from './harness.mjs';
 
 let daemon;
@@ -84,7 +85,10 @@ test('a request for control can be granted, refused and withdrawn', async () => 
   assert.deepEqual(await c.call('request_control'), { holds: false });
   const asked = await notified(a, (p) => p.requests.length === 2);
   assert.deepEqual(asked.requests.map((r) => r.id).sort(), [b.id, c.id].sort());
-  for (const { seconds } of asked.requests) assert.ok(seconds > 0 && seconds <= 600);
+  for (const { seconds } of asked.requests) {
+    compare(seconds, '>', 0);
+    compare(seconds, '<=', 600);
+  }
   await assert.rejects(b.call('grant_control', { to: b.id }), HELD);
   await assert.rejects(b.call('refuse_control', { to: c.id }), HELD);
   await a.call('refuse_control', { to: b.id });
@@ -162,7 +166,7 @@ test('the daemon token and a control token may fork a session, a view token may 
   assert.equal(made.status, 201);
   assert.notEqual(made.json.id, id);
   assert.deepEqual(made.json.view.background, [0.42, 0, 0, 1]);
-  assert.ok(made.json.tokens.control !== tokens.control);
+  assert.notEqual(made.json.tokens.control, tokens.control);
   assert.equal((await fork(tokens.view, { from: id })).status, 403);
   const other = await daemon.session();
   for (const [token, body] of [[tokens.control, {}], [tokens.control, { view: {} }], [tokens.control, { from: other.id }],
@@ -196,18 +200,20 @@ test('pick returns position, value and opacity, nothing beside the volume, and h
   const [width, height] = view.size;
   const begun = performance.now();
   const hit = await one.stream.call('pick', { at: [width / 2, height / 2] });
-  assert.ok(hit.opacity > 0.5 && hit.opacity <= 1, JSON.stringify(hit));
-  assert.ok(hit.value >= volume.range[0] && hit.value <= volume.range[1]);
+  compare(hit.opacity, '>', 0.5, JSON.stringify(hit));
+  compare(hit.opacity, '<=', 1, JSON.stringify(hit));
+  compare(hit.value, '>=', volume.range[0]);
+  compare(hit.value, '<=', volume.range[1]);
   // The ray through the centre of the image meets the target.
   const { position, target } = view.camera;
   const way = target.map((t, i) => t - position[i]);
   const to = hit.position.map((p, i) => p - position[i]);
   const along = (u, v) => u.reduce((sum, x, i) => sum + x * v[i], 0);
-  assert.ok(along(way, to) / Math.sqrt(along(way, way) * along(to, to)) > 1 - 1e-9);
+  compare(along(way, to) / Math.sqrt(along(way, way) * along(to, to)), '>', 1 - 1e-9);
   assert.deepEqual(await one.stream.call('pick', { at: [0, 0] }), { position: null, value: null, opacity: 0 });
   await one.stream.call('stream.configure', { size: [64, 64] });
   const smaller = await one.stream.call('pick', { at: [32, 32] });
-  smaller.position.forEach((p, i) => assert.ok(Math.abs(p - hit.position[i]) < 1e-6));
+  smaller.position.forEach((p, i) => compare(Math.abs(p - hit.position[i]), '<', 1e-6));
   for (const at of [[65, 0], [-1, 0], [1], [1, 2, 3], 'x', null, ['1', 2]]) {
     await assert.rejects(one.stream.call('pick', { at }), { code: -32602, data: { pointer: '/at' } });
   }
@@ -223,8 +229,8 @@ test('pick returns position, value and opacity, nothing beside the volume, and h
     assert.equal(answered + refused, 100 * (burst + 1));
   }
   const allowed = 20 + Math.ceil((performance.now() - begun) / 1000 * 20);
-  assert.ok(answered > 0, 'no pick was accepted');
-  assert.ok(answered <= allowed, `${answered} picks were accepted and ${allowed} are allowed`);
-  assert.ok(refused > 0, 'no pick was refused');
+  compare(answered, '>', 0, 'no pick was accepted');
+  compare(answered, '<=', allowed, `${answered} picks were accepted and ${allowed} are allowed`);
+  compare(refused, '>', 0, 'no pick was refused');
   await leave([one]);
 });

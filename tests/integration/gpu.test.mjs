@@ -2,6 +2,7 @@
 // The daemon with the GPU backend on software GL: interactive and snapshot workers render at once; volumes load and unload.
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon, runToEnd, turned } from './harness.mjs';
 
 const software = /^gl-software: /m.test((await runToEnd(['--probe'])).out);
@@ -42,7 +43,7 @@ test('the GPU backend renders streams and snapshots at the same time', { skip: !
     await stream.end();
     assert.equal((await daemon.fetch(`/api/v1/sessions/${stream.session.id}`, { method: 'DELETE' })).status, 204);
   }
-  assert.ok((await daemon.json('/api/v1/volumes/phantom')).json.memory.derived > 0);
+  compare((await daemon.json('/api/v1/volumes/phantom')).json.memory.derived, '>', 0);
   for (const volume of ['phantom', 'engine']) {
     assert.equal((await daemon.fetch(`/api/v1/volumes/${volume}`, { method: 'DELETE' })).status, 204);
   }

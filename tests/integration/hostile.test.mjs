@@ -5,6 +5,7 @@ import { spawn } from 'node:child_process';
 import { once } from 'node:events';
 import { after, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
+import { compare } from '../support/compare.mjs';
 import { clientFrame, Daemon, Raw, within } from './harness.mjs';
 
 let daemon;
@@ -301,7 +302,7 @@ test('a client that sends its header one byte at a time is cut off at the deadli
   let at = 0;
   const timer = setInterval(() => { if (at < text.length) raw.write(text[at++]); }, 20);
   await raw.until(() => raw.ended, 'the end').finally(() => clearInterval(timer));
-  assert.ok(at < text.length);
+  compare(at, '<', text.length);
   raw.destroy();
   await othersAreServed();
 });
@@ -316,7 +317,7 @@ test('every client over the connection limits gets an answer at once', async () 
   for (const raw of more) raw.write('GET /healthz HTTP/1.1\r\nHost: x\r\n\r\n');
   await Promise.all(more.map((raw) => raw.until(() => raw.text().includes('\r\n\r\n'), 'an answer')));
   const refused = more.filter((raw) => raw.text().startsWith('HTTP/1.1 429'));
-  assert.ok(refused.length >= 10, `${refused.length} were refused`);
+  compare(refused.length, '>=', 10, `${refused.length} were refused`);
   assert.match(refused[0].text(), /--connections-per-address/);
   assert.match(refused[0].text(), /Retry-After: 1/);
   for (const raw of more) raw.destroy();
@@ -339,6 +340,6 @@ test('silent clients use no more connections than the limit of their address', a
   await other.until(() => other.ended, 'the metrics');
   assert.match(other.text(), /^HTTP\/1.1 200/);
   assert.match(other.text(), /^splatd_connections_refused_total\{reason="address"\} 64$/m);
-  assert.ok(small.log.match(/refused: it has 36 connections/g).length < 64, 'repeated refusals are summarised in the log');
+  compare(small.log.match(/refused: it has 36 connections/g).length, '<', 64, 'repeated refusals are summarised in the log');
   assert.equal(await small.stop(), 0);
 });

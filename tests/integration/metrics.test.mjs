@@ -6,6 +6,7 @@ import { spawnSync } from 'node:child_process';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
+import { compare } from '../support/compare.mjs';
 import { Daemon, Raw, turned } from './harness.mjs';
 
 const parser = path.join(path.dirname(fileURLToPath(import.meta.url)), 'metrics_parse.py');
@@ -43,12 +44,14 @@ test('a scrape parses and needs the token', async (t) => {
   const build = Object.keys(values).find((key) => key.startsWith('splatd_build_info'));
   assert.match(build, /backend=cpu.*version=\d/);
   assert.equal(values['splatd_volume_bytes,volume=engine'], 16 * 9 * 9);
-  assert.ok(values.splatd_memory_budget_bytes > 0 && values.process_resident_memory_bytes > 1e6);
-  assert.ok(values.process_open_fds > 3 && values.process_cpu_seconds_total > 0);
+  compare(values.splatd_memory_budget_bytes, '>', 0);
+  compare(values.process_resident_memory_bytes, '>', 1e6);
+  compare(values.process_open_fds, '>', 3);
+  compare(values.process_cpu_seconds_total, '>', 0);
   const limits = fs.readFileSync(`/proc/${daemon.child.pid}/limits`, 'utf8');
   assert.equal(values.process_max_fds, Number(/Max open files\s+(\d+)/.exec(limits)[1]));
   const started = fs.statSync(`/proc/${daemon.child.pid}`).ctimeMs / 1000;
-  assert.ok(Math.abs(values.process_start_time_seconds - started) < 3600, 'the start time is neither the boot time nor 1970');
+  compare(Math.abs(values.process_start_time_seconds - started), '<', 3600, 'the start time is neither the boot time nor 1970');
   assert.equal(values.splatd_path_bytes_limit, 4 * 2 ** 30);
   assert.equal(values.splatd_state_failing, 0);
   for (const stage of ['queue', 'render', 'readback', 'encode', 'send', 'round_trip']) {
@@ -67,7 +70,7 @@ test('requests, frames and streams are counted', async (t) => {
   assert.equal(rise(renders, 'splatd_http_requests_total,status=4xx'), 1);
   assert.equal(rise(renders, 'splatd_http_requests_total,status=2xx'), 4, 'three images and the first scrape');
   assert.equal(rise(renders, 'splatd_http_bytes_total,direction=in'), 7);
-  assert.ok(renders['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'] > 0);
+  compare(renders['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'], '>', 0);
 
   const session = await daemon.session();
   const stream = await daemon.stream({ session });
@@ -83,18 +86,18 @@ test('requests, frames and streams are counted', async (t) => {
   assert.equal(rise(during, 'splatd_streams_joined_total'), 2);
   assert.equal(rise(during, 'splatd_http_requests_total,status=1xx'), 2);
   for (const stage of ['queue', 'render', 'readback', 'encode', 'send']) {
-    assert.ok(rise(during, `splatd_stage_seconds_count,stage=${stage}`) >= 3, stage);
-    assert.ok(rise(during, `splatd_stage_seconds_sum,stage=${stage}`) > 0, stage);
+    compare(rise(during, `splatd_stage_seconds_count,stage=${stage}`), '>=', 3, stage);
+    compare(rise(during, `splatd_stage_seconds_sum,stage=${stage}`), '>', 0, stage);
   }
-  assert.ok(rise(during, 'splatd_frames_total') >= got.length);
+  compare(rise(during, 'splatd_frames_total'), '>=', got.length);
   const bytes = got.reduce((sum, f) => sum + f.headerBytes + f.bytes, 0);
-  assert.ok(rise(during, 'splatd_stream_bytes_total,direction=out') > bytes);
-  assert.ok(rise(during, 'splatd_stream_bytes_total,direction=in') > 0);
+  compare(rise(during, 'splatd_stream_bytes_total,direction=out'), '>', bytes);
+  compare(rise(during, 'splatd_stream_bytes_total,direction=in'), '>', 0);
   await stream.end();
   await watching.end();
   const ended = await until((v) => rise(v, 'splatd_streams_ended_total,reason=closed') === 2, 'two closes');
   assert.equal(ended['splatd_participants,role=control'], 0);
-  assert.ok(ended.splatd_connections >= 1);
+  compare(ended.splatd_connections, '>=', 1);
 });
 
 test('frames of camera paths are counted', async (t) => {
@@ -136,5 +139,5 @@ test('many volumes with unusual names do not create many time series', async (t)
   const series = Object.keys(values).filter((key) => key.startsWith('splatd_volume_bytes'));
   assert.equal(series.length, 65);
   assert.equal(series.reduce((sum, key) => sum + values[key], 0), values.splatd_memory_bytes);
-  assert.ok(Object.keys(values).length < 500);
+  compare(Object.keys(values).length, '<', 500);
 });

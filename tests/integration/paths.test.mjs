@@ -5,6 +5,7 @@ import { spawnSync } from 'node:child_process';
 import fs from 'node:fs';
 import path from 'node:path';
 import { test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon, Raw, within } from './harness.mjs';
 import { API, bytes, daemon, end, event, events, frame, gone, LONG, make, newFolder, pathOf, VOLUME } from './paths_helper.mjs';
 
@@ -146,7 +147,8 @@ test('paths over the limits of number, frames and bytes are refused with the val
   const { data } = await event(id, (e) => e.data.reason, { of: own });
   assert.equal(data.state, 'waiting');
   assert.match(data.reason, /use \d+ bytes, frame \d+ has \d+, and --path-bytes allows 3072/);
-  assert.ok(data.bytes <= 3072 && data.done > 0);
+  compare(data.bytes, '<=', 3072);
+  compare(data.done, '>', 0);
   assert.equal((await own.fetch(`${API}/${id}/frames/0`)).status, 200, 'rendered frames stay');
   assert.equal((await own.fetch(`${API}/${id}/archive`)).status, 409);
   const other = await make(pathOf({ frames: 1, keyframes: [{ frame: 0, view: {} }] }), own);

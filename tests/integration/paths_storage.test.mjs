@@ -5,6 +5,7 @@ import { spawnSync } from 'node:child_process';
 import fs from 'node:fs';
 import path from 'node:path';
 import { test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon, nrrd } from './harness.mjs';
 import { API, bytes, end, event, frame, gone, LONG, make, newFolder, pathOf, VOLUME } from './paths_helper.mjs';
 
@@ -42,11 +43,12 @@ test('after kill -9 a path resumes after the frames that exist', async () => {
   own.kill('SIGKILL');
   await own.ended;
   const drawn = fs.readdirSync(path.join(folder, 'paths', id)).filter((name) => name.endsWith('.png'));
-  assert.ok(drawn.length >= data.done && drawn.length < 40, `${drawn.length} frames`);
+  compare(drawn.length, '>=', data.done, `${drawn.length} frames`);
+  compare(drawn.length, '<', 40, `${drawn.length} frames`);
   const before = fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs;
   own = await Daemon.start(args, { backend: 'cpu' });
   const first = await event(id, () => true, { of: own });
-  assert.ok(first.data.done >= drawn.length, 'existing frames are not rendered again');
+  compare(first.data.done, '>=', drawn.length, 'existing frames are not rendered again');
   assert.equal((await end(id, { of: own })).data.done, 40);
   assert.equal(fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs, before);
   assert.equal((await own.json(`${API}/${whole}`)).json.state, 'done');
@@ -129,7 +131,7 @@ test('after a restart a path resumes only with the volume for which it was creat
   const waits = await event(id, ({ data }) => data.reason, { of: own });
   assert.equal(waits.data.state, 'waiting');
   assert.match(waits.data.reason, /failed to load: .*no such file/);
-  assert.ok(waits.data.done >= 2);
+  compare(waits.data.done, '>=', 2);
   const first = await frame(id, 0, own);
   fs.writeFileSync(file, nrrd());
   assert.equal((await own.post('/api/v1/volumes', { path: 'cube.nrrd' })).status, 202);
@@ -207,11 +209,11 @@ test('paths wait for a full disk, both with frames to write and with a movie to 
     assert.equal(last.event, 'done');
     const what = body.format ? 'movie' : 'frames/8';
     const result = await bytes(await own.fetch(`${API}/${id}/${what}`));
-    assert.ok(result.length > 200);
+    compare(result.length, '>', 200);
     const whole = await make(body);
     const { data: { bytes: size } } = await end(whole);
     if (!body.format) assert.ok(result.equals(await frame(whole, 8)));
-    if (body.format && drawn === 3) assert.ok(last.data.bytes > size, 'the movie resumed with a key frame');
+    if (body.format && drawn === 3) compare(last.data.bytes, '>', size, 'the movie resumed with a key frame');
     else assert.equal(last.data.bytes, size);
     assert.equal((await own.fetch(`${API}/${id}`, { method: 'DELETE' })).status, 204);
     await gone(path.join(seen, name, id));
@@ -226,7 +228,7 @@ test('when the frame store is full, new paths are refused until one is deleted',
   const id = await make(pathOf(), own);
   const { data } = await end(id, { of: own });
   assert.equal(await own.stop(), 0);
-  assert.ok(data.bytes > 1024);
+  compare(data.bytes, '>', 1024);
   own = await Daemon.start([...args, '--path-bytes', '1K'], { backend: 'cpu' });
   await own.loaded('engine');
   const full = await own.post(API, pathOf());

@@ -4,6 +4,7 @@ import assert from 'node:assert/strict';
 import fs from 'node:fs';
 import path from 'node:path';
 import { test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon } from './harness.mjs';
 import { API, bytes, end, event, frame, make, newFolder, pathOf, VOLUME } from './paths_helper.mjs';
 
@@ -71,10 +72,11 @@ test('the files of the paths of a token have a quota: over it, its paths wait, a
   const second = await make(pathOf({ frames: 50 }), bob);
   await waits(second);
   const bytes = (await bob.json(API)).json.paths.reduce((sum, one) => sum + one.bytes, 0);
-  assert.ok(bytes > 2048 && bytes <= 3072, `${bytes}`);
+  compare(bytes, '>', 2048);
+  compare(bytes, '<=', 3072);
   const { data } = await end(await make(pathOf({ frames: 50 }), eve), { of: eve });
   assert.equal(data.state, 'done', 'paths of other tokens do not wait');
-  assert.ok(data.bytes > 3072);
+  compare(data.bytes, '>', 3072);
   await bob.fetch(`${API}/${first}`, { method: 'DELETE' });
   await event(second, (e) => e.data.done >= done, { of: bob });
   await allow('path-bytes=1K');
@@ -99,7 +101,7 @@ test('the quota counts a movie and its packets together while the movie is writt
   assert.match(data.reason, /the camera paths of bob use \d+ bytes, the movie up to \d+, and its token allows \d+/);
   const [has, needs] = /use (\d+) bytes, the movie up to (\d+)/.exec(data.reason).slice(1).map(Number);
   assert.equal(has, data.bytes);
-  assert.ok(needs >= whole);
+  compare(needs, '>=', whole);
   assert.equal((await bob.fetch(`${API}/${id}/movie`)).status, 409);
   await allow(`path-bytes=${has + needs}`);
   const last = await end(id, { of: bob });
@@ -115,7 +117,7 @@ test('a movie rendered in turns with another path equals one rendered without in
   const movie = async (id) => bytes(await own.fetch(`${API}/${id}/movie`));
   const inTurns = await make(body, as('eve'));
   assert.equal((await end(inTurns, { of: own })).event, 'done');
-  assert.ok((await own.json(`${API}/${other}`)).json.done >= 19, 'frames of the two paths alternate');
+  compare((await own.json(`${API}/${other}`)).json.done, '>=', 19, 'frames of the two paths alternate');
   await own.fetch(`${API}/${other}`, { method: 'DELETE' });
   const alone = await make(body, as('eve'));
   assert.equal((await end(alone, { of: own })).event, 'done');

@@ -7,6 +7,7 @@ import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, readdir
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { BIN, Daemon, within } from './harness.mjs';
 
 let daemon;
@@ -87,7 +88,7 @@ test('the daemon and splatctl in process give the same image', async () => {
       const common = ['--view', '-', '--format', format, '--out', '-'];
       const remote = await succeeds(['render', '--volume', volume, ...common], { input: view });
       const here = await succeeds(['render', '--local', '--volume', local, ...common], { input: view });
-      assert.ok(remote.length > 500, `${volume} as ${format}: ${remote.length} bytes`);
+      compare(remote.length, '>', 500, `${volume} as ${format}: ${remote.length} bytes`);
       assert.ok(remote.equals(here), `${volume} as ${format} differs`);
     }
   }
@@ -115,7 +116,7 @@ test('the example in --help is a valid view', async () => {
   const [, example] = /^For example[^{]*(\{[^]*\})\n\nExit/m.exec((await succeeds(['--help'])).toString());
   const common = ['render', '--local', '--backend', 'null', '--volume', 'demo:engine?size=16', '--size', '16,16', '--out', '-'];
   assert.equal(JSON.parse(example).transfer_function.order, 'post');
-  assert.ok((await succeeds([...common, '--view', '-'], { input: example })).length > 0);
+  compare((await succeeds([...common, '--view', '-'], { input: example })).length, '>', 0);
 });
 
 test('render loads the volume that its argument names', async () => {

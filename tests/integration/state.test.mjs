@@ -6,6 +6,7 @@ import { mkdirSync, mkdtempSync, readdirSync, rmSync, statSync, writeFileSync } 
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon, nrrd, runToEnd, turned, within } from './harness.mjs';
 
 const TOKEN = 'a-token-for-the-tests-0123456789';
@@ -157,13 +158,13 @@ test('changes of a view are written automatically, soon, and combined', async ()
   const before_ = await writes();
   for (let i = 1; i <= 100; i += 1) await stream.update({ background: [i / 100, 0, 0, 1] }, i);
   const during = await writes() - before_;
-  assert.ok(during < 50, `${during} writes of 100 changes`);
+  compare(during, '<', 50, `${during} writes of 100 changes`);
   // Wait until a second program reads the last change from a copy of the database.
   const read = () => execFileSync('python3', ['-c', `
 import json, sqlite3, sys
 row = sqlite3.connect('file:' + sys.argv[1] + '?mode=ro', uri=True).execute("SELECT body FROM record WHERE kind = 'session'").fetchone()
 print(json.loads(row[0])['view']['background'][0])`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
-  for (const end = Date.now() + 30000; Number(read()) !== 1;) assert.ok(Date.now() < end, `still ${read()}`);
+  for (const end = Date.now() + 30000; Number(read()) !== 1;) compare(Date.now(), '<', end, `still ${read()}`);
   await killed(daemon);
   const again = await start(state);
   await again.loaded('engine');
@@ -171,24 +172,24 @@ print(json.loads(row[0])['view']['background'][0])`, path.join(state, 'splatd.db
   assert.equal(await again.stop(), 0);
 });
 
-/** Sends requests until the daemon dies, and records confirmed changes in `told`. */
-async function work(daemon, told, round) {
+/** Sends requests until the daemon dies, and records confirmed changes in `confirmed`. */
+async function work(daemon, confirmed, round) {
   try {
     const session = await daemon.session({ size: [16, 16] });
-    told.sessions.set(session.id, { tokens: session.tokens, x: [] });
+    confirmed.sessions.set(session.id, { tokens: session.tokens, x: [] });
     const stream = await daemon.stream({ session });
     for (let i = 1; ; i += 1) {
       const x = round * 1000 + i;
-      told.sessions.get(session.id).x.push(x); // this change may persist or not
+      confirmed.sessions.get(session.id).x.push(x); // this change may persist or not
       await stream.update({ background: [x / 1e6, 0, 0, 1] }, i);
       const saved = await daemon.post('/api/v1/views', { background: [0, x / 1e6, 0, 1] });
-      if (saved.status === 201) told.views.set(saved.json.id, x);
+      if (saved.status === 201) confirmed.views.set(saved.json.id, x);
       // A durable request is written together with all earlier changes.
-      if (saved.status === 201) told.sessions.get(session.id).least = x;
+      if (saved.status === 201) confirmed.sessions.get(session.id).least = x;
       if (i % 3 === 0) {
         const short = await daemon.session();
-        told.ending.add(short.id);
-        if ((await daemon.fetch(`/api/v1/sessions/${short.id}`, { method: 'DELETE' })).status === 204) told.deleted.add(short.id);
+        confirmed.ending.add(short.id);
+        if ((await daemon.fetch(`/api/v1/sessions/${short.id}`, { method: 'DELETE' })).status === 204) confirmed.deleted.add(short.id);
       }
     }
   } catch { /* the daemon died */ }
@@ -196,32 +197,35 @@ async function work(daemon, told, round) {
 
 test('after repeated kill -9 during writes every change confirmed as durable is present', { timeout: 500000 }, async () => {
   const state = fresh();
-  const told = { sessions: new Map(), views: new Map(), deleted: new Set(), ending: new Set() };
+  const confirmed = { sessions: new Map(), views: new Map(), deleted: new Set(), ending: new Set() };
   const rounds = 12;
   for (let round = 1; round <= rounds; round += 1) {
     const daemon = await start(state, ['--volume', 'demo:engine?size=8', '--sessions', '2000']);
     await daemon.loaded('engine');
-    for (const [id, { tokens, x, least = 0 }] of told.sessions) {
+    for (const [id, { tokens, x, least = 0 }] of confirmed.sessions) {
       const { status, json } = await sessionOf(daemon, id);
-      assert.equal(status, 200, `session ${id} of ${told.sessions.size}`);
+      assert.equal(status, 200, `session ${id} of ${confirmed.sessions.size}`);
       assert.deepEqual(json.tokens, tokens);
       const shown = Math.round(json.view.background[0] * 1e6);
-      assert.ok(shown >= least && (shown === 0 || x.includes(shown)), `${shown} is not one of ${x}, at least ${least}`);
+      compare(shown, '>=', least, `${shown} is not one of ${x}, at least ${least}`);
+      assert.ok(shown === 0 || x.includes(shown), `${shown} is not one of ${x}, at least ${least}`);
     }
-    for (const [id, x] of told.views) {
+    for (const [id, x] of confirmed.views) {
       const { status, json } = await daemon.json(`/api/v1/views/${id}`);
       assert.equal(status, 200);
       assert.equal(Math.round(json.background[1] * 1e6), x);
     }
-    for (const id of told.deleted) assert.equal((await daemon.json(`/api/v1/sessions/${id}`)).status, 404);
-    const writes = told.views.size;
-    const workers = [work(daemon, told, round), work(daemon, told, round + 500)];
+    for (const id of confirmed.deleted) assert.equal((await daemon.json(`/api/v1/sessions/${id}`)).status, 404);
+    const writes = confirmed.views.size;
+    const workers = [work(daemon, confirmed, round), work(daemon, confirmed, round + 500)];
     // Kill at a different moment each time: after a varying number of answers, while more requests are running.
-    while (told.views.size < writes + round * 2) await daemon.json('/healthz', { token: null });
+    while (confirmed.views.size < writes + round * 2) await daemon.json('/healthz', { token: null });
     await killed(daemon);
     await Promise.all(workers);
   }
-  assert.ok(told.views.size > rounds && told.deleted.size > 0 && told.sessions.size >= rounds);
+  compare(confirmed.views.size, '>', rounds);
+  compare(confirmed.deleted.size, '>', 0);
+  compare(confirmed.sessions.size, '>=', rounds);
 });
 
 test('a session whose volume is missing works again when the volume is loaded', async () => {
@@ -307,7 +311,8 @@ db.commit()`, path.join(state, 'splatd.db')], { encoding: 'utf8' });
   const [session, old] = [await daemon.session(), await daemon.session()];
   assert.equal(await daemon.stop(), 0);
   const ran = () => Number(database("print(body('clock', 'daemon')['ran'])"));
-  assert.ok(ran() >= 0 && ran() < 600, `${ran()} s`);
+  compare(ran(), '>=', 0, `${ran()} s`);
+  compare(ran(), '<', 600, `${ran()} s`);
   // Simulate 30 more days of running daemons, and a record of an older daemon without the time of last use.
   database(`clock, old = body('clock', 'daemon'), body('session', '${old.id}')
 assert body('session', '${session.id}')['used'] <= clock['ran'] + 1
@@ -321,7 +326,7 @@ put('session', '${old.id}', old)`);
   assert.equal((await sessionOf(next, old.id)).status, 200);
   assert.deepEqual((await next.json('/api/v1/sessions')).json.sessions.map((s) => s.id), [old.id]);
   assert.equal(await next.stop(), 0);
-  assert.ok(ran() >= 2592001, `${ran()} s`);
+  compare(ran(), '>=', 2592001, `${ran()} s`);
 });
 
 test('an unusable state folder is refused with the reason and the remedy', async () => {
@@ -376,23 +381,24 @@ test('with a full disk the daemon continues, reports it, and writes the changes 
   // Limit the size of files, in blocks of 1 KiB; the limit is lifted later.
   const daemon = await start(state, ['--volume', 'demo:engine?size=8'], { prefix: ['bash', '-c', 'ulimit -S -f 96; exec "$@"', 'bash'] });
   await daemon.loaded('engine');
-  const told = [];
+  const confirmed = [];
   let durable = 'yes';
   for (let i = 0; durable === 'yes'; i += 1) {
-    assert.ok(i < 200, 'the disk is never full');
+    compare(i, '<', 200, 'the disk is never full');
     const answer = await daemon.post('/api/v1/views', { background: [i / 1000, 0, 0, 1] });
     assert.equal(answer.status, 201);
     durable = answer.headers.get('x-durable');
-    told.push(answer.json.id);
+    confirmed.push(answer.json.id);
   }
   const session = await daemon.post('/api/v1/sessions', {});
   assert.equal(session.status, 201);
   assert.equal(session.headers.get('x-durable'), 'no');
-  assert.equal((await daemon.json(`/api/v1/views/${told.at(-1)}`)).status, 200);
+  assert.equal((await daemon.json(`/api/v1/views/${confirmed.at(-1)}`)).status, 200);
   const ready = await daemon.json('/readyz', { token: null });
   assert.equal(ready.status, 200);
   assert.equal(ready.json.state.status, 'failing');
-  assert.ok(ready.json.state.reason && ready.json.state.waiting > 0);
+  assert.ok(ready.json.state.reason);
+  compare(ready.json.state.waiting, '>', 0);
   await daemon.untilLogged('cannot write the state; keeping it in memory');
   execFileSync('prlimit', ['--pid', String(daemon.child.pid), '--fsize=unlimited:']);
   await daemon.untilLogged('state is being written again'); // without a request
@@ -400,7 +406,7 @@ test('with a full disk the daemon continues, reports it, and writes the changes 
   await killed(daemon);
   const again = await start(state);
   await again.loaded('engine');
-  for (const id of told) assert.equal((await again.json(`/api/v1/views/${id}`)).status, 200);
+  for (const id of confirmed) assert.equal((await again.json(`/api/v1/views/${id}`)).status, 200);
   assert.equal((await sessionOf(again, session.json.id)).status, 200);
   assert.equal(await again.stop(), 0);
 });
@@ -421,7 +427,7 @@ test('when the time of day jumps by years, nothing ends and all state persists',
   const view = (await daemon.json(`/api/v1/sessions/${session.id}`)).json.view;
   assert.equal((await daemon.post('/api/v1/views', {})).headers.get('x-durable'), 'yes');
   const years = new Set([...daemon.log.matchAll(/^time=(\d+)-/gm)].map((match) => Number(match[1])));
-  assert.ok(Math.max(...years) - Math.min(...years) >= 19, `the clock did not jump: ${[...years]}`);
+  compare(Math.max(...years) - Math.min(...years), '>=', 19, `the clock did not jump: ${[...years]}`);
   assert.equal(stream.closed, null);
   await killed(daemon);
   const again = await start(state, [], { prefix: ['env', `LD_PRELOAD=${shim}`] });

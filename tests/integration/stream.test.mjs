@@ -2,6 +2,7 @@
 // Streams: view updates, frames, flow control and roles.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
 import { Daemon, FINAL, LOSSLESS, Stream, turned } from './harness.mjs';
 
 let daemon;
@@ -45,7 +46,7 @@ test('after a burst of updates the last frame shows the last view, and some upda
   await stream.final(count);
   const last = stream.frames.at(-1);
   assert.equal(last.seq, count);
-  assert.ok(stream.frames.length < count / 2, `${stream.frames.length} frames for ${count} updates`);
+  compare(stream.frames.length, '<', count / 2, `${stream.frames.length} frames for ${count} updates`);
   const order = stream.frames.map((f) => f.seq);
   assert.deepEqual(order, [...order].sort((a, b) => a - b), 'never an older view after a newer one');
   await stream.end();
@@ -127,7 +128,7 @@ test('the window follows the round trip', async () => {
     const oldest = stream.frames[acked];
     if (oldest && performance.now() - oldest.at > 400) stream.ack(stream.frames[acked++].frame);
   }
-  assert.ok(most >= 4, `at most ${most} frames were in flight`);
+  compare(most, '>=', 4, `at most ${most} frames were in flight`);
   await stream.end();
 });
 
@@ -140,7 +141,8 @@ test('two clients of the same size share an image, and each gets its own seq', a
   const [x, y] = await Promise.all([
     a.frame((f) => (f.flags & FINAL) && f.seq === 41 && a.notes.some((n) => n.method === 'view.changed' && n.params.view.background[2] === 1), 'a final'),
     b.final(17)]);
-  assert.ok(x && y);
+  assert.ok(x);
+  assert.ok(y);
   // The last final frames of both clients are equal byte for byte.
   const lastOf = (s) => s.frames.filter((f) => f.flags & FINAL).at(-1);
   await a.until(() => lastOf(a).payload.equals(lastOf(b).payload), 'the same image');
@@ -156,7 +158,7 @@ test('a client with the view token receives frames and notifications, and may no
   await assert.rejects(viewer.update({ background: [1, 1, 1, 1] }), { code: -32004 });
   await control.update({ background: [1, 1, 0, 1] }, 3);
   const changed = await viewer.note('view.changed', (p) => p.view.background[1] === 1);
-  assert.ok(changed.params.by > 0);
+  compare(changed.params.by, '>', 0);
   await viewer.frame((f) => f.flags & FINAL, 'a frame for the viewer');
   await viewer.end();
   await control.note('session.participants', (p) => p.participants.length === 1);

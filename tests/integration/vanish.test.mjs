@@ -10,6 +10,7 @@ import path from 'node:path';
 import { test } from 'node:test';
 import tls from 'node:tls';
 import { fileURLToPath } from 'node:url';
+import { compare } from '../support/compare.mjs';
 import { Daemon, Raw, within } from './harness.mjs';
 
 const FILE = fileURLToPath(import.meta.url);
@@ -35,7 +36,7 @@ function sockets(daemon) {
 async function untilOnly(daemon, count) {
   const end = Date.now() + 60000;
   while (sockets(daemon) > count) {
-    assert.ok(Date.now() < end, `${sockets(daemon)} sockets are open, ${count} were; ${daemon.log.slice(-1500)}`);
+    compare(Date.now(), '<', end, `${sockets(daemon)} sockets are open, ${count} were; ${daemon.log.slice(-1500)}`);
     await new Promise((resolve) => setTimeout(resolve, 20));
   }
 }
@@ -81,7 +82,7 @@ async function vanish(t, secure) {
     rest.push(await Raw.connect(daemon.port), await Raw.connect(daemon.port));
     rest.at(-1).write(Buffer.from([0x16, 3, 1, 0, 200, 1, 0]));
   }
-  assert.ok(sockets(daemon) > before);
+  compare(sockets(daemon), '>', before);
   const { localPort } = idle.socket._socket;
   link(false);
   for (const stream of [idle, busy]) stream.socket.on('error', () => {}).terminate();

@@ -427,7 +427,7 @@ def length(o):
 # `lanes` (SIMD lanes; sp_renderer_info has the same member), and the metric label `lane` with its value `pictures`.
 # Renaming them would break what users wrote, so the rule skips exactly these spellings, in all files. Any other use of
 # these words is a finding.
-PUBLIC_SPELLINGS = re.compile(r'\bstills=|"stills"|sessions, stills, fps|"lanes"|,lane=\\?"?|\{\{lane\}\}|\(backend, lane\)|"pictures"|(?:->|\.)lanes\b')
+PUBLIC_SPELLINGS = re.compile(r'\bstills=|"stills"|sessions, stills, fps|"lanes"|,lane=\\?"?|\{\{lane\}\}|\(backend, lane\)|"pictures"|(?:->|\.)lanes\b|^ *lanes: \{|threads, lanes, vectorised')
 
 
 def glossary(o):

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Holds the daemon to openapi.yaml with requests that are generated from it.
+"""Checks the daemon against openapi.yaml with requests that are generated from it.
 
   generated_test.py SPLATD SOURCE_DIR
 

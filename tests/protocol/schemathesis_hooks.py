@@ -4,7 +4,7 @@ import re
 
 import schemathesis
 
-# Fields that a valid body may have wrong in a way that no schema can say; the descriptions of view.schema.json and
+# Fields of a valid body that may break a rule which no schema can express; the descriptions of view.schema.json and
 # openapi.yaml list the rules. '/size' and '/volume' depend on the daemon's limits and volumes.
 BEYOND_SCHEMA = re.compile(
     r'(/keyframes/\d+)?(/view)?(/volume|/size(/[01])?|/camera(/position|/target|/up)?|/filter/c_m(in|ax)'

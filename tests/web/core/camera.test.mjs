@@ -5,6 +5,7 @@ import {
   cameraFromRig, fit, orbit, pan, pointOnPlane, project, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../../../clients/web/core/camera.js';
 import { add, length, rotate, subtract } from '../../../clients/web/core/vector.js';
+import { compare } from '../../support/compare.mjs';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
 const VIEWPORT = { width: 900, height: 500 };
@@ -43,7 +44,8 @@ test('a degenerate camera is refused', () => {
 test('right and up have the documented directions', () => {
   const rig = rigFromCamera({ position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0], fov_y: 30 });
   const [x, y] = project(rig, [1, 1, 0], VIEWPORT);
-  assert.ok(x > 450 && y < 250);
+  compare(x, '>', 450);
+  compare(y, '<', 250);
   assert.equal(project(rig, [0, 0, 11], VIEWPORT), null);
 });
 
@@ -143,6 +145,7 @@ test('fit shows the whole sphere, which touches the shorter side, in any window 
     }
   }
   const limits = zoomLimits(sphere);
-  assert.ok(limits.nearest < sphere.radius && limits.farthest > 10 * sphere.radius);
-  assert.ok(length(sphere.center) > 0);
+  compare(limits.nearest, '<', sphere.radius);
+  compare(limits.farthest, '>', 10 * sphere.radius);
+  compare(length(sphere.center), '>', 0);
 });

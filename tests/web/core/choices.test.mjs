@@ -4,6 +4,7 @@ import { test } from 'node:test';
 import { choose, flatLimit, hideFlat, isChoice, matters, steepest, valueAt } from '../../../clients/web/core/choices.js';
 import { applyPatch } from '../../../clients/web/core/merge.js';
 import { logarithmic, quadratic } from '../../../clients/web/core/slider.js';
+import { compare } from '../../support/compare.mjs';
 
 const slabs = { compositing: { mode: 'slab' }, transfer_function: { order: 'post', points: [] }, filter: {} };
 
@@ -12,7 +13,10 @@ test('valueAt returns the value of the view, or the default of the protocol', ()
   assert.equal(valueAt({ filter: { sigma: 1.5 } }, '/filter/sigma'), 1.5);
   assert.equal(valueAt({ filter: { lowpass: 0 } }, '/filter/lowpass'), 0, 'zero is a value, not a missing one');
   assert.equal(valueAt(slabs, '/transfer_function/order'), 'post');
-  assert.ok(isChoice('/compositing/slab') && !isChoice('/compositing') && !isChoice('/clip/box') && !isChoice('toString'));
+  assert.ok(isChoice('/compositing/slab'));
+  assert.ok(!isChoice('/compositing'));
+  assert.ok(!isChoice('/clip/box'));
+  assert.ok(!isChoice('toString'));
 });
 
 test('a choice is idle when other choices make it irrelevant', () => {
@@ -60,14 +64,14 @@ test('sliders: ends are exact, both directions agree, and values outside the ran
     assert.equal(scale.at(0), low);
     assert.equal(scale.at(1), Number(high.toPrecision(3)));
     for (let i = 0; i <= 100; i += 1) {
-      assert.ok(Math.abs(scale.of(scale.at(i / 100)) - i / 100) < 0.005, 'within half a step of the slider');
+      compare(Math.abs(scale.of(scale.at(i / 100)) - i / 100), '<', 0.005, 'within half a step of the slider');
     }
-    for (let i = 1; i <= 100; i += 1) assert.ok(scale.at(i / 100) > scale.at((i - 1) / 100));
+    for (let i = 1; i <= 100; i += 1) compare(scale.at(i / 100), '>', scale.at((i - 1) / 100));
     assert.equal(scale.of(high * 10), 1);
     assert.equal(scale.at(2), scale.at(1));
   }
   assert.equal(logarithmic(0.05, 64).of(0.001), 0);
-  assert.ok(Math.abs(logarithmic(0.05, 64).of(1) - Math.log(20) / Math.log(1280)) < 1e-12);
+  compare(Math.abs(logarithmic(0.05, 64).of(1) - Math.log(20) / Math.log(1280)), '<', 1e-12);
   assert.equal(quadratic(0).of(5), 0, 'a volume with a single value');
   assert.equal(quadratic(0).at(0.5), 0);
 });

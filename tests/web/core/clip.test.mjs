@@ -4,6 +4,7 @@ import { test } from 'node:test';
 import { volumeBox } from '../../../clients/web/core/camera.js';
 import { WHOLE, depthOf, moveFace, planeAt, reach, sight } from '../../../clients/web/core/clip.js';
 import { add, dot, rotate, scale } from '../../../clients/web/core/vector.js';
+import { compare } from '../../support/compare.mjs';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
 test('a face moves alone until it meets the opposite face, which it then pushes', () => {
@@ -46,9 +47,9 @@ test('the depth of a plane is the fraction of the volume that it cuts away, for 
   assert.equal(planeAt(box, [0, 1, 0], 1).offset, 20, 'everything is cut');
   for (const depth of [0, 0.3, 1]) {
     const plane = planeAt(box, [1, -2, 0.5], depth);
-    assert.ok(Math.abs(depthOf(box, plane) - depth) < 1e-12);
+    compare(Math.abs(depthOf(box, plane) - depth), '<', 1e-12);
     const doubled = { normal: scale(plane.normal, 2), offset: plane.offset * 2 };
-    assert.ok(Math.abs(depthOf(box, doubled) - depth) < 1e-12);
+    compare(Math.abs(depthOf(box, doubled) - depth), '<', 1e-12);
   }
   assert.equal(depthOf(box, { normal: [0, 0, 1], offset: -1e308 }), 0);
   assert.equal(depthOf(box, { normal: [0, 0, 1], offset: 1e308 }), 1);
@@ -61,7 +62,7 @@ test('a plane towards the viewer cuts the nearest part; more depth cuts farther'
   assert.deepEqual(normal.map((x) => x + 0), [0, 0, -1]);
   const box = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0.5, 0.5, 1] });
   const { offset } = planeAt(box, normal, 0.25);
-  assert.ok(dot(normal, [5, 10, 59]) < offset, 'the side of the viewer is cut');
-  assert.ok(dot(normal, [5, 10, 1]) > offset, 'the far side is not cut');
+  compare(dot(normal, [5, 10, 59]), '<', offset, 'the side of the viewer is cut');
+  compare(dot(normal, [5, 10, 1]), '>', offset, 'the far side is not cut');
   assert.throws(() => sight({ position: [1, 1, 1], target: [1, 1, 1] }), RangeError);
 });

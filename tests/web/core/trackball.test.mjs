@@ -4,17 +4,17 @@ import { test } from 'node:test';
 import { cameraFromRig, orbit, project, rigFromCamera } from '../../../clients/web/core/camera.js';
 import { BALL_RADIUS, drag, pointOnBall, turn } from '../../../clients/web/core/trackball.js';
 import { add, dot, length, multiply, rotate, subtract } from '../../../clients/web/core/vector.js';
+import { compare } from '../../support/compare.mjs';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
 const VIEWPORT = { width: 800, height: 600 };
 const MIDDLE = [400, 300];
-const sameTurn = (a, b, tolerance) => assert.ok(
-  1 - Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]) < tolerance, `${a} is not ${b}`);
+const sameTurn = (a, b, tolerance) => compare(1 - Math.abs(a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]), '<', tolerance, `${a} is not ${b}`);
 
 test('the centre of the ball faces the viewer, y points up, and its edge is continuous', () => {
   close(pointOnBall(MIDDLE, VIEWPORT), [0, 0, 1]);
-  assert.ok(pointOnBall([400, 200], VIEWPORT)[1] > 0);
-  assert.ok(pointOnBall([500, 300], VIEWPORT)[0] > 0);
+  compare(pointOnBall([400, 200], VIEWPORT)[1], '>', 0);
+  compare(pointOnBall([500, 300], VIEWPORT)[0], '>', 0);
   const edge = 400 + BALL_RADIUS * 600 / Math.SQRT2;
   close(pointOnBall([edge - 1e-6, 300], VIEWPORT), pointOnBall([edge + 1e-6, 300], VIEWPORT), 1e-8);
   close([length(pointOnBall([1e6, -1e6], VIEWPORT))], [1]);
@@ -22,9 +22,11 @@ test('the centre of the ball faces the viewer, y points up, and its edge is cont
 
 test('the front follows the pointer: dragging right turns it to the right', () => {
   const front = rotate(turn(MIDDLE, [500, 300], VIEWPORT), [0, 0, 1]);
-  assert.ok(front[0] > 0.1 && Math.abs(front[1]) < 1e-12);
+  compare(front[0], '>', 0.1);
+  compare(Math.abs(front[1]), '<', 1e-12);
   const up = rotate(turn(MIDDLE, [400, 200], VIEWPORT), [0, 0, 1]);
-  assert.ok(up[1] > 0.1 && Math.abs(up[0]) < 1e-12);
+  compare(up[1], '>', 0.1);
+  compare(Math.abs(up[0]), '<', 1e-12);
 });
 
 test('rotations compose: a drag in two parts equals the same drag in one', () => {

@@ -3,6 +3,7 @@
 // lose the daemon and reconnect. In the end the page always shows the last action.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import {
   camera, difference, drag, launch, openPage, firstFrame, pixels, rest, shot, touch, until,
 } from '../support/browser.mjs';
@@ -42,8 +43,8 @@ async function changes(page, act, { isSame = false } = {}) {
   await until(page, 'an update to be sent', (s) => s.sent > 0);
   await rest(page);
   const part = difference(before_, await pixels(page));
-  if (isSame) assert.ok(part < 0.002, `${part} of the image differs`);
-  else assert.ok(part > 0.005, `only ${part} of the image differs`);
+  if (isSame) compare(part, '<', 0.002, `${part} of the image differs`);
+  else compare(part, '>', 0.005, `only ${part} of the image differs`);
   return [cameraBefore, await camera(page)];
 }
 
@@ -53,7 +54,7 @@ test('the page loads with an image that is not empty, is sharp at rest, and logs
   assert.deepEqual([image.width, image.height], [900, 600]);
   let lit = 0;
   for (let y = 0; y < image.height; y += 4) for (let x = 0; x < image.width; x += 4) if (Math.max(...image.at(x, y)) > 40) lit += 1;
-  assert.ok(lit > 300, `${lit} of ${225 * 150} samples are lit`);
+  compare(lit, '>', 300, `${lit} of ${225 * 150} samples are lit`);
   await until(page, 'the status line', () => /\d+ ?(ms|×)/.test(document.getElementById('status').innerText));
   await page.locator('#status [data-key="detail"]', { hasText: '100 %' }).waitFor();
   await page.locator('#status [data-key="fps"]', { hasText: 'at rest' }).waitFor();
@@ -71,8 +72,9 @@ test('a drag rotates; the reverse drag restores the first image', async (context
   const { page, said } = await setUp(context);
   const first = await pixels(page);
   const [a, b] = await changes(page, () => drag(page, [520, 300], [700, 220]));
-  assert.ok(Math.abs(depth(a) - depth(b)) < 1e-6 * depth(a) && away(a.target, b.target) === 0);
-  assert.ok(away(a.position, b.position) > 0.2 * depth(a));
+  compare(Math.abs(depth(a) - depth(b)), '<', 1e-6 * depth(a));
+  assert.equal(away(a.target, b.target), 0);
+  compare(away(a.position, b.position), '>', 0.2 * depth(a));
   await shot(page, 'turned');
   await page.mouse.move(520, 300);
   await page.mouse.down();
@@ -80,12 +82,14 @@ test('a drag rotates; the reverse drag restores the first image', async (context
   await page.mouse.up();
   await rest(page);
   const c = await camera(page);
-  assert.ok(away(b.position, c.position) < 1e-6 * depth(a) && away(b.up, c.up) < 1e-6, 'a closed path ends at its start');
+  compare(away(b.position, c.position), '<', 1e-6 * depth(a), 'a closed path ends at its start');
+  compare(away(b.up, c.up), '<', 1e-6, 'a closed path ends at its start');
   await drag(page, [700, 220], [520, 300]);
   await rest(page);
-  assert.ok(difference(first, await pixels(page)) < 0.002);
+  compare(difference(first, await pixels(page)), '<', 0.002);
   const latency = await page.evaluate(() => window.splatd.latencyMs);
-  assert.ok(latency > 0 && Number.isFinite(latency));
+  compare(latency, '>', 0);
+  assert.ok(Number.isFinite(latency));
   assert.deepEqual(said, []);
 });
 
@@ -93,13 +97,13 @@ test('dragging with the right button or Shift moves the target with the cursor',
   const { page, said } = await setUp(context);
   const [a, b] = await changes(page, () => drag(page, [450, 300], [600, 300], { button: 'right' }));
   const unit = 2 * depth(a) * Math.tan(a.fov_y * Math.PI / 360) / 600;
-  assert.ok(Math.abs(away(a.target, b.target) - 150 * unit) < 1e-3 * 150 * unit);
+  compare(Math.abs(away(a.target, b.target) - 150 * unit), '<', 1e-3 * 150 * unit);
   await shot(page, 'moved');
   await page.keyboard.down('Shift');
   await drag(page, [600, 300], [450, 300]);
   await page.keyboard.up('Shift');
   await rest(page);
-  assert.ok(away(a.target, (await camera(page)).target) < 1e-6 * depth(a));
+  compare(away(a.target, (await camera(page)).target), '<', 1e-6 * depth(a));
   assert.deepEqual(said, []);
 });
 
@@ -111,7 +115,8 @@ test('the wheel zooms towards the cursor and stops at a limit', async (context) 
     await until(page, 'zoomed', (s) => s.sent > 0);
   });
   await until(page, 'the zoom animation to end', (s) => s.isIdle && s.seq === s.sent);
-  assert.ok(depth(b) < depth(a) && away(a.target, b.target) > 0);
+  compare(depth(b), '<', depth(a));
+  compare(away(a.target, b.target), '>', 0);
   await shot(page, 'zoomed');
   for (let i = 0; i < 60; i += 1) await page.mouse.wheel(0, -1000);
   await until(page, 'the nearest distance', (s) => {
@@ -119,7 +124,7 @@ test('the wheel zooms towards the cursor and stops at a limit', async (context) 
     window.lastSeen = s.sent;
     return same && Math.hypot(...s.camera.position.map((x, i) => x - s.camera.target[i])) < 3;
   });
-  assert.ok(depth(await camera(page)) > 0.1);
+  compare(depth(await camera(page)), '>', 0.1);
   assert.equal(await page.evaluate(() => window.splatd.state), 'live');
   assert.deepEqual(said, []);
 });
@@ -128,13 +133,14 @@ test('keys rotate, move, zoom, fit and reset', async (context) => {
   const { page, said } = await setUp(context);
   const first = await camera(page);
   let [a, b] = await changes(page, async () => { for (let i = 0; i < 5; i += 1) await page.keyboard.press('ArrowRight'); });
-  assert.ok(Math.abs(away(a.position, b.position) - 2 * depth(a) * Math.sin(Math.PI / 18)) < 1e-6 * depth(a), '20 degrees');
+  compare(Math.abs(away(a.position, b.position) - 2 * depth(a) * Math.sin(Math.PI / 18)), '<', 1e-6 * depth(a), '20 degrees');
   [a, b] = await changes(page, async () => { for (let i = 0; i < 3; i += 1) await page.keyboard.press('Shift+ArrowUp'); });
-  assert.ok(away(a.target, b.target) > 0);
+  compare(away(a.target, b.target), '>', 0);
   [a, b] = await changes(page, async () => { for (let i = 0; i < 3; i += 1) await page.keyboard.press('+'); });
-  assert.ok(Math.abs(depth(b) / depth(a) - 1.12 ** -3) < 1e-9);
+  compare(Math.abs(depth(b) / depth(a) - 1.12 ** -3), '<', 1e-9);
   [a, b] = await changes(page, () => page.keyboard.press('f'));
-  assert.ok(away(b.target, first.target) < 0.02 * depth(first) && away(a.up, b.up) < 1e-12);
+  compare(away(b.target, first.target), '<', 0.02 * depth(first));
+  compare(away(a.up, b.up), '<', 1e-12);
   await changes(page, async () => {
     await page.keyboard.press('0');
     await until(page, 'the first camera', `(s) => String(s.camera.position) === '${first.position}'`);
@@ -148,11 +154,12 @@ test('touch: one finger rotates, two fingers move and zoom', async (context) => 
   const steps = (from, to) => Array.from({ length: 9 }, (_, i) => from.map(([x, y], n) => [
     x + (to[n][0] - x) * i / 8, y + (to[n][1] - y) * i / 8]));
   let [a, b] = await changes(page, () => touch(page, steps([[195, 350]], [[280, 420]])));
-  assert.ok(away(a.position, b.position) > 0.1 * depth(a) && away(a.target, b.target) === 0);
+  compare(away(a.position, b.position), '>', 0.1 * depth(a));
+  assert.equal(away(a.target, b.target), 0);
   [a, b] = await changes(page, () => touch(page, steps([[150, 350], [240, 350]], [[100, 400], [280, 400]])));
-  assert.ok(Math.abs(depth(b) / depth(a) - 0.5) < 1e-6, 'twice the finger distance halves the camera distance');
-  assert.ok(away(a.target, b.target) > 0);
-  assert.ok(away(a.up, b.up) < 1e-9, 'pinching does not rotate');
+  compare(Math.abs(depth(b) / depth(a) - 0.5), '<', 1e-6, 'twice the finger distance halves the camera distance');
+  compare(away(a.target, b.target), '>', 0);
+  compare(away(a.up, b.up), '<', 1e-9, 'pinching does not rotate');
   assert.deepEqual(said, []);
 });
 
@@ -187,7 +194,7 @@ test('background, shading and filter change the image', async (context) => {
   const { page, said } = await setUp(context);
   await changes(page, () => page.click('.swatches button[data-color="#ffffff"]'));
   const image = await pixels(page);
-  assert.ok(Math.min(...image.at(image.width - 3, 3)) > 245, 'a white corner');
+  compare(Math.min(...image.at(image.width - 3, 3)), '>', 245, 'a white corner');
   await shot(page, 'white');
   await changes(page, () => page.evaluate(() => {
     const input = document.getElementById('background');
@@ -198,7 +205,7 @@ test('background, shading and filter change the image', async (context) => {
   const wasShaded = await page.isChecked('#shading');
   await page.locator('#shading').setChecked(!wasShaded);
   await rest(page);
-  assert.ok(difference(before_, await pixels(page)) > 0.001, 'shading');
+  compare(difference(before_, await pixels(page)), '>', 0.001, 'shading');
   await page.selectOption('#filter', 'reconstruction');
   await rest(page);
   assert.equal(await page.inputValue('#filter'), 'reconstruction');
@@ -224,7 +231,7 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
   await choose('#attenuation', 'linear');
   await choose('#attenuation', 'exponential');
   await choose('#compositing', 'sheet');
-  assert.ok(difference(plain, await pixels(page)) < 0.001, 'the first image again');
+  compare(difference(plain, await pixels(page)), '<', 0.001, 'the first image again');
   await choose('#order', 'post');
   assert.equal(await page.inputValue('#compositing'), 'slab');
   await shot(page, 'post');
@@ -251,7 +258,8 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
     for (let i = 0; i < 5; i += 1) await page.keyboard.press('PageDown');
   });
   const half = lit(await pixels(page));
-  assert.ok(half > 0.1 * whole && half < 0.9 * whole, `${half} of ${whole} samples are lit`);
+  compare(half, '>', 0.1 * whole, `${half} of ${whole} samples are lit`);
+  compare(half, '<', 0.9 * whole, `${half} of ${whole} samples are lit`);
   await shot(page, 'box');
   await page.keyboard.press('End');
   await rest(page);
@@ -293,9 +301,9 @@ test('when the daemon stops, a banner says so; when it restarts, the page reconn
   await rest(page);
   await page.locator('#banner').waitFor({ state: 'hidden' });
   const back = await camera(page);
-  assert.ok(away(back.position, last.position) < 1e-6 * depth(last));
+  compare(away(back.position, last.position), '<', 1e-6 * depth(last));
   const image = await pixels(page);
-  assert.ok(Math.abs(image.at(image.width - 3, 3)[0] - 128) < 12, 'the grey background is back');
+  compare(Math.abs(image.at(image.width - 3, 3)[0] - 128), '<', 12, 'the grey background is back');
   await drag(page, [450, 300], [300, 350]);
   await rest(page);
 });

@@ -3,6 +3,7 @@
 import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import { camera, eventually, launch, openPage, firstFrame, rest, shot, until } from '../support/browser.mjs';
 import { countFrames, untar } from '../support/containers.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
@@ -108,7 +109,7 @@ test('a turntable takes one press and becomes a movie', async (context) => {
   await page.locator('#keys .picture').nth(2).click();
   await until(page, 'the far side', (s) => s.camera.position[0] < 0 && s.isIdle);
   const far = await camera(page);
-  far.position.forEach((x, i) => assert.ok(Math.abs(x - (i < 2 ? 2 * first.target[i] - first.position[i] : first.position[i])) < 1e-9));
+  far.position.forEach((x, i) => compare(Math.abs(x - (i < 2 ? 2 * first.target[i] - first.position[i] : first.position[i])), '<', 1e-9));
   await fill(page, { 'path-length': 1, 'path-fps': 6, 'path-width': 64, 'path-height': 48 });
   await shot(page, 'path-turn');
   await page.locator('#path-draw', { hasText: 'Render 6 frames' }).click();
@@ -197,8 +198,8 @@ test('playback follows the path to its end; moving the view stops it', async (co
   const { position } = await camera(page);
   const away = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
   const distance = away(first.position, first.target);
-  assert.ok(Math.abs(away(position, first.target) - distance) < 1e-6 * distance);
-  assert.ok(Math.abs(away(position, first.position) - away(position, last.position)) < 1e-6 * distance);
+  compare(Math.abs(away(position, first.target) - distance), '<', 1e-6 * distance);
+  compare(Math.abs(away(position, first.position) - away(position, last.position)), '<', 1e-6 * distance);
   await fill(page, { 'path-length': 0.5 });
   await page.click('#path-play');
   await until(page, 'the end of the path', () => document.getElementById('path-play').textContent === 'Play'
@@ -210,7 +211,7 @@ test('playback follows the path to its end; moving the view stops it', async (co
   await page.focus('#screen');
   await page.keyboard.press('f');
   await page.locator('#path-play', { hasText: 'Play' }).waitFor();
-  assert.ok(Number(await page.inputValue('#path-at')) < 17000, 'playback stopped before the end');
+  compare(Number(await page.inputValue('#path-at')), '<', 17000, 'playback stopped before the end');
   assert.deepEqual(it.said, []);
 });
 

@@ -2,6 +2,7 @@
 // The panels "Picture" and "Clip": the patches that they send and the values that they show, by keyboard and on a phone.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import { launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
 import { MockDaemon } from '../support/mock-daemon.mjs';
 
@@ -154,7 +155,8 @@ test('the box: faces move by keyboard and mouse, and a face pushes the opposite 
     await page.mouse.up();
   });
   const { box } = sent.at(-1).clip;
-  assert.ok(Math.abs(box[1][0] - 0.5) < 0.05 && box[0][0] === box[1][0], JSON.stringify(box));
+  compare(Math.abs(box[1][0] - 0.5), '<', 0.05, JSON.stringify(box));
+  assert.equal(box[0][0], box[1][0], JSON.stringify(box));
 });
 
 test('the plane is switched on, turned to the viewer, moved, switched off and on again', async (context) => {
@@ -166,7 +168,7 @@ test('the plane is switched on, turned to the viewer, moved, switched off and on
   const first = await it.patch(() => page.locator('#plane').click());
   // The camera looks along -z at a volume from z = -1 to 63.
   assert.deepEqual(normalOf(first), [0, 0, -1]);
-  assert.ok(Math.abs(first.clip.planes[0].offset + 31) < 1e-9);
+  compare(Math.abs(first.clip.planes[0].offset + 31), '<', 1e-9);
   const deeper = await it.patch(async () => {
     await page.focus('#plane-depth');
     await page.keyboard.press('End');
@@ -207,7 +209,7 @@ test('on a phone every control fits in the panel and responds to touch', async (
   await page.locator('#sigma').scrollIntoViewIfNeeded();
   const { x, y, width, height } = await page.locator('#sigma').boundingBox();
   const patch = await it.patches(() => page.touchscreen.tap(x + width - 3, y + height / 2));
-  assert.ok(patch.at(-1).filter.sigma > 1.8);
+  compare(patch.at(-1).filter.sigma, '>', 1.8);
   await page.locator('#plane-sight').scrollIntoViewIfNeeded();
   await page.tap('#plane-sight');
   await until(page, 'the plane', () => document.getElementById('plane').checked);

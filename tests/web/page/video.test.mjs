@@ -3,6 +3,7 @@
 // changes and a lost stream. A failed decoder requests a key frame; if none ever works, the page falls back to images.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import { coarseDifference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
@@ -52,7 +53,7 @@ async function snapshot(page, daemon) {
 
 async function showsTheView(page, daemon) {
   const part = coarseDifference(await pixels(page), await snapshot(page, daemon));
-  assert.ok(part < 0.01, `${part} of the image differs from the snapshot`);
+  compare(part, '<', 0.01, `${part} of the image differs from the snapshot`);
 }
 
 /** On a busy machine frames are small and their voxels coarse, so this only checks that the last view is shown, not the previous one. */
@@ -64,8 +65,8 @@ async function turnsAsVideo(page, daemon, from, to) {
   const shown = await pixels(page);
   const part = coarseDifference(shown, wanted);
   const old = coarseDifference(shown, before_);
-  assert.ok(coarseDifference(before_, wanted) > 0.06, 'the drag changes the image');
-  assert.ok(part < old, `${part} of the image differs from the last view, ${old} from the one before`);
+  compare(coarseDifference(before_, wanted), '>', 0.06, 'the drag changes the image');
+  compare(part, '<', old, `${part} of the image differs from the last view, ${old} from the one before`);
 }
 
 for (const format of ['vp9', 'vp8']) {
@@ -89,7 +90,7 @@ test('a view at rest is a sharp image, and the chosen format survives a lost str
   await drag(page, [520, 320], [690, 240], { steps: 30 });
   await rest(page);
   const first = await videos();
-  assert.ok(first > 0);
+  compare(first, '>', 0);
   assert.equal(await page.evaluate(() => window.splatd.isVideo), false);
   await showsTheView(page, daemon);
   await page.reload();
@@ -97,7 +98,7 @@ test('a view at rest is a sharp image, and the chosen format survives a lost str
   await until(page, 'the choice is back', () => document.getElementById('moving').value === 'vp9');
   await drag(page, [520, 320], [620, 340], { steps: 30 });
   await rest(page);
-  assert.ok(await videos() > 0);
+  compare(await videos(), '>', 0);
 });
 
 /** Breaks the decoder of the page: `fails(n)` says whether decoding the n-th video frame, from 1, throws. */

@@ -4,6 +4,7 @@ import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import { difference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
 import { DATA, startDaemon } from '../support/daemon.mjs';
 
@@ -30,7 +31,7 @@ for (const file of skip ? FILES : present) {
     await drag(page, [450, 300], [620, 220], { steps: 30 });
     await until(page, 'moved', (s) => s.sent > 0);
     await rest(page);
-    assert.ok(difference(first, await pixels(page)) > 0.02);
+    compare(difference(first, await pixels(page)), '>', 0.02);
     await shot(page, `${id}-turned`);
     console.log(`${id}: latency ${Math.round(await page.evaluate(() => window.splatd.latencyMs))} ms, `
       + `stats ${JSON.stringify(await page.evaluate(() => window.splatd.stats))}`);

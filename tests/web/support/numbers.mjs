@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Numbers for tests: comparing arrays, and random input that is the same in every run.
 import assert from 'node:assert/strict';
+import { compare } from '../../support/compare.mjs';
 
 /** Asserts that each element of `a` is within `tolerance` of the one of `b`. */
 export function close(a, b, tolerance = 1e-9) {
   assert.equal(a.length, b.length);
-  a.forEach((x, i) => assert.ok(Math.abs(x - b[i]) <= tolerance, `[${a}] is not [${b}], by ${x - b[i]} at ${i}`));
+  a.forEach((x, i) => compare(Math.abs(x - b[i]), '<=', tolerance, `[${a}] is not [${b}], by ${x - b[i]} at ${i}`));
 }
 
 /** Returns a generator of numbers in [-1, 1), linear congruential. */
