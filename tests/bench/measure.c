@@ -164,7 +164,7 @@ static double decibels(double square) {
 
 /* Renders each camera with both settings as float images. */
 static bool compare_images(struct bench_result *r, const struct bench_studio *studio,
-                             struct sp_error *err) {
+                           struct sp_error *err) {
     struct bench_way a = studio->way, b = studio->against;
     unsigned cameras = studio->scene->camera_count;
     double sum = 0, worst = 0;
