@@ -153,10 +153,35 @@ static void scratch_is_released_for_a_view(void **state) {
     close_rig(&rig);
 }
 
+/* The rig's volume from now on. */
+static void take_volume(struct rig *rig, struct sp_volume *volume) {
+    assert_non_null(volume);
+    rig->backend->evict(rig->state, rig->volume);
+    sp_volume_unref(&rig->volume);
+    rig->volume = volume;
+}
+
+static struct sp_volume *make_cube(uint32_t n, uint32_t every) {
+    const struct sp_grid grid = { .dims = { n, n, n },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    size_t count = (size_t)n * n * n;
+    unsigned char *values = calloc(count, 1);
+    struct sp_error err;
+    assert_non_null(values);
+    for (size_t i = 1; i < count; i += every)
+        values[i] = (unsigned char)(200 + i % 2);
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, values, "cube", &err);
+    free(values);
+    assert_non_null(volume);
+    return volume;
+}
+
 static void what_was_needed_once_goes(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 0);
+    take_volume(&rig, make_cube(2, 1)); /* hundreds of frames are drawn */
     must_draw(&rig, SMALL, NULL);
     uint64_t small = gl_draw_bytes(rig.state);
     must_draw(&rig, WIDE, NULL);
@@ -169,14 +194,6 @@ static void what_was_needed_once_goes(void **state) {
         must_draw(&rig, SMALL, NULL);
     assert_true(gl_draw_bytes(rig.state) <= 2 * small);
     close_rig(&rig);
-}
-
-/* The rig's volume from now on. */
-static void take_volume(struct rig *rig, struct sp_volume *volume) {
-    assert_non_null(volume);
-    rig->backend->evict(rig->state, rig->volume);
-    sp_volume_unref(&rig->volume);
-    rig->volume = volume;
 }
 
 static bool render(struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
@@ -223,22 +240,6 @@ static void many_planes_fit_any_budget(void **state) {
         must_render(&rig, rig.volume, &view);
         close_rig(&rig);
     }
-}
-
-static struct sp_volume *make_cube(uint32_t n, uint32_t every) {
-    const struct sp_grid grid = { .dims = { n, n, n },
-                                  .spacing = { 1, 1, 1 },
-                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    size_t count = (size_t)n * n * n;
-    unsigned char *values = calloc(count, 1);
-    struct sp_error err;
-    assert_non_null(values);
-    for (size_t i = 1; i < count; i += every)
-        values[i] = (unsigned char)(200 + i % 2);
-    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, values, "cube", &err);
-    free(values);
-    assert_non_null(volume);
-    return volume;
 }
 
 static struct sp_view view_of(const struct sp_volume *volume, uint32_t size) {
