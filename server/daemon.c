@@ -271,7 +271,7 @@ static bool start_tokens(struct srv_daemon *d, struct sp_error *err) {
 
 /* Used if the fingerprint of the program cannot be read: the ETags of images are then valid for
  * this run only. */
-static bool make_up(struct srv_fingerprint *program, struct sp_error *err) {
+static bool make_random_fingerprint(struct srv_fingerprint *program, struct sp_error *err) {
     char random[SRV_TOKEN_DIGITS + 1];
     if (!srv_secret_hex(random, SRV_TOKEN_DIGITS, err))
         return false;
@@ -302,7 +302,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
             err, SP_ERR_INVALID, c->listen,
             "another address than loopback needs TLS (--tls-cert FILE --tls-key FILE) or, "
             "behind a reverse proxy that has it, --token-file FILE; or forward a port by ssh");
-    if (!srv_fingerprint_program(&o->program) && !make_up(&o->program, err))
+    if (!srv_fingerprint_program(&o->program) && !make_random_fingerprint(&o->program, err))
         return false;
     struct srv_http *http = srv_http_create(o, err);
     atomic_store(&d->http, http);

@@ -180,37 +180,37 @@ static uint8_t codec_number(enum sp_video_codec codec) {
                                    : PROTO_CODEC_H264;
 }
 
-struct takers { /* sets of targets, one bit each, by what they receive */
+struct recipients { /* sets of targets, one bit each, by what they receive */
     uint64_t delta, key, images;
 };
 
 /* Decides what each target of the set receives of this frame. A key frame would also end the video
  * of participants that skip this frame. With the encoder locked. */
-static struct takers ask(struct srv_schedule *schedule, const struct srv_render_job *job,
-                         uint64_t set, const struct encoder *encoder, double now_ms) {
-    struct takers takers = { 0 };
+static struct recipients ask(struct srv_schedule *schedule, const struct srv_render_job *job,
+                             uint64_t set, const struct encoder *encoder, double now_ms) {
+    struct recipients recipients = { 0 };
     for (uint32_t i = 0; i < job->target_count; i++) {
         uint64_t bit = set & UINT64_C(1) << i;
         enum srv_video_need need =
             bit ? srv_schedule_video_need(schedule, job, i, &encoder->mark) : SRV_VIDEO_NONE;
         if (need == SRV_VIDEO_DELTA)
-            takers.delta |= bit;
+            recipients.delta |= bit;
         else if (need == SRV_VIDEO_KEY)
-            takers.key |= bit;
+            recipients.key |= bit;
     }
     bool is_late = job->order <= encoder->order;
-    bool is_shared = takers.delta || srv_schedule_has_video(schedule, job, &encoder->mark);
+    bool is_shared = recipients.delta || srv_schedule_has_video(schedule, job, &encoder->mark);
     if (is_late) {
-        takers.images = takers.delta | takers.key;
-        takers.delta = takers.key = 0;
-    } else if (takers.key && (!is_shared || now_ms - encoder->key_ms >= KEY_MS)) {
-        takers.key |= takers.delta;
-        takers.delta = 0;
+        recipients.images = recipients.delta | recipients.key;
+        recipients.delta = recipients.key = 0;
+    } else if (recipients.key && (!is_shared || now_ms - encoder->key_ms >= KEY_MS)) {
+        recipients.key |= recipients.delta;
+        recipients.delta = 0;
     } else {
-        takers.images = takers.key;
-        takers.key = 0;
+        recipients.images = recipients.key;
+        recipients.key = 0;
     }
-    return takers;
+    return recipients;
 }
 
 static int best_quality(const struct srv_render_job *job, uint64_t set) {
@@ -281,14 +281,14 @@ static uint64_t encode_set(struct srv_video_encoders *encoders, struct srv_sched
         return set;
     }
     pthread_mutex_lock(&encoder->mutex);
-    struct takers takers = ask(schedule, job, set, encoder, now_ms);
-    uint64_t served = takers.delta | takers.key;
-    if (served && !encode(encoders, schedule, job, frame, encoder, served, takers.key != 0, now_ms,
-                          encode_ms))
-        takers.images |= served;
+    struct recipients recipients = ask(schedule, job, set, encoder, now_ms);
+    uint64_t served = recipients.delta | recipients.key;
+    if (served && !encode(encoders, schedule, job, frame, encoder, served, recipients.key != 0,
+                          now_ms, encode_ms))
+        recipients.images |= served;
     pthread_mutex_unlock(&encoder->mutex);
     give_back(encoders, encoder, now_ms);
-    return takers.images;
+    return recipients.images;
 }
 
 uint64_t srv_video_encoders_encode(struct srv_video_encoders *encoders,

@@ -28,7 +28,8 @@
  *
  * A view at rest is sent as an image, which depends on no other frame and is lossless if the client
  * wants that. When the encoders of all sessions together would exceed their bound of pixels, the
- * participants of a further encoder receive JPEG and are told so (srv_schedule_refuse_video).
+ * participants of a further encoder receive JPEG, and stream.policy says so
+ * (srv_schedule_refuse_video).
  *
  * Locks: an encoder's, then the hub's.
  */

@@ -168,8 +168,9 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
 }
 
 /* Collects the participants of the session that want the same frame as the chosen one. */
-static uint32_t find_takers(const struct srv_schedule *schedule, const struct srv_choice *choice,
-                            double now_ms, struct srv_participant *takers[SRV_PARTICIPANTS_MAX]) {
+static uint32_t find_recipients(const struct srv_schedule *schedule,
+                                const struct srv_choice *choice, double now_ms,
+                                struct srv_participant *recipients[SRV_PARTICIPANTS_MAX]) {
     struct srv_session *s = choice->participant->session;
     uint32_t count = 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
@@ -177,7 +178,7 @@ static uint32_t find_takers(const struct srv_schedule *schedule, const struct sr
         if (other.is_wanted && other.step == choice->request.step &&
             other.is_slow_to_encode == choice->request.is_slow_to_encode &&
             has_same_size(s, choice->participant, p))
-            takers[count++] = p;
+            recipients[count++] = p;
     }
     assert(count > 0);
     return count;
@@ -224,20 +225,21 @@ static void count_job(struct srv_schedule *schedule, struct srv_session *s,
 
 static void make_job(struct srv_schedule *schedule, const struct srv_choice *choice, double now_ms,
                      struct srv_render_job *job) {
-    struct srv_participant *first = choice->participant, *takers[SRV_PARTICIPANTS_MAX];
+    struct srv_participant *first = choice->participant, *recipients[SRV_PARTICIPANTS_MAX];
     struct srv_session *s = first->session;
     struct srv_session_schedule *plan = s->schedule;
-    uint32_t count = find_takers(schedule, choice, now_ms, takers);
+    uint32_t count = find_recipients(schedule, choice, now_ms, recipients);
     int max_fps = 1;
     for (uint32_t i = 0; i < count; i++)
-        max_fps = takers[i]->settings.max_fps > max_fps ? takers[i]->settings.max_fps : max_fps;
+        max_fps =
+            recipients[i]->settings.max_fps > max_fps ? recipients[i]->settings.max_fps : max_fps;
     fill_job(schedule, choice, job);
     choose_detail(schedule, s, job, first, max_fps, now_ms);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
     if (now_ms - plan->newest_ms > PAUSE_SLOTS * 1000.0 / max_fps)
         plan->slots_ms = now_ms - 500.0 / max_fps;
     for (uint32_t i = 0; i < count; i++)
-        add_target(schedule, s, takers[i], job, now_ms);
+        add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);
     charge(schedule, s, job);
     count_job(schedule, s, job, now_ms);

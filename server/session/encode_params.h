@@ -52,8 +52,8 @@ struct srv_moving_detail {
     bool is_shared;        /* other sessions moved too and took their part of the time */
 };
 struct srv_policy {
-    struct srv_moving_detail moving; /* of the last moving frame */
-    struct srv_moving_detail told;   /* as the client knows it */
+    struct srv_moving_detail moving;   /* of the last moving frame */
+    struct srv_moving_detail reported; /* as the client knows it */
     double told_ms;
 };
 

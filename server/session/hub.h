@@ -137,9 +137,9 @@ void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct 
 /* Hibernates or ends idle sessions and passes control on. Returns the time until the next call, ms,
  * at most 1000. */
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
-/* Tells all participants about a volume: its state ("loading", "ready", "failed", "unloaded"),
+/* Notifies all participants of a volume's state ("loading", "ready", "failed", "unloaded"), its
  * progress in [0, 1], and the reason of a failure ("" = none). Participants that join later are not
- * told about unloaded volumes. */
+ * notified of unloaded volumes. */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason);
 /* Sets what stream.stats names as the renderer, and sends it to all participants. */

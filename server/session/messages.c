@@ -60,14 +60,14 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
 static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
     const struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volumes.count; i++)
-        if (hub->volumes.news[i].clock > p->pending.volume_told &&
+        if (hub->volumes.news[i].clock > p->pending.volume_reported &&
             (hub->volumes.news[i].clock > p->pending.volume_start ||
              strcmp(hub->volumes.news[i].state, "unloaded") != 0) &&
             (!note || hub->volumes.news[i].clock < note->clock))
             note = &hub->volumes.news[i];
     if (!note)
         return NULL;
-    p->pending.volume_told = note->clock;
+    p->pending.volume_reported = note->clock;
     proto_json *params = proto_json_object();
     bool ok = proto_json_set_string(params, "volume", note->id);
     ok = proto_json_set_string(params, "state", note->state) && ok;

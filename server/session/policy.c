@@ -46,7 +46,7 @@ void srv_policy_update(struct srv_hub *hub, struct srv_participant *p,
     if (moving)
         p->policy.moving = *moving;
     bool is_due = !moving || now_ms - p->policy.told_ms >= TELL_MS;
-    if (is_due && !is_same(&p->policy.moving, &p->policy.told))
+    if (is_due && !is_same(&p->policy.moving, &p->policy.reported))
         srv_hub_notify(hub, p, SRV_NOTIFY_POLICY);
 }
 
@@ -121,7 +121,7 @@ char *srv_policy_text(struct srv_participant *p, double now_ms, size_t *size) {
         ok = proto_json_set_number(params, "budget_ms", p->policy.moving.budget_ms) && ok;
         ok = proto_json_set_number(params, "sharp_ms", p->policy.moving.sharp_ms) && ok;
     }
-    p->policy.told = p->policy.moving;
+    p->policy.reported = p->policy.moving;
     p->policy.told_ms = now_ms;
     if (!ok)
         proto_json_free(&params);

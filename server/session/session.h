@@ -53,12 +53,12 @@ struct srv_control_request {
 };
 
 struct srv_pending {
-    unsigned notifications; /* bits of enum srv_notification */
-    uint64_t volume_told;   /* hub->volumes.clock up to which progress was told */
-    uint64_t volume_start;  /* hub->volumes.clock when it joined */
-    double stats_ms;        /* when statistics were sent last */
-    struct sp_error error;  /* for SRV_NOTIFY_ERROR */
-    uint16_t close_code;    /* for SRV_NOTIFY_CLOSE */
+    unsigned notifications;   /* bits of enum srv_notification */
+    uint64_t volume_reported; /* hub->volumes.clock up to which progress was told */
+    uint64_t volume_start;    /* hub->volumes.clock when it joined */
+    double stats_ms;          /* when statistics were sent last */
+    struct sp_error error;    /* for SRV_NOTIFY_ERROR */
+    uint16_t close_code;      /* for SRV_NOTIFY_CLOSE */
     const char *close_reason;
 };
 
