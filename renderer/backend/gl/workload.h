@@ -4,12 +4,12 @@
  * its image. If something did not fit, the band was not drawn; it is drawn again with more memory
  * or in smaller pieces, and the next frames begin with these sizes.
  *
- *   too many                          remedy
- *   pairs in a batch                  a larger buffer; beyond the limit fewer layers, records or
- * rows pairs of a tile in a batch        more turns: dispatches of the compositor, each of which
- *                                     continues where the previous one stopped
- *   pairs of a bin that is sorted     fewer records
- *   bins of a splat                   fewer rows, then fewer layers
+ *   too many                         remedy
+ *   pairs in a batch                 a larger buffer; beyond the limit fewer layers or records
+ *   pairs of a tile in a batch       more turns: dispatches of the compositor, each of which
+ *                                    continues where the previous one stopped
+ *   pairs of a bin that is sorted    fewer records
+ *   bins of a splat                  fewer rows, then fewer layers
  *
  * The duration of a dispatch is known only after it was measured. All sizes halve after a dispatch
  * that took too long, or if memory is short. They grow again, slowly, while all dispatches are

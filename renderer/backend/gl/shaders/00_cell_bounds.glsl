@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Value ranges of cells, which say what can matter to post-classified pixels (classify/reach.h). One work group per
+// Value ranges of cells, which say what can matter to post-classified pixels (classify/reach.h). One work group per
 // brick. PASS 0: the range of each cell of 4³ samples. PASS 1: joins it with the cells around it along one axis.
 
 layout(local_size_x = GROUP) in;
-// // By cell: smallest and largest ordinal, axis 0 fastest. Bricks have all their cells, also beyond the volume.
+// By cell: smallest and largest ordinal, axis 0 fastest. Bricks have all their cells, also beyond the volume.
 layout(std430, binding = 1) buffer Cells { ivec2 cells[]; };
 layout(std430, binding = 3) writeonly buffer Widened { ivec2 widened[]; };
-// // By cell along the axis: the first and the last cell that it joins.
+// By cell along the axis: the first and the last cell that it joins.
 layout(std430, binding = 4) readonly buffer Ends { uvec2 ends[]; };
 
 layout(location = 3) uniform uint axis;
@@ -15,7 +15,7 @@ const int MEASURE = 0, WIDEN = 1;
 
 shared int low[64], high[64];
 
-// // Index of the thread's cell in the brick, and the index step along the axis.
+// Index of the thread's cell in the brick, and the index step along the axis.
 uint cell_of(uvec3 corner, uint thread, out uvec3 at, out uint stride) {
     uvec3 size = 4u * count_bricks();
     at = corner / 4u + (uvec3(thread, thread >> 2, thread >> 4) & 3u);

@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Samples → the list of visible voxels (classify/collect.c). One work group per brick of 16³ voxels. By PASS: the
+// Samples → the list of visible voxels (classify/collect.c). One work group per brick of 16³ voxels. By PASS: the
 // range of each brick's samples; the number of its listed voxels; their entries, gradients and classes, sorted by
 // place; the number of voxels of each key; new classes of existing entries.
 
 layout(local_size_x = GROUP) in;
-// // Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (00_cell_bounds.glsl).
+// Smallest and largest ordinal by brick; order post: by cell, joined with its neighbourhood (00_cell_bounds.glsl).
 layout(std430, binding = 1) buffer Ranges { ivec2 ranges[]; };
-// // By brick: the number of entries, or the index of the first one while they are written. By key: number of voxels.
+// By brick: the number of entries, or the index of the first one while they are written. By key: number of voxels.
 layout(std430, binding = 3) buffer Counts { uint counts[]; };
 // 10_project.glsl
 layout(std430, binding = 4) buffer Entries { uint entries[]; };
 layout(std430, binding = 6) buffer Tables { vec4 tables[]; };
 layout(std430, binding = 7) buffer Normals { uint normals[]; };
 
-layout(location = 3) uniform uvec4 axis_rows;  // // rows of the tables for sample 0 of each axis; rectilinear
+layout(location = 3) uniform uvec4 axis_rows;  // rows of the tables for sample 0 of each axis; rectilinear
 layout(location = 4) uniform mat3 to_gradient; // differences a spacing, times their scale → world gradient over its bound
-layout(location = 5) uniform uvec4 how;        // // BY_…; intervals; NO_CLASSES …; row of the first class
-layout(location = 6) uniform vec3 base;        // // base of values, as a sum of two; scale of differences
-layout(location = 7) uniform int whole_base;   // // for integers: a third term of that sum
+layout(location = 5) uniform uvec4 how;        // BY_…; intervals; NO_CLASSES …; row of the first class
+layout(location = 6) uniform vec3 base;        // base of values, as a sum of two; scale of differences
+layout(location = 7) uniform int whole_base;   // for integers: a third term of that sum
 
 const int RANGES = 0, COUNT = 1, FILL = 2, HISTOGRAM = 3, CLASSES = 4;
 const uint BY_KEY = 0u, BY_VALUE = 1u, BY_CELL = 2u;   // how.x
 const uint NO_CLASSES = 0u, COLORS = 1u, VALUES = 2u; // how.z
 
 shared int low, high;
-shared uint shows, marked[2]; // // one bit per cell of the brick that can matter
+shared uint shows, marked[2]; // one bit per cell of the brick that can matter
 
 uint key_of(int ordinal) {
     return uint(ordinal - type.z);
 }
 
-// // Returns the brick's range in keys.
+// Returns the brick's range in keys.
 uvec2 key_range(uint brick) {
     return uvec2(ranges[brick] - type.z);
 }
@@ -53,7 +53,7 @@ void find_range(uint brick) {
         ranges[brick] = ivec2(low, high);
 }
 
-// // True if a key of the brick's range is listed.
+// True if a key of the brick's range is listed.
 bool shows_key(uint brick) {
     uvec2 range = key_range(brick);
     uint first = range.x, last = range.y, any = 0u;
@@ -69,7 +69,7 @@ bool shows_key(uint brick) {
     return shows != 0u;
 }
 
-// // Finds the brick's cells that can matter; false if none does.
+// Finds the brick's cells that can matter; false if none does.
 bool shows_cell(uint brick) {
     uint thread = gl_LocalInvocationIndex;
     if (thread < 64u) {
@@ -109,7 +109,7 @@ void mark(uvec3 corner) {
     sum_marks();
 }
 
-// // Distance of two neighbours of sample `i` along an axis, in spacings.
+// Distance of two neighbours of sample `i` along an axis, in spacings.
 float gap_of(int axis, uint i, uint from, uint to) {
     float gaps = float(to - from);
     uint row = axis_rows[axis];
@@ -129,7 +129,7 @@ float rise(uvec3 to, uvec3 from) {
     return up;
 }
 
-// // sp_gradient_at(), divided by its bound.
+// sp_gradient_at(), divided by its bound.
 vec3 gradient_at(uvec3 i) {
     vec3 slope;
     for (int a = 0; a < 3; a++) {
@@ -145,7 +145,7 @@ vec3 gradient_at(uvec3 i) {
     return to_gradient * slope;
 }
 
-// // sp_transfer_keys(): the value relative to the base. Reals: the difference and its remainder, so that it is rounded once.
+// sp_transfer_keys(): the value relative to the base. Reals: the difference and its remainder, so that it is rounded once.
 float value_at(uvec3 i) {
     if (type.y != REAL)
         return difference(ordinal_at(i), whole_base) - base.y;
@@ -175,7 +175,7 @@ void write_entry(uint entry, uint local, uvec3 i) {
         write_class(entry, i);
 }
 
-// // Writes the classes of existing entries.
+// Writes the classes of existing entries.
 void write_classes(uint brick) {
     uvec3 corner = corner_of(brick);
     for (uint e = counts[brick] + gl_LocalInvocationIndex; e < counts[brick + 1u]; e += GROUP)
@@ -196,7 +196,7 @@ void add_key(uint key, uint voxels) {
         atomicAdd(counts[key], voxels);
 }
 
-// // Counts equal neighbours together: often most of a volume has one value, and all threads would wait for its counter.
+// Counts equal neighbours together: often most of a volume has one value, and all threads would wait for its counter.
 void count_keys(uint brick) {
     uvec3 corner = corner_of(brick), size = min(dims - corner, uvec3(16));
     uvec2 range = key_range(brick);

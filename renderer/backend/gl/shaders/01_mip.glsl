@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// // The list of a mip level → the list of the next coarser level (classify/mip.c). One work group per coarse brick. By
+// The list of a mip level → the list of the next coarser level (classify/mip.c). One work group per coarse brick. By
 // PASS: the number of its cells with a visible voxel; their entries, classes and microflakes (order post: values and
 // gradients). Lists are sorted by place. Therefore a slice of a brick is found by bisection, and the eight voxels of a
 // cell are always added in the same order.
 
 layout(local_size_x = GROUP) in;
-// // The finer level, as in 10_project.glsl, and the first entry of each of its bricks.
+// The finer level, as in 10_project.glsl, and the first entry of each of its bricks.
 layout(std430, binding = 0) readonly buffer Entries { uint entries[]; };
 layout(std430, binding = 1) readonly buffer Tables { vec4 tables[]; };
 layout(std430, binding = 2) readonly buffer Normals { uint normals[]; };
 layout(std430, binding = 3) readonly buffer Firsts { uint firsts[]; };
-// // The coarse level. By brick: the number of entries, or the index of the first one while they are written.
+// The coarse level. By brick: the number of entries, or the index of the first one while they are written.
 layout(std430, binding = 4) buffer Counts { uint counts[]; };
 layout(std430, binding = 5) writeonly buffer CoarseEntries { uint coarse_entries[]; };
 layout(std430, binding = 6) buffer CoarseTables { vec4 coarse_tables[]; };
@@ -19,7 +19,7 @@ layout(std430, binding = 7) writeonly buffer Microflakes { uint microflakes[]; }
 layout(location = 0) uniform uint first_brick;
 layout(location = 1) uniform uvec3 dims; // of the finer level
 layout(location = 2) uniform uvec4 list; // has keys, bytes of a normal, first class, has scales
-layout(location = 3) uniform uvec4 rows; // // of its tables, for sample 0 of each axis; rectilinear
+layout(location = 3) uniform uvec4 rows; // of its tables, for sample 0 of each axis; rectilinear
 layout(location = 4) uniform uvec4 coarse_rows; // the same of the coarse tables; first class
 layout(location = 5) uniform vec3 ratio; // of the finer spacing to the coarse one
 layout(location = 6) uniform uint is_post;
@@ -27,10 +27,10 @@ layout(location = 6) uniform uint is_post;
 const int COUNT = 0, FILL = 1;
 const float MINOR = 0.525731112, MAJOR = 0.850650808;
 
-shared uint bounds[8][17]; // // first entry of slice s of finer brick b
+shared uint bounds[8][17]; // first entry of slice s of finer brick b
 shared uint voxels[2048];  // entries + 1 of a coarse slice, by x | y << 5 | z << 10; 0 = none
 
-// // Sums over the voxels of a cell, weighted by depth.
+// Sums over the voxels of a cell, weighted by depth.
 struct Sum {
     float depth;
     vec3 color;
@@ -55,12 +55,12 @@ void find_bounds(uvec3 coarse) {
     bounds[b][s] = low;
 }
 
-// // A list may contain voxels that are not visible.
+// A list may contain voxels that are not visible.
 bool is_hidden(uint word) {
     return is_post == 0u && list.x != 0u && !(tables[list.z + (word >> 12)].w > 0.0);
 }
 
-// // Marks the cells with a visible voxel.
+// Marks the cells with a visible voxel.
 void mark() {
     uint thread = gl_LocalInvocationIndex;
     for (uint b = 0u; b < 8u; b++) {
@@ -100,7 +100,7 @@ uint voxel_of(uint k) {
     return voxels[i.x + (k & 1u) | i.y + (k >> 1 & 1u) << 5 | k >> 2 << 10];
 }
 
-// // Size of voxel i over the size of its cell.
+// Size of voxel i over the size of its cell.
 float share_of(uvec3 i) {
     vec3 share = ratio;
     for (int a = 0; rows.w != 0u && a < 3; a++)
@@ -172,7 +172,7 @@ uvec2 pack_microflakes(Sum sum) {
     return bits;
 }
 
-// // Averages values and gradients without weights of depth.
+// Averages values and gradients without weights of depth.
 void write_scalar(uint out_entry, uvec3 cell) {
     float parts = 0.0, value = 0.0;
     vec3 gradient = vec3(0);
@@ -207,7 +207,7 @@ void write_cell(uint out_entry, uint local, uvec3 cell) {
     microflakes[2u * out_entry + 1u] = bits.y;
 }
 
-// // The thread's cell in each slice that has voxels.
+// The thread's cell in each slice that has voxels.
 void fill(uvec3 corner, uint first) {
     uint thread = gl_LocalInvocationIndex;
     for (uint s = 0u; s < 16u; s++) {

@@ -1,39 +1,39 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Voxel → splat (derivation: splat/ewa.h). One work group per chunk of a brick, one thread per entry. Every entry has a
+// Voxel → splat (derivation: splat/ewa.h). One work group per chunk of a brick, one thread per entry. Every entry has a
 // record, drawn or not, so that nothing has to be compacted.
 
 layout(local_size_x = GROUP) in;
 
 layout(std430, binding = 1) readonly buffer Chunks { uvec4 chunks[]; }; // struct gl_chunk
-// // Low 12 bits: place in the brick, i0 | i1 << 4 | i2 << 8. Above: the key, if the list has a table by key.
+// Low 12 bits: place in the brick, i0 | i1 << 4 | i2 << 8. Above: the key, if the list has a table by key.
 layout(std430, binding = 2) readonly buffer Entries { uint entries[]; };
-// // Scales of the opacity by packed magnitude. Rows of rectilinear axes: distance from the brick's first voxel, local
+// Scales of the opacity by packed magnitude. Rows of rectilinear axes: distance from the brick's first voxel, local
 // spacing, and the distance of that voxel from the grid's first one as a sum of two. Classes (colour, depth) by key or
 // by entry.
 layout(std430, binding = 3) readonly buffer Tables { vec4 tables[]; };
 layout(std430, binding = 4) readonly buffer Normals { uint normals[]; };
 // records.glsl
 layout(std430, binding = 5) writeonly buffer Records { uvec4 records[]; };
-// // Bins of a record: columns and rows of tiles [first, last]; first layer and number of layers. first > last: none.
+// Bins of a record: columns and rows of tiles [first, last]; first layer and number of layers. first > last: none.
 layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 
 layout(location = 1) uniform uvec2 batch; // first chunk, first layer
 layout(location = 2) uniform uvec4 list;  // has keys, bytes of a normal, first class, has scales
 layout(location = 3) uniform uint stride; // of the records
-layout(location = 4) uniform uvec2 room;  // // capacity: pairs; rounds of a splat over its tiles and layers
+layout(location = 4) uniform uvec2 room;  // capacity: pairs; rounds of a splat over its tiles and layers
 
 // enum sp_filter_mode
 const uint ADAPTIVE = 0u, EWA = 1u, RECONSTRUCTION = 2u, LOWPASS = 3u, SWAN = 4u, NONE = 5u;
-const float FARTHEST = 1e7; // // cells: everything beyond counts as this far (tile/depth.c)
+const float FARTHEST = 1e7; // cells: everything beyond counts as this far (tile/depth.c)
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;
 
-// // Sums of the group: splats, pairs, px in the low 16 bits and above. Threads of a subgroup add to different words.
+// Sums of the group: splats, pairs, px in the low 16 bits and above. Threads of a subgroup add to different words.
 const uint SPLATS = 0u, PAIRS = 1u, PX_LOW = 2u, PX_HIGH = 3u, SUMS = 4u, LANES = 32u;
 shared uint sums[SUMS][LANES];
 shared uint filter_mode;
 shared bool has_room;
 
-// // Equal for all threads.
+// Equal for all threads.
 uint part;    // of parts[]
 uvec3 corner; // first voxel of the brick
 uint mode;    // filter of the brick
@@ -44,7 +44,7 @@ struct Place {
     vec3 k[3];   // rows of K
     vec3 m0, m1; // the first two rows of J·K
     vec2 ratio;  // u0/u2 and u1/u2 as the Jacobian has them
-    float h2;    // // part of the variance that is the low-pass filter
+    float h2;    // part of the variance that is the low-pass filter
 };
 
 struct Outline {
@@ -53,10 +53,10 @@ struct Outline {
     float gain;  // depth of a class → τ
     float area;  // px inside the cutoff
     ivec4 box;   // x0, y0, x1, y1, half open
-    bool begins; // // begins in this band, not above it
+    bool begins; // begins in this band, not above it
 };
 
-// // The contribution of a record.
+// The contribution of a record.
 struct Amount {
     float depth; // τ; post: length over L
     vec3 color;  // post: gradient
@@ -71,7 +71,7 @@ float variance(vec3 m0, vec3 m1, float h2, out vec3 v) {
     return dot(n, n) + h2 * (v00 + v11) + h2 * h2;
 }
 
-// // Factor for m that makes the smaller variance of V̂ at least h² (Swan et al. 1997).
+// Factor for m that makes the smaller variance of V̂ at least h² (Swan et al. 1997).
 float widening(vec3 m0, vec3 m1, float h2) {
     vec3 v;
     float det = variance(m0, m1, 0.0, v), mean = 0.5 * (v.x + v.z);
@@ -80,7 +80,7 @@ float widening(vec3 m0, vec3 m1, float h2) {
     return smaller < h2 ? sqrt(h2 / max(smaller, 1e-12 * h2)) : 1.0;
 }
 
-// // Computes the variance of the footprint for the filter mode; returns its determinant.
+// Computes the variance of the footprint for the filter mode; returns its determinant.
 float filter_variance(float h2, inout Place p, out vec3 v) {
     p.h2 = mode == SWAN || mode == RECONSTRUCTION || mode == NONE ? VARIANCE_MIN : h2;
     if (mode == LOWPASS) {
@@ -101,13 +101,13 @@ ivec2 cover(float x, float reach, int low, int high) {
                  floor(clamp(x + reach + 0.5, float(low), float(high))));
 }
 
-// // The same for centres in [x - reach, x + reach): a width of one pixel contains exactly one.
+// The same for centres in [x - reach, x + reach): a width of one pixel contains exactly one.
 ivec2 cover_flat(float x, float reach, int low, int high) {
     return ivec2(ceil(clamp(x - reach - 0.5, float(low), float(high))),
                  ceil(clamp(x + reach - 0.5, float(low), float(high))));
 }
 
-// // True if a splat with this upper end begins in this band.
+// True if a splat with this upper end begins in this band.
 bool begins_here(float y, float reach) {
     return tiles.y == 0u || y - reach - 0.5 > float(tiles.y) - 1.0;
 }
@@ -135,7 +135,7 @@ void outline_ellipse(vec3 v, float det, inout Outline o) {
     o.begins = begins_here(o.at.y, r.y);
 }
 
-// // Computes the geometry of the kernel at p.u. False: it is not in sight.
+// Computes the geometry of the kernel at p.u. False: it is not in sight.
 bool outline(inout Place p, out Outline o) {
     if (!(p.u.z >= parts[part].view.w && p.u.z < 1e18))
         return false;
@@ -163,7 +163,7 @@ uint gradient_of(uint entry) {
     return list.y == 4u ? normals[entry] : 0u;
 }
 
-// // Colour and depth of an entry's class. The gradient axis scales the opacity, not the depth.
+// Colour and depth of an entry's class. The gradient axis scales the opacity, not the depth.
 vec4 classify(uint entry, uint word, uint gradient) {
     vec4 kind = tables[list.z + (list.x != 0u ? word >> 12 : entry)];
     uint magnitude = gradient >> 22;
@@ -179,12 +179,12 @@ vec3 shade(vec3 color, uint entry, uint gradient, vec3 u) {
     return shade_normal(color, unpack_gradient(gradient), to_eye);
 }
 
-// // Row of the tables for a voxel along a rectilinear axis.
+// Row of the tables for a voxel along a rectilinear axis.
 vec4 row_of(uint axis, uint i) {
     return tables[parts[part].rows[axis] + i];
 }
 
-// // Distance of a voxel from the origin along an axis, in spacings, and its cell's spacing over the mean.
+// Distance of a voxel from the origin along an axis, in spacings, and its cell's spacing over the mean.
 vec2 place_of(uint axis, uint i) {
     if (parts[part].kind.y == 0u)
         return vec2(float(int(i - parts[part].origin[axis])), 1.0);
@@ -193,7 +193,7 @@ vec2 place_of(uint axis, uint i) {
     return vec2(place, row.y);
 }
 
-// // Places a voxel; returns its cell's volume over the mean volume.
+// Places a voxel; returns its cell's volume over the mean volume.
 float locate(uint word, out Place p) {
     uvec3 i = corner + (uvec3(word, word >> 4, word >> 8) & 15u);
     vec2 x = place_of(0u, i.x), y = place_of(1u, i.y), z = place_of(2u, i.z);
@@ -205,7 +205,7 @@ float locate(uint word, out Place p) {
     return x.y * y.y * z.y;
 }
 
-// // Chooses the brick's filter (adaptive: splat/adaptive.h, Chen et al. 2004, eq. 7).
+// Chooses the brick's filter (adaptive: splat/adaptive.h, Chen et al. 2004, eq. 7).
 uint choose_mode() {
     vec2 depth = vec2(parts[part].step[2].w), stretch = vec2(1.0);
     for (uint a = 0u; a < 3u; a++) {
@@ -227,23 +227,23 @@ uint choose_mode() {
     return parts[part].kernel[1].w * stretch.y < radius * depth.x ? LOWPASS : EWA;
 }
 
-// // sp_slices_layer(): the layer, front to back, of the sheet that a voxel belongs to.
+// sp_slices_layer(): the layer, front to back, of the sheet that a voxel belongs to.
 uint sheet_of(uint word) {
     uint level = parts[part].kind.x, slice = corner[image_info.z] + (word >> (4u * image_info.z) & 15u);
     uint centre = (slice << level) + (level > 0u ? 1u << (level - 1u) : 0u);
     return layers[min(centre, choice.w - 1u)];
 }
 
-// // Layers [first, last] of a kernel between the distances `near` and `far` from the eye.
+// Layers [first, last] of a kernel between the distances `near` and `far` from the eye.
 ivec2 range_of(float near, float far) {
     return ivec2(clamp(floor((vec2(near, far) - slabs.x) / slabs.y), 0.0, 1e6));
 }
 
-// // The kernel as planes and slabs cut it (splat/extent.c).
+// The kernel as planes and slabs cut it (splat/extent.c).
 struct Extent {
     vec3 m2;           // the third row of J·K
     vec3 inverse;      // (V̂ + h²I)⁻¹: xx, xy, yy
-    float variance;    // // conditional variance of depth at a pixel
+    float variance;    // conditional variance of depth at a pixel
 };
 
 Extent extent_of(Place p) {
@@ -264,7 +264,7 @@ vec2 regress(Extent e, vec2 c) {
     return vec2(e.inverse.x * c.x + e.inverse.y * c.y, e.inverse.y * c.x + e.inverse.z * c.y);
 }
 
-// // A plane as in records.glsl: η = e + k·d, and the side that it bounds.
+// A plane as in records.glsl: η = e + k·d, and the side that it bounds.
 uvec4 cut_by(Place p, Extent extent, vec3 q, float e) {
     vec2 c = vec2(dot(p.m0, q), dot(p.m1, q)), k = regress(extent, c);
     float q2 = dot(q, q), variance = max(q2 - dot(c, k), 1e-4 * q2);
@@ -274,7 +274,7 @@ uvec4 cut_by(Place p, Extent extent, vec3 q, float e) {
     return uvec4(floatBitsToUint(vec3(e, k) * scale), side);
 }
 
-// // Writes the planes that cut the kernel after the record. False: nothing of the kernel is left.
+// Writes the planes that cut the kernel after the record. False: nothing of the kernel is left.
 bool write_cuts(Place p, Extent extent, uint at) {
     float tail = max(parts[part].footprint.y, 4.0);
     uint end = at + image_info.w;
@@ -292,7 +292,7 @@ bool write_cuts(Place p, Extent extent, uint at) {
     return true;
 }
 
-// // Finds the layers [first, last] of the kernel and writes what follows the record's head. False: none of them is in
+// Finds the layers [first, last] of the kernel and writes what follows the record's head. False: none of them is in
 // this batch, or planes leave nothing of the kernel.
 bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
     uint kind = compose.x, behind = at + 2u + (kind == COMPOSITE_SLAB ? 2u : 0u);
@@ -316,7 +316,7 @@ bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
     return image_info.w == 0u || write_cuts(p, extent, behind);
 }
 
-// // Writes the record's head for layers [first, last] of the batch; returns its bins.
+// Writes the record's head for layers [first, last] of the batch; returns its bins.
 uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 rest = uvec2(packHalf2x16(a.color.rg), packHalf2x16(vec2(a.color.b, 0.0)) | range.x << 16);
     records[at] = uvec4(floatBitsToUint(o.at), floatBitsToUint(o.conic.xy));
@@ -327,7 +327,7 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     return pack_span(first, last, range);
 }
 
-// // Counts the splat in the batch of its first layer: its pixels in this band, and the splat itself where it begins.
+// Counts the splat in the batch of its first layer: its pixels in this band, and the splat itself where it begins.
 void count_splat(Outline o) {
     vec2 size = vec2(o.box.zw - o.box.xy);
     uint px = uint(min(size.x * size.y, o.area)), lane = gl_LocalInvocationIndex % LANES;
@@ -336,7 +336,7 @@ void count_splat(Outline o) {
     atomicAdd(sums[PX_HIGH][lane], px >> 16);
 }
 
-// // Computes what an entry adds at the centre of its footprint; `gain` times the depth of its class. False: nothing.
+// Computes what an entry adds at the centre of its footprint; `gain` times the depth of its class. False: nothing.
 bool measure(uint entry, uint word, vec3 u, float gain, out Amount a) {
     uint gradient = gradient_of(entry);
     vec4 kind = classify(entry, word, gradient);
@@ -379,7 +379,7 @@ uint pairs_of(Span span) {
     return size.x * size.y * (span.layers.y - span.layers.x + 1u);
 }
 
-// // True if the group's pairs fit. Beyond the capacity bins are not counted any more, only the total: a kernel may touch
+// True if the group's pairs fit. Beyond the capacity bins are not counted any more, only the total: a kernel may touch
 // every tile.
 bool plan(uint own) {
     if (own == 0u)
@@ -390,7 +390,7 @@ bool plan(uint own) {
     return before + own >= before && before + own <= room.x;
 }
 
-// // A splat with too many rounds over tiles and layers is left out; then the frame is drawn again in smaller pieces.
+// A splat with too many rounds over tiles and layers is left out; then the frame is drawn again in smaller pieces.
 uvec2 bound(uvec2 bits) {
     Span span = unpack_span(bits);
     uvec2 size = span.last - span.first + 1u;
@@ -414,7 +414,7 @@ void add_px(uint px) {
         atomicAdd(carry, 1u);
 }
 
-// // Adds up a sum of the group and adds it to the frame's.
+// Adds up a sum of the group and adds it to the frame's.
 void close_sum(uint kind) {
     uint sum = 0u;
     for (uint lane = 0u; lane < LANES; lane++)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Prefix sum: counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and the total of each block.
+// Prefix sum: counts → where each bin's pairs begin inside its block of SCAN_BLOCK bins, and the total of each block.
 // Four bins per thread; Hillis & Steele in shared memory.
 
 layout(local_size_x = GROUP) in;

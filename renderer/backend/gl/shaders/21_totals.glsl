@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Prefix sum of the totals → where each block begins, in one work group. Sums saturate, so that too many pairs never
+// Prefix sum of the totals → where each block begins, in one work group. Sums saturate, so that too many pairs never
 // look like few.
 
 layout(local_size_x = GROUP) in;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Composites a tile's pairs front to back (tile/blend.h). One work group per tile, one thread per pixel. Splats are
+// Composites a tile's pairs front to back (tile/blend.h). One work group per tile, one thread per pixel. Splats are
 // staged in shared memory. A pixel sums T and E of a layer and composites it when the next layer begins, or composites
 // each splat on its own. A tile with a transmittance below 1/512 stops. To keep dispatches short, a tile with many
 // pairs is composited in several turns, each of which continues where the previous one stopped.
@@ -7,14 +7,14 @@
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// // By pixel: transmittance and associated colour. After those of all pixels: two per pixel for the layer that the last
+// By pixel: transmittance and associated colour. After those of all pixels: two per pixel for the layer that the last
 // turn or batch left open.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
-layout(location = 1) uniform uvec3 batch; // // width of the image [px], capacity in pairs, pairs of a tile in a turn
-layout(location = 2) uniform uvec4 joint; // // batch resumes a layer, batch leaves one open, turn, turns
+layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a turn
+layout(location = 2) uniform uvec4 joint; // batch resumes a layer, batch leaves one open, turn, turns
 
-const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // // words of four of a record, without its cuts
+const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // words of four of a record, without its cuts
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
 const uint NO_LAYER = 0xffffffffu;
 
@@ -28,7 +28,7 @@ float sum_value;
 vec4 pixel; // composited so far
 vec2 at;    // the pixel's centre
 
-// // Factor of E, (1 − e^{−t})/t, and transmittance e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1).
+// Factor of E, (1 − e^{−t})/t, and transmittance e^{−t}; linear: 1 or 1/t, and 1 − min(t, 1).
 vec2 attenuate(float t) {
     if (is_linear)
         return t < 1.0 ? vec2(1.0, 1.0 - t) : vec2(1.0 / t, 0.0);
@@ -75,7 +75,7 @@ uint end_of(uint bin) {
     return totals[bin / SCAN_BLOCK] + count[bin];
 }
 
-// // Loads pairs [begin, begin + STAGED) into shared memory, one per thread; true while some pixel needs them.
+// Loads pairs [begin, begin + STAGED) into shared memory, one per thread; true while some pixel needs them.
 bool stage(uint thread, uint begin, uint end) {
     barrier();
     if (thread == 0u)
@@ -95,7 +95,7 @@ bool stage(uint thread, uint begin, uint end) {
     return is_live;
 }
 
-// // Adds staged splat i, which belongs to the open layer.
+// Adds staged splat i, which belongs to the open layer.
 void add(uint i) {
     uvec4 rest = staged[WORDS * i + 1u], line = staged[WORDS * i + WORDS - 2u], range = staged[WORDS * i + WORDS - 1u];
     vec2 d;
@@ -108,7 +108,7 @@ void add(uint i) {
         sum_value += t * uintBitsToFloat(range.z);
 }
 
-// // Adds n staged splats layer by layer, so that each layer is composited once even if branches are masked.
+// Adds n staged splats layer by layer, so that each layer is composited once even if branches are masked.
 void add_staged(uint n, inout uint layer) {
     for (uint i = 0u; i < n;) {
         uint own = staged[WORDS * i + 1u].w >> 16;
@@ -137,10 +137,10 @@ void main() {
         end = first;
     if (thread == 0u && joint.z == 0u)
         atomicMax(longest, end - first);
-    if (end - first > batch.z * joint.w) // // too many: the band is drawn again in more turns
+    if (end - first > batch.z * joint.w) // too many: the band is drawn again in more turns
         end = first;
     uint begin = first + joint.z * batch.z, stop = min(end, begin + batch.z);
-    if (joint.z > 0u && begin >= end) // // another turn closed the tile
+    if (joint.z > 0u && begin >= end) // another turn closed the tile
         return;
     at = vec2(px) + vec2(0.5, float(tiles.y) + 0.5);
     uint left = batch.x * (tiles.z - tiles.y) + 2u * index;
@@ -154,7 +154,7 @@ void main() {
     }
     for (; begin < stop && stage(thread, begin, stop); begin += STAGED)
         add_staged(min(STAGED, stop - begin), layer);
-    if (begin < stop) { // // the tile is opaque: drop the open layer, whose splats come in any order
+    if (begin < stop) { // the tile is opaque: drop the open layer, whose splats come in any order
         sum = vec4(0);
         sum_value = 0.0;
     }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Pixels of a splat (tile/footprint.h): the weight, and the share of the kernel along the ray that a layer gets.
+// Pixels of a splat (tile/footprint.h): the weight, and the share of the kernel along the ray that a layer gets.
 
 layout(std430, binding = 1) readonly buffer Records { uvec4 records[]; };
 // Tables of struct sp_cubic_table, one after the other: F(ρ)/F(0) by (ρ/t)², and ∫₀^z / F(ρ) by z/√(t²−ρ²).
@@ -9,7 +9,7 @@ layout(location = 3) uniform float cut;    // largest exponent
 layout(location = 4) uniform uvec2 shape;  // clipping planes, words of four of a record
 layout(location = 5) uniform vec2 slab;    // index of the batch's first layer, thickness of a layer
 
-// // Compile-time choices: COMPOSITING is an enum sp_compositing; FLAT draws rectangles for either kernel.
+// Compile-time choices: COMPOSITING is an enum sp_compositing; FLAT draws rectangles for either kernel.
 const uint compositing = COMPOSITING;
 const bool is_flat = FLAT != 0, is_cubic = CUBIC != 0;
 const bool is_clipped = CLIPPED != 0, is_linear = LINEAR != 0, is_post = POST != 0;
@@ -52,7 +52,7 @@ float share(float exponent, float depth) {
     return is_cubic ? cubic_share(exponent / cut, depth) : normal_share(depth);
 }
 
-// // Weight at distance d from the centre, and its exponent; 0 beyond the cutoff. `place`: the record's first words.
+// Weight at distance d from the centre, and its exponent; 0 beyond the cutoff. `place`: the record's first words.
 float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
     exponent = 0.0;
     d = at - uintBitsToFloat(place.xy);
@@ -68,7 +68,7 @@ float weigh(uvec4 place, float c, vec2 at, out vec2 d, out float exponent) {
     return is_cubic ? cubic_weight(exponent / cut) : exp2(-exponent);
 }
 
-// // The part of the ray that clipping planes leave: a factor, and bounds of depth in standard deviations.
+// The part of the ray that clipping planes leave: a factor, and bounds of depth in standard deviations.
 float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
     float factor = 1.0;
     for (uint i = 0u; i < shape.x; i++) {
@@ -87,7 +87,7 @@ float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
     return factor;
 }
 
-// // Share of the record's weight at d that layer `layer` of the batch gets. `at`: its first cut; slabs: its line and layers.
+// Share of the record's weight at d that layer `layer` of the batch gets. `at`: its first cut; slabs: its line and layers.
 float share_of(uint at, vec4 line, ivec2 range, uint layer, vec2 d, float exponent) {
     bool is_slab = compositing == COMPOSITE_SLAB;
     vec2 bounds = vec2(-UNBOUNDED, UNBOUNDED), shares;
@@ -96,7 +96,7 @@ float share_of(uint at, vec4 line, ivec2 range, uint layer, vec2 d, float expone
         int own = int(slab.x) + int(layer);
         float near = (float(own) * slab.y - line.x - dot(line.yz, d)) * line.w;
         float far = near + slab.y * line.w;
-        // // The tails beyond the kernel's reach count with its first and last slab.
+        // The tails beyond the kernel's reach count with its first and last slab.
         if (own > range.x)
             bounds.x = max(bounds.x, near);
         if (own < range.y)

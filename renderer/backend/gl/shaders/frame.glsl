@@ -10,12 +10,12 @@ struct Part {
     vec4 bounds;    // gain, half of a flat footprint [standard deviations], largest u0/u2, u1/u2
     uvec4 kind;     // level, rectilinear, bricks along axes 0 and 1
     uvec4 rows;     // of the tables, by rectilinear axis: of sample 0; then enum sp_filter_mode
-    uvec4 dims;     // // voxels per axis
-    uvec4 origin;   // // first voxel of the brick nearest to the eye
+    uvec4 dims;     // voxels per axis
+    uvec4 origin;   // first voxel of the brick nearest to the eye
 };
 
 struct Light {
-    vec4 direction, world, color; // // unit vectors in camera and in world space
+    vec4 direction, world, color; // unit vectors in camera and in world space
 };
 
 layout(std430, binding = 0) readonly buffer Frame {
@@ -29,6 +29,6 @@ layout(std430, binding = 0) readonly buffer Frame {
     vec4 lens;     // the camera's scale, centre x, centre y [px]
     Light lights[LIGHTS];
     Part parts[PARTS];
-    vec4 planes[PARTS * CLIP_PLANES]; // // clipping planes by part: unit normal in camera space, offset
-    uint layers[]; // // by sheet of the finest level: its layer, front to back
+    vec4 planes[PARTS * CLIP_PLANES]; // clipping planes by part: unit normal in camera space, offset
+    uint layers[]; // by sheet of the finest level: its layer, front to back
 };

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Packed gradients of lists (classify/gradient.h), and how they scale the opacity.
+// Packed gradients of lists (classify/gradient.h), and how they scale the opacity.
 
 // sp_gradient_unpack(): the unit direction in world space; zero for a gradient of zero length.
 vec3 unpack_gradient(uint bits) {
@@ -27,7 +27,7 @@ uint pack_direction(vec3 d) {
     return code != 0u ? code : 254u << 8 | 254u;
 }
 
-// // sp_gradient_pack() of a gradient divided by its bound.
+// sp_gradient_pack() of a gradient divided by its bound.
 uint pack_gradient(vec3 d) {
     float sum = abs(d.x) + abs(d.y) + abs(d.z);
     if (!(sum > 0.0))
@@ -46,7 +46,7 @@ uint widen_direction(uint bits) {
     return uv.x | uv.y << 11 | 1023u << 22;
 }
 
-// // e^x − 1 and ln(1 + x), accurate for small x.
+// e^x − 1 and ln(1 + x), accurate for small x.
 float expm1(float x) {
     return abs(x) < 0.05 ? x * (1.0 + x * (0.5 + x * (1.0 / 6.0 + x * (1.0 / 24.0)))) : exp(x) - 1.0;
 }

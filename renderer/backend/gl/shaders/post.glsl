@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Post-classification: classifies a pixel of a slab from (W, N, S); derivation in tile/post.h.
+// Post-classification: classifies a pixel of a slab from (W, N, S); derivation in tile/post.h.
 
 // Points of the transfer function: value, 1/(distance to the next), opacity | colour. Then the gradient axis: magnitude,
 // scale. Then nodes of the integral of depth and of colour times depth, each as a sum in two floats and the difference
 // to the next node: single precision would lose the difference of two sums.
 layout(std430, binding = 5) readonly buffer Curve {
-    uvec4 curve_counts; // // points, points of the gradient axis, nodes (0 = none)
-    vec4 curve_nodes;   // // first node, nodes per unit of value, half an interval per unit of gradient
+    uvec4 curve_counts; // points, points of the gradient axis, nodes (0 = none)
+    vec4 curve_nodes;   // first node, nodes per unit of value, half an interval per unit of gradient
     vec4 curve_ends[2]; // the integrand before the first and behind the last node
     vec4 curve[];
 };
@@ -49,7 +49,7 @@ Class class_at(float value) {
     return Class(mix(curve[2u * low + 1u].rgb, curve[2u * next + 1u].rgb, f), depth_of(opacity));
 }
 
-// // Integrals up to a value as head + rest; the heads of two integrals cancel.
+// Integrals up to a value as head + rest; the heads of two integrals cancel.
 void integral_at(float value, out vec4 head, out vec4 rest) {
     uint first = 2u * curve_counts.x + curve_counts.y, last = curve_counts.z - 1u;
     float at = (value - curve_nodes.x) * curve_nodes.y;

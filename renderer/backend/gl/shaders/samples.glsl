@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// // The samples of a volume, as in memory, and the ranges that a transfer function makes visible.
+// The samples of a volume, as in memory, and the ranges that a transfer function makes visible.
 //
 //   ordinal   an integer that rises with the sample: the sample itself, or the bits of a real, reversed if negative
 //   shown     intervals of ordinals, low and high, that rise: a range of values meets one that begins at or before its
 //             end and ends at or behind its begin
 
 layout(std430, binding = 0) readonly buffer Samples { uint samples[]; };
-// // One bit per listed key; or the intervals.
+// One bit per listed key; or the intervals.
 layout(std430, binding = 2) readonly buffer Listed { uint listed[]; };
 
 layout(location = 0) uniform uint first_brick;
@@ -14,7 +14,7 @@ layout(location = 1) uniform uvec3 dims;
 layout(location = 2) uniform ivec4 type; // bytes of a sample; 0 unsigned, 1 signed, 2 real; value of key 0; bytes of a normal
 
 const int REAL = 2;
-const int NONE_LOW = 0x7fffffff, NONE_HIGH = -0x7fffffff - 1; // // the empty range
+const int NONE_LOW = 0x7fffffff, NONE_HIGH = -0x7fffffff - 1; // the empty range
 
 uint index_of(uvec3 i) {
     return (i.z * dims.y + i.y) * dims.x + i.x;
@@ -32,7 +32,7 @@ int ordinal_at(uvec3 i) {
                        : int(bitfieldExtract(word, int(shift), bits));
 }
 
-// // Infinities and NaN lie beyond the ordinals of all numbers.
+// Infinities and NaN lie beyond the ordinals of all numbers.
 bool is_finite(int ordinal) {
     return type.y != REAL || (ordinal >= -0x7f800000 && ordinal <= 0x7f7fffff);
 }
@@ -56,9 +56,9 @@ uvec3 voxel_of(uvec3 corner, uint slice) {
     return corner + uvec3(gl_LocalInvocationIndex & 15u, gl_LocalInvocationIndex >> 4, slice);
 }
 
-// // True if one of `count` intervals overlaps the range.
+// True if one of `count` intervals overlaps the range.
 bool meets(ivec2 range, uint count) {
-    uint low = 0u, high = count; // // bisection: the first interval that ends after the range begins
+    uint low = 0u, high = count; // bisection: the first interval that ends after the range begins
     while (low < high) {
         uint middle = (low + high) / 2u;
         if (int(listed[2u * middle + 1u]) < range.x)

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// // Phong's model (derivation: splat/shade.h), for a voxel with a gradient and for a cell of a coarser level with
+// Phong's model (derivation: splat/shade.h), for a voxel with a gradient and for a cell of a coarser level with
 // microflakes.
 
 const float FLAKES_MINOR = 0.525731112, FLAKES_MAJOR = 0.850650808;
