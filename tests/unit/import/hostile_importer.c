@@ -197,7 +197,7 @@ static void after_go(const char *what) {
             say(&m);
         }
         munmap(p, BYTES);
-    } else if (strcmp(what, "keeper") == 0) { /* somebody else could go on writing */
+    } else if (strcmp(what, "keeper") == 0) { /* a descendant could continue to write */
         if (fork() == 0) {
             setsid(); /* out of the group that gets killed */
             close(SP_IMPORT_SOCKET);

@@ -311,7 +311,7 @@ static void many_threads_load_at_once(void **state) {
     pthread_t threads[THREADS];
     int failures[THREADS] = { 0 }, before = open_descriptors();
     write_text("tiny.nrrd", "%s", tiny);
-    /* A child of somebody else's, which nobody but its parent may wait for. */
+    /* A child of other code in this process: only that code may wait for it. */
     pid_t other = fork();
     if (other == 0) {
         pause();

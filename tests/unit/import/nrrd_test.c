@@ -48,7 +48,7 @@ static void every_type_order_and_encoding(void **state) {
             char header[512];
             snprintf(header, sizeof header,
                      "NRRD000%d\n# a comment: with a colon\ntype: %s\ndimension: 3\n"
-                     "sizes: %d %d %d\nendian: %s\nencoding: %s\nkey:=value: of somebody\n%s%s",
+                     "sizes: %d %d %d\nendian: %s\nencoding: %s\nkey:=value: of a user\n%s%s",
                      variant % 5 + 1, types[t].names[variant % 3], NX, NY, NZ,
                      big ? "big" : "little", packed ? (big ? "gz" : "gzip") : "raw",
                      detached ? "data file: payload.bin\n" : "", big ? "\n" : "\n");

@@ -94,7 +94,7 @@ static int no_signals_of_descriptors(void) {
            fcntl(FD, F_DUPFD_CLOEXEC, 10) < 0;
 }
 
-/* As in a container whose filter lets nobody have one. */
+/* Like a container whose seccomp filter lets no process install another one. */
 static bool refuse_filters(void) {
     struct sock_filter code[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
@@ -142,8 +142,8 @@ static int no_messages_nor_memory_of_others(void) {
            !refused(syscall(SYS_semop, -1, &step, 1)) ||
            !refused(msgget(IPC_PRIVATE, 0600 | IPC_CREAT)) ||
            !refused(msgctl(-1, IPC_RMID, NULL)) || !refused(msgsnd(-1, &message, 1, 0)) ||
-           !refused(msgrcv(-1, &message, 1, 0, 0)) ||
-           !refused(syscall(SYS_mq_unlink, "nobody's")) || !refused(inotify_init1(0));
+           !refused(msgrcv(-1, &message, 1, 0, 0)) || !refused(syscall(SYS_mq_unlink, "missing")) ||
+           !refused(inotify_init1(0));
 }
 
 static int no_other_processes(void) {

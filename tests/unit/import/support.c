@@ -67,11 +67,11 @@ void write_text(const char *name, const char *format, ...) {
 void *gzip(const void *bytes, size_t size, size_t *packed) {
     z_stream z = { .next_in = (Bytef *)bytes, .avail_in = (unsigned)size };
     assert_int_equal(deflateInit2(&z, 9, Z_DEFLATED, 15 + 16, 8, Z_DEFAULT_STRATEGY), Z_OK);
-    size_t room = deflateBound(&z, size) + 64;
-    void *out = malloc(room);
+    size_t capacity = deflateBound(&z, size) + 64;
+    void *out = malloc(capacity);
     assert_non_null(out);
     z.next_out = out;
-    z.avail_out = (unsigned)room;
+    z.avail_out = (unsigned)capacity;
     assert_int_equal(deflate(&z, Z_FINISH), Z_STREAM_END);
     *packed = z.total_out;
     deflateEnd(&z);

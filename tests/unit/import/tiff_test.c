@@ -21,13 +21,13 @@ struct tiff {
                           */
     const void *data;    /* native */
     uint8_t *out;
-    size_t used, room;
+    size_t used, capacity;
 };
 
 static void put(struct tiff *t, size_t at, uint64_t value, unsigned bytes) {
-    if (at + bytes > t->room) {
-        t->room = (at + bytes) * 2;
-        t->out = realloc(t->out, t->room);
+    if (at + bytes > t->capacity) {
+        t->capacity = (at + bytes) * 2;
+        t->out = realloc(t->out, t->capacity);
         assert_non_null(t->out);
     }
     for (unsigned i = 0; i < bytes; i++)
@@ -54,7 +54,7 @@ static void entry(struct tiff *t, unsigned tag, unsigned type, unsigned count, u
 static void write_tiff(const char *name, struct tiff t) {
     size_t sample = t.bits / 8;
     t.out = NULL;
-    t.used = t.room = 0;
+    t.used = t.capacity = 0;
     append(&t, t.big_endian ? 0x4d4d : 0x4949, 2);
     append(&t, 42, 2);
     size_t link = append(&t, 0, 4);

@@ -66,10 +66,10 @@ static void add_zlib(struct draft *lengths, struct draft *data, struct encoding 
     for (size_t i = 0; i < blocks; i++) {
         uint8_t packed[2 * BLOCK + 64];
         size_t n = i + 1 < blocks || size % BLOCK == 0 ? BLOCK : size % BLOCK;
-        uLongf room = sizeof packed;
-        assert_int_equal(compress(packed, &room, values + i * BLOCK, n), Z_OK);
-        add_length(lengths, e, room);
-        add_bytes(data, packed, room);
+        uLongf length = sizeof packed;
+        assert_int_equal(compress(packed, &length, values + i * BLOCK, n), Z_OK);
+        add_length(lengths, e, length);
+        add_bytes(data, packed, length);
     }
 }
 
