@@ -207,6 +207,8 @@ test('SIGHUP reloads the token file; an invalid file changes nothing', async () 
   const [watching, inside, byAdmin] = [
     await daemon.stream({ session, token: of('other') }), await daemon.stream({ session: gone }), await daemon.stream({ session, token: of('admin') }),
   ];
+  // 'open' is the answer to the handshake; only an answer on the stream shows that it has joined, before the reload.
+  await Promise.all([watching, inside, byAdmin].map((one) => one.call('ping', {})));
   const slow = await Promise.all(['sessions', 'render'].map(async (what) => {
     const raw = await Raw.connect(daemon.port);
     raw.write(`POST /api/v1/${what} HTTP/1.1\r\nHost: x\r\nAuthorization: Bearer ${of('other')}\r\nContent-Type: application/json\r\n`
@@ -239,6 +241,7 @@ test('SIGHUP reloads the token file; an invalid file changes nothing', async () 
 test('after SIGHUP a token with a lower role loses its streams with more permissions', async () => {
   const { json: session } = await post('/api/v1/sessions', {}, of('fresh'));
   const streams = [await daemon.stream({ session, token: of('fresh') }), await daemon.stream({ session })];
+  await Promise.all(streams.map((one) => one.call('ping', {}))); // both have joined before the reload
   fs.writeFileSync(file, `# the admin is named by its line\n${of('admin')}\n${of('fresh')} role=view name=ann\n`);
   daemon.kill('SIGHUP');
   assert.deepEqual(await streams[0].until(() => streams[0].closed, 'the close'), { code: 1008, reason: 'the role of the token is lower now' });
