@@ -331,9 +331,9 @@ static unsigned open_all(struct subject subjects[], const char *isa, bool is_ran
         for (int k = 0; k < KINDS; k++)
             subject->tally.worst[k] = INFINITY;
         snprintf(subject->name, sizeof subject->name, "%s/%s", target.backend, target.isa);
-        /* Software GL is slow: a quarter of the scenes. */
+        /* Software GL is slow: a tenth of the scenes. */
         if (strcmp(target.backend, "gl-software") == 0 && !is_range)
-            subject->step = 4;
+            subject->step = 10;
         if (test_renderer_open(&subject->renderer, &target, 2, &err))
             count++;
         else
