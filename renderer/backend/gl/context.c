@@ -10,7 +10,7 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 
-#define UNTOLD_BYTES                                                                               \
+#define UNREPORTED_BYTES                                                                           \
     (UINT64_C(1) << 30) /* assumed budget if the driver does not report its memory */
 
 struct gl_context {
@@ -55,7 +55,7 @@ uint64_t gl_video_budget(const struct gl_info *info, const struct sp_backend_opt
         return options->video_bytes;
     if (info->software)
         return options->memory_bytes;
-    return all ? all / 8 * 3 : half < UNTOLD_BYTES ? half : UNTOLD_BYTES;
+    return all ? all / 8 * 3 : half < UNREPORTED_BYTES ? half : UNREPORTED_BYTES;
 }
 
 const struct gl_info *gl_context_info(const struct gl_context *context) {
@@ -129,7 +129,8 @@ static void copy_name(char text[SP_DEVICE_NAME], const char *name) {
             *c = '?';
 }
 
-/* Only the renderer string tells. Drivers that wrap another driver include its name in theirs. */
+/* GL reports software rendering only in its renderer string. A driver that wraps another driver
+ * includes the name of that driver in its own. */
 static bool is_software(const char *renderer) {
     static const char *const words[] = { "llvmpipe", "lavapipe",    "softpipe",     "swrast",
                                          "SWR (",    "SwiftShader", "Basic Render", "software" };
@@ -303,7 +304,7 @@ bool gl_contexts_try(const struct gl_options *options, gl_context_take *take, vo
     size_t used = 0;
     for (unsigned i = first; i < end; i++) {
         struct sp_error why;
-        if (options->platform && strcmp(options->platform, places.list[i].platform) != 0)
+        if (options->platform != GL_PLATFORM_ANY && options->platform != places.list[i].platform)
             continue;
         struct gl_context *c = open_kind(&places.list[i], options->software, &why);
         if (c && take(user, c, &why))

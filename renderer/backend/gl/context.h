@@ -18,10 +18,18 @@
 #include "sp/renderer.h"
 #include "sp/status.h"
 
+/* The ways to a display that EGL offers. */
+enum gl_platform {
+    GL_PLATFORM_ANY,
+    GL_PLATFORM_DEVICE,
+    GL_PLATFORM_SURFACELESS,
+    GL_PLATFORM_DEFAULT
+};
+
 struct gl_options {
-    int gpu;              /* index of an EGL device; −1 = the first place that works … */
-    const char *platform; /* … of this platform (struct gl_info); NULL = of any */
-    bool software;        /* true: only software GL; false: only hardware */
+    int gpu;                   /* index of an EGL device; −1 = the first place that works … */
+    enum gl_platform platform; /* … of this platform */
+    bool software;             /* true: only software GL; false: only hardware */
 };
 
 /* What a context runs on. Strings are printable ASCII, cut to fit, never empty. */
@@ -29,11 +37,11 @@ struct gl_info {
     /* From GL; `driver` is the vendor and version of EGL. */
     char renderer[SP_DEVICE_NAME], vendor[SP_DEVICE_NAME], version[SP_DEVICE_NAME];
     char driver[SP_DEVICE_NAME];
-    const char *platform; /* "device", "surfaceless" or "default" */
-    int gpu;              /* index of the EGL device; −1 on the other platforms */
-    int major, minor;     /* of the version, 4.3 or later */
-    bool software;        /* the processor renders */
-    bool tells_reset;     /* glGetGraphicsResetStatus() reports a lost context */
+    enum gl_platform platform; /* never GL_PLATFORM_ANY */
+    int gpu;                   /* index of the EGL device; −1 on the other platforms */
+    int major, minor;          /* of the version, 4.3 or later */
+    bool software;             /* the processor renders */
+    bool tells_reset;          /* glGetGraphicsResetStatus() reports a lost context */
     struct sp_gpu_limits limits;
 };
 

@@ -59,7 +59,7 @@ static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
         EGLint name;
     } files[] = { { "EGL_EXT_device_drm_render_node", EGL_DRM_RENDER_NODE_FILE_EXT },
                   { "EGL_EXT_device_drm", EGL_DRM_DEVICE_FILE_EXT } };
-    struct gl_place place = { .platform = "device", .gpu = (int)i, .device = device };
+    struct gl_place place = { .platform = GL_PLATFORM_DEVICE, .gpu = (int)i, .device = device };
     const char *extensions = eglQueryDeviceStringEXT(device, EGL_EXTENSIONS), *file = NULL;
     for (int k = 0; k < 2 && !file; k++)
         if (has_extension(extensions, files[k].extension))
@@ -69,7 +69,7 @@ static struct gl_place device_place(unsigned i, EGLDeviceEXT device) {
     return place;
 }
 
-static void add(struct gl_places *places, const char *platform, const char *missing,
+static void add(struct gl_places *places, enum gl_platform platform, const char *missing,
                 bool is_software) {
     places->list[places->count++] = (struct gl_place){
         .platform = platform, .gpu = -1, .missing = missing, .is_software = is_software
@@ -97,7 +97,7 @@ static void list_devices(struct gl_places *places, const char *client) {
     for (; places->devices < (unsigned)count; places->devices++)
         places->list[places->count++] = device_place(places->devices, devices[places->devices]);
     if (count == 0)
-        add(places, "device", missing ? missing : "any device", false);
+        add(places, GL_PLATFORM_DEVICE, missing ? missing : "any device", false);
 }
 
 bool gl_places_list(struct gl_places *places, struct sp_error *err) {
@@ -111,14 +111,17 @@ bool gl_places_list(struct gl_places *places, struct sp_error *err) {
     bool is_software = places->devices > 0;
     for (unsigned i = 0; i < places->devices; i++)
         is_software = is_software && places->list[i].is_software;
-    add(places, "surfaceless", missing_of(client, surfaceless), is_software);
-    add(places, "default", NULL, is_software);
+    add(places, GL_PLATFORM_SURFACELESS, missing_of(client, surfaceless), is_software);
+    add(places, GL_PLATFORM_DEFAULT, NULL, is_software);
     return true;
 }
 
 void gl_place_name(const struct gl_place *place, char *text, size_t size) {
+    static const char *const names[] = { [GL_PLATFORM_DEVICE] = "device",
+                                         [GL_PLATFORM_SURFACELESS] = "surfaceless",
+                                         [GL_PLATFORM_DEFAULT] = "default" };
     if (place->gpu < 0)
-        snprintf(text, size, "%s display", place->platform);
+        snprintf(text, size, "%s display", names[place->platform]);
     else
         snprintf(text, size, "EGL device %d%s%s%s", place->gpu, place->file[0] ? " (" : "",
                  place->file, place->file[0] ? ")" : "");
@@ -141,7 +144,7 @@ EGLDisplay gl_place_open(const struct gl_place *place, struct sp_error *err) {
     }
     if (place->gpu >= 0)
         display = eglGetPlatformDisplayEXT(EGL_PLATFORM_DEVICE_EXT, place->device, NULL);
-    else if (strcmp(place->platform, "surfaceless") == 0)
+    else if (place->platform == GL_PLATFORM_SURFACELESS)
         display =
             eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, EGL_DEFAULT_DISPLAY, NULL);
     else

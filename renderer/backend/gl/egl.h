@@ -15,19 +15,17 @@
 #include <stdbool.h>
 
 #include "backend/backend.h"
+#include "backend/gl/context.h"
 #include "sp/probe.h"
 
-struct gl_context; /* backend/gl/context.h */
-struct gl_info;
-
 struct gl_place {
-    const char *platform; /* as in gl_info */
-    int gpu;              /* as in gl_info */
-    const char *missing;  /* what EGL lacks to open it, a constant; NULL = nothing */
-    EGLDeviceEXT device;  /* of a device */
-    bool is_software;     /* EGL marks this device as software, or it marks every device so; then a
-                             display offers nothing else. If false, the renderer's name decides */
-    char file[64];        /* the device's node, "/dev/dri/card0"; "" = none, or not known */
+    enum gl_platform platform; /* as in gl_info */
+    int gpu;                   /* as in gl_info */
+    const char *missing;       /* what EGL lacks to open it, a constant; NULL = nothing */
+    EGLDeviceEXT device;       /* of a device */
+    bool is_software; /* EGL marks this device as software, or it marks every device so; then a
+                         display offers nothing else. If false, the renderer's name decides */
+    char file[64];    /* the device's node, "/dev/dri/card0"; "" = none, or not known */
 };
 
 enum { GL_DEVICES_MAX = 64, GL_PLACES_MAX = GL_DEVICES_MAX + 2 };
@@ -37,9 +35,10 @@ struct gl_places {
     unsigned count, devices;
 };
 
-/* Lists the places in the order in which they are tried: devices, or one place that stands for the
- * lack of devices; surfaceless; default. Places that EGL lacks are listed too, and gl_place_open()
- * refuses them. False with *err set (SP_ERR_BACKEND) if libEGL or libGL cannot be loaded. */
+/* Lists the places in the order in which they are tried: devices, or one place that represents
+ * the lack of devices; surfaceless; default. Places that EGL lacks are listed too, and
+ * gl_place_open() refuses them. False with *err set (SP_ERR_BACKEND) if libEGL or libGL cannot be
+ * loaded. */
 bool gl_places_list(struct gl_places *places, struct sp_error *err);
 
 /* "EGL device 0 (/dev/dri/card0)", "surfaceless display", "default display". */

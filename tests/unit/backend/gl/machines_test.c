@@ -42,7 +42,7 @@ static void every_device_is_tried_in_turn(void **state) {
     drivers[2].minor = 2;
     assert_int_equal(take(-1, false, &info, &err), 3);
     assert_int_equal(info.gpu, 3);
-    assert_string_equal(info.platform, "device");
+    assert_int_equal(info.platform, GL_PLATFORM_DEVICE);
     assert_int_equal(machine.initialised, 0xf); /* and no other platform */
     assert_int_equal(take(-1, true, &info, &err), 1);
     assert_true(info.software);
@@ -85,10 +85,10 @@ static void other_platforms_come_after_devices(void **state) {
     drivers[0].broken = true;
     assert_int_equal(take(-1, false, &info, &err), SURFACELESS);
     assert_int_equal(info.gpu, -1);
-    assert_string_equal(info.platform, "surfaceless");
+    assert_int_equal(info.platform, GL_PLATFORM_SURFACELESS);
     drivers[SURFACELESS].broken = true;
     assert_int_equal(take(-1, false, &info, &err), DEFAULT);
-    assert_string_equal(info.platform, "default");
+    assert_int_equal(info.platform, GL_PLATFORM_DEFAULT);
     drivers[DEFAULT].broken = true;
     client_extensions = "EGL_EXT_platform_base EGL_EXT_device_query EGL_EXT_device_enumeration "
                         "EGL_EXT_platform_device2 EGL_MESA_platform_surfaceless";
@@ -297,7 +297,7 @@ static void a_platform_is_taken_alone(void **state) {
     const struct gl_options again = made->options;
     backend->destroy(made);
     assert_int_equal(again.gpu, -1);
-    assert_string_equal(again.platform, "surfaceless");
+    assert_int_equal(again.platform, GL_PLATFORM_SURFACELESS);
     drivers[0].broken = false;
     machine.initialised = 0;
     struct gl_context *context = gl_context_create(&again, &err);
