@@ -5,7 +5,7 @@
 
 enum { LOOKED_UP = 1 << 30 };
 
-static atomic_uint cpu_mask; /* 0 = not looked up */
+static atomic_uint cpu_mask; /* 0 = not detected yet */
 
 #if defined __x86_64__
 #include <cpuid.h>

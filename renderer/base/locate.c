@@ -7,14 +7,15 @@
 #include <string.h>
 #include <unistd.h>
 
-/* Below `folder`, of which `length` bytes count. */
+/* Writes the path of `file` in `below` in the first `length` bytes of `folder`. True if it exists.
+ */
 static bool is_there(const char *folder, int length, const char *below, const char *file,
                      char path[PATH_MAX]) {
     int n = snprintf(path, PATH_MAX, "%.*s%s%s", length, folder, below, file);
     return n < PATH_MAX && access(path, F_OK) == 0;
 }
 
-/* Bytes up to and with the last slash. */
+/* Returns the length of the path up to its last slash, which is included. */
 static int folder_length(const char *path) {
     const char *slash = strrchr(path, '/');
     return slash ? (int)(slash + 1 - path) : 0;

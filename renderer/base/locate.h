@@ -15,9 +15,9 @@
 
 #include "sp/status.h"
 
-/* Writes the path of `file` and returns true if it exists. Otherwise *path is the place beside the
- * running program, and *err has SP_ERR_NOT_FOUND, or SP_ERR_IO if the program's own path is not
- * known. Thread-safe. */
+/* Writes the path of `file` and returns true if it exists. Otherwise *path is its path in the
+ * folder of the running program, and *err has SP_ERR_NOT_FOUND, or SP_ERR_IO if the program's own
+ * path is not known. Thread-safe. */
 bool sp_locate(const char *file, char path[PATH_MAX], struct sp_error *err);
 
 #endif

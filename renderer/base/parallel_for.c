@@ -109,7 +109,7 @@ struct sp_pool *sp_pool_create(unsigned threads, struct sp_error *err) {
     pthread_cond_init(&pool->start, NULL);
     pthread_cond_init(&pool->done, NULL);
     pool->threads = 1;
-    /* Signals belong to the thread that asked for them. */
+    /* Workers block all signals: the threads of the program handle them. */
     sigset_t all, old;
     sigfillset(&all);
     pthread_sigmask(SIG_SETMASK, &all, &old);

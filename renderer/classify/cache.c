@@ -33,9 +33,9 @@ static struct sp_classify_slot *find_newest(struct sp_classify_cache *cache,
     return newest;
 }
 
-/* What the slots are to a transfer function that none was made for. */
+/* How well the cached slots fit a transfer function that has no slot of its own. */
 struct match {
-    struct sp_classify_slot *serving; /* its list will do; NULL = none */
+    struct sp_classify_slot *serving; /* its list can be used as it is; NULL = none */
     struct sp_classify_slot
         *nearest; /* the one whose list differs least; NULL = none can be compared */
     uint64_t serving_excess, differs, visible; /* voxels */
@@ -98,7 +98,7 @@ static void trim(struct sp_classify_cache *cache, const struct sp_classify_slot 
         struct sp_classify_slot *slot = find_oldest(cache, in_use);
         bytes -= sp_classification_bytes(&slot->c);
         empty_slot(slot);
-        slot->used = UINT64_MAX; /* so that the next round finds another */
+        slot->used = UINT64_MAX; /* marks it as used, so that the next round finds another slot */
     }
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (!cache->slots[i].c.volume)
@@ -126,8 +126,8 @@ static bool renew(struct sp_classify_slot *slot, struct sp_volume *volume,
     return true;
 }
 
-/* The slot of this very transfer function. When edits have stopped, its list is cut down to what is
- * visible. */
+/* Returns the slot of exactly this transfer function. When edits have stopped, its list is reduced
+ * to the visible voxels. */
 static bool use_again(struct sp_classify_slot *slot, struct sp_volume *volume,
                       const struct sp_classify_job *job, struct sp_error *err) {
     const struct sp_classification *c = &slot->c;
@@ -138,8 +138,8 @@ static bool use_again(struct sp_classify_slot *slot, struct sp_volume *volume,
     return sp_classification_update(&slot->c, job, err);
 }
 
-/* A slot for a transfer function that none serves. One that differs little is an edit of the
- * nearest, and takes its place. */
+/* Returns a slot for a transfer function that no slot serves. A transfer function that differs
+ * little from the most similar one is an edit of it and replaces it. */
 static struct sp_classify_slot *take_slot(struct sp_classify_cache *cache, struct sp_volume *volume,
                                           const struct sp_classify_job *job,
                                           const struct match *match, bool *ok,

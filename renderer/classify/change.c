@@ -12,14 +12,15 @@ bool sp_change_is_possible(const struct sp_transfer *from, const struct sp_trans
     return from->base == to->base;
 }
 
-/* Whether point i of both functions says the same about what is visible. */
+/* True if point i means the same for visibility in both functions. */
 static bool is_same_point(const struct sp_transfer_function *a, uint32_t i,
                           const struct sp_transfer_function *b, uint32_t j) {
     const struct sp_tf_point *p = &a->points[i], *q = &b->points[j];
     return p->value == q->value && (p->opacity > 0) == (q->opacity > 0);
 }
 
-/* Values between the last point of the common head and the first of the common tail. */
+/* Finds the values between the last point of the common start and the first point of the common
+ * end. */
 static void find_hull(struct sp_change *c, const struct sp_transfer *from,
                       const struct sp_transfer *to) {
     const struct sp_transfer_function *a = &from->tf, *b = &to->tf;

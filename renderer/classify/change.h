@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * What a new transfer function changes: the values that appear or vanish, and so the bricks whose
- * lists must be made again. All other bricks are copied. (Chen et al. 2004, section 4.3, keep lists
+ * lists must be rebuilt. All other bricks are copied. (Chen et al. 2004, section 4.3, keep lists
  * by value; here each brick knows the range of its values.)
  *
  *   old, new transfer ─► values whose visibility differs ─► bricks whose range meets them

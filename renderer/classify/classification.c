@@ -11,7 +11,7 @@
 #include "classify/mip.h"
 #include "sp/renderer.h"
 
-/* May the classification grow by `more` bytes for `count` visible voxels? */
+/* True if the classification may grow by `more` bytes for `count` visible voxels. */
 static bool may_grow(const struct sp_classification *c, const struct sp_classify_job *job,
                      uint64_t count, uint64_t more, struct sp_error *err) {
     uint64_t need = sp_classification_bytes(c) + more;
@@ -19,7 +19,7 @@ static bool may_grow(const struct sp_classification *c, const struct sp_classify
         return true;
     return sp_fail(
         err, SP_ERR_BUDGET, "/transfer_function",
-        "%llu voxels are visible, which takes %llu bytes beside the volume, and %llu are "
+        "%llu voxels are visible and need %llu bytes in addition to the volume; %llu are "
         "allowed: make fewer visible, or allow more memory",
         (unsigned long long)count, (unsigned long long)need, (unsigned long long)job->bytes_max);
 }
@@ -75,7 +75,7 @@ bool sp_fit_is_close(const struct sp_fit *fit) {
     return fit->missing == 0 && fit->excess <= fit->visible / 4;
 }
 
-/* Whether the list holds what `next` shows, and not too much beside it. */
+/* True if the list has all voxels that `next` shows and not too many others. */
 static bool keeps_list(struct sp_classification *c, const struct sp_transfer *next,
                        const struct sp_classify_job *job) {
     struct sp_fit fit;
@@ -107,8 +107,8 @@ static void drop_all_lists(struct sp_classification *c) {
         sp_level_finish(&c->levels[l]);
 }
 
-/* Lists for post-classification are made for a kernel: a wider one needs more voxels, and for a
- * much narrower one it pays to leave some out. */
+/* A list for post-classification fits one kernel radius. A larger radius needs more voxels; for a
+ * much smaller radius a shorter list is faster. */
 static void check_reach(struct sp_classification *c, const struct sp_classify_job *job) {
     struct sp_level *all = &c->levels[0];
     if (job->tf->order != SP_TF_POST || (job->reach <= all->reach && job->reach > 0.5 * all->reach))
@@ -117,8 +117,8 @@ static void check_reach(struct sp_classification *c, const struct sp_classify_jo
     all->reach = job->reach;
 }
 
-/* What is listed by keys is the same whoever counts. By value it may be rounded otherwise: who
- * makes a list has counted it. */
+/* Lists by key have the same length on every processor. Lists by value may be rounded differently,
+ * so a processor counts the lists that it fills. */
 static void check_maker(struct sp_classification *c, const struct sp_classify_job *job) {
     const struct sp_level *all = &c->levels[0];
     bool is_ours = !job->counter, was_ours = all->visible.place != NULL;
@@ -126,8 +126,8 @@ static void check_maker(struct sp_classification *c, const struct sp_classify_jo
         drop_all_lists(c);
 }
 
-/* Adds the keys next to what is listed, an eighth of the visible voxels at most: where the next
- * edits are likely to show some. */
+/* Adds the keys next to the listed ones, for at most an eighth of the visible voxels: the next
+ * edits are likely to show these. */
 static bool widen(struct sp_classification *c, uint8_t *listed, struct sp_error *err) {
     const struct sp_transfer *t = &c->levels[0].transfer;
     uint32_t *distance = malloc(t->count * sizeof *distance), near = t->count, reach = 0;
@@ -171,7 +171,7 @@ static bool choose_listed(struct sp_classification *c, const struct sp_classify_
     return !job->widens || (need_histogram(c, job, err) && widen(c, all->listed, err));
 }
 
-/* How many of the voxels in the finest list are visible. */
+/* Counts the visible voxels in the finest list. */
 static bool count_visible(struct sp_classification *c, const struct sp_classify_job *job,
                           struct sp_error *err) {
     const struct sp_level *all = &c->levels[0];
@@ -213,7 +213,8 @@ static bool collect_from(struct sp_classification *c, const struct sp_classify_j
                                err);
     if (!sp_collect_count(all, c->volume, job, source, err))
         return false;
-    /* All that will follow is asked for at once, so that a refusal costs a pass and no memory. */
+    /* The budget for all of the following is checked at once, so that a refusal costs one pass but
+     * no memory. */
     uint64_t count = list->count, more = sp_visible_entry_bytes(list, count, job->normals);
     list->count = 0; /* not there yet */
     if (!may_grow(c, job, count, more, err))
@@ -327,7 +328,7 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
-/* Numbers for what was made. */
+/* Assigns serial numbers to the new lists and tables. */
 static void count_made(struct sp_level *level, uint64_t *made) {
     if (made && !level->list_made)
         level->list_made = ++*made;
@@ -346,7 +347,8 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     if (!update_all(c, job, err) || !count_visible(c, job, err))
         return false;
     count_made(&c->levels[0], job->made);
-    for (unsigned l = 1; job->levels >> l; l++) { /* each is made of the one before */
+    for (unsigned l = 1; job->levels >> l;
+         l++) { /* each level is computed from the next finer one */
         if (!update_coarse(c, l, job, err))
             return false;
         count_made(&c->levels[l], job->made);

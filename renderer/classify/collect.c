@@ -15,7 +15,7 @@ enum {
     INTERVALS_MAX = 4, /* of keys: more are looked up one by one */
 };
 
-/* Keys that are listed, as few ranges. */
+/* The listed keys, as a small number of ranges. */
 struct intervals {
     int count; /* -1: too many */
     uint16_t low[INTERVALS_MAX], span[INTERVALS_MAX];
@@ -126,7 +126,7 @@ static inline void read_keys(const void *voxels, size_t at, uint32_t n, uint32_t
     }
 }
 
-/* Which of a row's keys are listed: a bit each. */
+/* Returns one bit per key of a row: 1 = listed. */
 static inline uint32_t find_listed(const struct collect *c, const uint16_t keys[SP_BRICK]) {
     static const uint16_t bit[SP_BRICK] = { 1,   2,   4,    8,    16,   32,   64,    128,
                                             256, 512, 1024, 2048, 4096, 8192, 16384, 32768 };
@@ -171,7 +171,7 @@ static void put_keys(struct sp_dense *dense, uint32_t at, uint32_t stride, uint3
             dense->key.halves[at + i * stride] = keys[i];
 }
 
-/* With keys that are listed: all rows of a brick, 16 samples at a time. */
+/* Collects all rows of a brick by the listed keys, 16 samples at a time. */
 static void load_table(const struct collect *c, const struct part *part, struct sp_dense *dense,
                        struct sp_range *range) {
     uint32_t bytes = c->list->key_bytes, inside = (1u << part->size[0]) - 1;
@@ -205,7 +205,7 @@ static void widen(const struct sp_transfer *transfer, const uint32_t *keys, uint
     }
 }
 
-/* Any type and order, what is visible or can matter. */
+/* Collects the voxels of any type and order that are visible or can matter. */
 static void load_any(const struct collect *c, const struct part *part, struct sp_dense *dense,
                      struct sp_range *range) {
     uint32_t bytes = c->list->key_bytes, stride = sp_dense_element(dense->axis, 1);
@@ -243,7 +243,7 @@ static void load_brick(const struct collect *c, const struct part *part, struct 
         load_any(c, part, dense, range);
 }
 
-/* Whether the brick's entries are those of the source. */
+/* True if the entries of the brick equal those of the source. */
 static bool is_unchanged(const struct collect *c, uint32_t brick) {
     return c->from && !sp_change_meets(c->change, &c->ranges[brick]);
 }
@@ -256,7 +256,7 @@ static uint32_t count_brick(const struct collect *c, struct sp_dense *dense, uin
     return sp_dense_count(dense);
 }
 
-/* Normals of a rebuilt brick: those of voxels that the source lists are its own. */
+/* Fills the normals of a rebuilt brick. Normals of voxels in the source list are copied. */
 static void find_normals(const struct collect *c, uint32_t brick, struct sp_dense *dense,
                          struct sp_dense *old) {
     struct sp_visible element = { .normal = &dense->normal, .normal_bytes = c->list->normal_bytes };
@@ -339,7 +339,8 @@ static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
     return sp_reach_fill(level, volume, job, level->cells, err);
 }
 
-/* Memory for the bricks' ranges, and what of them the source knows; *measures: nothing. */
+/* Allocates the ranges of the bricks and copies those that the source has. *measures: it has none.
+ */
 static bool find_ranges(struct sp_level *level, const struct sp_level *from, bool *measures,
                         struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
@@ -453,7 +454,7 @@ struct histogram {
     uint64_t *counts; /* [transfer->count] a worker */
 };
 
-/* Two counters in turn, because equal neighbours would wait for each other's. */
+/* Two counters alternate, because equal neighbouring samples would wait for the same one. */
 static void count_samples(void *user, size_t begin, size_t end, unsigned worker) {
     const struct histogram *h = user;
     int32_t first = h->transfer->first;

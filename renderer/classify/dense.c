@@ -7,7 +7,8 @@ enum { ROWS = SP_BRICK * SP_BRICK, FULL = 0xffff };
 enum { BRICKS_GRAIN = 16 }; /* bricks turned between two polls of the cancel flag */
 
 uint32_t sp_dense_count(const struct sp_dense *dense) {
-    /* Four rows at a time: bits of pairs, fours, bytes, then the bytes' sum. */
+    /* Counts the bits of four rows at a time: in pairs, in fours, in bytes, then the sum of the
+     * bytes. */
     uint64_t count = 0;
     for (int r = 0; r < ROWS; r += 4) {
         uint64_t x;
@@ -34,7 +35,7 @@ static inline uint32_t pack_row(const void *from, void *to, uint32_t bits, uint3
     return n;
 }
 
-/* The widths as constants, so that each copy is one load and one store. */
+/* Widths are constants here, so that each copy is one load and one store. */
 static void pack_rows(const uint16_t used[ROWS], const void *from, void *to, uint32_t bytes) {
     const uint8_t *in = from;
     uint8_t *out = to;

@@ -13,7 +13,8 @@ static double sample(const struct sp_gradient_grid *grid, uint64_t at) {
     return sp_sample(grid->voxels, grid->type, at);
 }
 
-/* The longest difference over one gap of an axis, in differences over its mean one. */
+/* Returns the mean gap of an axis divided by its smallest gap: the factor by which a difference can
+ * exceed the one over the mean gap. */
 static double steepest(const struct sp_grid *grid, unsigned axis) {
     const double *c = grid->coordinates[axis];
     double least = grid->spacing[axis];
@@ -112,8 +113,8 @@ uint32_t sp_gradient_pack(const struct sp_gradient_grid *grid, const double grad
     return (uint32_t)magnitude << 22 | qv << 11 | qu;
 }
 
-/* What both of the ways to pack directions do; without a branch, so that loops become vector code.
- */
+/* Packs a direction; used for one and for many. It has no branch, so that the compiler vectorises
+ * loops over it. */
 static inline uint16_t pack_direction(double x, double y, double z) {
     const double steps = SP_DIRECTION_STEPS;
     const int last = 2 * SP_DIRECTION_STEPS;

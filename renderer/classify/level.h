@@ -40,9 +40,9 @@ struct sp_classification {
     struct sp_level levels[SP_LEVELS];
 };
 
-/* Makes the lists where another processor than the CPU does it. The classification then keeps what
- * the lists are made of (`listed`, `reach`, grids) and the number of entries of each brick, but no
- * entries, and no classes of coarse levels. */
+/* Counts list entries on a processor other than the CPU. The classification then keeps the inputs
+ * of the lists (`listed`, `reach`, grids) and the number of entries of each brick, but no entries,
+ * and no classes of coarse levels. */
 struct sp_counter {
     /* Fills counts[bricks of the level's list] with the number of entries of each brick. Finest
      * level: voxels that are in `listed`, or without it those that are visible (order post: those
@@ -80,7 +80,7 @@ struct sp_classify_job {
     struct sp_pause *pause;    /* NULL = never */
 };
 
-/* Frees the list and what it was made of. */
+/* Frees the list and its inputs. */
 void sp_level_drop_list(struct sp_level *level);
 
 /* Frees all memory of the level; it is then empty. */

@@ -7,7 +7,8 @@
 #include "classify/gradient.h"
 #include "volume/grid.h"
 
-/* Where a cell begins along an axis, from sample 0; i = dims: where the last one ends. */
+/* Returns the distance from sample 0 to the start of cell i along an axis; i = dims: to the end of
+ * the last cell. */
 static double face(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     double extent[2];
     if (i > 0 && i < grid->dims[axis])
@@ -16,7 +17,8 @@ static double face(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     return extent[i > 0];
 }
 
-/* Of fine cells 2·i and 2·i + 1, as far as there are. */
+/* Returns the middle of coarse cell i, which joins the fine cells 2·i and 2·i + 1. The last fine
+ * cell may be missing. */
 static double middle(const struct sp_grid *fine, unsigned axis, uint32_t i) {
     uint32_t end = 2 * i + 2 < fine->dims[axis] ? 2 * i + 2 : fine->dims[axis];
     return 0.5 * (face(fine, axis, 2 * i) + face(fine, axis, end));
@@ -54,7 +56,7 @@ bool sp_mip_grid(struct sp_level *coarse, const struct sp_grid *fine, struct sp_
     return true;
 }
 
-/* What the eight voxels of a cell add up to. */
+/* The sums over the eight voxels of a cell. */
 struct sum {
     float depth, color[3]; /* order post: share, value in color[0] */
     union {

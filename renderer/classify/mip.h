@@ -9,7 +9,7 @@
  * with v the volume of a voxel and V that of the coarse cell. Averaging after classification keeps
  * the energy of thin structures; averaged samples could fall below the threshold of the transfer
  * function. The grid has half the samples per axis, rounded up; a sample lies in the middle of the
- * cells that it stands for.
+ * cells that it replaces.
  */
 #ifndef SP_CLASSIFY_MIP_H
 #define SP_CLASSIFY_MIP_H

@@ -26,7 +26,7 @@ bool sp_transfer_function_equal(const struct sp_transfer_function *a,
     return true;
 }
 
-/* The last point whose value is <= value, given that point 0 is. */
+/* Returns the last point whose value is <= `value`. Point 0 must be. */
 static uint32_t find_point(const struct sp_transfer_function *tf, double value) {
     uint32_t low = 0, high = tf->point_count;
     while (high - low > 1) {
@@ -39,7 +39,7 @@ static uint32_t find_point(const struct sp_transfer_function *tf, double value) 
     return low;
 }
 
-/* On the piece from p to q, which may be the same point. */
+/* Interpolates on the piece from p to q, which may be the same point. */
 static inline void eval_piece(const struct sp_tf_point *p, const struct sp_tf_point *q,
                               double value, struct sp_class *out) {
     double f = 0;
@@ -100,9 +100,9 @@ static bool has_table(enum sp_type type) {
     return type == SP_UINT8 || type == SP_INT8 || type == SP_UINT16 || type == SP_INT16;
 }
 
-/* What keys of reals are counted from: where the function needs them to be finest, the lower end of
- * its shortest piece that shows anything, as far as there are such values. A point far away that
- * only says "nothing below" must not cost precision. */
+/* Returns the value that keys of real types are relative to. Keys are most precise there, so it is
+ * the lower end of the shortest piece that shows anything, limited to the range of the volume. A
+ * distant point with opacity 0 must not cost precision. */
 static double find_base(const struct sp_transfer_function *tf, const double range[2]) {
     double base = tf->points[0].value, shortest = INFINITY;
     for (uint32_t i = 0; i + 1 < tf->point_count; i++) {

@@ -5,7 +5,7 @@
  *   brick b ─► entries first[b] + [start[b][s], start[b][s + 1]) in slice s, up to first[b + 1]
  *   entry e ─► place[e] in its slice, key[e], normal[e]
  *
- * A brick can be made again without the others, be skipped as a whole, and be turned to another
+ * A brick can be rebuilt without the others, be skipped as a whole, and be turned to another
  * axis while it is in the CPU's cache. Its entries are in the order in which a view draws them. In
  * a slice they rise by place, so the order does not depend on the history of the list.
  *

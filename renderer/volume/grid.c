@@ -4,7 +4,8 @@
 #include <inttypes.h>
 #include <math.h>
 
-/* Voxels may be as far from the origin as 2^40 of their size: views keep 12 bits below a voxel. */
+/* A voxel may be 2^40 times its size away from the origin: 12 bits of a double then remain for
+ * positions inside a voxel. */
 #define ORIGIN_SAMPLES_MAX 0x1p40
 
 static bool check_direction(const double m[3][3], const char *place, struct sp_error *err) {
@@ -105,8 +106,8 @@ static bool check_origin(const struct sp_grid *grid, double least, const char *p
                            axis, grid->origin[axis]);
         if (fabs(grid->origin[axis]) > ORIGIN_SAMPLES_MAX * least)
             return sp_fail(err, SP_ERR_FORMAT, place,
-                           "origin[%d] is %g, more than 2^40 times the spacing of %g: too far away "
-                           "to be looked at; move it nearer to 0",
+                           "origin[%d] is %g, more than 2^40 times the spacing of %g: too far for "
+                           "a view; move it closer to 0",
                            axis, grid->origin[axis], least);
     }
     return true;

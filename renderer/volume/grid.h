@@ -18,8 +18,8 @@ static inline double sp_grid_distance(const struct sp_grid *grid, unsigned axis,
     return c ? c[i] : grid->spacing[axis] * i;
 }
 
-/* The local spacing: the mean of the two gaps beside sample i, at a border the one gap that there
- * is; of a single sample the axis's spacing. World units. */
+/* The local spacing: the mean of the two gaps next to sample i; at a border, the only gap; for a
+ * single sample, the spacing of the axis. World units. */
 static inline double sp_grid_local_spacing(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     const double *c = grid->coordinates[axis];
     uint32_t n = grid->dims[axis];
@@ -29,8 +29,8 @@ static inline double sp_grid_local_spacing(const struct sp_grid *grid, unsigned 
     return (c[high] - c[low]) / (high - low);
 }
 
-/* Where the volume begins and ends along an axis: half a gap before the first sample and behind the
- * last. Distances from sample 0, world units. */
+/* The ends of the volume along an axis: half a gap before the first sample and after the last one.
+ * Distances from sample 0, world units. */
 static inline void sp_grid_extent(const struct sp_grid *grid, unsigned axis, double extent[2]) {
     uint32_t last = grid->dims[axis] - 1;
     extent[0] = -0.5 * sp_grid_local_spacing(grid, axis, 0);
@@ -41,7 +41,7 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
-/* Checks what a header says, whoever wrote it: dims and their product; spacing in [1e-12, 1e12];
+/* Checks a grid from an untrusted header: dims and their product; spacing in [1e-12, 1e12];
  * coordinates that begin at 0 and rise by gaps in [1e-12, 1e12], the largest at most 10^6 times the
  * smallest of its axis, with their mean (to 1e-9) as spacing; origin within 1e15 and 2^40 of the
  * smallest gap (views would be too coarse there); direction columns of unit length (to 1e-6) and

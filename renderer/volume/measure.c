@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Range and histogram, in two passes. Samples are widened to double in short runs, so that there is
- * one loop for all types; every type but float64 is exact in it.
+ * Range and histogram, in two passes. Samples are widened to double in short runs, so that one
+ * loop serves all types. Double represents every type exactly.
  */
 #include <assert.h>
 #include <math.h>

@@ -33,7 +33,7 @@ static const struct sp_demo_maker *find_maker(const char *name, size_t length) {
     return NULL;
 }
 
-/* Decimal digits alone, no leading zero, within the limits. */
+/* Parses decimal digits without a leading zero; the number must be within the limits. */
 static bool parse_size(const char *text, uint32_t *size) {
     size_t digits = strspn(text, "0123456789");
     if (digits < 1 || digits > 4 || text[digits] || text[0] == '0')
@@ -53,7 +53,8 @@ static const struct sp_demo_maker *parse_source(const char *source, uint32_t *si
         for (int i = 0; i < MAKERS; i++)
             at += (size_t)snprintf(names + at, sizeof names - at, "%s%s", i ? ", " : "",
                                    makers[i]->demo.name);
-        sp_fail(err, SP_ERR_NOT_FOUND, source, "no such built-in volume; there are %s", names);
+        sp_fail(err, SP_ERR_NOT_FOUND, source,
+                "no such built-in volume; the built-in volumes are %s", names);
         return NULL;
     }
     *size = maker->demo.default_size;
@@ -63,7 +64,7 @@ static const struct sp_demo_maker *parse_source(const char *source, uint32_t *si
     if (strncmp(name + length, key, sizeof key - 1) != 0 ||
         !parse_size(name + length + sizeof key - 1, size)) {
         sp_fail(err, SP_ERR_INVALID, source,
-                "after the name only ?size=N is understood, N a whole number in [%d, %d]",
+                "expected nothing or ?size=N after the name, with N a whole number in [%d, %d]",
                 SP_DEMO_SIZE_MIN, SP_DEMO_SIZE_MAX);
         return NULL;
     }
@@ -91,7 +92,7 @@ static void make_slices(void *user, size_t begin, size_t end, unsigned worker) {
         return;
     m->maker->fill(m->prepared, m->dims, begin, end, m->voxels);
     size_t done = atomic_fetch_add_explicit(&m->done, end - begin, memory_order_relaxed);
-    /* Worker 0 is the loading thread, the only one that may call back. */
+    /* Worker 0 is the loading thread. Only this thread may call the progress callback. */
     if (worker == 0 && m->options && m->options->progress &&
         !m->options->progress(m->options->user, (double)done / m->dims[2]))
         atomic_store_explicit(&m->cancelled, true, memory_order_relaxed);

@@ -10,12 +10,12 @@
 
 enum { SP_DEMO_SIZE_MIN = 8, SP_DEMO_SIZE_MAX = 1024 }; /* voxels along the longest axis */
 
-/* Whether `source` starts with "demo:". */
+/* True if `source` starts with "demo:". */
 bool sp_source_is_demo(const char *source);
 
-/* Makes "demo:NAME[?size=N]". Uses options->reserve, progress and user; `options` may be NULL.
- * SP_ERR_NOT_FOUND (name; the text lists those there are), SP_ERR_INVALID (the rest of the source),
- * SP_ERR_MEMORY, SP_ERR_CANCELLED, or what reserve said. */
+/* Creates the volume "demo:NAME[?size=N]". Uses options->reserve, progress and user; `options` may
+ * be NULL. SP_ERR_NOT_FOUND (unknown name; the text lists the names), SP_ERR_INVALID (the rest of
+ * the source), SP_ERR_MEMORY, SP_ERR_CANCELLED, or the error of reserve(). */
 struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
                                struct sp_error *err);
 

@@ -103,7 +103,7 @@ static void fill_phantom(const void *prepared, const uint32_t dims[3], size_t be
                 row[i] = 0;
             for (int e = 0; e < ELLIPSOIDS; e++)
                 add_ball_to_row(&balls[e], shepp_logan[e].centre, y, z, n, row);
-            /* What adds up to 0 in the table must not end at −3e-8. */
+            /* Rounds values that cancel out in the table to 0; the sum may be −3e-8. */
             for (uint32_t i = 0; i < n; i++)
                 row[i] = rintf(row[i] * 0x1p20f) * 0x1p-20f + 0.0f;
         }
@@ -127,7 +127,8 @@ static double ml_position(size_t i, uint32_t n) {
     return 2.0 * (double)i / (n - 1) - 1;
 }
 
-static void *prepare_marschner_lobb(const uint32_t dims[3]) { /* the part that x and y give */
+static void *
+prepare_marschner_lobb(const uint32_t dims[3]) { /* the part that depends on x and y only */
     float *plane = malloc((size_t)dims[0] * dims[1] * sizeof *plane);
     for (uint32_t j = 0; plane && j < dims[1]; j++)
         for (uint32_t i = 0; i < dims[0]; i++) {
@@ -160,7 +161,7 @@ const struct sp_demo_maker sp_demo_marschner_lobb = {
 
 /* Checkerboard.
  * Chen et al., Adaptive EWA volume splatting, section 6: 512×512×3 voxels, none of them empty.
- * 32 squares a side of values 64 and 192.
+ * 32 squares per side with the values 64 and 192.
  */
 static void shape_checkerboard(uint32_t size, uint32_t dims[3]) {
     dims[0] = dims[1] = size;

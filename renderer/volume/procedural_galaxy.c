@@ -26,7 +26,7 @@ static void shape_galaxy(uint32_t size, uint32_t dims[3]) {
     dims[2] = size / 2;
 }
 
-/* What does not depend on z. */
+/* The values that do not depend on z. */
 struct column {
     float arms, height, rr; /* density in the plane; of the disc there; radius² */
 };

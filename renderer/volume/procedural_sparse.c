@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A thousand balls that fill a twentieth of a cube: what a renderer makes of a large volume that is
- * mostly empty. Each ball floats in its own cell of 10 × 10 × 10, so none overlap. A generator with
+ * A thousand balls that fill a twentieth of a cube: an example of a large volume that is mostly
+ * empty. Each ball floats in its own cell of 10 × 10 × 10, so none overlap. A generator with
  * a fixed seed decides, and lengths are in half edges, so every size shows the same balls.
  */
 #include <math.h>
@@ -25,7 +25,8 @@ static float draw(uint64_t *state) { /* [0, 1), Steele et al., SplitMix64 */
     return (float)(z >> 40) * 0x1p-24f;
 }
 
-/* Radii cubed are drawn evenly about the one whose balls fill the share asked for. */
+/* The cubes of the radii are uniformly distributed; their mean fills the requested share of space.
+ */
 static void *prepare_sparse(const uint32_t dims[3]) {
     (void)dims;
     const double share = 0.05, cell = 2.0 / CELLS;
@@ -87,7 +88,7 @@ static void fill_sparse(const void *prepared, const uint32_t dims[3], size_t beg
 }
 
 const struct sp_demo_maker sp_demo_sparse = {
-    .demo = { "sparse", "a thousand balls in a twentieth of the space, for what is mostly empty",
+    .demo = { "sparse", "a thousand balls in a twentieth of the space: a mostly empty volume",
               256 },
     .type = SP_UINT8,
     .prepare = prepare_sparse,

@@ -42,7 +42,7 @@ static void grow(struct tree *tree, uint64_t *seed, const float start[3], const 
         struct cone *c = &tree->cones[tree->count++];
         for (int i = 0; i < 3; i++) {
             heading[i] += 0.16f * draw(seed);
-            /* Back to the middle before the wall is reached. */
+            /* Turns back to the middle before the branch reaches the border of the volume. */
             heading[i] -= 0.45f * at[i] * fabsf(at[i]) * fabsf(at[i]);
         }
         normalize(heading);

@@ -6,7 +6,7 @@
 
 #include "sp/volume.h"
 
-/* Sample number `at` of an array of that type; NaN and infinities as they are. */
+/* Returns sample `at` of an array of that type. NaN and infinities are returned unchanged. */
 static inline double sp_sample(const void *voxels, enum sp_type type, uint64_t at) {
     switch (type) {
     case SP_UINT8:

@@ -35,7 +35,7 @@ static void release_heap(void *voxels, size_t bytes) {
     free(voxels);
 }
 
-/* The grid's coordinates become the volume's own. */
+/* Copies the grid's coordinates into memory that the volume owns. */
 static bool keep_coordinates(struct sp_volume *volume, struct sp_error *err) {
     struct sp_grid *grid = &volume->info.grid;
     size_t count = 0;

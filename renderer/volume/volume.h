@@ -11,10 +11,10 @@
 
 #include "volume/grid.h"
 
-/* Gives the samples back when the last reference goes. Called once, from any thread. */
+/* Releases the samples when the last reference is gone. Called once, from any thread. */
 typedef void sp_voxels_release(void *voxels, size_t bytes);
 
-/* Makes a volume of samples that exist already, without copying. `info` gives grid, type, unit,
+/* Creates a volume from existing samples without copying them. `info` gives grid, type, unit,
  * name and source (coordinates are copied); range, histogram, nonfinite, components and voxel_bytes
  * are filled in. The grid must have passed sp_grid_check(). `voxels` is 64-byte aligned and `bytes`
  * long; the volume owns it from now on, also when the call fails (then it is released at once). One

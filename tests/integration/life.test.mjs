@@ -66,7 +66,7 @@ test('wrong options give exit status 2 and an error message', async () => {
   assert.match(absent.err, /splatd: \/nonexistent.nrrd: cannot open/);
   assert.equal((await runToEnd(['--config', '/nonexistent'])).status, 1);
   for (const [args, wanted, text] of [
-    [['--volume', 'demo:nope'], 1, /demo:nope: no such built-in volume; there are .*engine/],
+    [['--volume', 'demo:nope'], 1, /demo:nope: no such built-in volume; the built-in volumes are .*engine/],
     [['--volume', 'demo:engine?size=-1'], 2, /demo:engine\?size=-1: .*\?size=N/],
     [['--data', file('no-folder', '')], 1, /no-folder: cannot use this folder for --data/]]) {
     const { status, out, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', ...args]);
