@@ -7,7 +7,7 @@
 
 enum { SIDE = 64 }; /* px */
 
-/* The ways to draw that are compared. Together they run every stage except the sorting of single
+/* The settings that are compared. Together they run every stage except the sorting of single
  * splats. */
 enum { WAYS = 2 };
 

@@ -34,8 +34,6 @@ enum { SP_WIDE = 8 };
 enum { SP_WIDE = 4 };
 #endif
 
-enum { SP_WIDE_MAX = 16 }; /* largest SP_WIDE of all instruction sets, for memory that they share */
-
 typedef float sp_wide __attribute__((vector_size(SP_WIDE * 4)));
 typedef int32_t sp_wide_int __attribute__((vector_size(SP_WIDE * 4)));
 typedef uint32_t sp_wide_bits __attribute__((vector_size(SP_WIDE * 4)));

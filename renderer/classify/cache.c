@@ -70,7 +70,7 @@ static bool find_match(struct sp_classify_cache *cache, const struct sp_volume *
     *match = (struct match){ 0 };
     if (!newest)
         return true;
-    if (!sp_transfer_init_like(&transfer, job->tf, sp_volume_info(volume), like, err))
+    if (!sp_transfer_init(&transfer, job->tf, sp_volume_info(volume), like, err))
         return false;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
         if (cache->slots[i].c.volume == volume)

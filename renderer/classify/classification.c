@@ -89,7 +89,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
     if (sp_transfer_function_equal(&all->transfer.tf, job->tf))
         return true;
     struct sp_transfer next;
-    if (!sp_transfer_init_like(&next, job->tf, sp_volume_info(c->volume), &all->transfer, err))
+    if (!sp_transfer_init(&next, job->tf, sp_volume_info(c->volume), &all->transfer, err))
         return false;
     if (!keeps_list(c, &next, job))
         sp_level_drop_list(all);

@@ -155,9 +155,9 @@ static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
     }
 }
 
-bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
-                           const struct sp_volume_info *info, const struct sp_transfer *like,
-                           struct sp_error *err) {
+bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
+                      const struct sp_volume_info *info, const struct sp_transfer *like,
+                      struct sp_error *err) {
     *transfer =
         (struct sp_transfer){ .tf = *tf, .type = info->type, .base = find_base(tf, info->range) };
     if (!make_scale(transfer, info))
@@ -175,11 +175,6 @@ bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfe
     }
     fill_table(transfer, like);
     return true;
-}
-
-bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
-                      const struct sp_volume_info *info, struct sp_error *err) {
-    return sp_transfer_init_like(transfer, tf, info, NULL, err);
 }
 
 void sp_transfer_finish(struct sp_transfer *transfer) {

@@ -40,15 +40,12 @@ struct sp_transfer {
                      axis */
 };
 
-/* Makes the table for the values of the volume. SP_ERR_MEMORY; *transfer is then all zero. */
+/* Computes the table for the values of the volume. Pieces that equal those of `like`, a transfer of
+ * the same volume, are copied from it; NULL = nothing is copied. SP_ERR_MEMORY; *transfer is then
+ * all zero. */
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
-                      const struct sp_volume_info *info, struct sp_error *err);
-
-/* The same. Pieces that equal those of `like`, a transfer of the same volume, are copied from it.
- */
-bool sp_transfer_init_like(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
-                           const struct sp_volume_info *info, const struct sp_transfer *like,
-                           struct sp_error *err);
+                      const struct sp_volume_info *info, const struct sp_transfer *like,
+                      struct sp_error *err);
 void sp_transfer_finish(struct sp_transfer *transfer);
 
 /* Scale of the opacity at a gradient magnitude [data units per world unit]: linear between the

@@ -79,7 +79,7 @@ static void destroy(void *state) {
     free(vpx);
 }
 
-/* A JPEG's quality to a quantiser that looks alike: 90 → 8, 60 → 26, 30 → 44. */
+/* Converts a JPEG quality to a quantiser of similar quality: 90 → 8, 60 → 26, 30 → 44. */
 static unsigned quantiser(int quality) {
     int q = 62 - quality * 6 / 10;
     return (unsigned)(q > Q_MAX ? Q_MAX : q);
@@ -95,7 +95,7 @@ static const char *encode(void *state, const struct sp_i420 *image, int quality,
         if (vpx_codec_enc_config_set(&vpx->codec, &vpx->config) != VPX_CODEC_OK)
             return "libvpx refuses the quality";
     }
-    /* Takes the planes as they are; the memory stays ours. */
+    /* Uses the planes without a copy; the caller still owns the memory. */
     if (!vpx_img_wrap(&wrapped, VPX_IMG_FMT_I420, image->width, image->height, 1, image->planes[0]))
         return "libvpx refuses the image";
     for (int p = 0; p < 3; p++) {

@@ -38,7 +38,7 @@ struct import_progress {
 
 struct import_format {
     const char *name;
-    /* True if the first bytes or the name of the file tell this format. */
+    /* True if the first bytes or the name of the file identify this format. */
     bool (*probe)(const uint8_t *start, size_t size, const char *shown);
     /* Reads the header. Returns a reader for the calls below, or NULL with *err set. *file must
      * stay valid until close(). The grid has passed sp_grid_check(). */

@@ -163,7 +163,7 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
     while (count) {
         uint32_t left = 0;
         t->is_open = sp_postconv_start_group(t, runs, count);
-        /* Nobody sees a cancelled frame, and a layer may have thousands of runs. */
+        /* A cancelled frame is never shown, and a layer may have thousands of runs. */
         for (uint32_t i = 0; i < count && !sp_interrupt_is_cancelled(&t->postconv->interrupt);
              i++) {
             int part = fit_part(t, &runs[i]);

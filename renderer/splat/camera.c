@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/camera.h"
 
-/* Unit vector of any finite, non-zero vector, however long. */
+/* Returns the unit vector of a finite, non-zero vector of any length. */
 static struct sp_vec3 unit(struct sp_vec3 a) {
     double largest = fmax(fabs(a.v[0]), fmax(fabs(a.v[1]), fabs(a.v[2])));
     return sp_vec3_normalize(sp_vec3_scale(a, 1 / largest));

@@ -4,7 +4,7 @@
 #include "splat/exp2.h"
 #include "volume/grid.h"
 
-/* Voxels on their way to the image, SP_WIDE at a time. */
+/* Voxels while they are projected, SP_WIDE at a time. */
 struct places {
     sp_wide u[3];
     sp_wide kernel[3][3]; /* rows of K */

@@ -14,17 +14,10 @@
 
 #include <stdbool.h>
 
+#include "backend/gl/platform.h"
 #include "sp/probe.h"
 #include "sp/renderer.h"
 #include "sp/status.h"
-
-/* The ways to a display that EGL offers. */
-enum gl_platform {
-    GL_PLATFORM_ANY,
-    GL_PLATFORM_DEVICE,
-    GL_PLATFORM_SURFACELESS,
-    GL_PLATFORM_DEFAULT
-};
 
 struct gl_options {
     int gpu;                   /* index of an EGL device; −1 = the first place that works … */

@@ -142,7 +142,7 @@ static unsigned open_compositor(struct gl_state *s, const struct choices *c, str
         &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped][c->is_linear][c->is_post];
     if (own->program)
         return own->program;
-    struct sp_error why = { .text = "it failed before, and the log tells why" };
+    struct sp_error why = { .text = "it failed before; the log has the reason" };
     char defines[160];
     snprintf(defines, sizeof defines,
              "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"

@@ -15,8 +15,11 @@
 #include <stdbool.h>
 
 #include "backend/backend.h"
-#include "backend/gl/context.h"
+#include "backend/gl/platform.h"
 #include "sp/probe.h"
+
+struct gl_context; /* backend/gl/context.h */
+struct gl_info;
 
 struct gl_place {
     enum gl_platform platform; /* as in gl_info */

@@ -175,8 +175,8 @@ static void only_values_that_change_count(void **state) {
         info.type = type ? SP_FLOAT32 : SP_UINT8;
         if (type) /* keys of reals are counted from the first point, which has to stay */
             a.points[0].value = b.points[0].value = 40, b.points[1].opacity = 0;
-        assert_true(sp_transfer_init(&from, &a, &info, NULL));
-        assert_true(sp_transfer_init(&to, &b, &info, NULL));
+        assert_true(sp_transfer_init(&from, &a, &info, NULL, NULL));
+        assert_true(sp_transfer_init(&to, &b, &info, NULL, NULL));
         assert_true(sp_change_is_possible(&from, &to));
         assert_true(sp_change_init(&change, &from, from.is_visible, &to, to.is_visible, NULL));
         double base = sp_transfer_base(&from);

@@ -57,7 +57,7 @@ static void every_type_is_classified_by_the_same_law(void **state) {
         struct sp_transfer t;
         uint32_t keys[8];
         uint8_t visible[8];
-        assert_true(sp_transfer_init(&t, &ramp, sp_volume_info(v), NULL));
+        assert_true(sp_transfer_init(&t, &ramp, sp_volume_info(v), NULL, NULL));
         sp_transfer_keys(&t, sp_volume_voxels(v), 0, 8, keys, visible);
         for (int i = 0; i < 8; i++) {
             double value = type == SP_UINT8     ? u8[i]
@@ -89,7 +89,7 @@ static void steps_of_a_real_field_stay_sharp(void **state) {
     struct sp_transfer t;
     uint32_t keys[5];
     uint8_t visible[5];
-    assert_true(sp_transfer_init(&t, &narrow, sp_volume_info(v), NULL));
+    assert_true(sp_transfer_init(&t, &narrow, sp_volume_info(v), NULL, NULL));
     sp_transfer_keys(&t, sp_volume_voxels(v), 0, 5, keys, visible);
     static const double opacities[] = { 0, 0, 0.125, 0.25, 0.5 };
     for (int i = 0; i < 5; i++) {

@@ -230,7 +230,7 @@ static void the_gradient_axis_scales_opacity(void **state) {
     };
     struct sp_transfer transfer;
     struct sp_gradient_grid units;
-    assert_true(sp_transfer_init(&transfer, &tf, &info, NULL));
+    assert_true(sp_transfer_init(&transfer, &tf, &info, NULL, NULL));
     sp_gradient_units_init(&units, &info);
     for (double m = 0; m < 60; m += 1.3) {
         double scale = m < 10 ? 0 : m < 30 ? (m - 10) / 40 : m < 40 ? 0.5 + (m - 30) / 20 : 1;
