@@ -88,13 +88,14 @@ timed() {
     return $status
 }
 
-# run PRESET CTEST-ARGUMENT...: runs the tests, one per core, longest first. A failure does not stop the next stage. The
-# summary of ctest goes to $logs/PRESET.summary and is printed by the caller.
+# run PRESET CTEST-ARGUMENT...: runs the tests, longest first. One more than there are cores run at a time, because some
+# tests wait. A failure does not stop the next stage. The summary of ctest goes to $logs/PRESET.summary and is printed by
+# the caller.
 run() {
     local preset=$1
     shift
     rm -f "$logs/$preset.summary"
-    (cd "$root" && ctest --preset "$preset" --parallel "$(nproc)" "$@" 2>&1) |
+    (cd "$root" && ctest --preset "$preset" --parallel $(($(nproc) + 1)) "$@" 2>&1) |
         tee "$logs/$preset.log" |
         awk -v summary="$logs/$preset.summary" '/^[0-9]+% tests passed/ { held = 1 } held { print > summary; next } { print; fflush() }' ||
         failed+=("$preset")

@@ -19,7 +19,7 @@
 #include "support/render.h"
 #include "support/truth.h"
 
-enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, GL_STEP = 5 };
+enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, GL_STEP = 8 };
 
 struct run {
     struct test_target targets[TARGETS_MAX];
@@ -216,7 +216,7 @@ static bool find_truth(const struct test_scene *scene, const struct manifest_sce
     return ok;
 }
 
-/* Software GL takes most of the time: it draws every fifth row of a scene, and other rows of the
+/* Software GL takes most of the time: it draws every eighth row of a scene, and other rows of the
  * next scene, unless one scene is asked for. */
 static bool is_drawn(const struct run *run, unsigned t, const struct manifest_scene *entry,
                      size_t row) {

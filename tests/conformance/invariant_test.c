@@ -326,7 +326,6 @@ static int run_target(struct invariant_context *c) {
     /* Software GL is slow: it runs what its comparison to the reference (ewa_test.c) does not
      * cover. */
     const struct CMUnitTest few[] = {
-        ON(threads_do_not_matter),
         ON(a_flat_gradient_axis_is_none),
         ON(eight_bits_are_the_rounded_floats),
         ON(nothing_to_see_is_the_background),
