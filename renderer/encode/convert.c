@@ -15,8 +15,8 @@ static const float *row32(const struct sp_frame *frame, uint32_t y) {
     return (const float *)(const void *)row8(frame, y);
 }
 
-/* Whether the alphas of one row are 255. Whole pixels are joined by "and", a word each, which a
-   compiler turns into vectors as it does not for every fourth byte. */
+/* True if all alphas of one row are 255. The pixels are combined with AND as 32-bit words, because
+ * a compiler vectorises that loop, but not a loop over every fourth byte. */
 static bool is_row_opaque(const struct sp_frame *frame, uint32_t y) {
     const size_t width = frame->width;
     if (frame->format == SP_RGBA8) {
@@ -43,7 +43,7 @@ bool sp_frame_is_opaque(const struct sp_frame *frame) {
     return y == frame->height;
 }
 
-/* One row as RGBA of 8 bit, alpha not associated or (over_black) multiplied in. */
+/* Converts one row to RGBA of 8 bits with straight alpha, or blended over black if over_black. */
 static void row_to_bytes(const struct sp_frame *frame, uint32_t y, bool over_black, uint8_t *out) {
     const uint8_t *in8 = row8(frame, y);
     const float *in32 = row32(frame, y);
@@ -65,7 +65,7 @@ static void row_to_bytes(const struct sp_frame *frame, uint32_t y, bool over_bla
     }
 }
 
-/* One row of 8 bit as associated floats. */
+/* Converts one row of 8 bits to floats with premultiplied alpha. */
 static void row_to_floats(const struct sp_frame *frame, uint32_t y, float *out) {
     const uint8_t *in = row8(frame, y);
     for (uint32_t x = 0; x < frame->width; x++) {
@@ -76,7 +76,7 @@ static void row_to_floats(const struct sp_frame *frame, uint32_t y, float *out) 
     }
 }
 
-/* Whether the frame's own pixels are what `kind` asks for. */
+/* True if the frame's own pixels already have the layout of `kind`. */
 static bool serves(const struct sp_frame *frame, enum sp_raster_kind kind, bool is_opaque) {
     if (kind == SP_RASTER_RGBAF32)
         return frame->format == SP_RGBAF32;

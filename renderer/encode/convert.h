@@ -10,7 +10,7 @@
 
 #include "encode/encoder.h"
 
-/* True if every alpha is 1 (or rounds to 255). Looks at the pixels unless the frame knows. */
+/* True if every alpha is 1 (or rounds to 255). Reads the pixels unless the frame already knows. */
 bool sp_frame_is_opaque(const struct sp_frame *frame);
 
 enum sp_raster_kind {

@@ -34,7 +34,7 @@ enum sp_image_format sp_image_format_find(const char *text) {
 enum { KEEP_BYTES = 64 << 20 };
 
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err) {
-    /* What one large image needed is not kept for many small ones. */
+    /* Memory for one large image is freed when the images after it are far smaller. */
     size_t keep = capacity > KEEP_BYTES / 8 ? capacity * 8 : KEEP_BYTES;
     buffer->size = 0;
     if (buffer->capacity >= capacity && buffer->capacity <= keep)

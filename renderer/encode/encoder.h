@@ -16,37 +16,38 @@
 #include "encode/exr_bridge.h"
 #include "sp/encode.h"
 
-struct sp_buffer { /* memory kept from image to image; {0} is empty */
+struct sp_buffer { /* memory that is reused from image to image; {0} is empty */
     uint8_t *bytes;
     size_t size, capacity;
 };
 
 struct sp_encoder {
-    struct sp_buffer pixels; /* the frame as its format wants it, when it must be converted */
+    struct sp_buffer pixels; /* the converted frame, if its format needs a conversion */
     struct sp_buffer output;
     void *jpeg;            /* tjhandle; NULL until the first JPEG */
     enum sp_chroma chroma; /* of JPEGs */
-    sp_share_fn *share;    /* NULL = it makes all stripes of a JPEG itself */
+    sp_share_fn *share;    /* NULL = the encoder encodes all stripes of a JPEG itself */
     void *share_user;
     sp_exr_encode_fn *exr; /* NULL until the first EXR; the library is never unloaded */
 };
 
-/* Pixels handed to a format: rows of `stride` bytes, from the top; four channels. */
+/* The pixels that a format encodes: rows of `stride` bytes, from the top; four channels. */
 struct sp_raster {
     const void *pixels;
     uint32_t width, height;
     size_t stride;
-    bool is_opaque; /* of 8 bit: the fourth channel is 255 everywhere, and can be left out */
+    bool is_opaque; /* 8 bits only: the fourth channel is 255 everywhere and can be left out */
 };
 
-/* Empties the buffer and reserves `capacity` bytes. Frees memory that a far larger image left. */
+/* Empties the buffer and reserves `capacity` bytes. Frees the old memory if it is far larger than
+ * needed. */
 bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_error *err);
 
-/* Grows the buffer as needed. False when out of memory; the content stays. */
+/* Grows the buffer as needed and keeps its content. False when out of memory. */
 bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size);
 
-/* All write encoder->output. jpeg, png and webp take 8 bits, exr floats; jpeg ignores the fourth
- * channel, png and webp leave it out if the raster is opaque. */
+/* All of these functions write encoder->output. jpeg, png and webp take 8 bits, exr takes floats.
+ * jpeg ignores the fourth channel; png and webp leave it out if the raster is opaque. */
 bool sp_encode_jpeg(struct sp_encoder *encoder, const struct sp_raster *raster, int quality,
                     struct sp_error *err);
 void sp_encode_jpeg_finish(struct sp_encoder *encoder);

@@ -21,10 +21,11 @@ struct sp_exr_image {
 
 enum sp_exr_status { SP_EXR_DONE, SP_EXR_MEMORY, SP_EXR_FAILED };
 
-/* Receives the whole file once; returns 0 when it has no memory for it. */
+/* Receives the whole file in one call; returns 0 if it has no memory for it. */
 typedef int sp_exr_sink(void *user, const void *bytes, size_t size);
 
-/* Thread-safe. Throws nothing. On failure `error` (of error_size > 0 bytes) says why. */
+/* Thread-safe. Throws no exceptions. On failure writes the reason to `error` (error_size > 0
+ * bytes). */
 typedef enum sp_exr_status sp_exr_encode_fn(const struct sp_exr_image *image, sp_exr_sink *sink,
                                             void *user, char *error, size_t error_size);
 

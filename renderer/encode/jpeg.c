@@ -6,7 +6,7 @@
 
 #include "encode/encoder.h"
 
-enum { FULL_COLOUR_QUALITY = 90 }; /* from here on colour is not subsampled by itself */
+enum { FULL_COLOUR_QUALITY = 90 }; /* lowest quality at which AUTO does not subsample colour */
 
 static const struct {
     const char *name;
@@ -58,12 +58,12 @@ enum { MARK_SOF = 0xc0, MARK_RST = 0xd0, MARK_SOS = 0xda, MARK_DRI = 0xdd };
 struct stripes {
     const struct sp_raster *raster;
     int quality, sampling;
-    uint32_t rows; /* of each; the last may have fewer */
+    uint32_t rows; /* rows per stripe; the last stripe may have fewer */
     unsigned count;
-    uint8_t *bytes; /* of stripe i: at i · capacity */
+    uint8_t *bytes; /* output of stripe i begins at i · capacity */
     size_t capacity;
     unsigned long sizes[STRIPES_MAX];
-    struct sp_error *err; /* of the first that fails */
+    struct sp_error *err; /* error of the first stripe that fails */
     atomic_bool failed;
 };
 
@@ -98,7 +98,7 @@ static void encode_stripe(void *of, unsigned i, struct sp_encoder *with) {
                 tjGetErrorStr2(with->jpeg));
 }
 
-/* Where the first segment of that kind begins in the head of a JPEG; 0 = there is none. */
+/* Returns the offset of the first segment of that kind in the head of a JPEG; 0 = there is none. */
 static size_t find_segment(const uint8_t *jpeg, size_t size, uint8_t mark) {
     size_t at = 2;
     while (at + 4 <= size && jpeg[at + 1] != mark && jpeg[at + 1] != MARK_SOS)
@@ -106,8 +106,8 @@ static size_t find_segment(const uint8_t *jpeg, size_t size, uint8_t mark) {
     return at + 4 <= size && jpeg[at + 1] == mark ? at : 0;
 }
 
-/* Whether one head, but for its height, serves all. The environment can tell the library to code
- * otherwise: TJ_OPTIMIZE and the like. */
+/* True if one head, except for its height, is valid for all stripes. Environment variables such as
+ * TJ_OPTIMIZE can make the library write different heads. */
 static bool are_alike(const struct stripes *s, size_t frame, size_t scan) {
     if (!frame || !scan || find_segment(s->bytes, s->sizes[0], MARK_DRI))
         return false;
@@ -120,8 +120,8 @@ static bool are_alike(const struct stripes *s, size_t frame, size_t scan) {
     return true;
 }
 
-/* Moves the head of the first stripe down into the DRI_BYTES before it, and the others' scans up to
- * what is before them. False if they cannot be joined; then nothing has changed. */
+/* Moves the head of the first stripe down into the DRI_BYTES before it, and each other scan to the
+ * end of the scan before it. False if the stripes cannot be joined; then nothing has changed. */
 static bool join(const struct stripes *s, size_t *size) {
     uint8_t *first = s->bytes;
     size_t frame = find_segment(first, s->sizes[0], MARK_SOF),
@@ -141,7 +141,7 @@ static bool join(const struct stripes *s, size_t *size) {
     uint8_t *end = first + s->sizes[0];
     scan += 2 + (size_t)(first[scan + 2] << 8 | first[scan + 3]);
     for (unsigned i = 1; i < s->count; i++) {
-        end[-1] = (uint8_t)(MARK_RST + (i - 1) % 8); /* in the place of EOI */
+        end[-1] = (uint8_t)(MARK_RST + (i - 1) % 8); /* RST overwrites EOI */
         memmove(end, s->bytes + i * s->capacity + scan, s->sizes[i] - scan);
         end += s->sizes[i] - scan;
     }

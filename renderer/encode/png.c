@@ -7,19 +7,20 @@
 #include "encode/encoder.h"
 
 enum {
-    LEVEL = 1,              /* of zlib: a quarter larger than its best, four times as fast */
-    FILTER = PNG_FILTER_UP, /* of rendered volumes: smaller than none, faster than a choice a row */
-    CHUNK_BYTES = 64 << 10  /* of an IDAT; the library's own are of 8 KiB */
+    LEVEL = 1, /* zlib level: files a quarter larger than at the best level, four times as fast */
+    FILTER = PNG_FILTER_UP, /* for rendered volumes: smaller files than with no filter, faster than
+                               a choice per row */
+    CHUNK_BYTES = 64 << 10  /* size of an IDAT chunk; the library's default is 8 KiB */
 };
 
-struct job { /* what the library's callbacks are given */
+struct job { /* the context of the library's callbacks */
     struct sp_buffer *output;
-    bool is_short; /* of memory */
-    char why[128]; /* the library's words */
+    bool is_short; /* a callback ran out of memory */
+    char why[128]; /* the library's error message */
 };
 
-/* What the library cannot go on with ends in the setjmp() of write_png(). The jump leaves frames of
- * the library, of write_image() and of the callbacks below, and none of these owns anything. */
+/* An error of the library jumps to the setjmp() of write_png(). The jump skips stack frames of the
+ * library, of write_image() and of the callbacks below. None of these owns memory. */
 static void fail(png_structp png, png_const_charp why) {
     struct job *job = png_get_error_ptr(png);
     snprintf(job->why, sizeof job->why, "%s", why);
@@ -97,7 +98,7 @@ bool sp_encode_png(struct sp_encoder *encoder, const struct sp_raster *raster,
         png_set_write_fn(png, &job, append, flush);
     bool ok = info && write_png(png, info, raster);
     png_destroy_write_struct(&png, &info);
-    if (job.is_short) /* also where the library would do without */
+    if (job.is_short) /* an error even if the library continued without the memory */
         return sp_fail(err, SP_ERR_MEMORY, "", "no memory to encode %u × %u as png", raster->width,
                        raster->height);
     return ok || sp_fail(err, SP_ERR_BACKEND, "", "cannot encode %u × %u as png: %s", raster->width,

@@ -22,9 +22,9 @@ static const struct {
 struct sp_video {
     const struct sp_video_coder *coder;
     unsigned threads;
-    void *state; /* NULL: the next packet begins a new stream */
+    void *state; /* NULL = the next packet begins a new stream */
     unsigned width, height;
-    struct sp_encoder scratch; /* its `pixels`: the frame over black; `output`: the planes */
+    struct sp_encoder scratch; /* `pixels` holds the frame over black, `output` the planes */
 };
 
 const char *sp_video_codec_name(enum sp_video_codec codec) {
@@ -92,7 +92,7 @@ void sp_video_destroy(struct sp_video **pointer) {
     free(video);
 }
 
-/* Two rows to luma. BT.601, limited range, 8 bits of fraction. */
+/* Converts two rows to luma: BT.601, limited range, 8 fraction bits. */
 static void luma_row(const uint8_t *restrict rgbx, unsigned width, uint8_t *restrict out) {
     for (unsigned x = 0; x < width; x++) {
         int r = rgbx[4 * x], g = rgbx[4 * x + 1], b = rgbx[4 * x + 2];
@@ -100,7 +100,7 @@ static void luma_row(const uint8_t *restrict rgbx, unsigned width, uint8_t *rest
     }
 }
 
-/* Two rows to one of chroma: the mean of each 2 × 2 pixels. */
+/* Converts two rows to one row of chroma: the mean of each 2 × 2 pixels. */
 static void chroma_row(const uint8_t *restrict a, const uint8_t *restrict b, unsigned pairs,
                        uint8_t *restrict u, uint8_t *restrict v) {
     for (unsigned x = 0; x < pairs; x++) {
@@ -112,7 +112,8 @@ static void chroma_row(const uint8_t *restrict a, const uint8_t *restrict b, uns
     }
 }
 
-/* Planes of even sides, so that every 2 × 2 pixels are there: an odd side's last pixels twice. */
+/* Fills planes with even sides, so that all blocks of 2 × 2 pixels are complete. An odd side
+ * repeats its last pixels. */
 static void to_planes(const struct sp_raster *raster, struct sp_i420 *image) {
     unsigned width = raster->width, height = raster->height, pairs = width / 2;
     for (unsigned y = 0; y < (height + 1) / 2; y++) {

@@ -17,7 +17,7 @@ struct sp_i420 { /* Y, U, V; chroma has half as many columns and rows, rounded u
 };
 
 struct sp_coder_packet {
-    const uint8_t *bytes; /* the coder's, until its next call */
+    const uint8_t *bytes; /* owned by the coder; valid until its next call */
     size_t size;
     bool is_key;
 };
@@ -25,10 +25,12 @@ struct sp_coder_packet {
 enum { SP_CODER_VERSION = 1 };
 struct sp_video_coder {
     unsigned version; /* SP_CODER_VERSION */
-    bool wants_even;  /* both sides */
-    /* For images of one size. NULL: out of memory, or the library refuses. */
+    bool wants_even;  /* needs an even width and height */
+    /* Creates a coder for images of one size. Returns NULL if out of memory or if the library
+     * refuses. */
     void *(*create)(unsigned width, unsigned height, unsigned threads);
-    /* One packet. NULL, or why not: a constant string. quality: [1, 100]. */
+    /* Encodes one packet. Returns NULL on success, otherwise the reason as a constant string.
+     * quality: [1, 100]. */
     const char *(*encode)(void *state, const struct sp_i420 *image, int quality, bool key,
                           struct sp_coder_packet *packet);
     void (*destroy)(void *state);

@@ -10,8 +10,8 @@
 
 enum {
     Q_MAX = 63,
-    SPEED = 8,               /* VP9's fastest for real time; more is lost in quality than won */
-    RATE_KBIT = 1000 * 1000, /* never what limits a frame: the quantiser is fixed */
+    SPEED = 8,               /* VP9's fastest real-time speed: higher ones lose too much quality */
+    RATE_KBIT = 1000 * 1000, /* so large that it never limits a frame: the quantiser is fixed */
 };
 
 struct vpx {
@@ -32,7 +32,7 @@ static void configure(vpx_codec_enc_cfg_t *config, unsigned width, unsigned heig
     config->rc_target_bitrate = RATE_KBIT;
     config->rc_dropframe_thresh = 0;
     config->rc_resize_allowed = 0;
-    config->kf_mode = VPX_KF_DISABLED; /* only when asked for */
+    config->kf_mode = VPX_KF_DISABLED; /* key frames only on request */
 }
 
 static void *create(vpx_codec_iface_t *interface, bool is_vp9, unsigned width, unsigned height,
@@ -42,8 +42,8 @@ static void *create(vpx_codec_iface_t *interface, bool is_vp9, unsigned width, u
         free(vpx);
         return NULL;
     }
-    /* VP8's threads spin while they wait for each other: beside other work on the same cores a
-     * frame takes ten times as long as on one. */
+    /* VP8's threads spin while they wait for each other. When other work uses the same cores, a
+     * frame takes ten times as long as with one thread. */
     configure(&vpx->config, width, height, is_vp9 ? threads : 1);
     if (vpx_codec_enc_init(&vpx->codec, interface, &vpx->config, 0) != VPX_CODEC_OK) {
         free(vpx);
@@ -58,7 +58,7 @@ static void *create(vpx_codec_iface_t *interface, bool is_vp9, unsigned width, u
         vpx_codec_control(&vpx->codec, VP9E_SET_AQ_MODE, 0);
         vpx_codec_control(&vpx->codec, VP9E_SET_COLOR_SPACE, VPX_CS_BT_601);
     } else {
-        /* Negative: as fast as this always; positive would follow the clock. */
+        /* A negative value sets a fixed speed; a positive one would adapt it to the clock. */
         vpx_codec_control(&vpx->codec, VP8E_SET_CPUUSED, -SPEED);
     }
     return vpx;

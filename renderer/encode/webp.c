@@ -5,7 +5,7 @@
 
 struct sink {
     struct sp_buffer *output;
-    bool is_short; /* of memory; the library does not always say that a write failed */
+    bool is_short; /* out of memory; the library does not always report that a write failed */
 };
 
 static int append(const uint8_t *bytes, size_t size, const WebPPicture *image) {

@@ -31,9 +31,10 @@ static void *create(unsigned width, unsigned height, unsigned threads) {
     p->i_fps_num = 30;
     p->i_fps_den = 1;
     p->b_vfr_input = 0;
-    p->i_keyint_max = X264_KEYINT_MAX_INFINITE; /* only when asked for */
+    p->i_keyint_max = X264_KEYINT_MAX_INFINITE; /* key frames only on request */
     p->i_scenecut_threshold = 0;
-    p->b_repeat_headers = 1; /* a key frame is all that a decoder needs */
+    p->b_repeat_headers =
+        1; /* each key frame repeats the headers, so that a decoder can start there */
     p->b_annexb = 1;
     p->b_aud = 0;
     p->i_log_level = X264_LOG_NONE;
@@ -58,7 +59,7 @@ static void destroy(void *state) {
     free(x);
 }
 
-/* A JPEG's quality to x264's: 90 → 13, 60 → 23, 30 → 33. */
+/* Converts a JPEG quality to x264's: 90 → 13, 60 → 23, 30 → 33. */
 static float rate_factor(int quality) {
     return 43 - (float)quality / 3;
 }
@@ -87,7 +88,7 @@ static const char *encode(void *state, const struct sp_i420 *image, int quality,
     int size = x264_encoder_encode(x->encoder, &units, &count, &in, &out);
     if (size <= 0)
         return size < 0 ? "libx264 cannot encode the image" : "libx264 gave no packet";
-    /* The units lie one behind the other. */
+    /* The NAL units are contiguous in memory. */
     *packet = (struct sp_coder_packet){ .bytes = units[0].p_payload,
                                         .size = (size_t)size,
                                         .is_key = out.b_keyframe != 0 };

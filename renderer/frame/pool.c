@@ -90,7 +90,8 @@ void sp_frame_pool_destroy(struct sp_frame_pool **pool) {
         free_pool(p);
 }
 
-/* The smallest idle block that is large enough and wastes at most half; NULL if there is none. */
+/* Returns the smallest idle block that is large enough and wastes at most half; NULL if there is
+ * none. */
 static struct block *take_idle(struct sp_frame_pool *pool, size_t bytes) {
     struct block **best = NULL;
     for (struct block **link = &pool->idle; *link; link = &(*link)->next) {

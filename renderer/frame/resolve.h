@@ -10,7 +10,7 @@
 #include "base/isa.h"
 #include "sp/frame.h"
 
-/* A pixel is opaque when its transmittance is below this: nothing behind it is drawn. */
+/* A pixel is opaque when its transmittance is below this value; nothing behind it is drawn. */
 #define SP_TRANSMITTANCE_MIN (1.0f / 512)
 
 /* Resolves one row of `count` pixels. planes: transmittance, then premultiplied red, green, blue.

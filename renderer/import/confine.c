@@ -22,8 +22,9 @@ static bool fail_errno(struct sp_error *err, int error, const char *shown, const
     return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
 }
 
-/* Opens `real` folder by folder. It has no links, so a link found now was created meanwhile: ELOOP.
- * openat2() would need one call, but the seccomp filter cannot check its arguments. */
+/* Opens `real` folder by folder. A resolved path contains no links; a link found now was created in
+ * the meantime and fails with ELOOP. openat2() would need one call, but the seccomp filter cannot
+ * check its arguments. */
 static int open_path(const char *root, const char *real) {
     int fd = open(root, O_PATH | O_DIRECTORY | O_CLOEXEC);
     const char *name = real + strlen(root);

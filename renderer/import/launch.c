@@ -36,7 +36,7 @@ struct import {
     uint64_t done; /* bytes that the child reports as read */
 };
 
-/* Before the child. */
+/* Before the child starts. */
 
 static bool find_root(struct import *im, struct sp_error *err) {
     const char *root = im->options->root;

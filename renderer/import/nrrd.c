@@ -61,7 +61,7 @@ static bool take_spacings(const struct parsing *p) {
     return true;
 }
 
-/* The third axis of an image with two axes, at right angles to both. */
+/* Computes the third axis of an image with two axes, perpendicular to both. */
 static bool take_third_direction(const struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
     double n[3], length = 0;

@@ -196,7 +196,7 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
     struct tiff_page *page = malloc(sizeof *page);
     if (!page)
         return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
-    /* Opens by descriptor, because the name may point elsewhere by now. */
+    /* Opens by descriptor, because the name may refer to another file by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
     bool ok = tiff_chain_check(t->file, &t->pages, err);
     if (ok && !(t->bridge = tiff_bridge_open(path, why, sizeof why)))

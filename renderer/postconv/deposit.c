@@ -12,7 +12,7 @@ struct chunk {
     _Alignas(64) int32_t at[CHUNK];                 /* index of that sample in the grid [floats] */
     _Alignas(64) int32_t phase[2][CHUNK];           /* row of the tables [floats] */
     _Alignas(64) float gain[CHUNK];
-    _Alignas(64) float delta[3][CHUNK]; /* of the variance: xx, yy, xy, samples² */
+    _Alignas(64) float delta[3][CHUNK]; /* variance: xx, yy, xy [samples²] */
     _Alignas(64) float to_eye[3][CHUNK];
     uint32_t own; /* bit per voxel inside the tile, which no other tile counts */
     _Alignas(64) struct sp_class class[CHUNK]; /* of each voxel, if a table does not suffice */
@@ -29,8 +29,9 @@ struct run_frame {
     float base[3], step[2][3]; /* u of place (0, 0) of the slice, and along its axes */
     /* Column and row, from the first that matters on, 1/POSTCONV_PHASES samples. */
     float focal[2], centre[2];
-    int32_t low[2], columns, rows;      /* the first that matters, and how many do */
-    int32_t own[4];                     /* of the tile's own: first column and row, how many */
+    int32_t low[2], columns,
+        rows;       /* the first sample that matters, and the number of samples that matter */
+    int32_t own[4]; /* of the tile itself: first column and row, number of columns and rows */
     float scale, ratio_max[2], gram[6]; /* products of the kernel's rows: 00, 11, 01, 02, 12, 22 */
     float variance[3], rest[3];
     float gain, near, range[2];
@@ -558,7 +559,7 @@ void sp_postconv_add_footprints(struct sp_postconv_open_tile *t,
     struct run_frame frame;
     start_run(t, run, true, &frame);
     sp_visible_corner(list, b->brick, r.brick);
-    /* Footprints may be wide: few at a time, so that a cancelled frame ends soon. */
+    /* Footprints may be wide. Few are drawn at a time, so that a cancelled frame ends soon. */
     for (uint32_t at = run->begin;
          at < run->end && !sp_interrupt_is_cancelled(&t->postconv->interrupt);) {
         r.count = find_entries(&frame, run, r.first, &at, COUNT, entries);

@@ -113,7 +113,7 @@ static inline uint32_t widen(uint32_t blocks, int samples) {
     return blocks;
 }
 
-/* One vector: Σ weight[k] · from[k · stride], in two independent sums. */
+/* Filters one vector: Σ weight[k] · from[k · stride], in two independent sums. */
 static inline sp_wide taps(const float *from, int stride, const float *weight, int n) {
     sp_wide even = sp_wide_load(from) * weight[0], odd = sp_wide_all(0);
     for (int k = 1; k + 1 < n; k += 2) {
@@ -253,8 +253,8 @@ static void filter_diagonally(struct sp_postconv_open_tile *t) {
     t->row1 = high;
 }
 
-/* (1 − exp(−d)) / d for d ≥ 0: how much of its own light a sheet lets through. Most sheets are
- * thin, where the series is exact enough. */
+/* (1 − exp(−d)) / d for d ≥ 0: the share of its own light that a sheet lets through. Most sheets
+ * are thin; for them the series is exact enough. */
 static inline sp_wide mean_transmittance(sp_wide d) {
     sp_wide series = 1.0f / 5040 - d * (1.0f / 40320);
     series = 1.0f / 120 - d * (1.0f / 720 - d * series);

@@ -3,7 +3,7 @@
 
 #include "postconv/postconv.h"
 
-/* Cubic B-spline at distance x. */
+/* Returns the cubic B-spline at distance x. */
 static double spline(double x) {
     x = fabs(x);
     if (x < 1)

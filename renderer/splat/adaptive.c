@@ -25,8 +25,8 @@ static void singular_values(const struct sp_mat3 *a, double value[2]) {
     value[1] = sqrt(fmax(s.m[0][0], fmax(s.m[1][1], s.m[2][2])));
 }
 
-/* Smallest and largest local spacing of the voxels [first, last] of an axis, over the axis's own.
- */
+/* Computes the smallest and the largest local spacing of the voxels [first, last] of an axis,
+ * divided by the axis's mean spacing. */
 static void stretch_of(const struct sp_grid *grid, unsigned axis, uint32_t first, uint32_t last,
                        double stretch[2]) {
     stretch[0] = stretch[1] = 1;
@@ -96,7 +96,8 @@ void sp_adaptive_init(struct sp_adaptive *adaptive, const struct sp_camera_frame
 
 enum sp_filter_mode sp_adaptive_mode(const struct sp_adaptive *a, const double radius[2],
                                      double nearest, double farthest) {
-    double low, high; /* R of the smallest radius at its farthest, of the largest at its nearest */
+    double low, high; /* R of the smallest radius at the largest distance, and of the largest radius
+                         at the smallest distance */
     if (a->projection == SP_ORTHOGRAPHIC) {
         low = a->scale * radius[0];
         high = a->scale * radius[1];

@@ -10,7 +10,8 @@ static struct sp_vec3 unit(struct sp_vec3 a) {
 void sp_camera_frame_init(struct sp_camera_frame *frame, const struct sp_camera *camera,
                           const uint32_t size[2]) {
     struct sp_vec3 to;
-    for (int i = 0; i < 3; i++) /* quartered, so that opposite huge numbers do not overflow */
+    for (int i = 0; i < 3; i++) /* Quartered, so that the difference of two huge values of opposite
+                                   sign does not overflow. */
         to.v[i] = camera->target[i] / 4 - camera->position[i] / 4;
     struct sp_vec3 forward = unit(to);
     struct sp_vec3 right = unit(sp_vec3_cross(forward, unit(sp_vec3_from(camera->up))));

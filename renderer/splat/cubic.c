@@ -33,7 +33,7 @@ static double antiderivative(const double c[4], double rho, double z) {
            c[3] * (0.25 * z * r * r * r + 0.75 * rho * rho * first);
 }
 
-/* Half of the chord at distance ρ from the middle of a sphere. */
+/* Returns half of the chord at distance ρ from the centre of a sphere. */
 static double half_chord(double radius, double rho) {
     return rho < radius ? sqrt((radius - rho) * (radius + rho)) : 0;
 }
@@ -59,7 +59,8 @@ void sp_cubic_table_init(struct sp_cubic_table *table) {
         table->weight[i] = (float)(sp_cubic_footprint(rho) / top);
     }
     for (int i = 0; i <= SP_CUBIC_ROWS + 1; i++) {
-        /* The last rows lie at the rim, where the chord has no length: taken just inside. */
+        /* The last rows lie at the rim, where the chord has length 0. They are computed just inside
+         * the rim. */
         double q = fmin((double)i / SP_CUBIC_ROWS, 1 - 1e-6), rho = SP_CUBIC_RADIUS * sqrt(q);
         double end = half_chord(SP_CUBIC_RADIUS, rho), all = sp_cubic_footprint(rho);
         for (int k = 0; k <= SP_CUBIC_COLUMNS + 1; k++)

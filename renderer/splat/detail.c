@@ -9,7 +9,8 @@
 struct choice {
     const struct sp_detail_job *job;
     struct sp_detail *detail;
-    double size;           /* the most that a voxel spans, px; perspective: times its distance */
+    double size; /* the largest extent of a voxel in the image [px]; perspective: multiplied by its
+                    distance */
     double depth[3], base; /* u2 = base + Σ depth·distance along the axis */
     double most;           /* px of a cell */
 };
@@ -41,7 +42,7 @@ struct sp_filter sp_detail_filter(const struct sp_filter *filter, unsigned level
     return own;
 }
 
-/* The longest that a voxel of the box may be in the image. */
+/* Returns the largest extent that a voxel of the box can have in the image. */
 static double voxel_size(const struct choice *c, const uint32_t first[3], const uint32_t last[3]) {
     const struct sp_grid *grid = c->job->grid;
     double nearest = c->base;
@@ -59,7 +60,8 @@ static void add(struct choice *c, unsigned level, uint32_t brick, bool is_enlarg
     c->detail->levels |= 1u << level;
 }
 
-/* Adds the brick of a level, or what is finer. At most as deep as there are levels. */
+/* Adds the brick of a level or, where it is too coarse, its bricks of finer levels. The recursion
+ * is at most as deep as there are levels. */
 static void visit(struct choice *c, unsigned level, const uint32_t place[3]) {
     const struct sp_grid *grid = c->job->grid;
     uint32_t first[3], last[3], bricks[3];

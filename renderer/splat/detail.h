@@ -33,7 +33,7 @@
 #define SP_DETAIL_PIXELS 0.9
 #define SP_DETAIL_SIGMA 0.1
 
-/* A brick of the cut. */
+/* One brick of the cut. */
 struct sp_detail_brick {
     uint32_t brick; /* number in its level, as in visible.h */
     uint8_t level;

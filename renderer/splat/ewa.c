@@ -13,7 +13,7 @@ struct places {
     float h2;
 };
 
-/* What is known of their splats then. */
+/* The properties of the projected voxels' splats. */
 struct outlines {
     sp_wide x, y, a, b, c, area;
     sp_wide x0, y0, x1, y1; /* whole numbers */
@@ -25,7 +25,7 @@ static inline sp_wide clamp(sp_wide x, float bound) {
     return sp_wide_select(sp_wide_lt(x, low), low, sp_wide_select(sp_wide_lt(high, x), high, x));
 }
 
-/* The first two rows of J·K; returns |det J|. */
+/* Computes the first two rows of J·K; returns |det J|. */
 static inline sp_wide project_kernel(const struct sp_ewa_frame *f, struct places *p) {
     if (f->projection == SP_ORTHOGRAPHIC) {
         for (int i = 0; i < 2; i++)
@@ -49,7 +49,7 @@ static inline sp_wide cross_squared(const sp_wide m[2][3]) {
     return cx * cx + cy * cy + cz * cz;
 }
 
-/* V̂ + h²I in v = (V00, V01, V11); returns its determinant. */
+/* Computes V̂ + h²I in v = (V00, V01, V11); returns its determinant. */
 static inline sp_wide variance(const sp_wide m[2][3], float h2, sp_wide v[3]) {
     sp_wide v00 = m[0][0] * m[0][0] + m[0][1] * m[0][1] + m[0][2] * m[0][2];
     sp_wide v11 = m[1][0] * m[1][0] + m[1][1] * m[1][1] + m[1][2] * m[1][2];
@@ -59,12 +59,12 @@ static inline sp_wide variance(const sp_wide m[2][3], float h2, sp_wide v[3]) {
     return cross_squared(m) + h2 * (v00 + v11) + h2 * h2;
 }
 
-/* Swan et al. (1997), section 4.3: scales m, as one, so that the smaller variance of V̂ is at least
- * h². */
+/* Swan et al. (1997), section 4.3: scales both axes of m by one factor, so that the smaller
+ * variance of V̂ is at least h². */
 static inline void widen(sp_wide m[2][3], float h2) {
     sp_wide v[3], det = variance((const sp_wide(*)[3])m, 0, v), half = 0.5f * (v[0] + v[2]);
     sp_wide apart = sp_wide_sqrt(0.25f * (v[0] - v[2]) * (v[0] - v[2]) + v[1] * v[1]);
-    sp_wide smaller = det / (half + apart); /* half − apart would cancel */
+    sp_wide smaller = det / (half + apart); /* half − apart would lose its digits by cancellation */
     sp_wide_mask is_small = sp_wide_lt(smaller, sp_wide_all(h2));
     sp_wide scale = sp_wide_sqrt(h2 / sp_wide_max(smaller, sp_wide_all(1e-12f * h2)));
     scale = sp_wide_select(is_small, scale, sp_wide_all(1));
@@ -73,8 +73,8 @@ static inline void widen(sp_wide m[2][3], float h2) {
             m[i][a] *= scale;
 }
 
-/* The variance of the footprint as the mode wants it; returns its determinant. p->h2: what of it is
- * low-pass filter. */
+/* Computes the variance of the footprint for the filter mode; returns its determinant. Sets p->h2
+ * to the part of the variance that the low-pass filter adds. */
 static inline sp_wide filter_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode,
                                       struct places *p, sp_wide v[3]) {
     p->h2 = f->lowpass2;
@@ -106,8 +106,8 @@ static inline sp_wide between(sp_wide x, int low, int high) {
     return sp_wide_min(sp_wide_max(x, sp_wide_all((float)low)), sp_wide_all((float)high));
 }
 
-/* First and last + 1 of the pixels in [low, high) whose centres lie within ±reach of x. False where
- * there is none, or where something is not a number. */
+/* Computes the half-open range of the pixels in [low, high) whose centres lie within ±reach of x.
+ * False if the range is empty or a value is not a number. */
 static inline sp_wide_mask cover(sp_wide x, sp_wide reach, int low, int high, sp_wide *begin,
                                  sp_wide *end) {
     *begin = ceiling(between(x - reach + 0.5f - 1, low, high));
@@ -115,7 +115,8 @@ static inline sp_wide_mask cover(sp_wide x, sp_wide reach, int low, int high, sp
     return sp_wide_lt(*begin, *end);
 }
 
-/* The same for centres in [x − reach, x + reach): of a width of one pixel there is just one. */
+/* The same for centres in [x − reach, x + reach): a width of one pixel contains exactly one centre.
+ */
 static inline sp_wide_mask cover_flat(sp_wide x, sp_wide reach, int low, int high, sp_wide *begin,
                                       sp_wide *end) {
     *begin = ceiling(between(x - reach - 0.5f, low, high));
@@ -123,8 +124,8 @@ static inline sp_wide_mask cover_flat(sp_wide x, sp_wide reach, int low, int hig
     return sp_wide_lt(*begin, *end);
 }
 
-/* Flat rectangles: 1.6 voxels wide, at least a pixel, so that a small one covers the nearest pixel
- * and no other. */
+/* Flat rectangles are 1.6 voxels wide, and at least one pixel, so that a small rectangle covers
+ * exactly the nearest pixel. */
 static inline sp_wide_mask outline_flat(const struct sp_ewa_frame *f, const sp_wide v[3],
                                         struct outlines *o) {
     const sp_wide pixel = sp_wide_all(0.5f);
@@ -150,7 +151,8 @@ static inline sp_wide_mask outline_ellipse(const struct sp_ewa_frame *f, const s
            cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
 }
 
-/* Geometry of splats: all but what they add. Which of them touch the rows being drawn. */
+/* Computes the geometry of splats, but not what they add. Returns which of them touch the rows that
+ * are being drawn. */
 static inline sp_wide_mask place_splats(const struct sp_ewa_frame *f, struct places *p,
                                         enum sp_filter_mode mode, struct outlines *o) {
     sp_wide v[3];
@@ -170,7 +172,7 @@ static inline float clamp_one(float x, float bound) {
     return x < -bound ? -bound : x > bound ? bound : x;
 }
 
-/* The third row of J·K, along the ray. */
+/* Computes the third row of J·K, along the ray. */
 static void project_depth(const struct sp_ewa_frame *f, const float kernel[3][3], const float u[3],
                           float inv, float m[3]) {
     float ratio[2] = { 0, 0 };
@@ -182,7 +184,7 @@ static void project_depth(const struct sp_ewa_frame *f, const float kernel[3][3]
         m[a] = (ratio[0] * kernel[0][a] + ratio[1] * kernel[1][a] + kernel[2][a]) * scale;
 }
 
-/* What the extent of one of the voxels follows from. */
+/* Computes the input for the extent of one of the voxels. */
 static void get_place(const struct sp_ewa_frame *f, const struct places *p, int lane,
                       struct sp_kernel_place *k) {
     *k = (struct sp_kernel_place){ .h2 = p->h2, .radius = f->radius };
@@ -203,7 +205,8 @@ static void get_place(const struct sp_ewa_frame *f, const struct places *p, int 
     k->distance = sp_ewa_distance(f, k->u);
 }
 
-/* Span and cuts of a splat that was placed; false when the clipping planes leave nothing. */
+/* Computes the depth range and the cuts of a placed splat. False if the clipping planes leave
+ * nothing of it. */
 static bool write_extent(const struct sp_ewa_frame *f, const struct places *p, int lane,
                          const struct sp_splats *out, uint32_t n) {
     struct sp_kernel_place k;
@@ -219,11 +222,11 @@ static bool write_extent(const struct sp_ewa_frame *f, const struct places *p, i
     return true;
 }
 
-/* What entries add at the centres of their footprints. */
+/* What entries add to the pixels at the centres of their footprints. */
 struct amounts {
     float depth[SP_WIDE], color[3][SP_WIDE];             /* post: length and gradient */
     float value[SP_WIDE];                                /* post: the scalar */
-    uint32_t gradient[SP_WIDE], microflakes[2][SP_WIDE]; /* one of the two */
+    uint32_t gradient[SP_WIDE], microflakes[2][SP_WIDE]; /* one of the two arrays is used */
 };
 
 static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3],
@@ -238,8 +241,8 @@ static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3
         to_eye[r] = u[r] * inv;
 }
 
-/* Classes of the lanes in `bits`, whose entries are e[]; `gain` turns the depth of a class into τ.
- * Returns those that add anything. */
+/* Classifies the lanes in `bits`, whose entries are e[]. `gain` converts the depth of a class to τ.
+ * Returns the lanes that add anything. */
 static unsigned classify(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
                          unsigned bits, struct amounts *to) {
     unsigned left = 0;
@@ -282,7 +285,7 @@ static inline void shade(const struct sp_ewa_frame *f, const struct sp_ewa_run *
         sp_wide_store(a->color[k], color[k]);
 }
 
-/* The same as classify() for pixels that will be classified: length, scalar and gradient. */
+/* The same as classify() for post-classification: length, scalar and gradient. */
 static void take_scalars(const struct sp_ewa_run *run, const uint64_t *e, const float *gain,
                          unsigned bits, struct amounts *to) {
     for (; bits; bits &= bits - 1) {
@@ -317,7 +320,8 @@ static inline void write_splat(const struct outlines *o, const struct amounts *a
         s->emission[k] = a->color[k][lane] * a->depth[lane];
 }
 
-/* Places the voxels in space; returns the cells' volumes over the mean one's. */
+/* Computes the voxels' positions; returns the volumes of their cells, divided by the mean volume.
+ */
 static inline sp_wide locate(const struct sp_ewa_frame *f, const struct sp_ewa_brick *brick,
                              bool is_rectilinear, sp_wide_int local, struct places *p) {
     const sp_wide_int i[3] = { local & 15, local >> 4 & 15, local >> 8 };
@@ -339,7 +343,8 @@ static inline sp_wide locate(const struct sp_ewa_frame *f, const struct sp_ewa_b
     return volume;
 }
 
-/* Places [n, n + lanes) of the run's, at most SP_WIDE of them; how many splats were written. */
+/* Sets up the places [n, n + lanes) of the run, at most SP_WIDE of them. Returns the number of
+ * splats written. */
 static inline uint32_t set_up(const struct sp_ewa_frame *f, const struct sp_ewa_run *run,
                               const struct sp_ewa_brick *brick, uint32_t n, int lanes,
                               const struct sp_splats *out, uint32_t written) {

@@ -52,12 +52,13 @@
 #include "splat/extent.h"
 #include "splat/shade.h"
 
-#define SP_EWA_MARGIN 1.3f /* the frustum's tangents times this … */
-#define SP_EWA_SLACK 0.3f  /* … plus this bound u0/u2 and u1/u2 in the Jacobian */
-#define SP_DEPTH_MAX 1e6f  /* optical depth of one splat at its centre; opaque from 20 on */
-#define SP_VARIANCE_MIN                                                                            \
-    1e-6f /* px², smallest low-pass variance: keeps a footprint without a low-pass filter         \
-             invertible */
+#define SP_EWA_MARGIN                                                                              \
+    1.3f /* the Jacobian is clamped to the frustum's tangents times this factor … */
+#define SP_EWA_SLACK 0.3f /* … plus this bound of u0/u2 and u1/u2 */
+#define SP_DEPTH_MAX 1e6f /* optical depth of one splat at its centre; opaque from 20 on */
+/* Smallest variance of the low-pass filter [px²]. It keeps a footprint without such a filter
+ * invertible. */
+#define SP_VARIANCE_MIN 1e-6f
 
 /* One splat, ready to be added to the pixels of its box:
  * weight(dx, dy) = 2^−p, p = a·dx² + b·dx·dy + c·dy², where p is at most the frame's `cut`, with
@@ -68,7 +69,7 @@ struct sp_splat {
     float depth;            /* optical depth τ at the centre; post: its length over L */
     float emission[3];      /* colour · depth; post: gradient · depth */
     float value;            /* post: scalar · depth */
-    uint32_t sheet;         /* number of its layer, front to back */
+    uint32_t sheet;         /* number of the splat's layer, front to back */
     int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
     float area;             /* px inside the cutoff, without clipping to the image */
     uint32_t cuts; /* number of planes that cut it: as many elements of its sp_cut are used */
@@ -82,7 +83,7 @@ struct sp_splats {
     struct sp_cut *cut;   /* NULL = nothing is clipped */
 };
 
-/* The arrays from element n on. */
+/* Returns the arrays from element n on. */
 static inline struct sp_splats sp_splats_from(const struct sp_splats *all, size_t n) {
     return (struct sp_splats){ all->splat + n, all->span ? all->span + n : NULL,
                                all->cut ? all->cut + n : NULL };
@@ -130,7 +131,7 @@ struct sp_ewa_brick {
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,
                        const uint32_t first[3]);
 
-/* u of the voxel at `local` (visible.h) of the brick. */
+/* Computes u of the voxel at `local` (visible.h) of the brick. */
 static inline void sp_ewa_brick_place(const struct sp_ewa_brick *brick,
                                       const struct sp_ewa_frame *frame, uint16_t local,
                                       float u[3]) {

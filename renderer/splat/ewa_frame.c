@@ -9,7 +9,8 @@ static float bounded(double x) {
     return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
 }
 
-/* Radius, cut and peak of the kernel; returns its standard deviation in voxels. */
+/* Computes the radius, the cutoff and the peak of the kernel; returns its standard deviation in
+ * voxels. */
 static double init_kernel(struct sp_ewa_frame *frame, const struct sp_filter *filter) {
     double sigma = sp_kernel_sigma(filter), radius = filter->cutoff, peak;
     if (filter->kernel == SP_KERNEL_CUBIC) {
@@ -66,7 +67,7 @@ void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame 
     for (unsigned a = 0; a < 3; a++) {
         double extent[2];
         sp_grid_extent(grid, a, extent);
-        for (int r = 0; r < 3; r++) /* of any corner against any other: an upper bound */
+        for (int r = 0; r < 3; r++) /* the largest distance between two corners: an upper bound */
             across[r] += fabs(step.m[r][a]) / grid->spacing[a] * (extent[1] - extent[0]) / unit;
     }
     frame->diameter = sp_vec3_length(sp_vec3_from(across));

@@ -19,7 +19,7 @@ static void add_plane(struct sp_clip_frame *clip, const struct sp_camera_frame *
     to->offset = (float)fmax(-1e30, fmin(1e30, o));
 }
 
-/* Large components first divided away, so that squares neither overflow nor vanish. */
+/* Divides by the largest component first, so that squares neither overflow nor underflow. */
 static double scaled(const double v[3], struct sp_vec3 *out) {
     double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
     for (int i = 0; i < 3; i++)
@@ -99,7 +99,7 @@ static void cut_by(const struct sp_kernel_place *p, const float q[3], float e,
                    struct sp_cut_plane *out) {
     float c[2] = { dot(p->m[0], q), dot(p->m[1], q) }, q2 = dot(q, q);
     regress(p, c[0], c[1], out->k);
-    /* An edge is never sharper than a hundredth of the kernel. */
+    /* An edge is never sharper than a hundredth of the kernel's width. */
     float variance = fmaxf(q2 - c[0] * out->k[0] - c[1] * out->k[1], 1e-4f * q2);
     float joint =
         dot(p->m[2], q) - dot(p->m[0], p->m[2]) * out->k[0] - dot(p->m[1], p->m[2]) * out->k[1];

@@ -60,8 +60,8 @@ struct sp_kernel_place {
 
 void sp_extent_span(const struct sp_kernel_place *place, struct sp_span *span);
 
-/* Writes the planes that cut the kernel to *cut and returns their number; −1 = nothing of it is
- * left. */
+/* Writes the planes that cut the kernel to *cut and returns their number. Returns −1 if they remove
+ * the whole kernel. */
 int sp_extent_cut(const struct sp_kernel_place *place, const struct sp_clip_frame *clip,
                   struct sp_cut *cut);
 

@@ -41,7 +41,7 @@ static struct ray ray_from(const struct sp_view *view, const uint32_t size[2], c
     return ray;
 }
 
-/* Keeps the part with offset + t·slope >= 0. */
+/* Keeps the part of the ray with offset + t·slope >= 0. */
 static void keep(struct ray *ray, double offset, double slope) {
     if (slope > 0)
         ray->begin = fmax(ray->begin, -offset / slope);
@@ -71,7 +71,7 @@ static void clip(struct ray *ray, const struct sp_grid *grid, const struct sp_cl
     }
 }
 
-/* Where cell i of an axis ends towards higher indices. */
+/* Returns the upper end of cell i of an axis. */
 static double upper_end(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     if (i + 1 == grid->dims[axis]) {
         double extent[2];
@@ -81,7 +81,8 @@ static double upper_end(const struct sp_grid *grid, unsigned axis, uint32_t i) {
     return 0.5 * (sp_grid_distance(grid, axis, i) + sp_grid_distance(grid, axis, i + 1));
 }
 
-/* The cell at a distance along an axis; the first or last one if it lies outside. */
+/* Returns the index of the cell at a distance along an axis, clamped to the first and the last
+ * cell. */
 static uint32_t cell_at(const struct sp_grid *grid, unsigned axis, double distance) {
     uint32_t low = 0, high = grid->dims[axis] - 1;
     while (low < high) {
@@ -94,11 +95,11 @@ static uint32_t cell_at(const struct sp_grid *grid, unsigned axis, double distan
     return low;
 }
 
-/* Where the ray is going. */
+/* The current cell of the walk along the ray. */
 struct walk {
     const struct sp_grid *grid;
     uint32_t cell[3];
-    double leaves[3]; /* t at which it leaves the cell's row along each axis */
+    double leaves[3]; /* t where the ray leaves the current cell along each axis */
 };
 
 static void set_leave(struct walk *walk, const struct ray *ray, unsigned axis) {
@@ -111,7 +112,7 @@ static void set_leave(struct walk *walk, const struct ray *ray, unsigned axis) {
                              : (upper_end(walk->grid, axis, i - 1) - ray->a.v[axis]) / slope;
 }
 
-/* Goes on to the next cell; false past the last. */
+/* Moves to the next cell; false after the last one. */
 static bool step(struct walk *walk, const struct ray *ray) {
     const double *t = walk->leaves;
     unsigned axis = t[0] <= t[1] && t[0] <= t[2] ? 0 : t[1] <= t[2] ? 1 : 2;
@@ -122,7 +123,7 @@ static bool step(struct walk *walk, const struct ray *ray) {
     return true;
 }
 
-/* Optical depth a world unit. */
+/* Returns the optical depth per world unit. */
 static double extinction(const struct sp_gradient_grid *samples,
                          const struct sp_transfer_function *tf, const uint32_t cell[3],
                          double value) {
@@ -138,7 +139,7 @@ static double extinction(const struct sp_gradient_grid *samples,
     return depth / tf->reference_length;
 }
 
-/* Adds up the cells. Remembers where a half was passed first. */
+/* Accumulates the opacity of the cells. Records the first position where it reaches one half. */
 static void march(const struct ray *ray, const struct sp_gradient_grid *samples,
                   const struct sp_transfer_function *tf, struct walk *walk, struct sp_pick *pick) {
     const uint32_t *dims = walk->grid->dims;

@@ -24,7 +24,8 @@ static inline void unpack(sp_wide_int packed, sp_wide direction[3]) {
     direction[2] = w * scale;
 }
 
-/* (n·h/|h|)^exponent; 0 where the half vector is no direction or lies across the normal. */
+/* Computes (n·h/|h|)^exponent; 0 if the half vector has no direction or is perpendicular to the
+ * normal. */
 static inline sp_wide highlight(float exponent, const sp_wide n[3], const sp_wide h[3]) {
     sp_wide length2 = dot(h, h), along = sp_wide_abs(dot(n, h));
     sp_wide_mask shines =
@@ -74,7 +75,7 @@ static inline void microflakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
     const float minor = 1.25f * SP_MICROFLAKES_MINOR * SP_MICROFLAKES_MINOR;
     const float major = 1.25f * SP_MICROFLAKES_MAJOR * SP_MICROFLAKES_MAJOR;
     const float mixed = 1.25f * SP_MICROFLAKES_MINOR * SP_MICROFLAKES_MAJOR;
-    sp_wide sum[3], difference[3]; /* of the pairs of axes */
+    sp_wide sum[3], difference[3]; /* of the three pairs of axes */
     for (int a = 0; a < 3; a++) {
         sp_wide pair[2];
         for (int k = 0; k < 2; k++) {
@@ -95,7 +96,7 @@ static inline void microflakes_matrix(const sp_wide_int word[2], sp_wide s[6]) {
     s[5] = mixed * difference[0];
 }
 
-/* Highlights of a cell's microflakes, for any half vector. */
+/* Constants of the highlights of one cell's microflakes, for any half vector. */
 struct glints {
     sp_wide t[6], gaussian[6]; /* T, and the adjugate of T + I/p */
     sp_wide peak, gain;        /* det(T + I/p)/(p + 1), log2 N */

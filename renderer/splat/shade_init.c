@@ -3,7 +3,9 @@
 
 #include <math.h>
 
-#define GLINT_WIDTH_MIN (1.0 / 128) /* microflakes are kept in 8 bits: narrower is not known */
+#define GLINT_WIDTH_MIN                                                                            \
+    (1.0 /                                                                                         \
+     128) /* Microflakes are stored in 8 bits, which cannot represent a narrower distribution. */
 
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
                    const struct sp_shading *shading) {

@@ -13,7 +13,7 @@ static struct sp_mat3 directions(const struct sp_grid *grid) {
     return m;
 }
 
-/* Unit normal of the slices along `axis`, on the side of rising index. */
+/* Returns the unit normal of the slices along `axis`, towards rising index. */
 static struct sp_vec3 slice_normal(const struct sp_mat3 *d, unsigned axis) {
     struct sp_vec3 column[3];
     for (int a = 0; a < 3; a++)
@@ -41,7 +41,7 @@ unsigned sp_slices_major_axis(const struct sp_camera_frame *camera, const struct
     return axis;
 }
 
-/* The eye's distance along the axis from sample 0; infinitely far for parallel rays. */
+/* Returns the eye's distance along the axis from sample 0; infinite for parallel rays. */
 static double eye_distance(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                            unsigned axis) {
     struct sp_mat3 d = directions(grid);
@@ -56,7 +56,8 @@ static double eye_distance(const struct sp_camera_frame *camera, const struct sp
 void sp_slices_sort(const struct sp_camera_frame *camera, const struct sp_grid *grid, unsigned axis,
                     uint32_t *slices) {
     double eye = eye_distance(camera, grid, axis);
-    /* `above` counts up from the first slice at or beyond the eye, `below` down from the other. */
+    /* `above` counts up from the first slice at or beyond the eye, `below` counts down from the
+     * slice before it. */
     uint32_t count = grid->dims[axis], above = 0, below;
     while (above < count && sp_grid_distance(grid, axis, above) < eye)
         above++;

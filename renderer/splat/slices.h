@@ -20,7 +20,7 @@
 #include "sp/volume.h"
 #include "splat/camera.h"
 
-/* Returns the major axis, 0 … 2; of equal ones the highest. */
+/* Returns the major axis, 0 … 2; the highest one if several are equal. */
 unsigned sp_slices_major_axis(const struct sp_camera_frame *camera, const struct sp_grid *grid);
 
 /* Fills slices[dims[axis]]: element k is the index of the k-th slice, front to back. */

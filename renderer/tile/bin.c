@@ -4,7 +4,7 @@
 #include <assert.h>
 #include <string.h>
 
-/* Tiles that a splat's box touches: columns [c0, c1], rows [r0, r1]. */
+/* The tiles that a splat's box touches: columns [c0, c1], rows [r0, r1]. */
 struct span {
     int c0, r0, c1, r1;
 };

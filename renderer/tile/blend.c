@@ -5,7 +5,7 @@
 
 #include "tile/post.h"
 
-enum { CHECK_EVERY = 4 }; /* layers between two looks at the transmittance of a whole tile */
+enum { CHECK_EVERY = 4 }; /* layers between two checks of a whole tile's transmittance */
 
 void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
                   const struct sp_blend *blend) {
@@ -24,10 +24,11 @@ void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
             tile->done[0][row][i] = 1;
 }
 
-/* Columns [begin, end) of a row, and a little more where the sums are zero. */
+/* Composites columns [begin, end) of a row. May include neighbouring columns, whose sums are zero.
+ */
 static inline void close_row(bool linear, float *restrict sum, float *restrict done, int begin,
                              int end) {
-    enum { S = SP_TILE, D = SP_TILE_AREA }; /* floats from plane to plane */
+    enum { S = SP_TILE, D = SP_TILE_AREA }; /* distance between planes [floats] */
     for (int x = begin & -SP_WIDE; x < end; x += SP_WIDE) {
         sp_wide pass, through = sp_wide_load(done + x);
         sp_wide f = sp_wide_attenuate(linear, sp_wide_load(sum + x), &pass) * through;

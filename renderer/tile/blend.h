@@ -52,7 +52,7 @@ static inline int sp_larger(int a, int b) {
     return a > b ? a : b;
 }
 
-/* Returns row y of plane 0 of a slot's sums; plane p begins p · SP_TILE floats later. */
+/* Returns row y of plane 0 of a slot's sums; plane p begins p · SP_TILE floats after it. */
 static inline float *sp_sums_row(const struct sp_tile *tile, const struct sp_blend *blend,
                                  uint32_t slot, int y) {
     return tile->sums + ((size_t)slot * SP_TILE + (size_t)y) * blend->planes * SP_TILE;

@@ -8,7 +8,8 @@
 
 enum { LAYERS_MAX = 65000 };
 
-/* Cells. Beyond this single precision does not tell one voxel from the next, and all are as far. */
+/* Cells. Beyond this distance single precision cannot separate neighbouring voxels, so all count as
+ * equally far. */
 #define FARTHEST 1e7
 
 /* The sorted voxels of each brick, before the bricks' layers are joined. */
@@ -19,7 +20,7 @@ struct sort {
     uint16_t *layer;  /* by place: layer, counted from the brick's first */
     int64_t *begin;   /* by brick: its first layer */
     uint32_t *runs;   /* by brick: how many layers have voxels */
-    uint32_t *counts; /* [LAYERS_MAX + 1] a worker, all zero between bricks */
+    uint32_t *counts; /* [LAYERS_MAX + 1] per worker, all zero between bricks */
 };
 
 double sp_depth_thickness(const struct sp_ewa_frame *frame, double thickness, double reach) {
@@ -27,7 +28,8 @@ double sp_depth_thickness(const struct sp_ewa_frame *frame, double thickness, do
     return fmax(thickness, least);
 }
 
-/* Layers of a brick's entries, counted from its first, which is returned. */
+/* Computes the layers of a brick's entries relative to the brick's first layer, which is returned.
+ */
 static int64_t find_layers(const struct sort *s, uint32_t b, int64_t *layer, int64_t *last) {
     const struct sp_visible *list = s->job->list;
     struct sp_ewa_brick brick;
@@ -85,7 +87,8 @@ static void sort_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Runs of all bricks by layer: a counting sort whose second pass fills. */
+/* Sorts the runs of all bricks by layer with a counting sort: the first pass counts, the second
+ * writes. */
 static void join_runs(const struct sort *s, uint32_t bricks, int64_t first,
                       struct sp_order *order) {
     const struct sp_visible *list = s->job->list;
@@ -113,7 +116,8 @@ static void join_runs(const struct sort *s, uint32_t bricks, int64_t first,
             sum += count;
         }
     }
-    /* Now first[l] is the end of layer l, which is the begin of the next. */
+    /* The second pass moved first[l] to the end of layer l, which is the begin of the next layer.
+     */
     memmove(order->first + 1, order->first, order->layers * sizeof *order->first);
     order->first[0] = 0;
 }

@@ -10,7 +10,7 @@
 #include "splat/normal.h"
 #include "tile/blend.h"
 
-/* The value of a missing bound. */
+/* The value of a bound that does not exist. */
 #define SP_UNBOUNDED 1e4f
 
 struct sp_pixels {

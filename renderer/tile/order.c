@@ -3,15 +3,15 @@
 
 #include <string.h>
 
-/* Index of a brick along an axis. */
+/* Returns the index of a brick along an axis. */
 static uint32_t brick_along(const struct sp_visible *list, uint32_t brick, unsigned axis) {
     uint32_t corner[3];
     sp_visible_corner(list, brick, corner);
     return corner[axis];
 }
 
-/* The runs of a brick by layer. runs NULL: counts them in first[layer]; else puts them there and
- * counts on. */
+/* Sorts the runs of a brick by layer. If `runs` is NULL, counts them in first[layer]; otherwise
+ * writes them from there and advances first[layer]. */
 static void add_brick(const struct sp_level *levels, const struct sp_detail_brick *brick,
                       unsigned axis, const uint32_t *layers, uint64_t *first, struct sp_run *runs) {
     const struct sp_visible *list = &levels[brick->level].visible;
@@ -59,7 +59,8 @@ bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level
         return false;
     for (uint32_t i = 0; i < detail->count; i++)
         add_brick(levels, &detail->bricks[i], axis, layers, order->first, order->runs);
-    /* Now first[k] is the end of layer k, which is the begin of the next. */
+    /* The second pass moved first[k] to the end of layer k, which is the begin of the next layer.
+     */
     memmove(order->first + 1, order->first, count * sizeof *order->first);
     order->first[0] = 0;
     return true;

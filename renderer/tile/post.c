@@ -11,8 +11,9 @@ static float bounded(double x) {
     return (float)fmax(-FLT_MAX, fmin(FLT_MAX, x));
 }
 
-/* Adds ∫ of depth and of colour times depth over [low, high], which holds no point inside. Four
- * Gauss-Legendre nodes: the integrand is smooth. */
+/* Adds the integrals of depth and of colour times depth over [low, high], which contains no point
+ * of the transfer function. Four Gauss-Legendre nodes are enough, because the integrand is smooth
+ * there. */
 static void integrate(const struct sp_transfer_function *tf, double low, double high,
                       double sum[4]) {
     static const double at[4] = { 0.0694318442029737, 0.3300094782075719, 0.6699905217924281,
@@ -106,7 +107,7 @@ static float depth_of(float a) {
     return -0.693147181f * sp_log2(1 - a);
 }
 
-/* Opacity and colour at one value. */
+/* Computes the opacity and the colour at one value. */
 static struct sp_class class_at(const struct sp_post_curve *c, float value) {
     uint32_t i = 0, j = 0;
     float f = 0;
@@ -116,7 +117,7 @@ static struct sp_class class_at(const struct sp_post_curve *c, float value) {
         i = c->first[bin < SP_POST_BINS ? (int)bin : SP_POST_BINS];
         while (i + 1 < c->count && c->value[i + 1] <= value)
             i++;
-        while (i > 0 && c->value[i] > value) /* rounding put it into the next bin */
+        while (i > 0 && c->value[i] > value) /* rounding moved the value into the next bin */
             i--;
         j = i + 1 < c->count ? i + 1 : i;
         f = (value - c->value[i]) * c->inverse[i];
@@ -128,7 +129,7 @@ static struct sp_class class_at(const struct sp_post_curve *c, float value) {
     return class;
 }
 
-/* The integrals from the first node to a value. */
+/* Returns the integrals from the first node to a value. */
 static void integral_at(const struct sp_post_curve *c, double value, double sum[4]) {
     double at = (value - c->first_node) * c->nodes_per_unit, beyond = 0;
     const double *held = c->ends[at >= 0];
@@ -143,7 +144,7 @@ static void integral_at(const struct sp_post_curve *c, double value, double sum[
                  beyond * held[k];
 }
 
-/* The mean over [value − half, value + half]. */
+/* Returns the mean over [value − half, value + half]. */
 static struct sp_class class_around(const struct sp_post_curve *c, float value, float half) {
     double low[4], high[4];
     struct sp_class class = { { 0 }, 0 };
@@ -168,13 +169,14 @@ struct sp_class sp_post_class(const struct sp_post_curve *c, float value, float 
     return class;
 }
 
-/* Pixels of a row of sums, SP_WIDE at a time, as means over their ray in the slab. */
+/* SP_WIDE pixels of a row of sums, as means along their rays through the slab. */
 struct means {
     sp_wide gradient[3], length, to_eye[3];
-    sp_wide value, half; /* half of the interval that the scalar runs through */
+    sp_wide value, half; /* half of the interval of scalar values along the ray */
 };
 
-/* The unit vectors towards the eye along the rays of the pixels from (x, y) on, in camera space. */
+/* Computes the unit vectors towards the eye in camera space, along the rays of the pixels from (x,
+ * y) on. */
 static inline void eye_direction(const struct sp_post *post, int x, int y, sp_wide to_eye[3]) {
     sp_wide u = sp_wide_all(0);
     float v = 0;
@@ -211,7 +213,7 @@ static inline void shade(const struct sp_shade *shade, const struct means *m, sp
     sp_shade_direction(shade, normal, m->to_eye, color);
 }
 
-/* Classes of the lanes in `bits`: one by one, since what they look up lies anywhere. */
+/* Classifies the lanes in `bits`, one by one, because their table entries are not contiguous. */
 static void classify(const struct sp_post_curve *curve, const struct means *m, unsigned bits,
                      sp_wide *depth, sp_wide color[3]) {
     float value[SP_WIDE], half[SP_WIDE], length[SP_WIDE], to[4][SP_WIDE] = { { 0 } };

@@ -5,7 +5,7 @@
 #include "splat/exp2.h"
 #include "tile/footprint.h"
 
-enum { P = SP_TILE }; /* floats from plane to plane of a row */
+enum { P = SP_TILE }; /* distance between planes of a row [floats] */
 
 static inline void add_to(float *sums, sp_wide weight, float factor) {
     sp_wide_store(sums, sp_wide_load(sums) + weight * factor);
@@ -18,8 +18,8 @@ static inline void add_weights(const struct sp_splat *s, sp_wide weight, float *
     add_to(sums + 3 * P, weight, s->emission[2]);
 }
 
-/* Aligned columns of a footprint from x on, by recurrence down the rows: a step in y multiplies the
- * weight by q, and q by `shrink`. Weights of at least `floor` count. */
+/* Computes aligned columns of a footprint from x on, by a recurrence down the rows: a step in y
+ * multiplies the weight by q, and q by `shrink`. Weights below `floor` count as 0. */
 static inline void add_columns(const struct sp_splat *s, float floor, float shrink, float dx,
                                float dy, const struct sp_box *box, int x, float *sums) {
     sp_wide at = dx + sp_wide_from_int(sp_wide_int_count() + (x - box->x0));
@@ -38,14 +38,14 @@ static inline void add_columns(const struct sp_splat *s, float floor, float shri
     }
 }
 
-/* The recurrence starts at the box's edge: it holds where no corner's weight underflows. */
+/* The recurrence starts at the box's edge. It is exact as long as no corner's weight underflows. */
 static bool is_compact(const struct sp_splat *s, const struct sp_box *box, float dx, float dy) {
     float x = fmaxf(fabsf(dx), fabsf(dx + (float)(box->x1 - box->x0 - 1)));
     float y = fmaxf(fabsf(dy), fabsf(dy + (float)(box->y1 - box->y0 - 1)));
     return (s->a * x + fabsf(s->b) * y) * x + s->c * y * y < 100;
 }
 
-/* A Gaussian that nothing cuts, if it is compact. */
+/* Adds a Gaussian without cuts, if it is compact. */
 static inline bool add_compact(struct sp_tile *tile, const struct sp_blend *blend,
                                const struct sp_splat *s, const struct sp_box *box) {
     float dx = (float)(box->x0 + tile->x) + 0.5f - s->x;
@@ -59,7 +59,7 @@ static inline bool add_compact(struct sp_tile *tile, const struct sp_blend *blen
     return true;
 }
 
-/* Any kernel, cut or not. */
+/* Adds any kernel, with or without cuts. */
 static void add_general(struct sp_tile *tile, const struct sp_blend *blend,
                         const struct sp_splat *s, const struct sp_cut *cut,
                         const struct sp_box *box) {

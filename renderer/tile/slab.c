@@ -5,17 +5,17 @@
 
 #include "tile/footprint.h"
 
-/* Closes every slab before `layer`. */
+/* Closes all slabs before `layer`. */
 static void advance(struct sp_tile *tile, const struct sp_blend *blend, uint32_t layer) {
     if (tile->sheet == SP_NO_SHEET)
         tile->sheet = layer;
     for (uint32_t k = 0; k < blend->slots && tile->sheet < layer; k++, tile->sheet++)
         sp_layer_close(tile, blend, (uint32_t)((uint64_t)tile->sheet % blend->slots));
     if (tile->sheet < layer)
-        tile->sheet = layer; /* all were closed on the way */
+        tile->sheet = layer; /* the loop has closed all of them */
 }
 
-/* The slabs that a splat lies in: first, last, and the slot of the first. */
+/* The slabs that contain a splat: the first, the last, and the slot of the first. */
 struct range {
     uint32_t first, last, slot;
 };
@@ -42,7 +42,7 @@ static inline uint32_t next_slot(const struct sp_blend *blend, uint32_t slot) {
     return slot + 1 == blend->slots ? 0 : slot + 1;
 }
 
-/* Adds weights times what the splat adds. */
+/* Adds the splat's values, multiplied by the weights. */
 static inline void add_weights(sp_wide weight, const float adds[SP_PLANES + 1], bool is_post,
                                float *sums) {
     for (int p = 0; p < SP_PLANES; p++)
@@ -52,13 +52,14 @@ static inline void add_weights(sp_wide weight, const float adds[SP_PLANES + 1], 
                       sp_wide_load(sums + SP_PLANES * SP_TILE) + weight * adds[SP_PLANES]);
 }
 
-/* Aligned columns of a footprint; rows [y0, y1) of the box are not all zero. */
+/* Aligned columns of a footprint. All weights outside rows [y0, y1) of the box are zero. */
 struct column {
     int x, y0, y1;
-    sp_wide count; /* of the columns, from the box's first on */
+    sp_wide count; /* numbers of the columns, counted from the box's first column */
     float first_dx, dy[SP_TILE];
-    sp_wide weight[SP_TILE], before[SP_TILE]; /* share of the ray up to the slab that is next */
-    sp_wide exponent[SP_TILE], high[SP_TILE]; /* high: where planes cut the splat */
+    sp_wide weight[SP_TILE], before[SP_TILE]; /* share of the ray before the next slab */
+    sp_wide exponent[SP_TILE],
+        high[SP_TILE]; /* high: upper bound of the depth from the planes that cut the splat */
 };
 
 static void fill_column(const struct sp_blend *blend, const struct sp_tile *tile,
@@ -87,8 +88,8 @@ static void fill_column(const struct sp_blend *blend, const struct sp_tile *tile
     }
 }
 
-/* Depth of the far face of slab k on the rays of the pixels, in standard deviations, no farther
- * than planes let them see. */
+/* Computes the depth of the far face of slab k on the rays of the pixels [standard deviations],
+ * limited to the range that the planes keep. */
 static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_splat *s,
                                  const struct sp_span *span, const struct column *c, uint32_t k,
                                  int y) {
@@ -99,7 +100,8 @@ static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_s
     return s->cuts ? sp_wide_min(depth, c->high[y]) : depth;
 }
 
-/* What slab k gets of a column, which is cut at its far face, or ends there. */
+/* Computes the share of a column that slab k receives. The far face of the slab cuts the column,
+ * unless the column ends in this slab. */
 static inline void add_slab(const struct sp_blend *blend, bool is_post, const struct sp_splat *s,
                             const struct sp_span *span, struct column *c, uint32_t k, bool is_last,
                             float *sums) {
@@ -107,7 +109,7 @@ static inline void add_slab(const struct sp_blend *blend, bool is_post, const st
     const sp_wide zero = sp_wide_all(0);
     const size_t step = (size_t)(SP_PLANES + is_post) * SP_TILE;
     for (int y = c->y0; y < c->y1; y++) {
-        sp_wide next = sp_wide_all(1); /* never less than before the near face */
+        sp_wide next = sp_wide_all(1); /* never less than the share before the near face */
         if (!is_last)
             next = sp_footprint_share(blend, c->exponent[y], find_depth(blend, s, span, c, k, y));
         else if (s->cuts)
@@ -120,7 +122,7 @@ static inline void add_slab(const struct sp_blend *blend, bool is_post, const st
     }
 }
 
-/* A splat whose shares differ from pixel to pixel. */
+/* Adds a splat whose shares differ between pixels. */
 static void add_uneven(struct sp_tile *tile, const struct sp_blend *blend,
                        const struct sp_splats *records, uint32_t n, const struct range *slabs,
                        const struct sp_box *box) {
@@ -140,8 +142,8 @@ static void add_uneven(struct sp_tile *tile, const struct sp_blend *blend,
     }
 }
 
-/* Whether all rays of a splat meet it at the same depth, within a thousandth of its deviation: so
- * with isotropic kernels, always. */
+/* True if all rays meet the splat at the same depth, within a thousandth of its standard deviation.
+ * This is always so with isotropic kernels. */
 static bool is_even(const struct sp_blend *blend, const struct sp_splat *s,
                     const struct sp_span *span) {
     float across = fabsf(span->slope[0]) * (float)(s->x1 - s->x0) +
@@ -149,7 +151,7 @@ static bool is_even(const struct sp_blend *blend, const struct sp_splat *s,
     return !blend->cubic && !s->cuts && across * span->sharpness < 1e-3f;
 }
 
-/* Shares of every pixel of a splat that is even. */
+/* Computes the shares that all pixels of such a splat have in common. */
 static void find_shares(const struct sp_blend *blend, const struct sp_span *span,
                         const struct range *slabs, float share[SP_SLOTS_MAX + SP_WIDE]) {
     int last = (int)(slabs->last - slabs->first);
@@ -163,7 +165,7 @@ static void find_shares(const struct sp_blend *blend, const struct sp_span *span
         share[i] -= share[i - 1];
 }
 
-/* Rows [y0, y1) of weights to one slab. */
+/* Adds rows [y0, y1) of weights to one slab. */
 static inline void add_rows(const sp_wide *weight, int y0, int y1, const float adds[SP_PLANES + 1],
                             bool is_post, float *sums) {
     const size_t step = (size_t)(SP_PLANES + is_post) * SP_TILE;
@@ -178,7 +180,7 @@ static void add_even(struct sp_tile *tile, const struct sp_blend *blend, const s
     find_shares(blend, span, slabs, share);
     for (int x = sp_column_first(box); x < box->x1; x += SP_WIDE) {
         sp_wide weight[SP_TILE];
-        int y0 = box->y1, y1 = box->y0; /* of the rows that are not all zero */
+        int y0 = box->y1, y1 = box->y0; /* outside these rows all weights are zero */
         for (int y = box->y0; y < box->y1; y++) {
             struct sp_pixels px;
             sp_footprint_pixels(blend, tile, s, NULL, box, x, y, &px);

@@ -3,7 +3,7 @@
 
 #include "tile/footprint.h"
 
-enum { CHECK_EVERY = 256 }; /* splats between two looks at the transmittance of a whole tile */
+enum { CHECK_EVERY = 256 }; /* splats between two checks of a whole tile's transmittance */
 
 static inline void composite(bool linear, const struct sp_splat *s, sp_wide weight,
                              float *restrict done) {

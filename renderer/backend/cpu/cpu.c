@@ -6,7 +6,7 @@
 #include "backend/cpu/draw.h"
 #include "sp/probe.h"
 
-/* The processor's name as the system gives it. */
+/* Returns the processor's name as the system reports it. */
 static void read_device(char *text, size_t size) {
     snprintf(text, size, "CPU");
     FILE *file = fopen("/proc/cpuinfo", "r");

@@ -3,7 +3,7 @@
 
 #include "backend/cpu/general.h"
 
-/* Draws the frame by the fast path, unless that is not worthwhile; *is_drawn says which. */
+/* Draws the frame by the fast path if that is worthwhile; *is_drawn says whether it did. */
 static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err) {
     struct cpu_state *state = f->state;
     struct sp_postconv postconv;

@@ -111,7 +111,7 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     const struct sp_view *view = job->view;
     *f = (struct cpu_frame){ .job = job, .state = state, .axis = SP_NO_AXIS };
     double clock = sp_job_clock_ms(job);
-    /* A scalar averaged over 4³ voxels is another object to the transfer function. */
+    /* Averaging a scalar over 4³ voxels changes what the transfer function shows. */
     bool is_post = view->transfer_function.order == SP_TF_POST;
     f->mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level;
     sp_camera_frame_init(&f->camera, &view->camera, view->size);

@@ -30,9 +30,9 @@ struct cpu_frame {
     struct cpu_state *state;
     double stage_ms[CPU_STAGES];
     struct sp_camera_frame camera;
-    struct sp_detail detail; /* the bricks and their levels */
-    unsigned axis;           /* of the sheets; SP_NO_AXIS = not sheet compositing */
-    unsigned mip_level;      /* the job's: no finer level is drawn */
+    struct sp_detail detail; /* the cut: bricks and their mip levels */
+    unsigned axis;           /* axis of the sheets; SP_NO_AXIS = not sheet compositing */
+    unsigned mip_level;      /* as in the job: no finer level is drawn */
     unsigned finest;         /* the finest level that is drawn */
     uint64_t visible;        /* visible voxels of the volume */
     const struct sp_level *levels;

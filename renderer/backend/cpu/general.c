@@ -22,13 +22,11 @@ enum {
 #define BAND_BYTES ((size_t)128 << 20)
 #define ROW_BYTES ((size_t)512 << 20)
 
-#define SPLAT_RANGE                                                                                \
-    (1.0 / 16) /* cells: single splats are sorted by distance at this resolution                   \
-                */
+#define SPLAT_RANGE (1.0 / 16) /* cells; single splats are sorted by distance in these steps */
 
 /* Consecutive runs of the order, and the records made from them. */
 struct block {
-    uint64_t run; /* its first */
+    uint64_t run; /* its first run */
     uint32_t runs, layer;
     uint32_t count;   /* records written */
     double fragments; /* px of their footprints inside the image */
@@ -92,7 +90,7 @@ static void prefetch_run(const struct draw *d, const struct sp_run *run) {
     }
 }
 
-/* Drops those of `n` new records from `from` on that lie behind opaque tiles only. */
+/* Drops those of the `n` new records from `from` on that lie only behind opaque tiles. */
 static void keep_seen(struct draw *d, struct block *block, size_t from, uint32_t n) {
     const struct sp_splats *r = &d->records;
     size_t to = from;
@@ -254,7 +252,7 @@ static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker)
     }
 }
 
-/* Bytes for the sums of one tile. */
+/* Returns the bytes for the sums of one tile. */
 static size_t sums_bytes(const struct sp_blend *blend) {
     return (size_t)blend->slots * blend->planes * SP_TILE_AREA * sizeof(float);
 }
@@ -388,7 +386,7 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     return true;
 }
 
-/* Does everything that comes before the first batch. */
+/* Does all work that precedes the first batch. */
 static bool prepare(struct draw *d, struct sp_error *err) {
     struct sp_arena *arena = &d->frame->state->arena;
     d->grid.columns = (d->frame->ewa->size[0] + SP_TILE - 1) / SP_TILE;

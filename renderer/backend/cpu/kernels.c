@@ -8,7 +8,7 @@
 
 extern const struct cpu_kernels cpu_table_sse41, cpu_table_avx2, cpu_table_avx512, cpu_table_neon;
 
-/* In rising order; table NULL = this program is compiled for another architecture. */
+/* In rising order. table NULL = this program was compiled for another architecture. */
 static const struct {
     const char *name;
     uint32_t feature; /* SP_CPU_… that it needs; 0 = none */

@@ -29,7 +29,7 @@ struct gl_bins_head {
 
 struct gl_bins {
     unsigned scan, totals_program, scatter, order; /* programs */
-    struct gl_buffer counts;                       /* head, then a word a bin */
+    struct gl_buffer counts;                       /* head, then one word per bin */
     struct gl_buffer totals;                       /* per GL_SCAN_BLOCK bins */
     struct gl_buffer pairs;                        /* numbers of records */
 };

@@ -33,13 +33,14 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
         return sp_fail(err, SP_ERR_BUDGET, "",
                        "the %s take %llu bytes and a buffer of this GPU has at most %llu", what,
                        (unsigned long long)bytes, (unsigned long long)most);
-    /* A quarter more, so that a scene that comes nearer does not reallocate every frame. */
+    /* Reserves a quarter more, so that a camera that moves closer does not reallocate in every
+     * frame. */
     uint64_t capacity = usage == GL_USE_KEPT ? bytes : bytes + bytes / 4;
     capacity = most && capacity > most ? bytes : capacity;
     gl_buffer_finish(buffer);
     glGenBuffers(1, &buffer->name);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
-    glGetError(); /* of what came before */
+    glGetError(); /* clears errors of earlier commands */
     allocate(capacity, usage);
     if (glGetError() != GL_NO_ERROR) {
         gl_buffer_finish(buffer);
@@ -81,7 +82,7 @@ void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_er
     void *data = glMapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes,
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
     if (!data)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory to fill %llu bytes of the GPU's",
+        sp_fail(err, SP_ERR_MEMORY, "", "no memory to fill %llu bytes of GPU memory",
                 (unsigned long long)bytes);
     return data;
 }

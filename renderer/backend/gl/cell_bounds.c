@@ -56,7 +56,7 @@ bool gl_cell_bounds_load(struct gl_cell_bounds *bounds, struct gl_voxels *voxels
     return ok;
 }
 
-/* First and last cell in turn. */
+/* Uploads pairs of the first and the last cell that each cell along the axis is joined with. */
 static bool write_ends(struct gl_cell_bounds *bounds, const struct sp_level *level, unsigned axis,
                        uint64_t *uploaded, struct sp_error *err) {
     uint32_t count = bricks_along(&level->grid, (int)axis) * CELLS;

@@ -16,10 +16,10 @@
 #include "volume/grid.h"
 
 enum {
-    BRICKS_MOST = 8192,        /* of a dispatch: some 10 ms */
-    BRICKS_SOFTWARE = 64,      /* the same */
-    UPLOAD_BYTES = 1 << 26,    /* between two looks at the cancel flag */
-    LISTED_WORDS = 65536 / 32, /* a bit a key */
+    BRICKS_MOST = 8192,        /* bricks per dispatch: about 10 ms */
+    BRICKS_SOFTWARE = 64,      /* the same for software GL */
+    UPLOAD_BYTES = 1 << 26,    /* bytes between two checks of the cancel flag */
+    LISTED_WORDS = 65536 / 32, /* one bit per key */
     WORD = sizeof(uint32_t)
 };
 
@@ -108,7 +108,7 @@ bool gl_classify_load(struct gl_classify *c, struct gl_voxels *voxels, bool cell
     return false;
 }
 
-/* A bit a key: what is listed. */
+/* Uploads one bit per key: set if the key is listed. */
 static bool write_listed(struct gl_classify *c, const struct sp_level *level,
                          struct sp_error *err) {
     uint32_t words[LISTED_WORDS] = { 0 };
@@ -122,7 +122,7 @@ static bool write_listed(struct gl_classify *c, const struct sp_level *level,
     return true;
 }
 
-/* The same by value: a few intervals. */
+/* Uploads the same information as intervals of values. */
 static bool write_visible_ranges(struct gl_classify *c, const struct sp_level *level,
                                  uint32_t *count, struct sp_error *err) {
     struct gl_visible_ranges ranges;
@@ -138,7 +138,7 @@ static bool write_visible_ranges(struct gl_classify *c, const struct sp_level *l
     return true;
 }
 
-/* Words that are sent or come back, and one more. */
+/* Allocates `count` words and one more, for an upload or a readback. The caller frees them. */
 static uint32_t *allocate(uint32_t count, struct sp_error *err) {
     uint32_t *words = malloc((count + (size_t)1) * sizeof *words);
     if (!words)
@@ -146,7 +146,7 @@ static uint32_t *allocate(uint32_t count, struct sp_error *err) {
     return words;
 }
 
-/* Where each brick's entries begin, and where the last ones end. */
+/* Uploads the index of each brick's first entry, and the end of the last brick's entries. */
 static bool write_places(struct gl_classify *c, const struct gl_buffer *to, const uint64_t *first,
                          uint32_t bricks, struct sp_error *err) {
     uint32_t *words = allocate(bricks, err);
@@ -166,7 +166,7 @@ static bool reserve_places(const struct gl_classify *c, struct gl_buffer *buffer
                              GL_USE_STREAM, err);
 }
 
-/* Runs the program in use over all bricks and gets what it counted, `count` words. */
+/* Runs the program in use over all bricks and reads back its `count` counters. */
 static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic_bool *cancel,
                       uint32_t count, uint64_t *counts, struct sp_error *err) {
     uint32_t *words = allocate(count, err);
@@ -182,7 +182,8 @@ static bool run_count(const struct gl_classify *c, uint32_t bricks, const atomic
     return ok;
 }
 
-/* What a list holds, and which classes it has by entry; list: NULL = none is written. */
+/* Sets the uniforms for what a list contains and which classes it has per entry. list NULL = no
+ * list is written. */
 static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *level,
                      const struct gl_visible_list *list) {
     uint32_t classes = level->transfer.tf.order == SP_TF_POST ? VALUES : COLORS;
@@ -190,7 +191,7 @@ static void set_list(uint32_t way, uint32_t intervals, const struct sp_level *le
                  list ? list->first_class : 0);
 }
 
-/* Writes what the level's list is to hold, and uses the program. */
+/* Uploads what the level's list will contain, and selects the program. */
 static bool use(struct gl_classify *c, unsigned program, const struct gl_voxels *voxels,
                 const struct sp_level *level, const struct gl_visible_list *list,
                 const atomic_bool *cancel, struct sp_error *err) {
@@ -239,8 +240,8 @@ bool gl_classify_histogram(struct gl_classify *c, const struct gl_voxels *voxels
                      err);
 }
 
-/* What values are counted from, and differences a spacing → world gradient over its bound; of reals
- * they are scaled, by a power of two, so that they do not overflow. */
+/* Sets the base of values, and the matrix from differences per spacing to the world gradient
+ * divided by its bound. Reals are scaled by a power of two, so that they do not overflow. */
 static void set_units(const struct sp_volume *volume, double base) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     bool is_real = info->type == SP_FLOAT32;
@@ -260,13 +261,14 @@ static void set_units(const struct sp_volume *volume, double base) {
     glUniform1i(7, is_real ? 0 : (GLint)whole);
 }
 
-/* Where in the tables a list's axes are, and one thing more. */
+/* Sets the rows of the tables where a list's axes begin, and one more value. */
 static void set_rows(int location, const struct gl_visible_list *list, uint32_t last) {
     const uint32_t *row = list->axis_row;
     glUniform4ui(location, row[0], row[1], row[2], last);
 }
 
-/* Where the list's bricks begin, and the points that its classes are made of. */
+/* Uploads the index of each brick's first entry, and the points of the transfer function for the
+ * classes. */
 static bool prepare_list(struct gl_classify *c, const struct sp_level *level,
                          const struct gl_visible_list *list, struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
@@ -313,7 +315,8 @@ bool gl_classify_color(struct gl_classify *c, const struct gl_voxels *voxels,
     return run_list(c, voxels, level, list, cancel, err);
 }
 
-/* The program, and what it is told of the finer level, of which it reads normals or not. */
+/* Selects the program and sets its uniforms for the finer level. `normals`: it reads that level's
+ * normals. */
 static bool use_coarse(struct gl_classify *c, unsigned program, const struct gl_visible_list *finer,
                        bool normals, bool is_post, const struct sp_level *level,
                        struct sp_error *err) {

@@ -61,9 +61,9 @@ bool gl_classify_color(struct gl_classify *classify, const struct gl_voxels *vox
                        const struct sp_level *level, const struct gl_visible_list *list,
                        const atomic_bool *cancel, struct sp_error *err);
 
-/* The same for a coarse level, from the list of the next finer one, which the GPU has made: cells
- * with a visible voxel; entries, classes, and microflakes if the finer one has normals; order post:
- * entries, values and gradients. */
+/* The same for a coarse level, from the list of the next finer one, which the GPU has made. The
+ * list contains the cells with a visible voxel: entries, classes, and microflakes if the finer list
+ * has normals; order post: entries, values and gradients. */
 bool gl_classify_count_mip(struct gl_classify *classify, const struct gl_visible_list *finer,
                            bool is_post, const struct sp_level *level, const atomic_bool *cancel,
                            uint64_t *counts, struct sp_error *err);

@@ -14,7 +14,7 @@
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,      /* batches or turns that may be queued on the GPU, … */
+    BEHIND = 2,      /* batches or turns that may be queued on the GPU: if they are long, … */
     BEHIND_MOST = 8, /* … and if they are short */
     CHUNKS_SHARE = 8 /* memory for records over memory for their chunks */
 };

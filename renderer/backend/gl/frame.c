@@ -255,12 +255,13 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     double start_ms = sp_clock_ms();
     bool is_post = job->view->transfer_function.order == SP_TF_POST;
-    *f = (struct gl_frame){ .grid = grid,
-                            .compositing = job->view->compositing.mode,
-                            .is_post = is_post,
-                            /* A scalar averaged over 4³ voxels is another object to the transfer
-                             * function. */
-                            .mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level };
+    *f = (struct gl_frame){
+        .grid = grid,
+        .compositing = job->view->compositing.mode,
+        .is_post = is_post,
+        /* Averaging a scalar over 4³ voxels changes what the transfer function shows. */
+        .mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level
+    };
     sp_camera_frame_init(&f->camera, &job->view->camera, job->view->size);
     f->axis = sp_slices_major_axis(&f->camera, grid);
     if (!choose_levels(f, job, from->arena))

@@ -16,7 +16,7 @@ static void name_device(struct gl_state *state) {
              info->software ? ", software GL, for correctness only" : "");
 }
 
-/* Forgets a lost context, and the fences of frames in flight with it. */
+/* Drops a lost context, and the fences of frames in flight with it. */
 static void lose(struct gl_state *state) {
     gl_context_destroy(&state->context);
     gl_residency_lose(&state->residency);
@@ -43,8 +43,8 @@ static void gl_destroy(void *pointer) {
     free(state);
 }
 
-/* Creates on the context what does not change. A new context after a lost one has none of the old
- * GL names, so gl_draw_finish() clears them first. */
+/* Creates the objects on the context that never change. A new context after a lost one has none of
+ * the old GL names, so gl_draw_finish() clears them first. */
 static bool init(struct gl_state *state, struct sp_error *err) {
     const struct sp_backend_options budget = { .video_bytes = state->video_bytes,
                                                .memory_bytes = state->cache.limit_bytes };
@@ -192,7 +192,7 @@ static bool gl_render(void *pointer, const struct sp_backend_job *job, struct sp
 
 static void gl_evict(void *pointer, const struct sp_volume *volume) {
     struct gl_state *state = pointer;
-    /* The lists of a lost context are gone already. */
+    /* The lists of a lost context are already gone. */
     if (state->context && gl_context_bind(state->context, NULL)) {
         gl_residency_evict(&state->residency, volume);
         gl_context_unbind(state->context);

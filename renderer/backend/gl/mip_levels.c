@@ -8,7 +8,7 @@ struct work {
     struct gl_list_source sources[SP_LEVELS];
 };
 
-/* What the lists of levels up to `last` are made of. */
+/* Fills the sources of the lists of all levels up to `last`. */
 static void find_sources(struct work *w, const struct sp_classification *c, unsigned last) {
     for (unsigned l = 0; l <= last; l++)
         w->sources[l] =

@@ -11,7 +11,7 @@
 
 enum { SOURCES_MAX = 10 };
 
-/* Logs a whole log and puts its first line into the error. Frees it. */
+/* Writes the driver's whole log to the program's log and its first line to the error. Frees it. */
 static bool fail_with_log(const char *name, const char *what, char *text, struct sp_error *err) {
     sp_log(SP_LOG_ERROR, "shader %s does not %s:", name, what);
     char *save = NULL, first[SP_ERROR_TEXT / 2] = "no log";

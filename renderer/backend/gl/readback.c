@@ -4,7 +4,7 @@
 #include <assert.h>
 #include <epoxy/gl.h>
 
-enum { POLL_NS = 5 * 1000000 }; /* between two looks at the cancel flag */
+enum { POLL_NS = 5 * 1000000 }; /* between two checks of the cancel flag */
 
 bool gl_check(const char *what, struct sp_error *err) {
     GLenum error = glGetError();
@@ -17,7 +17,7 @@ bool gl_check(const char *what, struct sp_error *err) {
 void gl_fence_set(void **fence) {
     gl_fence_drop(fence);
     *fence = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
-    if (!*fence) /* one that is not there counts as passed */
+    if (!*fence) /* a fence that does not exist counts as passed */
         glFinish();
 }
 
@@ -42,7 +42,7 @@ bool gl_fence_wait(void **fence, const atomic_bool *cancel, struct sp_error *err
 bool gl_readback_reserve(struct gl_readback *readback, uint64_t bytes, struct sp_error *err) {
     bool grows = bytes > readback->buffer.bytes;
     if (grows)
-        readback->mapped = NULL; /* ends with the buffer */
+        readback->mapped = NULL; /* the mapping ends with the old buffer */
     if (!gl_buffer_reserve(&readback->buffer, "image that is read back", bytes, 0, GL_USE_READ,
                            err))
         return false;
@@ -53,7 +53,7 @@ bool gl_readback_reserve(struct gl_readback *readback, uint64_t bytes, struct sp
         readback->mapped =
             glMapBufferRange(GL_COPY_READ_BUFFER, 0, (GLsizeiptr)readback->buffer.bytes,
                              GL_MAP_READ_BIT | GL_MAP_PERSISTENT_BIT | GL_MAP_COHERENT_BIT);
-    return gl_check("given its way back", err);
+    return gl_check("mapped for readback", err);
 }
 
 void gl_readback_finish(struct gl_readback *readback) {

@@ -10,7 +10,7 @@
 
 enum { KEY_SHIFT = 12, GRAIN = 16 };
 
-/* Bricks or entries that are being written into mapped memory. */
+/* Context of the workers that write bricks or entries into mapped memory. */
 struct upload {
     const struct sp_level *level;
     uint32_t *words;
@@ -44,7 +44,7 @@ static void write_words(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Colour and depth; order post: the value. */
+/* Computes colour and depth; order post: the value. */
 static void write_class(const struct sp_transfer *transfer, uint32_t key, float row[4]) {
     if (transfer->tf.order == SP_TF_POST) {
         memcpy(row, (float[4]){ sp_transfer_value(transfer, key) }, sizeof(float[4]));
@@ -55,7 +55,7 @@ static void write_class(const struct sp_transfer *transfer, uint32_t key, float 
     row[3] = c.depth;
 }
 
-/* Of entries, whose classes no table by key holds. */
+/* Writes the classes of entries, if the list has no table by key. */
 static void write_entries(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct upload *u = user;
@@ -77,7 +77,9 @@ static bool upload_entries(struct gl_residency *residency, struct gl_visible_lis
     return gl_buffer_unmap(&list->entries, err);
 }
 
-/* Rows of the tables that rectilinear axes take; where each begins goes to axis_row. */
+/* Assigns rows of the tables to rectilinear axes; stores the first row of each axis in axis_row.
+ * Returns the row after
+ * the last one. */
 static uint32_t place_axes(struct gl_visible_list *list, const struct sp_grid *grid) {
     uint32_t row = GL_TABLE_SCALES;
     for (int a = 0; a < 3; a++) {
@@ -118,7 +120,7 @@ static void write_classes(const struct gl_visible_list *list, const struct gl_li
         sp_parallel_for(from->pool, from->level->visible.count, SP_BRICK_VOXELS, write_entries, &u);
 }
 
-/* Scales, axes, and classes unless the GPU makes them. */
+/* Uploads scales and axes, and the classes unless the GPU makes them. */
 static bool upload_tables(struct gl_residency *residency, struct gl_visible_list *list,
                           const struct gl_list_source *from, struct sp_error *err) {
     const struct sp_level *level = from->level;
@@ -142,7 +144,7 @@ static bool upload_tables(struct gl_residency *residency, struct gl_visible_list
     return gl_buffer_unmap(&list->tables, err);
 }
 
-/* A place for another list: an empty one, or that of the least recently used. */
+/* Returns a slot for another list: an empty slot, or the slot of the least recently used list. */
 static struct gl_visible_list *take_place(struct gl_residency *residency) {
     struct gl_visible_list *oldest = &residency->list[0];
     for (int i = 1; i < GL_LISTS; i++)
@@ -203,7 +205,7 @@ static bool fail_budget(const struct gl_residency *residency, const char *what, 
                    what, (unsigned long long)bytes, (unsigned long long)residency->limit_bytes);
 }
 
-/* The least recently used list, and samples, that are not of this frame; NULL = none. */
+/* Returns the least recently used list, and samples, that this frame does not use; NULL = none. */
 static struct gl_visible_list *oldest_list(struct gl_residency *residency) {
     struct gl_visible_list *oldest = NULL;
     for (int i = 0; i < GL_LISTS; i++) {
@@ -264,19 +266,19 @@ bool gl_residency_load(struct gl_residency *residency, struct gl_voxels *voxels,
     const struct sp_volume_info *info = sp_volume_info(voxels->volume);
     bool is_post = order == SP_TF_POST;
     uint64_t more = voxels->samples.name ? 0 : info->voxel_bytes;
-    if (is_post) /* two of them for the length of a pass */
+    if (is_post) /* a pass needs two of them while it runs */
         more += gl_cell_bounds_bytes(&info->grid) * (voxels->cells.name ? 2 : 3);
     return (more == 0 || trim(residency, "its voxels and the visible ones take", more, err)) &&
            gl_classify_load(&residency->classify, voxels, is_post, cancel, err);
 }
 
-/* Bytes of a normal that the list is to have. */
+/* Returns the bytes per normal of the list. */
 static uint32_t normal_bytes(const struct gl_list_source *from) {
     bool wanted = from->voxels ? from->normals : from->level->visible.normal != NULL;
     return wanted ? from->level->visible.normal_bytes : 0;
 }
 
-/* Memory for entries; one that can never have it is refused before it is made. */
+/* Reserves memory for entries. Refuses a list that can never fit before it is made. */
 static bool reserve(struct gl_residency *residency, struct gl_visible_list *list,
                     const struct gl_list_source *from, struct sp_error *err) {
     uint64_t count = from->level->visible.count, words = (count + 1) * sizeof(uint32_t);
@@ -292,7 +294,7 @@ static bool reserve(struct gl_residency *residency, struct gl_visible_list *list
                                           residency->block_bytes, GL_USE_KEPT, err));
 }
 
-/* Makes the entries on the GPU, or their classes alone. */
+/* Makes the entries on the GPU, or only their classes. */
 static bool fill(struct gl_residency *residency, struct gl_visible_list *list,
                  const struct gl_list_source *from, bool has_entries, struct sp_error *err) {
     struct gl_classify *c = &residency->classify;
@@ -306,7 +308,7 @@ static bool fill(struct gl_residency *residency, struct gl_visible_list *list,
                                          from->cancel, err);
 }
 
-/* Makes what of the list is not there. */
+/* Makes the missing parts of the list. */
 static bool update(struct gl_residency *residency, struct gl_visible_list *list,
                    const struct gl_list_source *from, struct sp_error *err) {
     const struct sp_level *level = from->level;
@@ -335,7 +337,7 @@ static bool update(struct gl_residency *residency, struct gl_visible_list *list,
     return trim(residency, "the visible voxels take", 0, err);
 }
 
-/* What a frame needs of the level beside the buffers; borrowed. */
+/* What a frame needs of the level besides the buffers; borrowed. */
 static void describe(struct gl_visible_list *list, const struct sp_level *level) {
     list->grid = level->grid;
     memcpy(list->bricks, level->visible.bricks, sizeof list->bricks);

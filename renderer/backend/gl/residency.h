@@ -89,7 +89,7 @@ bool gl_residency_drop_samples(struct gl_residency *residency);
 /* Evicts the data of the volume; NULL = of all volumes. */
 void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *volume);
 
-/* Forgets everything after the context was lost. No context is needed. */
+/* Drops everything after the context was lost. No context is needed. */
 void gl_residency_lose(struct gl_residency *residency);
 
 /* Returns the bytes on the GPU of the volume; NULL = of all. */

@@ -22,7 +22,7 @@ void gl_timer_start(struct gl_timer *timer) {
 
 void gl_timer_stamp(struct gl_timer *timer, unsigned stage) {
     timer->is_over = timer->count == GL_STAMPS;
-    timer->count -= timer->is_over; /* the last one moves on */
+    timer->count -= timer->is_over; /* all stamps are used: move the last one */
     timer->stage[timer->count] = (uint8_t)stage;
     glQueryCounter(timer->queries[timer->count++], GL_TIMESTAMP);
 }

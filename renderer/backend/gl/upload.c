@@ -42,7 +42,7 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
     return true;
 }
 
-/* Levels follow each other. */
+/* The chunks of a batch are contiguous across levels. */
 static void find_chunks(const struct gl_batch *batch, uint32_t *first, uint32_t *count) {
     *first = *count = 0;
     for (int l = SP_LEVELS - 1; l >= 0; l--) {

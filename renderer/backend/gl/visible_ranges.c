@@ -6,8 +6,7 @@
 
 #include "classify/visible_ranges.h"
 
-/* Values as they are compared: those of the samples, or counted from the base as pixels have them.
- */
+/* The values that are compared: values of samples, or values of pixels relative to the base. */
 struct scale {
     enum sp_type type;
     bool is_post;
@@ -37,8 +36,8 @@ static void find_bounds(enum sp_type type, int64_t bounds[2]) {
     memcpy(bounds, all[type], sizeof all[type]);
 }
 
-/* The smallest ordinal whose value is above `value`, or is it; one beyond the largest if none is.
- */
+/* Returns the smallest ordinal whose value is above `value` or, with or_equal, equal to it. One
+ * beyond the largest ordinal if there is none. */
 static int64_t find_first(const struct scale *scale, double value, bool or_equal) {
     int64_t bounds[2];
     find_bounds(scale->type, bounds);

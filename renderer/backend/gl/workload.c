@@ -74,7 +74,7 @@ void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was
                        double longest_ms) {
     if (longest_ms > workload->limits.dispatch_ms) {
         workload->calm = 0;
-        if (was->halvings == workload->halvings) /* else the sizes have changed since */
+        if (was->halvings == workload->halvings) /* otherwise the sizes have changed since then */
             gl_workload_halve(workload);
         return;
     }
@@ -120,10 +120,11 @@ static bool fail_pairs(const struct gl_workload *workload, const struct gl_bins_
 
 static bool fail_order(const struct gl_pieces *was, const struct gl_bins_head *head,
                        struct sp_error *err) {
-    return sp_fail(err, SP_ERR_BUDGET, "",
-                   "%lu splats at one distance lie over the same %d px, and the GPU puts %lu in "
-                   "order: use a larger image, or let the level of detail be chosen",
-                   (unsigned long)head->crowded, (int)GL_TILE, (unsigned long)was->bin_pairs);
+    return sp_fail(
+        err, SP_ERR_BUDGET, "",
+        "%lu splats at one distance cover the same %d px, and the GPU sorts at most %lu: "
+        "use a larger image, or let the level of detail be chosen",
+        (unsigned long)head->crowded, (int)GL_TILE, (unsigned long)was->bin_pairs);
 }
 
 static void shrink_records(struct gl_workload *workload, const struct gl_pieces *was,

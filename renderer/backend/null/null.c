@@ -35,7 +35,7 @@ static void null_info(const void *state, struct sp_renderer_info *info) {
     };
 }
 
-/* Lengths of the bars in [0,1]. */
+/* Computes the lengths of the bars, in [0, 1]. */
 static void read_camera(const struct sp_camera *camera, float bars[3]) {
     double e[3], largest = 0;
     for (int i = 0; i < 3; i++) {
@@ -50,8 +50,8 @@ static void read_camera(const struct sp_camera *camera, float bars[3]) {
     bars[2] = (float)(0.5 + atan(log10(length * largest * 4)) / M_PI);
 }
 
-/* The gradient of channel c where it has gone the part t of its way: red to the right, green down,
-   blue to the left. */
+/* Returns the gradient of channel c at fraction t of its axis: red rises to the right, green
+ * downwards, blue to the left. */
 static float gradient(const struct sp_view *view, int c, float t) {
     return 0.5f * (c == 2 ? 1 - t : t) + 0.5f * view->background[c];
 }
@@ -67,11 +67,12 @@ static void write_pixel(const struct sp_frame *frame, unsigned char *row, uint32
     row[4 * (size_t)x + 3] = 255;
 }
 
-/* Red and blue are the same in every row: the first row is drawn, the others are copies of the one
-   above with their own green. */
+/* Red and blue are the same in every row. Therefore the first row is drawn, and every other row is
+ * a copy of the row above with its own green. */
 static void draw_gradient(const struct sp_view *view, const struct sp_frame *frame,
                           unsigned char *row, uint32_t y) {
-    const size_t width = frame->width; /* a local: no store through `row` can change it */
+    /* A local variable, because a store through `row` might change the member. */
+    const size_t width = frame->width;
     float green = gradient(view, 1, ((float)y + 0.5f) / (float)view->size[1]);
     if (y == 0) {
         for (size_t x = 0; x < width; x++) {
@@ -86,7 +87,7 @@ static void draw_gradient(const struct sp_view *view, const struct sp_frame *fra
             pixels[4 * x + 1] = green;
     } else {
         const unsigned char *above = row - frame->stride_bytes;
-        uint32_t keep, add; /* as words, whatever the order of their bytes */
+        uint32_t keep, add; /* masks as words, independent of the byte order */
         memcpy(&keep, (const unsigned char[4]){ 255, 0, 255, 255 }, sizeof keep);
         memcpy(&add, (const unsigned char[4]){ 0, (unsigned char)(green * 255 + 0.5f), 0, 0 },
                sizeof add);
@@ -99,8 +100,8 @@ static void draw_gradient(const struct sp_view *view, const struct sp_frame *fra
     }
 }
 
-/* The bars lie in the lowest three tenths, one below the other. The first row of each is drawn, the
-   others are copies of it. */
+/* Draws the bars in the lowest three tenths of the image, one below the other. The first row of
+ * each bar is drawn, the other rows are copies of it. */
 static void draw_bars(const struct sp_view *view, const struct sp_frame *frame,
                       const float bars[3]) {
     static const float colors[3][3] = { { 0.9f, 0.3f, 0.2f },

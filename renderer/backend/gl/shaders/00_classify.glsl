@@ -14,7 +14,7 @@ layout(std430, binding = 6) buffer Tables { vec4 tables[]; };
 layout(std430, binding = 7) buffer Normals { uint normals[]; };
 
 layout(location = 3) uniform uvec4 axis_rows;  // rows of the tables for sample 0 of each axis; rectilinear
-layout(location = 4) uniform mat3 to_gradient; // differences a spacing, times their scale → world gradient over its bound
+layout(location = 4) uniform mat3 to_gradient; // differences per spacing, times their scale → world gradient over its bound
 layout(location = 5) uniform uvec4 how;        // BY_…; intervals; NO_CLASSES …; row of the first class
 layout(location = 6) uniform vec3 base;        // base of values, as a sum of two; scale of differences
 layout(location = 7) uniform int whole_base;   // for integers: a third term of that sum

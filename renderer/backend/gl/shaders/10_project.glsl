@@ -43,7 +43,7 @@ struct Place {
     vec3 u;
     vec3 k[3];   // rows of K
     vec3 m0, m1; // the first two rows of J·K
-    vec2 ratio;  // u0/u2 and u1/u2 as the Jacobian has them
+    vec2 ratio;  // u0/u2 and u1/u2, clamped for the Jacobian
     float h2;    // part of the variance that is the low-pass filter
 };
 
@@ -107,7 +107,7 @@ ivec2 cover_flat(float x, float reach, int low, int high) {
                  ceil(clamp(x + reach - 0.5, float(low), float(high))));
 }
 
-// True if a splat with this upper end begins in this band.
+// True if a splat with centre y and this reach begins in this band, not above it.
 bool begins_here(float y, float reach) {
     return tiles.y == 0u || y - reach - 0.5 > float(tiles.y) - 1.0;
 }
@@ -135,7 +135,7 @@ void outline_ellipse(vec3 v, float det, inout Outline o) {
     o.begins = begins_here(o.at.y, r.y);
 }
 
-// Computes the geometry of the kernel at p.u. False: it is not in sight.
+// Computes the geometry of the kernel at p.u. False if it is not visible.
 bool outline(inout Place p, out Outline o) {
     if (!(p.u.z >= parts[part].view.w && p.u.z < 1e18))
         return false;
