@@ -2,8 +2,9 @@
  *
  * A frame's pixels in the layout that an image format wants.
  *
- * Frames hold 8 bit with alpha NOT associated, or float with alpha associated. Image formats of 8
- * bit want the former, EXR the latter; colours stay display values (sRGB), they are not linearised.
+ * Frames hold 8 bits with straight alpha, or floats with premultiplied alpha. Image formats of 8
+ * bits need the former, EXR needs the latter. Colours stay display values (sRGB); they are not
+ * linearised.
  */
 #ifndef ENCODE_CONVERT_H
 #define ENCODE_CONVERT_H
@@ -15,8 +16,8 @@ bool sp_frame_is_opaque(const struct sp_frame *frame);
 
 enum sp_raster_kind {
     SP_RASTER_RGBX8,  /* 4 bytes, over black; the fourth is not used */
-    SP_RASTER_RGBA8,  /* 4 bytes, alpha not associated */
-    SP_RASTER_RGBAF32 /* 4 floats, alpha associated */
+    SP_RASTER_RGBA8,  /* 4 bytes, straight alpha */
+    SP_RASTER_RGBAF32 /* 4 floats, premultiplied alpha */
 };
 
 /* Describes the frame as `kind` in *raster: its own pixels if they serve, else converted into

@@ -7,8 +7,8 @@
  *                                                         ├─► webp.c   libwebp
  *                                                         └─► exr.c    exr_bridge.cpp, a module
  *
- * An encoder keeps its handle, its buffers and the loaded bridge from call to call; it has no state
- * outside itself, so that any number of threads may have one each.
+ * An encoder keeps its handle, its buffers and the loaded bridge from call to call. Encoders share
+ * no state, so that every thread may have its own.
  */
 #ifndef ENCODE_ENCODER_H
 #define ENCODE_ENCODER_H

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The one function of splat-exr.so, in C. OpenImageIO writes the EXR. It is loaded on demand: with
- * the libraries of all formats that it knows it costs 115 MiB, and a second or two.
+ * The one function of splat-exr.so, in C. OpenImageIO writes the EXR. It is loaded on demand,
+ * because with the libraries of all its formats it takes 115 MiB and one or two seconds.
  */
 #ifndef ENCODE_EXR_BRIDGE_H
 #define ENCODE_EXR_BRIDGE_H
@@ -14,7 +14,7 @@ extern "C" {
 #endif
 
 struct sp_exr_image {
-    const void *pixels; /* rows of `stride` bytes, from the top; RGBA floats, associated */
+    const void *pixels; /* rows of `stride` bytes, from the top; RGBA floats, premultiplied alpha */
     uint32_t width, height;
     size_t stride;
 };

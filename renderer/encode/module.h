@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Modules: what is loaded on demand from beside the program.
+ * Modules: shared libraries in the folder of the program, loaded on demand.
  */
 #ifndef ENCODE_MODULE_H
 #define ENCODE_MODULE_H

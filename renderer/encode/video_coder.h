@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a video library must do for video.c: the table that vpx.c fills, and a module exports as
- * `splat_video_coder`. Plain C types only, so that a module needs nothing of this library.
+ * The functions that video.c needs from a video library: vpx.c fills one such table, and a module
+ * exports one as `splat_video_coder`. It uses plain C types only, so that a module does not depend
+ * on this library.
  */
 #ifndef ENCODE_VIDEO_CODER_H
 #define ENCODE_VIDEO_CODER_H

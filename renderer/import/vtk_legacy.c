@@ -13,9 +13,9 @@
 #include "import/vtk.h"
 #include "import/vtk_text.h"
 
-#define COUNT_MAX                                                                                  \
-    (UINT64_C(1) << 40) /* tuples of an array; the product with the components fits into 64 bits   \
-                         */
+/* Tuples of an array; the product with the components fits into 64 bits. */
+#define COUNT_MAX (UINT64_C(1) << 40)
+
 enum { COMPONENTS_MAX = 1 << 16 };
 
 struct legacy { /* state while the file is read */

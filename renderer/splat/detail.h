@@ -8,8 +8,8 @@
  *
  * A cell is small enough where it spans at most SP_DETAIL_PIXELS times the low-pass filter's
  * standard deviation in the image, judged at the corner of the brick that is nearest to the eye.
- * At that size the low-pass filter hides the lattice. Averaging is a box filter of variance (4^l −
- * 1)/12 voxels², and a kernel of
+ * At that size the low-pass filter hides the lattice. Averaging is a box filter of variance
+ * (4^l − 1)/12 voxels², and a kernel of
  *
  *   σ_l² = σ² − (4^l − 1)/12  voxels²    (at least SP_DETAIL_SIGMA cells)
  *

@@ -52,9 +52,10 @@
 #include "splat/extent.h"
 #include "splat/shade.h"
 
-#define SP_EWA_MARGIN                                                                              \
-    1.3f /* the Jacobian is clamped to the frustum's tangents times this factor … */
-#define SP_EWA_SLACK 0.3f /* … plus this bound of u0/u2 and u1/u2 */
+/* The Jacobian clamps u0/u2 and u1/u2 to the frustum's tangents times the margin, plus the slack.
+ */
+#define SP_EWA_MARGIN 1.3f
+#define SP_EWA_SLACK 0.3f
 #define SP_DEPTH_MAX 1e6f /* optical depth of one splat at its centre; opaque from 20 on */
 /* Smallest variance of the low-pass filter [px²]. It keeps a footprint without such a filter
  * invertible. */

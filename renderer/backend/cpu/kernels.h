@@ -4,7 +4,7 @@
  *
  * This header is the table of kernels: the loops over voxels and pixels. Each kernel is written
  * once and compiled once per instruction set (base/isa.h). table.c fills the table of each set. The
- * scalar set is the reference that the others are held to.
+ * scalar set is the reference of all other sets.
  */
 #ifndef SP_BACKEND_CPU_KERNELS_H
 #define SP_BACKEND_CPU_KERNELS_H

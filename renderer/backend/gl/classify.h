@@ -1,16 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Classification on the GPU: resident samples → lists of visible voxels. The processor makes none.
+ * Classification on the GPU: resident samples → lists of visible voxels.
  *
  *   samples ─ once ─► value range of each brick; order post: of its cells (cell_bounds.h)
- *   what is listed ─► entries a brick ─► read back: the processor knows where each brick begins
- *                                     ─► entries, gradients and classes, written there
- *   points ─► classes of entries that are there
- *   a level ─► the next coarser one, in the same two passes
+ *   listed values ─► number of entries per brick ─► read back: the processor computes where the
+ *                                                   entries of each brick begin
+ *                 ─► entries, gradients and classes, written from there on
+ *   points of the transfer function ─► new classes of existing entries
+ *   a level ─► the next coarser level, in the same two passes
  *
- * Types with a table by key (8 and 16 bits), order pre: one bit per key says what is listed.
- * Otherwise intervals of samples say it (visible_ranges.h). Bricks whose range contains nothing
- * listed are not read. Types without a table have a class per entry, or for order post a value.
+ * Types with a table by key (8 and 16 bits), order pre: one bit per key says which keys are listed.
+ * Otherwise intervals say which samples are listed (visible_ranges.h). Bricks whose range contains
+ * nothing listed are not read. Types without a table have a class per entry, or for order post a
+ * value.
  */
 #ifndef GL_CLASSIFY_H
 #define GL_CLASSIFY_H

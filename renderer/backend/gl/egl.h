@@ -2,7 +2,7 @@
  *
  * Finds the places on this machine that offer OpenGL and opens them. All functions are thread-safe.
  *
- * EGL owns the displays: one per device and process, shared by everyone in the process. They are
+ * EGL owns the displays: one per device and process, shared by all code in the process. They are
  * initialised here and never terminated, because that would end every context on them, also those
  * of other renderers. A software display keeps threads; therefore the search for a GPU does not
  * open it.

@@ -4,8 +4,8 @@
  * that signals that the buffer is filled. Each frame in flight has its own readback, so that one
  * image is read while the next is drawn. A context must be current.
  *
- *   gl_readback_copy ─► … the GPU draws, and copies … ─► gl_fence_wait ─► gl_readback_read,
- * gl_readback_close
+ *   gl_readback_copy ─► … the GPU draws and copies … ─► gl_fence_wait ─► gl_readback_read
+ *                                                                    ─► gl_readback_close
  *
  * The buffer stays mapped where OpenGL allows it (4.4, or GL_ARB_buffer_storage); otherwise it is
  * mapped for each read.

@@ -7,7 +7,7 @@
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// By pixel: transmittance and associated colour. After those of all pixels: two per pixel for the layer that the last
+// By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for the layer that the last
 // turn or batch left open.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
