@@ -100,7 +100,7 @@ static inline sp_wide find_depth(const struct sp_blend *blend, const struct sp_s
     return s->cuts ? sp_wide_min(depth, c->high[y]) : depth;
 }
 
-/* Computes the share of a column that slab k receives. The far face of the slab cuts the column,
+/* Adds the share of a column that lies in slab k. The far face of the slab cuts the column,
  * unless the column ends in this slab. */
 static inline void add_slab(const struct sp_blend *blend, bool is_post, const struct sp_splat *s,
                             const struct sp_span *span, struct column *c, uint32_t k, bool is_last,

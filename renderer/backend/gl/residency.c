@@ -144,7 +144,7 @@ static bool upload_tables(struct gl_residency *residency, struct gl_visible_list
     return gl_buffer_unmap(&list->tables, err);
 }
 
-/* Returns a slot for another list: an empty slot, or the slot of the least recently used list. */
+/* Empties and returns a slot for another list: an unused one, or the least recently used one. */
 static struct gl_visible_list *take_place(struct gl_residency *residency) {
     struct gl_visible_list *oldest = &residency->list[0];
     for (int i = 1; i < GL_LISTS; i++)
