@@ -262,7 +262,7 @@ static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
         }
         assert_false(draw(rig, volume, &view, NULL, NULL, NULL, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
-        assert_non_null(strstr(err.text, crowded ? "puts 25 in order" : "limit is 7"));
+        assert_non_null(strstr(err.text, crowded ? "sorts at most 25" : "limit is 7"));
         reset(rig, &whole);
         struct test_image image = draw_ok(rig, volume, &view, NULL);
         test_image_finish(&image);
