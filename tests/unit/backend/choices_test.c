@@ -256,8 +256,7 @@ static void over_an_opaque_background_every_pixel_is(void **state) {
         struct sp_error err;
         unsigned mip_level, drawn = 0;
         /* A GPU's driver compiles shaders for every choice. */
-        const unsigned every = strcmp(target.backend, "cpu") == 0 ? 29 : 1021;
-        const unsigned step = TEST_SANITIZED ? 5 * every : every;
+        const unsigned step = strcmp(target.backend, "cpu") != 0 ? 1021 : TEST_SANITIZED ? 145 : 29;
         bool rectilinear;
         struct sp_view view;
         if (!test_renderer_open(&r, &target, 1, &err)) {
