@@ -348,7 +348,7 @@ static void run(struct subject subjects[], unsigned count, unsigned first, unsig
         struct task task;
         bool is_there = begin_task(&task, seed);
         if (!is_there)
-            printf("FAILED seed %u: no memory for its scene\n", seed);
+            printf("FAILED seed %u: out of memory\n", seed);
         for (unsigned i = 0; i < count; i++)
             if ((seed - first) % subjects[i].step == 0) {
                 subjects[i].tally.ran++;

@@ -27,7 +27,7 @@ static double even(const void *user, double x, double y, double z) {
     return exp(-(a * a + b * b) / 30) + exp(-(a * a + c * c) / 12) * (y > 20);
 }
 
-static void a_symmetric_volume_gives_a_symmetric_picture(void **state) {
+static void a_symmetric_volume_gives_a_symmetric_image(void **state) {
     struct invariant_context *c = *state;
     for (int ortho = 0; ortho < 2; ortho++) {
         struct test_scene s;
@@ -45,7 +45,7 @@ static void a_symmetric_volume_gives_a_symmetric_picture(void **state) {
     }
 }
 
-static void a_mirrored_direction_gives_the_mirrored_picture(void **state) {
+static void a_mirrored_direction_gives_the_mirrored_image(void **state) {
     struct invariant_context *c = *state;
     static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_sheared,
                                              test_scene_clip_corner };
@@ -200,8 +200,8 @@ static void even_coordinates_are_an_even_grid(void **state) {
 
 static int run_target(struct invariant_context *c) {
     const struct CMUnitTest tests[] = {
-        ON(a_symmetric_volume_gives_a_symmetric_picture),
-        ON(a_mirrored_direction_gives_the_mirrored_picture),
+        ON(a_symmetric_volume_gives_a_symmetric_image),
+        ON(a_mirrored_direction_gives_the_mirrored_image),
         ON(the_unit_of_length_does_not_matter),
         ON(the_place_in_the_world_does_not_matter),
         ON(the_order_of_axes_does_not_matter),
@@ -210,7 +210,7 @@ static int run_target(struct invariant_context *c) {
     /* Software GL is slow: it runs what its comparison to the reference (ewa_test.c) does not
      * cover. */
     const struct CMUnitTest few[] = {
-        ON(a_symmetric_volume_gives_a_symmetric_picture),
+        ON(a_symmetric_volume_gives_a_symmetric_image),
     };
     if (strcmp(c->target.backend, "gl-software") == 0)
         return cmocka_run_group_tests(few, NULL, NULL);

@@ -159,7 +159,7 @@ static void compositors_agree_on_the_opacity(void **state) {
 }
 
 /* What a plane keeps and what it takes away are the whole: their optical depths add up. */
-static void a_plane_and_its_opposite_make_the_whole(void **state) {
+static void opposite_clip_planes_add_up_to_the_whole(void **state) {
     struct invariant_context *c = *state;
     for (int way = 0; way < INVARIANT_POST_WAY;
          way++) { /* classified after the cut, they need not */
@@ -209,7 +209,7 @@ static void the_order_does_not_matter_to_a_constant(void **state) {
 }
 
 /* A gradient axis of ones, and one that is reached nowhere. */
-static void a_flat_gradient_axis_is_none(void **state) {
+static void a_flat_gradient_axis_changes_nothing(void **state) {
     struct invariant_context *c = *state;
     for (int k = 0; k < 4; k++) {
         struct test_scene s;
@@ -260,7 +260,7 @@ static void eight_bits_are_the_rounded_floats(void **state) {
 }
 
 /* Nothing in front of the eye, all of it nearer than near, or nothing visible: the background. */
-static void nothing_to_see_is_the_background(void **state) {
+static void an_empty_view_shows_the_background(void **state) {
     struct invariant_context *c = *state;
     for (int k = 0; k < 4; k++) {
         struct test_scene s;
@@ -290,7 +290,7 @@ static void nothing_to_see_is_the_background(void **state) {
 }
 
 /* Samples that are not numbers are transparent: a hole, never a NaN in the image. */
-static void not_a_number_is_transparent(void **state) {
+static void nan_samples_are_transparent(void **state) {
     struct invariant_context *c = *state;
     struct test_scene s;
     assert_true(test_scene_blobs(&s));
@@ -316,20 +316,20 @@ static int run_target(struct invariant_context *c) {
         ON(reconstruction_is_ewa_without_low_pass),
         ON(filters_keep_the_energy),
         ON(compositors_agree_on_the_opacity),
-        ON(a_plane_and_its_opposite_make_the_whole),
+        ON(opposite_clip_planes_add_up_to_the_whole),
         ON(the_order_does_not_matter_to_a_constant),
-        ON(a_flat_gradient_axis_is_none),
+        ON(a_flat_gradient_axis_changes_nothing),
         ON(eight_bits_are_the_rounded_floats),
-        ON(nothing_to_see_is_the_background),
-        ON(not_a_number_is_transparent),
+        ON(an_empty_view_shows_the_background),
+        ON(nan_samples_are_transparent),
     };
     /* Software GL is slow: it runs what its comparison to the reference (ewa_test.c) does not
      * cover. */
     const struct CMUnitTest few[] = {
-        ON(a_flat_gradient_axis_is_none),
+        ON(a_flat_gradient_axis_changes_nothing),
         ON(eight_bits_are_the_rounded_floats),
-        ON(nothing_to_see_is_the_background),
-        ON(not_a_number_is_transparent),
+        ON(an_empty_view_shows_the_background),
+        ON(nan_samples_are_transparent),
     };
     if (strcmp(c->target.backend, "gl-software") == 0)
         return cmocka_run_group_tests(few, NULL, NULL);

@@ -326,7 +326,7 @@ static const struct plane planes[] = {
 static void measure(struct quality *q) {
     static const enum sp_filter_mode modes[] = { SP_FILTER_NONE, SP_FILTER_RECONSTRUCTION,
                                                  SP_FILTER_SWAN, SP_FILTER_EWA };
-    printf("  energy a pixel above and below the Nyquist rate, 1e-6; mean change, 1e-6\n"
+    printf("  energy per pixel above and below the Nyquist rate, 1e-6; mean change, 1e-6\n"
            "  plane      filter         h, px      above      below    flicker     motion\n");
     for (size_t i = 0; i < sizeof planes / sizeof *planes; i++) {
         const struct plane *p = &planes[i];

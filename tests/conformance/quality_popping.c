@@ -63,7 +63,7 @@ static const struct {
 };
 
 static void measure(struct quality *q) {
-    printf("  change from frame to frame, %g degrees a frame, 1e-6\n"
+    printf("  change from frame to frame, %g degrees per frame, 1e-6\n"
            "  scene          mode     largest   median (motion)      pop  one pixel's largest\n",
            STEP);
     for (size_t i = 0; i < sizeof scenes / sizeof *scenes; i++) {

@@ -277,7 +277,7 @@ static void finer_changes_nothing(void **state) {
     assert_int_equal(failed, 0);
 }
 
-static void psnr_is_what_it_says(void **state) {
+static void psnr_matches_its_definition(void **state) {
     (void)state;
     struct test_image a, b;
     assert_true(test_image_init(&a, 7, 5));
@@ -301,7 +301,7 @@ static void psnr_is_what_it_says(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(psnr_is_what_it_says),
+        cmocka_unit_test(psnr_matches_its_definition),
         cmocka_unit_test(one_voxel_has_the_analytic_depth),
         cmocka_unit_test(constant_field_has_the_analytic_opacity),
         cmocka_unit_test(low_pass_is_a_unit_gaussian),

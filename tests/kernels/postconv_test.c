@@ -204,7 +204,7 @@ static void check_bytes(struct test_postconv *t, const struct test_image *floats
     sp_frame_unref(&frame);
 }
 
-static void tiles_are_what_the_formulas_say(void **state) {
+static void tiles_match_the_formulas(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
     unsigned count = find_sets(sets);
@@ -354,7 +354,7 @@ static void make_extreme(struct test_scene *s, int n) {
     v->shading.mode = n % 4 == 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
 }
 
-static void extreme_cameras_give_a_picture(void **state) {
+static void extreme_cameras_give_a_finite_image(void **state) {
     (void)state;
     struct cpu_kernels sets[SETS];
     unsigned count = find_sets(sets), drawn = 0;
@@ -536,9 +536,9 @@ static void a_tile_stops_when_cancelled(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(tiles_are_what_the_formulas_say),
+        cmocka_unit_test(tiles_match_the_formulas),
         cmocka_unit_test(tiles_have_no_seams),
-        cmocka_unit_test(extreme_cameras_give_a_picture),
+        cmocka_unit_test(extreme_cameras_give_a_finite_image),
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(what_filters_leave_is_drawn),
         cmocka_unit_test(a_tile_stops_when_cancelled),

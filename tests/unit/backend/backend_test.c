@@ -33,7 +33,7 @@ static void pass_over(void *user, const struct sp_device *device) {
 }
 
 /* A GPU must pass this check before it is used. An image that was not drawn fails it. */
-static void the_check_finds_pictures_alike(void **state) {
+static void the_startup_check_compares_images(void **state) {
     (void)state;
     const struct sp_backend_options options = {
         .threads = 1, .memory_bytes = UINT64_C(1) << 30, .isa = "auto", .gpu = -1
@@ -107,7 +107,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
 
-static void what_is_not_supported_is_refused_with_its_pointer(void **state) {
+static void unsupported_settings_are_refused_with_their_pointer(void **state) {
     (void)state;
     struct rig rig = rig_make("cpu", 1, rig_make_voxel());
     const struct sp_view good = rig.view;
@@ -285,7 +285,7 @@ static void check_edits(const char *isa, float tolerance) {
     rig_finish(&fresh);
 }
 
-static void edited_pictures_are_fresh_pictures(void **state) {
+static void edited_images_match_fresh_images(void **state) {
     (void)state;
     check_edits("scalar", 0);
     check_edits("auto", 1e-5f);
@@ -377,7 +377,7 @@ static void stand(void *user) {
     atomic_store(&s->pause.paused_ms, atomic_load(&s->pause.paused_ms) + 3e13);
 }
 
-static void what_stands_still_loses_nothing(void **state) {
+static void a_paused_render_loses_nothing(void **state) {
     (void)state;
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB };
     for (int m = 0; m < 2; m++) {
@@ -414,16 +414,16 @@ static void what_stands_still_loses_nothing(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(registry_finds_names_and_refuses_others),
-        cmocka_unit_test(the_check_finds_pictures_alike),
-        cmocka_unit_test(what_is_not_supported_is_refused_with_its_pointer),
+        cmocka_unit_test(the_startup_check_compares_images),
+        cmocka_unit_test(unsupported_settings_are_refused_with_their_pointer),
         cmocka_unit_test(the_test_card_shows_the_camera),
         cmocka_unit_test(threads_do_not_change_a_bit),
         cmocka_unit_test(the_steady_state_allocates_nothing),
         cmocka_unit_test(cached_data_is_counted_and_evicted),
-        cmocka_unit_test(edited_pictures_are_fresh_pictures),
+        cmocka_unit_test(edited_images_match_fresh_images),
         cmocka_unit_test(lists_are_cut_down_when_edits_stop),
         cmocka_unit_test(endless_work_can_be_cancelled),
-        cmocka_unit_test(what_stands_still_loses_nothing),
+        cmocka_unit_test(a_paused_render_loses_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

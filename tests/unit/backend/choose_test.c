@@ -47,7 +47,7 @@ static void auto_takes_the_first_that_starts(void **state) {
     assert_string_equal(started(&(struct sp_renderer_options){ .backend = "last" }), "last");
 }
 
-static void a_name_gets_that_or_nothing(void **state) {
+static void a_named_backend_has_no_fallback(void **state) {
     (void)state;
     fakes[GPU].starts = false;
     refuses(&(struct sp_renderer_options){ .backend = "gpu" }, SP_ERR_BACKEND, "gpu is broken");
@@ -55,7 +55,7 @@ static void a_name_gets_that_or_nothing(void **state) {
             "available: auto, gpu, plain, last");
 }
 
-static void a_gpu_that_draws_wrong_pictures_does_not_start(void **state) {
+static void a_gpu_that_draws_wrong_images_does_not_start(void **state) {
     (void)state;
     fakes[GPU].paint = 1;
     fakes[GPU].painted = 64; /* rounding */
@@ -184,7 +184,7 @@ static void failures_add_up_over_frames(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void what_is_not_the_backends_fault_does_not_count(void **state) {
+static void only_backend_failures_count(void **state) {
     (void)state;
     static const enum sp_code codes[] = { SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED };
     struct fakes_scene s;
@@ -204,7 +204,7 @@ static void what_is_not_the_backends_fault_does_not_count(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void who_names_a_backend_or_requires_a_gpu_keeps_it(void **state) {
+static void a_named_backend_or_required_gpu_is_not_replaced(void **state) {
     (void)state;
     static const struct sp_renderer_options options[] = { { .backend = "gpu" },
                                                           { .require_gpu = true } };
@@ -222,7 +222,7 @@ static void who_names_a_backend_or_requires_a_gpu_keeps_it(void **state) {
     }
 }
 
-static void where_nothing_can_take_over_the_backend_stays(void **state) {
+static void a_backend_without_fallback_stays(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -235,7 +235,7 @@ static void where_nothing_can_take_over_the_backend_stays(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void who_takes_over_is_asked_whether_it_can(void **state) {
+static void the_fallback_backend_must_support_the_view(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -259,18 +259,18 @@ static void who_takes_over_is_asked_whether_it_can(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(auto_takes_the_first_that_starts),
-        TEST(a_name_gets_that_or_nothing),
-        TEST(a_gpu_that_draws_wrong_pictures_does_not_start),
+        TEST(a_named_backend_has_no_fallback),
+        TEST(a_gpu_that_draws_wrong_images_does_not_start),
         TEST(refused_backends_are_reported_to_the_caller),
         TEST(the_gpu_is_chosen_by_its_number),
         TEST(a_gpu_can_be_required),
         TEST(the_next_backend_takes_over_after_three_failures),
         TEST(two_failures_lose_no_frame),
         TEST(failures_add_up_over_frames),
-        TEST(what_is_not_the_backends_fault_does_not_count),
-        TEST(who_names_a_backend_or_requires_a_gpu_keeps_it),
-        TEST(who_takes_over_is_asked_whether_it_can),
-        TEST(where_nothing_can_take_over_the_backend_stays),
+        TEST(only_backend_failures_count),
+        TEST(a_named_backend_or_required_gpu_is_not_replaced),
+        TEST(the_fallback_backend_must_support_the_view),
+        TEST(a_backend_without_fallback_stays),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

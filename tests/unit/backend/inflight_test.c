@@ -51,7 +51,7 @@ static void frames_are_finished_as_they_were_begun(void **state) {
 
 /* So it is with a backend that draws a frame at a time, and with one that was asked for too many.
  */
-static void what_the_backend_does_not_take_waits(void **state) {
+static void frames_that_the_backend_refuses_wait(void **state) {
     (void)state;
     static const char *const names[] = { "plain", "gpu" };
     for (int n = 0; n < 2; n++) {
@@ -84,7 +84,7 @@ static void a_view_that_is_refused_is_not_begun(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void a_failure_takes_no_frame_along(void **state) {
+static void a_failure_loses_no_other_frame(void **state) {
     (void)state;
     enum { FIRST, SECOND, NONE }; /* refused as they are begun */
     for (unsigned refused = FIRST; refused <= NONE; refused++)
@@ -112,7 +112,7 @@ static void a_failure_takes_no_frame_along(void **state) {
         }
 }
 
-static void who_takes_over_draws_all_that_was_begun(void **state) {
+static void the_fallback_draws_all_begun_frames(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -128,7 +128,7 @@ static void who_takes_over_draws_all_that_was_begun(void **state) {
 }
 
 /* Refused at once, or when it turns out that there is not enough. */
-static void what_is_too_much_for_a_backend_the_next_one_draws(void **state) {
+static void out_of_memory_falls_back_for_that_frame(void **state) {
     (void)state;
     struct fakes_scene s;
     struct sp_renderer_info info;
@@ -163,7 +163,7 @@ static void what_is_too_much_for_a_backend_the_next_one_draws(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void without_another_backend_its_error_is_told(void **state) {
+static void without_a_fallback_the_error_is_reported(void **state) {
     (void)state;
     static const struct sp_renderer_options options[] = { { .backend = "gpu" },
                                                           { .require_gpu = true } };
@@ -191,7 +191,7 @@ static void without_another_backend_its_error_is_told(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void who_draws_instead_is_asked_whether_it_can_and_may_fail(void **state) {
+static void the_fallback_may_refuse_or_fail(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -211,7 +211,7 @@ static void who_draws_instead_is_asked_whether_it_can_and_may_fail(void **state)
     fakes_scene_finish(&s);
 }
 
-static void what_is_cancelled_is_not_drawn_again(void **state) {
+static void cancelled_frames_are_not_retried(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -230,7 +230,7 @@ static void what_is_cancelled_is_not_drawn_again(void **state) {
     fakes_scene_finish(&s);
 }
 
-static void frames_may_be_left(void **state) {
+static void unfinished_frames_are_released(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
@@ -244,15 +244,15 @@ static void frames_may_be_left(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(frames_are_finished_as_they_were_begun),
-        TEST(what_the_backend_does_not_take_waits),
+        TEST(frames_that_the_backend_refuses_wait),
         TEST(a_view_that_is_refused_is_not_begun),
-        TEST(a_failure_takes_no_frame_along),
-        TEST(who_takes_over_draws_all_that_was_begun),
-        TEST(what_is_too_much_for_a_backend_the_next_one_draws),
-        TEST(without_another_backend_its_error_is_told),
-        TEST(who_draws_instead_is_asked_whether_it_can_and_may_fail),
-        TEST(what_is_cancelled_is_not_drawn_again),
-        TEST(frames_may_be_left),
+        TEST(a_failure_loses_no_other_frame),
+        TEST(the_fallback_draws_all_begun_frames),
+        TEST(out_of_memory_falls_back_for_that_frame),
+        TEST(without_a_fallback_the_error_is_reported),
+        TEST(the_fallback_may_refuse_or_fail),
+        TEST(cancelled_frames_are_not_retried),
+        TEST(unfinished_frames_are_released),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

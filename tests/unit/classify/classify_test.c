@@ -461,7 +461,7 @@ static unsigned made_since(const struct sp_level *level, uint64_t seen[2]) {
     return bits;
 }
 
-static void what_is_made_is_numbered(void **state) {
+static void rebuilt_data_gets_a_new_number(void **state) {
     (void)state;
     uint8_t values[64];
     for (int i = 0; i < 64; i++)
@@ -557,7 +557,7 @@ int main(void) {
         cmocka_unit_test(microflakes_match_those_of_all_voxels),
         cmocka_unit_test(microflakes_match_those_of_the_surface),
         cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
-        cmocka_unit_test(what_is_made_is_numbered),
+        cmocka_unit_test(rebuilt_data_gets_a_new_number),
         cmocka_unit_test(only_what_changed_is_redone),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

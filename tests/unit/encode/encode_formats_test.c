@@ -47,7 +47,7 @@ static void chunks_are_these(void **state) {
     sp_encoder_destroy(&encoder);
 }
 
-static void what_the_library_refuses_is_an_error_and_the_encoder_goes_on(void **state) {
+static void a_refusal_by_the_library_is_an_error_and_the_encoder_stays_usable(void **state) {
     (void)state;
     static const uint32_t pixels[4];
     struct sp_raster raster = { .pixels = pixels, .width = 2000000, .height = 1, .stride = 16 };
@@ -80,7 +80,7 @@ static void a_webp_that_is_too_large_is_an_error(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(chunks_are_these),
-        cmocka_unit_test(what_the_library_refuses_is_an_error_and_the_encoder_goes_on),
+        cmocka_unit_test(a_refusal_by_the_library_is_an_error_and_the_encoder_stays_usable),
         cmocka_unit_test(a_webp_that_is_too_large_is_an_error),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

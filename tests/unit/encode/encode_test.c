@@ -42,7 +42,7 @@ static float *pixel32(const struct sp_frame *frame, uint32_t x, uint32_t y) {
 }
 
 /* A smooth image, with noise in the lowest bits, alpha rising to the right if not opaque. */
-static struct sp_frame picture8(uint32_t width, uint32_t height, bool opaque) {
+static struct sp_frame image8(uint32_t width, uint32_t height, bool opaque) {
     struct sp_frame frame = make_frame(width, height, SP_RGBA8);
     for (uint32_t y = 0; y < height; y++)
         for (uint32_t x = 0; x < width; x++) {
@@ -95,7 +95,7 @@ static void formats_are_found_by_name_type_and_extension(void **state) {
 static void png_is_exact(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
-        struct sp_frame frame = picture8(61, 37, opaque);
+        struct sp_frame frame = image8(61, 37, opaque);
         struct decoded_image image = encode_and_read(&frame, SP_IMAGE_PNG, 80);
         assert_int_equal(image.channels, opaque ? 3 : 4);
         for (uint32_t y = 0; y < frame.height; y++)
@@ -124,7 +124,7 @@ static double mean_difference(const struct sp_frame *frame, const struct decoded
 static void jpeg_is_close_and_shows_alpha_over_black(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
-        struct sp_frame frame = picture8(203, 117, opaque);
+        struct sp_frame frame = image8(203, 117, opaque);
         struct decoded_image good = encode_and_read(&frame, SP_IMAGE_JPEG, 95),
                              poor = encode_and_read(&frame, SP_IMAGE_JPEG, 30);
         assert_int_equal(good.channels, 3);
@@ -147,7 +147,7 @@ static int jpeg_sampling(const uint8_t *bytes, size_t size) {
 
 static void jpeg_subsamples_colour_below_90(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(64, 64, true);
+    struct sp_frame frame = image8(64, 64, true);
     struct sp_encoder *encoder = sp_encoder_create(NULL);
     const uint8_t *bytes;
     size_t size;
@@ -170,7 +170,7 @@ static void jpeg_chroma_is_chosen(void **state) {
     } cases[] = { { SP_CHROMA_444, "4:4:4", 0x11 },
                   { SP_CHROMA_422, "4:2:2", 0x21 },
                   { SP_CHROMA_420, "4:2:0", 0x22 } };
-    struct sp_frame frame = picture8(64, 64, true);
+    struct sp_frame frame = image8(64, 64, true);
     for (unsigned y = 0; y < 64; y++)
         for (unsigned x = 0; x < 64; x++) {
             bool red = (x < 32 ? x : y) % 2 == 0;
@@ -251,7 +251,7 @@ static void stripes_change_no_pixel(void **state) {
     };
     struct sp_encoder *encoder = sp_encoder_create(NULL);
     for (size_t c = 0; c < sizeof cases / sizeof *cases; c++) {
-        struct sp_frame frame = picture8(cases[c].width, cases[c].height, true);
+        struct sp_frame frame = image8(cases[c].width, cases[c].height, true);
         for (int s = 0; s < 3; s++) {
             const uint8_t *bytes;
             size_t size;
@@ -285,9 +285,9 @@ static void share(void *user, struct sp_encoder *own, unsigned count, sp_stripe_
         stripe(of, i, i % 4 < 3 ? sharer->with[i % 4] : own);
 }
 
-static void who_makes_which_stripe_changes_no_byte(void **state) {
+static void stripes_from_any_encoder_give_the_same_bytes(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(1400, 1000, false), small = picture8(64, 64, false);
+    struct sp_frame frame = image8(1400, 1000, false), small = image8(64, 64, false);
     struct sp_encoder *alone = sp_encoder_create(NULL), *shared = sp_encoder_create(NULL);
     struct sharer sharer = { .calls = 0 };
     const uint8_t *a, *b;
@@ -310,9 +310,9 @@ static void who_makes_which_stripe_changes_no_byte(void **state) {
     free(small.pixels);
 }
 
-static void a_stripe_that_fails_fails_the_picture(void **state) {
+static void a_failed_stripe_fails_the_image(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(1000, 700, true);
+    struct sp_frame frame = image8(1000, 700, true);
     struct sp_encoder *encoder = sp_encoder_create(NULL), broken = { .jpeg = tjInitDecompress() };
     struct sharer sharer = { .with = { &broken, encoder, encoder } };
     struct sp_error err = { .code = SP_OK };
@@ -333,7 +333,7 @@ static void a_stripe_that_fails_fails_the_picture(void **state) {
 static void the_librarys_environment_is_heeded(void **state) {
     (void)state;
     static const char *const told[] = { "TJ_OPTIMIZE", "TJ_RESTART", "TJ_PROGRESSIVE" };
-    struct sp_frame frame = picture8(1000, 700, true);
+    struct sp_frame frame = image8(1000, 700, true);
     for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
         setenv(told[i], "1", 1);
         struct decoded_image image = encode_and_read(&frame, SP_IMAGE_JPEG, 80),
@@ -350,12 +350,12 @@ static void the_librarys_environment_is_heeded(void **state) {
 /* Such a frame says so itself; its pixels are not looked at for that. */
 static void a_frame_that_knows_to_be_opaque_is(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(61, 37, false);
+    struct sp_frame frame = image8(61, 37, false);
     assert_false(sp_frame_is_opaque(&frame));
     frame.is_opaque = true;
     assert_true(sp_frame_is_opaque(&frame));
     free(frame.pixels);
-    frame = picture8(61, 37, true);
+    frame = image8(61, 37, true);
     assert_true(sp_frame_is_opaque(&frame)); /* by its pixels */
     pixel8(&frame, 60, 36)[3] = 254;
     assert_false(sp_frame_is_opaque(&frame));
@@ -365,7 +365,7 @@ static void a_frame_that_knows_to_be_opaque_is(void **state) {
 static void webp_is_close_and_keeps_alpha(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
-        struct sp_frame frame = picture8(61, 37, opaque);
+        struct sp_frame frame = image8(61, 37, opaque);
         struct decoded_image image = encode_and_read(&frame, SP_IMAGE_WEBP, 95);
         assert_true(image.channels == 4 || opaque);
         double difference = mean_difference(&frame, &image, false);
@@ -382,7 +382,7 @@ static void webp_is_close_and_keeps_alpha(void **state) {
 
 static void webp_quality_matters(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(256, 256, true);
+    struct sp_frame frame = image8(256, 256, true);
     struct sp_encoder *encoder = sp_encoder_create(NULL);
     const uint8_t *bytes;
     size_t low, high;
@@ -414,7 +414,7 @@ static void exr_keeps_floats_bit_for_bit(void **state) {
 
 static void exr_of_bytes_is_associated(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(33, 21, false);
+    struct sp_frame frame = image8(33, 21, false);
     struct decoded_image image = encode_and_read(&frame, SP_IMAGE_EXR, 80);
     assert_int_equal(image.channels, 4);
     for (uint32_t y = 0; y < frame.height; y++)
@@ -479,7 +479,7 @@ static void one_encoder_serves_all_sizes_and_formats(void **state) {
 
 static void equal_frames_give_equal_files(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(61, 37, false);
+    struct sp_frame frame = image8(61, 37, false);
     struct sp_encoder *first = sp_encoder_create(NULL), *second = sp_encoder_create(NULL);
     for (int f = 0; f < SP_IMAGE_FORMAT_COUNT; f++) {
         const uint8_t *a, *b;
@@ -515,7 +515,7 @@ static void *encode_in_thread(void *user) {
 
 static void threads_load_and_encode_at_once(void **state) {
     (void)state;
-    struct sp_frame frame = picture8(61, 37, false);
+    struct sp_frame frame = image8(61, 37, false);
     pthread_t threads[THREADS];
     for (int i = 0; i < THREADS; i++)
         assert_int_equal(pthread_create(&threads[i], NULL, encode_in_thread, &frame), 0);
@@ -570,8 +570,8 @@ int main(int argc, char **argv) {
         cmocka_unit_test(jpeg_subsamples_colour_below_90),
         cmocka_unit_test(jpeg_chroma_is_chosen),
         cmocka_unit_test(stripes_change_no_pixel),
-        cmocka_unit_test(who_makes_which_stripe_changes_no_byte),
-        cmocka_unit_test(a_stripe_that_fails_fails_the_picture),
+        cmocka_unit_test(stripes_from_any_encoder_give_the_same_bytes),
+        cmocka_unit_test(a_failed_stripe_fails_the_image),
         cmocka_unit_test(the_librarys_environment_is_heeded),
         cmocka_unit_test(a_frame_that_knows_to_be_opaque_is),
         cmocka_unit_test(webp_is_close_and_keeps_alpha),

@@ -130,7 +130,7 @@ static void odd_but_harmless_readers_are_served(void **state) {
 
 /* Files that are none. */
 
-static void what_is_no_file_is_refused_without_blocking(void **state) {
+static void unreadable_sources_are_refused_without_blocking(void **state) {
     (void)state;
     assert_int_equal(mkfifo(in_folder("pipe.nrrd"), 0600), 0);
     load_error("pipe.nrrd", SP_ERR_INVALID, "pipe.nrrd", "is a pipe, not a regular file");
@@ -348,7 +348,7 @@ int main(void) {
         cmocka_unit_test(bad_readers_are_errors),
         cmocka_unit_test(readers_that_never_end_are_stopped),
         cmocka_unit_test(odd_but_harmless_readers_are_served),
-        cmocka_unit_test(what_is_no_file_is_refused_without_blocking),
+        cmocka_unit_test(unreadable_sources_are_refused_without_blocking),
         cmocka_unit_test(roots_hold),
         cmocka_unit_test(a_missing_importer_is_explained),
         cmocka_unit_test(the_budget_is_asked_before_memory_is_taken),

@@ -255,7 +255,7 @@ static int status_of(int (*attempt)(void)) {
     return status;
 }
 
-static void what_is_limited_fails(void **state) {
+static void forbidden_operations_fail_in_the_sandbox(void **state) {
     (void)state;
     static const struct {
         const char *name;
@@ -301,7 +301,7 @@ int main(void) {
         return 77;
     }
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(what_is_limited_fails),
+        cmocka_unit_test(forbidden_operations_fail_in_the_sandbox),
         cmocka_unit_test(death_is_seen),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -185,7 +185,7 @@ static void spacing_comes_from_resolution_and_imagej(void **state) {
     assert_spacing(t, 1, 1, 1, "");
 }
 
-static void what_would_come_out_wrong_is_refused(void **state) {
+static void unsupported_layouts_are_refused(void **state) {
     (void)state;
     make_ramp(SP_UINT8, 600, ramp8);
     struct tiff t = plain;
@@ -268,7 +268,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_and_order),
         cmocka_unit_test(spacing_comes_from_resolution_and_imagej),
-        cmocka_unit_test(what_would_come_out_wrong_is_refused),
+        cmocka_unit_test(unsupported_layouts_are_refused),
         cmocka_unit_test(damaged_files_are_explained),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -321,7 +321,7 @@ static void note_work(const struct sp_postconv *s, struct sp_postconv_scratch *s
 
 /* Filters do not serve voxels that are seen from too many sides, by an eye among them, nor those so
  * deep that they are seen where their footprints have ended. */
-static void what_filters_do_not_serve_is_left_to_footprints(void **state) {
+static void views_that_filters_cannot_draw_use_footprints(void **state) {
     (void)state;
     srand(26);
     for (int n = 0; n < 20; n++) {
@@ -475,7 +475,7 @@ int main(void) {
         cmocka_unit_test(a_group_serves_its_range),
         cmocka_unit_test(tiles_meet_every_brick_that_reaches_them),
         cmocka_unit_test(pairs_do_not_depend_on_what_is_in_sight),
-        cmocka_unit_test(what_filters_do_not_serve_is_left_to_footprints),
+        cmocka_unit_test(views_that_filters_cannot_draw_use_footprints),
         cmocka_unit_test(no_tile_begins_after_cancel),
         cmocka_unit_test(views_with_footprints_are_left_to_them),
     };

@@ -233,7 +233,7 @@ static void saturated_tiles_hide_splats(void **state) {
     free_grid(&grid);
 }
 
-static void tiles_at_the_pictures_edge_can_saturate(void **state) {
+static void tiles_at_the_image_edge_can_saturate(void **state) {
     (void)state;
     struct sp_tile tile;
     start_tile(&tile, 8160, 0, (int[2]){ 8192 - 20, 3 });
@@ -414,7 +414,7 @@ int main(void) {
         cmocka_unit_test(every_touched_tile_gets_the_splat_once_and_in_order),
         cmocka_unit_test(tiles_draw_what_a_brute_loop_draws),
         cmocka_unit_test(saturated_tiles_hide_splats),
-        cmocka_unit_test(tiles_at_the_pictures_edge_can_saturate),
+        cmocka_unit_test(tiles_at_the_image_edge_can_saturate),
         cmocka_unit_test(sheets_come_nearest_first_on_both_sides_of_the_eye),
         cmocka_unit_test(the_major_axis_faces_the_view),
         cmocka_unit_test(rectilinear_slices_come_nearest_first),

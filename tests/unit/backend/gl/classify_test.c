@@ -232,7 +232,7 @@ static void set_capacity(struct rig *rig, uint64_t limit_bytes, uint64_t block_b
 }
 
 /* Samples that do not fit into the budget, beside the list, or into a buffer. */
-static void without_room_the_processor_classifies(void **state) {
+static void the_cpu_classifies_when_gpu_memory_is_short(void **state) {
     struct rig *rig = *state;
     const struct shape shape = { SP_UINT8, { 40, 40, 40 }, false };
     const uint64_t limit = rig->residency.limit_bytes, voxels = 40 * 40 * 40;
@@ -449,7 +449,7 @@ int main(void) {
         ON(lists_by_value_follow_edits),
         ON(an_edit_by_value_uploads_a_few_bytes_a_brick),
         ON(values_of_any_size_are_told_apart),
-        ON(without_room_the_processor_classifies),
+        ON(the_cpu_classifies_when_gpu_memory_is_short),
         ON(the_processor_and_the_gpu_take_turns),
         ON(a_cancelled_pass_can_be_made_again),
         ON(coarse_levels_are_those_of_the_processor),

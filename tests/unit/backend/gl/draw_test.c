@@ -110,7 +110,7 @@ static void reset(struct rig *rig, const struct gl_limits *limits) {
     workload->turns = 1;
 }
 
-static void pieces_make_the_whole(void **state) {
+static void pieces_add_up_to_the_whole_image(void **state) {
     struct rig *rig = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
                                              test_scene_rectilinear_blobs,
@@ -175,7 +175,7 @@ static struct test_image draw_by(const struct sp_backend *backend, void *state,
 
 /* Coarse frames, and rectangles of both kernels that planes and slabs cut: what the manifest of
  * conformance has no rows for. */
-static void other_choices_are_those_of_the_reference(void **state) {
+static void other_choices_match_the_reference(void **state) {
     struct rig *rig = *state;
     const struct sp_backend *cpu = find_backend("cpu");
     const struct sp_backend_options options = {
@@ -217,7 +217,7 @@ static void other_choices_are_those_of_the_reference(void **state) {
 }
 
 /* However many splats lie over one tile, they are set up once. */
-static void a_crowded_picture_is_one_batch(void **state) {
+static void many_splats_over_one_tile_are_one_batch(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
     struct sp_volume *volume = make_scene(test_scene_blobs, &scene);
@@ -244,7 +244,7 @@ static void a_crowded_picture_is_one_batch(void **state) {
 }
 
 /* Pairs of splats and tiles, and single splats of one tile that are equally far. */
-static void what_has_no_room_at_all_is_refused_with_both_numbers(void **state) {
+static void a_frame_that_exceeds_one_limit_is_refused(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
     struct sp_volume *volume = make_scene(test_scene_constant_cube, &scene);
@@ -303,7 +303,7 @@ static void an_edit_uploads_what_it_changes(void **state) {
 }
 
 /* Whatever was edited before, a frame is that of a renderer which knows nothing of the volume. */
-static void edits_draw_what_a_fresh_renderer_draws(void **state) {
+static void edits_match_a_fresh_renderer(void **state) {
     struct rig *rig = *state, fresh;
     struct sp_error err;
     struct test_scene scene;
@@ -362,7 +362,7 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
 }
 
 /* One renderer goes from view to view, and from volume to volume; another begins with each. */
-static void what_is_kept_from_other_views_makes_no_difference(void **state) {
+static void cached_data_of_other_views_changes_nothing(void **state) {
     struct rig *rig = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
                                              test_scene_rectilinear_blobs };
@@ -472,14 +472,14 @@ int main(void) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(pieces_make_the_whole),
-        ON(other_choices_are_those_of_the_reference),
-        ON(a_crowded_picture_is_one_batch),
-        ON(what_has_no_room_at_all_is_refused_with_both_numbers),
+        ON(pieces_add_up_to_the_whole_image),
+        ON(other_choices_match_the_reference),
+        ON(many_splats_over_one_tile_are_one_batch),
+        ON(a_frame_that_exceeds_one_limit_is_refused),
         ON(an_edit_uploads_what_it_changes),
-        ON(edits_draw_what_a_fresh_renderer_draws),
+        ON(edits_match_a_fresh_renderer),
         ON(a_change_of_view_uploads_a_few_hundred_bytes),
-        ON(what_is_kept_from_other_views_makes_no_difference),
+        ON(cached_data_of_other_views_changes_nothing),
         ON(a_cancelled_frame_leaves_nothing_behind),
         ON(volumes_share_a_budget_by_least_recent_use),
     };

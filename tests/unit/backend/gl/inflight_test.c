@@ -95,7 +95,7 @@ static void two_in_flight_do_not_meet(void **state) {
 }
 
 /* Room for pairs, bins and bands is found while another frame is on the GPU. */
-static void what_had_no_room_is_drawn_again(void **state) {
+static void a_frame_that_exceeds_its_buffers_is_drawn_again(void **state) {
     struct rig *rig = *state;
     const struct gl_limits whole = rig->state->workload.limits;
     struct gl_limits small[] = { whole, whole, whole };
@@ -140,7 +140,7 @@ static void a_few_batches_are_handed_over(void **state) {
 }
 
 /* The second one's lists take the place of the first one's. */
-static void what_is_in_flight_may_be_dropped(void **state) {
+static void a_volume_can_be_evicted_while_its_frame_is_in_flight(void **state) {
     struct rig *rig = *state;
     uint64_t limit = rig->state->residency.limit_bytes, bytes = 0;
     for (int i = 0; i < 2; i++) {
@@ -189,7 +189,7 @@ static void one_is_cancelled_and_not_the_other(void **state) {
 }
 
 /* The last one. */
-static void frames_may_be_left(void **state) {
+static void unfinished_frames_are_released(void **state) {
     struct rig *rig = *state;
     struct sp_backend_job jobs[2] = { make_job(rig, &rig->shots[0], NULL),
                                       make_job(rig, &rig->shots[1], NULL) };
@@ -276,9 +276,12 @@ int main(int argc, char **argv) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(two_in_flight_do_not_meet),          ON(what_had_no_room_is_drawn_again),
-        ON(a_few_batches_are_handed_over),      ON(what_is_in_flight_may_be_dropped),
-        ON(one_is_cancelled_and_not_the_other), ON(frames_may_be_left),
+        ON(two_in_flight_do_not_meet),
+        ON(a_frame_that_exceeds_its_buffers_is_drawn_again),
+        ON(a_few_batches_are_handed_over),
+        ON(a_volume_can_be_evicted_while_its_frame_is_in_flight),
+        ON(one_is_cancelled_and_not_the_other),
+        ON(unfinished_frames_are_released),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     close_rig(&rig);

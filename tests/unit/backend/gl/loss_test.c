@@ -140,7 +140,7 @@ static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[
     return true;
 }
 
-static void check_pictures(struct scene *scene) {
+static void check_images(struct scene *scene) {
     unsigned char got[SIZE][SIZE][4];
     for (int i = 0; i < 2; i++) {
         if (!draw(scene, i, false, got))
@@ -153,7 +153,7 @@ static int begin(void **state) {
     struct scene *scene = *state;
     memset(&plan, 0, sizeof plan);
     plan.status = GL_GUILTY_CONTEXT_RESET;
-    check_pictures(scene);
+    check_images(scene);
     warnings = contexts_made = 0;
     return 0;
 }
@@ -169,7 +169,7 @@ static void a_reset_costs_no_frame(void **state) {
     for (unsigned i = 0; i < sizeof resets / sizeof resets[0]; i++) {
         plan.status = resets[i].status;
         plan.resets = 1;
-        check_pictures(*state);
+        check_images(*state);
         assert_int_equal(plan.resets, 0);
         assert_int_equal(warnings, i + 1);
         assert_int_equal(contexts_made, i + 1);
@@ -208,7 +208,7 @@ static void a_reset_costs_none_of_those_in_flight(void **state) {
     }
 }
 
-static void what_slabs_need_is_made_again(void **state) {
+static void slab_frames_survive_a_context_loss(void **state) {
     struct scene *scene = *state;
     static unsigned char wanted[SIZE][SIZE][4], got[SIZE][SIZE][4];
     if (!draw(scene, 0, true, wanted)) {
@@ -224,7 +224,7 @@ static void what_slabs_need_is_made_again(void **state) {
 
 static void a_context_that_cannot_be_bound_is_replaced(void **state) {
     plan.binds = 2;
-    check_pictures(*state);
+    check_images(*state);
     assert_int_equal(plan.binds, 0);
     assert_int_equal(warnings, 2);
     assert_non_null(strstr(last_warning, "eglMakeCurrent fails: EGL_CONTEXT_LOST"));
@@ -240,7 +240,7 @@ static void a_gpu_that_is_reset_again_and_again_is_given_up(void **state) {
     /* There is no context now; what needs none goes on. */
     sp_renderer_evict(scene->renderer, scene->volumes[0]);
     assert_int_equal(sp_renderer_memory(scene->renderer, scene->volumes[0]), 0);
-    check_pictures(scene);
+    check_images(scene);
 }
 
 static void without_another_context_the_next_frame_tries_again(void **state) {
@@ -253,7 +253,7 @@ static void without_another_context_the_next_frame_tries_again(void **state) {
     assert_non_null(strstr(scene->err.text, "EGL_BAD_ALLOC"));
     assert_false(draw(scene, 1, false, pixels));
     plan.contexts = 0;
-    check_pictures(scene);
+    check_images(scene);
 }
 
 /* It is no fault of the view's that the device which was there is not: another backend may take
@@ -269,7 +269,7 @@ static void a_device_that_is_gone_counts_as_a_failure(void **state) {
     }
     assert_int_equal(warnings, 4); /* three tries, then one per frame */
     plan.lists = 0;
-    check_pictures(scene);
+    check_images(scene);
 }
 
 /* The last test: the renderer ends without a context. */
@@ -307,7 +307,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(a_reset_costs_no_frame),
         TEST(a_reset_costs_none_of_those_in_flight),
-        TEST(what_slabs_need_is_made_again),
+        TEST(slab_frames_survive_a_context_loss),
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_is_reset_again_and_again_is_given_up),
         TEST(without_another_context_the_next_frame_tries_again),

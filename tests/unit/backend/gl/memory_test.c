@@ -121,7 +121,7 @@ static void everything_counts(void **state) {
     close_rig(&rig);
 }
 
-static void a_budget_that_cannot_do_is_told_with_both_numbers(void **state) {
+static void an_insufficient_budget_is_refused_with_both_numbers(void **state) {
     (void)state;
     struct rig rig;
     struct sp_error err;
@@ -177,7 +177,7 @@ static struct sp_volume *make_cube(uint32_t n, uint32_t every) {
     return volume;
 }
 
-static void what_was_needed_once_goes(void **state) {
+static void unused_render_buffers_are_released(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 0);
@@ -252,10 +252,11 @@ static struct sp_view view_of(const struct sp_volume *volume, uint32_t size) {
 
 /* Samples and entries leave little: pieces become smaller than half of the budget would make them.
  */
-static void pieces_are_what_lists_leave(void **state) {
+static void pieces_fit_into_what_the_lists_leave(void **state) {
     (void)state;
     if (TEST_SANITIZED)
-        skip(); /* half a minute of software GL; many_bricks_are_sent_in_turns runs the same code */
+        skip(); /* half a minute of software GL; many_bricks_are_uploaded_in_turns runs the same
+                   code */
     struct rig rig;
     must_open(&rig, 3 * MIB);
     take_volume(&rig, make_cube(64, 1));
@@ -288,7 +289,7 @@ static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
 
 /* Lists that leave a fifth of the budget: small pieces are of many bricks, which are sent in turns.
  */
-static void many_bricks_are_sent_in_turns(void **state) {
+static void many_bricks_are_uploaded_in_turns(void **state) {
     (void)state;
     struct rig large, tight;
     must_open(&large, 1 << 30);
@@ -342,7 +343,7 @@ static void scratch_is_released_for_samples(void **state) {
 }
 
 /* A volume that did not fit is tried again, after a longer wait each time. */
-static void a_refusal_is_not_for_ever(void **state) {
+static void a_refused_volume_is_tried_again(void **state) {
     (void)state;
     struct rig rig;
     must_open(&rig, 0);
@@ -379,14 +380,14 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_small_budget_draws_in_smaller_pieces),
         cmocka_unit_test(everything_counts),
-        cmocka_unit_test(a_budget_that_cannot_do_is_told_with_both_numbers),
+        cmocka_unit_test(an_insufficient_budget_is_refused_with_both_numbers),
         cmocka_unit_test(scratch_is_released_for_a_view),
-        cmocka_unit_test(what_was_needed_once_goes),
+        cmocka_unit_test(unused_render_buffers_are_released),
         cmocka_unit_test(many_planes_fit_any_budget),
-        cmocka_unit_test(pieces_are_what_lists_leave),
-        cmocka_unit_test(many_bricks_are_sent_in_turns),
+        cmocka_unit_test(pieces_fit_into_what_the_lists_leave),
+        cmocka_unit_test(many_bricks_are_uploaded_in_turns),
         cmocka_unit_test(scratch_is_released_for_samples),
-        cmocka_unit_test(a_refusal_is_not_for_ever),
+        cmocka_unit_test(a_refused_volume_is_tried_again),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -66,7 +66,7 @@ static void check(const struct rig *rig, struct sp_volume *volume, const struct 
 }
 
 /* The renderer is told of none that goes, and keeps what it has of them for as long as it likes. */
-static void volumes_that_nobody_forgets_stay_apart(void **state) {
+static void volumes_without_eviction_are_not_confused(void **state) {
     static uint8_t voxels[SIDE * SIDE * SIDE];
     for (int v = 0; v < 48; v++) {
         const double centre[3] = { 6 + v % 4 * 4, 6 + v / 4 % 4 * 4, 6 + v / 16 * 6 };
@@ -117,7 +117,7 @@ int main(void) {
         &(struct sp_renderer_options){ .backend = "cpu", .isa = "scalar", .threads = 1 }, &err);
     rig.pool = sp_frame_pool_create(0, &err);
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test_prestate(volumes_that_nobody_forgets_stay_apart, &rig),
+        cmocka_unit_test_prestate(volumes_without_eviction_are_not_confused, &rig),
         cmocka_unit_test_prestate(a_curve_is_not_that_of_another_range, &rig),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -178,7 +178,7 @@ static void pairs_are_sorted_at_any_size(void **state) {
     sort_and_check(2, 2, 16384, 3000); /* layers of more than 12 bits */
 }
 
-static void pairs_without_room_are_told_and_not_written(void **state) {
+static void pairs_beyond_the_capacity_are_reported_and_not_written(void **state) {
     (void)state;
     enum { GUARD = 0x5a5a5a5a };
     srand(8);
@@ -307,7 +307,7 @@ int main(void) {
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(pairs_are_sorted_at_any_size),
-        cmocka_unit_test(pairs_without_room_are_told_and_not_written),
+        cmocka_unit_test(pairs_beyond_the_capacity_are_reported_and_not_written),
         cmocka_unit_test(too_many_pairs_never_look_like_few),
         cmocka_unit_test(a_broken_shader_is_an_error_with_its_log),
         cmocka_unit_test(buffers_refuse_what_is_too_large),

@@ -79,7 +79,7 @@ static void *run_lane(void *user) {
     return NULL;
 }
 
-static void lanes_draw_what_one_draws_alone(void **state) {
+static void threads_draw_the_same_images_as_one_thread(void **state) {
     atomic_uint *warnings = *state;
     static const char *const sources[LANES] = { "demo:phantom?size=16", "demo:vessels?size=20",
                                                 "demo:phantom?size=16" };
@@ -108,8 +108,8 @@ static void lanes_draw_what_one_draws_alone(void **state) {
 
 int main(void) {
     static atomic_uint warnings;
-    const struct CMUnitTest tests[] = { cmocka_unit_test_prestate(lanes_draw_what_one_draws_alone,
-                                                                  &warnings) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test_prestate(
+        threads_draw_the_same_images_as_one_thread, &warnings) };
     struct sp_error err;
     sp_log_init(count_warning, &warnings, SP_LOG_WARN);
     struct sp_renderer *renderer = sp_renderer_create(&gl, &err);

@@ -119,7 +119,7 @@ static void software_has_all_the_time(void **state) {
     assert_int_equal(workload.halvings, 0);
 }
 
-static void what_waits_for_memory_counts_for_more(void **state) {
+static void memory_loads_raise_the_cost_of_a_pair(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     struct gl_costs clipped = plain;
@@ -199,7 +199,7 @@ int main(void) {
         cmocka_unit_test(pieces_grow_after_calm_alone),
         cmocka_unit_test(pieces_settle),
         cmocka_unit_test(software_has_all_the_time),
-        cmocka_unit_test(what_waits_for_memory_counts_for_more),
+        cmocka_unit_test(memory_loads_raise_the_cost_of_a_pair),
         cmocka_unit_test(records_are_as_many_as_fit),
         cmocka_unit_test(slow_pieces_are_no_reason_to_refuse),
         cmocka_unit_test(wide_splats_take_fewer_rows_then_layers),
