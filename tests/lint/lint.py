@@ -427,18 +427,20 @@ def length(o):
 # `lanes` (SIMD lanes; sp_renderer_info has the same member), and the metric label `lane` with its value `pictures`.
 # Renaming them would break what users wrote, so the rule skips exactly these spellings, in all files. Any other use of
 # these words is a finding.
-PUBLIC_SPELLINGS = re.compile(r'\bstills=|"stills"|sessions, stills, fps|"lanes"|,lane=\\?"?|\{\{lane\}\}|\(backend, lane\)|"pictures"|(?:->|\.)lanes\b|^ *lanes: \{|threads, lanes, vectorised')
+PUBLIC_SPELLINGS = re.compile(r'\bstills=|"stills"|sessions, stills, fps|"lanes"|,lane=\\?"?|\{\{lane\}\}|\(backend, lane\)|"pictures"|(?:->|\.)lanes\b|^ *lanes: \{|threads, lanes, vectorised', re.MULTILINE)
 
 
 def glossary(o):
-    terms = [(re.compile(pattern), scope, use) for pattern, scope, use in GLOSSARY]
+    terms = [(re.compile(pattern, re.MULTILINE), scope, use) for pattern, scope, use in GLOSSARY]
     for path in files(o.source, CODE + ('.md', '.txt', '.yaml', '.json', '.in')):
         if path == 'tests/package-lock.json':
             continue
-        mine = [(pattern, use) for pattern, scope, use in terms if not scope or re.match(scope, path)]
-        for number, line in enumerate(lines(o.source, path), 1):
-            for pattern, use in mine:
-                hit = pattern.search(PUBLIC_SPELLINGS.sub('', line))
+        text = PUBLIC_SPELLINGS.sub('', '\n'.join(lines(o.source, path)))
+        found = [(pattern, use) for pattern, scope, use in terms
+                 if (not scope or re.match(scope, path)) and pattern.search(text)]
+        for number, line in enumerate(text.split('\n') if found else (), 1):
+            for pattern, use in found:
+                hit = pattern.search(line)
                 if hit:
                     yield f'{path}:{number}: "{hit.group(0)}": {use}'
 
