@@ -4,6 +4,8 @@
 #include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
+#include <string.h>
+#include <unistd.h>
 
 void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field) {
     snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
@@ -47,4 +49,13 @@ void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
     positions[0] = 0; /* not -0 */
     grid->spacing[axis] = positions[last] / last;
     grid->coordinates[axis] = positions;
+}
+
+const char *import_program_folder(char folder[PATH_MAX]) {
+    ssize_t n = readlink("/proc/self/exe", folder, PATH_MAX - 1);
+    folder[n > 0 ? n : 0] = 0;
+    char *slash = strrchr(folder, '/');
+    if (slash)
+        *slash = 0;
+    return folder;
 }

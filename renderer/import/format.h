@@ -50,13 +50,11 @@ struct import_format {
     void (*close)(void *reader);
 };
 
-extern const struct import_format import_nrrd, import_raw, import_vtk, import_vtk_xml;
+extern const struct import_format import_nrrd, import_raw, import_tiff, import_vtk, import_vtk_xml;
 
-/* The TIFF reader loads OpenImageIO, which takes 130 MB. It is therefore a module of its own,
- * splat-import-tiff.so beside the program, loaded for TIFF files only. It exports this function. */
-#define IMPORT_TIFF_MODULE "splat-import-tiff.so"
-#define IMPORT_TIFF_SYMBOL "splat_import_tiff"
-typedef const struct import_format *import_format_fn(void);
+/* Writes the folder of this program, without a trailing slash, and returns it; "" if it is unknown.
+ */
+const char *import_program_folder(char folder[PATH_MAX]);
 
 /* Writes the place of an error, "SHOWN: byte N: FIELD". FIELD may be NULL. */
 void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field);

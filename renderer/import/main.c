@@ -3,7 +3,6 @@
  * splat-import: reads one file on behalf of its parent. handover.h describes their messages,
  * sandbox.h what this process may do, even if the file takes control of it.
  */
-#include <dlfcn.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -56,51 +55,24 @@ static int say_error(const struct sp_error *err) {
     return 1;
 }
 
-static bool is_tiff(const struct job *job) {
-    const uint8_t *start = job->start;
-    return job->start_size >= 4 &&
-           (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
-            memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
+static bool has_format(const struct job *job, const struct import_format *format) {
+    return job->start_size > 0 &&
+           format->probe(job->start, (size_t)job->start_size, job->file.shown);
 }
 
-/* The folder of this program, without a trailing slash; "" if it is unknown. */
-static const char *own_folder(char folder[PATH_MAX]) {
-    ssize_t n = readlink("/proc/self/exe", folder, PATH_MAX - 1);
-    folder[n > 0 ? n : 0] = 0;
-    char *slash = strrchr(folder, '/');
-    if (slash)
-        *slash = 0;
-    return folder;
-}
-
-/* Loads the module beside this program. */
-static const struct import_format *load_tiff(const char *shown, struct sp_error *err) {
-    char folder[PATH_MAX], path[PATH_MAX + sizeof IMPORT_TIFF_MODULE];
-    snprintf(path, sizeof path, "%s/" IMPORT_TIFF_MODULE, own_folder(folder));
-    void *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
-    import_format_fn *get = module ? (import_format_fn *)dlsym(module, IMPORT_TIFF_SYMBOL) : NULL;
-    if (!get) {
-        const char *why = dlerror();
-        sp_fail(err, SP_ERR_UNSUPPORTED, shown, "the TIFF reader cannot be loaded: %s",
-                why ? why : strerror(errno));
-        return NULL;
-    }
-    return get();
-}
-
-/* Enters the sandbox, where only the root folder is readable; for TIFF, whose reader is a module,
- * also the folders of libraries. */
+/* Enters the sandbox, where only the root folder is readable; for TIFF, which needs a module
+ * (tiff_bridge.h), also the folders of libraries. */
 static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_error *err) {
     enum { FOLDERS = 32 };
     char own[PATH_MAX],
         *libraries = strdup(getenv("LD_LIBRARY_PATH") ? getenv("LD_LIBRARY_PATH") : ""),
         *rest = NULL;
     const char *readable[FOLDERS + 1] = { job->file.root };
-    if (is_tiff(job)) {
+    if (has_format(job, &import_tiff)) {
         static const char *const known[] = { "/usr", "/lib",       "/lib64",
                                              "/opt", "/nix/store", "/etc/ld.so.cache" };
         size_t n = 1;
-        readable[n++] = own_folder(own);
+        readable[n++] = import_program_folder(own);
         for (size_t i = 0; i < sizeof known / sizeof *known; i++)
             readable[n++] = known[i];
         for (char *one = strtok_r(libraries, ":", &rest); one && n < FOLDERS;
@@ -124,12 +96,10 @@ static const struct import_format *find_format(const struct job *job, struct sp_
         import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the file is empty");
         return NULL;
     }
-    if (is_tiff(job))
-        return load_tiff(file->shown, err);
-    static const struct import_format *const formats[] = { &import_nrrd, &import_vtk,
+    static const struct import_format *const formats[] = { &import_tiff, &import_nrrd, &import_vtk,
                                                            &import_vtk_xml, &import_raw };
     for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
-        if (formats[i]->probe(job->start, (size_t)job->start_size, file->shown))
+        if (has_format(job, formats[i]))
             return formats[i];
     import_fail(
         err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,

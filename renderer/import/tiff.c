@@ -5,7 +5,10 @@
  * or missing bytes (tiff_chain.c), odd bit depths, and stacks that ImageJ hides behind one
  * directory.
  */
+#include <dlfcn.h>
+#include <errno.h>
 #include <inttypes.h>
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -18,6 +21,7 @@
 
 struct tiff {
     const struct import_file *file;
+    const struct tiff_bridge_functions *call;
     struct tiff_bridge *bridge;
     uint32_t pages;
     size_t page_bytes;
@@ -168,7 +172,7 @@ static bool check_pages(const struct tiff *t, const struct tiff_page *first, str
     struct tiff_page page;
     char why[SP_ERROR_TEXT];
     for (uint32_t n = 0; n < t->pages; n++) {
-        int status = tiff_bridge_page(t->bridge, (int)n, &page, why, sizeof why);
+        int status = t->call->page(t->bridge, (int)n, &page, why, sizeof why);
         if (status < 0)
             return fail_page(err, SP_ERR_FORMAT, t, n, why);
         if (status == 0)
@@ -187,8 +191,21 @@ static bool check_pages(const struct tiff *t, const struct tiff_page *first, str
 static void close_tiff(void *reader) {
     struct tiff *t = reader;
     if (t->bridge)
-        tiff_bridge_close(t->bridge);
+        t->call->close(t->bridge);
     free(t);
+}
+
+/* Loads the module beside this program. */
+static bool load_bridge(struct tiff *t, struct sp_error *err) {
+    char folder[PATH_MAX], path[PATH_MAX + sizeof TIFF_BRIDGE_MODULE];
+    snprintf(path, sizeof path, "%s/" TIFF_BRIDGE_MODULE, import_program_folder(folder));
+    void *module = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    t->call = module ? dlsym(module, TIFF_BRIDGE_SYMBOL) : NULL;
+    if (t->call)
+        return true;
+    const char *why = dlerror();
+    return sp_fail(err, SP_ERR_UNSUPPORTED, t->file->shown, "the TIFF reader cannot be loaded: %s",
+                   why ? why : strerror(errno));
 }
 
 static bool open_pages(struct tiff *t, struct import_header *header, struct sp_error *err) {
@@ -198,10 +215,10 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
         return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
     /* Opens by descriptor, because the name may refer to another file by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
-    bool ok = tiff_chain_check(t->file, &t->pages, err);
-    if (ok && !(t->bridge = tiff_bridge_open(path, why, sizeof why)))
+    bool ok = tiff_chain_check(t->file, &t->pages, err) && load_bridge(t, err);
+    if (ok && !(t->bridge = t->call->open(path, why, sizeof why)))
         ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
-    if (ok && tiff_bridge_page(t->bridge, 0, page, why, sizeof why) != 1)
+    if (ok && t->call->page(t->bridge, 0, page, why, sizeof why) != 1)
         ok = fail_page(err, SP_ERR_FORMAT, t, 0, why);
     bool imagej = ok && strncmp(page->description, "ImageJ=", 7) == 0;
     ok = ok && check_page(t, page, 0, err) && take_type(t, page, header, err) &&
@@ -238,28 +255,19 @@ static bool read_tiff(void *reader, void *voxels, const struct import_progress *
     struct tiff *t = reader;
     char why[SP_ERROR_TEXT];
     for (uint32_t n = 0; n < t->pages; n++) {
-        if (!tiff_bridge_read(t->bridge, (int)n, (char *)voxels + n * t->page_bytes, why,
-                              sizeof why))
+        if (!t->call->read(t->bridge, (int)n, (char *)voxels + n * t->page_bytes, why, sizeof why))
             return fail_page(err, SP_ERR_FORMAT, t, n, why);
         progress->report(progress->user, (n + 1) * t->page_bytes);
     }
     return true;
 }
 
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    (void)start;
-    (void)size;
+static bool probe_tiff(const uint8_t *start, size_t size, const char *shown) {
     (void)shown;
-    return true; /* main.c has recognized TIFF by the first bytes */
+    return size >= 4 && (memcmp(start, "II*\0", 4) == 0 || memcmp(start, "MM\0*", 4) == 0 ||
+                         memcmp(start, "II+\0", 4) == 0 || memcmp(start, "MM\0+", 4) == 0);
 }
 
-static const struct import_format tiff_format = {
-    .name = "TIFF", .probe = probe, .open = open_tiff, .read = read_tiff, .close = close_tiff
+const struct import_format import_tiff = {
+    .name = "TIFF", .probe = probe_tiff, .open = open_tiff, .read = read_tiff, .close = close_tiff
 };
-
-/* The module's only symbol. */
-__attribute__((visibility("default"))) const struct import_format *splat_import_tiff(void);
-
-const struct import_format *splat_import_tiff(void) {
-    return &tiff_format;
-}

@@ -21,7 +21,7 @@ static void explain(char *why, size_t capacity, const std::string &text) {
     snprintf(why, capacity, "%s", line.c_str());
 }
 
-tiff_bridge *tiff_bridge_open(const char *path, char *why, size_t capacity) try {
+static tiff_bridge *open_file(const char *path, char *why, size_t capacity) try {
     OIIO::attribute("threads", 1);
     OIIO::attribute("exr_threads", -1);
     auto bridge = std::make_unique<tiff_bridge>();
@@ -41,11 +41,12 @@ tiff_bridge *tiff_bridge_open(const char *path, char *why, size_t capacity) try 
     return nullptr;
 }
 
-void tiff_bridge_close(tiff_bridge *bridge) {
+static void close_file(tiff_bridge *bridge) {
     delete bridge;
 }
 
-int tiff_bridge_page(tiff_bridge *bridge, int n, tiff_page *page, char *why, size_t capacity) try {
+static int describe_page(tiff_bridge *bridge, int n, tiff_page *page, char *why,
+                         size_t capacity) try {
     if (!bridge->input->seek_subimage(n, 0)) {
         std::string text = bridge->input->geterror();
         explain(why, capacity, text);
@@ -85,7 +86,7 @@ static bool read_rows(OIIO::ImageInput &input, void *out) {
     return true;
 }
 
-bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t capacity) try {
+static bool read_page(tiff_bridge *bridge, int n, void *out, char *why, size_t capacity) try {
     OIIO::ImageInput &input = *bridge->input;
     bool ok = input.seek_subimage(n, 0);
     const OIIO::ImageSpec &spec = input.spec();
@@ -110,3 +111,7 @@ bool tiff_bridge_read(tiff_bridge *bridge, int n, void *out, char *why, size_t c
     explain(why, capacity, e.what());
     return false;
 }
+
+/* The module's only symbol. */
+extern "C" __attribute__((visibility("default")))
+const tiff_bridge_functions splat_tiff_bridge = { open_file, close_file, describe_page, read_page };
