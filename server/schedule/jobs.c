@@ -195,7 +195,6 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     job->is_refinement = choice->request.is_refinement;
     job->protected_ms = choice->request.protected_ms;
     job->is_alone = schedule->hub->participants.count == 1;
-    job->is_slow_to_encode = choice->request.is_slow_to_encode;
     job->view = s->shared.view;
     srv_hub_size(s, choice->participant, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
@@ -223,6 +222,18 @@ static void count_job(struct srv_schedule *schedule, struct srv_session *s,
     }
 }
 
+/* Would the frame in its chosen size be slow to encode for one of them? The request could only
+ * assume a size. */
+static bool is_slow_to_encode(const struct srv_render_job *job,
+                              struct srv_participant *const *recipients, uint32_t count) {
+    for (uint32_t i = 0; i < count; i++) {
+        const struct srv_encoding encoding = srv_policy_encoding(recipients[i], job->step);
+        if (srv_encoding_expected_ms(&encoding, job->view.size) > SRV_SLOW_ENCODE_MS)
+            return true;
+    }
+    return false;
+}
+
 static void make_job(struct srv_schedule *schedule, const struct srv_choice *choice, double now_ms,
                      struct srv_render_job *job) {
     struct srv_participant *first = choice->participant, *recipients[SRV_PARTICIPANTS_MAX];
@@ -235,6 +246,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
             recipients[i]->settings.max_fps > max_fps ? recipients[i]->settings.max_fps : max_fps;
     fill_job(schedule, choice, job);
     choose_detail(schedule, s, job, first, max_fps, now_ms);
+    job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
     if (now_ms - plan->newest_ms > PAUSE_SLOTS * 1000.0 / max_fps)
         plan->slots_ms = now_ms - 500.0 / max_fps;

@@ -206,6 +206,20 @@ static void frames_that_are_slow_to_encode_are_made_one_at_a_time(void **state) 
     sim_deliver(s, &next, 1);
 }
 
+/* The request assumes the size of the last moving frame; simulation.c checks each frame. */
+static void a_frame_that_grows_is_known_to_be_slow_to_encode(void **state) {
+    struct simulation *s = *state;
+    struct sim_client *client =
+        sim_join(s, 0, s->f->id, 8, "{\"format\":\"png\",\"size\":[2200,2200]}");
+    s->mpx_ms = 20;
+    sim_run(s, 3000);
+    assert_compare(s->job.view.size[0], <, 1400); /* quick to encode */
+    s->mpx_ms = 0.1;
+    sim_run(s, 3000);
+    assert_int_equal(s->job.view.size[0], 2200);
+    assert_compare(client->frames, >, 50);
+}
+
 static void participants_have_equal_shares_of_their_session(void **state) {
     struct simulation *s = *state;
     struct sim_client *driver = sim_join(s, 0, s->f->id, 8, SMALL);
@@ -256,6 +270,7 @@ int main(void) {
         TEST(rendering_is_charged_before_encoding_ends),
         TEST(encoding_is_charged),
         TEST(frames_that_are_slow_to_encode_are_made_one_at_a_time),
+        TEST(a_frame_that_grows_is_known_to_be_slow_to_encode),
         TEST(participants_have_equal_shares_of_their_session),
         TEST(the_participant_in_control_receives_as_much_as_all_others_together),
         TEST(settings_of_a_participant_interrupt_its_own_frame_only),

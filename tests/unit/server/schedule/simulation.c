@@ -96,7 +96,19 @@ static struct srv_blob *image_of(struct simulation *s) {
     return s->image;
 }
 
+/* Encode threads are chosen by this flag, so it must be true for the size of each frame. */
+static void check_slow_to_encode(const struct srv_render_job *job) {
+    bool is_slow = false;
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        const struct srv_encoding encoding = { .format = job->targets[i].format,
+                                               .video = job->targets[i].video };
+        is_slow |= srv_encoding_expected_ms(&encoding, job->view.size) > SRV_SLOW_ENCODE_MS;
+    }
+    assert_int_equal(job->is_slow_to_encode, is_slow);
+}
+
 void sim_deliver(struct simulation *s, struct srv_render_job *job, double render_ms) {
+    check_slow_to_encode(job);
     struct proto_frame_header header = { .codec = PROTO_CODEC_JPEG,
                                          .width = (uint16_t)job->view.size[0],
                                          .height = (uint16_t)job->view.size[1] };
