@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every scene of the manifest with every choice of its rows, by every backend and instruction set,
- * against the integral.
+ * Compares every row of every scene of the manifest, drawn by every backend and instruction set,
+ * with the integral (support/truth.h).
  *
- *   test_conformance_ewa [SCENE]      one scene alone
+ *   test_conformance_ewa [SCENE]      SCENE: only this scene
  *
- * What falls below its floor is written as an image (support/image.h: test_image_dump).
+ * An image below its floor is written to a file (support/image.h: test_image_dump).
  */
 #include <assert.h>
 #include <math.h>
@@ -25,11 +25,11 @@ struct run {
     struct test_target targets[TARGETS_MAX];
     struct test_renderer renderers[TARGETS_MAX];
     unsigned count;
-    bool is_single; /* one scene alone */
+    bool is_single; /* only one scene was requested */
     unsigned checks, failed, skipped;
 };
 
-/* The integral of a scene, convolved as the rows want it. */
+/* The integral of a scene, convolved with each low-pass filter that the rows use. */
 struct truth {
     double lowpass[LOWPASSES_MAX];
     struct test_image image[LOWPASSES_MAX];
@@ -71,13 +71,14 @@ static void name_row(const struct manifest_row *row, char *name, size_t size) {
              row->attenuation == SP_ATTENUATION_LINEAR ? "-linear" : "");
 }
 
-/* Images of one row that others are held to; not made: no pixels. */
+/* Images of one row that the images of later targets are compared with. rgba is NULL until the
+ * image is rendered. */
 struct references {
-    struct test_image scalar; /* the CPU's reference */
-    struct test_image wide;   /* the first of its other instruction sets */
+    struct test_image scalar; /* by the scalar CPU reference */
+    struct test_image simd;   /* by the first other instruction set of the CPU */
 };
 
-/* One instruction set of the CPU against another. */
+/* Compares the images of two instruction sets of the CPU. */
 static void check_isa(struct run *run, const char *name, const char *other, double floor,
                       const struct test_image *image, const struct test_image *reference) {
     if (!reference->rgba)
@@ -87,27 +88,29 @@ static void check_isa(struct run *run, const char *name, const char *other, doub
     if (psnr >= floor)
         return;
     struct test_difference d = test_image_difference(image, reference);
-    printf("FAILED %-50s %6.2f dB from %s, floor %.1f; worst %.4f at (%u,%u) channel %u: "
-           "%.4f for %.4f\n",
+    printf("FAILED %-50s %6.2f dB against %s, floor %.1f; largest difference %.4f at (%u,%u) "
+           "channel %u: %.4f, expected %.4f\n",
            name, psnr, other, floor, d.largest, d.x, d.y, d.channel, d.a, d.b);
     test_image_dump(name, image, reference, 8);
     run->failed++;
 }
 
-/* All instruction sets against each other; keeps the first ones. True when `image` was kept. */
+/* Compares the image with those of the other instruction sets. Moves it to `to` if it is the first
+ * of its kind there; returns true in that case. */
 static bool check_isas(struct run *run, unsigned t, const char *name,
                        const struct manifest_row *row, const struct test_image *image,
                        struct references *to) {
     bool is_scalar = strcmp(run->targets[t].isa, "scalar") == 0;
     if (!is_scalar) {
-        check_isa(run, name, "scalar", row->apart > 0 ? row->apart : MANIFEST_ISA_FLOOR, image,
-                  &to->scalar);
-        check_isa(run, name, "the first wide set", MANIFEST_ISA_FLOOR, image, &to->wide);
+        check_isa(run, name, "scalar", row->isa_floor > 0 ? row->isa_floor : MANIFEST_ISA_FLOOR,
+                  image, &to->scalar);
+        check_isa(run, name, "the first SIMD instruction set", MANIFEST_ISA_FLOOR, image,
+                  &to->simd);
     }
-    struct test_image *kept = is_scalar ? &to->scalar : &to->wide;
-    if (kept->rgba)
+    struct test_image *reference = is_scalar ? &to->scalar : &to->simd;
+    if (reference->rgba)
         return false;
-    *kept = *image;
+    *reference = *image;
     return true;
 }
 
@@ -115,18 +118,19 @@ static bool is_cpu(const struct run *run, unsigned t) {
     return strcmp(run->targets[t].backend, "cpu") == 0;
 }
 
-/* Another backend against the CPU's reference. */
-static void check_backend(struct run *run, const char *name, double apart) {
+/* Checks the PSNR of another backend against the scalar CPU reference. */
+static void check_backend(struct run *run, const char *name, double scalar_psnr) {
     run->checks++;
-    if (apart >= MANIFEST_BACKEND_FLOOR)
+    if (scalar_psnr >= MANIFEST_BACKEND_FLOOR)
         return;
-    printf("FAILED %-50s %6.2f dB from scalar, floor %.1f\n", name, apart, MANIFEST_BACKEND_FLOOR);
+    printf("FAILED %-50s %6.2f dB against scalar, floor %.1f\n", name, scalar_psnr,
+           MANIFEST_BACKEND_FLOOR);
     run->failed++;
 }
 
-/* What the backend refuses is skipped, visibly. */
-static bool is_beyond(struct run *run, unsigned t, const struct test_scene *scene,
-                      const char *name) {
+/* True if the backend does not support the view; prints and counts the skip. */
+static bool is_unsupported(struct run *run, unsigned t, const struct test_scene *scene,
+                           const char *name) {
     struct sp_error err;
     if (sp_renderer_supports(run->renderers[t].renderer, &scene->view, &err) ||
         err.code != SP_ERR_UNSUPPORTED)
@@ -136,8 +140,8 @@ static bool is_beyond(struct run *run, unsigned t, const struct test_scene *scen
     return true;
 }
 
-/* One image against the truth, and against the CPU's reference, which comes first; the PSNR, or
- * NAN when nothing was rendered. */
+/* Compares one image with the truth and with the scalar CPU reference, which is rendered first.
+ * Returns the PSNR against the truth, or NAN if nothing was rendered. */
 static double check(struct run *run, unsigned t, const struct test_scene *scene,
                     const struct manifest_row *row, const struct test_image *truth,
                     struct references *references) {
@@ -147,7 +151,7 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
     name_row(row, choice, sizeof choice);
     snprintf(name, sizeof name, "%s-%s-%s-%s", scene->info.name, choice, run->targets[t].backend,
              run->targets[t].isa);
-    if (is_beyond(run, t, scene, name))
+    if (is_unsupported(run, t, scene, name))
         return NAN;
     run->checks++;
     if (!test_render_scene(&run->renderers[t], scene, &image, &err)) {
@@ -155,27 +159,27 @@ static double check(struct run *run, unsigned t, const struct test_scene *scene,
         run->failed++;
         return NAN;
     }
-    double psnr = test_image_psnr(&image, truth), apart = INFINITY;
+    double psnr = test_image_psnr(&image, truth), scalar_psnr = INFINITY;
     bool ok = psnr >= row->floor;
     if (references->scalar.rgba)
-        apart = test_image_psnr(&image, &references->scalar);
+        scalar_psnr = test_image_psnr(&image, &references->scalar);
     struct test_difference d = test_image_difference(&image, truth);
-    printf(
-        "%-6s %-50s %6.2f dB, floor %.1f, measured %.2f, %.2f from scalar; worst %.4f at (%u,%u) "
-        "channel %u: %.4f for %.4f\n",
-        ok ? "ok" : "FAILED", name, psnr, row->floor, row->measured, apart, d.largest, d.x, d.y,
-        d.channel, d.a, d.b);
+    printf("%-6s %-50s %6.2f dB, floor %.1f, recorded %.2f, %.2f against scalar; largest "
+           "difference %.4f at (%u,%u) channel %u: %.4f, expected %.4f\n",
+           ok ? "ok" : "FAILED", name, psnr, row->floor, row->measured, scalar_psnr, d.largest, d.x,
+           d.y, d.channel, d.a, d.b);
     if (!ok || getenv("SPLATD_TEST_DUMP"))
         test_image_dump(name, &image, truth, 8);
     run->failed += !ok;
     if (!is_cpu(run, t) && references->scalar.rgba)
-        check_backend(run, name, apart);
+        check_backend(run, name, scalar_psnr);
     if (!is_cpu(run, t) || !check_isas(run, t, name, row, &image, references))
         test_image_finish(&image);
     return psnr;
 }
 
-/* Adaptive against ewa with everything else alike. */
+/* Compares the PSNR of each adaptive row with that of the ewa row that has the same other settings.
+ */
 static void compare_adaptive(struct run *run, const struct manifest_scene *entry,
                              const double *psnr) {
     for (size_t i = 0; i < entry->count; i++)
@@ -186,9 +190,10 @@ static void compare_adaptive(struct run *run, const struct manifest_scene *entry
                 a.cutoff != b.cutoff || a.attenuation != b.attenuation || isnan(psnr[i]) ||
                 isnan(psnr[j]))
                 continue;
-            if (psnr[i] >= fmin(psnr[j] - MANIFEST_ADAPTIVE_LOSS, MANIFEST_ALIKE))
+            if (psnr[i] >= fmin(psnr[j] - MANIFEST_ADAPTIVE_LOSS, MANIFEST_ADAPTIVE_ENOUGH))
                 continue;
-            printf("FAILED %s: adaptive %.2f dB, ewa %.2f dB\n", entry->name, psnr[i], psnr[j]);
+            printf("FAILED %s: adaptive has %.2f dB, ewa has %.2f dB\n", entry->name, psnr[i],
+                   psnr[j]);
             run->failed++;
         }
 }
@@ -216,8 +221,8 @@ static bool find_truth(const struct test_scene *scene, const struct manifest_sce
     return ok;
 }
 
-/* Software GL takes most of the time: it draws every eighth row of a scene, and other rows of the
- * next scene, unless one scene is asked for. */
+/* Software GL takes most of the time. It draws every eighth row of a scene, starting at another row
+ * in each scene, unless only one scene was requested. */
 static bool is_drawn(const struct run *run, unsigned t, const struct manifest_scene *entry,
                      size_t row) {
     return run->is_single || strcmp(run->targets[t].backend, "gl-software") != 0 ||
@@ -248,8 +253,8 @@ static bool run_scene(struct run *run, const struct manifest_scene *entry) {
                              : NAN;
         if (references.scalar.rgba)
             test_image_finish(&references.scalar);
-        if (references.wide.rgba)
-            test_image_finish(&references.wide);
+        if (references.simd.rgba)
+            test_image_finish(&references.simd);
     }
     for (unsigned t = 0; t < run->count; t++)
         compare_adaptive(run, entry, psnr[t]);
@@ -265,11 +270,11 @@ int main(int argc, char **argv) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     open_all(&run);
     if (!run.count) {
-        printf("skipped: no backend but null starts here\n");
+        printf("skipped: no backend except null starts on this machine\n");
         return TEST_SKIPPED;
     }
     if (!run.is_single)
-        printf("thinned: gl-software draws one row of %d of each scene\n", GL_STEP);
+        printf("reduced: gl-software draws one of every %d rows of each scene\n", GL_STEP);
     for (size_t i = 0; i < manifest_count; i++)
         if (argc < 2 || strcmp(argv[1], manifest[i].name) == 0)
             run.failed += !run_scene(&run, &manifest[i]);

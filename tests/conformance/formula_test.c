@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Backends against the formulas in double precision (support/formula.h), on scenes drawn by a
- * seeded generator: sample types, sides from 1 voxel, spacings, rectilinear axes, rotations,
- * shears, mirrors, both projections, kernels, cutoffs, filters, compositors, attenuations, clip
- * planes and boxes, gradient axes, both orders, backgrounds, image shapes, Phong.
+ * Compares every backend with the formulas in double precision (support/formula.h), on random
+ * scenes. A seed determines the scene: sample type, sides from 1 voxel, spacing, rectilinear axes,
+ * rotation, shear, mirroring, projection, kernel, cutoff, filter, compositing, attenuation, clip
+ * planes and box, gradient axis, order of classification, background, image size, shading.
  *
- *   test_conformance_formula [SEED [END [ISA]]]   one scene alone, or those of seeds [SEED, END);
- *                                                 by one instruction set
+ *   test_conformance_formula [SEED [END [ISA]]]   only the scene SEED, or the scenes [SEED, END);
+ *                                                 only the targets with instruction set ISA
  */
 #include <math.h>
 #include <stdio.h>
@@ -21,11 +21,13 @@
 #include "support/sanitized.h"
 #include "volume/grid.h"
 
-/* Measured over seeds 0 … 999 with the scalar CPU backend: 95.7 dB at least; 77.0 where gradients
- * count, which are quantised; 57.2 with flat rectangles, whose edges pass by a pixel's centre on
- * one side or the other. Sheets without footprints are held to kernels that end at the cutoff or
- * far out, whichever is nearer: 55.5 over seeds 0 … 599, where some bricks end one way and some the
- * other; 69 and more where they do not. */
+/* Floors of the PSNR [dB]. Lowest values of the scalar CPU backend over the seeds 0 … 999:
+ *   95.7 in general;
+ *   77.0 for scenes that use gradients, because gradients are quantised;
+ *   57.2 for flat rectangles, because rounding decides on which side of a pixel centre an edge is.
+ * Post-convolved sheets are compared with kernels that end at the cutoff and with kernels that end
+ * at CUTOFF_FAR; the higher PSNR counts. It is 55.5 or more over the seeds 0 … 599, where some
+ * bricks of an image use footprints and others do not, and 69 or more in all other images. */
 enum {
     SCENES = 100,
     FLOOR = 80,
@@ -36,22 +38,23 @@ enum {
     SUBJECTS_MAX = 16
 };
 
-/* Single splats are sorted by distance in ranges of so many cells. */
+/* Compositing `splat` sorts by distance in ranges of this length, in edges of a cell. */
 #define RANGE (1.0 / 16)
 
-struct dice {
+struct generator {
     uint64_t state;
 };
 
-/* [low, high); an xorshift generator, so that a seed means the same everywhere. */
-static double between(struct dice *d, double low, double high) {
+/* Returns a random number in [low, high). It is an xorshift generator, so that a seed gives the
+ * same scene on every platform. */
+static double between(struct generator *d, double low, double high) {
     d->state ^= d->state << 13;
     d->state ^= d->state >> 7;
     d->state ^= d->state << 17;
     return low + (high - low) * (double)(d->state >> 11) * 0x1p-53;
 }
 
-static bool one_in(struct dice *d, double n) {
+static bool one_in(struct generator *d, double n) {
     return between(d, 0, n) < 1;
 }
 
@@ -61,7 +64,7 @@ static double waves(const void *user, double x, double y, double z) {
            40 * sin(k[4] * k[5] * x + k[1] * z) * cos(k[2] * y);
 }
 
-static void draw_filter(struct dice *d, struct sp_filter *f) {
+static void draw_filter(struct generator *d, struct sp_filter *f) {
     f->sigma = one_in(d, 4) ? between(d, 0.35, 1.6) : 0.7;
     f->cutoff = one_in(d, 4) ? between(d, 1, 6) : 3;
     f->lowpass = one_in(d, 4) ? between(d, 0, 4) : 1;
@@ -77,7 +80,7 @@ static void draw_filter(struct dice *d, struct sp_filter *f) {
         f->mode = SP_FILTER_NONE;
 }
 
-static void draw_compositing(struct dice *d, struct sp_view *v) {
+static void draw_compositing(struct generator *d, struct sp_view *v) {
     v->compositing.mode = (enum sp_compositing)between(d, 0, 3);
     v->compositing.slab = exp(between(d, -1.2, 1.2));
     if (one_in(d, 4))
@@ -87,7 +90,7 @@ static void draw_compositing(struct dice *d, struct sp_view *v) {
 }
 
 /* Planes near the middle of the volume, a box, or both. */
-static void draw_clip(struct dice *d, struct test_scene *s, double size) {
+static void draw_clip(struct generator *d, struct test_scene *s, double size) {
     struct sp_clip *clip = &s->view.clip;
     int planes = one_in(d, 3) ? (int)between(d, 1, 4) : 0;
     for (int i = 0; i < planes; i++) {
@@ -106,8 +109,8 @@ static void draw_clip(struct dice *d, struct test_scene *s, double size) {
     }
 }
 
-/* Gaps that differ by up to a factor of 4, the length of the axis as it was. */
-static bool draw_gaps(struct dice *d, struct test_scene *s, int axis) {
+/* Makes an axis rectilinear: its gaps differ by up to a factor of 4; its length stays the same. */
+static bool draw_gaps(struct generator *d, struct test_scene *s, int axis) {
     struct sp_grid *grid = &s->info.grid;
     uint32_t n = grid->dims[axis];
     double *c = malloc(n * sizeof *c);
@@ -124,7 +127,7 @@ static bool draw_gaps(struct dice *d, struct test_scene *s, int axis) {
     return true;
 }
 
-static void draw_gradient_axis(struct dice *d, struct test_scene *s) {
+static void draw_gradient_axis(struct generator *d, struct test_scene *s) {
     struct sp_transfer_function *tf = &s->view.transfer_function;
     const double *spacing = s->info.grid.spacing;
     double magnitude = 10 / cbrt(spacing[0] * spacing[1] * spacing[2]);
@@ -135,7 +138,7 @@ static void draw_gradient_axis(struct dice *d, struct test_scene *s) {
     }
 }
 
-static void draw_view(struct dice *d, struct test_scene *s, double size) {
+static void draw_view(struct generator *d, struct test_scene *s, double size) {
     struct sp_view *v = &s->view;
     double target[3];
     for (int a = 0; a < 3; a++)
@@ -167,7 +170,7 @@ static void draw_view(struct dice *d, struct test_scene *s, double size) {
 }
 
 static bool draw(struct test_scene *s, unsigned seed) {
-    struct dice dice = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) }, *d = &dice;
+    struct generator generator = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) }, *d = &generator;
     uint32_t dims[3];
     double k[6], spacing[3], size = 0, points[4][5] = { { 20 }, { 60 }, { 80 }, { 120 } };
     for (int i = 0; i < 6; i++)
@@ -200,7 +203,7 @@ static bool draw(struct test_scene *s, unsigned seed) {
     return true;
 }
 
-/* Edge of a cube with a cell's volume. */
+/* Returns the edge of a cube with the volume of a cell. */
 static double cell(const struct sp_grid *grid) {
     struct sp_mat3 m;
     for (int r = 0; r < 3; r++)
@@ -209,7 +212,7 @@ static double cell(const struct sp_grid *grid) {
     return cbrt(fabs(sp_mat3_determinant(&m)));
 }
 
-/* What bounds the precision of a scene. */
+/* The property of a scene that limits its PSNR. */
 enum kind { PLAIN, QUANTISED, FLAT, SHEETS, KINDS };
 
 static enum kind kind_of(const struct test_target *target, const struct test_scene *scene) {
@@ -246,21 +249,21 @@ struct tally {
     double worst[KINDS]; /* dB */
 };
 
-/* What a backend and instruction set comes to. */
+/* A backend with an instruction set, and its results. */
 struct subject {
     struct test_target target;
     struct test_renderer renderer;
     char name[64];
-    unsigned step; /* takes every so many scenes */
+    unsigned step; /* draws every step-th scene */
     struct tally tally;
 };
 
-/* A scene, and its image by the formulas, which all targets share. */
+/* A scene and its images by the formulas, which all targets share. */
 struct task {
     unsigned seed;
     struct test_scene scene;
     struct test_image wanted;
-    struct test_image uncut; /* with kernels that end far out; not made: no pixels */
+    struct test_image uncut; /* with CUTOFF_FAR; rendered on demand, rgba is NULL before */
 };
 
 static bool begin_task(struct task *task, unsigned seed) {
@@ -283,12 +286,12 @@ static double compare_uncut(struct task *task, const struct test_image *image) {
     return test_image_psnr(image, &task->uncut);
 }
 
-static void tell(const struct task *task, const char *name, const struct test_image *image,
-                 double psnr) {
+static void report_failure(const struct task *task, const char *name,
+                           const struct test_image *image, double psnr) {
     struct test_difference d = test_image_difference(image, &task->wanted);
     char dump[128];
-    printf("FAILED %s worst at (%u,%u) channel %u: %.5f for %.5f; ", name, d.x, d.y, d.channel, d.a,
-           d.b);
+    printf("FAILED %s: largest difference at (%u,%u) channel %u: %.5f, expected %.5f; ", name, d.x,
+           d.y, d.channel, d.a, d.b);
     describe(&task->scene, task->seed, psnr);
     snprintf(dump, sizeof dump, "formula-%u", task->seed);
     test_image_dump(dump, image, &task->wanted, 20);
@@ -313,12 +316,13 @@ static bool check(struct subject *subject, struct task *task) {
     bool ok = psnr >= floors[kind];
     subject->tally.worst[kind] = fmin(subject->tally.worst[kind], psnr);
     if (!ok)
-        tell(task, subject->name, &image, psnr);
+        report_failure(task, subject->name, &image, psnr);
     test_image_finish(&image);
     return ok;
 }
 
-/* isa: NULL = any. The number of those that start here. */
+/* Opens the targets with this instruction set (NULL = all targets). Returns the number of targets
+ * that start on this machine. */
 static unsigned open_all(struct subject subjects[], const char *isa, bool is_range) {
     struct test_target target;
     unsigned count = 0;
@@ -331,7 +335,7 @@ static unsigned open_all(struct subject subjects[], const char *isa, bool is_ran
         for (int k = 0; k < KINDS; k++)
             subject->tally.worst[k] = INFINITY;
         snprintf(subject->name, sizeof subject->name, "%s/%s", target.backend, target.isa);
-        /* Software GL is slow: a tenth of the scenes. */
+        /* Software GL is slow: it draws a tenth of the scenes. */
         if (strcmp(target.backend, "gl-software") == 0 && !is_range)
             subject->step = 10;
         if (test_renderer_open(&subject->renderer, &target, 2, &err))
@@ -346,13 +350,13 @@ static void run(struct subject subjects[], unsigned count, unsigned first, unsig
                 unsigned step) {
     for (unsigned seed = first; seed < end; seed += step) {
         struct task task;
-        bool is_there = begin_task(&task, seed);
-        if (!is_there)
+        bool has_task = begin_task(&task, seed);
+        if (!has_task)
             printf("FAILED seed %u: out of memory\n", seed);
         for (unsigned i = 0; i < count; i++)
             if ((seed - first) % subjects[i].step == 0) {
                 subjects[i].tally.ran++;
-                subjects[i].tally.failed += !is_there || !check(&subjects[i], &task);
+                subjects[i].tally.failed += !has_task || !check(&subjects[i], &task);
             }
         end_task(&task);
     }
@@ -369,12 +373,12 @@ int main(int argc, char **argv) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     unsigned count = open_all(subjects, argc > 3 ? argv[3] : NULL, argc > 1);
     if (step > 1)
-        printf("thinned under a sanitizer: one scene of %u\n", step);
+        printf("reduced under a sanitizer: one of every %u scenes\n", step);
     run(subjects, count, first, end, step);
     for (unsigned i = 0; i < count; i++) {
         const struct tally *t = &subjects[i].tally;
-        printf("%s: lowest %.1f dB, with quantised gradients %.1f dB, flat %.1f dB, sheets without "
-               "footprints %.1f dB; %u scenes of what it does not support\n",
+        printf("%s: lowest PSNR %.1f dB, with quantised gradients %.1f dB, flat %.1f dB, "
+               "post-convolved sheets %.1f dB; %u scenes are not supported\n",
                subjects[i].name, t->worst[PLAIN], t->worst[QUANTISED], t->worst[FLAT],
                t->worst[SHEETS], t->unsupported);
         test_renderer_close(&subjects[i].renderer);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Changes of the scene's geometry that must not change the image, or that must mirror it: mirrors,
- * the unit of length, the origin, the order of axes, even coordinates. Each test runs on every
- * backend and instruction set.
+ * Changes of the scene's geometry that must not change the image, or must mirror it: mirroring, the
+ * unit of length, the origin, the order of the axes, coordinates at equal distances. Each test runs
+ * on every backend and instruction set.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -20,8 +20,8 @@
 #include "support/compare.h"
 #include "support/data.h"
 
-/* Even in x about the middle. */
-static double even(const void *user, double x, double y, double z) {
+/* A field that is symmetric in x about the middle of the volume. */
+static double symmetric(const void *user, double x, double y, double z) {
     (void)user;
     double a = fabs(x - 15.5) - 8, b = y - 12, c = z - 18;
     return exp(-(a * a + b * b) / 30) + exp(-(a * a + c * c) / 12) * (y > 20);
@@ -35,12 +35,12 @@ static void a_symmetric_volume_gives_a_symmetric_image(void **state) {
         test_scene_points(&s, (const double[][5]){ { 0.2, 0, 0, 1, 0 }, { 1, 1, 0.6, 0, 0.3 } }, 2);
         assert_true(test_scene_voxels(&s, ortho ? "symmetric-orthographic" : "symmetric",
                                       (uint32_t[]){ 32, 32, 32 }, (double[]){ 1, 1, 1 }, SP_FLOAT32,
-                                      even, NULL));
-        test_scene_orbit(&s, NULL, 0, 25, 70); /* the eye in the plane of symmetry */
+                                      symmetric, NULL));
+        test_scene_orbit(&s, NULL, 0, 25, 70); /* the camera is in the plane of symmetry */
         s.view.camera.projection = ortho ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
         struct test_image a = invariant_render(c, &s), b = invariant_render(c, &s);
         test_image_mirror(&b);
-        invariant_same(s.info.name, &a, &b, 80);
+        invariant_assert_same(s.info.name, &a, &b, 80);
         test_scene_finish(&s);
     }
 }
@@ -66,12 +66,12 @@ static void a_mirrored_direction_gives_the_mirrored_image(void **state) {
         test_image_mirror(&b);
         char name[160];
         snprintf(name, sizeof name, "%s-mirrored", s.info.name);
-        invariant_same(name, &b, &a, 80);
+        invariant_assert_same(name, &b, &a, 80);
         test_scene_finish(&s);
     }
 }
 
-static void the_unit_of_length_does_not_matter(void **state) {
+static void the_unit_of_length_does_not_change_the_image(void **state) {
     struct invariant_context *c = *state;
     static const double scales[] = { 2, 0.001, 1000 };
     static test_scene_fn *const builds[] = { test_scene_anisotropic, test_scene_orthographic,
@@ -96,13 +96,13 @@ static void the_unit_of_length_does_not_matter(void **state) {
             struct test_image b = invariant_render(c, &s);
             char name[160];
             snprintf(name, sizeof name, "%s-unit-%g", s.info.name, scales[k]);
-            invariant_same(name, &b, &a, 80);
+            invariant_assert_same(name, &b, &a, 80);
             test_scene_finish(&s);
         }
 }
 
-/* Scanners put the origin where they like. */
-static void the_place_in_the_world_does_not_matter(void **state) {
+/* Scanners choose any origin of the world's coordinates. */
+static void the_position_in_the_world_does_not_change_the_image(void **state) {
     struct invariant_context *c = *state;
     static const double far[3] = { 100000, -250000, 70000 };
     static test_scene_fn *const builds[] = { test_scene_rotated, test_scene_orthographic,
@@ -124,16 +124,18 @@ static void the_place_in_the_world_does_not_matter(void **state) {
         struct test_image b = invariant_render(c, &s);
         char name[160];
         snprintf(name, sizeof name, "%s-far", s.info.name);
-        invariant_same(name, &b, &a, 80);
+        invariant_assert_same(name, &b, &a, 80);
         test_scene_finish(&s);
     }
 }
 
-/* The same samples in another order in memory, the direction's columns moved along. */
-static void the_order_of_axes_does_not_matter(void **state) {
+/* The same samples in another order in memory; the columns of the direction are reordered as well.
+ */
+static void the_order_of_axes_does_not_change_the_image(void **state) {
     struct invariant_context *c = *state;
     static const int orders[][3] = { { 1, 2, 0 }, { 2, 0, 1 }, { 1, 0, 2 } };
-    /* Single splats at the same distance come in the order of the list, hence sheets and slabs. */
+    /* Only sheets and slabs: compositing `splat` draws splats at the same distance in their order
+     * in memory. */
     for (size_t n = 0; n < sizeof orders / sizeof *orders * 2; n++) {
         struct test_scene s;
         size_t k = n / 2;
@@ -166,13 +168,13 @@ static void the_order_of_axes_does_not_matter(void **state) {
         struct test_image b = invariant_render(c, &s);
         char name[64];
         snprintf(name, sizeof name, "axes-%d%d%d", orders[k][0], orders[k][1], orders[k][2]);
-        invariant_same(name, &b, &a, 80);
+        invariant_assert_same(name, &b, &a, 80);
         test_scene_finish(&s);
     }
 }
 
-/* Coordinates that are even after all. */
-static void even_coordinates_are_an_even_grid(void **state) {
+/* Rectilinear coordinates at equal distances give the image of the uniform grid. */
+static void evenly_spaced_coordinates_give_the_uniform_grid(void **state) {
     struct invariant_context *c = *state;
     double places[3][40];
     for (int way = 0; way < INVARIANT_WAYS; way++) {
@@ -180,7 +182,7 @@ static void even_coordinates_are_an_even_grid(void **state) {
         assert_true(test_scene_rotated(&s));
         s.view.shading.mode = SP_SHADING_PHONG;
         invariant_choose_way(&s.view, way);
-        bool is_other = test_uses_postconv(&c->target, &s);
+        bool is_postconv = test_uses_postconv(&c->target, &s);
         struct test_image a = invariant_render(c, &s);
         for (int axis = 0; axis < 3; axis++) {
             for (int i = 0; i < 40; i++)
@@ -190,7 +192,7 @@ static void even_coordinates_are_an_even_grid(void **state) {
         struct test_image b = invariant_render(c, &s);
         char name[64];
         snprintf(name, sizeof name, "even-coordinates-%d", way);
-        invariant_same(name, &b, &a, is_other ? INVARIANT_POSTCONV_FLOOR : 80);
+        invariant_assert_same(name, &b, &a, is_postconv ? INVARIANT_POSTCONV_FLOOR : 80);
         test_scene_finish(&s);
     }
 }
@@ -202,13 +204,13 @@ static int run_target(struct invariant_context *c) {
     const struct CMUnitTest tests[] = {
         ON(a_symmetric_volume_gives_a_symmetric_image),
         ON(a_mirrored_direction_gives_the_mirrored_image),
-        ON(the_unit_of_length_does_not_matter),
-        ON(the_place_in_the_world_does_not_matter),
-        ON(the_order_of_axes_does_not_matter),
-        ON(even_coordinates_are_an_even_grid),
+        ON(the_unit_of_length_does_not_change_the_image),
+        ON(the_position_in_the_world_does_not_change_the_image),
+        ON(the_order_of_axes_does_not_change_the_image),
+        ON(evenly_spaced_coordinates_give_the_uniform_grid),
     };
-    /* Software GL is slow: it runs what its comparison to the reference (ewa_test.c) does not
-     * cover. */
+    /* Software GL is slow: it runs only the test that its comparison with the scalar reference
+     * (ewa_test.c) does not cover. */
     const struct CMUnitTest few[] = {
         ON(a_symmetric_volume_gives_a_symmetric_image),
     };

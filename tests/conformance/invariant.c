@@ -18,7 +18,7 @@ void invariant_skip_unsupported(struct invariant_context *c, const struct test_s
     if (sp_renderer_supports(c->renderer.renderer, &scene->view, &err) ||
         err.code != SP_ERR_UNSUPPORTED)
         return;
-    print_message("  skipped from here on: %s: %s\n", err.place, err.text);
+    print_message("  skipped the rest of this test: %s: %s\n", err.place, err.text);
     skip();
 }
 
@@ -31,18 +31,19 @@ struct test_image invariant_render(struct invariant_context *c, const struct tes
     return image;
 }
 
-void invariant_same(const char *name, struct test_image *got, struct test_image *wanted,
-                    double floor) {
+void invariant_assert_same(const char *name, struct test_image *got, struct test_image *wanted,
+                           double floor) {
     double psnr = test_image_psnr(got, wanted), mean, variance;
     test_image_statistics(wanted, 3, &mean, &variance);
     print_message("  %s: %.1f dB\n", name, psnr);
     if (!(psnr >= floor)) {
         struct test_difference d = test_image_difference(got, wanted);
         test_image_dump(name, got, wanted, 20);
-        fail_msg("%s: %.1f dB, wanted %.1f; worst at (%u,%u) channel %u: %g for %g", name, psnr,
-                 floor, d.x, d.y, d.channel, d.a, d.b);
+        fail_msg("%s: %.1f dB, floor %.1f; largest difference at (%u,%u) channel %u: %g, expected "
+                 "%g",
+                 name, psnr, floor, d.x, d.y, d.channel, d.a, d.b);
     }
-    assert_true(mean > 0.01); /* two empty images agree, too */
+    assert_compare(mean, >, 0.01); /* two empty images would be equal as well */
     test_image_finish(got);
     test_image_finish(wanted);
 }

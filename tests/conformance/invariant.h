@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What invariant_test.c and geometry_test.c share: they render two views and compare the images, on
- * every backend and instruction set of this machine.
+ * Shared code of invariant_test.c and geometry_test.c, which render two views and compare the
+ * images, on every backend and instruction set of this machine.
  */
 #ifndef CONFORMANCE_INVARIANT_H
 #define CONFORMANCE_INVARIANT_H
@@ -14,8 +14,8 @@ struct invariant_context {
     struct test_renderer renderer; /* two threads */
 };
 
-/* Bounds for an image of post-convolved sheets against one with footprints. Measured: 65.0 dB, and
- * optical depths that add up within 0.31 % of the largest. */
+/* Bounds for the comparison of an image of post-convolved sheets with one of footprints. Measured:
+ * 65.0 dB; the sum of optical depths is within 0.31 % of the largest depth. */
 #define INVARIANT_POSTCONV_FLOOR 64.5
 #define INVARIANT_POSTCONV_DEPTH 4e-3
 
@@ -34,13 +34,12 @@ void invariant_skip_unsupported(struct invariant_context *c, const struct test_s
 /* Renders the scene; skips as above, fails on any other error. */
 struct test_image invariant_render(struct invariant_context *c, const struct test_scene *scene);
 
-/* Fails, and writes both images to files, if they differ by less than `floor` [dB of PSNR]. Frees
- * both images. */
-void invariant_same(const char *name, struct test_image *got, struct test_image *wanted,
-                    double floor);
+/* Fails and writes both images to files if their PSNR is below `floor` [dB]. Frees both images. */
+void invariant_assert_same(const char *name, struct test_image *got, struct test_image *wanted,
+                           double floor);
 
-/* Calls run() on every target that starts and prints the others as skipped. run() returns the
- * number of failed tests. Returns the exit status of the test program. */
+/* Calls run() for every target that starts on this machine; prints the others as skipped. run()
+ * returns the number of failed tests. Returns the exit status of the test program. */
 int invariant_run(int (*run)(struct invariant_context *c));
 
 #endif

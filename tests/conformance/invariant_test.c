@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Settings that must not change the image, or that must change it in a known way: threads, filters,
+ * Settings that must not change the image, or must change it in a known way: threads, filters,
  * compositors, the order of classification, the format of the frame. Each test runs on every
  * backend and instruction set. geometry_test.c does the same for the geometry of the scene.
  */
@@ -19,8 +19,9 @@
 #include "support/compare.h"
 #include "support/data.h"
 
-/* The CPU's threads make the same bytes. A GPU adds in any order, so that the last bits differ;
- * rounding then says from which splat on a tile is saturated, which is one part in 512. */
+/* True if the frames are equal, up to the rounding of the backend. The CPU draws identical bytes
+ * with any number of threads. A GPU adds in any order, so the last bits differ. Rounding then
+ * decides which splat saturates a tile; the difference is at most 1/512. */
 static bool is_same_frame(const struct test_target *target, const struct sp_frame *a,
                           const struct sp_frame *b) {
     struct test_image x, y;
@@ -34,8 +35,8 @@ static bool is_same_frame(const struct test_target *target, const struct sp_fram
     return psnr >= 70 && step < 1.01 / 255;
 }
 
-static void same_with_threads(struct invariant_context *c, const struct test_scene *scene,
-                              enum sp_pixel_format format) {
+static void check_threads(struct invariant_context *c, const struct test_scene *scene,
+                          enum sp_pixel_format format) {
     static const unsigned threads[] = { 2, 7, 16 };
     struct sp_render_options o = { .format = format };
     struct sp_error err = { 0 };
@@ -48,7 +49,7 @@ static void same_with_threads(struct invariant_context *c, const struct test_sce
         sp_renderer_render(alone.renderer, volume, &scene->view, alone.pool, &o, &err);
     if (!one)
         fail_msg("%s: %s: %s", scene->info.name, err.place, err.text);
-    /* Other backends do not draw with threads, and take long to start. */
+    /* Other backends do not use these threads and start slowly: one number of threads. */
     size_t tries = strcmp(c->target.backend, "cpu") == 0 ? sizeof threads / sizeof *threads : 1;
     for (size_t t = 0; t < tries; t++) {
         assert_true(test_renderer_open(&many, &c->target, threads[t], &err));
@@ -57,8 +58,8 @@ static void same_with_threads(struct invariant_context *c, const struct test_sce
                 sp_renderer_render(many.renderer, volume, &scene->view, many.pool, &o, &err);
             assert_non_null(frame);
             if (!is_same_frame(&c->target, one, frame))
-                fail_msg("%s: %u threads differ from one, frame %d", scene->info.name, threads[t],
-                         again);
+                fail_msg("%s: frame %d of %u threads differs from the frame of one thread",
+                         scene->info.name, again, threads[t]);
             sp_frame_unref(&frame);
         }
         test_renderer_close(&many);
@@ -68,7 +69,7 @@ static void same_with_threads(struct invariant_context *c, const struct test_sce
     sp_volume_unref(&volume);
 }
 
-static void threads_do_not_matter(void **state) {
+static void the_number_of_threads_does_not_change_the_image(void **state) {
     struct invariant_context *c = *state;
     static test_scene_fn *const builds[] = {
         test_scene_thin_shells,  test_scene_anisotropic,
@@ -79,19 +80,19 @@ static void threads_do_not_matter(void **state) {
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b++)
         for (int way = (int)b % 2; way < INVARIANT_WAYS; way += 2) {
             if (strcmp(c->target.backend, "cpu") != 0 && (size_t)way / 2 % 4 != b / 2)
-                continue; /* each way once */
+                continue; /* other backends draw each way once */
             struct test_scene scene;
             assert_true(builds[b](&scene));
-            /* Sides that no tile divides, and enough of it that workers meet. */
+            /* Not a multiple of the tile size, and large enough for several tiles per worker. */
             scene.view.size[0] = 149;
             scene.view.size[1] = 101;
             invariant_choose_way(&scene.view, way);
-            same_with_threads(c, &scene, way & 2 ? SP_RGBA8 : SP_RGBAF32);
+            check_threads(c, &scene, way & 2 ? SP_RGBA8 : SP_RGBAF32);
             test_scene_finish(&scene);
         }
 }
 
-/* Without low-pass the two filters are one formula. */
+/* Without a low-pass filter, both filter modes compute the same formula. */
 static void reconstruction_is_ewa_without_low_pass(void **state) {
     struct invariant_context *c = *state;
     struct test_scene s;
@@ -101,19 +102,21 @@ static void reconstruction_is_ewa_without_low_pass(void **state) {
     s.view.filter.mode = SP_FILTER_EWA;
     s.view.filter.lowpass = 0;
     struct test_image b = invariant_render(c, &s);
-    invariant_same("reconstruction", &a, &b, 100);
+    invariant_assert_same("reconstruction", &a, &b, 100);
     test_scene_finish(&s);
 }
 
-/* Energy is conserved: the summed optical depth of a thin medium does not depend on the filter. */
-static void filters_keep_the_energy(void **state) {
+/* Energy is conserved: the sum of the optical depths of a thin medium does not depend on the
+ * filter.
+ */
+static void filters_conserve_energy(void **state) {
     struct invariant_context *c = *state;
     struct test_scene s;
     double reference = 0;
     assert_true(test_scene_blobs(&s));
     for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
         s.view.transfer_function.points[i].opacity *= 0.01F;
-    test_scene_orbit(&s, NULL, -30, 20, 90); /* nothing reaches the border */
+    test_scene_orbit(&s, NULL, -30, 20, 90); /* the volume does not touch the image border */
     static const enum sp_filter_mode filters[] = { SP_FILTER_EWA,     SP_FILTER_RECONSTRUCTION,
                                                    SP_FILTER_LOWPASS, SP_FILTER_ADAPTIVE,
                                                    SP_FILTER_SWAN,    SP_FILTER_NONE };
@@ -126,16 +129,16 @@ static void filters_keep_the_energy(void **state) {
             sum -= log1p(-a.rgba[p * 4 + 3]);
         if (!k)
             reference = sum;
-        print_message("  filter %d, kernel %d: summed depth %.4f\n", k % 6, k / 6, sum);
-        assert_true(reference > 1);
-        assert_true(fabs(sum / reference - 1) < 0.005);
+        print_message("  filter %d, kernel %d: sum of depths %.4f\n", k % 6, k / 6, sum);
+        assert_compare(reference, >, 1);
+        assert_compare(fabs(sum / reference - 1), <, 0.005);
         test_image_finish(&a);
     }
     test_scene_finish(&s);
 }
 
-/* Attenuation that is exponential multiplies up to the same whatever is added first: compositors
- * differ in colour alone. */
+/* With exponential attenuation, the opacity of a pixel does not depend on which depths are added
+ * before they are composited. Compositors therefore differ only in colour. */
 static void compositors_agree_on_the_opacity(void **state) {
     struct invariant_context *c = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_layers, test_scene_cubic,
@@ -146,23 +149,25 @@ static void compositors_agree_on_the_opacity(void **state) {
         for (uint32_t i = 0; i < s.view.transfer_function.point_count; i++)
             memset(s.view.transfer_function.points[i].color, 0, 3 * sizeof(float));
         struct test_image a = invariant_render(c, &s);
-        bool is_other = test_uses_postconv(&c->target, &s);
+        bool is_postconv = test_uses_postconv(&c->target, &s);
         s.view.compositing.mode = invariant_modes[b % INVARIANT_MODES];
         s.view.compositing.slab = 0.7;
         struct test_image d = invariant_render(c, &s);
         char name[160];
         snprintf(name, sizeof name, "%s-opacity-%zu", s.info.name, b % INVARIANT_MODES);
-        invariant_same(name, &d, &a,
-                       is_other && b % INVARIANT_MODES ? INVARIANT_POSTCONV_FLOOR : 80);
+        invariant_assert_same(name, &d, &a,
+                              is_postconv && b % INVARIANT_MODES ? INVARIANT_POSTCONV_FLOOR : 80);
         test_scene_finish(&s);
     }
 }
 
-/* What a plane keeps and what it takes away are the whole: their optical depths add up. */
+/* The optical depths of the part that a clip plane keeps and of the part that it removes add up to
+ * the depth of the whole volume. */
 static void opposite_clip_planes_add_up_to_the_whole(void **state) {
     struct invariant_context *c = *state;
-    for (int way = 0; way < INVARIANT_POST_WAY;
-         way++) { /* classified after the cut, they need not */
+    /* Not for INVARIANT_POST_WAY: post-classification runs after the cut, so depths do not add up.
+     */
+    for (int way = 0; way < INVARIANT_POST_WAY; way++) {
         struct test_scene s;
         struct test_image parts[3];
         assert_true(test_scene_blobs(&s));
@@ -186,7 +191,8 @@ static void opposite_clip_planes_add_up_to_the_whole(void **state) {
             worst = fmax(worst, fabs(depth[0] + depth[1] - depth[2]));
             most = fmax(most, depth[2]);
         }
-        print_message("  way %d: depths up to %.2f add up within %.1g\n", way, most, worst);
+        print_message("  way %d: largest depth %.2f, largest error of the sum %.1g\n", way, most,
+                      worst);
         assert_compare(most, >, 0.5);
         assert_compare(worst, <, slack * most);
         for (int k = 0; k < 3; k++)
@@ -195,8 +201,8 @@ static void opposite_clip_planes_add_up_to_the_whole(void **state) {
     }
 }
 
-/* Where the value is the same everywhere it does not matter when it is classified. */
-static void the_order_does_not_matter_to_a_constant(void **state) {
+/* In a constant volume, classification before and after interpolation gives the same image. */
+static void a_constant_volume_looks_the_same_in_both_orders(void **state) {
     struct invariant_context *c = *state;
     struct test_scene s;
     assert_true(test_scene_constant_cube(&s));
@@ -204,12 +210,12 @@ static void the_order_does_not_matter_to_a_constant(void **state) {
     struct test_image a = invariant_render(c, &s);
     s.view.transfer_function.order = SP_TF_POST;
     struct test_image b = invariant_render(c, &s);
-    invariant_same("order", &b, &a, 80);
+    invariant_assert_same("order", &b, &a, 80);
     test_scene_finish(&s);
 }
 
-/* A gradient axis of ones, and one that is reached nowhere. */
-static void a_flat_gradient_axis_changes_nothing(void **state) {
+/* A gradient axis whose scale is 1 everywhere, or 1 at all magnitudes of the volume. */
+static void a_gradient_axis_of_scale_one_does_not_change_the_image(void **state) {
     struct invariant_context *c = *state;
     for (int k = 0; k < 4; k++) {
         struct test_scene s;
@@ -220,12 +226,12 @@ static void a_flat_gradient_axis_changes_nothing(void **state) {
         tf->gradient[0] = (struct sp_gradient_point){ k & 2 ? 1e6 : 0, 1 };
         tf->gradient[1] = (struct sp_gradient_point){ k & 2 ? 2e6 : 7, k & 2 ? 0 : 1 };
         struct test_image b = invariant_render(c, &s);
-        invariant_same(k & 1 ? "gradient-axis-post" : "gradient-axis", &b, &a, 100);
+        invariant_assert_same(k & 1 ? "gradient-axis-post" : "gradient-axis", &b, &a, 100);
         test_scene_finish(&s);
     }
 }
 
-static void eight_bits_are_the_rounded_floats(void **state) {
+static void an_rgba8_frame_is_the_rounded_float_frame(void **state) {
     struct invariant_context *c = *state;
     static const float backgrounds[][4] = {
         { 0, 0, 0, 1 }, { 0.3F, 0.6F, 0.9F, 1 }, { 0, 0, 0, 0 }, { 1, 0.5F, 0, 0.5F }
@@ -244,13 +250,14 @@ static void eight_bits_are_the_rounded_floats(void **state) {
         assert_non_null(frame);
         assert_int_equal(frame->format, SP_RGBA8);
         assert_true(test_image_from_frame(&bytes, frame));
-        /* Half a step for the alpha; a colour is rounded after and before it is associated. */
+        /* Alpha is off by at most half a step. A colour is rounded twice: before and after its
+         * multiplication by alpha. */
         struct test_difference d = test_image_difference(&floats, &bytes);
         print_message("  background %d: largest difference %.3f steps\n", k, d.largest * 255);
-        assert_true(d.largest < 1.05 / 255);
+        assert_compare(d.largest, <, 1.05 / 255);
         if (backgrounds[k][3] >= 1)
             for (size_t p = 0; p < (size_t)bytes.width * bytes.height; p++)
-                assert_true(bytes.rgba[p * 4 + 3] == 1);
+                assert_compare(bytes.rgba[p * 4 + 3], ==, 1);
         sp_frame_unref(&frame);
         sp_volume_unref(&volume);
         test_image_finish(&floats);
@@ -259,7 +266,7 @@ static void eight_bits_are_the_rounded_floats(void **state) {
     }
 }
 
-/* Nothing in front of the eye, all of it nearer than near, or nothing visible: the background. */
+/* The volume is behind the camera, before the near plane, transparent, or beside the view. */
 static void an_empty_view_shows_the_background(void **state) {
     struct invariant_context *c = *state;
     for (int k = 0; k < 4; k++) {
@@ -281,16 +288,17 @@ static void an_empty_view_shows_the_background(void **state) {
         struct test_image a = invariant_render(c, &s);
         for (size_t p = 0; p < (size_t)a.width * a.height; p++) {
             for (int ch = 0; ch < 3; ch++)
-                assert_true(fabs(a.rgba[p * 4 + (size_t)ch] - 0.5 * (double)background[ch]) < 1e-6);
-            assert_true(fabs(a.rgba[p * 4 + 3] - 0.5) < 1e-6);
+                assert_compare(fabs(a.rgba[p * 4 + (size_t)ch] - 0.5 * (double)background[ch]), <,
+                               1e-6);
+            assert_compare(fabs(a.rgba[p * 4 + 3] - 0.5), <, 1e-6);
         }
         test_image_finish(&a);
         test_scene_finish(&s);
     }
 }
 
-/* Samples that are not numbers are transparent: a hole, never a NaN in the image. */
-static void nan_samples_are_transparent(void **state) {
+/* Samples that are NaN or infinite are transparent; the image contains no NaN. */
+static void samples_that_are_not_finite_are_transparent(void **state) {
     struct invariant_context *c = *state;
     struct test_scene s;
     assert_true(test_scene_blobs(&s));
@@ -301,9 +309,9 @@ static void nan_samples_are_transparent(void **state) {
     struct test_image a = invariant_render(c, &s);
     for (size_t i = 0; i < (size_t)40 * 40 * 40; i++)
         if (i % 3 == 0)
-            v[i] = 0; /* outside the transfer function: transparent */
+            v[i] = 0; /* below the first opaque point of the transfer function: transparent */
     struct test_image b = invariant_render(c, &s);
-    invariant_same("not-a-number", &a, &b, 80);
+    invariant_assert_same("not-a-number", &a, &b, 80);
     test_scene_finish(&s);
 }
 
@@ -312,24 +320,24 @@ static void nan_samples_are_transparent(void **state) {
 
 static int run_target(struct invariant_context *c) {
     const struct CMUnitTest tests[] = {
-        ON(threads_do_not_matter),
+        ON(the_number_of_threads_does_not_change_the_image),
         ON(reconstruction_is_ewa_without_low_pass),
-        ON(filters_keep_the_energy),
+        ON(filters_conserve_energy),
         ON(compositors_agree_on_the_opacity),
         ON(opposite_clip_planes_add_up_to_the_whole),
-        ON(the_order_does_not_matter_to_a_constant),
-        ON(a_flat_gradient_axis_changes_nothing),
-        ON(eight_bits_are_the_rounded_floats),
+        ON(a_constant_volume_looks_the_same_in_both_orders),
+        ON(a_gradient_axis_of_scale_one_does_not_change_the_image),
+        ON(an_rgba8_frame_is_the_rounded_float_frame),
         ON(an_empty_view_shows_the_background),
-        ON(nan_samples_are_transparent),
+        ON(samples_that_are_not_finite_are_transparent),
     };
-    /* Software GL is slow: it runs what its comparison to the reference (ewa_test.c) does not
-     * cover. */
+    /* Software GL is slow: it runs only the tests that its comparison with the scalar reference
+     * (ewa_test.c) does not cover. */
     const struct CMUnitTest few[] = {
-        ON(a_flat_gradient_axis_changes_nothing),
-        ON(eight_bits_are_the_rounded_floats),
+        ON(a_gradient_axis_of_scale_one_does_not_change_the_image),
+        ON(an_rgba8_frame_is_the_rounded_float_frame),
         ON(an_empty_view_shows_the_background),
-        ON(nan_samples_are_transparent),
+        ON(samples_that_are_not_finite_are_transparent),
     };
     if (strcmp(c->target.backend, "gl-software") == 0)
         return cmocka_run_group_tests(few, NULL, NULL);

@@ -12,7 +12,7 @@
 #define SLAB SP_COMPOSITE_SLAB
 #define LINEAR SP_ATTENUATION_LINEAR
 
-/* Filter, low-pass, compositing, slab, cutoff, attenuation, floor, measured, apart. */
+/* Filter, low-pass, compositing, slab, cutoff, attenuation, floor, measured, isa_floor. */
 static const struct manifest_row constant_cube[] = {
     { EWA, 0, SHEET, 0, 0, 0, 69.1, 69.59, 71 },
     { EWA, 1, SHEET, 0, 0, 0, 59.0, 59.51, 69.5 },

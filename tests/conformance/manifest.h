@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The one place of the floors: what every backend and instruction set must reach against the
- * integral, scene by scene and choice by choice, in dB (support/image.h says what PSNR is here).
+ * The PSNR floors, in dB, of every backend and instruction set against the integral
+ * (support/truth.h), for each scene and each set of view settings. support/image.h defines PSNR.
  *
- * `measured` is what the scalar CPU reference reached when the floor was written, floor ≈ measured
- * - 0.5. A floor is lowered only with a reason beside it; when a change raises a measured value by
- * more than 1 dB, raise the floor with it.
+ * `measured` is the PSNR of the scalar CPU reference when the floor was set; floor ≈ measured -
+ * 0.5. Write the reason beside a floor that you lower. When a change raises a measured value by
+ * more than 1 dB, raise the floor as well.
  */
 #ifndef TESTS_CONFORMANCE_MANIFEST_H
 #define TESTS_CONFORMANCE_MANIFEST_H
@@ -14,17 +14,17 @@
 
 #include "support/scene.h"
 
-/* One image of a scene: what differs from the scene's own view. Held to the integral, which is
- * convolved with the low-pass. */
+/* One image of a scene: the settings that replace those of the scene's view. The image is compared
+ * with the integral, convolved with the low-pass filter. */
 struct manifest_row {
     enum sp_filter_mode filter;
     double lowpass; /* px */
     enum sp_compositing compositing;
-    double slab;   /* voxels; slabs only */
-    double cutoff; /* 0 = the scene's */
+    double slab;   /* thickness, voxels; for compositing `slab` only */
+    double cutoff; /* 0 = the cutoff of the scene's view */
     enum sp_attenuation attenuation;
     double floor, measured; /* dB */
-    double apart;           /* dB, see MANIFEST_ISA_FLOOR; 0 = that */
+    double isa_floor;       /* dB; 0 = MANIFEST_ISA_FLOOR, see there */
 };
 
 struct manifest_scene {
@@ -34,22 +34,25 @@ struct manifest_scene {
     size_t count;
 };
 
-/* Adaptive may lose this much against ewa, both held to the integral; above MANIFEST_ALIKE dB the
- * two cannot be told apart and nothing is asked. */
-enum { MANIFEST_ALIKE = 60 };
+/* Against the integral, the PSNR of `adaptive` may be at most this much below that of `ewa` [dB].
+ * An adaptive image above MANIFEST_ADAPTIVE_ENOUGH dB always passes: the difference is then
+ * invisible. */
+enum { MANIFEST_ADAPTIVE_ENOUGH = 60 };
 #define MANIFEST_ADAPTIVE_LOSS 0.5
 
-/* The CPU's instruction sets against the scalar reference, and against the first of the others that
- * the machine has. Measured: 97.21 where all of them draw footprints.
+/* Floor of the CPU's instruction sets against the scalar reference, and against the first other
+ * instruction set that the machine has [dB]. Measured: 97.21 where all of them draw footprints.
  *
- * All but scalar draw sheets without footprints (postconv/postconv.h), and are `apart` dB from it
- * at least: half a decibel less than measured. Footprints end at the cutoff, and theirs do not, so
- * that neither is the nearer to the integral. A row without `apart` is drawn with footprints by
- * all: its view, or the way its bricks are seen, asks for them. */
+ * All instruction sets except scalar draw post-convolved sheets (postconv/postconv.h). Their floor
+ * against scalar is the row's `isa_floor`, half a decibel below the measured value. The two differ
+ * because footprints end at the cutoff and post-convolved kernels do not; neither is closer to the
+ * integral. All instruction sets draw a row without `isa_floor` with footprints, because its view
+ * or the perspective on its bricks requires them. */
 #define MANIFEST_ISA_FLOOR 96.7
 
-/* Any other backend against the scalar reference, in every image that it can draw. Measured:
- * 87.60 at least with llvmpipe; GPUs are given more, because their exponentials are their own. */
+/* Floor of any other backend against the scalar reference, in every image that it supports [dB].
+ * Measured: at least 87.60 with llvmpipe. The margin is for GPUs, whose exponential functions have
+ * other rounding errors. */
 #define MANIFEST_BACKEND_FLOOR 80.0
 
 extern const struct manifest_scene manifest[];

@@ -1,14 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sheets as instruction sets draw them (postconv/postconv.h, or footprints where that does not
- * serve) against the scalar reference, where volumes and cameras are unlike any scan: one slice,
- * one edge of voxels, spacings of 1 to 6, eyes inside and far away, rolled, lit or not; all filters
- * over their whole range, depths from thin air to stone.
+ * Compares the sheets of every instruction set with the scalar reference, on extreme volumes and
+ * cameras: a single slice, a single row of voxels, spacings from 1 to 6, cameras inside the volume
+ * and far away, rolled cameras, with and without lighting, all filters over their whole range,
+ * optical depths from almost none to opaque. The instruction sets draw post-convolved sheets
+ * (postconv/postconv.h), or footprints where post-convolution does not apply.
  *
- * Kernels end at the cutoff, or farther out where they have no footprints: the reference is drawn
- * both ways, and the nearer image counts.
+ * Footprints end at the cutoff; post-convolved kernels reach farther. The reference is therefore
+ * rendered with the cutoff of the view and with CUTOFF_FAR, and the higher PSNR counts.
  *
- *   test_conformance_postconv [SEED [END]]
+ *   test_conformance_postconv [SEED [END]]   only the scene SEED, or the scenes [SEED, END)
  */
 #include <math.h>
 #include <stdio.h>
@@ -18,30 +19,32 @@
 #include "sp/log.h"
 #include "support/render.h"
 
-/* Measured: 51.55 dB, adaptive 61.66; over seeds 0 … 5999 42.06 and 38.88, each of 2×2×2 voxels. */
+/* Measured lowest PSNR: 51.55 dB, with filter adaptive 61.66 dB. Over the seeds 0 … 5999 it is
+ * 42.06 and 38.88 dB, both for a volume of 2×2×2 voxels. */
 enum { SCENES = 240, CUTOFF_FAR = 6 };
-static const double floors[2] = { 51, 58 }; /* adaptive: the second */
+static const double floors[2] = { 51, 58 }; /* dB; [1] for filter adaptive */
 
-/* Footprints alone are nearer to the reference. */
+/* Images that are drawn only with footprints have a higher PSNR than this [dB]. */
 #define FOOTPRINTS 110
 
-struct dice {
+struct generator {
     uint64_t state;
 };
 
-/* [0, 1); an xorshift generator, so that a seed means the same everywhere. */
-static double roll(struct dice *d) {
+/* Returns a random number in [0, 1). It is an xorshift generator, so that a seed gives the same
+ * scene on every platform. */
+static double roll(struct generator *d) {
     d->state ^= d->state << 13;
     d->state ^= d->state >> 7;
     d->state ^= d->state << 17;
     return (double)(d->state >> 11) * 0x1p-53;
 }
 
-static double between(struct dice *d, double low, double high) {
+static double between(struct generator *d, double low, double high) {
     return low + (high - low) * roll(d);
 }
 
-static double one_of(struct dice *d, const double *values, unsigned count) {
+static double one_of(struct generator *d, const double *values, unsigned count) {
     return values[(unsigned)(roll(d) * count)];
 }
 #define ONE_OF(d, ...)                                                                             \
@@ -54,7 +57,7 @@ static double bumps(const void *user, double x, double y, double z) {
            rough * sin(37 * x + 11 * y + 5 * z);
 }
 
-static bool make_volume(struct test_scene *s, struct dice *d) {
+static bool make_volume(struct test_scene *s, struct generator *d) {
     static const uint32_t shapes[][3] = { { 24, 21, 18 }, { 20, 40, 8 }, { 30, 1, 27 },
                                           { 33, 25, 1 },  { 2, 2, 2 },   { 60, 1, 1 } };
     static const double spacings[][3] = { { 1, 1, 1 }, { 1, 1, 6 }, { 4, 1, 1 }, { 1, 2.5, 1 } };
@@ -71,7 +74,7 @@ static double radius(const struct sp_grid *grid) {
     return 0.5 * sqrt(sum);
 }
 
-static void place_camera(struct test_scene *s, struct dice *d) {
+static void place_camera(struct test_scene *s, struct generator *d) {
     struct sp_view *v = &s->view;
     double size = radius(&s->info.grid), distance = size * ONE_OF(d, 0.01, 0.5, 1.2, 2, 2, 3, 20);
     double aim[3];
@@ -79,7 +82,7 @@ static void place_camera(struct test_scene *s, struct dice *d) {
         aim[a] = between(d, -0.1, 0.1) * size;
     double elevation = between(d, -80, 80), azimuth = between(d, -180, 180);
     test_scene_orbit(s, aim, azimuth, elevation, distance);
-    for (int a = 0; a < 3; a++) /* rolled */
+    for (int a = 0; a < 3; a++) /* rolls the camera */
         v->camera.up[a] = between(d, -1, 1);
     v->camera.projection = roll(d) < 0.3 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
     v->camera.fov_y = ONE_OF(d, 1, 10, 30, 40, 60, 170);
@@ -89,15 +92,15 @@ static void place_camera(struct test_scene *s, struct dice *d) {
     v->size[1] = (uint32_t)ONE_OF(d, 1, 2, 64, 75, 100);
 }
 
-static void choose_filter(struct sp_view *v, struct dice *d) {
-    v->filter.mode = (enum sp_filter_mode)(int)(roll(d) * 5); /* all but none */
+static void choose_filter(struct sp_view *v, struct generator *d) {
+    v->filter.mode = (enum sp_filter_mode)(int)(roll(d) * 5); /* all except none */
     v->filter.sigma = ONE_OF(d, 0.3, 0.5, 0.7, 0.7, 1, 2);
     v->filter.lowpass = ONE_OF(d, 0, 0.3, 1, 1, 2, 8);
     v->filter.cutoff = ONE_OF(d, 2, 3, 3, 3, 3, 4, 6);
 }
 
 static bool make_scene(struct test_scene *s, unsigned seed) {
-    struct dice d = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) };
+    struct generator d = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) };
     struct sp_view *v = &s->view;
     for (int i = 0; i < 8; i++)
         roll(&d);
@@ -120,7 +123,7 @@ static bool make_scene(struct test_scene *s, unsigned seed) {
     return true;
 }
 
-/* dB between the two renderers' images. */
+/* Returns the PSNR between the images of the two renderers [dB]; NAN on failure. */
 static double compare(const struct test_renderer *reference, const struct test_renderer *r,
                       const struct test_scene *scene) {
     struct test_scene far = *scene;
@@ -137,7 +140,7 @@ static double compare(const struct test_renderer *reference, const struct test_r
             test_image_finish(&wanted);
         }
         if (far.view.filter.cutoff < 3)
-            break; /* that is what kernels end at */
+            break; /* kernels then end at this cutoff in both renderers */
         far.view.filter.cutoff = CUTOFF_FAR;
     }
     test_image_finish(&image);
@@ -145,8 +148,9 @@ static double compare(const struct test_renderer *reference, const struct test_r
 }
 
 struct tally {
-    double lowest[2]; /* dB */
-    unsigned filtered, failed;
+    double lowest[2];  /* dB */
+    unsigned filtered; /* images drawn without footprints */
+    unsigned failed;
 };
 
 static void check(const struct test_renderer *reference, const struct test_renderer *r,
@@ -193,8 +197,8 @@ int main(int argc, char **argv) {
         }
         for (unsigned seed = first; seed < end; seed++, ran++)
             check(&reference, &r, target.isa, seed, &t);
-        printf("%s: lowest %.2f dB, adaptive %.2f dB; %u images without footprints\n", target.isa,
-               t.lowest[0], t.lowest[1], t.filtered);
+        printf("%s: lowest PSNR %.2f dB, adaptive %.2f dB; %u images without footprints\n",
+               target.isa, t.lowest[0], t.lowest[1], t.filtered);
         failed += t.failed + (argc == 1 && t.filtered < SCENES / 8);
         test_renderer_close(&r);
     }

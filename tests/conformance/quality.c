@@ -15,14 +15,14 @@ int quality_main(void (*measure)(struct quality *q)) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR); /* refusals are printed here as skips */
     for (unsigned i = 0; test_target_at(i, &q.target); i++) {
         struct sp_error err;
-        /* ewa_test.c holds the instruction sets of the CPU to each other; the best one is enough
-         * here. */
+        /* ewa_test.c compares the instruction sets of the CPU with each other; the best one is
+         * enough here. */
         if (strcmp(q.target.backend, "cpu") == 0 && i > 0)
             continue;
         if (i == 0)
             q.target.isa = "auto";
         if (strcmp(q.target.backend, "gl-software") == 0) {
-            printf("skipped: gl-software: too slow for these; ewa_test.c holds it to scalar\n");
+            printf("skipped: gl-software: too slow; ewa_test.c compares it with scalar\n");
             continue;
         }
         if (!test_renderer_open(&q.renderer, &q.target, 2, &err)) {
@@ -58,7 +58,7 @@ static void stop(const char *what, const struct sp_error *err) {
     exit(EXIT_FAILURE);
 }
 
-static bool is_same_eye(const struct sp_camera *a, const struct sp_camera *b) {
+static bool is_same_camera(const struct sp_camera *a, const struct sp_camera *b) {
     bool is_same = a->fov_y == b->fov_y && a->projection == b->projection;
     for (int i = 0; i < 3; i++)
         is_same = is_same && a->position[i] == b->position[i] && a->target[i] == b->target[i];
@@ -70,7 +70,7 @@ static bool is_same_task(const struct quality_truth *truth, const struct test_sc
            truth->image.width == scene->view.size[0] &&
            truth->image.height == scene->view.size[1] &&
            truth->lowpass == scene->view.filter.lowpass &&
-           is_same_eye(&truth->camera, &scene->view.camera);
+           is_same_camera(&truth->camera, &scene->view.camera);
 }
 
 static void integrate(struct quality_truth *truth, const struct test_scene *scene,
@@ -88,10 +88,11 @@ static void integrate(struct quality_truth *truth, const struct test_scene *scen
 
 const struct test_image *quality_integrate(struct quality *q, const struct test_scene *scene,
                                            const struct test_truth_options *options) {
-    const struct sp_error other = { .text = "not what the target before was held to" };
+    const struct sp_error other = { .text = "the first target requested another integral here" };
+    const struct sp_error full = { .text = "more integrals than QUALITY_TRUTHS" };
     struct quality_truth *truth = &q->truths[q->truth_next++];
     if (q->truth_next > QUALITY_TRUTHS)
-        stop("too many integrals", &other);
+        stop(scene->info.name, &full);
     if (q->truth_next > q->truth_count) {
         integrate(truth, scene, options);
         q->truth_count = q->truth_next;
@@ -145,12 +146,12 @@ static int by_size(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-double quality_median(double *found, size_t count) {
-    qsort(found, count, sizeof *found, by_size);
-    return found[count / 2];
+double quality_median(double *values, size_t count) {
+    qsort(values, count, sizeof *values, by_size);
+    return values[count / 2];
 }
 
-void quality_forget(const struct quality *q, struct sp_volume **volume) {
+void quality_evict(const struct quality *q, struct sp_volume **volume) {
     sp_renderer_evict(q->renderer.renderer, *volume);
     sp_volume_unref(volume);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the proofs of quality share. Each is a program of its own that prints its tables of numbers
- * and compares them with what is claimed, on every backend and instruction set by turns.
+ * Shared code of the tests of image quality. Each test is a program that prints tables of measured
+ * values and checks claims about them, on one backend after the other.
  */
 #ifndef TESTS_CONFORMANCE_QUALITY_H
 #define TESTS_CONFORMANCE_QUALITY_H
@@ -22,42 +22,46 @@ struct quality {
         struct sp_camera camera;
         double lowpass;
         struct test_image image;
-    } truths[QUALITY_TRUTHS]; /* in the order in which the first target asked for them */
-    unsigned truth_count, truth_next;
+    } truths[QUALITY_TRUTHS]; /* in the order in which the first target requested them */
+    unsigned truth_count;     /* computed */
+    unsigned truth_next;      /* index of the next one that the current target requests */
 };
 
-/* Runs `measure` on every target that starts here; the exit status of main(). */
+/* Calls `measure` for every target that starts on this machine. Returns the exit status of main().
+ */
 int quality_main(void (*measure)(struct quality *q));
 
-/* Counts a claim, and prints the text as a failure when it does not hold. */
+/* Counts a claim; if it does not hold, counts and prints a failure with this text. */
 __attribute__((format(printf, 3, 4))) void quality_expect(struct quality *q, bool holds,
                                                           const char *format, ...);
 
-/* Renders, and ends the program with the renderer's error where that fails. */
+/* Renders an image. On failure, prints the renderer's error and exits. The caller owns the image.
+ */
 struct test_image quality_render(const struct quality *q, struct sp_volume *volume,
                                  const struct sp_view *view);
 struct sp_volume *quality_volume(const struct test_scene *scene);
 
-/* The integral of the scene as its view has it, convolved with the view's low-pass filter. It takes
- * longer than an image, and targets share it: all ask for the same ones in the same order. Ends
- * the program where they do not, and when out of memory. */
+/* Returns the integral of the scene with its view, convolved with the view's low-pass filter. The
+ * integral takes longer than an image, so the targets share it: all targets must request the same
+ * integrals in the same order. Exits if they do not, or when out of memory. */
 const struct test_image *quality_integrate(struct quality *q, const struct test_scene *scene,
                                            const struct test_truth_options *options);
 
-/* A built-in volume ("demo:…") or a real one of the folder of data; NULL when that is absent. Ends
- * the program where loading fails. */
+/* Loads a built-in volume ("demo:…") or a file of the data folder. Returns NULL if the file does
+ * not exist; exits if loading fails. */
 struct sp_volume *quality_load(const char *source);
 
-/* Turns the default view's camera about its target: n = 0, 1, … */
+/* Turns the camera of a default view about its target, to the n-th of several positions. n = 0
+ * keeps the default. */
 void quality_turn(struct sp_view *view, int n);
 
-/* Sorts what was found; its median. */
-double quality_median(double *found, size_t count);
+/* Sorts the values. Returns their median; of an even number, the upper one. */
+double quality_median(double *values, size_t count);
 
-/* Drops what was derived from the volume, and the reference. */
-void quality_forget(const struct quality *q, struct sp_volume **volume);
+/* Evicts the volume from the renderer's caches and releases the reference. */
+void quality_evict(const struct quality *q, struct sp_volume **volume);
 
-/* "ewa", "swan", …: as in the protocol. */
+/* Returns the name of the filter in the protocol: "ewa", "swan", … */
 const char *quality_filter_name(enum sp_filter_mode mode);
 
 #endif

@@ -1,32 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Aliasing on planes that recede to the horizon: how much of an image's energy lies above the
- * Nyquist rate, and how much the image flickers when the camera moves slowly.
+ * Aliasing on planes that recede to the horizon: how much energy of an image lies above the Nyquist
+ * rate, and how much the image flickers when the camera moves slowly.
  *
- * The pattern on the plane is periodic, so that moving the camera by a period along the plane
- * gives the same image again. In between, the value of a pixel is a function p(s, t) of the two
- * moves, periodic in both, and its Fourier series separates by itself what an image mixes up:
+ * The pattern on the plane is periodic, so moving the camera by a period along the plane gives the
+ * same image. In between, the value of a pixel is a function p(s, t) of the two moves. It is
+ * periodic in both, so its Fourier series separates the components of the pattern:
  *
- *   p(s, t) = Σ c_kl e^{2πi (k s + l t)}     component (k, l) of the pattern, as the filter left it
+ *   p(s, t) = Σ c_kl e^{2πi (k s + l t)}     component (k, l) of the pattern, after the filter
  *
  *   frequency of (k, l) in the image = k ∇s(x) + l ∇t(x)     [1/px], from the geometry alone
  *
- * A component of more than half a cycle a pixel along either side of a pixel cannot be shown:
- * what is left of it appears as something else. Its energy |c_kl|² is what is counted here as above
- * the Nyquist rate, and what lies below it, the contrast that was kept. That is the condition of
- * Swan et al., section 4.2, eq. 2 (sampling frequency ≥ 2·highest frequency), taken pixel by pixel.
- * It asks for no reference image, and holds for any filter and for compositing that is not
- * linear. Moves of less than a voxel show the components of the voxels themselves, too.
+ * An image cannot show a component of more than half a cycle per pixel, along either side of the
+ * pixel: the component aliases to a lower frequency. The test counts its energy |c_kl|² as above
+ * the Nyquist rate, and the energy of the others, the remaining contrast, as below. This is the
+ * condition of Swan et al., section 4.2, eq. 2 (sampling frequency ≥ 2·highest frequency), for each
+ * pixel. It needs no reference image and holds for any filter and for non-linear compositing. Moves
+ * of less than a voxel also show the components of the voxels themselves.
  *
- * Flicker is the mean change from one image to the next along the moves, less that of the same
- * images without what lies above the Nyquist rate: their true motion.
+ * Flicker is the mean change between successive images along the moves, minus the true motion: the
+ * mean change of the same images without the components above the Nyquist rate.
  *
  * Claims. On the checkerboards of Swan et al. (498×398×1, 270×157 px) and Chen et al. (512×512×3),
- * swan and ewa leave next to nothing above the Nyquist rate and do not flicker, reconstruction and
- * none do. On the square zebras of Zwicker et al., figure 8 (1024×512×3 and 1024×256×3, that is
- * kernels of 2:1 and 4:1, 400×150 px), ewa keeps more contrast than swan while it aliases no more.
- * The zebras are drawn thin: where opacity saturates, the near side of a filter hides its far side,
- * which sharpens the image by as much for every filter and would blur the comparison.
+ * swan and ewa leave almost no energy above the Nyquist rate and do not flicker; reconstruction and
+ * none leave energy there and flicker. On the square zebras of Zwicker et al., figure 8 (1024×512×3
+ * and 1024×256×3: kernels of 2:1 and 4:1, 400×150 px), ewa keeps more contrast than swan and does
+ * not alias more. The zebras have a low opacity: where opacity saturates, the near side of a filter
+ * hides its far side. This sharpens the image equally for every filter and would hide the
+ * difference.
  */
 #include <complex.h>
 #include <math.h>
@@ -44,11 +45,11 @@ struct plane {
     test_value_fn *value;
     unsigned ahead;    /* the axis that the camera looks along, 0 or 1; the other is sideways */
     double period[2];  /* of the pattern sideways and ahead, world units */
-    unsigned moves[2]; /* images a period, at most MOVES_MAX */
+    unsigned moves[2]; /* images per period, at most MOVES_MAX */
     unsigned size[2];  /* px */
-    double focal;      /* px */
-    double height;     /* of the eye above the plane, world units */
-    double opacity;    /* a world unit */
+    double focal;      /* focal length, px */
+    double height;     /* of the camera above the plane, world units */
+    double opacity;    /* per world unit */
 };
 
 static double squares(const void *user, double x, double y, double z) {
@@ -56,21 +57,23 @@ static double squares(const void *user, double x, double y, double z) {
     return (((int)x >> 1) + ((int)y >> 1)) & 1 ? 255 : 0;
 }
 
-/* Stripes across the line of sight that wave sideways, with a period of 32 world units both ways.
- * A sinusoid, so that few components are left out by the moves. */
+/* Stripes across the line of sight that wave sideways, with a period of 32 world units in both
+ * directions. They are sinusoidal, so that few of their components exceed the number of moves. */
 static double zebra(const void *user, double x, double y, double z) {
     (void)z;
     double ahead = x / 32, sideways = y * *(const double *)user / 32;
     return 127.5 + 127.5 * sin(2 * M_PI * (ahead + 0.25 * sin(2 * M_PI * sideways)));
 }
 
-/* Where the plane is hit, from the point below the eye, by the ray of a point of the image [px];
- * and how that changes by px to the right and downwards. */
+/* The point where the ray of an image point hits the plane, and its derivatives per px to the right
+ * and downwards. Each is { sideways, ahead } in world units, from the point below the camera. */
 struct hit {
-    double at[2], right[2], down[2]; /* sideways and ahead, world units */
+    double at[2], right[2], down[2];
 };
 
-static double pitch(const struct plane *p) { /* the horizon lies a sixteenth below the top */
+/* Returns the pitch of the camera [rad] that puts the horizon a sixteenth of the height below the
+ * top of the image. */
+static double pitch(const struct plane *p) {
     return atan(0.4375 * p->size[1] / p->focal);
 }
 
@@ -99,7 +102,7 @@ static struct hit hit_around(const struct plane *p, double x, double y) {
     return hit;
 }
 
-/* Ahead of the eye, the plane begins here: a little below the lowest row. */
+/* Returns the distance ahead of the camera at which the plane begins, just below the lowest row. */
 static double begin(const struct plane *p) {
     double at[2];
     hit_plane(p, 0.5 * p->size[0], p->size[1], at);
@@ -131,7 +134,7 @@ static bool build(const struct plane *p, struct test_scene *scene) {
                              &p->spacing[1]);
 }
 
-/* The images of all moves, one number per pixel. */
+/* The images of all moves, one value per pixel. */
 struct images {
     const struct plane *plane;
     float *value; /* [moves ahead][moves sideways][height][width] */
@@ -159,7 +162,8 @@ static struct images take_images(const struct quality *q, const struct plane *p,
     return all;
 }
 
-/* Discrete Fourier transform of n rows and m columns in place; sign -1 forward, unscaled. */
+/* Discrete Fourier transform of n rows and m columns, in place, unscaled. sign: -1 forward, 1
+ * inverse. */
 static void transform(double complex *v, unsigned n, unsigned m, int sign) {
     for (unsigned axis = 0; axis < 2; axis++) {
         unsigned length = axis ? n : m, lines = axis ? m : n, step = axis ? m : 1;
@@ -179,7 +183,8 @@ static void transform(double complex *v, unsigned n, unsigned m, int sign) {
     }
 }
 
-/* Signed order of a component; of the highest one, whose sign is open, +. */
+/* Returns the signed order of a component. The highest order of an even number is ambiguous; it is
+ * positive here. */
 static int order(unsigned k, unsigned n) {
     return 2 * k <= n ? (int)k : (int)k - (int)n;
 }
@@ -191,9 +196,9 @@ static bool is_above(const struct plane *p, const struct hit *hit, unsigned k, u
 }
 
 struct spectrum {
-    double above, below; /* mean energy a pixel */
-    double flicker;      /* mean change from image to image */
-    double motion;       /* what of it is true */
+    double above, below; /* mean energy per pixel, above and below the Nyquist rate */
+    double flicker;      /* mean change between successive images, minus motion */
+    double motion;       /* mean change by true motion */
     unsigned pixels;
 };
 
@@ -235,7 +240,7 @@ static void add_pixel(const struct images *all, unsigned x, unsigned y, const st
     sum->pixels++;
 }
 
-/* Over the pixels that see the inside of the plane during all moves. */
+/* Measures over the pixels that see the inside of the plane during all moves. */
 static struct spectrum measure_spectrum(const struct images *all) {
     const struct plane *p = all->plane;
     unsigned f = p->ahead, s = 1 - f;
@@ -267,15 +272,18 @@ static struct spectrum run(const struct quality *q, const struct plane *p, struc
     return spectrum;
 }
 
-/* What stands out above the Nyquist rate, of the checkerboards. */
-static void squares_hold(struct quality *q, const struct plane *p, const struct spectrum by[]) {
+/* Checks the claims about the checkerboards. */
+static void check_squares(struct quality *q, const struct plane *p, const struct spectrum by[]) {
     const struct spectrum *none = &by[SP_FILTER_NONE], *kernel = &by[SP_FILTER_RECONSTRUCTION],
                           *swan = &by[SP_FILTER_SWAN], *ewa = &by[SP_FILTER_EWA];
-    quality_expect(q, none->above > 20 * kernel->above, "%s: none %g, reconstruction %g", p->name,
+    quality_expect(q, none->above > 20 * kernel->above,
+                   "%s: energy above the Nyquist rate: none %g, reconstruction %g", p->name,
                    none->above, kernel->above);
-    quality_expect(q, swan->above < kernel->above / 10, "%s: swan %g, reconstruction %g", p->name,
+    quality_expect(q, swan->above < kernel->above / 10,
+                   "%s: energy above the Nyquist rate: swan %g, reconstruction %g", p->name,
                    swan->above, kernel->above);
-    quality_expect(q, ewa->above < kernel->above / 50, "%s: ewa %g, reconstruction %g", p->name,
+    quality_expect(q, ewa->above < kernel->above / 50,
+                   "%s: energy above the Nyquist rate: ewa %g, reconstruction %g", p->name,
                    ewa->above, kernel->above);
     quality_expect(q, swan->flicker < kernel->flicker / 5,
                    "%s: flicker: swan %g, reconstruction %g", p->name, swan->flicker,
@@ -284,17 +292,21 @@ static void squares_hold(struct quality *q, const struct plane *p, const struct 
                    p->name, ewa->flicker, kernel->flicker);
 }
 
-static void zebra_holds(struct quality *q, const struct plane *p, const struct spectrum by[]) {
+/* Checks the claims about the zebras. */
+static void check_zebra(struct quality *q, const struct plane *p, const struct spectrum by[]) {
     const struct spectrum *swan = &by[SP_FILTER_SWAN], *ewa = &by[SP_FILTER_EWA];
     double gain = p->spacing[1] > 3 ? 1.5 : 1.1;
-    quality_expect(q, ewa->above <= swan->above * 1.02, "%s: above: ewa %g, swan %g", p->name,
-                   ewa->above, swan->above);
-    quality_expect(q, ewa->below > swan->below * gain, "%s: below: ewa %g, swan %g", p->name,
-                   ewa->below, swan->below);
+    quality_expect(q, ewa->above <= swan->above * 1.02,
+                   "%s: energy above the Nyquist rate: ewa %g, swan %g", p->name, ewa->above,
+                   swan->above);
+    quality_expect(q, ewa->below > swan->below * gain,
+                   "%s: energy below the Nyquist rate: ewa %g, swan %g", p->name, ewa->below,
+                   swan->below);
 }
 
-/* Narrower low-pass filters keep more of both. by[SP_FILTER_EWA] is that of 1 px. */
-static void weigh_lowpass(struct quality *q, const struct plane *p, struct sp_volume *volume,
+/* Checks that narrower low-pass filters keep more energy above and below the Nyquist rate.
+ * by[SP_FILTER_EWA] is the spectrum with a low-pass filter of 1 px. */
+static void check_lowpass(struct quality *q, const struct plane *p, struct sp_volume *volume,
                           struct sp_view *view, const struct spectrum by[]) {
     static const double radii[] = { 0.7, 0.55, 0.4 };
     struct spectrum last = by[SP_FILTER_EWA];
@@ -302,7 +314,9 @@ static void weigh_lowpass(struct quality *q, const struct plane *p, struct sp_vo
         view->filter.lowpass = radii[i];
         struct spectrum now = run(q, p, volume, view);
         quality_expect(q, now.above > last.above && now.below > last.below,
-                       "%s: a low-pass filter of %g px keeps less", p->name, radii[i]);
+                       "%s: a low-pass filter of %g px keeps %g above and %g below the Nyquist "
+                       "rate, the next wider one %g and %g",
+                       p->name, radii[i], now.above, now.below, last.above, last.below);
         last = now;
     }
     view->filter.lowpass = 1;
@@ -340,12 +354,12 @@ static void measure(struct quality *q) {
             by[modes[m]] = run(q, p, volume, &scene.view);
         }
         if (i == 0)
-            weigh_lowpass(q, p, volume, &scene.view, by);
+            check_lowpass(q, p, volume, &scene.view, by);
         if (p->value == zebra)
-            zebra_holds(q, p, by);
+            check_zebra(q, p, by);
         else
-            squares_hold(q, p, by);
-        quality_forget(q, &volume);
+            check_squares(q, p, by);
+        quality_evict(q, &volume);
         test_scene_finish(&scene);
     }
 }

@@ -1,16 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Slabs tend to the integral: the thinner they are and the farther kernels reach, the closer the
- * image comes to the brute-force integral, until the affine approximation of the perspective is
- * all that is left. In orthographic projection there is none, and nothing bounds the image but
- * single precision.
+ * Slabs converge to the integral: with thinner slabs and larger cutoffs, the image comes closer to
+ * the brute-force integral. In perspective, the affine approximation of the projection limits the
+ * PSNR; in orthographic projection, only single precision does.
  *
- * Filter ewa without low-pass, against the integral along the rays through the pixel centres.
+ * The images use the filter ewa without a low-pass filter. The integral is taken along the rays
+ * through the pixel centres.
  *
- * Claims. The PSNR rises with the cutoff and as slabs become thinner, or has reached its bound; the
- * thinnest are better than sheets. In orthographic projection, with kernels of five standard
- * deviations, half the thickness gains 10 dB and more each time: the error within a slab is of
- * second order, which is 12 dB.
+ * Claims: the PSNR rises with the cutoff and with thinner slabs, or has reached its limit; the
+ * thinnest slabs are better than sheets. In orthographic projection with a cutoff of five standard
+ * deviations, half the thickness gains at least 10 dB: the error within a slab is of second order,
+ * which gives 12 dB.
  */
 #include <math.h>
 #include <stdio.h>
@@ -55,37 +55,40 @@ static struct table fill(struct quality *q, struct test_scene *scene) {
         }
         printf("\n");
     }
-    quality_forget(q, &volume);
+    quality_evict(q, &volume);
     return table;
 }
 
-/* At the bound a finer step may lose this much. */
-#define BOUND_DB 0.1
+/* At its limit, the PSNR may fall by this much from one step to the next [dB]. */
+#define LIMIT_TOLERANCE_DB 0.1
 
-static void rises(struct quality *q, const struct test_scene *scene, const struct table *t) {
+static void expect_rising_psnr(struct quality *q, const struct test_scene *scene,
+                               const struct table *t) {
     const char *name = scene->info.name;
     for (int c = 0; c < CUTOFFS; c++)
         for (int s = 0; s < SLABS; s++) {
             double got = t->slab[c][s];
             if (s)
-                quality_expect(q, got > t->slab[c][s - 1] - BOUND_DB,
+                quality_expect(q, got > t->slab[c][s - 1] - LIMIT_TOLERANCE_DB,
                                "%s, cutoff %g: slab %g has %.2f dB, slab %g has %.2f dB", name,
                                cutoffs[c], slabs[s], got, slabs[s - 1], t->slab[c][s - 1]);
             if (c)
-                quality_expect(q, got > t->slab[c - 1][s] - BOUND_DB,
+                quality_expect(q, got > t->slab[c - 1][s] - LIMIT_TOLERANCE_DB,
                                "%s, slab %g: cutoff %g has %.2f dB, cutoff %g has %.2f dB", name,
                                slabs[s], cutoffs[c], got, cutoffs[c - 1], t->slab[c - 1][s]);
         }
     for (int c = 0; c < CUTOFFS; c++)
-        quality_expect(q, t->slab[c][SLABS - 1] > t->sheet[c], "%s, cutoff %g: sheets are better",
-                       name, cutoffs[c]);
+        quality_expect(q, t->slab[c][SLABS - 1] > t->sheet[c],
+                       "%s, cutoff %g: slab %g has %.2f dB, sheets have %.2f dB", name, cutoffs[c],
+                       slabs[SLABS - 1], t->slab[c][SLABS - 1], t->sheet[c]);
 }
 
-static void is_of_second_order(struct quality *q, const struct table *t) {
+static void expect_second_order(struct quality *q, const struct table *t) {
     const double *row = t->slab[CUTOFFS - 1];
     for (int s = 1; s < SLABS; s++)
-        quality_expect(q, row[s] > row[s - 1] + 10, "slab %g: %.2f dB, slab %g: %.2f dB", slabs[s],
-                       row[s], slabs[s - 1], row[s - 1]);
+        quality_expect(q, row[s] > row[s - 1] + 10,
+                       "slab %g has %.2f dB, slab %g has %.2f dB; expected a gain of 10 dB",
+                       slabs[s], row[s], slabs[s - 1], row[s - 1]);
 }
 
 static void measure(struct quality *q) {
@@ -96,9 +99,9 @@ static void measure(struct quality *q) {
         if (!scenes[i](&scene))
             exit(EXIT_FAILURE);
         struct table t = fill(q, &scene);
-        rises(q, &scene, &t);
+        expect_rising_psnr(q, &scene, &t);
         if (scene.view.camera.projection == SP_ORTHOGRAPHIC)
-            is_of_second_order(q, &t);
+            expect_second_order(q, &t);
         test_scene_finish(&scene);
     }
 }

@@ -1,17 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A filter may spread what a voxel absorbs, but neither add to it nor lose any: whatever the
- * distance, the image of a thin medium holds the energy that the medium has.
+ * Filters conserve energy: a filter may spread the absorption of a voxel over the image, but must
+ * not change its sum, at any distance.
  *
- * Measured is the sum of optical depth over the image, Σ -ln(1 - α) [px²], of blobs so thin that
- * compositing is a sum. In perspective it falls with the square of the distance as the solid angle
- * does, and a voxel at u takes part with g v |det J| = g v f² |u| / u2³ (mathematics: Footprint).
- * The sum of that over all voxels is what is wanted; measured over wanted is printed, and far away
- * it is the same as total energy times the distance squared.
+ * The test measures the sum of the optical depth over the image, Σ -ln(1 - α) [px²], for blobs so
+ * thin that compositing is a sum. In perspective, a voxel at u contributes g v |det J| = g v f² |u|
+ * / u2³ (mathematics page: Footprint), which falls with the square of the distance. The expected
+ * value is the sum over all voxels. The table shows the measured over the expected sum.
  *
- * Claim: it is 1 within 1 %, and so constant, while the camera recedes from four pixels per voxel
- * to a sixteenth of one. The reconstruction filter alone is shown without a claim: once a kernel is
- * smaller than a pixel it is missed or hit by chance, which is what the others are for.
+ * Claim: this ratio is 1 within 1 %, from four pixels per voxel down to a sixteenth of a pixel per
+ * voxel. There is no claim for the reconstruction filter alone: pixel centres miss or hit a kernel
+ * smaller than a pixel by chance, which the other filters prevent.
  */
 #include <math.h>
 #include <stdio.h>
@@ -24,7 +23,7 @@ static const struct {
     const char *name;
     enum sp_filter_mode mode;
     enum sp_kernel kernel;
-    bool claimed;
+    bool is_claimed;
 } filters[] = {
     { "ewa", SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, true },
     { "adaptive", SP_FILTER_ADAPTIVE, SP_KERNEL_GAUSSIAN, true },
@@ -45,8 +44,8 @@ static void place(struct test_scene *scene, double scale) {
     test_scene_orbit(scene, NULL, -30, 20, focal / scale);
 }
 
-/* Σ g v |det J| over all voxels [px²]. */
-static double wanted(const struct test_scene *scene) {
+/* Returns the expected sum of depths, Σ g v |det J| over all voxels [px²]. */
+static double expected_depth(const struct test_scene *scene) {
     const struct sp_view *view = &scene->view;
     const struct sp_grid *grid = &scene->info.grid;
     double w[3][3], f = test_camera_scale(view), sum = 0;
@@ -67,7 +66,7 @@ static double wanted(const struct test_scene *scene) {
                 test_classify(&view->transfer_function, value, 0, colour, &opacity);
                 sum -= log1p(-opacity) * f * f * sqrt(square) / (ahead * ahead * ahead);
             }
-    return sum / view->transfer_function.reference_length; /* cells of volume 1 */
+    return sum / view->transfer_function.reference_length; /* the volume v of a cell is 1 */
 }
 
 static double summed_depth(const struct test_image *image) {
@@ -85,28 +84,29 @@ static void measure(struct quality *q) {
     for (uint32_t i = 0; i < tf->point_count; i++)
         tf->points[i].opacity *= 0.003F;
     struct sp_volume *volume = quality_volume(&scene);
-    printf("  measured energy over what the voxels have\n  px/vox");
+    printf("  measured over expected sum of depths\n  px/vox");
     for (int k = 0; k < FILTERS; k++)
         printf("  %10s", filters[k].name);
     printf("\n");
     for (double scale = 4; scale >= 0.0625; scale /= 2) {
         place(&scene, scale);
-        double all = wanted(&scene);
+        double expected = expected_depth(&scene);
         printf("  %6.4f", scale);
         for (int k = 0; k < FILTERS; k++) {
             scene.view.filter.mode = filters[k].mode;
             scene.view.filter.kernel = filters[k].kernel;
             struct test_image image = quality_render(q, volume, &scene.view);
-            double ratio = summed_depth(&image) / all;
+            double ratio = summed_depth(&image) / expected;
             printf("  %10.5f", ratio);
             test_image_finish(&image);
-            if (filters[k].claimed)
-                quality_expect(q, fabs(ratio - 1) < 0.01, "%s at %.4f px per voxel: %.5f",
+            if (filters[k].is_claimed)
+                quality_expect(q, fabs(ratio - 1) < 0.01,
+                               "%s at %.4f px per voxel: measured over expected depth is %.5f",
                                filters[k].name, scale, ratio);
         }
         printf("\n");
     }
-    quality_forget(q, &volume);
+    quality_evict(q, &volume);
     test_scene_finish(&scene);
 }
 

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the kernels do to a constant field and to detail, which is what a choice between them is
- * made by; a matter of the kernels alone, so no backend takes part.
+ * Properties of the kernels: the ripple of a constant field, and the contrast that detail keeps. No
+ * backend is involved.
  *
- * Claims: the published figures of the cubic kernel (Crawfis & Max 1993, in the coefficients of the
- * mathematics page), in space and as one layer's footprint; and the ripple of a constant field by
- * Gaussians of several widths, as the mathematics page has it up to 0.8 voxels.
+ * Claims: the published values of the cubic kernel (Crawfis & Max 1993, with the coefficients of
+ * the mathematics page), in space and for the footprint of one layer; and the ripple of Gaussians
+ * up to σ = 0.8 voxels, as on the mathematics page.
  */
 #include <math.h>
 #include <stdbool.h>
@@ -14,9 +14,9 @@
 
 #include "splat/cubic.h"
 
-enum { STEPS = 100 }; /* places a voxel edge */
+enum { STEPS = 100 }; /* sample points per voxel edge */
 
-/* Σ g over all voxels, at a place inside the cell. */
+/* Returns Σ g over all voxels, at a point inside the cell. */
 static double sum_cubics(double x, double y, double z) {
     double sum = 0;
     for (int k = -2; k <= 3; k++)
@@ -26,7 +26,7 @@ static double sum_cubics(double x, double y, double z) {
     return sum;
 }
 
-/* Σ F over the voxels of one layer, seen along the third axis. */
+/* Returns Σ F over the voxels of one layer, projected along the third axis. */
 static double sum_footprints(double x, double y) {
     double sum = 0;
     for (int j = -2; j <= 3; j++)
@@ -35,7 +35,7 @@ static double sum_footprints(double x, double y) {
     return sum;
 }
 
-/* The published number to `digits` decimals. */
+/* Compares with a published value, to `digits` decimals. */
 static bool check(const char *what, double got, double published, int digits) {
     bool ok = fabs(got - published) <= 0.5 * pow(10, -digits);
     printf("%-6s %-40s %+.7f, published %+.*f\n", ok ? "ok" : "FAILED", what, got, digits,
@@ -47,9 +47,10 @@ struct extreme {
     double value, at[3];
 };
 
-struct ripple { /* of Σ g over a cell, relative to its mean */
+/* The deviation of Σ g over a cell, relative to its mean. */
+struct ripple {
     double rms;
-    struct extreme high, low; /* in the eighth of the cell next to a voxel; the rest mirrors it */
+    struct extreme high, low; /* in the octant next to a voxel; the others are symmetric */
 };
 
 static struct ripple measure_ripple(void) {
@@ -84,7 +85,7 @@ static bool check_cubic(void) {
     for (int a = 0; a < 3; a++)
         ok = ok && (high[a] == 0 || high[a] == 0.5) && fabs(low[a] - 0.26) < 0.015;
     if (!ok)
-        printf("FAILED: published at (0.5, 0.5, 0) and near (0.26, 0.26, 0.26)\n");
+        printf("FAILED: the published positions are (0.5, 0.5, 0) and about (0.26, 0.26, 0.26)\n");
     ok = check("rms deviation (0.00119 to 0.00120)", r.rms, 0.001195, 5) && ok;
     ok = check("largest deviation", r.high.value, 0.00534, 5) && ok;
     ok = check("smallest deviation", r.low.value, -0.00233, 5) && ok;
@@ -94,8 +95,9 @@ static bool check_cubic(void) {
     return ok;
 }
 
-/* The kernel's Fourier transform at a frequency [1/voxel] over that at 0: the contrast that is left
- * of a wave. Spherical: ∫ g(r) sin(2πfr)/(2πfr) r² dr. */
+/* Returns the contrast that a wave of this frequency [1/voxel] keeps: the Fourier transform of the
+ * kernel at the frequency over that at 0. For a spherical kernel it is ∫ g(r) sin(2πfr)/(2πfr) r²
+ * dr. */
 static double cubic_contrast(double frequency) {
     enum { PANELS = 4000 };
     double sum = 0, all = 0;
@@ -111,9 +113,10 @@ static double gaussian_contrast(double sigma, double frequency) {
     return exp(-2 * M_PI * M_PI * sigma * sigma * frequency * frequency);
 }
 
-/* rms of Σ r over a cell, relative: by Poisson's sum a product of 1 + Σ 2·Ĝ(m) cos 2πmx an axis. */
+/* Returns the relative rms deviation of Σ r over a cell. By Poisson summation, Σ r is a product
+ * over the axes of 1 + Σ 2·Ĝ(m) cos 2πmx. */
 static double gaussian_ripple(double sigma) {
-    double axis = 0; /* less 1 */
+    double axis = 0; /* mean square of one factor, minus 1 */
     for (int m = 1; m <= 4; m++)
         axis += 2 * pow(gaussian_contrast(sigma, m), 2);
     return sqrt(expm1(3 * log1p(axis)));
@@ -122,7 +125,7 @@ static double gaussian_ripple(double sigma) {
 static bool check_gaussians(void) {
     static const double published[][2] = {
         { 0.5, 1.8e-2 }, { 0.6, 2.0e-3 }, { 0.7, 1.5e-4 },
-        { 0.8, 8e-6 },   { 1, 0 }, /* not compared */
+        { 0.8, 8e-6 },   { 1, 0 }, /* 0: no published value */
     };
     bool all = true;
     printf(
@@ -132,7 +135,8 @@ static bool check_gaussians(void) {
         bool ok = !(published[i][1] > 0) || fabs(ripple / published[i][1] - 1) < 0.06;
         printf("gaussian %.1f   %.2e                   %.3f  %.3f  %.3f%s\n", sigma, ripple,
                gaussian_contrast(sigma, 0.125), gaussian_contrast(sigma, 0.25),
-               gaussian_contrast(sigma, 0.5), ok ? "" : "   FAILED: another ripple is published");
+               gaussian_contrast(sigma, 0.5),
+               ok ? "" : "   FAILED: the ripple differs from the published one");
         all = all && ok;
     }
     printf("cubic          %.2e                   %.3f  %.3f  %.3f\n", measure_ripple().rms,

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Real volumes: CT scans from SPLATD_DATA_DIR, loaded as the daemon loads them and rendered at 256²
- * with their default views and, where `bench/scenes` lies beside that folder, with those views.
- * There is no truth for them at this size; the image must be full of something, the same each
- * time, and its mean and variance within the recorded bands. SPLATD_TEST_DUMP=FOLDER writes the
- * images.
+ * Renders CT scans from SPLATD_DATA_DIR at 256² px, loaded in the same way as in the daemon. It
+ * uses their default views and the views of the folder `bench/scenes` beside that folder, if it
+ * exists. The integral would take too long for volumes of this size. Instead, each image must not
+ * be empty, must be the same each time, and its mean and variance must be within recorded bands.
+ * SPLATD_TEST_DUMP=FOLDER writes the images to that folder.
  */
 #include <math.h>
 #include <stdio.h>
@@ -19,9 +19,9 @@
 
 enum { SIDE = 256 };
 
-/* Recorded with the scalar CPU backend: mean and variance of (R+G+B)/3 over the opaque background.
- * A band reaches from record / factor to record · factor: factor 1.03 for given views, 1.3 for
- * default views, whose transfer function may become a better one. */
+/* Mean and variance of (R+G+B)/3 over the opaque background, recorded with the scalar CPU backend.
+ * A band is [record / factor, record · factor]. The factor is 1.03 for the views of scene files and
+ * 1.3 for default views, because the default transfer function may be improved. */
 struct band {
     const char *file, *scene; /* scene: NULL = the default view */
     unsigned camera;
@@ -45,17 +45,18 @@ static const struct band bands[] = {
 };
 
 struct run {
-    struct sp_renderer *renderer, *other; /* the usual, and one with another number of threads */
+    struct sp_renderer *renderer, *other; /* with 2 threads; with 3 threads */
     struct sp_frame_pool *pool;
     unsigned rendered, skipped, failed;
 };
 
-static bool complain(const char *name, const struct sp_error *err) {
+/* Prints a failure. Returns false. */
+static bool report_failure(const char *name, const struct sp_error *err) {
     printf("FAILED %s: %s: %s\n", name, err->place, err->text);
     return false;
 }
 
-/* The whole file; NULL if it cannot be read. */
+/* Returns the content of a file; NULL if it cannot be read. */
 static char *read_file(const char *path, size_t *size) {
     enum { LIMIT = 1 << 20 };
     FILE *file = fopen(path, "rb");
@@ -66,8 +67,8 @@ static char *read_file(const char *path, size_t *size) {
     return bytes;
 }
 
-/* Applies a scene file's view and its camera to *view; *visible is what the file says about visible
- * voxels. 1 done, 0 no such file, -1 failed. */
+/* Applies the view and the camera of a scene file to *view. Sets *visible to the number of visible
+ * voxels in the file. Returns 1 on success, 0 if the file does not exist, -1 on failure. */
 static int apply_scene(const struct band *band, struct sp_view *view, int64_t *visible) {
     char path[1024];
     struct sp_error err = { 0 };
@@ -75,7 +76,7 @@ static int apply_scene(const struct band *band, struct sp_view *view, int64_t *v
     snprintf(path, sizeof path, "%s/../bench/scenes/%s.json", test_data_folder(SPLATD_DATA_DIR),
              band->scene);
     if (access(path, R_OK)) {
-        printf("skipped: no scene %s\n", path);
+        printf("skipped: the scene %s does not exist\n", path);
         return 0;
     }
     char *bytes = read_file(path, &size);
@@ -89,7 +90,7 @@ static int apply_scene(const struct band *band, struct sp_view *view, int64_t *v
               proto_view_apply(patch, &defaults, view, &err) &&
               proto_json_integer(proto_json_get(json, "visible_voxels"), visible);
     if (!ok)
-        complain(path, &err);
+        report_failure(path, &err);
     proto_json_free(&patch);
     proto_json_free(&json);
     free(bytes);
@@ -99,11 +100,12 @@ static int apply_scene(const struct band *band, struct sp_view *view, int64_t *v
 static bool in_band(const char *what, double got, double recorded, double factor) {
     bool ok = got >= recorded / factor && got <= recorded * factor;
     if (!ok)
-        printf("  the %s is %.5g, recorded %.5g, factor %.2f\n", what, got, recorded, factor);
+        printf("  the %s is %.5g; expected %.5g up to a factor of %.2f\n", what, got, recorded,
+               factor);
     return ok;
 }
 
-/* Is the image full of something that is neither black nor white? */
+/* True if the image is opaque, within its bands, and neither nearly black nor partly saturated. */
 static bool check_image(const struct band *band, const struct test_image *image) {
     size_t count = (size_t)image->width * image->height, lit = 0, white = 0;
     double sum = 0, squares = 0;
@@ -111,7 +113,8 @@ static bool check_image(const struct band *band, const struct test_image *image)
         const double *p = image->rgba + i * 4;
         double v = (p[0] + p[1] + p[2]) / 3;
         if (!isfinite(v) || p[3] < 0.999 || p[3] > 1.001) {
-            printf("  pixel %zu is %g %g %g %g\n", i, p[0], p[1], p[2], p[3]);
+            printf("  pixel %zu is not finite or not opaque: %g %g %g %g\n", i, p[0], p[1], p[2],
+                   p[3]);
             return false;
         }
         lit += v > 0.02;
@@ -121,8 +124,9 @@ static bool check_image(const struct band *band, const struct test_image *image)
     }
     double mean = sum / (double)count, variance = squares / (double)count - mean * mean;
     double part = (double)lit / (double)count, over = (double)white / (double)count;
-    printf("  mean %.5f, variance %.6f, lit %.1f %%, white %.2f %%\n", mean, variance, 100 * part,
-           100 * over);
+    printf("  mean %.5f, variance %.6f; %.1f %% of the pixels are not black (more than 3 %% "
+           "expected), %.2f %% are white (less than 2 %% expected)\n",
+           mean, variance, 100 * part, 100 * over);
     double factor = band->scene ? 1.03 : 1.3;
     bool bright = in_band("mean", mean, band->mean, factor);
     bool varied = in_band("variance", variance, band->variance, factor);
@@ -139,7 +143,7 @@ static bool render_one(struct run *run, const struct band *band, const char *nam
         frames[i] = sp_renderer_render(i < 2 ? run->renderer : run->other, volume, view, run->pool,
                                        &floats, &err);
         if (!frames[i])
-            return complain(name, &err);
+            return report_failure(name, &err);
     }
     const struct sp_frame_stats *stats = &frames[0]->stats;
     printf("%s: %llu visible voxels, %llu splats, %.0f ms\n", name,
@@ -147,7 +151,8 @@ static bool render_one(struct run *run, const struct band *band, const char *nam
            stats->render_ms);
     bool ok = true;
     if (visible >= 0 && llabs((long long)stats->visible_voxels - visible) > visible / 1000) {
-        printf("  the scene file counts %lld visible voxels\n", (long long)visible);
+        printf("  the scene file says %lld visible voxels; the renderer counts %llu\n",
+               (long long)visible, (unsigned long long)stats->visible_voxels);
         ok = false;
     }
     for (int i = 1; i < 3; i++)
@@ -183,7 +188,7 @@ static void run_band(struct run *run, const struct band *band) {
     }
     struct sp_volume *volume = sp_volume_load(path, &load, &err);
     if (!volume) {
-        run->failed += !complain(path, &err);
+        run->failed += !report_failure(path, &err);
         return;
     }
     sp_view_init(&view, sp_volume_info(volume), "real");
@@ -215,7 +220,7 @@ int main(void) {
     run.other = run.renderer ? sp_renderer_create(&options, &err) : NULL;
     run.pool = run.other ? sp_frame_pool_create((size_t)64 << 20, &err) : NULL;
     if (!run.pool) {
-        complain("renderer", &err);
+        report_failure("cannot create a renderer or its frame pool", &err);
         return EXIT_FAILURE;
     }
     for (size_t i = 0; i < sizeof bands / sizeof *bands; i++)

@@ -1,11 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A constant semi-transparent slab has a closed form: along a straight line that crosses a depth D
- * of it at an angle θ from its normal, opacity = 1 - (1 - a)^(D/(L·cos θ)), where a is the opacity
- * over the reference length L and D = n·spacing for n layers, less what a clip plane takes; layers
- * of a rectilinear grid count each with its own size. Every backend must hit it within 1 %, in the
- * pixel on the optical axis, whatever the kernel, the filter and the compositor: as long as
- * attenuation is exponential, they differ in colour alone.
+ * The opacity of a constant semi-transparent slab has a closed form. For a line that crosses the
+ * slab at an angle θ from its normal, it is 1 - (1 - a)^(D/(L·cos θ)). Here a is the opacity over
+ * the reference length L, and D is the thickness of the slab: n·spacing for n layers, the sum of
+ * the layers' thicknesses for a rectilinear grid, less the part that a clip plane removes.
+ *
+ * The pixel on the optical axis must be within 1 % of it in every backend, for every kernel, filter
+ * and compositor: with exponential attenuation these differ only in colour.
  */
 #include <math.h>
 #include <stdio.h>
@@ -20,7 +21,7 @@ struct slab {
     unsigned layers;
     double spacing[3]; /* the layers lie across `axis` */
     int axis;
-    double opacity, length; /* a over L */
+    double opacity, length; /* a, and L in world units */
     double tilt;            /* θ, degrees */
     double sigma;
 };
@@ -50,8 +51,8 @@ static const struct choice {
     double slab;
     enum sp_kernel kernel;
     enum sp_filter_mode filter;
-    bool half;   /* the far half is cut away */
-    bool graded; /* unequal layers */
+    bool half;   /* a clip plane removes the far half */
+    bool graded; /* a rectilinear grid: layers of different thickness */
 } choices[] = {
     { "sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false },
     { "splats", SP_COMPOSITE_SPLAT, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false },
@@ -71,7 +72,8 @@ static double one(const void *user, double x, double y, double z) {
     return 1;
 }
 
-/* Layers of the same depth in all, thicker outside than inside, alike from both ends. */
+/* Makes the axis rectilinear: outer layers are thicker than inner ones, symmetric about the middle.
+ * The length of the axis stays the same. */
 static bool grade(struct test_scene *scene, int axis) {
     struct sp_grid *grid = &scene->info.grid;
     uint32_t n = grid->dims[axis];
@@ -87,7 +89,7 @@ static bool grade(struct test_scene *scene, int axis) {
     return true;
 }
 
-/* Depth of the layers in all. */
+/* Returns the total thickness of the layers. */
 static double depth(const struct sp_grid *grid, int axis) {
     double sum = 0;
     const double *c = grid->coordinates[axis];
@@ -101,7 +103,8 @@ static double depth(const struct sp_grid *grid, int axis) {
     return sum;
 }
 
-/* Wide enough that the axis's pixel sees no rim: 61 voxels across, or more where they are small. */
+/* Builds a slab that is wide enough to keep its rim out of the axis pixel: 31 voxels across, more
+ * where voxels are small. */
 static bool build(struct test_scene *scene, const struct slab *s, bool ortho) {
     uint32_t dims[3];
     double largest = fmax(s->spacing[0], fmax(s->spacing[1], s->spacing[2]));
@@ -139,7 +142,7 @@ static bool choose(struct test_scene *scene, const struct slab *s, const struct 
     if (choice->graded && !grade(scene, s->axis))
         return false;
     double normal[3] = { 0 }, middle[3] = { 0 };
-    normal[s->axis] = 1; /* towards the eye */
+    normal[s->axis] = 1; /* towards the camera */
     if (choice->half)
         test_scene_cut(scene, normal, middle);
     return true;
@@ -173,15 +176,16 @@ static bool check(const struct test_renderer *r, const char *name, unsigned numb
     static const double rgb[3] = { 0.8, 0.4, 0.2 };
     for (int c = 0; c < 3; c++)
         colour = fmax(colour, fabs(p[c] / (rgb[c] * p[3]) - 1));
-    /* A plane through the middle of the only layer: the affine approximation puts the kernels
-     * around the axis behind it by the square of their distance from it over the eye's. */
+    /* A plane through the middle of a single layer gets a larger bound. The affine approximation of
+     * the perspective moves kernels beside the axis behind the plane, by the square of their
+     * distance from the axis divided by the distance of the camera. */
     double bound = choice->half && s->layers == 1 ? 0.015 : 0.01;
     bool ok = fabs(error) < bound && colour < 1e-3;
     if (!ok)
-        printf("FAILED %s slab %u, %s, %s, low-pass %g: opacity %.5f for %.5f (%+.2f %%), colour "
-               "off by %.2g %%\n",
+        printf("FAILED %s slab %u, %s, %s, low-pass %g: opacity %.5f, expected %.5f (error %+.2f "
+               "%%, bound %.1f %%); colour error %.2g %%, bound 0.1 %%\n",
                name, number, choice->name, ortho ? "orthographic" : "perspective", lowpass, p[3],
-               wanted, 100 * error, 100 * colour);
+               wanted, 100 * error, 100 * bound, 100 * colour);
     *worst = fmax(*worst, fabs(error));
     test_image_finish(&image);
     test_scene_finish(&scene);
@@ -207,9 +211,9 @@ int main(void) {
                 for (int ortho = 0; ortho < 2; ortho++)
                     for (unsigned lowpass = 0; lowpass < 2; lowpass++) {
                         if (strcmp(target.backend, "gl-software") == 0 && s % 8 != c % 8)
-                            continue; /* slow; each choice on two */
+                            continue; /* software GL is slow: each choice on two slabs only */
                         if (c > 0 && lowpass != (s + c) % 2)
-                            continue; /* one of the two will do */
+                            continue; /* only the first choice tests both low-pass filters */
                         failed += !check(&r, name, s, &choices[c], ortho, lowpass, &worst);
                         ran++;
                     }

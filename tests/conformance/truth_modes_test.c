@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The integrator's choices (cubic kernel, clipping, rectilinear grids, post-classification, the
- * gradient axis) against what is known in closed form, and against itself with finer steps.
+ * Compares the optional parts of the integrator (cubic kernel, clipping, rectilinear grids,
+ * post-classification, gradient axis) with closed forms, and with itself at finer steps.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -32,7 +32,7 @@ static struct test_image integrate(const struct test_scene *s, const struct test
     return image;
 }
 
-/* Start and unit direction of the ray through a pixel's centre, in the world. */
+/* Sets the start and the unit direction of the ray through a pixel's centre, in world space. */
 static void pixel_ray(const struct sp_view *v, unsigned x, unsigned y, double p[3], double d[3]) {
     double w[3][3], f = test_camera_scale(v);
     double a = (x + 0.5 - 0.5 * v->size[0]) / f, b = (y + 0.5 - 0.5 * v->size[1]) / f;
@@ -46,7 +46,7 @@ static void pixel_ray(const struct sp_view *v, unsigned x, unsigned y, double p[
     }
 }
 
-/* x with m x = v, by Cramer's rule. */
+/* Solves m x = v by Cramer's rule. */
 static void solve(double m[3][3], const double v[3], double x[3]) {
     double det = 0;
     for (int k = -1; k < 3; k++) {
@@ -65,15 +65,16 @@ static void solve(double m[3][3], const double v[3], double x[3]) {
     }
 }
 
-/* What one kernel alone, at sample i with widths `size`, does to a ray: in the kernel's own space
- * (voxels) the ray comes within `rho` of its middle, at distance `middle` from the ray's start, and
- * a world unit is `speed` long. */
-struct passing {
-    double rho, middle, speed;
+/* How a ray passes a kernel, in the kernel's own space, whose unit is a voxel. */
+struct passage {
+    double rho;    /* smallest distance from the kernel's centre, voxels */
+    double middle; /* distance of that point from the start of the ray, world units */
+    double speed;  /* voxels per world unit along the ray */
 };
 
-static struct passing pass(const struct sp_grid *g, const uint32_t i[3], const double size[3],
-                           const double p[3], const double d[3]) {
+/* Returns how the ray p + l·d passes the kernel at sample i, whose widths are `size`. */
+static struct passage find_passage(const struct sp_grid *g, const uint32_t i[3],
+                                   const double size[3], const double p[3], const double d[3]) {
     double m[3][3], at[3], away[3], q[3], e[3];
     test_sample_place(g, i, at);
     for (int r = 0; r < 3; r++) {
@@ -89,16 +90,17 @@ static struct passing pass(const struct sp_grid *g, const uint32_t i[3], const d
         qe += q[a] * e[a];
         ee += e[a] * e[a];
     }
-    return (struct passing){ sqrt(fmax(qq - qe * qe / ee, 0)), -qe / ee, sqrt(ee) };
+    return (struct passage){ sqrt(fmax(qq - qe * qe / ee, 0)), -qe / ee, sqrt(ee) };
 }
 
 static double phi(double x) {
     return 0.5 * erfc(-x / sqrt(2));
 }
 
-/* Optical depth between distances l0 and l1 along the ray for a kernel of extinction 1. */
-static double gathered(const struct passing *q, const struct sp_filter *filter, double l0,
-                       double l1) {
+/* Returns the optical depth between the distances l0 and l1 along the ray, for a kernel of
+ * extinction 1. */
+static double depth_between(const struct passage *q, const struct sp_filter *filter, double l0,
+                            double l1) {
     double z0 = (l0 - q->middle) * q->speed, z1 = (l1 - q->middle) * q->speed;
     if (l1 <= l0)
         return 0;
@@ -109,8 +111,9 @@ static double gathered(const struct passing *q, const struct sp_filter *filter, 
            (phi(z1 / s) - phi(z0 / s)) / q->speed;
 }
 
-/* Integrals two ways, and the published projection of one layer. */
-static void the_cubic_kernels_integrals_agree(void **state) {
+/* Integrates the cubic kernel in two ways and compares with the published projection of one layer.
+ */
+static void the_integrals_of_the_cubic_kernel_agree(void **state) {
     (void)state;
     enum { STEPS = 20000 };
     double flat = 0, round = 0, h = TEST_CUBIC_RADIUS / STEPS;
@@ -120,13 +123,14 @@ static void the_cubic_kernels_integrals_agree(void **state) {
         if (k % 10 == 5)
             flat += 2 * M_PI * (k * h) * test_cubic_gathered(k * h, INFINITY) * 10 * h;
     }
-    assert_true(fabs(flat - round) < 1e-6);
+    assert_compare(fabs(flat - round), <, 1e-6);
     for (double rho = 0; rho < 1.6; rho += 0.19)
         for (double end = -1.7; end < 1.8; end += 0.31) {
             double sum = 0;
             for (int k = 0; k < STEPS; k++)
                 sum += test_cubic(hypot(rho, -1.7 + (end + 1.7) * (k + 0.5) / STEPS));
-            assert_true(fabs(sum * (end + 1.7) / STEPS - test_cubic_gathered(rho, end)) < 2e-8);
+            assert_compare(fabs(sum * (end + 1.7) / STEPS - test_cubic_gathered(rho, end)), <,
+                           2e-8);
         }
     double half = 0, quarter = 0;
     for (int j = -3; j <= 3; j++)
@@ -154,11 +158,11 @@ static void look(struct test_scene *s, bool ortho) {
     s->view.size[1] = 20;
 }
 
-/* All pixels of a view of one voxel, with what the planes keep, against the closed form. */
+/* Compares all pixels of a view of one voxel, cut by the clip planes, with the closed form. */
 static void check_single(struct test_scene *s, const double size[3]) {
     const double opacity = (double)0.9F;
     struct sp_view *v = &s->view;
-    double seen = 0;
+    double largest_alpha = 0;
     test_scene_points(s, (const double[][5]){ { 0, 0.2, 0.4, 0.8, 0 }, { 1, 0.2, 0.4, 0.8, 0.9 } },
                       2);
     struct test_truth_options o = { .samples = 1, .step = 0.04, .radius = 6 };
@@ -179,14 +183,15 @@ static void check_single(struct test_scene *s, const double size[3]) {
                 else
                     to = fmin(to, -a / b);
             }
-            struct passing q = pass(&s->info.grid, single, size, p, d);
-            double alpha = -expm1(log1p(-opacity) * gathered(&q, &v->filter, from, to));
+            struct passage q = find_passage(&s->info.grid, single, size, p, d);
+            double alpha = -expm1(log1p(-opacity) * depth_between(&q, &v->filter, from, to));
             const double *got = test_image_at(&image, x, y);
             if (!(fabs(got[3] - alpha) < 2e-6) || !(fabs(got[2] - 0.8 * alpha) < 2e-6))
-                fail_msg("at (%u,%u) %.8f for %.8f", x, y, got[3], alpha);
-            seen = fmax(seen, alpha);
+                fail_msg("pixel (%u,%u): alpha %.8f, expected %.8f; blue %.8f, expected %.8f", x, y,
+                         got[3], alpha, got[2], 0.8 * alpha);
+            largest_alpha = fmax(largest_alpha, alpha);
         }
-    assert_true(seen > 0.05);
+    assert_compare(largest_alpha, >, 0.05); /* the voxel is visible */
     test_image_finish(&image);
 }
 
@@ -223,7 +228,7 @@ static const double graded[3][8] = {
     { 0, 1.2, 2, 3.4, 4.4 },
 };
 
-/* The kernel is as wide as the mean of the two gaps beside its sample. */
+/* The width of a kernel is the mean of the two gaps beside its sample. */
 static void a_voxel_of_a_rectilinear_grid_has_its_local_width(void **state) {
     (void)state;
     const double size[3] = { 0.5 * (4.6 - 2.4), 0.5 * (3.6 - 2.2), 0.5 * (3.4 - 1.2) };
@@ -242,12 +247,12 @@ static void a_voxel_of_a_rectilinear_grid_has_its_local_width(void **state) {
     }
 }
 
-static double everywhere(const void *user, double x, double y, double z) {
+static double one(const void *user, double x, double y, double z) {
     (void)user, (void)x, (void)y, (void)z;
     return 1;
 }
 
-/* Graded layers of a constant field across the view: each is as deep as its own size. */
+/* Layers of different thickness in a constant field: each adds its own thickness to the depth. */
 static void a_rectilinear_slab_has_the_analytic_opacity(void **state) {
     (void)state;
     const double opacity = (double)0.2F;
@@ -255,21 +260,22 @@ static void a_rectilinear_slab_has_the_analytic_opacity(void **state) {
     test_view_init(&s.view);
     test_scene_points(&s, (const double[][5]){ { 0, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0.2 } }, 2);
     assert_true(test_scene_rectilinear(&s, "slab", (uint32_t[]){ 24, 24, 8 },
-                                       (const double *[]){ NULL, NULL, graded[0] }, SP_UINT8,
-                                       everywhere, NULL));
+                                       (const double *[]){ NULL, NULL, graded[0] }, SP_UINT8, one,
+                                       NULL));
     s.view.camera.projection = SP_ORTHOGRAPHIC;
     s.view.camera.height = 8;
     s.view.size[0] = s.view.size[1] = 8;
     struct test_image image = integrate(&s, &(struct test_truth_options){ .samples = 1 }, 0);
     double deep = 6.4 + 0.5 * 1 + 0.5 * 1, alpha = 1 - pow(1 - opacity, deep);
     for (unsigned k = 0; k < 64; k++)
-        assert_true(fabs(image.rgba[k * 4 + 3] / alpha - 1) < 4e-4);
+        assert_compare(fabs(image.rgba[k * 4 + 3] / alpha - 1), <, 4e-4);
     test_image_finish(&image);
     test_scene_finish(&s);
 }
 
-/* Coordinates that are even after all change nothing, for either kernel and order. */
-static void even_coordinates_are_an_even_grid(void **state) {
+/* Rectilinear coordinates at equal distances give the image of the uniform grid, for both kernels
+ * and both orders of classification. */
+static void evenly_spaced_coordinates_give_the_uniform_grid(void **state) {
     (void)state;
     double places[28];
     for (int i = 0; i < 28; i++)
@@ -285,15 +291,16 @@ static void even_coordinates_are_an_even_grid(void **state) {
         for (int axis = 0; axis < 3; axis++)
             s.info.grid.coordinates[axis] = places;
         struct test_image b = integrate(&s, &o, 0);
-        assert_true(test_image_difference(&a, &b).largest < 1e-9);
+        assert_compare(test_image_difference(&a, &b).largest, <, 1e-9);
         test_image_finish(&a);
         test_image_finish(&b);
         test_scene_finish(&s);
     }
 }
 
-/* A box well inside a constant field: depth is the chord's length, whichever way the grid lies. */
-static void a_box_keeps_the_chord(void **state) {
+/* In a constant field that extends beyond the clip box, the optical depth of a ray is proportional
+ * to the length of its chord in the box, for any direction of the grid. */
+static void a_clip_box_keeps_the_chord_of_the_ray(void **state) {
     (void)state;
     const double opacity = (double)0.2F;
     static const double box[2][3] = { { 0.25, 0.3, 0.4 }, { 0.6, 0.7, 0.75 } };
@@ -302,7 +309,7 @@ static void a_box_keeps_the_chord(void **state) {
         test_view_init(&s.view);
         test_scene_points(&s, (const double[][5]){ { 0, 1, 1, 1, 0 }, { 1, 1, 1, 1, 0.2 } }, 2);
         assert_true(test_scene_voxels(&s, "box", (uint32_t[]){ 20, 20, 20 },
-                                      (double[]){ 1, 1, 0.5 }, SP_UINT8, everywhere, NULL));
+                                      (double[]){ 1, 1, 0.5 }, SP_UINT8, one, NULL));
         test_scene_direction(&s, (double[]){ 20, 50, -35 }, 1, mode & 2 ? 0.4 : 0);
         look(&s, mode & 1);
         memcpy(s.view.clip.box, box, sizeof box);
@@ -326,7 +333,7 @@ static void a_box_keeps_the_chord(void **state) {
                     to = fmin(to, fmax(l0, l1));
                 }
                 double alpha = 1 - pow(1 - opacity, fmax(to - from, 0));
-                assert_true(fabs(test_image_at(&image, x, y)[3] - alpha) < 5e-4);
+                assert_compare(fabs(test_image_at(&image, x, y)[3] - alpha), <, 5e-4);
             }
         test_image_finish(&image);
         test_scene_finish(&s);
@@ -338,14 +345,14 @@ static double ramp(const void *user, double x, double y, double z) {
     return a[0] * x + a[1] * y + a[2] * z;
 }
 
-/* ∫ -ln(1 - o·u) du over u in [0,1] */
+/* Returns ∫ -ln(1 - o·u) du over u in [0,1]. */
 static double mean_extinction(double o) {
     return ((1 - o) * log1p(-o) + o) / o;
 }
 
-/* A peak between two samples of a linear ramp, which no sample sees: between post-classified
- * samples the field is the ramp itself. */
-static void post_sees_between_the_samples(void **state) {
+/* A linear ramp, with a peak of opacity between the values of two samples. No sample has a value in
+ * the peak, but post-classification interpolates the ramp and finds it. */
+static void post_classification_finds_values_between_the_samples(void **state) {
     (void)state;
     const double rise[3] = { 0, 0, 10 }, o = (double)0.8F;
     struct test_scene s;
@@ -363,17 +370,17 @@ static void post_sees_between_the_samples(void **state) {
     for (int post = 0; post < 2; post++) {
         s.view.transfer_function.order = post ? SP_TF_POST : SP_TF_PRE;
         struct test_image image = integrate(&s, &fine, 0);
-        /* Either flank is 0.4 voxels of 1.5 units. */
+        /* Each flank of the peak is 0.4 voxels wide; a voxel is 1.5 world units. */
         double alpha = post ? -expm1(-mean_extinction(o) * 2 * 0.4 * 1.5) : 0;
         for (int k = 0; k < 16; k++)
-            assert_true(fabs(image.rgba[k * 4 + 3] - alpha) < 2e-4);
+            assert_compare(fabs(image.rgba[k * 4 + 3] - alpha), <, 2e-4);
         test_image_finish(&image);
     }
     test_scene_finish(&s);
 }
 
-/* A ramp has one gradient everywhere, so that the gradient axis scales all opacities alike; turned,
- * sheared and graded grids must find its magnitude. */
+/* A ramp has the same gradient everywhere, so the gradient axis multiplies all opacities by the
+ * same factor. The magnitude must be right on rotated, sheared and rectilinear grids. */
 static void the_gradient_axis_scales_the_opacity(void **state) {
     (void)state;
     double rise[3] = { 3, -2, 1 }, slope = sqrt(14);
@@ -384,7 +391,7 @@ static void the_gradient_axis_scales_the_opacity(void **state) {
             &s, "ramp", (uint32_t[]){ 8, 8, 5 },
             (const double *[]){ graded[0], mode & 1 ? graded[1] : NULL, graded[2] }, SP_FLOAT64,
             ramp, rise));
-        /* Of a shear only the length is known here: f = a·p, p = D⁻¹t, ∇f = D⁻ᵀa. */
+        /* The magnitude under a shear, from f = a·p, p = D⁻¹t, ∇f = D⁻ᵀa. */
         if (mode & 2) {
             double shear = 0.4, length = sqrt(1 + shear * shear);
             test_scene_direction(&s, (double[]){ 20, 50, -35 }, -1, shear);
@@ -407,16 +414,16 @@ static void the_gradient_axis_scales_the_opacity(void **state) {
         struct test_image b = integrate(&s, &o, 0);
         double mean, variance;
         test_image_statistics(&b, 3, &mean, &variance);
-        assert_true(mean > 0.05);
-        assert_true(test_image_difference(&a, &b).largest < 1e-6);
+        assert_compare(mean, >, 0.05);
+        assert_compare(test_image_difference(&a, &b).largest, <, 1e-6);
         test_image_finish(&a);
         test_image_finish(&b);
         test_scene_finish(&s);
     }
 }
 
-/* A ramp along the view, lit from the eye: N·L = N·H = 1 wherever it is seen. */
-static void post_is_lit_by_the_fields_gradient(void **state) {
+/* A ramp along the line of sight, lit from the camera: N·L = N·H = 1 at every point. */
+static void post_classification_shades_with_the_gradient_of_the_field(void **state) {
     (void)state;
     const double rise[3] = { 0, 0, -4 };
     struct test_scene s;
@@ -442,17 +449,19 @@ static void post_is_lit_by_the_fields_gradient(void **state) {
     for (int k = 0; k < 16; k++)
         for (int c = 0; c < 3; c++) {
             double color = (c == 0 ? 0.4 : c == 1 ? 0.2 : 0.6) * 0.8 + 0.2;
-            assert_true(fabs(image.rgba[k * 4 + c] / image.rgba[k * 4 + 3] - color) < 1e-6);
+            assert_compare(fabs(image.rgba[k * 4 + c] / image.rgba[k * 4 + 3] - color), <, 1e-6);
         }
     test_image_finish(&image);
     test_scene_finish(&s);
 }
 
-/* Corners of a transfer function cost the post-classified ones some digits; what they are compared
- * with stays 10 dB below. */
+/* With a finer step, the image stays the same to CONVERGED dB, or to CONVERGED_POST dB with
+ * post-classification: the integrand then has corners where the transfer function has its points.
+ * The floors of post-classified images in manifest.c are lower than that. The test renders only the
+ * middle CROP × CROP pixels. */
 enum { CONVERGED = 90, CONVERGED_POST = 60, CROP = 12 };
 
-static void finer_changes_nothing(void **state) {
+static void finer_integration_gives_the_same_image(void **state) {
     (void)state;
     static test_scene_fn *const builds[] = {
         test_scene_cubic,         test_scene_rectilinear_blobs,
@@ -471,11 +480,11 @@ static void finer_changes_nothing(void **state) {
         s.view.size[0] = s.view.size[1] = CROP;
         bool post = s.view.transfer_function.order == SP_TF_POST;
         double step = post ? 0.02 : s.view.filter.kernel == SP_KERNEL_CUBIC ? 0.05 : 0.15;
-        struct test_truth_options usual = { .samples = 1 };
+        struct test_truth_options defaults = { .samples = 1 };
         struct test_truth_options finer = { .samples = 1, .step = step, .radius = 6 };
-        struct test_image a = integrate(&s, &usual, 0), b = integrate(&s, &finer, 0);
+        struct test_image a = integrate(&s, &defaults, 0), b = integrate(&s, &finer, 0);
         double psnr = test_image_psnr(&a, &b);
-        print_message("  %-16s usual against finer %.1f dB\n", s.info.name, psnr);
+        print_message("  %-16s default against finer step %.1f dB\n", s.info.name, psnr);
         if (!(psnr > (post ? CONVERGED_POST : CONVERGED))) {
             test_image_dump(s.info.name, &a, &b, 100);
             failed++;
@@ -489,16 +498,16 @@ static void finer_changes_nothing(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_cubic_kernels_integrals_agree),
+        cmocka_unit_test(the_integrals_of_the_cubic_kernel_agree),
         cmocka_unit_test(one_voxel_has_the_analytic_depth),
         cmocka_unit_test(a_voxel_of_a_rectilinear_grid_has_its_local_width),
         cmocka_unit_test(a_rectilinear_slab_has_the_analytic_opacity),
-        cmocka_unit_test(even_coordinates_are_an_even_grid),
-        cmocka_unit_test(a_box_keeps_the_chord),
-        cmocka_unit_test(post_sees_between_the_samples),
+        cmocka_unit_test(evenly_spaced_coordinates_give_the_uniform_grid),
+        cmocka_unit_test(a_clip_box_keeps_the_chord_of_the_ray),
+        cmocka_unit_test(post_classification_finds_values_between_the_samples),
         cmocka_unit_test(the_gradient_axis_scales_the_opacity),
-        cmocka_unit_test(post_is_lit_by_the_fields_gradient),
-        cmocka_unit_test(finer_changes_nothing),
+        cmocka_unit_test(post_classification_shades_with_the_gradient_of_the_field),
+        cmocka_unit_test(finer_integration_gives_the_same_image),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The integrator against what is known in closed form, and against itself with finer steps: it may
- * only judge others once it has been judged.
+ * Compares the integrator (support/truth.h) with closed forms, and with itself at finer steps. The
+ * other conformance tests rely on it.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -36,7 +36,7 @@ static double one_voxel(const void *user, double x, double y, double z) {
     return x == 4 && y == 3 && z == 2 ? 1 : 0;
 }
 
-/* World position of the voxel of one_voxel(). */
+/* Sets the world position of the voxel of one_voxel(). */
 static void voxel_at(const struct sp_grid *g, double world[3]) {
     static const double i[3] = { 4, 3, 2 };
     for (int r = 0; r < 3; r++) {
@@ -52,10 +52,10 @@ static double determinant(double m[3][3]) {
            m[0][2] * (m[1][0] * m[2][1] - m[1][1] * m[2][0]);
 }
 
-/* The optical depth of a ray through one Gaussian, from the conic of its 3×3 variance in world
+/* Returns the optical depth of a ray through one Gaussian, from its 3×3 variance V'' in world
  * space: with q = p - t_k and P = V''⁻¹,
  *   ∫ G(q + l d) dl = exp(-½(q·Pq - (d·Pq)²/d·Pd)) / (2π √(|V''| d·Pd)).
- * Written out here so that it shares nothing with the integrator's separable sum. */
+ * It shares no code with the integrator, which uses a separable sum. */
 static double depth_of_one(const struct sp_grid *g, double sigma, double extinction,
                            const double p[3], const double d[3]) {
     double m[3][3], v[3][3] = { { 0 } }, precision[3][3], t[3], q[3], det;
@@ -86,10 +86,10 @@ static double depth_of_one(const struct sp_grid *g, double sigma, double extinct
            (2 * M_PI * sqrt(det * dd));
 }
 
-/* All pixels of a view of one voxel against the closed form. */
+/* Compares all pixels of a view of one voxel with the closed form. */
 static void check_one_voxel(struct test_scene *s, double opacity, double length) {
     struct sp_view *v = &s->view;
-    double w[3][3], seen = 0;
+    double w[3][3], largest_alpha = 0;
     test_scene_points(
         s, (const double[][5]){ { 0, 0.2, 0.4, 0.8, 0 }, { 1, 0.2, 0.4, 0.8, opacity } }, 2);
     v->transfer_function.reference_length = length;
@@ -111,11 +111,11 @@ static void check_one_voxel(struct test_scene *s, double opacity, double length)
             }
             double alpha = -expm1(-depth_of_one(&s->info.grid, v->filter.sigma, g, p, d));
             const double *got = test_image_at(&image, x, y);
-            assert_true(fabs(got[3] - alpha) < 1e-6);
-            assert_true(fabs(got[2] - 0.8 * alpha) < 1e-6);
-            seen = fmax(seen, alpha);
+            assert_compare(fabs(got[3] - alpha), <, 1e-6);
+            assert_compare(fabs(got[2] - 0.8 * alpha), <, 1e-6);
+            largest_alpha = fmax(largest_alpha, alpha);
         }
-    assert_true(seen > 0.05);
+    assert_compare(largest_alpha, >, 0.05); /* the voxel is visible */
     test_image_finish(&image);
 }
 
@@ -144,12 +144,13 @@ static void one_voxel_has_the_analytic_depth(void **state) {
             }
 }
 
-static double everywhere(const void *user, double x, double y, double z) {
+static double one(const void *user, double x, double y, double z) {
     (void)user, (void)x, (void)y, (void)z;
     return 1;
 }
 
-/* n layers of a constant field: depth = extinction · n · spacing, but for the field's ripple. */
+/* The optical depth of n layers of a constant field is extinction · n · spacing, up to the ripple
+ * of the field. */
 static void constant_field_has_the_analytic_opacity(void **state) {
     (void)state;
     for (int k = 0; k < 4; k++) {
@@ -159,7 +160,7 @@ static void constant_field_has_the_analytic_opacity(void **state) {
         test_view_init(&s.view);
         test_scene_points(&s, (const double[][5]){ { 0, 1, 1, 1, 0 }, { 1, 1, 1, 1, opacity } }, 2);
         assert_true(test_scene_voxels(&s, "slab", (uint32_t[]){ 24, 24, layers },
-                                      (double[]){ 1, 1, spacing }, SP_UINT8, everywhere, NULL));
+                                      (double[]){ 1, 1, spacing }, SP_UINT8, one, NULL));
         s.view.transfer_function.reference_length = length;
         s.view.camera.projection = SP_ORTHOGRAPHIC;
         s.view.camera.height = 8;
@@ -169,13 +170,13 @@ static void constant_field_has_the_analytic_opacity(void **state) {
         double alpha = 1 - pow(1 - (double)(float)opacity, layers * spacing / length);
         for (unsigned y = 0; y < 16; y++)
             for (unsigned x = 0; x < 16; x++)
-                assert_true(fabs(test_image_at(&image, x, y)[3] / alpha - 1) < 4e-4);
+                assert_compare(fabs(test_image_at(&image, x, y)[3] / alpha - 1), <, 4e-4);
         test_image_finish(&image);
         test_scene_finish(&s);
     }
 }
 
-/* The convolution keeps a constant and gives a Gaussian its summed variance. */
+/* The convolution leaves a constant unchanged and adds its variance to that of a Gaussian. */
 static void low_pass_is_a_unit_gaussian(void **state) {
     (void)state;
     struct test_rays rays = { .samples = 3, .margin = 5 };
@@ -194,14 +195,14 @@ static void low_pass_is_a_unit_gaussian(void **state) {
         for (unsigned x = 4; x < 28; x++) {
             double px = x + 0.5 - 16, py = y + 0.5 - 12;
             double want = exp(-0.5 * (px * px / 5 + py * py / 10)) / (2 * M_PI * sqrt(50));
-            assert_true(fabs(test_image_at(&image, x, y)[0] - 1) < 2e-6);
-            assert_true(fabs(test_image_at(&image, x, y)[3] - want) < 2e-6);
+            assert_compare(fabs(test_image_at(&image, x, y)[0] - 1), <, 2e-6);
+            assert_compare(fabs(test_image_at(&image, x, y)[3] - want), <, 2e-6);
         }
     test_image_finish(&image);
     test_rays_finish(&rays);
 }
 
-/* A red layer before a blue one: what is in front decides. */
+/* A red layer and a blue layer, with a gap between them. */
 static double two_layers(const void *user, double x, double y, double z) {
     (void)user, (void)x, (void)y;
     return z < 3 ? 1 : z >= 9 ? 2 : 0;
@@ -228,19 +229,19 @@ static void the_nearer_layer_hides_the_farther(void **state) {
         struct test_image image = integrate(&s, &o, 0);
         const double *p = test_image_at(&image, 2, 2);
         double near = side < 0 ? p[0] : p[2], far = side < 0 ? p[2] : p[0];
-        assert_true(fabs(near - (1 - through)) < 1e-3);
-        assert_true(fabs(far - through * (1 - through)) < 1e-3);
-        assert_true(fabs(p[3] - (1 - through * through)) < 1e-3);
+        assert_compare(fabs(near - (1 - through)), <, 1e-3);
+        assert_compare(fabs(far - through * (1 - through)), <, 1e-3);
+        assert_compare(fabs(p[3] - (1 - through * through)), <, 1e-3);
         test_image_finish(&image);
     }
     test_scene_finish(&s);
 }
 
-/* Half the step, nearly twice the rays, a wider kernel: nothing above CONVERGED dB changes. Only
- * the middle of the image is compared, which keeps this under some seconds. */
+/* With half the step, nearly twice the rays and a wider kernel, the image stays the same to
+ * CONVERGED dB. The test renders only the middle CROP × CROP pixels, to take only a few seconds. */
 enum { CONVERGED = 90, CROP = 12 };
 
-static void finer_changes_nothing(void **state) {
+static void finer_integration_gives_the_same_image(void **state) {
     (void)state;
     static const struct {
         test_scene_fn *build;
@@ -259,12 +260,12 @@ static void finer_changes_nothing(void **state) {
         camera->fov_y = 360 / M_PI * atan(CROP * tan(camera->fov_y * M_PI / 360) / s.view.size[1]);
         s.view.size[0] = s.view.size[1] = CROP;
         unsigned n = cases[i].lowpass > 0 ? 3 : 1;
-        struct test_truth_options usual = { .samples = n };
+        struct test_truth_options defaults = { .samples = n };
         struct test_truth_options finer = { .samples = 2 * n - 1, .step = 0.2, .radius = 6 };
-        struct test_image a = integrate(&s, &usual, cases[i].lowpass);
+        struct test_image a = integrate(&s, &defaults, cases[i].lowpass);
         struct test_image b = integrate(&s, &finer, cases[i].lowpass);
         double psnr = test_image_psnr(&a, &b);
-        print_message("  %-16s low-pass %g: usual against finer %.1f dB\n", s.info.name,
+        print_message("  %-16s low-pass %g: default against finer step %.1f dB\n", s.info.name,
                       cases[i].lowpass, psnr);
         if (!(psnr > CONVERGED)) {
             test_image_dump(s.info.name, &a, &b, 100);
@@ -285,7 +286,7 @@ static void psnr_matches_its_definition(void **state) {
     assert_true(isinf(test_image_psnr(&a, &b)));
     for (int i = 0; i < 7 * 5 * 4; i++)
         b.rgba[i] = 0.1;
-    assert_true(fabs(test_image_psnr(&a, &b) - 20) < 1e-9);
+    assert_compare(fabs(test_image_psnr(&a, &b) - 20), <, 1e-9);
     b.rgba[17] = -0.5;
     struct test_difference d = test_image_difference(&a, &b);
     assert_compare(d.largest, ==, 0.5);
@@ -306,7 +307,7 @@ int main(void) {
         cmocka_unit_test(constant_field_has_the_analytic_opacity),
         cmocka_unit_test(low_pass_is_a_unit_gaussian),
         cmocka_unit_test(the_nearer_layer_hides_the_farther),
-        cmocka_unit_test(finer_changes_nothing),
+        cmocka_unit_test(finer_integration_gives_the_same_image),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

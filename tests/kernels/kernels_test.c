@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The CPU backend's kernel tables: every instruction set that starts against the definitions in
- * double precision, on random and extreme input, with guard zones around what they may write.
+ * The kernel tables of the CPU backend: compares every instruction set that this machine supports
+ * with the definitions in double precision, on random and extreme input. Guard zones surround the
+ * memory that the kernels may write.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -16,10 +17,11 @@
 #include <string.h>
 
 #include "backend/cpu/kernels.h"
+#include "support/compare.h"
 
 enum { GUARD = 4096 };
 
-/* Runs `test` on each table; says which sets this build or processor has not. */
+/* Calls `test` for each table. Prints the instruction sets that this build or processor lacks. */
 static void each_isa(void (*test)(const struct cpu_kernels *)) {
     const char *isa;
     for (unsigned i = 0; (isa = cpu_isa_at(i)); i++) {
@@ -81,7 +83,8 @@ static void free_guarded(struct guarded *g) {
     free_zone(g->sums, SUMS_BYTES);
 }
 
-/* A splat of any shape over the tile; `wild` takes the exponents to the limits of float. */
+/* Returns a splat of any shape over the tile. With `wild`, the exponents reach the limits of float.
+ */
 static struct sp_splat random_splat(const struct sp_tile *tile, float cut, int wild) {
     struct sp_splat s = { .sheet = 3 };
     double spread = wild ? 24 : 8;
@@ -116,6 +119,11 @@ static double exponent(const struct sp_splat *s, double x, double y) {
     return (double)s->a * dx * dx + (double)s->b * dx * dy + (double)s->c * dy * dy;
 }
 
+static void check_is_finite_and_not_negative(float value) {
+    assert_compare(value, >=, 0);
+    assert_compare(value, <, INFINITY);
+}
+
 static void check_add(const struct cpu_kernels *kernels) {
     srand(11);
     static const float cuts[] = { 0.7213f, 6.492f, 25.97f }; /* cutoffs 1, 3, 6 */
@@ -133,16 +141,17 @@ static void check_add(const struct cpu_kernels *kernels) {
                     double e = exponent(&s, g.tile->x + x, g.tile->y + y);
                     double got = (double)*sum_at(&g, 0, y, x), top = (double)s.depth;
                     for (int p = 0; p < SP_PLANES; p++)
-                        assert_true(isfinite(*sum_at(&g, p, y, x)) && *sum_at(&g, p, y, x) >= 0);
-                    if (wild) { /* the exponent itself is a difference of huge numbers */
-                        assert_true(got <= top * 1.0001);
+                        check_is_finite_and_not_negative(*sum_at(&g, p, y, x));
+                    if (wild) { /* no exact check: the exponent is a difference of huge numbers */
+                        assert_compare(got, <=, top * 1.0001);
                         continue;
                     }
                     double w = e <= (double)cut ? exp2(-e) : 0;
                     /* Rounding of dx and dy is magnified by the conic. */
                     double slack = top * (1e-4 + 2e-3 * exp2(-(double)cut));
                     bool edge = fabs(e - (double)cut) < 2e-2 * (double)cut;
-                    assert_true(fabs(got - top * w) < slack || edge);
+                    if (!edge)
+                        assert_compare(fabs(got - top * w), <, slack);
                     for (int c = 0; c < 3; c++)
                         assert_true(fabs((double)*sum_at(&g, 1 + c, y, x) * top -
                                          got * (double)s.emission[c]) <= 1e-6 * top * top * 3);
@@ -151,13 +160,13 @@ static void check_add(const struct cpu_kernels *kernels) {
             for (int p = 0; p < SP_PLANES; p++)
                 for (int y = 0; y < SP_TILE; y++)
                     for (int x = 0; x < SP_TILE; x++)
-                        assert_true(*sum_at(&g, p, y, x) == 0);
+                        assert_compare(*sum_at(&g, p, y, x), ==, 0);
         }
         free_guarded(&g);
     }
 }
 
-static void footprints(void **state) {
+static void footprints_match_their_definition(void **state) {
     (void)state;
     each_isa(check_add);
 }
@@ -205,7 +214,7 @@ static void check_close(const struct cpu_kernels *kernels) {
     }
 }
 
-static void sheets(void **state) {
+static void closing_a_sheet_composites_it(void **state) {
     (void)state;
     each_isa(check_close);
 }
@@ -246,16 +255,20 @@ static void check_resolve(const struct cpu_kernels *kernels) {
     }
 }
 
-static void pixels(void **state) {
+static void resolved_pixels_match_their_definition(void **state) {
     (void)state;
     each_isa(check_resolve);
 }
 
-static bool is_near(float got, float want, float slack, float share) {
-    return fabsf(got - want) <= slack + share * fabsf(want);
+/* Fails unless |got - want| ≤ slack + share·|want|. */
+static void assert_near(float got, float want, float slack, float share) {
+    if (!(fabsf(got - want) <= slack + share * fabsf(want)))
+        fail_msg("%.9g differs from %.9g by more than %g + %g·|%g|", (double)got, (double)want,
+                 (double)slack, (double)share, (double)want);
 }
 
-/* Runs of random voxels: every table against the scalar one, records behind the last untouched. */
+/* Compares every table with the scalar one, on runs of random voxels. The records before the first
+ * and past the last must stay untouched. */
 static void check_set_up(const struct cpu_kernels *kernels) {
     enum { COUNT = 257 };
     struct cpu_kernels scalar;
@@ -308,7 +321,7 @@ static void check_set_up(const struct cpu_kernels *kernels) {
             normal[2 * i] = (uint32_t)rand() << 1;
             normal[2 * i + 1] = (uint32_t)rand() << 1;
         }
-        list.normal_bytes = n % 3 ? 4 : 8; /* normals, or microflakes */
+        list.normal_bytes = n % 3 ? 4 : 8; /* 4: normals; 8: microflakes */
         struct sp_camera_frame camera;
         struct sp_ewa_frame frame;
         struct sp_shade shade;
@@ -335,20 +348,19 @@ static void check_set_up(const struct cpu_kernels *kernels) {
         uint32_t got = kernels->set_up(&frame, &run, &to),
                  want = scalar.set_up(&frame, &run, &from);
         assert_int_equal(got, want);
-        assert_true(got <= run.count);
+        assert_in_range(got, 0, run.count);
         for (uint32_t i = 1; i <= got; i++) {
-            assert_true(is_near(a[i].x, b[i].x, 1e-3f, 1e-6f) &&
-                        fabsf(a[i].depth - b[i].depth) <= 1e-4f * b[i].depth);
+            assert_near(a[i].x, b[i].x, 1e-3f, 1e-6f);
+            assert_near(a[i].depth, b[i].depth, 1e-4f * b[i].depth, 0);
             for (int k = 0; k < 3; k++) /* colours are of order 1 */
-                assert_true(fabsf(a[i].emission[k] - b[i].emission[k]) <= 2e-3f * b[i].depth);
+                assert_near(a[i].emission[k], b[i].emission[k], 2e-3f * b[i].depth, 0);
             assert_int_equal(a[i].sheet, 9);
             assert_int_equal(a[i].cuts, b[i].cuts);
             const struct sp_span *p = &spans[0][i - 1], *q = &spans[1][i - 1];
-            assert_true(fabsf(p->distance - q->distance) <= 1e-5f * q->distance &&
-                        fabsf(p->sharpness - q->sharpness) <= 1e-4f * q->sharpness);
-            for (uint32_t k = 0; k < a[i].cuts; k++) /* along the ray: a small difference */
-                assert_true(
-                    is_near(cuts[0][i - 1].planes[k].e, cuts[1][i - 1].planes[k].e, 1e-2f, 1e-2f));
+            assert_near(p->distance, q->distance, 1e-5f * q->distance, 0);
+            assert_near(p->sharpness, q->sharpness, 1e-4f * q->sharpness, 0);
+            for (uint32_t k = 0; k < a[i].cuts; k++) /* a small difference of large numbers */
+                assert_near(cuts[0][i - 1].planes[k].e, cuts[1][i - 1].planes[k].e, 1e-2f, 1e-2f);
         }
         for (size_t k = 0; k < sizeof *a; k++) { /* before the first and past the last possible */
             assert_int_equal(((unsigned char *)a)[k], 0x5a);
@@ -359,12 +371,12 @@ static void check_set_up(const struct cpu_kernels *kernels) {
     free(b);
 }
 
-static void set_up(void **state) {
+static void splats_match_those_of_scalar(void **state) {
     (void)state;
     each_isa(check_set_up);
 }
 
-/* Layers of one tile, and a splat with all that a compositor may want of it. */
+/* The layers of one tile, and a splat with all data that a compositor may read. */
 enum { SLOTS = 24 };
 struct bench {
     struct sp_tile tile;
@@ -411,7 +423,7 @@ static struct bench *make_bench(enum sp_compositing mode, const struct sp_cubic_
     return b;
 }
 
-/* Share of the kernel before a depth, at a pixel of exponent e: the definition. */
+/* Returns the share of the kernel before a depth, at a pixel of exponent e, by the definition. */
 static double share_before(const struct bench *b, double e, double depth) {
     if (!b->blend.cubic)
         return 0.5 * erfc(-depth * M_SQRT1_2);
@@ -420,8 +432,8 @@ static double share_before(const struct bench *b, double e, double depth) {
     return all > 0 ? 0.5 + copysign(part / all, depth) : depth > 0;
 }
 
-/* Weight and bounds of a pixel by the definition; false where rounding decides whether it counts.
- */
+/* Sets the weight and the depth bounds of a pixel by the definition. False where rounding decides
+ * whether the pixel counts. */
 static bool find_pixel(const struct bench *b, int x, int y, double *weight, double *low,
                        double *high) {
     const struct sp_splat *s = &b->splat;
@@ -447,7 +459,7 @@ static bool find_pixel(const struct bench *b, int x, int y, double *weight, doub
     return fabs(e - cut) > 0.03 * cut;
 }
 
-/* Shares of each slab: monotone, all of what the planes leave. */
+/* Sets the share of each slab: none is negative, and they add up to what the planes keep. */
 static void find_shares(const struct bench *b, double x, double y, double low, double high,
                         double shares[SLOTS]) {
     const struct sp_splat *s = &b->splat;
@@ -489,7 +501,7 @@ static void check_slabs(const struct cpu_kernels *kernels) {
                 find_shares(b, x, y, low, high, shares);
                 for (uint32_t k = 0; k < SLOTS; k++) {
                     const float *sum = sp_sums_row(&b->tile, &b->blend, k, y) + x;
-                    double slack = b->blend.cubic ? 4e-4 : 8e-5; /* of its table; of Φ */
+                    double slack = b->blend.cubic ? 4e-4 : 8e-5; /* error of the table, or of Φ */
                     assert_true(fabs((double)sum[0] - top * weight * shares[k]) < slack * top);
                     for (int c = 0; c < 3; c++)
                         assert_true(fabs((double)sum[(1 + c) * SP_TILE] * top -
@@ -501,12 +513,12 @@ static void check_slabs(const struct cpu_kernels *kernels) {
     }
 }
 
-static void slabs(void **state) {
+static void slabs_match_their_definition(void **state) {
     (void)state;
     each_isa(check_slabs);
 }
 
-/* Sheets and single splats of every kernel, cut or not. */
+/* Sheets and single splats of every kernel, with and without cuts by planes. */
 static void check_composites(const struct cpu_kernels *kernels) {
     struct sp_cubic_table table;
     sp_cubic_table_init(&table);
@@ -545,15 +557,19 @@ static void check_composites(const struct cpu_kernels *kernels) {
     }
 }
 
-static void composites(void **state) {
+static void sheets_and_splats_match_their_definition(void **state) {
     (void)state;
     each_isa(check_composites);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(set_up), cmocka_unit_test(footprints), cmocka_unit_test(sheets),
-        cmocka_unit_test(pixels), cmocka_unit_test(slabs),      cmocka_unit_test(composites),
+        cmocka_unit_test(splats_match_those_of_scalar),
+        cmocka_unit_test(footprints_match_their_definition),
+        cmocka_unit_test(closing_a_sheet_composites_it),
+        cmocka_unit_test(resolved_pixels_match_their_definition),
+        cmocka_unit_test(slabs_match_their_definition),
+        cmocka_unit_test(sheets_and_splats_match_their_definition),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
