@@ -16,9 +16,10 @@ OIIO::ImageSpec describe(const sp_exr_image &image) {
     OIIO::ImageSpec spec(static_cast<int>(image.width), static_cast<int>(image.height), 4,
                          OIIO::TypeDesc::FLOAT);
     spec.attribute("compression", "zip");
-    /* The values are meant for a display as they are; readers must not apply a curve again. */
+    /* The values are display values; readers must not apply a transfer curve again. */
     spec.attribute("oiio:ColorSpace", "sRGB");
-    /* The library writes the time unless it is given one; equal frames are equal files. */
+    /* A fixed time: the library would write the current time, and equal frames must give equal
+     * files. */
     spec.attribute("DateTime", "1970:01:01 00:00:00");
     spec.attribute("ImageDescription", "sRGB display values, associated alpha");
     spec.attribute("Software", "splatd " SPLATD_VERSION);
@@ -32,7 +33,7 @@ std::string write(const sp_exr_image &image, std::vector<unsigned char> &file) {
     if (!output)
         return OIIO::geterror();
     if (!output->supports("ioproxy") || !output->set_ioproxy(&memory))
-        return "this OpenImageIO cannot write it to memory";
+        return "this version of OpenImageIO cannot write OpenEXR files to memory";
     OIIO::ImageSpec spec = describe(image);
     if (!output->open(name, spec) ||
         !output->write_image(spec.format, image.pixels, OIIO::AutoStride,
@@ -47,8 +48,8 @@ std::string write(const sp_exr_image &image, std::vector<unsigned char> &file) {
 sp_exr_status splat_exr_encode(const sp_exr_image *image, sp_exr_sink *sink, void *user,
                                char *error, size_t error_size) {
     try {
-        /* The caller's thread does the work: pools of the library's own would compete with the
-         * renderer's threads. */
+        /* Encode on the calling thread: the thread pools of the library would compete with the
+         * threads of the renderer. */
         static const bool alone =
             OIIO::attribute("threads", 1) && OIIO::attribute("exr_threads", -1);
         (void)alone;

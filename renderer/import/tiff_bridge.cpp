@@ -92,7 +92,7 @@ static bool read_page(tiff_bridge *bridge, int n, void *out, char *why, size_t c
     const OIIO::ImageSpec &spec = input.spec();
     bool by_row = spec.tile_width == 0 &&
                   (spec.format == OIIO::TypeDesc::UINT8 || spec.format == OIIO::TypeDesc::UINT16);
-    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* it returns zeros otherwise */
+    if (ok && spec.format == OIIO::TypeDesc::DOUBLE) { /* read_image() would return zeros */
         if (spec.tile_width || spec.height < 2) {
             explain(why, capacity,
                     "samples of 64 bits in tiles or in a single row are not supported");

@@ -27,8 +27,8 @@ using namespace libmatroska;
 namespace {
 const uint64_t SCALE_NS = 1000000;      /* times are in ms */
 const uint64_t CLUSTER_NS = 5000000000; /* longest duration of a cluster */
-const size_t CLUSTER_BYTES =
-    4 << 20; /* its size limit, unless one packet is larger: it is kept in memory */
+/* Size limit of a cluster, unless one packet is larger. Clusters are assembled in memory. */
+const size_t CLUSTER_BYTES = 4 << 20;
 const uint64_t SEEK_BYTES = 96; /* reserved for the seek head */
 } // namespace
 
@@ -81,7 +81,7 @@ static void write_tracks(srv_webm &w, uint32_t width, uint32_t height) {
     w.track = &track;
 }
 
-/* An entry of the index: a cluster that begins with a key frame. */
+/* Adds an index entry for the cluster, which begins with a key frame. */
 static void add_cue(srv_webm &w) {
     auto &point = AddNewChild<KaxCuePoint>(w.cues);
     GetChild<KaxCueTime>(point).SetValue(w.start_ns / SCALE_NS);
@@ -101,7 +101,7 @@ static void write_cluster(srv_webm &w) {
     w.cluster.reset();
 }
 
-/* Runs what may throw: the library tells of failing writes so. */
+/* Calls `action` and catches exceptions: libmatroska reports failed writes as exceptions. */
 template <typename Action> static bool guarded(char *reason, Action action) {
     try {
         action();

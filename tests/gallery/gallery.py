@@ -1,15 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Makes the images and the figures of renderer/gallery.md.
+"""Draws the images of renderer/gallery.md and fills in its measured values.
 
   gallery.py --build build/release [--data DIR] [--only PREFIX]
   gallery.py --check
 
-The page is its own recipe. Every block ```json of it that names "images" is drawn with `splatctl render
---local`: the block's "view" with the merge patch of each image, on "volume", which is a built-in volume
-(demo:NAME), one of the volumes that this script writes (made:NAME), or a file of the data folder (data:NAME;
-where it is missing the image stays as it is). "difference": [A, B, GAIN] is an image too: the middle grey
-plus GAIN times B - A. Images whose names begin with _ serve such a difference and are not kept. Every block ```console is a test program; what it prints is filled in. --check draws nothing: it compares the recipe with the folder.
+The page contains the input. The script draws the "images" of each ```json block with `splatctl render --local`.
+A view is the block's "view" with the merge patch of the image. "volume" is a built-in volume (demo:NAME), a volume
+that this script writes (made:NAME), or a file of the data folder (data:NAME). If that file does not exist, the
+image stays unchanged. "difference": [A, B, GAIN] makes an image of middle grey plus GAIN times B - A. Images whose
+names begin with _ are only for differences and are not kept. Each ```console block names a test program; the script
+replaces the block by the program's output. --check draws nothing: it compares the page with its folder of images.
 """
 import argparse
 import json
@@ -24,7 +25,7 @@ import zlib
 
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE_MAX = 1500000
-ROOM = os.path.join(HERE, '..', '..', 'renderer')
+RENDERER = os.path.join(HERE, '..', '..', 'renderer')
 
 
 def checkerboard(x, y, z):
@@ -144,13 +145,13 @@ def write_difference(path, a, b, gain):
 class Gallery:
     def __init__(self, options, work):
         self.options, self.work, self.failed = options, work, 0
-        self.folder = os.path.join(ROOM, 'gallery')
+        self.folder = os.path.join(RENDERER, 'gallery')
 
     def path(self, name):
         return os.path.join(self.work if name.startswith('_') else self.folder, name)
 
     def volume(self, name):
-        """What splatctl is to load, or None."""
+        """Returns the volume for splatctl; None if a file of the data folder does not exist."""
         kind, rest = name.split(':', 1)
         if kind == 'made':
             return make_volume(self.work, rest)
@@ -172,7 +173,7 @@ class Gallery:
             if name[0] != '_' and name not in wanted:
                 continue
             if volume is None:
-                print(f'skipped: {name}: no {block["volume"][5:]} in the data folder')
+                print(f'skipped: {name}: {block["volume"][5:]} is not in the data folder')
             elif 'difference' in patch:
                 a, b, gain = patch['difference']
                 write_difference(path, self.path(a), self.path(b), gain)
@@ -190,7 +191,7 @@ class Gallery:
             print(f'{os.path.basename(path)}: {os.path.getsize(path)} bytes')
 
     def measure(self, program):
-        """What a test program prints, without what other instruction sets would say."""
+        """Returns the output of a test program, without the lines of skipped targets."""
         done = subprocess.run([os.path.join(self.options.build, 'tests', program)], text=True, capture_output=True,
                               check=False)
         self.failed += done.returncode != 0
@@ -198,19 +199,19 @@ class Gallery:
 
 
 def check(text):
-    """What does not fit between the recipe, the page and the folder."""
+    """Returns the differences between the images that the page defines, those that it shows, and the folder."""
     made = {name for body in re.findall(r'```json\n(.*?)```', text, re.S)
             for name in json.loads(body).get('images', {}) if name[0] != '_'}
     shown = set(re.findall(r'\(gallery/([^)]+)\)', text))
-    folder = os.path.join(ROOM, 'gallery')
+    folder = os.path.join(RENDERER, 'gallery')
     there = set(os.listdir(folder))
     size = sum(os.path.getsize(os.path.join(folder, name)) for name in there)
-    findings = [f'{name}: made, but not shown' for name in sorted(made - shown)]
-    findings += [f'{name}: shown, but not made' for name in sorted(shown - made)]
-    findings += [f'{name}: made, but not in the folder' for name in sorted(made - there)]
-    findings += [f'{name}: in the folder, but not made' for name in sorted(there - made)]
-    findings += ['a claim of a test failed'] * ('FAILED' in text)
-    findings += [f'the images take {size} bytes, more than {SIZE_MAX}'] * (size > SIZE_MAX)
+    findings = [f'{name}: defined in a block, but not shown on the page' for name in sorted(made - shown)]
+    findings += [f'{name}: shown on the page, but not defined in a block' for name in sorted(shown - made)]
+    findings += [f'{name}: defined in a block, but not in the folder' for name in sorted(made - there)]
+    findings += [f'{name}: in the folder, but not defined in a block' for name in sorted(there - made)]
+    findings += ['the output of a test on the page contains FAILED'] * ('FAILED' in text)
+    findings += [f'the images have {size} bytes; the limit is {SIZE_MAX}'] * (size > SIZE_MAX)
     return findings
 
 
@@ -218,15 +219,15 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument('--build', default='build/release')
     parser.add_argument('--data', default=os.path.join(HERE, '..', '..', '..', 'shared', 'data'))
-    parser.add_argument('--only', default='', metavar='PREFIX', help='only images whose names begin so, no figures')
-    parser.add_argument('--check', action='store_true', help='compare the page with its folder, no drawing')
+    parser.add_argument('--only', default='', metavar='PREFIX', help='draw only images whose names begin with PREFIX; run no tests')
+    parser.add_argument('--check', action='store_true', help='compare the page with its folder of images; draw nothing')
     options = parser.parse_args()
-    page = os.path.join(ROOM, 'gallery.md')
+    page = os.path.join(RENDERER, 'gallery.md')
     with open(page, encoding='utf-8') as f:
         text = f.read()
     if options.check:
         findings = check(text)
-        print('\n'.join(findings) or 'the page and its folder agree')
+        print('\n'.join(findings) or 'the page matches its folder of images')
         return 1 if findings else 0
     with tempfile.TemporaryDirectory() as work:
         gallery = Gallery(options, work)

@@ -12,7 +12,7 @@ double test_cubic(double r) {
     return q > 0 ? q * q * (0.067599 + 0.282474 * q) : 0;
 }
 
-/* Gauss and Legendre's rule of eight points on [a, b] for g along the ray. */
+/* Integrates g along the ray over [a, b], by the Gauss-Legendre rule of eight points. */
 static double panel(double rho, double a, double b) {
     static const double x[4] = { 0.1834346424956498, 0.5255324099163290, 0.7966664774136267,
                                  0.9602898564975363 };
@@ -25,7 +25,7 @@ static double panel(double rho, double a, double b) {
     return sum * half;
 }
 
-/* The integral from 0 to end ≥ 0, in panels that end where the polynomials join. */
+/* Integrates from 0 to end ≥ 0, in panels that end where the polynomials join. */
 static double from_middle(double rho, double end) {
     double stops[2] = { JOINT, TEST_CUBIC_RADIUS }, begin = 0, sum = 0;
     for (int i = 0; i < 2; i++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The cubic kernel of Crawfis and Max, spherical in index space, from the mathematics page; its
- * integrals by plain quadrature, so that closed forms and tables elsewhere have a judge.
+ * The cubic kernel of Crawfis and Max, spherical in index space, as on the mathematics page. Its
+ * integrals are computed by quadrature, as the reference for closed forms and tables elsewhere.
  */
 #ifndef TESTS_SUPPORT_CUBIC_H
 #define TESTS_SUPPORT_CUBIC_H
@@ -11,8 +11,8 @@
 /* g(r), r ≥ 0 in voxels; 0 beyond the radius. */
 double test_cubic(double r);
 
-/* ∫ g(√(ρ² + z²)) dz for z from -∞ to `end`: what a ray at distance ρ ≥ 0 from the middle has
- * gathered there. `end` INFINITY: the footprint F(ρ). Good to 1e-8. */
+/* Returns ∫ g(√(ρ² + z²)) dz for z from -∞ to `end`, along a ray at distance ρ ≥ 0 from the centre.
+ * With `end` = INFINITY it is the footprint F(ρ). The error is below 1e-8. */
 double test_cubic_gathered(double rho, double end);
 
 /* Variance along one axis: ∫ x² g / ∫ g over space [voxel²]. */

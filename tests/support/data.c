@@ -18,7 +18,7 @@ bool test_data_path(const char *configured, const char *file, char *path, size_t
         if (!access(path, R_OK))
             return true;
     }
-    printf("skipped: no %s in %s (set SPLATD_DATA_DIR to the folder of the real volumes)\n", file,
-           folder);
+    printf("skipped: %s is not in %s (set SPLATD_DATA_DIR to the folder of the real volumes)\n",
+           file, folder);
     return false;
 }

@@ -10,7 +10,7 @@
 #include <string.h>
 
 static _Thread_local bool is_spared;
-static atomic_long left = -1; /* allocations that succeed before one does not; < 0 = all */
+static atomic_long left = -1; /* allocations until one fails; < 0 = none fails */
 static atomic_bool stays_out, has_failed;
 static atomic_size_t largest;
 
@@ -81,7 +81,7 @@ void *__wrap_aligned_alloc(size_t alignment, size_t size) {
     return memory_is_left() ? __real_aligned_alloc(alignment, size) : NULL;
 }
 
-/* What the C library allocates by itself; the second of two names is that of hardened builds. */
+/* Functions of the C library that allocate. Hardened builds call the names that end in _chk. */
 
 char *__real_strdup(const char *text);
 char *__real_strndup(const char *text, size_t most);
@@ -165,7 +165,7 @@ struct stream { /* of open_memstream() */
     size_t *size;
 };
 
-/* As that grows: whoever writes is told when it cannot. */
+/* Grows the buffer of an open_memstream(). Returns 0, a write error, if memory runs out. */
 static ssize_t write_stream(void *user, const char *bytes, size_t size) {
     struct stream *stream = user;
     char *text = realloc(*stream->text, *stream->size + size + 1);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Memory that runs out on request. splat_fake_memory() of tests/CMakeLists.txt has the linker put
- * this file's functions in the place of malloc, calloc, realloc and aligned_alloc, for everything
- * that is linked statically; what shared libraries ask for themselves is there. Thread-safe.
+ * Allocations that fail on request. splat_fake_memory() of tests/CMakeLists.txt makes the linker
+ * replace malloc, calloc, realloc and aligned_alloc by the functions of this file, in all code that
+ * is linked statically. Allocations of shared libraries never fail. Thread-safe.
  */
 #ifndef TESTS_SUPPORT_FAKE_MEMORY_H
 #define TESTS_SUPPORT_FAKE_MEMORY_H
@@ -12,19 +12,20 @@
 
 enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 
-/* From here on n allocations succeed, and the one behind them does not; MEMORY_STAYS_OUT: nor do
- * all after it. */
+/* Lets the next n allocations succeed and the one after them fail. With MEMORY_STAYS_OUT, all later
+ * allocations fail as well. */
 void memory_run_out(long n, enum memory_end end);
-/* All succeed again. Did one fail? */
+/* Lets all allocations succeed again. Returns true if one has failed since memory_run_out(). */
 bool memory_come_back(void);
-/* The largest allocation since the last call. [bytes] */
+/* Returns the size of the largest allocation since the last call [bytes]. */
 size_t memory_take_largest(void);
-/* From here on the calling thread's allocations succeed, and do not count; false: as at first. */
+/* true: the allocations of the calling thread succeed and do not count. false: the default. */
 void memory_spare_thread(bool is_spared);
 
-/* For a library's own allocator: may it allocate once more? */
+/* For the allocator of a library: counts one allocation. Returns false if it must fail. */
 bool memory_is_left(void);
-/* SQLite's memory runs out, too (fake_sqlite.c); before anything else of SQLite is called. */
+/* Makes SQLite's allocations fail as well (fake_sqlite.c). Call it before any function of SQLite.
+ */
 void memory_play_sqlite(void);
 
 #endif

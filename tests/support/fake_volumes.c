@@ -10,7 +10,7 @@ static void *acquire(void *user, const char *id, struct sp_error *err) {
     bool is_there = !volumes->only || !id || !*id || strcmp(id, volumes->only) == 0;
     if (volumes->is_loading || !is_there) {
         sp_fail(err, volumes->is_loading ? SP_ERR_NOT_READY : SP_ERR_VOLUME_UNKNOWN, "/volume",
-                "no %s now", id);
+                "the volume %s is not available", id);
         return NULL;
     }
     volumes->uses++;

@@ -11,15 +11,15 @@
 
 enum { REACH_MAX = 20, TAPS_MAX = 2 * REACH_MAX + 1 };
 
-/* Distance of sample i; beyond the border the last gap repeats. */
+/* Returns the distance of sample i from sample 0; beyond the border the last gap repeats. */
 static double place_of(const struct sp_grid *grid, unsigned a, long i) {
     long n = (long)grid->dims[a], inside = i < 0 ? 0 : i >= n ? n - 1 : i;
     return sp_grid_distance(grid, a, (uint32_t)inside) +
            (double)(i - inside) * sp_grid_local_spacing(grid, a, (uint32_t)inside);
 }
 
-/* How many samples away from the nearest one a kernel can stand and still reach a point, at most
- * REACH_MAX + 1. A point is nearest to the samples of its cell, which ends half a gap away. */
+/* Returns how many samples a kernel can be away from the sample nearest to a point and still reach
+ * the point; at most REACH_MAX + 1. A sample is the nearest one up to half a gap away. */
 static int axis_reach(const struct sp_grid *grid, unsigned a, double radius) {
     long reach = 1;
     if (!grid->coordinates[a])
@@ -133,7 +133,8 @@ bool test_field_close(struct test_field *f) {
     return spread(f, 0) && spread(f, 1) && spread(f, 2);
 }
 
-/* Smallest and largest f of the samples that reach the cell of the padded sample at `middle`. */
+/* Sets the smallest and largest f of the samples whose kernels reach the cell of the padded sample
+ * `middle`. */
 static void range_around(const struct test_field *f, const long middle[3], double range[2]) {
     long r = f->reach;
     range[0] = INFINITY;
@@ -163,7 +164,7 @@ void test_field_hide(struct test_field *f, test_interval_fn *visible, const void
             }
 }
 
-/* The padded sample nearest to p. */
+/* Returns the padded sample nearest to p. */
 static long nearest(const struct test_field *f, int a, double p) {
     const struct test_axis *axis = &f->axes[a];
     if (axis->even)
@@ -179,7 +180,7 @@ static long nearest(const struct test_field *f, int a, double p) {
     return p - axis->place[low] < axis->place[high] - p ? low : high;
 }
 
-/* The normal densities at the 2·reach + 1 lattice points around an offset `d` in [-½, ½]:
+/* Sets the normal densities at the 2·reach + 1 lattice points around an offset `d` in [-½, ½]:
  * exp(-(k-d)²/2σ²) = exp(-d²/2σ²)·exp(d/σ²)^k·exp(-k²/2σ²). */
 static void lattice_weights(const struct test_field *f, double d, double *w) {
     double s = 1 / (f->sigma * f->sigma), middle = exp(-0.5 * d * d * s), up = exp(d * s);

@@ -75,8 +75,8 @@ static double invert(const double v[3], double inverse[3]) {
     return det;
 }
 
-/* The voxel in camera space, and the columns of its kernel: deviation times local spacing along the
- * grid's axes, in the world. Returns v_k. */
+/* Sets the voxel's position in camera space, and the columns of its kernel in world space: the
+ * deviation times the local spacing along each axis of the grid. Returns v_k. */
 static double place_kernel(const struct test_projection *p, const uint32_t voxel[3], double u[3],
                            double kernel[3][3]) {
     const struct sp_grid *grid = &p->scene->info.grid;
@@ -95,7 +95,7 @@ static double place_kernel(const struct test_projection *p, const uint32_t voxel
     return fabs(sp_mat3_determinant(&cell));
 }
 
-/* J at camera position u; returns its determinant. */
+/* Sets J at the point u in camera space. Returns its determinant. */
 static double jacobian(const struct test_projection *p, const double u[3], struct sp_mat3 *j) {
     double s = p->scale, z = u[2], l = sqrt(dot(u, u));
     *j = (struct sp_mat3){ { { s, 0, 0 }, { 0, s, 0 }, { 0, 0, 1 } } };
@@ -106,7 +106,8 @@ static double jacobian(const struct test_projection *p, const double u[3], struc
     return sp_mat3_determinant(j);
 }
 
-/* Rows 0 and 1 of J W K scaled, as one, so that the smaller eigenvalue of V̂ is at least h². */
+/* Scales rows 0 and 1 of J W K by a common factor, so that the smaller eigenvalue of V̂ is at least
+ * h². */
 static void scale_up(double m[3][3], double h2) {
     double a = dot(m[0], m[0]), b = dot(m[0], m[1]), c = dot(m[1], m[1]);
     double smaller = 0.5 * (a + c) - sqrt(0.25 * (a - c) * (a - c) + b * b);
@@ -127,7 +128,8 @@ static void add_cut(const struct test_half_space *half, double e, const double k
     for (int i = 0; i < 2; i++)
         c[i] = dot(m[i], q);
     apply(inverse, c, slope);
-    /* Of a plane that holds the ray nothing is left to chance; its edge keeps a hundredth. */
+    /* A plane that contains the ray has no variance; keep a minimum, so that its edge is a
+     * hundredth of a deviation wide. */
     double variance = fmax(dot(q, q) - c[0] * slope[0] - c[1] * slope[1], 1e-4 * dot(q, q));
     double joint = dot(m[2], q) - depth[0] * slope[0] - depth[1] * slope[1];
     double correlation = joint / (sqrt(variance) * f->deviation), s = 1 / sqrt(variance);
@@ -138,7 +140,7 @@ static void add_cut(const struct test_half_space *half, double e, const double k
                                                                   : 0 };
 }
 
-/* Everything about depth and clipping, from the distribution E on the image. */
+/* Sets the depth and clipping data from the distribution E on the image. */
 static void set_extent(const struct test_projection *p, const double u[3],
                        const double kernel[3][3], double m[3][3], const double v[3],
                        struct test_footprint *f) {
@@ -155,7 +157,7 @@ static void set_extent(const struct test_projection *p, const double u[3],
                 depth, f);
 }
 
-/* Ṽ → conic, box and peak. */
+/* Sets conic, box and peak from Ṽ. */
 static void set_shape(const struct test_projection *p, const double v[3], double volume,
                       struct test_footprint *f) {
     double det = invert(v, f->conic);
@@ -173,7 +175,7 @@ static void set_shape(const struct test_projection *p, const double v[3], double
     f->peak = volume / (4 * f->rx * f->ry);
 }
 
-/* What the voxel adds a unit of length; false when nothing. */
+/* Sets what the voxel adds per unit of length. False if it adds nothing. */
 static bool set_numbers(const struct test_projection *p, const double u[3],
                         struct test_footprint *f) {
     const struct test_scene *scene = p->scene;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Footprints of the second opinion (formula.h has the formulas): voxel → image.
+ * The footprint of a voxel on the image, for the reference renderer of formula.h, which has the
+ * formulas.
  */
 #ifndef TESTS_SUPPORT_FOOTPRINT_H
 #define TESTS_SUPPORT_FOOTPRINT_H
@@ -13,14 +14,14 @@
 
 enum { TEST_PLANES_MAX = 6 + SP_CLIP_PLANES_MAX, TEST_NUMBERS = 5 };
 
-/* What all voxels of a scene share. */
+/* Data that all voxels of a scene share. */
 struct test_projection {
     const struct test_scene *scene;
     double w[3][3];       /* world → camera */
     double scale;         /* f or s, px */
-    double sigma, radius; /* of the kernel: deviation [voxels], where it ends [deviations] */
+    double sigma, radius; /* of the kernel: deviation [voxels], radius [deviations] */
     bool perspective, cubic, post;
-    int planes; /* kept: normal·t ≥ offset */
+    int planes; /* a plane keeps normal·t ≥ offset */
     struct test_half_space {
         double normal[3], offset;
     } half[TEST_PLANES_MAX];
@@ -31,13 +32,13 @@ struct test_footprint {
     double conic[3];              /* Ṽ⁻¹: xx, xy, yy; flat: 0 */
     double peak;                  /* length at the centre, world units; flat: everywhere */
     double distance, slope[2];    /* depth: x2 and its change per pixel */
-    double deviation, reach;      /* along the ray given the pixel; r √V22 */
-    double numbers[TEST_NUMBERS]; /* pre: c·g, g; post: gradient, 1, f; times length they add up */
+    double deviation, reach;      /* of the depth on the ray of a pixel; r √V22 */
+    double numbers[TEST_NUMBERS]; /* per length; pre: c·g, g; post: gradient, 1, f */
     bool flat;
     int planes;
-    struct test_cut { /* η = e + k·d in deviations; side as to how it bounds the depth */
+    struct test_cut { /* a clip plane: η = e + k·d in deviations */
         double e, k[2];
-        int side; /* 1 below, -1 above, 0 not */
+        int side; /* 1: lower bound of the depth; -1: upper bound; 0: a factor */
     } cut[TEST_PLANES_MAX];
     uint32_t voxel[3];
 };
@@ -48,9 +49,9 @@ void test_projection_init(struct test_projection *p, const struct test_scene *sc
 bool test_footprint_init(const struct test_projection *p, const uint32_t voxel[3],
                          struct test_footprint *f);
 
-/* What counts on the ray of the pixel at `d` from the centre: the length of the whole kernel, and
- * the interval of depth that clip planes leave, in deviations around the ray's mean. False when
- * nothing does. */
+/* The part of a kernel on the ray of the pixel at `d` from the footprint's centre: the length of
+ * the whole kernel, and the depth interval that the clip planes keep, in deviations around the mean
+ * of the ray. test_footprint_cross() returns false if it is empty. */
 struct test_crossing {
     double length, rho, all; /* cubic: distance from the middle [voxels], F(ρ) */
     double low, high;
@@ -58,7 +59,7 @@ struct test_crossing {
 bool test_footprint_cross(const struct test_projection *p, const struct test_footprint *f,
                           const double d[2], struct test_crossing *c);
 
-/* Share of the kernel before `depth`, in deviations, on that ray. */
+/* Returns the share of the kernel before `depth` [deviations] on that ray. */
 double test_footprint_share(const struct test_projection *p, const struct test_crossing *c,
                             double depth);
 

@@ -9,11 +9,11 @@
 #include "support/footprint.h"
 #include "support/sample.h"
 
-/* A voxel that is drawn, and where it comes among the others. */
+/* A voxel that is drawn, and its sort key. */
 struct entry {
     struct test_footprint foot;
-    double key; /* sheet, or distance or its range, front to back */
-    size_t list;
+    double key;  /* sheet, distance, or range of distances, front to back */
+    size_t list; /* position in the list of bricks, for equal keys */
 };
 
 struct formula {
@@ -22,15 +22,15 @@ struct formula {
     struct entry *entries; /* sorted */
     size_t count;
     double thickness;   /* of a slab, world units */
-    long first, layers; /* number of the first slab or sheet; how many */
+    long first, layers; /* index of the first slab or sheet; number of layers */
     double *sums;       /* [layers][height][width][TEST_NUMBERS] */
     struct sp_transfer_function plain,
         scale; /* post: without the gradient axis; with nothing else */
     struct test_image *image;
 };
 
-/* The axis whose slices' normal is nearest to the direction of view; *rising: the nearest slice is
- * the first. */
+/* Returns the axis whose slices face the view direction best. *rising: the first slice is the
+ * nearest one. */
 static int major_axis(const struct formula *f, bool *rising) {
     double best = -1, det;
     struct sp_mat3 direction;
@@ -50,7 +50,7 @@ static int major_axis(const struct formula *f, bool *rising) {
     return axis;
 }
 
-/* Place in a list of bricks of 16³, i0 fastest among bricks and inside them. */
+/* Returns the position in a list of bricks of 16³, with i0 fastest among bricks and inside them. */
 static size_t list_place(const uint32_t dims[3], const uint32_t i[3]) {
     size_t brick = 0, inside = 0;
     for (int a = 2; a >= 0; a--) {
@@ -93,7 +93,7 @@ static bool collect(struct formula *f, double range) {
     return true;
 }
 
-/* First and last slab of a kernel. */
+/* Sets the first and the last slab that a kernel reaches. */
 static void slab_range(const struct formula *f, const struct test_footprint *foot, long *first,
                        long *last) {
     *first = (long)floor((foot->distance - foot->reach) / f->thickness);
@@ -132,7 +132,7 @@ static void add_numbers(double *sums, const double *numbers, double length) {
         sums[k] += numbers[k] * length;
 }
 
-/* The slabs' shares of a kernel on the ray of one pixel. */
+/* Adds the shares of a kernel to the slabs on the ray of one pixel. */
 static void add_slabs(const struct formula *f, const struct test_footprint *foot, const double d[2],
                       const struct test_crossing *c, size_t pixel) {
     const struct test_projection *p = &f->projection;
@@ -150,8 +150,8 @@ static void add_slabs(const struct formula *f, const struct test_footprint *foot
     }
 }
 
-/* The transfer function's mean over the values that a slab's ray runs through, then the gradient
- * axis. */
+/* Averages the transfer function over the values along the ray within a slab, then applies the
+ * gradient axis. */
 static void classify_interval(const struct formula *f, double value, double half, double magnitude,
                               double color[3], double *opacity) {
     enum { STEPS = 200 };
@@ -165,11 +165,11 @@ static void classify_interval(const struct formula *f, double value, double half
     }
     for (int k = 0; k < 3; k++)
         color[k] = depth > 0 ? sum[k] / depth : 0;
-    test_classify(&f->scale, 0, magnitude, unused, &scale); /* of an opacity of ½ */
+    test_classify(&f->scale, 0, magnitude, unused, &scale); /* half of the gradient's scale */
     *opacity = -expm1(-depth) * 2 * scale;
 }
 
-/* Post: turns (N, W, S) of a pixel into (E, T). */
+/* Post-classification: converts (N, W, S) of a pixel to (E, T). */
 static void classify_pixel(const struct formula *f, size_t pixel, double *sums) {
     const struct sp_view *view = &f->scene->view;
     const struct test_projection *p = &f->projection;

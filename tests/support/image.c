@@ -194,7 +194,7 @@ void test_image_dump(const char *name, const struct test_image *got,
     if (!folder)
         folder = "dump";
     if (mkdir(folder, 0777) && errno != EEXIST) {
-        printf("cannot make the folder %s: %s\n", folder, strerror(errno));
+        printf("cannot create the folder %s: %s\n", folder, strerror(errno));
         return;
     }
     if (wanted->width != width || wanted->height != height ||
@@ -210,6 +210,6 @@ void test_image_dump(const char *name, const struct test_image *got,
             }
     snprintf(path, sizeof path, "%s/%s.png", folder, name);
     if (test_image_write_png(&all, path))
-        printf("  %s: got, wanted, %g times the difference\n", path, gain);
+        printf("  %s: result, expected image, %g times the difference\n", path, gain);
     test_image_finish(&all);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Images of the tests: RGBA in double precision, associated alpha, row 0 on top. Comparing them,
- * and writing them to be looked at.
+ * Images of the tests: RGBA in double precision, associated alpha, row 0 on top. Functions to
+ * compare them and to write them to files.
  */
 #ifndef TESTS_SUPPORT_IMAGE_H
 #define TESTS_SUPPORT_IMAGE_H
@@ -24,14 +24,15 @@ static inline double *test_image_at(const struct test_image *image, unsigned x, 
     return image->rgba + ((size_t)y * image->width + x) * 4;
 }
 
-/* A frame of either format as an image of its own (RGBA8 becomes associated, values / 255). */
+/* Copies a frame of either format to a new image (RGBA8: values / 255, converted to associated
+ * alpha). False when out of memory. */
 bool test_image_from_frame(struct test_image *image, const struct sp_frame *frame);
 
 /* Blends an associated image over a background that is not associated, in place:
  * C + (1 - A)·(rgb·a, a). */
 void test_image_over(struct test_image *image, const float background[4]);
 
-/* The image mirrored left to right, in place. */
+/* Mirrors the image left to right, in place. */
 void test_image_mirror(struct test_image *image);
 
 /* PSNR [dB] with peak 1: 10·log10(1 / mean (a-b)²), the mean taken over all pixels and all four
@@ -52,11 +53,11 @@ struct test_difference test_image_difference(const struct test_image *a,
 void test_image_statistics(const struct test_image *image, unsigned channel, double *mean,
                            double *variance);
 
-/* Writes an 8-bit RGB PNG (uncompressed, over black, values cut to [0,1]). False if it cannot. */
+/* Writes an 8-bit RGB PNG (uncompressed, over black, values clamped to [0,1]). False on failure. */
 bool test_image_write_png(const struct test_image *image, const char *path);
 
-/* Writes NAME.png: got, wanted, and `gain` times their difference, side by side, into the folder
- * $SPLATD_TEST_DUMP or, without it, into `dump` below the current folder, and prints where. */
+/* Writes NAME.png with `got`, `wanted` and `gain` times their absolute difference side by side, to
+ * the folder $SPLATD_TEST_DUMP (default: `dump` in the current folder). Prints the path. */
 void test_image_dump(const char *name, const struct test_image *got,
                      const struct test_image *wanted, double gain);
 

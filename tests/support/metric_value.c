@@ -24,6 +24,6 @@ unsigned long long metric_value(const struct srv_metrics *metrics, const char *n
             return value;
         }
     free(text);
-    fail_msg("no %s", name);
+    fail_msg("the metric %s does not exist", name);
     return 0;
 }

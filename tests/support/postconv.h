@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Runs the stage postconv (postconv/postconv.h) alone: a scene, prepared as the CPU backend does,
- * and any function in place of the kernel that draws its tiles.
+ * Runs only the stage postconv (postconv/postconv.h) on a scene, prepared as in the CPU backend.
+ * Any function can replace the kernel that draws the tiles.
  */
 #ifndef TESTS_SUPPORT_POSTCONV_H
 #define TESTS_SUPPORT_POSTCONV_H
@@ -10,9 +10,9 @@
 #include "support/scene.h"
 
 struct test_postconv {
-    struct sp_postconv_tables tables; /* the first: a tile function finds the rest through it */
+    struct sp_postconv_tables tables; /* first, so that test_postconv_of() can cast its address */
     const struct sp_view *view;
-    struct sp_frame *target; /* what test_postconv_draw() draws into; at first `frame` */
+    struct sp_frame *target; /* test_postconv_draw() draws into it; initially `frame` */
     struct sp_frame *frame;
     struct sp_frame_pool *frames;
     struct sp_pool *pool;
@@ -25,8 +25,8 @@ struct test_postconv {
     struct sp_level_frame parts[SP_LEVELS];
     struct sp_detail detail;
     unsigned axis;
-    uint8_t *modes; /* adaptive; else NULL */
-    void *user;     /* the test's */
+    uint8_t *modes; /* filter modes for filter adaptive; otherwise NULL */
+    void *user;     /* for the test */
 };
 
 static inline struct test_postconv *test_postconv_of(const struct sp_postconv *postconv) {

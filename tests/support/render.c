@@ -6,16 +6,16 @@
 #include "backend/cpu/kernels.h"
 #include "support/sanitized.h"
 
-/* The CPU backend's instruction sets; under a sanitizer the reference and the best that the machine
- * has. */
+/* Returns the i-th instruction set of the CPU backend. Under a sanitizer there are only the
+ * reference and the best one of this machine. */
 static const char *isa_at(unsigned i) {
     if (TEST_SANITIZED)
         return i == 0 ? "scalar" : i == 1 ? "auto" : NULL;
     return cpu_isa_at(i);
 }
 
-/* Under a sanitizer the GL backend is left to its unit tests: software GL is slow, and the code
- * that it compiles has no instrumentation. */
+/* Under a sanitizer, only the unit tests run the GL backend: software GL is slow, and the code that
+ * it compiles has no instrumentation. */
 static bool is_left_out(const char *backend) {
     return strcmp(backend, "null") == 0 || strcmp(backend, "cpu") == 0 || TEST_SANITIZED;
 }
@@ -51,7 +51,8 @@ bool test_renderer_open(struct test_renderer *r, const struct test_target *targe
     sp_renderer_info(r->renderer, &info);
     bool same = strcmp(target->isa, "auto") == 0 || strcmp(target->isa, info.isa) == 0;
     if (!same)
-        sp_fail(err, SP_ERR_UNSUPPORTED, "", "asked for %s, it runs as %s", target->isa, info.isa);
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "requested instruction set %s, the renderer uses %s",
+                target->isa, info.isa);
     else
         r->pool = sp_frame_pool_create((size_t)64 << 20, err);
     if (!r->pool)

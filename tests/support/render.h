@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Rendering in a test: every backend and instruction set by turns, images as doubles.
+ * Rendering in tests: enumerates the backends and instruction sets, and renders to images of
+ * doubles.
  */
 #ifndef TESTS_SUPPORT_RENDER_H
 #define TESTS_SUPPORT_RENDER_H
@@ -16,9 +17,10 @@ struct test_target {
     const char *isa; /* "auto" for backends without instruction sets */
 };
 
-/* The i-th pair of a compiled backend (all but null) and an instruction set by name, whether this
- * machine has it or not; false past the end. The CPU's come first, and of those the reference. With
- * sanitizers only two: the CPU's reference, "scalar", and its best set, "auto". */
+/* Sets the i-th target: a compiled backend (except null) and the name of an instruction set, which
+ * this machine may lack. False past the end. The CPU backend comes first, beginning with its
+ * reference "scalar". With sanitizers there are only two targets: "scalar" and the best instruction
+ * set of the CPU, "auto". */
 bool test_target_at(unsigned i, struct test_target *target);
 
 struct test_renderer {
@@ -26,8 +28,8 @@ struct test_renderer {
     struct sp_frame_pool *pool;
 };
 
-/* False when the target cannot start on this machine or would run as something else; *err says
- * why. */
+/* False with *err set if the target cannot start on this machine or would run with another
+ * instruction set. */
 bool test_renderer_open(struct test_renderer *r, const struct test_target *target, unsigned threads,
                         struct sp_error *err);
 void test_renderer_close(struct test_renderer *r);
@@ -36,16 +38,16 @@ void test_renderer_close(struct test_renderer *r);
 bool test_render(const struct test_renderer *r, struct sp_volume *volume,
                  const struct sp_view *view, struct test_image *image, struct sp_error *err);
 
-/* The same from a scene, whose volume is made and forgotten. */
+/* The same for a scene. Creates its volume and releases it. */
 bool test_render_scene(const struct test_renderer *r, const struct test_scene *scene,
                        struct test_image *image, struct sp_error *err);
 
-/* Does the target draw this scene's sheets without footprints (postconv/postconv.h)? The scalar
- * reference never does: held to it or to what has footprints, such an image is another
- * algorithm's, whose kernels end where filters do and not at view.filter.cutoff. */
+/* True if the target draws this scene as post-convolved sheets (postconv/postconv.h). The scalar
+ * reference always draws footprints. The kernels of post-convolved sheets do not end at
+ * view.filter.cutoff, so such images differ from images of footprints. */
 bool test_uses_postconv(const struct test_target *target, const struct test_scene *scene);
 
-/* Do two frames have the same size, format and, within their rows, the same bytes? */
+/* True if two frames have the same size, the same format and, within their rows, the same bytes. */
 bool test_frames_equal(const struct sp_frame *a, const struct sp_frame *b);
 
 #endif

@@ -27,7 +27,7 @@ double test_sample(const void *voxels, enum sp_type type, size_t index) {
     case SP_TYPE_COUNT:
         break;
     }
-    assert(!"a sample type that is none");
+    assert(!"unknown sample type");
     return 0;
 }
 
@@ -71,7 +71,7 @@ void test_gradient(const struct sp_volume_info *info, const void *voxels, const 
     memcpy(direction.m, info->grid.direction, sizeof direction.m);
     for (unsigned a = 0; a < 3; a++)
         along.v[a] = slope(info, voxels, i, a);
-    /* A gradient is covariant: it turns with the inverse's transpose. */
+    /* A gradient is covariant: it transforms with the transpose of the inverse. */
     direction = sp_mat3_inverse(&direction, &det);
     direction = sp_mat3_transpose(&direction);
     along = sp_mat3_apply(&direction, along);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a sample of a volume means, for the integrator and the formulas: where it lies, its value
- * and gradient, its colour and opacity, its shade. In double precision, nothing quantised; written
- * from the mathematics page and the view's documentation, not from the renderer.
+ * The position, value, gradient, colour, opacity and shading of a sample of a volume, for the
+ * integrator (truth.h) and the formulas (formula.h). In double precision, without quantisation;
+ * written from the mathematics page and the documentation of the view, not from the renderer.
  */
 #ifndef TESTS_SUPPORT_SAMPLE_H
 #define TESTS_SUPPORT_SAMPLE_H
@@ -12,13 +12,13 @@
 #include "sp/view.h"
 #include "sp/volume.h"
 
-/* One sample as a double; `index` counts voxels. NaN and infinities as they are. */
+/* Returns a sample as a double; `index` counts voxels. NaN and infinities stay as they are. */
 double test_sample(const void *voxels, enum sp_type type, size_t index);
 
 /* Index of the sample i (i0 fastest). */
 size_t test_sample_index(const struct sp_grid *grid, const uint32_t i[3]);
 
-/* Its place in the world. */
+/* Sets the position of a sample in world space. */
 void test_sample_place(const struct sp_grid *grid, const uint32_t i[3], double world[3]);
 
 /* The gradient in world space [data unit per world unit] by central differences, (f₊ - f₋)/(c₊ -
@@ -31,7 +31,7 @@ void test_gradient(const struct sp_volume_info *info, const void *voxels, const 
 void test_classify(const struct sp_transfer_function *tf, double value, double magnitude,
                    double color[3], double *opacity);
 
-/* Does the magnitude matter to the colour or the opacity of a view? */
+/* True if the colour or the opacity depends on the gradient. */
 bool test_needs_gradient(const struct sp_view *view);
 
 /* Axes of camera space: right, down, forward as rows of W (u = W (t - position)). */

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sanitizers make everything several times slower, and look for other faults than wrong images:
- * where TEST_SANITIZED is 1, tests of images may draw fewer or smaller ones, and print that they
- * do.
+ * Sanitizers make tests several times slower and do not look for wrong images. Where TEST_SANITIZED
+ * is 1, image tests may draw fewer or smaller images; they then print this.
  */
 #ifndef TESTS_SUPPORT_SANITIZED_H
 #define TESTS_SUPPORT_SANITIZED_H

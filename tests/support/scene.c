@@ -89,7 +89,7 @@ static void centre(struct sp_grid *grid) {
     }
 }
 
-/* All but the samples' values. */
+/* Sets everything except the values of the samples. */
 static bool describe(struct test_scene *scene, const char *name, const uint32_t dims[3],
                      const double spacing[3], enum sp_type type) {
     struct sp_volume_info *info = &scene->info;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Small scenes: voxels made by a formula, and a view. Sizes are chosen so that the integrator
- * finishes in about a second; every sample type is used by one of them.
+ * Small scenes: voxels from a formula, and a view. They are small enough for the integrator to
+ * finish in about a second. Together they use every sample type.
  */
 #ifndef TESTS_SUPPORT_SCENE_H
 #define TESTS_SUPPORT_SCENE_H
@@ -23,18 +23,18 @@ struct test_scene {
  * function of two white points (0 → opacity 0, 1 → opacity 0.1). */
 void test_view_init(struct sp_view *view);
 
-/* Value at (x,y,z), index coordinates, in the data's own unit. */
+/* Returns the value at the index coordinates (x,y,z), in the unit of the data. */
 typedef double test_value_fn(const void *user, double x, double y, double z);
 
 /* Fills scene->info and scene->voxels on a grid with identity direction, centred on the world's
- * origin; values are rounded and cut to the type's range. False when out of memory. Call
- * test_view_init() for the view apart. */
+ * origin. Values are rounded and clamped to the range of the type. False when out of memory. Does
+ * not set the view: call test_view_init(). */
 bool test_scene_voxels(struct test_scene *scene, const char *name, const uint32_t dims[3],
                        const double spacing[3], enum sp_type type, test_value_fn *value,
                        const void *user);
 
-/* The same on a rectilinear grid: coordinates[a] as in sp_grid (copied), NULL = even with a spacing
- * of 1. `value` gets the distances along the axes from the grid's middle, world units. */
+/* The same on a rectilinear grid: coordinates[a] as in sp_grid (copied), NULL = uniform with a
+ * spacing of 1. `value` gets the distances along the axes from the grid's middle, world units. */
 bool test_scene_rectilinear(struct test_scene *scene, const char *name, const uint32_t dims[3],
                             const double *const coordinates[3], enum sp_type type,
                             test_value_fn *value, const void *user);
@@ -46,18 +46,18 @@ void test_scene_finish(struct test_scene *scene);
 void test_scene_direction(struct test_scene *scene, const double degrees[3], double mirror,
                           double shear);
 
-/* The eye at distance `distance` from `target` (NULL = world's origin), turned by azimuth (about
- * the world's y axis) and elevation, in degrees; the world's y axis points up. */
+/* Places the camera at `distance` from `target` (NULL = the world's origin), in the direction given
+ * by azimuth (about the world's y axis) and elevation, in degrees. The world's y axis points up. */
 void test_scene_orbit(struct test_scene *scene, const double *target, double azimuth,
                       double elevation, double distance);
 
-/* Points of the transfer function: value, r, g, b, opacity in rows of five. */
+/* Sets the points of the transfer function; each row is value, r, g, b, opacity. */
 void test_scene_points(struct test_scene *scene, const double (*points)[5], unsigned count);
 
-/* Appends a clip plane with this normal (not normalised) through a point. */
+/* Appends a clip plane through a point. The normal need not have length 1. */
 void test_scene_cut(struct test_scene *scene, const double normal[3], const double point[3]);
 
-/* The scene as a volume of the renderer: one reference, or NULL with *err set. */
+/* Creates a volume of the renderer from the scene. Returns one reference, or NULL with *err set. */
 struct sp_volume *test_scene_volume(const struct test_scene *scene, struct sp_error *err);
 
 /* The scenes. Each returns false when out of memory. */

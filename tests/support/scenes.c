@@ -55,7 +55,7 @@ bool test_scene_thin_shells(struct test_scene *scene) {
     return true;
 }
 
-/* Layers across the third axis that bend a little, on a disc. */
+/* Slightly bent layers across the third axis, on a disc. */
 static double layers(const void *user, double x, double y, double z) {
     (void)user;
     double r = hypot(x - 19.5, y - 19.5), bend = z + 0.02 * (x - 19.5) * (y - 19.5) / 4;
@@ -93,11 +93,11 @@ bool test_scene_checkerboard(struct test_scene *scene) {
     return true;
 }
 
-/* Three of the ellipsoids of a head phantom in a 48³ grid, softened by sampling over a voxel. */
+/* Six ellipsoids of a head phantom in a 48³ grid, with edges that are one voxel wide. */
 static double head(const void *user, double x, double y, double z) {
     (void)user;
     static const double parts[][7] = {
-        /* middle, half axes (fractions of 24), what is added */
+        /* middle, half axes (fractions of 24), value that is added inside */
         { 0, 0, 0, 0.69, 0.92, 0.81, 2000 },       { 0, -0.0184, 0, 0.6624, 0.874, 0.78, -1400 },
         { 0.22, 0, 0, 0.11, 0.31, 0.22, -300 },    { -0.22, 0, 0, 0.16, 0.41, 0.28, -300 },
         { 0, 0.35, -0.15, 0.21, 0.25, 0.41, 300 }, { 0, -0.3, 0.2, 0.1, 0.12, 0.1, 500 },

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Scenes for one choice of the view each: clipping, rectilinear grids, the gradient axis,
- * post-classification, the cubic kernel; and those where compositing is hard.
+ * Scenes that each test one setting of the view: clipping, rectilinear grids, the gradient axis,
+ * post-classification, the cubic kernel. Others are hard to composite.
  */
 #include <math.h>
 #include <stdint.h>
@@ -11,7 +11,7 @@
 
 static const double unit[3] = { 1, 1, 1 };
 
-/* Layers three samples apart across the third axis, waved, in a ball. */
+/* Wavy layers across the third axis, three samples apart, in a ball. */
 static double waved_layers(const void *user, double x, double y, double z) {
     (void)user;
     double r2 = pow(x - 19.5, 2) + pow(y - 19.5, 2) + pow(3 * (z - 7.5), 2);
@@ -71,7 +71,8 @@ static double world_blobs(const void *user, double x, double y, double z) {
     return value;
 }
 
-/* Distances of n samples whose gaps grow by `growth` from one end to the other, `length` in all. */
+/* Sets the distances of n samples. The last gap is `growth` times the first; `length` is the sum of
+ * the gaps. */
 static void grade(double *coordinates, unsigned n, double length, double growth) {
     coordinates[0] = 0;
     for (unsigned i = 1; i < n; i++)
@@ -148,7 +149,7 @@ bool test_scene_clip_edge(struct test_scene *scene) {
 bool test_scene_clip_corner(struct test_scene *scene) {
     if (!named(scene, test_scene_blobs, "clip-corner"))
         return false;
-    /* Its apex looks at the eye. */
+    /* The apex of the corner points to the camera. */
     const double apex[3] = { -3, 2, 4 };
     test_scene_cut(scene, (double[]){ 0.9, 0.3, -0.7 }, apex);
     test_scene_cut(scene, (double[]){ -0.1, -1, -0.6 }, apex);
@@ -156,7 +157,7 @@ bool test_scene_clip_corner(struct test_scene *scene) {
     return true;
 }
 
-/* Two materials with a soft wall between, and a slope that is no wall. */
+/* Two materials with a soft wall between them, on a gentle slope of values. */
 static double walls(const void *user, double x, double y, double z) {
     (void)user;
     double r = sqrt(pow(x - 15.5, 2) + pow(y - 13.5, 2) + pow(1.4 * (z - 12), 2));
@@ -186,8 +187,8 @@ bool test_scene_gradient_axis(struct test_scene *scene) {
     return true;
 }
 
-/* Seen in bands no wider than neighbouring samples differ: whether one falls into a band is chance,
- * and only post-classification shows them whole. */
+/* Bands of opacity as narrow as the difference between neighbouring samples. A sample falls into a
+ * band only by chance, so only post-classification shows closed surfaces. */
 static const double peak_points[][5] = {
     { 30, 0.2, 0.5, 1.0, 0 }, { 36, 0.2, 0.5, 1.0, 0.25 }, { 42, 0.2, 0.5, 1.0, 0 },
     { 70, 1.0, 0.5, 0.1, 0 }, { 76, 1.0, 0.5, 0.1, 0.5 },  { 82, 1.0, 0.5, 0.1, 0 },

@@ -38,7 +38,7 @@ static double length3(const double v[3]) {
     return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
-/* Classified before it is interpolated: (c_k g_k, g_k). False when nothing is seen of it. */
+/* Classifies before interpolation: sets (c_k g_k, g_k). False if the voxel is transparent. */
 static bool set_pre(const struct march *m, double value, const double gradient[3],
                     const double place[3], test_quad *numbers) {
     const struct sp_view *view = m->view;
@@ -77,7 +77,7 @@ static void set_voxel(struct march *m, const struct sp_volume_info *info, const 
         test_field_set(&m->field, i, numbers);
 }
 
-/* Can a value in [low, high] be seen? */
+/* True if a value in [low, high] has an opacity above 0. */
 static bool visible(const void *user, double low, double high) {
     const struct sp_transfer_function *tf = user;
     double color[3], opacity[2];
@@ -109,7 +109,7 @@ static bool build_field(struct march *m, const struct sp_volume_info *info, cons
     return true;
 }
 
-/* Emission and extinction (c g, g) at axis-space point p; false where there is none. */
+/* Sets emission and extinction (c g, g) at the axis-space point p. False where extinction is 0. */
 static bool medium(const struct march *m, const struct ray *ray, const double p[3],
                    test_quad *sum) {
     const struct sp_view *view = m->view;
@@ -133,7 +133,7 @@ static bool medium(const struct march *m, const struct ray *ray, const double p[
     return (*sum)[3] > 0;
 }
 
-/* Keeps of [*from, *to] what has a + b·l ≥ 0; true when that is less. */
+/* Reduces [*from, *to] to the part where a + b·l ≥ 0. True if it becomes shorter. */
 static bool keep(double a, double b, double *from, double *to) {
     double was[2] = { *from, *to };
     if (b > 0)
@@ -145,7 +145,8 @@ static bool keep(double a, double b, double *from, double *to) {
     return *from > was[0] || *to < was[1];
 }
 
-/* What the clip box and planes keep of an interval of the ray; true when they cut it. */
+/* Reduces an interval of the ray to the part inside the clip box and planes. True if they cut it.
+ */
 static bool clip_ray(const struct march *m, const struct ray *ray, double *from, double *to) {
     const struct sp_clip *clip = &m->view->clip;
     bool cut = false;
@@ -168,7 +169,7 @@ static bool clip_ray(const struct march *m, const struct ray *ray, double *from,
 }
 
 static void march_ray(const struct march *m, const struct ray *ray, double *rgba) {
-    double from, to, through = 1, speed[3]; /* speed: voxels a world unit */
+    double from, to, through = 1, speed[3]; /* speed: voxels per world unit */
     memset(rgba, 0, 4 * sizeof *rgba);
     if (!test_field_span(&m->field, ray->p, ray->d, &from, &to))
         return;
@@ -227,7 +228,7 @@ static void march_block(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Faces at the fractions 0 and 1 do not cut: kernels reach beyond the cells' box. */
+/* Box faces at the fractions 0 and 1 do not cut: kernels extend beyond the box of the cells. */
 static void init_box(struct march *m, const struct sp_grid *grid) {
     for (unsigned a = 0; a < 3; a++) {
         double extent[2];
@@ -289,7 +290,8 @@ void test_rays_finish(struct test_rays *rays) {
     test_image_finish(&rays->image);
 }
 
-/* One pixel: Σ over rays around its centre of the Gaussian's density times the cell's area. */
+/* Convolves one pixel: sums the rays around its centre, weighted by the Gaussian's density times
+ * the area of a ray's cell. */
 static void convolve_pixel(const struct test_rays *rays, double h, unsigned x, unsigned y,
                            double *rgba) {
     int n = (int)rays->samples, reach = h > 0 ? (int)ceil(5 * h * n) : 0;
