@@ -19,7 +19,7 @@
 #include "support/render.h"
 #include "support/truth.h"
 
-enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, GL_STEP = 8 };
+enum { TARGETS_MAX = 16, LOWPASSES_MAX = 8, ROWS_MAX = 64, GL_STEP = 16 };
 
 struct run {
     struct test_target targets[TARGETS_MAX];
@@ -221,8 +221,8 @@ static bool find_truth(const struct test_scene *scene, const struct manifest_sce
     return ok;
 }
 
-/* Software GL takes most of the time. It draws every eighth row of a scene, starting at another row
- * in each scene, unless only one scene was requested. */
+/* Software GL takes most of the time. It draws every sixteenth row of a scene, starting at another
+ * row in each scene, unless only one scene was requested. */
 static bool is_drawn(const struct run *run, unsigned t, const struct manifest_scene *entry,
                      size_t row) {
     return run->is_single || strcmp(run->targets[t].backend, "gl-software") != 0 ||

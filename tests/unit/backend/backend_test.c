@@ -16,6 +16,7 @@
 #include "backend/cpu/draw.h"
 #include "sp/log.h"
 #include "sp/probe.h"
+#include "support/sanitized.h"
 #include "unit/backend/rig.h"
 
 static void drop_line(void *user, enum sp_log_level level, const char *kind,
@@ -162,10 +163,10 @@ static void the_test_card_shows_the_camera(void **state) {
 
 static void threads_do_not_change_a_bit(void **state) {
     (void)state;
-    for (int shading = 0; shading < 2; shading++) {
+    for (int shading = TEST_SANITIZED; shading < 2; shading++) {
         struct sp_frame *first = NULL;
         struct sp_frame_pool *pool = sp_frame_pool_create(1 << 24, NULL);
-        for (unsigned threads = 1; threads <= 7; threads += 2) {
+        for (unsigned threads = 1; threads <= 7; threads += TEST_SANITIZED ? 6 : 2) {
             struct rig rig =
                 rig_make("cpu", threads, rig_make_ball(80, (double[3]){ 1, 1.5, 0.8 }));
             rig.view.shading.mode = (enum sp_shading_mode)shading;
@@ -265,7 +266,7 @@ static void check_edits(const char *isa, float tolerance) {
     rig.renderer = sp_renderer_create(&options, NULL);
     fresh.renderer = sp_renderer_create(&options, NULL);
     /* Thresholds that a hand moves to and fro, in small steps and large ones; then it rests. */
-    for (int k = 0; k < 40; k++) {
+    for (int k = 0; k < (TEST_SANITIZED ? 12 : 40); k++) {
         struct sp_transfer_function *tf = &rig.view.transfer_function;
         tf->points[0].value = k < 30 ? 300 + 200 * sin(k * 0.4) + (k % 7 == 6 ? 250 : 0) : 250;
         tf->points[1].color[1] = (float)(k % 3) / 2;
@@ -412,6 +413,8 @@ static void a_paused_render_loses_nothing(void **state) {
 }
 
 int main(void) {
+    if (TEST_SANITIZED)
+        print_message("thinned under a sanitizer: fewer edits, counts of threads and shadings\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(registry_finds_names_and_refuses_others),
         cmocka_unit_test(the_startup_check_compares_images),

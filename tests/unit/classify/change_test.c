@@ -16,6 +16,7 @@
 
 #include "classify/change.h"
 #include "classify/classification.h"
+#include "support/sanitized.h"
 
 enum { X = 40, Y = 21, Z = 35, VOXELS = X * Y * Z };
 
@@ -125,7 +126,7 @@ static void derived_lists_are_those_of_a_pass(void **state) {
     (void)state;
     srand(9);
     struct sp_pool *pool = sp_pool_create(2, NULL);
-    for (int n = 0; n < 70; n++) {
+    for (int n = 0; n < (TEST_SANITIZED ? 2 : 10) * SP_TYPE_COUNT; n++) {
         struct sp_volume *volume = make_volume((enum sp_type)(n % SP_TYPE_COUNT));
         const double *range = sp_volume_info(volume)->range;
         struct sp_transfer_function tf;
@@ -194,6 +195,8 @@ static void only_values_that_change_count(void **state) {
 }
 
 int main(void) {
+    if (TEST_SANITIZED)
+        print_message("thinned under a sanitizer: two volumes of ten of each type\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(derived_lists_are_those_of_a_pass),
         cmocka_unit_test(only_values_that_change_count),

@@ -286,7 +286,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
         oom_must(method, path, "", expected);
         whole = shape();
     }
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         int status;
         snprintf(text, sizeof text, body, n);
         oom_token = OOM_ADMIN;
@@ -307,7 +307,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
         oom_token = token;
     }
     free(whole);
-    print_message("%s %s: %ld allocations\n", method, path, n - 1);
+    print_message("%s %s: %ld allocations\n", method, path, n - OOM_STEP);
     assert_true(n > 1);
     oom_cover(method, path);
 }

@@ -96,7 +96,7 @@ static void each_allocation_of_drawing(void) {
 static void each_allocation_of_deleting(void) {
     char text[512], id[64], path[96];
     long n = 0;
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         snprintf(text, sizeof text, PATH("png"), n);
         make_path(text, id);
         wait_until_done(id);
@@ -109,7 +109,7 @@ static void each_allocation_of_deleting(void) {
             assert_int_not_equal(status, 204);
         }
     }
-    print_message("DELETE paths: %ld allocations\n", n - 1);
+    print_message("DELETE paths: %ld allocations\n", n - OOM_STEP);
     assert_true(n > 3);
     oom_cover("DELETE", path);
 }

@@ -130,7 +130,7 @@ void oom_streams(void **state) {
     char path[96];
     long n = 0;
     bool failed;
-    for (bool refused = true; refused; n++) { /* joins and waits for the first frame */
+    for (bool refused = true; refused; n += OOM_STEP) { /* joins and waits for the first frame */
         memory_run_out(n, MEMORY_FAILS_ONCE);
         bool ok = join() && see(0, &failed) && !failed;
         refused = memory_come_back();
@@ -146,13 +146,13 @@ void oom_streams(void **state) {
     }
     snprintf(path, sizeof path, "sessions/%s/stream", oom_session);
     oom_cover("GET", path);
-    print_message("joining: %ld allocations\n", n - 1);
+    print_message("joining: %ld allocations\n", n - OOM_STEP);
     assert_true(join());
     assert_true(see(0, &failed));
     assert_false(failed);
     uint32_t seq = 0;
     n = 0;
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         memory_run_out(n, MEMORY_FAILS_ONCE);
         update(++seq, 2 * n);
         bool is_open = see(seq, &failed);
@@ -179,6 +179,6 @@ void oom_streams(void **state) {
         assert_true(is_open);
         assert_false(failed);
     }
-    print_message("an update: %ld allocations\n", n - 1);
+    print_message("an update: %ld allocations\n", n - OOM_STEP);
     oom_hang_up(&stream);
 }

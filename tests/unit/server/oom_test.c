@@ -91,7 +91,7 @@ static void making(void **state) {
 /* Replaces an existing preset (`status` 204) or creates a new one (201). */
 static void each_allocation_of_putting(int status) {
     long n = 0;
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         char body[64];
         int put;
         oom_ask(status == 204 ? "PUT" : "DELETE", "presets/two", "{}");
@@ -104,7 +104,7 @@ static void each_allocation_of_putting(int status) {
         assert_true(!is_new || put < 500);
         oom_must("PUT", "presets/two", body, is_there ? 204 : 201);
     }
-    print_message("PUT presets, %d: %ld allocations\n", status, n - 1);
+    print_message("PUT presets, %d: %ld allocations\n", status, n - OOM_STEP);
     assert_true(n > 3);
     oom_cover("PUT", "presets/two");
 }
@@ -126,7 +126,7 @@ static const char *state_of_made(void) {
 static void each_allocation_of_loading(void) {
     static const char body[] = "{\"uri\":\"demo:engine?size=9\",\"id\":\"made\"}";
     long n = 0;
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         memory_run_out(n, MEMORY_FAILS_ONCE);
         int status = oom_ask("POST", "volumes", body);
         state_of_made();
@@ -145,7 +145,7 @@ static void each_allocation_of_loading(void) {
         oom_must("DELETE", "volumes/made", "", 204);
         assert_string_equal(state_of_made(), "");
     }
-    print_message("POST volumes: %ld allocations\n", n - 1);
+    print_message("POST volumes: %ld allocations\n", n - OOM_STEP);
     assert_true(n > 3);
     oom_cover("POST", "volumes");
 }
@@ -156,7 +156,7 @@ static void each_allocation_of_loading(void) {
 static void each_allocation_of_ending(const char *kind, const char *body, int made) {
     char text[256], id[64], path[128];
     long n = 0;
-    for (bool refused = true; refused; n++) {
+    for (bool refused = true; refused; n += OOM_STEP) {
         int status;
         snprintf(text, sizeof text, body, n);
         snprintf(path, sizeof path, "%s/two", kind);
@@ -178,7 +178,7 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
         oom_must("DELETE", path, "", found == 200 ? 204 : 404);
         oom_must("GET", path, "", 404);
     }
-    print_message("DELETE %s: %ld allocations\n", kind, n - 1);
+    print_message("DELETE %s: %ld allocations\n", kind, n - OOM_STEP);
     assert_true(n > 0);
     oom_cover("DELETE", path);
 }
@@ -258,6 +258,7 @@ int main(void) {
         cmocka_unit_test(oom_all_is_covered),
         cmocka_unit_test(a_body_without_a_valid_token_is_not_stored),
     };
+    print_message("one allocation of %d fails in turn\n", OOM_STEP);
     memory_spare_thread(true);
     signal(SIGPIPE, SIG_IGN);
     memory_play_sqlite();

@@ -279,7 +279,8 @@ static const struct sp_renderer_options software = { .backend = "gl-software", .
 /* Views of every kind, in turn. */
 static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
     sp_view_init(view, sp_volume_info(rig->volumes[k % 2]), "v");
-    view->size[0] = view->size[1] = 24 + 8 * (k % 3);
+    view->size[0] = view->size[1] =
+        12 + 8 * (k % 3); /* small: the calls are checked, not the image */
     view->compositing.mode = k / 2 % 3;
     view->shading.mode = k / 6 % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
     if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2)
@@ -355,8 +356,8 @@ static bool open_rig(struct rig *rig) {
     if (!first)
         return false;
     rig->pool = sp_frame_pool_create(0, &rig->err);
-    rig->volumes[0] = sp_volume_load("demo:engine?size=24", NULL, &rig->err);
-    rig->volumes[1] = sp_volume_load("demo:phantom?size=20", NULL, &rig->err);
+    rig->volumes[0] = sp_volume_load("demo:engine?size=16", NULL, &rig->err);
+    rig->volumes[1] = sp_volume_load("demo:phantom?size=16", NULL, &rig->err);
     assert_true(rig->pool);
     assert_true(rig->volumes[0]);
     assert_true(rig->volumes[1]);
