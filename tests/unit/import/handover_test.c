@@ -6,7 +6,7 @@
 #include "import/handover.h"
 #include "unit/import/support.h"
 
-static struct sp_handover good_header(void) {
+static struct sp_handover valid_header(void) {
     struct sp_handover m;
     sp_handover_init(&m, SP_HANDOVER_HEADER);
     m.header.type = SP_INT16;
@@ -20,14 +20,14 @@ static struct sp_handover good_header(void) {
     return m;
 }
 
-static void good_messages_pass_unchanged(void **state) {
+static void valid_messages_are_decoded_unchanged(void **state) {
     (void)state;
     struct sp_handover in, out;
     struct sp_error err;
     for (enum sp_handover_kind kind = SP_HANDOVER_HEADER; kind <= SP_HANDOVER_GO; kind++) {
         sp_handover_init(&in, kind);
         if (kind == SP_HANDOVER_HEADER)
-            in = good_header();
+            in = valid_header();
         if (kind == SP_HANDOVER_PROGRESS)
             in.bytes = UINT64_MAX;
         if (kind == SP_HANDOVER_ERROR) {
@@ -41,9 +41,9 @@ static void good_messages_pass_unchanged(void **state) {
     }
 }
 
-static void every_other_size_is_refused(void **state) {
+static void wrong_sizes_are_refused(void **state) {
     (void)state;
-    struct sp_handover in = good_header(), out;
+    struct sp_handover in = valid_header(), out;
     unsigned char bytes[sizeof in + 8] = { 0 };
     struct sp_error err;
     memcpy(bytes, &in, sizeof in);
@@ -57,10 +57,10 @@ static void every_other_size_is_refused(void **state) {
     assert_int_equal(sp_handover_size((enum sp_handover_kind)6), 0);
 }
 
-/* Each byte of a header set to odd values: it is refused, or what passes is a sound grid. */
-static void no_byte_gets_an_unsound_grid_through(void **state) {
+/* Sets each byte of a header to odd values. The message is refused, or its grid is valid. */
+static void a_changed_byte_never_gives_an_invalid_grid(void **state) {
     (void)state;
-    struct sp_handover in = good_header(), out;
+    struct sp_handover in = valid_header(), out;
     size_t size = sp_handover_size(SP_HANDOVER_HEADER), refused = 0;
     static const unsigned char odd[] = { 0x00, 0x01, 0x7f, 0x80, 0xf0, 0xff };
     for (size_t at = 0; at < size; at++)
@@ -79,29 +79,38 @@ static void no_byte_gets_an_unsound_grid_through(void **state) {
             assert_int_equal(out.kind, SP_HANDOVER_HEADER);
             assert_int_equal(h->bytes, (uint64_t)h->dims[0] * h->dims[1] * h->dims[2] *
                                            sp_type_size((enum sp_type)h->type));
-            for (int a = 0; a < 3; a++)
-                assert_true(h->spacing[a] > 0 && isfinite(h->spacing[a]) && isfinite(h->origin[a]));
-            assert_true(memchr(h->unit, 0, sizeof h->unit) != NULL);
-            assert_true(h->rectilinear < 8 && h->zero == 0);
+            for (int a = 0; a < 3; a++) {
+                assert_compare(h->spacing[a], >, 0);
+                assert_true(isfinite(h->spacing[a]));
+                assert_true(isfinite(h->origin[a]));
+            }
+            assert_non_null(memchr(h->unit, 0, sizeof h->unit));
+            assert_compare(h->rectilinear, <, 8);
+            assert_int_equal(h->zero, 0);
         }
-    assert_true(refused > 200);
+    assert_compare(refused, >, 200);
 }
 
-static void coordinates_follow_the_samples(void **state) {
+static void coordinates_are_laid_out_after_the_samples(void **state) {
     (void)state;
-    struct sp_handover m = good_header();
+    struct sp_handover m = valid_header();
     uint64_t offset[3];
     assert_int_equal(sp_handover_layout(&m.header, offset), 120);
-    assert_true(offset[0] == 0 && offset[1] == 0 && offset[2] == 0);
+    assert_int_equal(offset[0], 0);
+    assert_int_equal(offset[1], 0);
+    assert_int_equal(offset[2], 0);
     m.header.rectilinear = 5;
     assert_int_equal(sp_handover_layout(&m.header, offset), 120 + 3 * 8 + 5 * 8);
-    assert_true(offset[0] == 120 && offset[1] == 0 && offset[2] == 144);
-    m.header.bytes = 121; /* from the next double on */
+    assert_int_equal(offset[0], 120);
+    assert_int_equal(offset[1], 0);
+    assert_int_equal(offset[2], 144);
+    m.header.bytes = 121; /* coordinates begin at the next multiple of 8 bytes */
     assert_int_equal(sp_handover_layout(&m.header, offset), 128 + 3 * 8 + 5 * 8);
-    assert_true(offset[0] == 128 && offset[2] == 152);
+    assert_int_equal(offset[0], 128);
+    assert_int_equal(offset[2], 152);
 }
 
-static void below_means_below(void **state) {
+static void only_paths_inside_a_folder_are_below_it(void **state) {
     (void)state;
     assert_true(sp_is_below("/a", "/a/b"));
     assert_true(sp_is_below("/a/b", "/a/b/c/d"));
@@ -116,11 +125,11 @@ static void below_means_below(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(good_messages_pass_unchanged),
-        cmocka_unit_test(every_other_size_is_refused),
-        cmocka_unit_test(no_byte_gets_an_unsound_grid_through),
-        cmocka_unit_test(coordinates_follow_the_samples),
-        cmocka_unit_test(below_means_below),
+        cmocka_unit_test(valid_messages_are_decoded_unchanged),
+        cmocka_unit_test(wrong_sizes_are_refused),
+        cmocka_unit_test(a_changed_byte_never_gives_an_invalid_grid),
+        cmocka_unit_test(coordinates_are_laid_out_after_the_samples),
+        cmocka_unit_test(only_paths_inside_a_folder_are_below_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Stands in for splat-import and does what a reader does that a file has taken over. The name of
- * the file says what.
+ * Replaces splat-import and misbehaves like an importer that a malicious file has taken over. The
+ * name of the file selects the behaviour.
  */
 #include <math.h>
 #include <signal.h>
@@ -17,19 +17,19 @@
 
 enum { BYTES = 8 * 8 * 8 };
 
-static void say(const struct sp_handover *message) {
+static void send_message(const struct sp_handover *message) {
     size_t size = sp_handover_size((enum sp_handover_kind)message->kind);
     if (send(SP_IMPORT_SOCKET, message, size, MSG_NOSIGNAL) < 0)
         _exit(9);
 }
 
-static void say_kind(enum sp_handover_kind kind) {
+static void send_kind(enum sp_handover_kind kind) {
     struct sp_handover message;
     sp_handover_init(&message, kind);
-    say(&message);
+    send_message(&message);
 }
 
-static struct sp_handover good_header(void) {
+static struct sp_handover valid_header(void) {
     struct sp_handover m;
     sp_handover_init(&m, SP_HANDOVER_HEADER);
     m.header.type = SP_UINT8;
@@ -60,7 +60,7 @@ static void wait_for_ever(void) {
         pause();
 }
 
-static bool before_the_header(const char *what) {
+static bool misbehave_before_header(const char *what) {
     if (strcmp(what, "abort") == 0) {
         signal(SIGABRT, SIG_DFL);
         abort();
@@ -82,9 +82,9 @@ static bool before_the_header(const char *what) {
         static const char zeros[4096];
         send(SP_IMPORT_SOCKET, zeros, sizeof zeros, MSG_NOSIGNAL);
     } else if (strcmp(what, "done-first") == 0) {
-        say_kind(SP_HANDOVER_DONE);
+        send_kind(SP_HANDOVER_DONE);
     } else if (strcmp(what, "progress-first") == 0) {
-        say_kind(SP_HANDOVER_PROGRESS);
+        send_kind(SP_HANDOVER_PROGRESS);
     } else if (strcmp(what, "closed") == 0) {
         close(SP_IMPORT_SOCKET);
         wait_for_ever();
@@ -92,28 +92,28 @@ static bool before_the_header(const char *what) {
         struct sp_handover m;
         sp_handover_init(&m, SP_HANDOVER_ERROR);
         m.error.code = 999;
-        say(&m);
+        send_message(&m);
     } else if (strcmp(what, "error-ok") == 0) {
-        say_kind(SP_HANDOVER_ERROR); /* code SP_OK */
+        send_kind(SP_HANDOVER_ERROR); /* code SP_OK */
     } else if (strcmp(what, "error-endless") == 0) {
         struct sp_handover m;
         sp_handover_init(&m, SP_HANDOVER_ERROR);
         m.error.code = SP_ERR_FORMAT;
         memset(m.error.text, 'x', sizeof m.error.text);
-        say(&m);
+        send_message(&m);
     } else if (strcmp(what, "error-escape") == 0) {
         struct sp_handover m;
         sp_handover_init(&m, SP_HANDOVER_ERROR);
         m.error.code = SP_ERR_FORMAT;
         snprintf(m.error.text, sizeof m.error.text, "bad\n\033[2Jfile");
-        say(&m);
+        send_message(&m);
     } else {
         return false;
     }
     return true;
 }
 
-static bool with_the_header(const char *what, struct sp_handover *m) {
+static bool damage_header(const char *what, struct sp_handover *m) {
     struct sp_handover_header *h = &m->header;
     if (strcmp(what, "version") == 0)
         m->version = 77;
@@ -146,8 +146,9 @@ static bool with_the_header(const char *what, struct sp_handover *m) {
     return true;
 }
 
-/* Coordinates of the second axis, which come too late to be refused before the samples. */
-static void lay_coordinates(const char *what) {
+/* Writes the coordinates of the second axis. The parent can check them only after the samples are
+ * written. */
+static void write_coordinates(const char *what) {
     double *c = mmap(NULL, BYTES + 64, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     if (c == MAP_FAILED)
         _exit(8);
@@ -162,9 +163,9 @@ static void lay_coordinates(const char *what) {
     munmap(c, BYTES + 64);
 }
 
-static void after_go(const char *what) {
+static void misbehave_after_go(const char *what) {
     if (strncmp(what, "coordinates", 11) == 0)
-        lay_coordinates(what);
+        write_coordinates(what);
     unsigned char *p = map();
     memset(p, 42, BYTES);
     if (strcmp(what, "abort-late") == 0) {
@@ -174,32 +175,33 @@ static void after_go(const char *what) {
         wait_for_ever();
     } else if (strcmp(what, "quit-late") == 0) {
         _exit(5);
-    } else if (strcmp(what, "truncate") == 0) { /* the seals must hold */
+    } else if (strcmp(what, "truncate") == 0) { /* the seals must prevent both */
         if (ftruncate(SP_IMPORT_MEMORY, 1) == 0 || ftruncate(SP_IMPORT_MEMORY, 1 << 20) == 0)
             _exit(3);
         munmap(p, BYTES);
     } else if (strcmp(what, "header-again") == 0) {
-        struct sp_handover m = good_header();
-        say(&m);
+        struct sp_handover m = valid_header();
+        send_message(&m);
         wait_for_ever();
     } else if (strcmp(what, "after-done") == 0) {
-        say_kind(SP_HANDOVER_DONE);
-        say_kind(SP_HANDOVER_DONE);
+        send_kind(SP_HANDOVER_DONE);
+        send_kind(SP_HANDOVER_DONE);
         wait_for_ever();
     } else if (strcmp(what, "hang-done") == 0) {
-        say_kind(SP_HANDOVER_DONE);
+        send_kind(SP_HANDOVER_DONE);
         wait_for_ever();
     } else if (strcmp(what, "flood") == 0) {
         for (uint64_t i = 0; i < 20000; i++) {
             struct sp_handover m;
             sp_handover_init(&m, SP_HANDOVER_PROGRESS);
             m.bytes = ~i;
-            say(&m);
+            send_message(&m);
         }
         munmap(p, BYTES);
-    } else if (strcmp(what, "keeper") == 0) { /* a descendant could continue to write */
+    } else if (strcmp(what, "keeper") == 0) {
+        /* A child process that keeps the memory could continue to write. */
         if (fork() == 0) {
-            setsid(); /* out of the group that gets killed */
+            setsid(); /* leaves the process group that the parent kills */
             close(SP_IMPORT_SOCKET);
             alarm(5);
             wait_for_ever();
@@ -208,7 +210,7 @@ static void after_go(const char *what) {
     } else {
         munmap(p, BYTES);
     }
-    say_kind(SP_HANDOVER_DONE);
+    send_kind(SP_HANDOVER_DONE);
     _exit(strcmp(what, "status") == 0 ? 4 : 0);
 }
 
@@ -218,15 +220,15 @@ int main(int argc, char **argv) {
         return 2;
     const char *slash = strrchr(argv[1], '/');
     snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[1]);
-    if (before_the_header(what))
+    if (misbehave_before_header(what))
         wait_for_ever();
-    struct sp_handover m = good_header();
+    struct sp_handover m = valid_header();
     m.header.rectilinear = strncmp(what, "coordinates", 11) == 0 ? 2 : 0;
-    if (with_the_header(what, &m)) {
-        say(&m);
+    if (damage_header(what, &m)) {
+        send_message(&m);
         wait_for_ever();
     }
-    say(&m);
+    send_message(&m);
     await_go();
-    after_go(what);
+    misbehave_after_go(what);
 }

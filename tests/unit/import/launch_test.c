@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The parent against files that are none and readers that cannot be trusted.
+ * Loading a volume from sources that are not regular files and from an importer that misbehaves.
  */
 #include <dirent.h>
 #include <fcntl.h>
@@ -40,7 +40,7 @@ static struct sp_volume *load_hostile(const char *what, int timeout_ms, struct s
     return sp_volume_load(in_folder(what), &options, err);
 }
 
-static void bad_readers_are_errors(void **state) {
+static void misbehaving_importers_are_errors(void **state) {
     (void)state;
     static const struct {
         const char *what;
@@ -90,45 +90,50 @@ static void bad_readers_are_errors(void **state) {
         if (err.code != cases[i].code || !strstr(err.text, cases[i].text))
             fail_msg("%s: %s: %s", cases[i].what, sp_code_name(err.code), err.text);
         if (!strstr(err.place, cases[i].what))
-            fail_msg("%s: the place is %s", cases[i].what, err.place);
+            fail_msg("%s: the place of the error is %s", cases[i].what, err.place);
         assert_no_children();
     }
     assert_int_equal(open_descriptors(), before);
 }
 
-static void readers_that_never_end_are_stopped(void **state) {
+static void importers_that_do_not_end_are_stopped(void **state) {
     (void)state;
-    static const char *const whats[] = { "hang", "spin", "hang-late", "hang-done" };
-    for (size_t i = 0; i < sizeof whats / sizeof whats[0]; i++) {
+    static const char *const behaviours[] = { "hang", "spin", "hang-late", "hang-done" };
+    for (size_t i = 0; i < sizeof behaviours / sizeof behaviours[0]; i++) {
         struct sp_error err;
-        assert_null(load_hostile(whats[i], 200, &err));
+        assert_null(load_hostile(behaviours[i], 200, &err));
         assert_int_equal(err.code, SP_ERR_TIMEOUT);
         assert_non_null(strstr(err.text, "timeout of 200 ms"));
         assert_no_children();
     }
 }
 
-/* What a reader may do: flood with progress beyond the end, try to change the sealed size. */
-static void odd_but_harmless_readers_are_served(void **state) {
+/* An importer may send many progress messages with values beyond the end, and it may try to change
+ * the sealed size. Neither prevents loading. */
+static void odd_but_harmless_importers_can_load(void **state) {
     (void)state;
-    static const char *const whats[] = { "good", "flood", "truncate", "coordinates" };
-    for (size_t i = 0; i < sizeof whats / sizeof whats[0]; i++) {
+    static const char *const behaviours[] = { "good", "flood", "truncate", "coordinates" };
+    for (size_t i = 0; i < sizeof behaviours / sizeof behaviours[0]; i++) {
         struct sp_error err;
-        struct sp_volume *volume = load_hostile(whats[i], 60000, &err);
+        struct sp_volume *volume = load_hostile(behaviours[i], 60000, &err);
         if (!volume)
-            fail_msg("%s: %s", whats[i], err.text);
+            fail_msg("%s: %s", behaviours[i], err.text);
         assert_int_equal(sp_volume_info(volume)->voxel_bytes, 512);
-        assert_true(sp_volume_info(volume)->range[0] == 42);
+        assert_compare(sp_volume_info(volume)->range[0], ==, 42);
         assert_int_equal(((const uint8_t *)sp_volume_voxels(volume))[511], 42);
         const double *c = sp_volume_info(volume)->grid.coordinates[1];
-        assert_int_equal(c != NULL, strcmp(whats[i], "coordinates") == 0);
-        assert_true(!c || (c[1] == 0.5 && c[3] == 1.5 && c[7] == 7));
+        assert_int_equal(c != NULL, strcmp(behaviours[i], "coordinates") == 0);
+        if (c) {
+            assert_compare(c[1], ==, 0.5);
+            assert_compare(c[3], ==, 1.5);
+            assert_compare(c[7], ==, 7);
+        }
         sp_volume_unref(&volume);
         assert_no_children();
     }
 }
 
-/* Files that are none. */
+/* Sources that are not regular files or have no known format. */
 
 static void unreadable_sources_are_refused_without_blocking(void **state) {
     (void)state;
@@ -152,7 +157,7 @@ static void unreadable_sources_are_refused_without_blocking(void **state) {
     load_error("unknown.vol", SP_ERR_UNSUPPORTED, "unknown.vol: byte 0", "unknown file format");
     write_text("empty.vol", "%s", "");
     load_error("empty.vol", SP_ERR_FORMAT, "empty.vol: byte 0", "the file is empty");
-    if (geteuid() != 0) { /* root may read everything */
+    if (geteuid() != 0) { /* root can read every file */
         write_text("closed.nrrd", "NRRD0004\n");
         assert_int_equal(chmod(in_folder("closed.nrrd"), 0), 0);
         load_error("closed.nrrd", SP_ERR_IO, "closed.nrrd", "Permission denied");
@@ -162,7 +167,7 @@ static void unreadable_sources_are_refused_without_blocking(void **state) {
 static const char tiny[] =
     "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 1\nencoding: raw\n\nabcd";
 
-static void roots_hold(void **state) {
+static void files_outside_the_root_are_denied(void **state) {
     (void)state;
     assert_int_equal(mkdir(in_folder("in"), 0700), 0);
     assert_int_equal(mkdir(in_folder("inside"), 0700), 0);
@@ -178,7 +183,7 @@ static void roots_hold(void **state) {
         { "in/tiny.nrrd", SP_OK },
         { "in/alias.nrrd", SP_OK },
         { "in/../in/tiny.nrrd", SP_OK },
-        { "inside/tiny.nrrd", SP_ERR_DENIED }, /* "in" is no prefix by letters */
+        { "inside/tiny.nrrd", SP_ERR_DENIED }, /* "in" is a prefix, but not a parent folder */
         { "in/../inside/tiny.nrrd", SP_ERR_DENIED },
         { "in/out.nrrd", SP_ERR_DENIED },
         { "in", SP_ERR_DENIED },
@@ -199,7 +204,7 @@ static void roots_hold(void **state) {
     assert_null(sp_volume_load(in_folder("in/tiny.nrrd"), &options, &err));
     assert_int_equal(err.code, SP_ERR_IO);
     assert_string_equal(err.place, "/nonexistent");
-    /* Without a root, a link leads to the folder of the file that it means. */
+    /* Without a root, a symbolic link may point outside of its folder. */
     struct sp_volume *volume = load("in/out.nrrd");
     assert_string_equal(sp_volume_info(volume)->name, "out");
     sp_volume_unref(&volume);
@@ -218,7 +223,7 @@ static void a_missing_importer_is_explained(void **state) {
     assert_int_equal(err.code, SP_ERR_IO);
 }
 
-/* Budget, cancel. */
+/* Memory budget and cancellation. */
 
 struct calls {
     int reserves, progresses, cancel_after;
@@ -237,19 +242,20 @@ static bool on_reserve(void *user, uint64_t bytes, struct sp_error *err) {
 
 static bool on_progress(void *user, double fraction) {
     struct calls *c = user;
-    assert_true(fraction >= c->last && fraction <= 1);
+    assert_compare(fraction, >=, c->last);
+    assert_compare(fraction, <=, 1);
     c->last = fraction;
     return ++c->progresses != c->cancel_after;
 }
 
-static void the_budget_is_asked_before_memory_is_taken(void **state) {
+static void the_budget_is_checked_before_memory_is_allocated(void **state) {
     (void)state;
-    /* 64 GB, which this machine could not give: the file is sparse and big enough. */
+    /* 64 GiB, more than this machine can allocate. The sparse file has that size. */
     static const char header[] =
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4096 4096 4096\nencoding: raw\n\n";
     write_text("big.nrrd", "%s", header);
     if (truncate(in_folder("big.nrrd"), (off_t)strlen(header) + (INT64_C(1) << 36)) != 0) {
-        print_message("skipped: the file system holds no sparse file of 64 GB\n");
+        print_message("skipped: the file system cannot hold a sparse file of 64 GiB\n");
         skip();
     }
     struct calls calls = { .refuse = true };
@@ -270,13 +276,14 @@ static void the_budget_is_asked_before_memory_is_taken(void **state) {
     assert_non_null(volume);
     assert_int_equal(calls.reserves, 1);
     assert_int_equal(calls.bytes, 4);
-    assert_true(calls.last == 1 && calls.progresses >= 2);
+    assert_compare(calls.last, ==, 1);
+    assert_compare(calls.progresses, >=, 2);
     sp_volume_unref(&volume);
 }
 
 static void loading_can_be_cancelled(void **state) {
     (void)state;
-    for (int after = 1; after <= 3; after++) { /* also while the reader hangs */
+    for (int after = 1; after <= 3; after++) { /* also while the importer hangs */
         struct calls calls = { .cancel_after = after };
         struct sp_load_options options = { .importer = SPLATD_TEST_DIR "/hostile_importer",
                                            .progress = on_progress,
@@ -290,7 +297,7 @@ static void loading_can_be_cancelled(void **state) {
     }
 }
 
-/* The parent's surroundings. */
+/* Threads, other child processes and signal settings of the calling process. */
 
 static void *load_often(void *user) {
     int *failures = user;
@@ -311,7 +318,7 @@ static void many_threads_load_at_once(void **state) {
     pthread_t threads[THREADS];
     int failures[THREADS] = { 0 }, before = open_descriptors();
     write_text("tiny.nrrd", "%s", tiny);
-    /* A child of other code in this process: only that code may wait for it. */
+    /* A child process of other code in this program. Loading must not wait for it. */
     pid_t other = fork();
     if (other == 0) {
         pause();
@@ -331,7 +338,7 @@ static void many_threads_load_at_once(void **state) {
     assert_int_equal(open_descriptors(), before);
 }
 
-static void works_when_child_signals_are_ignored(void **state) {
+static void loading_works_when_sigchld_is_ignored(void **state) {
     (void)state;
     write_text("tiny.nrrd", "%s", tiny);
     signal(SIGCHLD, SIG_IGN);
@@ -345,16 +352,16 @@ static void works_when_child_signals_are_ignored(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(bad_readers_are_errors),
-        cmocka_unit_test(readers_that_never_end_are_stopped),
-        cmocka_unit_test(odd_but_harmless_readers_are_served),
+        cmocka_unit_test(misbehaving_importers_are_errors),
+        cmocka_unit_test(importers_that_do_not_end_are_stopped),
+        cmocka_unit_test(odd_but_harmless_importers_can_load),
         cmocka_unit_test(unreadable_sources_are_refused_without_blocking),
-        cmocka_unit_test(roots_hold),
+        cmocka_unit_test(files_outside_the_root_are_denied),
         cmocka_unit_test(a_missing_importer_is_explained),
-        cmocka_unit_test(the_budget_is_asked_before_memory_is_taken),
+        cmocka_unit_test(the_budget_is_checked_before_memory_is_allocated),
         cmocka_unit_test(loading_can_be_cancelled),
         cmocka_unit_test(many_threads_load_at_once),
-        cmocka_unit_test(works_when_child_signals_are_ignored),
+        cmocka_unit_test(loading_works_when_sigchld_is_ignored),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -24,7 +24,7 @@ static const struct {
     { SP_FLOAT64, { "double", "double", "double" } },
 };
 
-/* The ramp as a file has it: byte order, then gzip. The caller frees. */
+/* Returns the ramp as file contents: byte order applied, then gzip. The caller frees it. */
 static void *make_payload(enum sp_type type, bool big, bool packed, size_t *size) {
     double samples[COUNT];
     make_ramp(type, COUNT, samples);
@@ -38,7 +38,7 @@ static void *make_payload(enum sp_type type, bool big, bool packed, size_t *size
     return copy;
 }
 
-static void every_type_order_and_encoding(void **state) {
+static void every_type_byte_order_and_encoding_is_read(void **state) {
     (void)state;
     for (int t = 0; t < SP_TYPE_COUNT; t++)
         for (int variant = 0; variant < 8; variant++) {
@@ -72,7 +72,7 @@ static void every_type_order_and_encoding(void **state) {
         }
 }
 
-/* A uint8 volume of COUNT samples with more fields. */
+/* Writes a uint8 volume of COUNT samples whose header has these additional fields. */
 static void write_bytes(const char *name, const char *fields) {
     uint8_t samples[COUNT];
     char header[1024];
@@ -101,7 +101,7 @@ static void assert_grid(const char *fields, const double spacing[3], const doubl
     sp_volume_unref(&volume);
 }
 
-static void geometry_is_kept(void **state) {
+static void geometry_equals_that_of_the_header(void **state) {
     (void)state;
     static const double one[3] = { 1, 1, 1 }, zero[3] = { 0, 0, 0 };
     static const double identity[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
@@ -112,7 +112,7 @@ static void geometry_is_kept(void **state) {
                 (const double[]){ 2, 2, 2 }, (const double[]){ 11, -20, 31 }, identity, "");
     assert_grid("axis mins: 0 0 0\naxis maxs: 10 6 6\ncenters: cell node cell\n",
                 (const double[]){ 2, 2, 2 }, (const double[]){ 1, 0, 1 }, identity, "");
-    /* Turned, mirrored and sheared; orientation stays as the file has it, whatever its space. */
+    /* Rotated, mirrored and sheared axes. The orientation is that of the file in every space. */
     assert_grid("space: left-posterior-superior\nspace directions: (0,2,0) (-3,0,0) (0,0,0.5)\n"
                 "space origin: (1.5,-2.5,1e3)\nspace units: \"mm\" \"mm\" \"mm\"\n",
                 (const double[]){ 2, 3, 0.5 }, (const double[]){ 1.5, -2.5, 1000 },
@@ -121,7 +121,7 @@ static void geometry_is_kept(void **state) {
                 "kinds: space space domain\n",
                 (const double[]){ 1, 1, 4 }, zero,
                 (const double[3][3]){ { 1, 0.6, 0 }, { 0, 0.8, 0 }, { 0, 0, -1 } }, "");
-    /* Without a space at all, as some writers do. */
+    /* Without "space" and "space dimension", as some programs write it. */
     assert_grid("space directions: (2,0,0) (0,2,0) (0,0,2)\nspace origin: (1,2,3)\n",
                 (const double[]){ 2, 2, 2 }, (const double[]){ 1, 2, 3 }, identity, "");
 }
@@ -136,7 +136,7 @@ static void two_axes_are_one_slice(void **state) {
                samples, 20);
     struct sp_volume *volume = load("flat.nrrd");
     assert_int_equal(sp_volume_info(volume)->grid.dims[2], 1);
-    assert_true(sp_volume_info(volume)->grid.spacing[1] == 3);
+    assert_compare(sp_volume_info(volume)->grid.spacing[1], ==, 3);
     assert_is_ramp(volume, 20);
     sp_volume_unref(&volume);
     write_both(
@@ -145,11 +145,11 @@ static void two_axes_are_one_slice(void **state) {
         "space directions: (0,0,2) (3,0,0)\n\n",
         samples, 20);
     volume = load("flat.nrrd");
-    assert_true(sp_volume_info(volume)->grid.direction[1][2] == 1);
+    assert_compare(sp_volume_info(volume)->grid.direction[1][2], ==, 1);
     sp_volume_unref(&volume);
 }
 
-static void data_in_many_files(void **state) {
+static void samples_may_be_in_several_files(void **state) {
     (void)state;
     uint8_t samples[COUNT];
     make_ramp(SP_UINT8, COUNT, samples);
@@ -201,7 +201,7 @@ static void data_in_many_files(void **state) {
             wrong[i].end);
         load_error("many.nhdr", SP_ERR_FORMAT, "many.nhdr: byte 61: data file", wrong[i].text);
     }
-    /* Not a pattern that could be meant otherwise: a plain name, which is not there. */
+    /* These are not patterns: each is taken as a plain file name, and that file does not exist. */
     static const char *const names[] = { "parts/s%n.raw 8 10 1", "parts/s%s.raw 8 10 1",
                                          "parts/s%d%d.raw 8 10 1", "100%.raw" };
     for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
@@ -213,7 +213,7 @@ static void data_in_many_files(void **state) {
     }
 }
 
-static void skips_lead_to_the_samples(void **state) {
+static void line_and_byte_skips_are_applied(void **state) {
     (void)state;
     uint8_t bytes[100] = "two\nlines\nJUNK";
     make_ramp(SP_UINT8, COUNT, bytes + 14);
@@ -253,9 +253,7 @@ static void skips_lead_to_the_samples(void **state) {
     }
 }
 
-/* Hostile headers. */
-
-static void the_field_at_fault_is_named(void **state) {
+static void the_faulty_field_is_named(void **state) {
     (void)state;
     static const struct {
         const char *fields, *place, *text;
@@ -280,10 +278,10 @@ static void the_field_at_fault_is_named(void **state) {
     load_error("fault.nrrd", SP_ERR_UNSUPPORTED, "byte 9: type", "block samples");
 }
 
-static void hostile_headers_are_explained(void **state) {
+static void errors_explain_hostile_headers(void **state) {
     (void)state;
     static const struct {
-        const char *text; /* a file of 60 bytes of samples follows */
+        const char *text; /* a header, which 60 bytes of samples follow */
         enum sp_code code;
         const char *place, *message;
     } cases[] = {
@@ -393,7 +391,7 @@ static void hostile_headers_are_explained(void **state) {
     }
 }
 
-static void cut_off_headers_are_explained(void **state) {
+static void errors_explain_truncated_headers(void **state) {
     (void)state;
     write_text("cut.nrrd", "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\nencoding: raw\n");
     load_error("cut.nrrd", SP_ERR_FORMAT, "cut.nrrd: byte 61", "before the blank line");
@@ -417,7 +415,7 @@ static void cut_off_headers_are_explained(void **state) {
     free(longer);
 }
 
-static void gzip_is_counted(void **state) {
+static void gzip_data_must_have_the_declared_size(void **state) {
     (void)state;
     static const char header[] =
         "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 100 100 100\nencoding: gzip\n\n";
@@ -436,7 +434,7 @@ static void gzip_is_counted(void **state) {
     load_error("g.nrrd", SP_ERR_FORMAT, "g.nrrd: byte", "cut off after");
     write_both("g.nrrd", header, packed, size - 3);
     load_error("g.nrrd", SP_ERR_FORMAT, "g.nrrd: byte", "cut off after");
-    packed[size - 6] ^= 1; /* the checksum */
+    packed[size - 6] ^= 1; /* a byte of the checksum */
     write_both("g.nrrd", header, packed, size);
     load_error("g.nrrd", SP_ERR_FORMAT, ": data", "damaged: incorrect data check");
     packed[size - 6] ^= 1;
@@ -455,14 +453,14 @@ static void gzip_is_counted(void **state) {
     load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "more than the 1000000 bytes");
     free(packed);
 
-    /* A bomb: 3 MB of zeros where 1 MB is declared. */
+    /* A decompression bomb: 3 MB of zeros where the header declares 1 MB. */
     memset(samples, 0, 3000000);
     packed = gzip(samples, 3000000, &size);
     write_both("g.nrrd", header, packed, size);
     load_error("g.nrrd", SP_ERR_FORMAT, ": sizes", "stopped there");
     free(packed);
 
-    /* Members in a row, as cat makes them, are one stream; what is no member is not looked at. */
+    /* Concatenated gzip members are one stream; bytes after the last member are ignored. */
     packed = gzip(samples, 400000, &size);
     uint8_t *second = gzip(samples, 600000, &more), *both = malloc(size + more + 5);
     memcpy(both, packed, size);
@@ -478,7 +476,7 @@ static void gzip_is_counted(void **state) {
     free(samples);
 }
 
-static void files_are_looked_for_below_the_root_alone(void **state) {
+static void data_files_outside_the_root_are_denied(void **state) {
     (void)state;
     uint8_t samples[COUNT];
     make_ramp(SP_UINT8, COUNT, samples);
@@ -494,7 +492,7 @@ static void files_are_looked_for_below_the_root_alone(void **state) {
 
     const struct {
         const char *name;
-        bool with_root; /* root, else the file's folder root/sub */
+        bool with_root; /* the root is "root"; without it, the folder of the file, "root/sub" */
         enum sp_code code;
     } cases[] = {
         { "../open.raw", true, SP_OK },
@@ -533,16 +531,16 @@ static void files_are_looked_for_below_the_root_alone(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_order_and_encoding),
-        cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
+        cmocka_unit_test(geometry_equals_that_of_the_header),
         cmocka_unit_test(two_axes_are_one_slice),
-        cmocka_unit_test(data_in_many_files),
-        cmocka_unit_test(skips_lead_to_the_samples),
-        cmocka_unit_test(the_field_at_fault_is_named),
-        cmocka_unit_test(hostile_headers_are_explained),
-        cmocka_unit_test(cut_off_headers_are_explained),
-        cmocka_unit_test(gzip_is_counted),
-        cmocka_unit_test(files_are_looked_for_below_the_root_alone),
+        cmocka_unit_test(samples_may_be_in_several_files),
+        cmocka_unit_test(line_and_byte_skips_are_applied),
+        cmocka_unit_test(the_faulty_field_is_named),
+        cmocka_unit_test(errors_explain_hostile_headers),
+        cmocka_unit_test(errors_explain_truncated_headers),
+        cmocka_unit_test(gzip_data_must_have_the_declared_size),
+        cmocka_unit_test(data_files_outside_the_root_are_denied),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -9,7 +9,7 @@
 
 enum { COUNT = 60 };
 
-static void every_type_order_and_encoding(void **state) {
+static void every_type_byte_order_and_encoding_is_read(void **state) {
     (void)state;
     for (int t = 0; t < SP_TYPE_COUNT; t++)
         for (int variant = 0; variant < 4; variant++) {
@@ -35,13 +35,13 @@ static void every_type_order_and_encoding(void **state) {
             struct sp_volume *volume = load("v.json");
             assert_int_equal(sp_volume_info(volume)->type, type);
             assert_int_equal(sp_volume_info(volume)->grid.dims[1], 4);
-            assert_true(sp_volume_info(volume)->grid.spacing[1] == 1);
+            assert_compare(sp_volume_info(volume)->grid.spacing[1], ==, 1);
             assert_is_ramp(volume, COUNT);
             sp_volume_unref(&volume);
         }
 }
 
-static void geometry_is_kept(void **state) {
+static void geometry_equals_that_of_the_sidecar(void **state) {
     (void)state;
     uint8_t samples[7 + COUNT + 5] = { 0 };
     make_ramp(SP_UINT8, COUNT, samples + 7);
@@ -52,13 +52,18 @@ static void geometry_is_kept(void **state) {
                " \"direction\": [[0, 1, 0], [-0.7071, 0, 0.7071], [0, 0, 1]]}\n");
     struct sp_volume *volume = load("v.json");
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    assert_true(grid->spacing[0] == 0.5 && grid->spacing[1] == 1 && grid->spacing[2] == 4);
-    assert_true(grid->origin[0] == -1 && grid->origin[1] == 200 && grid->origin[2] == 0.25);
-    /* Columns are axes, and rounded digits are made exact. */
-    assert_true(grid->direction[1][0] == 1 && grid->direction[0][0] == 0);
-    assert_true(fabs(grid->direction[0][1] + sqrt(0.5)) < 1e-15);
-    assert_true(fabs(grid->direction[2][1] - sqrt(0.5)) < 1e-15);
-    assert_true(grid->direction[2][2] == 1);
+    assert_compare(grid->spacing[0], ==, 0.5);
+    assert_compare(grid->spacing[1], ==, 1);
+    assert_compare(grid->spacing[2], ==, 4);
+    assert_compare(grid->origin[0], ==, -1);
+    assert_compare(grid->origin[1], ==, 200);
+    assert_compare(grid->origin[2], ==, 0.25);
+    /* The columns of the matrix are the axes. Rounded directions are normalized. */
+    assert_compare(grid->direction[1][0], ==, 1);
+    assert_compare(grid->direction[0][0], ==, 0);
+    assert_compare(fabs(grid->direction[0][1] + sqrt(0.5)), <, 1e-15);
+    assert_compare(fabs(grid->direction[2][1] - sqrt(0.5)), <, 1e-15);
+    assert_compare(grid->direction[2][2], ==, 1);
     assert_string_equal(sp_volume_info(volume)->unit, "mm");
     assert_is_ramp(volume, COUNT);
     sp_volume_unref(&volume);
@@ -78,26 +83,33 @@ static void axes_may_be_rectilinear(void **state) {
     static const double x[] = { 0, 1, 3, 5.5, 8 }, z[] = { 0, 0.5, 3 };
     assert_memory_equal(grid->coordinates[0], x, sizeof x);
     assert_null(grid->coordinates[1]);
-    assert_memory_equal(grid->coordinates[2], z, sizeof z); /* falling: turned round */
-    assert_true(grid->spacing[0] == 2 && grid->spacing[1] == 2 && grid->spacing[2] == 1.5);
-    assert_true(grid->direction[1][0] == 1 && grid->direction[2][2] == -1);
-    assert_true(!signbit(grid->direction[0][2]) && !signbit(grid->direction[1][2]));
-    assert_true(grid->origin[0] == 10 && grid->origin[1] == 19 && grid->origin[2] == 38);
+    assert_memory_equal(grid->coordinates[2], z, sizeof z); /* falling coordinates are reversed */
+    assert_compare(grid->spacing[0], ==, 2);
+    assert_compare(grid->spacing[1], ==, 2);
+    assert_compare(grid->spacing[2], ==, 1.5);
+    assert_compare(grid->direction[1][0], ==, 1);
+    assert_compare(grid->direction[2][2], ==, -1);
+    assert_false(signbit(grid->direction[0][2]));
+    assert_false(signbit(grid->direction[1][2]));
+    assert_compare(grid->origin[0], ==, 10);
+    assert_compare(grid->origin[1], ==, 19);
+    assert_compare(grid->origin[2], ==, 38);
     assert_is_ramp(volume, COUNT);
     sp_volume_unref(&volume);
-    /* A single sample has a place and no gap. */
+    /* A single sample has a position, but no distance to a neighbour. */
     write_text("v.json", "{\"dims\": [60, 1, 1], \"type\": \"uint8\", \"file\": \"v.bin\","
                          " \"coordinates\": [null, [-3], null]}");
     volume = load("v.json");
     grid = &sp_volume_info(volume)->grid;
     assert_null(grid->coordinates[1]);
-    assert_true(grid->origin[1] == -3 && grid->spacing[1] == 1);
+    assert_compare(grid->origin[1], ==, -3);
+    assert_compare(grid->spacing[1], ==, 1);
     sp_volume_unref(&volume);
 }
 
 #define GRADED "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"coordinates\": "
 
-static void hostile_sidecars_are_explained(void **state) {
+static void errors_explain_hostile_sidecars(void **state) {
     (void)state;
     static const struct {
         const char *text;
@@ -199,7 +211,7 @@ static void hostile_sidecars_are_explained(void **state) {
     longer[0] = '{';
     write_file("h.json", longer, n);
     load_error("h.json", SP_ERR_FORMAT, "h.json: byte 1048576", "has at most 1048576 bytes");
-    /* As deep as the parser lets it, and deeper. */
+    /* Nested deeper than the parser permits. */
     memset(longer, '[', n - 1);
     memcpy(longer, "{\"dims\":", 8);
     write_file("h.json", longer, n - 1);
@@ -209,10 +221,10 @@ static void hostile_sidecars_are_explained(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_order_and_encoding),
-        cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
+        cmocka_unit_test(geometry_equals_that_of_the_sidecar),
         cmocka_unit_test(axes_may_be_rectilinear),
-        cmocka_unit_test(hostile_sidecars_are_explained),
+        cmocka_unit_test(errors_explain_hostile_sidecars),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Real volumes, against the SHA-256 of their samples: the one that the NRRD's own header gives, or
- * the one recorded here when the file was first read with another program.
+ * Compares real volumes with the SHA-256 of their samples. The checksum is in the header of the
+ * NRRD file, or was recorded here when another program read the file.
  */
 #include <dirent.h>
 #include <stdio.h>
@@ -11,7 +11,7 @@
 
 #include "unit/import/support.h"
 
-/* By the coreutils program, fed through a file in the temporary folder. */
+/* Runs sha256sum of coreutils on a temporary file with these bytes. */
 static void sha256(const void *bytes, size_t size, char out[65]) {
     write_file("samples", bytes, size);
     char command[600];
@@ -44,7 +44,7 @@ static struct sp_volume *load_real(const char *path) {
     return volume;
 }
 
-static void nrrd_samples_have_the_checksum_of_their_header(void **state) {
+static void nrrd_samples_match_the_checksum_in_the_header(void **state) {
     (void)state;
     DIR *folder = opendir(SPLATD_DATA_DIR "/volumes");
     int checked = 0;
@@ -61,15 +61,15 @@ static void nrrd_samples_have_the_checksum_of_their_header(void **state) {
         sha256(sp_volume_voxels(volume), sp_volume_info(volume)->voxel_bytes, actual);
         sp_volume_unref(&volume);
         if (strcmp(actual, expected) != 0)
-            fail_msg("%s: %s, not %s", path, actual, expected);
+            fail_msg("%s: the checksum is %s, not %s", path, actual, expected);
         checked++;
     }
     closedir(folder);
     print_message("%d volumes checked\n", checked);
-    assert_true(checked >= 5); /* engine, bonsai, lobster, aneurism, cthead */
+    assert_compare(checked, >=, 5); /* engine, bonsai, lobster, aneurism, cthead */
 }
 
-static void known_files_are_read_right(void **state) {
+static void known_files_have_the_recorded_contents(void **state) {
     (void)state;
     static const struct {
         const char *path;
@@ -203,7 +203,7 @@ static void known_files_are_read_right(void **state) {
         char path[1024], actual[65];
         snprintf(path, sizeof path, "%s/%s", SPLATD_DATA_DIR, files[i].path);
         if (access(path, R_OK) != 0) {
-            print_message("skipped: %s is not there\n", path);
+            print_message("skipped: %s does not exist\n", path);
             continue;
         }
         struct sp_volume *volume = load_real(path);
@@ -220,10 +220,11 @@ static void known_files_are_read_right(void **state) {
         if (files[i].sha256) {
             sha256(sp_volume_voxels(volume), info->voxel_bytes, actual);
             if (strcmp(actual, files[i].sha256) != 0)
-                fail_msg("%s: %s, not %s", path, actual, files[i].sha256);
+                fail_msg("%s: the checksum is %s, not %s", path, actual, files[i].sha256);
         }
-        if (strstr(path, "seed"))
-            assert_true(info->grid.direction[1][1] == -1);
+        if (strstr(path, "seed")) {
+            assert_compare(info->grid.direction[1][1], ==, -1);
+        }
         bool rectilinear = strstr(path, "RectGrid2") != NULL;
         for (int a = 0; a < 3; a++)
             assert_int_equal(info->grid.coordinates[a] != NULL, rectilinear);
@@ -235,11 +236,11 @@ static void known_files_are_read_right(void **state) {
     }
 }
 
-static void other_kinds_of_vtk_files_are_named(void **state) {
+static void unsupported_vtk_datasets_are_named(void **state) {
     (void)state;
     const char *path = SPLATD_DATA_DIR "/formats/vtk/SampleStructGrid.vtk";
     if (access(path, R_OK) != 0) {
-        print_message("skipped: %s is not there\n", path);
+        print_message("skipped: %s does not exist\n", path);
         skip();
     }
     struct sp_load_options options = importer_options();
@@ -251,12 +252,12 @@ static void other_kinds_of_vtk_files_are_named(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(nrrd_samples_have_the_checksum_of_their_header),
-        cmocka_unit_test(known_files_are_read_right),
-        cmocka_unit_test(other_kinds_of_vtk_files_are_named),
+        cmocka_unit_test(nrrd_samples_match_the_checksum_in_the_header),
+        cmocka_unit_test(known_files_have_the_recorded_contents),
+        cmocka_unit_test(unsupported_vtk_datasets_are_named),
     };
     if (access(SPLATD_DATA_DIR "/volumes", R_OK) != 0) {
-        printf("skipped: there are no real volumes in " SPLATD_DATA_DIR "\n");
+        printf("skipped: no real volumes in " SPLATD_DATA_DIR "\n");
         return 77;
     }
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a process may still do after import_sandbox_enter(): tried in a child, for there is no way
- * back.
+ * Tests what a process can still do after import_sandbox_enter(). Each attempt runs in a child
+ * process, because a process cannot leave the sandbox.
  */
 #include "import/sandbox.h"
 
@@ -35,11 +35,11 @@
 enum { FIRST_FD = 6 };
 #define MIB (UINT64_C(1) << 20)
 
-static void set_or_exit(int cpu_seconds) {
+static void enter_sandbox_or_exit(int cpu_seconds) {
     const char *const readable[] = { folder_path(), "/nowhere", NULL };
     struct sp_error err;
     int null = open("/dev/null", O_RDWR);
-    dup2(null, 0); /* as launch.c leaves it */
+    dup2(null, 0); /* descriptor 0, as launch.c sets it up */
     if (!import_sandbox_enter(cpu_seconds, FIRST_FD, readable, "test", &err))
         _exit(99);
 }
@@ -48,27 +48,27 @@ static bool refused(long result) {
     return result < 0 && errno == EPERM;
 }
 
-/* Each returns 0 when the limit holds. */
+/* Each attempt returns 0 if the sandbox enforces the limit. */
 static int descriptors_are_closed(void) {
     int fd = open("/dev/null", O_RDONLY);
     int high = fcntl(fd, F_DUPFD, 40);
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return high < 40 || fcntl(high, F_GETFD) >= 0;
 }
 
 static int no_other_programs(void) {
     char *argv[] = { (char[]){ "true" }, NULL };
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(execv("/bin/true", argv));
 }
 
 static int no_sockets(void) {
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(socket(AF_INET, SOCK_STREAM, 0)) || !refused(socket(AF_UNIX, SOCK_STREAM, 0));
 }
 
 static int no_signals_to_others(void) {
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     siginfo_t info = { .si_code = SI_QUEUE };
     return !refused(kill(getppid(), 0)) || !refused(syscall(SYS_tkill, getppid(), 0)) ||
            !refused(syscall(SYS_tgkill, getppid(), getppid(), 0)) ||
@@ -77,14 +77,15 @@ static int no_signals_to_others(void) {
            syscall(SYS_tgkill, getpid(), gettid(), 0) != 0;
 }
 
-/* What a descriptor becomes ready for is a signal, too, to whom the descriptor is given. */
-static int no_signals_of_descriptors(void) {
-    enum { FD = 3 }; /* as the hand-over's socket */
+/* The kernel signals the owner of a descriptor when it becomes ready. The sandbox must not let a
+ * process make its parent that owner. */
+static int no_signals_by_descriptors(void) {
+    enum { FD = 3 }; /* the number of the handover socket */
     int parent = getppid(), on = 1, pair[2];
     struct f_owner_ex owner = { .type = F_OWNER_PID, .pid = parent };
     if (socketpair(AF_UNIX, SOCK_SEQPACKET, 0, pair) != 0 || dup2(pair[0], FD) != FD)
         return 2;
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(fcntl(FD, F_SETOWN, parent)) || !refused(fcntl(FD, F_SETOWN_EX, &owner)) ||
            !refused(fcntl(FD, F_SETSIG, SIGKILL)) || !refused(fcntl(FD, F_SETLEASE, F_RDLCK)) ||
            !refused(fcntl(FD, F_NOTIFY, DN_ACCESS)) || !refused(ioctl(FD, FIOSETOWN, &parent)) ||
@@ -94,7 +95,7 @@ static int no_signals_of_descriptors(void) {
            fcntl(FD, F_DUPFD_CLOEXEC, 10) < 0;
 }
 
-/* Like a container whose seccomp filter lets no process install another one. */
+/* Simulates a container whose seccomp filter denies the installation of another filter. */
 static bool refuse_filters(void) {
     struct sock_filter code[] = {
         BPF_STMT(BPF_LD | BPF_W | BPF_ABS, offsetof(struct seccomp_data, nr)),
@@ -110,31 +111,31 @@ static bool refuse_filters(void) {
            prctl(PR_SET_SECCOMP, SECCOMP_MODE_FILTER, &program) == 0;
 }
 
-/* Landlock alone (Linux 6.12) keeps signals within the process. */
+/* Landlock alone (Linux 6.12 or later) prevents signals to other processes. */
 static int no_signals_without_the_filter(void) {
     enum { WITH_SCOPES = 6 };
     long version = syscall(SYS_landlock_create_ruleset, NULL, 0, LANDLOCK_CREATE_RULESET_VERSION);
     if (!refuse_filters())
         return 2;
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     int sent = kill(getppid(), 0);
     bool is_refused = refused(sent);
     return version >= WITH_SCOPES ? !is_refused || kill(getpid(), 0) != 0 : sent != 0;
 }
 
-static int it_ends_with_its_parent(void) {
+static int it_is_killed_when_its_parent_ends(void) {
     int number = 0;
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(prctl(PR_SET_PDEATHSIG, 0)) || prctl(PR_GET_PDEATHSIG, &number) != 0 ||
            number != SIGKILL;
 }
 
-/* System V's and POSIX's, which are everybody's of that user. (No id is -1: that would be EINVAL.)
- */
-static int no_messages_nor_memory_of_others(void) {
+/* System V and POSIX IPC objects are shared by all processes of a user. (An allowed call with the
+ * id -1 would fail with EINVAL.) */
+static int no_ipc_with_other_processes(void) {
     struct sembuf step = { 0 };
     struct msgbuf message = { .mtype = 1 };
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(shmget(IPC_PRIVATE, 1, 0600 | IPC_CREAT)) ||
            !refused(shmctl(-1, IPC_RMID, NULL)) || !refused((long)shmat(-1, NULL, 0)) ||
            !refused(semget(IPC_PRIVATE, 1, 0600 | IPC_CREAT)) ||
@@ -148,31 +149,32 @@ static int no_messages_nor_memory_of_others(void) {
 
 static int no_other_processes(void) {
     struct rlimit limit;
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return !refused(fork()) ||
            !refused(syscall(SYS_prlimit64, getppid(), RLIMIT_CORE, NULL, &limit)) ||
            !refused(setpriority(PRIO_PROCESS, (id_t)getppid(), 19)) ||
            getrlimit(RLIMIT_CORE, &limit) != 0;
 }
 
-static void *nothing(void *user) {
+static void *return_argument(void *user) {
     return user;
 }
 
-static int threads_of_its_own(void) {
+static int threads_can_be_created(void) {
     pthread_t thread;
-    set_or_exit(10);
-    return pthread_create(&thread, NULL, nothing, NULL) != 0 || pthread_join(thread, NULL) != 0;
+    enter_sandbox_or_exit(10);
+    return pthread_create(&thread, NULL, return_argument, NULL) != 0 ||
+           pthread_join(thread, NULL) != 0;
 }
 
-/* The folder alone, by whatever way; with a kernel that can do it. */
+/* Only files of the folder can be read, by any path, if the kernel supports that. */
 static int no_other_files_read(void) {
     char up[256];
     bool is_confined = import_sandbox_confines_reading();
     int error = EACCES;
     snprintf(up, sizeof up, "%s/../../etc/passwd", folder_path());
     symlink("/etc/passwd", in_folder("link"));
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     const char *const others[] = { "/etc/passwd",     "/dev/null", "/proc/self/environ", up,
                                    in_folder("link"), "/etc" };
     for (size_t i = 0; i < sizeof others / sizeof *others; i++) {
@@ -184,7 +186,7 @@ static int no_other_files_read(void) {
 }
 
 static int no_files_written(void) {
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     struct open_how how = { .flags = O_RDWR | O_TRUNC };
     if (syscall(SYS_openat2, AT_FDCWD, in_folder("kept"), &how, sizeof how) >= 0 || errno != ENOSYS)
         return 1;
@@ -197,7 +199,7 @@ static int no_files_written(void) {
 }
 
 static int no_more_memory_than_the_margin(void) {
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     void *volatile small = malloc(64 * MIB), *volatile large = malloc(IMPORT_MARGIN_BYTES);
     struct sp_error err;
     if (!small || large)
@@ -211,7 +213,7 @@ static int no_more_memory_than_the_margin(void) {
 
 static int limits_are_set(void) {
     struct rlimit core, files, cpu;
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     return getrlimit(RLIMIT_CORE, &core) != 0 || core.rlim_max != 0 ||
            getrlimit(RLIMIT_NOFILE, &files) != 0 || files.rlim_max != 64 ||
            getrlimit(RLIMIT_CPU, &cpu) != 0 || cpu.rlim_cur != 10 ||
@@ -224,7 +226,7 @@ static void *wait_for_ever(void *user) {
     return user;
 }
 
-/* What holds for one thread would not hold for the other. */
+/* The limits of one thread would not apply to the other, so the call must fail. */
 static int limits_beside_a_thread(void) {
     const char *const readable[] = { folder_path(), NULL };
     struct sp_error err;
@@ -234,13 +236,13 @@ static int limits_beside_a_thread(void) {
 }
 
 static int abort_still_works(void) {
-    set_or_exit(10);
+    enter_sandbox_or_exit(10);
     signal(SIGABRT, SIG_DFL);
     abort();
 }
 
 static int cpu_time_ends(void) {
-    set_or_exit(1);
+    enter_sandbox_or_exit(1);
     for (volatile unsigned long i = 0; i + 1 != 0; i++)
         ;
     return 1;
@@ -265,12 +267,12 @@ static void forbidden_operations_fail_in_the_sandbox(void **state) {
         { "programs", no_other_programs },
         { "sockets", no_sockets },
         { "signals", no_signals_to_others },
-        { "signals of descriptors", no_signals_of_descriptors },
+        { "signals of descriptors", no_signals_by_descriptors },
         { "signals without the filter", no_signals_without_the_filter },
-        { "parent", it_ends_with_its_parent },
-        { "IPC", no_messages_nor_memory_of_others },
+        { "parent", it_is_killed_when_its_parent_ends },
+        { "IPC", no_ipc_with_other_processes },
         { "processes", no_other_processes },
-        { "threads", threads_of_its_own },
+        { "threads", threads_can_be_created },
         { "reading", no_other_files_read },
         { "files", no_files_written },
         { "memory", no_more_memory_than_the_margin },
@@ -281,28 +283,30 @@ static void forbidden_operations_fail_in_the_sandbox(void **state) {
     for (size_t i = 0; i < sizeof attempts / sizeof attempts[0]; i++) {
         int status = status_of(attempts[i].attempt);
         if (status != 0)
-            fail_msg("%s: status %x", attempts[i].name, status);
+            fail_msg("%s: the wait status is 0x%x", attempts[i].name, status);
     }
     assert_int_equal(access(in_folder("kept"), F_OK), 0);
     assert_int_equal(access(in_folder("new"), F_OK), -1);
 }
 
-static void death_is_seen(void **state) {
+static void abort_and_the_cpu_limit_end_the_process(void **state) {
     (void)state;
     int status = status_of(abort_still_works);
-    assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGABRT);
+    assert_true(WIFSIGNALED(status));
+    assert_int_equal(WTERMSIG(status), SIGABRT);
     status = status_of(cpu_time_ends);
-    assert_true(WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU);
+    assert_true(WIFSIGNALED(status));
+    assert_int_equal(WTERMSIG(status), SIGXCPU);
 }
 
 int main(void) {
     if (!import_sandbox_is_complete()) {
-        printf("skipped: a sanitizer's build has neither the memory limit nor the filter\n");
+        printf("skipped: sanitizer builds have neither the memory limit nor the seccomp filter\n");
         return 77;
     }
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(forbidden_operations_fail_in_the_sandbox),
-        cmocka_unit_test(death_is_seen),
+        cmocka_unit_test(abort_and_the_cpu_limit_end_the_process),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -34,8 +34,8 @@ const char *folder_path(void) {
 
 const char *in_folder(const char *name) {
     static _Thread_local char paths[8][512];
-    static _Thread_local unsigned turn;
-    char *path = paths[turn++ % 8];
+    static _Thread_local unsigned calls;
+    char *path = paths[calls++ % 8];
     snprintf(path, sizeof paths[0], "%s/%s", folder, name);
     return path;
 }
@@ -59,7 +59,7 @@ void write_text(const char *name, const char *format, ...) {
     char *text;
     int n = vasprintf(&text, format, args);
     va_end(args);
-    assert_true(n >= 0);
+    assert_compare(n, >=, 0);
     write_file(name, text, (size_t)n);
     free(text);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Files for the import tests: a temporary folder, written and taken away again.
+ * Support for the import tests: a temporary folder with input files.
  */
 #ifndef TESTS_UNIT_IMPORT_SUPPORT_H
 #define TESTS_UNIT_IMPORT_SUPPORT_H
@@ -13,35 +13,36 @@
 #include <cmocka.h>
 
 #include "sp/volume.h"
+#include "support/compare.h"
 
-/* cmocka group set-up and tear-down: makes the folder, removes it with all in it. */
+/* Group set-up and tear-down for cmocka: create and remove the temporary folder. */
 int folder_create(void **state);
 int folder_remove(void **state);
 const char *folder_path(void);
 
-/* "FOLDER/NAME", in one of eight buffers that take turns. */
+/* Returns "FOLDER/NAME". The text is valid until this thread has made eight more calls. */
 const char *in_folder(const char *name);
 
 void write_file(const char *name, const void *bytes, size_t size);
 __attribute__((format(printf, 2, 3))) void write_text(const char *name, const char *format, ...);
 
-/* gzip's form of the bytes; the caller frees. */
+/* Returns the bytes compressed by gzip; the caller frees them. */
 void *gzip(const void *bytes, size_t size, size_t *packed);
 
-/* A header followed by samples, in one file. */
+/* Writes one file: a header, then samples. */
 void write_both(const char *name, const char *header, const void *bytes, size_t size);
 
-/* Loads a file of the folder with this build's splat-import. `load` fails the test with the error;
- * `load_error` fails the test when the file loads, or when code, place or text differ (the latter
- * two are fragments). */
+/* Load a file of the folder with the splat-import of this build. `load` fails the test if loading
+ * fails. `load_error` fails the test if the file loads or if the error differs: its code must be
+ * equal, and its place and text must contain the given ones. */
 struct sp_volume *load(const char *name);
 void load_error(const char *name, enum sp_code code, const char *place, const char *text);
 
-/* Options that name this build's splat-import. */
+/* Returns options that name the splat-import of this build. */
 struct sp_load_options importer_options(void);
 
-/* Native samples of a ramp with a sign, of `count`; sample i of every type is known again by
- * ramp_value(). */
+/* Writes `count` test samples in native byte order; sample i has the value ramp_value(type, i),
+ * which is negative for some samples of the signed types. */
 void make_ramp(enum sp_type type, size_t count, void *out);
 double ramp_value(enum sp_type type, size_t i);
 void assert_is_ramp(const struct sp_volume *volume, size_t count);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Directories that lie about their strips and tiles, and good ones of every layout that must not be
- * taken for such. Written field by field, in both byte orders, classic and BigTIFF.
+ * Directories with false entries for strips and tiles are refused, and valid directories of every
+ * layout are accepted. The files are written field by field, in both byte orders, as classic TIFF
+ * and as BigTIFF.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -14,11 +15,11 @@
 enum { BYTE = 1, SHORT = 3, LONG = 4, LONG8 = 16, FIELDS_MAX = 12, PIXELS = 64 };
 
 struct field {
-    unsigned tag, type, count; /* count 0 = not written */
+    unsigned tag, type, count; /* count 0 = the field is not written */
     uint64_t values[4];
 };
 
-struct page { /* 8 x 8 px of 8 bits; what is not said is left out */
+struct page { /* unset fields are not written */
     struct field fields[FIELDS_MAX];
 };
 
@@ -29,7 +30,7 @@ struct file {
 };
 
 static void append(struct file *f, uint64_t value, unsigned bytes) {
-    assert_true(f->used + bytes <= sizeof f->bytes);
+    assert_compare(f->used + bytes, <=, sizeof f->bytes);
     for (unsigned i = 0; i < bytes; i++)
         f->bytes[f->used + (f->big_endian ? bytes - 1 - i : i)] = (uint8_t)(value >> (8 * i));
     f->used += bytes;
@@ -39,7 +40,7 @@ static unsigned size_of(unsigned type) {
     return type == BYTE ? 1 : type == SHORT ? 2 : type == LONG ? 4 : 8;
 }
 
-/* The offset of the pixels, which follow the file's header. */
+/* Returns the offset of the pixels, which follow the file header. */
 static uint64_t start(bool big) {
     return big ? 16 : 8;
 }
@@ -59,8 +60,8 @@ static void append_field(struct file *f, const struct field *field, uint64_t els
         append(f, 0, 1);
 }
 
-/* Header, pixels, numbers that do not fit into their entries, directory; `next` is the offset of a
- * further one. Returns the directory's offset. */
+/* Writes the header, the pixels, the values that do not fit into their directory entries, and the
+ * directory; `next` is the offset of the next directory. Returns the offset of the directory. */
 static uint64_t make_file(struct file *f, const struct page *page, const void *data, size_t size,
                           uint64_t next) {
     unsigned word = f->big ? 8 : 4, count = 0;
@@ -68,7 +69,7 @@ static uint64_t make_file(struct file *f, const struct page *page, const void *d
     f->used = 0;
     append(f, f->big_endian ? 0x4d4d : 0x4949, 2);
     append(f, f->big ? 43 : 42, 2);
-    if (f->big) { /* 8 bytes a word */
+    if (f->big) { /* an offset has 8 bytes */
         append(f, 8, 2);
         append(f, 0, 2);
     }
@@ -100,7 +101,7 @@ static uint64_t make_file(struct file *f, const struct page *page, const void *d
 
 static uint8_t ramp[PIXELS];
 
-/* The places of fields in `common`; a case changes one. */
+/* Indices of the fields in struct page; a case changes one field. */
 enum { WIDTH, HEIGHT, BITS, COMPRESSION, OFFSETS, ROWS, COUNTS, TILE_W, TILE_L, MORE };
 
 static struct page striped(bool big) {
@@ -120,8 +121,8 @@ static void write_page(const char *name, bool big_endian, bool big, const struct
     write_file(name, f.bytes, f.used);
 }
 
-static void assert_good(bool big_endian, bool big, const struct page *page, const void *data,
-                        size_t size) {
+static void assert_loads(bool big_endian, bool big, const struct page *page, const void *data,
+                         size_t size) {
     write_page("good.tif", big_endian, big, page, data, size);
     struct sp_volume *volume = load("good.tif");
     assert_int_equal(sp_volume_info(volume)->grid.dims[0], 8);
@@ -130,8 +131,8 @@ static void assert_good(bool big_endian, bool big, const struct page *page, cons
     sp_volume_unref(&volume);
 }
 
-/* Types of the numbers, inline and by offset, strips that are shorter at the end. */
-static void good_layouts_are_read(void **state) {
+/* Values of several types, inline and by offset; a last strip with fewer rows. */
+static void valid_layouts_are_read(void **state) {
     (void)state;
     make_ramp(SP_UINT8, PIXELS, ramp);
     for (int variant = 0; variant < 4; variant++) {
@@ -139,15 +140,15 @@ static void good_layouts_are_read(void **state) {
         unsigned large = big ? LONG8 : LONG;
         uint64_t at = start(big);
         struct page page = striped(big);
-        assert_good(order, big, &page, ramp, PIXELS);
+        assert_loads(order, big, &page, ramp, PIXELS);
         page.fields[ROWS].values[0] = 3;
         page.fields[OFFSETS] = (struct field){ 273, large, 3, { at, at + 24, at + 48 } };
         page.fields[COUNTS] = (struct field){ 279, SHORT, 3, { 24, 24, 16 } };
-        assert_good(order, big, &page, ramp, PIXELS);
+        assert_loads(order, big, &page, ramp, PIXELS);
         page.fields[ROWS].count = 0; /* all rows in one strip */
         page.fields[OFFSETS] = (struct field){ 273, large, 1, { at } };
         page.fields[COUNTS] = (struct field){ 279, large, 1, { PIXELS } };
-        assert_good(order, big, &page, ramp, PIXELS);
+        assert_loads(order, big, &page, ramp, PIXELS);
     }
 }
 
@@ -163,26 +164,26 @@ static void tiles_and_packed_strips_are_read(void **state) {
     page.fields[COUNTS] = (struct field){ 325, LONG, 1, { 256 } };
     page.fields[TILE_W] = (struct field){ 322, SHORT, 1, { 16 } };
     page.fields[TILE_L] = (struct field){ 323, SHORT, 1, { 16 } };
-    assert_good(false, false, &page, tile, 256);
-    /* One byte less than the padded tile, though more than the page. */
+    assert_loads(false, false, &page, tile, 256);
+    /* One byte less than the padded tile, but more than the page needs. */
     page.fields[COUNTS].values[0] = 255;
-    write_page("lie.tif", false, false, &page, tile, 256);
-    load_error("lie.tif", SP_ERR_FORMAT, "TileByteCounts", "tile 0 has 255 bytes, its samples");
+    write_page("false.tif", false, false, &page, tile, 256);
+    load_error("false.tif", SP_ERR_FORMAT, "TileByteCounts", "tile 0 has 255 bytes, its samples");
     uLongf size = sizeof packed;
     assert_int_equal(compress2(packed, &size, ramp, PIXELS, 9), Z_OK);
     page = striped(false);
     page.fields[COMPRESSION].values[0] = 8;
     page.fields[COUNTS].values[0] = size;
-    assert_good(false, false, &page, packed, size);
-    /* A whole stream that ends in the middle of the page. */
+    assert_loads(false, false, &page, packed, size);
+    /* A complete zlib stream that holds one sample less than the page. */
     size = sizeof packed;
     assert_int_equal(compress2(packed, &size, ramp, PIXELS - 1, 9), Z_OK);
     page.fields[COUNTS].values[0] = size;
-    write_page("lie.tif", false, false, &page, packed, size);
-    load_error("lie.tif", SP_ERR_FORMAT, "lie.tif: page 0", "");
+    write_page("false.tif", false, false, &page, packed, size);
+    load_error("false.tif", SP_ERR_FORMAT, "false.tif: page 0", "");
 }
 
-static void lies_are_refused(void **state) {
+static void false_directories_are_refused(void **state) {
     (void)state;
     static const struct {
         int which;
@@ -219,13 +220,14 @@ static void lies_are_refused(void **state) {
             page.fields[cases[i].which] = cases[i].field;
             enum sp_code code =
                 strstr(cases[i].text, "channels") ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT;
-            write_page("lie.tif", variant & 1, big, &page, ramp, PIXELS);
-            load_error("lie.tif", code, variant ? "lie.tif: page 0: byte " : cases[i].place,
+            write_page("false.tif", variant & 1, big, &page, ramp, PIXELS);
+            load_error("false.tif", code, variant ? "false.tif: page 0: byte " : cases[i].place,
                        cases[i].text);
         }
 }
 
-/* 64 bits in layouts that OpenImageIO has other code for: partial last strip, tiles, one row. */
+/* 64-bit samples in layouts that OpenImageIO reads with separate code: a partial last strip, one
+ * row, tiles. */
 static void doubles_are_read_or_refused(void **state) {
     (void)state;
     double samples[PIXELS], tile[256] = { 0 };
@@ -264,8 +266,8 @@ static void doubles_are_read_or_refused(void **state) {
     }
 }
 
-/* What a codec cannot do, one pixel beyond its bound and one before it. */
-static void packed_strips_are_bounded(void **state) {
+/* Each codec has a maximum compression ratio. Tests a strip above it and one exactly at it. */
+static void compression_ratios_above_the_codecs_maximum_are_refused(void **state) {
     (void)state;
     static const struct {
         unsigned compression, ratio;
@@ -280,17 +282,17 @@ static void packed_strips_are_bounded(void **state) {
             page.fields[HEIGHT].values[0] = page.fields[ROWS].values[0] = height;
             page.fields[COMPRESSION].values[0] = codecs[i].compression;
             page.fields[COUNTS].values[0] = 4;
-            write_page("lie.tif", false, false, &page, ramp, 4);
+            write_page("false.tif", false, false, &page, ramp, 4);
             snprintf(text, sizeof text, "%u bytes cannot come out of the 4 of strip 0", height);
             if (beyond) {
-                load_error("lie.tif", SP_ERR_FORMAT, "lie.tif: page 0: byte", text);
-            } else { /* possible, so the codec decides: these bytes are none of it */
-                load_error("lie.tif", SP_ERR_FORMAT, "lie.tif: page 0", "");
+                load_error("false.tif", SP_ERR_FORMAT, "false.tif: page 0: byte", text);
+            } else { /* possible by size, so the codec runs and finds invalid data */
+                load_error("false.tif", SP_ERR_FORMAT, "false.tif: page 0", "");
             }
         }
 }
 
-/* Pages that share one strip would make a large volume of a small file. */
+/* If strips or pages could share bytes, a small file could give a large volume. */
 static void shared_bytes_are_refused(void **state) {
     (void)state;
     struct file f = { .big = false };
@@ -303,20 +305,20 @@ static void shared_bytes_are_refused(void **state) {
         page.fields[OFFSETS].values[i] = start(false);
         page.fields[COUNTS].values[i] = PIXELS;
     }
-    write_page("lie.tif", false, false, &page, ramp, PIXELS);
-    load_error("lie.tif", SP_ERR_FORMAT, ": StripOffsets", "strips up to number 3");
+    write_page("false.tif", false, false, &page, ramp, PIXELS);
+    load_error("false.tif", SP_ERR_FORMAT, ": StripOffsets", "strips up to number 3");
     page = striped(false);
     uint64_t at = make_file(&f, &page, ramp, PIXELS, 0);
     make_file(&f, &page, ramp, PIXELS, at);
-    write_file("lie.tif", f.bytes, f.used);
-    load_error("lie.tif", SP_ERR_FORMAT, "directory", "form a circle");
+    write_file("false.tif", f.bytes, f.used);
+    load_error("false.tif", SP_ERR_FORMAT, "directory", "form a circle");
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(good_layouts_are_read),
-        cmocka_unit_test(lies_are_refused),
-        cmocka_unit_test(packed_strips_are_bounded),
+        cmocka_unit_test(valid_layouts_are_read),
+        cmocka_unit_test(false_directories_are_refused),
+        cmocka_unit_test(compression_ratios_above_the_codecs_maximum_are_refused),
         cmocka_unit_test(shared_bytes_are_refused),
         cmocka_unit_test(tiles_and_packed_strips_are_read),
         cmocka_unit_test(doubles_are_read_or_refused),

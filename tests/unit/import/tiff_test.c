@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * TIFF stacks, written here byte by byte: no library decides what the files look like.
+ * TIFF stacks. The test writes them byte by byte, independent of any library.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -13,13 +13,12 @@ struct tiff {
     unsigned width, height, pages;
     unsigned bits, format, samples; /* format: 1 unsigned, 2 signed, 3 floating */
     unsigned depth;                 /* ImageDepth; 0 = no such tag */
-    unsigned resolution[2],
-        unit; /* 1/1000 px a unit; 0 = no such tags. unit: 1 none, 2 inch, 3 cm */
+    unsigned resolution[2];         /* 1/1000 px per unit; 0 = no such tags */
+    unsigned unit;                  /* 1 none, 2 inch, 3 cm */
     const char *description;
-    unsigned last_width; /* of the last page; 0 = as the others */
-    bool one_directory;  /* all samples behind the first page's directory, as ImageJ does above 4 GB
-                          */
-    const void *data;    /* native */
+    unsigned last_width; /* width of the last page; 0 = same as the others */
+    bool one_directory;  /* one directory for all samples, as ImageJ writes above 4 GB */
+    const void *data;    /* samples in native byte order */
     uint8_t *out;
     size_t used, capacity;
 };
@@ -46,7 +45,7 @@ static void entry(struct tiff *t, unsigned tag, unsigned type, unsigned count, u
     append(t, tag, 2);
     append(t, type, 2);
     append(t, count, 4);
-    append(t, value, type == 3 ? 2 : 4); /* a SHORT stands at the left of its field */
+    append(t, value, type == 3 ? 2 : 4); /* a SHORT is in the first 2 of the 4 bytes */
     if (type == 3)
         append(t, 0, 2);
 }
@@ -115,7 +114,7 @@ static const struct {
     { SP_INT32, 32, 2 }, { SP_FLOAT32, 32, 3 }, { SP_FLOAT64, 64, 3 },
 };
 
-static void every_type_and_order(void **state) {
+static void every_type_and_byte_order_is_read(void **state) {
     (void)state;
     double samples[60];
     for (int t = 0; t < SP_TYPE_COUNT; t++)
@@ -135,7 +134,8 @@ static void every_type_and_order(void **state) {
             assert_int_equal(info->grid.dims[0], 5);
             assert_int_equal(info->grid.dims[1], 4);
             assert_int_equal(info->grid.dims[2], 3);
-            assert_true(info->grid.spacing[0] == 1 && info->grid.spacing[2] == 1);
+            assert_compare(info->grid.spacing[0], ==, 1);
+            assert_compare(info->grid.spacing[2], ==, 1);
             assert_is_ramp(volume, 60);
             sp_volume_unref(&volume);
         }
@@ -170,7 +170,7 @@ static void spacing_comes_from_resolution_and_imagej(void **state) {
     assert_spacing(t, 2.5, 5, 2.5, "mm");
     t.unit = 2;
     assert_spacing(t, 6.35, 12.7, 6.35, "mm");
-    t.unit = 1; /* no unit: the numbers mean nothing */
+    t.unit = 1; /* no unit: the resolution is ignored */
     assert_spacing(t, 1, 1, 1, "");
     t.description = "ImageJ=1.53t\nimages=3\nslices=3\nunit=micron\nspacing=1.5\nloop=false\n";
     assert_spacing(t, 0.25, 0.5, 1.5, "um");
@@ -210,7 +210,7 @@ static void unsupported_layouts_are_refused(void **state) {
     t.format = 3;
     write_tiff("wrong.tif", t);
     load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "16 bits");
-    /* ImageJ's large stacks: one directory, all slices behind each other. */
+    /* Large stacks of ImageJ have one directory, followed by all slices. */
     t = plain;
     t.one_directory = true;
     t.description = "ImageJ=1.53t\nimages=3\nslices=3\n";
@@ -227,7 +227,7 @@ static void unsupported_layouts_are_refused(void **state) {
     load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "2 slices, 2 frames");
 }
 
-static void damaged_files_are_explained(void **state) {
+static void errors_explain_damaged_files(void **state) {
     (void)state;
     static const struct {
         const char *bytes;
@@ -246,14 +246,15 @@ static void damaged_files_are_explained(void **state) {
         write_file("damaged.tif", cases[i].bytes, cases[i].size);
         load_error("damaged.tif", SP_ERR_FORMAT, cases[i].place, cases[i].text);
     }
-    /* Every way of cutting a good file short is an error, never a shorter volume. */
+    /* A truncated file is an error at every length, never a volume with fewer slices. */
     make_ramp(SP_UINT8, 600, ramp8);
     write_tiff("whole.tif", plain);
     uint8_t whole[2048];
     FILE *file = fopen(in_folder("whole.tif"), "rb");
     size_t size = fread(whole, 1, sizeof whole, file);
     fclose(file);
-    assert_true(size > 200 && size < sizeof whole);
+    assert_compare(size, >, 200);
+    assert_compare(size, <, sizeof whole);
     struct sp_load_options options = importer_options();
     for (size_t cut = 1; cut < size; cut += 41) {
         struct sp_error err = { .code = SP_OK };
@@ -266,10 +267,10 @@ static void damaged_files_are_explained(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_and_order),
+        cmocka_unit_test(every_type_and_byte_order_is_read),
         cmocka_unit_test(spacing_comes_from_resolution_and_imagej),
         cmocka_unit_test(unsupported_layouts_are_refused),
-        cmocka_unit_test(damaged_files_are_explained),
+        cmocka_unit_test(errors_explain_damaged_files),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

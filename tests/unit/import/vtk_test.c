@@ -16,7 +16,7 @@ static const char *const legacy_names[SP_TYPE_COUNT] = { "unsigned_char", "char"
                                                          "short",         "int",  "float",
                                                          "double" };
 
-/* The ramp's values as words, malloc'ed. */
+/* Returns the values of the ramp as decimal numbers; the caller frees the text. */
 static char *make_words(enum sp_type type, size_t count) {
     char *text = malloc(count * 32 + 1);
     assert_non_null(text);
@@ -26,13 +26,13 @@ static char *make_words(enum sp_type type, size_t count) {
     return text;
 }
 
-/* Big endian. */
+/* Writes the values of the ramp in big endian byte order. */
 static void make_bytes(enum sp_type type, size_t count, void *out) {
     make_ramp(type, count, out);
     import_swap(out, sp_type_size(type), count);
 }
 
-static void every_type_in_words_and_bytes(void **state) {
+static void every_type_is_read_from_ascii_and_binary(void **state) {
     (void)state;
     for (int t = 0; t < SP_TYPE_COUNT; t++) {
         enum sp_type type = (enum sp_type)t;
@@ -51,10 +51,14 @@ static void every_type_in_words_and_bytes(void **state) {
             struct sp_volume *volume = load(binary ? "bytes.vtk" : "words.vtk");
             const struct sp_volume_info *info = sp_volume_info(volume);
             assert_int_equal(info->type, type);
-            assert_true(info->grid.dims[0] == 5 && info->grid.dims[2] == 3);
-            assert_true(info->grid.spacing[0] == 0.5 && info->grid.spacing[2] == 4);
-            assert_true(info->grid.origin[0] == -1 && info->grid.origin[1] == 200);
-            assert_true(info->grid.direction[1][1] == 1 && !info->grid.coordinates[0]);
+            assert_int_equal(info->grid.dims[0], 5);
+            assert_int_equal(info->grid.dims[2], 3);
+            assert_compare(info->grid.spacing[0], ==, 0.5);
+            assert_compare(info->grid.spacing[2], ==, 4);
+            assert_compare(info->grid.origin[0], ==, -1);
+            assert_compare(info->grid.origin[1], ==, 200);
+            assert_compare(info->grid.direction[1][1], ==, 1);
+            assert_null(info->grid.coordinates[0]);
             assert_is_ramp(volume, COUNT);
             sp_volume_unref(&volume);
         }
@@ -64,7 +68,7 @@ static void every_type_in_words_and_bytes(void **state) {
 #define RECTILINEAR                                                                                \
     "# vtk DataFile Version 4.2\n\nASCII\nDATASET RECTILINEAR_GRID\nDIMENSIONS 5 4 3\n"
 
-/* Rising, falling, and behind METADATA as VTK writes it. */
+/* Rising and falling coordinates, and coordinates after METADATA as VTK writes it. */
 static void rectilinear_grids_keep_their_coordinates(void **state) {
     (void)state;
     char *words = make_words(SP_UINT8, COUNT);
@@ -80,16 +84,21 @@ static void rectilinear_grids_keep_their_coordinates(void **state) {
     assert_memory_equal(grid->coordinates[0], x, sizeof x);
     assert_memory_equal(grid->coordinates[1], y, sizeof y);
     assert_memory_equal(grid->coordinates[2], z, sizeof z);
-    assert_true(grid->spacing[0] == 2 && grid->spacing[1] == 3 && grid->spacing[2] == 0.375);
-    assert_true(grid->origin[0] == -1 && grid->origin[1] == 9 && grid->origin[2] == 0.25);
-    assert_true(grid->direction[0][0] == 1 && grid->direction[1][1] == -1);
+    assert_compare(grid->spacing[0], ==, 2);
+    assert_compare(grid->spacing[1], ==, 3);
+    assert_compare(grid->spacing[2], ==, 0.375);
+    assert_compare(grid->origin[0], ==, -1);
+    assert_compare(grid->origin[1], ==, 9);
+    assert_compare(grid->origin[2], ==, 0.25);
+    assert_compare(grid->direction[0][0], ==, 1);
+    assert_compare(grid->direction[1][1], ==, -1);
     assert_is_ramp(volume, COUNT);
     sp_volume_unref(&volume);
     free(words);
 }
 
-/* Coordinates in bytes of every type, 60 of them along one axis. */
-static void coordinates_of_every_type(void **state) {
+/* Binary coordinates of every type, 60 along one axis. */
+static void coordinates_of_every_type_are_read(void **state) {
     (void)state;
     static const struct {
         const char *name;
@@ -116,7 +125,8 @@ static void coordinates_of_every_type(void **state) {
             double d = (double)value;
             if (types[t].floating)
                 memcpy(&value, types[t].size == 4 ? (void *)&f : (void *)&d, types[t].size);
-            import_swap(&value, types[t].size, 1); /* its first bytes: little endian, so far */
+            /* The low bytes come first on this little endian machine. */
+            import_swap(&value, types[t].size, 1);
             memcpy(bytes + at, &value, types[t].size);
             at += types[t].size;
         }
@@ -132,11 +142,14 @@ static void coordinates_of_every_type(void **state) {
         write_file("t.vtk", bytes, at + COUNT);
         struct sp_volume *volume = load("t.vtk");
         const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-        assert_true(grid->origin[0] == (types[t].is_signed ? -50 : 3));
-        assert_true(grid->coordinates[0][58] == 58 && grid->coordinates[0][59] == 60);
-        /* Single samples have a place and are as thick as the finest axis. */
-        assert_true(!grid->coordinates[1] && grid->origin[1] == 3);
-        assert_true(grid->spacing[1] == 60 / 59.0 && grid->spacing[2] == 60 / 59.0);
+        assert_compare(grid->origin[0], ==, types[t].is_signed ? -50 : 3);
+        assert_compare(grid->coordinates[0][58], ==, 58);
+        assert_compare(grid->coordinates[0][59], ==, 60);
+        /* An axis with one sample has an origin, and the spacing of the finest axis. */
+        assert_null(grid->coordinates[1]);
+        assert_compare(grid->origin[1], ==, 3);
+        assert_compare(grid->spacing[1], ==, 60 / 59.0);
+        assert_compare(grid->spacing[2], ==, 60 / 59.0);
         assert_is_ramp(volume, COUNT);
         sp_volume_unref(&volume);
     }
@@ -147,8 +160,8 @@ static void coordinates_of_every_type(void **state) {
 #define FIELDS                                                                                     \
     "FIELD FieldData 2\nTIME 1 1 double\n0.5\nMETADATA\nCOMPONENT_NAMES\nt\n\nNULL_ARRAY\n"
 
-/* What stands before the scalars is passed over, in words and in bytes. */
-static void other_arrays_are_passed_over(void **state) {
+/* Arrays before the scalars are skipped, in ASCII and in binary files. */
+static void other_arrays_are_skipped(void **state) {
     (void)state;
     static const char *const before[] = {
         "POINT_DATA 4\n",
@@ -174,7 +187,7 @@ static void other_arrays_are_passed_over(void **state) {
         assert_memory_equal(sp_volume_voxels(volume), ((int16_t[]){ -1, 2, 3, 4 }), 8);
         sp_volume_unref(&volume);
     }
-    /* The same in bytes; a title and lines may end as on Windows. */
+    /* A binary file, whose title and other lines end in CR LF. */
     static const char binary[] = "# vtk DataFile Version 3.0\r\nt\r\nBINARY\r\n"
                                  "DATASET STRUCTURED_POINTS\r\nDIMENSIONS 2 2 1\r\nPOINT_DATA 4\n"
                                  "VECTORS v short\n123456781234567812345678\n"
@@ -187,7 +200,7 @@ static void other_arrays_are_passed_over(void **state) {
     sp_volume_unref(&volume);
 }
 
-static void a_field_serves_when_there_are_no_scalars(void **state) {
+static void a_field_array_is_read_if_there_are_no_scalars(void **state) {
     (void)state;
     write_text("f.vtk", POINTS "POINT_DATA 4\nVECTORS v float\n1 2 3 4 5 6 7 8 9 1 2 3\n"
                                "FIELD FieldData 4\nv2 2 4 float\n1 2 3 4 5 6 7 8\n"
@@ -197,13 +210,16 @@ static void a_field_serves_when_there_are_no_scalars(void **state) {
     const float *voxels = sp_volume_voxels(volume);
     assert_int_equal(sp_volume_info(volume)->type, SP_FLOAT32);
     assert_int_equal(sp_volume_info(volume)->nonfinite, 2);
-    assert_true(voxels[0] == 0.5f && isnan(voxels[1]) && isinf(voxels[2]) && voxels[3] == -1e9f);
+    assert_compare(voxels[0], ==, 0.5f);
+    assert_true(isnan(voxels[1]));
+    assert_true(isinf(voxels[2]));
+    assert_compare(voxels[3], ==, -1e9f);
     sp_volume_unref(&volume);
 }
 
 #define SCALARS POINTS "POINT_DATA 4\nSCALARS s unsigned_char\nLOOKUP_TABLE default\n"
 
-static void hostile_files_are_explained(void **state) {
+static void errors_explain_hostile_files(void **state) {
     (void)state;
     static const struct {
         const char *text;
@@ -301,7 +317,7 @@ static void hostile_files_are_explained(void **state) {
         write_text("h.vtk", "%s", cases[i].text);
         load_error("h.vtk", cases[i].code, cases[i].place, cases[i].message);
     }
-    /* A word without end, and a byte 0 in one. */
+    /* A word that never ends, and a word with a NUL byte. */
     size_t n = 1 << 16;
     char *word = malloc(n);
     memset(word, 'x', n);
@@ -312,8 +328,8 @@ static void hostile_files_are_explained(void **state) {
     load_error("h.vtk", SP_ERR_FORMAT, "byte", "\"POINT?DATA\" is not a keyword");
 }
 
-/* Cut after each byte: never a volume but at the end, never a crash. */
-static void cut_files_are_refused(void **state) {
+/* A file that is truncated at any length is an error, never a volume or a crash. */
+static void truncated_files_are_refused(void **state) {
     (void)state;
     static const char header[] = "# vtk DataFile Version 3.0\nt\nBINARY\nDATASET RECTILINEAR_GRID\n"
                                  "DIMENSIONS 2 2 1\nX_COORDINATES 2 char\n\1\3\n"
@@ -326,20 +342,20 @@ static void cut_files_are_refused(void **state) {
         struct sp_volume *volume = sp_volume_load(in_folder("c.vtk"), &options, &err);
         assert_int_equal(volume != NULL, n == sizeof header - 1);
         if (!volume && err.code != SP_ERR_FORMAT && err.code != SP_ERR_UNSUPPORTED)
-            fail_msg("%zu bytes: %s: %s", n, sp_code_name(err.code), err.text);
+            fail_msg("truncated to %zu bytes: %s: %s", n, sp_code_name(err.code), err.text);
         sp_volume_unref(&volume);
     }
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_in_words_and_bytes),
+        cmocka_unit_test(every_type_is_read_from_ascii_and_binary),
         cmocka_unit_test(rectilinear_grids_keep_their_coordinates),
-        cmocka_unit_test(coordinates_of_every_type),
-        cmocka_unit_test(other_arrays_are_passed_over),
-        cmocka_unit_test(a_field_serves_when_there_are_no_scalars),
-        cmocka_unit_test(hostile_files_are_explained),
-        cmocka_unit_test(cut_files_are_refused),
+        cmocka_unit_test(coordinates_of_every_type_are_read),
+        cmocka_unit_test(other_arrays_are_skipped),
+        cmocka_unit_test(a_field_array_is_read_if_there_are_no_scalars),
+        cmocka_unit_test(errors_explain_hostile_files),
+        cmocka_unit_test(truncated_files_are_refused),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

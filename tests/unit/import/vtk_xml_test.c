@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * VTK's XML files, in each of the ways in which they hold numbers.
+ * XML files of VTK, in every encoding of their numbers.
  */
 #include <math.h>
 #include <stdio.h>
@@ -11,19 +11,19 @@
 #include "import/samples.h"
 #include "unit/import/support.h"
 
-enum { COUNT = 60, BLOCK = 64 /* bytes: three fours of a double's samples */ };
+enum { COUNT = 60, BLOCK = 64 /* bytes per compressed block */ };
 
 static const char *const xml_names[SP_TYPE_COUNT] = { "UInt8", "Int8",    "UInt16", "Int16",
                                                       "Int32", "Float32", "Float64" };
 
-/* A file being written. */
+/* The contents of a file while it is composed. */
 struct draft {
     char bytes[1 << 16];
     size_t size;
 };
 
 static void add_bytes(struct draft *d, const void *bytes, size_t size) {
-    assert_true(d->size + size <= sizeof d->bytes);
+    assert_compare(d->size + size, <=, sizeof d->bytes);
     memcpy(d->bytes + d->size, bytes, size);
     d->size += size;
 }
@@ -33,7 +33,7 @@ __attribute__((format(printf, 2, 3))) static void add(struct draft *d, const cha
     va_start(args, format);
     d->size += (size_t)vsnprintf(d->bytes + d->size, sizeof d->bytes - d->size, format, args);
     va_end(args);
-    assert_true(d->size < sizeof d->bytes);
+    assert_compare(d->size, <, sizeof d->bytes);
 }
 
 static void add_base64(struct draft *d, const uint8_t *bytes, size_t size) {
@@ -73,7 +73,7 @@ static void add_zlib(struct draft *lengths, struct draft *data, struct encoding 
     }
 }
 
-/* An array as VTK writes it: lengths and values in one run of base64, but for zlib in two. */
+/* Adds an array as VTK writes it: lengths and values are one base64 text, with zlib two texts. */
 static void add_values(struct draft *d, struct encoding e, const void *values, size_t size) {
     static struct draft lengths, data;
     lengths.size = data.size = 0;
@@ -107,15 +107,15 @@ static void make_values(enum sp_type type, struct encoding e, void *out) {
         import_swap(out, sp_type_size(type), COUNT);
 }
 
-/* Bits of `variant`: base64, zlib, big endian, long lengths, appended. */
-static void every_type_in_every_encoding(void **state) {
+/* The bits of `variant`: base64, zlib, big endian, lengths of 8 bytes, appended data. */
+static void every_type_is_read_from_every_encoding(void **state) {
     (void)state;
     static struct draft d;
     for (int t = 0; t < SP_TYPE_COUNT; t++)
         for (int variant = 0; variant < 32; variant++) {
             struct encoding e = { variant & 1, variant & 2, variant & 4, variant & 8 };
             bool appended = variant & 16;
-            if (!appended && !e.base64) /* inline bytes do not exist */
+            if (!appended && !e.base64) /* the format has no raw inline bytes */
                 continue;
             enum sp_type type = (enum sp_type)t;
             double values[COUNT];
@@ -143,8 +143,10 @@ static void every_type_in_every_encoding(void **state) {
             struct sp_volume *volume = load("v.vti");
             const struct sp_volume_info *info = sp_volume_info(volume);
             assert_int_equal(info->type, type);
-            assert_true(info->grid.dims[0] == 5 && info->grid.dims[1] == 4);
-            assert_true(info->grid.origin[2] == 3 && info->grid.spacing[2] == 0.5);
+            assert_int_equal(info->grid.dims[0], 5);
+            assert_int_equal(info->grid.dims[1], 4);
+            assert_compare(info->grid.origin[2], ==, 3);
+            assert_compare(info->grid.spacing[2], ==, 0.5);
             assert_is_ramp(volume, COUNT);
             sp_volume_unref(&volume);
         }
@@ -155,7 +157,7 @@ static void every_type_in_every_encoding(void **state) {
 #define REST "</Piece></ImageData></VTKFile>"
 #define ARRAY "<DataArray type=\"UInt8\" Name=\"s\" format=\"ascii\">"
 
-static void geometry_is_kept(void **state) {
+static void geometry_equals_that_of_the_file(void **state) {
     (void)state;
     write_text("g.vti",
                "\xef\xbb\xbf \n" ROOT
@@ -165,11 +167,15 @@ static void geometry_is_kept(void **state) {
                "</PointData>" REST);
     struct sp_volume *volume = load("g.vti");
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    assert_true(grid->dims[0] == 2 && grid->dims[1] == 2 && grid->dims[2] == 1);
-    assert_true(grid->spacing[0] == 2 && grid->spacing[1] == 3 && grid->spacing[2] == 4);
-    const double h = sqrt(0.5); /* rounded digits are made exact */
+    assert_int_equal(grid->dims[0], 2);
+    assert_int_equal(grid->dims[1], 2);
+    assert_int_equal(grid->dims[2], 1);
+    assert_compare(grid->spacing[0], ==, 2);
+    assert_compare(grid->spacing[1], ==, 3);
+    assert_compare(grid->spacing[2], ==, 4);
+    const double h = sqrt(0.5); /* rounded directions are normalized */
     const double expected[3][3] = { { 0, -1, 0 }, { h, 0, -h }, { h, 0, h } };
-    /* Index (-1, 3, 5): direction · (-2, 9, 20). */
+    /* The piece begins at index (-1, 3, 5): the offset is direction · (-2, 9, 20). */
     const double origin[3] = { 10 - 9, 20 - 2 * h - 20 * h, 30 - 2 * h + 20 * h };
     for (int r = 0; r < 3; r++) {
         assert_float_equal(grid->origin[r], origin[r], 1e-12);
@@ -180,7 +186,7 @@ static void geometry_is_kept(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* Coordinates of three types in three encodings; extents that do not begin at 0. */
+/* Coordinates of three types in three encodings, with extents that do not begin at 0. */
 static void rectilinear_grids_keep_their_coordinates(void **state) {
     (void)state;
     static struct draft d;
@@ -211,7 +217,7 @@ static void rectilinear_grids_keep_their_coordinates(void **state) {
         while (d.size < begin + 200)
             add(&d, " ");
         add_values(&d, raw, z, sizeof z);
-        write_file("v.vtr", d.bytes, d.size); /* the end of the file need not be there */
+        write_file("v.vtr", d.bytes, d.size); /* the end tags may be missing */
         struct sp_volume *volume = load("v.vtr");
         const struct sp_grid *grid = &sp_volume_info(volume)->grid;
         static const double ex[] = { 0, 1, 3, 5.5, 8 }, ey[] = { 0, .5, 1.5, 6.5 },
@@ -219,14 +225,17 @@ static void rectilinear_grids_keep_their_coordinates(void **state) {
         assert_memory_equal(grid->coordinates[0], ex, sizeof ex);
         assert_memory_equal(grid->coordinates[1], ey, sizeof ey);
         assert_memory_equal(grid->coordinates[2], ez, sizeof ez);
-        assert_true(grid->origin[0] == -1 && grid->origin[1] == 0.5 && grid->origin[2] == 9);
-        assert_true(grid->direction[0][0] == 1 && grid->direction[2][2] == -1);
+        assert_compare(grid->origin[0], ==, -1);
+        assert_compare(grid->origin[1], ==, 0.5);
+        assert_compare(grid->origin[2], ==, 9);
+        assert_compare(grid->direction[0][0], ==, 1);
+        assert_compare(grid->direction[2][2], ==, -1);
         assert_is_ramp(volume, COUNT);
         sp_volume_unref(&volume);
     }
 }
 
-static void the_named_array_is_taken(void **state) {
+static void the_array_named_by_scalars_is_read(void **state) {
     (void)state;
     static const struct {
         const char *scalars, *arrays;
@@ -274,7 +283,7 @@ static void the_named_array_is_taken(void **state) {
     "<Piece Extent=\"0 1 0 1 0 0\"><PointData>"                                                    \
     "<DataArray type=\"UInt8\" Name=\"s\" format=\"binary\">" data "</DataArray></PointData>" REST
 
-static void hostile_files_are_explained(void **state) {
+static void errors_explain_hostile_files(void **state) {
     (void)state;
     static const struct {
         const char *text;
@@ -336,7 +345,7 @@ static void hostile_files_are_explained(void **state) {
         { IMAGE "<PointData>" ARRAY "1 2 3", SP_ERR_FORMAT, "byte", "no element found" },
         { IMAGE "<PointData>" ARRAY "1 2 3 4</PointData>", SP_ERR_FORMAT, "byte",
           "mismatched tag" },
-        /* Lengths: AAAABA== is 4 in the high byte, BAAAAAECAwQ= is 4 and four bytes. */
+        /* AAAABA== is 4 in the high byte of a length; BAAAAAECAwQ= is 4 and four bytes. */
         { BINARY("AAAABAECAwQ="), SP_ERR_FORMAT, "DataArray \"s\"", "declares 67108864 bytes" },
         { BINARY("BAAAAAECAw=="), SP_ERR_FORMAT, "DataArray \"s\"", "ends before the 4 values" },
         { BINARY("BAAAAAEC"), SP_ERR_FORMAT, "DataArray \"s\"", "at least 10 bytes" },
@@ -352,7 +361,7 @@ static void hostile_files_are_explained(void **state) {
           "unsigned_int" },
         { IMAGE REST "<AppendedData/>", SP_ERR_FORMAT, "byte", "junk after document element" },
         { ROOT "<AppendedData encoding=\"hex\">", SP_ERR_UNSUPPORTED, "encoding", "\"hex\"" },
-        /* Blocks, block, last, sizes. */
+        /* Number of blocks, block size, size of the last block, compressed sizes. */
         { ZLIB("AQAAAAQAAAAAAAAA"), SP_ERR_FORMAT, "DataArray \"s\"", "need at least 21 bytes" },
         { ZLIB("AgAAAAQAAAAAAAAA"), SP_ERR_FORMAT, "DataArray \"s\"", "2 blocks of 4 bytes" },
         { ZLIB("/////////////////////w=="), SP_ERR_FORMAT, "DataArray \"s\"",
@@ -373,7 +382,7 @@ static void hostile_files_are_explained(void **state) {
 #define AXIS(values) "<DataArray type=\"Float32\">" values "</DataArray>"
 #define GRID_REST "</Coordinates></Piece></RectilinearGrid></VTKFile>"
 
-static void bad_coordinates_are_explained(void **state) {
+static void errors_explain_bad_coordinates(void **state) {
     (void)state;
     static const struct {
         const char *text;
@@ -402,8 +411,8 @@ static void bad_coordinates_are_explained(void **state) {
     }
 }
 
-/* Entities that grow, tags without end, nesting without end. */
-static void xml_s_own_weapons_are_refused(void **state) {
+/* Entity expansion, external entities, endless tags and endless nesting. */
+static void xml_entity_and_nesting_attacks_are_refused(void **state) {
     (void)state;
     write_text("x.vti", "<!DOCTYPE a [<!ENTITY b \"cccccccc\"><!ENTITY d \"&b;&b;&b;&b;\">]>" ROOT);
     load_error("x.vti", SP_ERR_FORMAT, "x.vti: byte", "a document type is not accepted");
@@ -422,13 +431,13 @@ static void xml_s_own_weapons_are_refused(void **state) {
     free(text);
 }
 
-/* What unpacks to more than the grid is stopped there; so is what unpacks to less. */
-static void bombs_are_stopped(void **state) {
+/* Compressed data must have exactly the size that the file declares. */
+static void compressed_data_of_the_wrong_size_is_refused(void **state) {
     (void)state;
     static struct draft d;
     static const struct {
         size_t unpacked;
-        int cut; /* bytes taken away from, or added to, the packed size */
+        int cut; /* bytes added to the declared compressed size */
         const char *message;
     } cases[] = {
         { 1 << 20, 0, "larger than declared" },
@@ -466,7 +475,7 @@ static void bombs_are_stopped(void **state) {
     free(zeros);
 }
 
-static void cut_files_are_refused(void **state) {
+static void truncated_files_are_refused(void **state) {
     (void)state;
     static struct draft d;
     struct sp_load_options options = importer_options();
@@ -487,7 +496,7 @@ static void cut_files_are_refused(void **state) {
             struct sp_volume *volume = sp_volume_load(in_folder("c.vti"), &options, &err);
             assert_int_equal(volume != NULL, n == d.size);
             if (!volume && err.code != SP_ERR_FORMAT)
-                fail_msg("%zu bytes: %s: %s", n, sp_code_name(err.code), err.text);
+                fail_msg("truncated to %zu bytes: %s: %s", n, sp_code_name(err.code), err.text);
             sp_volume_unref(&volume);
         }
     }
@@ -495,15 +504,15 @@ static void cut_files_are_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_in_every_encoding),
-        cmocka_unit_test(geometry_is_kept),
+        cmocka_unit_test(every_type_is_read_from_every_encoding),
+        cmocka_unit_test(geometry_equals_that_of_the_file),
         cmocka_unit_test(rectilinear_grids_keep_their_coordinates),
-        cmocka_unit_test(the_named_array_is_taken),
-        cmocka_unit_test(hostile_files_are_explained),
-        cmocka_unit_test(bad_coordinates_are_explained),
-        cmocka_unit_test(xml_s_own_weapons_are_refused),
-        cmocka_unit_test(bombs_are_stopped),
-        cmocka_unit_test(cut_files_are_refused),
+        cmocka_unit_test(the_array_named_by_scalars_is_read),
+        cmocka_unit_test(errors_explain_hostile_files),
+        cmocka_unit_test(errors_explain_bad_coordinates),
+        cmocka_unit_test(xml_entity_and_nesting_attacks_are_refused),
+        cmocka_unit_test(compressed_data_of_the_wrong_size_is_refused),
+        cmocka_unit_test(truncated_files_are_refused),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
