@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Lists that are derived from those of another transfer function are the lists that a pass over the
- * volume makes, entry by entry; and bricks that nothing changes for are not looked at.
+ * A list of visible voxels can be made from the list of another transfer function. It must equal
+ * the list that a pass over the volume makes, entry by entry. Bricks without changed voxels are
+ * skipped.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -24,7 +25,8 @@ static double uniform(double low, double high) {
     return low + (high - low) * (rand() / (double)RAND_MAX);
 }
 
-/* Smooth, so that bricks have ranges of their own; reals with holes. */
+/* A smooth field, so that bricks have different ranges; floating-point volumes contain NaN or
+ * infinity. */
 static struct sp_volume *make_volume(enum sp_type type) {
     static double doubles[VOXELS];
     struct sp_grid grid = { .dims = { X, Y, Z },
@@ -71,7 +73,7 @@ static void start(struct sp_transfer_function *tf, const double range[2]) {
     }
 }
 
-/* One of the edits that users make. */
+/* Applies a random edit as users make it. */
 static void edit(struct sp_transfer_function *tf, const double range[2]) {
     uint32_t i = (uint32_t)rand() % tf->point_count;
     double span = range[1] - range[0];
@@ -79,7 +81,7 @@ static void edit(struct sp_transfer_function *tf, const double range[2]) {
     case 0:
         tf->points[i].opacity = tf->points[i].opacity > 0 ? 0 : 0.5f;
         break;
-    case 1: { /* moves between its neighbours */
+    case 1: { /* move a point between its neighbours */
         double low = i ? tf->points[i - 1].value : range[0];
         double high = i + 1 < tf->point_count ? tf->points[i + 1].value : range[1];
         tf->points[i].value = low + uniform(0.2, 0.8) * (high - low);
@@ -88,14 +90,14 @@ static void edit(struct sp_transfer_function *tf, const double range[2]) {
     case 2:
         tf->points[i].color[0] = (float)uniform(0, 1);
         break;
-    case 3: /* one less */
+    case 3: /* remove a point */
         if (tf->point_count > 2) {
             memmove(tf->points + i, tf->points + i + 1,
                     (tf->point_count - i - 1) * sizeof *tf->points);
             tf->point_count--;
         }
         break;
-    default: /* one more, at the end */
+    default: /* add a point at the end */
         if (tf->point_count < 12) {
             struct sp_tf_point *p = &tf->points[tf->point_count++];
             p[0] = p[-1];
@@ -122,7 +124,7 @@ static void assert_same(const struct sp_visible *a, const struct sp_visible *b) 
         assert_memory_equal(a->normal, b->normal, a->count * a->normal_bytes);
 }
 
-static void derived_lists_are_those_of_a_pass(void **state) {
+static void updated_lists_equal_those_of_a_full_pass(void **state) {
     (void)state;
     srand(9);
     struct sp_pool *pool = sp_pool_create(2, NULL);
@@ -143,7 +145,7 @@ static void derived_lists_are_those_of_a_pass(void **state) {
             if (k > 1)
                 sp_classification_finish(to);
             sp_classification_init(to, volume);
-            if (k % 5 == 0) /* normals come and go */
+            if (k % 5 == 0) /* switch normals on or off */
                 job.normals = !job.normals;
             job.from = &chain[1 - k % 2];
             assert_true(sp_classification_update(to, &job, NULL));
@@ -160,7 +162,7 @@ static void derived_lists_are_those_of_a_pass(void **state) {
     sp_pool_destroy(&pool);
 }
 
-static void only_values_that_change_count(void **state) {
+static void only_ranges_with_changed_values_meet_the_change(void **state) {
     (void)state;
     struct sp_volume_info info = { .type = SP_UINT8, .range = { 10, 200 } };
     struct sp_transfer_function a = { .reference_length = 1,
@@ -169,13 +171,16 @@ static void only_values_that_change_count(void **state) {
                                                   { .value = 100, .opacity = 0.5f },
                                                   { .value = 150, .opacity = 0.5f } } };
     struct sp_transfer_function b = a;
-    b.points[0].value = 60; /* 51 … 60 vanish */
+    b.points[0].value = 60; /* values from 51 to 60 become invisible */
     for (int type = 0; type < 2; type++) {
         struct sp_transfer from, to;
         struct sp_change change;
         info.type = type ? SP_FLOAT32 : SP_UINT8;
-        if (type) /* keys of reals are counted from the first point, which has to stay */
-            a.points[0].value = b.points[0].value = 40, b.points[1].opacity = 0;
+        if (type) {
+            /* Keys of floating-point values count from the first point, which must not change. */
+            a.points[0].value = b.points[0].value = 40;
+            b.points[1].opacity = 0;
+        }
         assert_true(sp_transfer_init(&from, &a, &info, NULL, NULL));
         assert_true(sp_transfer_init(&to, &b, &info, NULL, NULL));
         assert_true(sp_change_is_possible(&from, &to));
@@ -198,8 +203,8 @@ int main(void) {
     if (TEST_SANITIZED)
         print_message("thinned under a sanitizer: two volumes of ten of each type\n");
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(derived_lists_are_those_of_a_pass),
-        cmocka_unit_test(only_values_that_change_count),
+        cmocka_unit_test(updated_lists_equal_those_of_a_full_pass),
+        cmocka_unit_test(only_ranges_with_changed_values_meet_the_change),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

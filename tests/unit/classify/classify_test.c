@@ -36,12 +36,12 @@ static void check_class(struct sp_class c, double value) {
         red = 1;
         blue = 0;
     }
-    assert_true(fabs((double)c.depth + log(1 - opacity)) < 1e-6);
+    assert_compare(fabs((double)c.depth + log(1 - opacity)), <, 1e-6);
     assert_compare(fabs((double)c.color[0] - red), <, 1e-6);
     assert_compare(fabs((double)c.color[2] - blue), <, 1e-6);
 }
 
-static void every_type_is_classified_by_the_same_law(void **state) {
+static void every_sample_type_gets_the_same_classes(void **state) {
     (void)state;
     static const uint8_t u8[] = { 0, 10, 11, 15, 20, 33, 40, 255 };
     static const int8_t i8[] = { -128, 10, 11, 15, 20, 33, 40, 127 };
@@ -76,9 +76,9 @@ static void every_type_is_classified_by_the_same_law(void **state) {
     }
 }
 
-static void steps_of_a_real_field_stay_sharp(void **state) {
+static void narrow_transfer_functions_of_doubles_are_resolved(void **state) {
     (void)state;
-    /* A transfer function far from zero and much narrower than a float resolves there. */
+    /* The transfer function is far from zero and narrower than the distance of floats there. */
     const struct sp_transfer_function narrow = {
         .reference_length = 1,
         .point_count = 2,
@@ -94,9 +94,10 @@ static void steps_of_a_real_field_stay_sharp(void **state) {
     static const double opacities[] = { 0, 0, 0.125, 0.25, 0.5 };
     for (int i = 0; i < 5; i++) {
         assert_int_equal(visible[i], i >= 2);
-        if (visible[i])
-            assert_true(
-                fabs(1 - exp(-(double)sp_transfer_class(&t, keys[i]).depth) - opacities[i]) < 1e-6);
+        if (visible[i]) {
+            double opacity = 1 - exp(-(double)sp_transfer_class(&t, keys[i]).depth);
+            assert_compare(fabs(opacity - opacities[i]), <, 1e-6);
+        }
     }
     sp_transfer_finish(&t);
     sp_volume_unref(&v);
@@ -107,7 +108,7 @@ static int by_value(const void *a, const void *b) {
     return (x > y) - (x < y);
 }
 
-/* Index of the voxel of entry e of brick b. */
+/* Computes the index of the voxel of entry e in brick b. */
 static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, uint32_t i[3]) {
     uint16_t local;
     sp_visible_locals(list, b, NULL, (uint32_t)(e - list->first[b]), 1, &local);
@@ -116,7 +117,7 @@ static void find_voxel(const struct sp_visible *list, uint32_t b, uint64_t e, ui
         i[a] += local >> (4 * a) & 15;
 }
 
-/* The list's entries as index and key, sorted. */
+/* Returns index and key of each entry in one number, sorted; the caller frees them. */
 static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) {
     uint64_t *flat = malloc((list->count + 1) * sizeof *flat), n = 0;
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++)
@@ -131,7 +132,7 @@ static uint64_t *flatten(const struct sp_visible *list, const uint32_t dims[3]) 
     return flat;
 }
 
-/* The slices of every brick hold each of its entries once, at the right index, rising by place. */
+/* Asserts that the slices of each brick hold its entries once, at the right index, by place. */
 static void check_slices(const struct sp_visible *list, unsigned axis) {
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
         uint64_t first = list->first[b];
@@ -142,8 +143,8 @@ static void check_slices(const struct sp_visible *list, unsigned axis) {
             for (uint32_t e = list->start[b][s]; e < list->start[b][s + 1]; e++) {
                 uint16_t local = sp_visible_local(axis, s, list->place[first + e]);
                 assert_int_equal(local >> (4 * axis) & 15, s);
-                assert_true(e == list->start[b][s] ||
-                            list->place[first + e] > list->place[first + e - 1]);
+                if (e != list->start[b][s])
+                    assert_compare(list->place[first + e], >, list->place[first + e - 1]);
             }
     }
 }
@@ -188,13 +189,13 @@ static void lists_hold_the_visible_voxels_along_every_axis(void **state) {
             assert_int_equal(((const uint16_t *)list->normal)[e],
                              sp_gradient_pack_direction(gradient));
         }
-    assert_true(sp_classification_bytes(&c) > visible * 4);
+    assert_compare(sp_classification_bytes(&c), >, visible * 4);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-/* A cell of level l by definition: the average over the voxels of its 2^l × 2^l × 2^l cube. */
+/* Computes a cell of mip level l by its definition: the average over 2^l × 2^l × 2^l voxels. */
 static struct sp_class average(const uint8_t *values, const uint32_t dims[3], unsigned l,
                                const uint32_t cell[3]) {
     struct sp_class sum = { { 0, 0, 0 }, 0 };
@@ -215,7 +216,7 @@ static struct sp_class average(const uint8_t *values, const uint32_t dims[3], un
     return sum;
 }
 
-static void coarse_levels_average_what_was_classified(void **state) {
+static void mip_levels_average_the_classified_voxels(void **state) {
     (void)state;
     enum { X = 69, Y = 6, Z = 41 };
     const uint32_t dims[3] = { X, Y, Z };
@@ -248,12 +249,12 @@ static void coarse_levels_average_what_was_classified(void **state) {
                 find_voxel(list, b, e, cell);
                 struct sp_class want = average(values, dims, l, cell);
                 struct sp_class got = sp_transfer_class(&level->transfer, sp_visible_key(list, e));
-                assert_true(fabsf(got.depth - want.depth) < 1e-6f);
+                assert_compare(fabsf(got.depth - want.depth), <, 1e-6f);
                 for (int k = 0; k < 3; k++)
-                    assert_true(fabsf(got.color[k] - want.color[k]) < 1e-5f);
+                    assert_compare(fabsf(got.color[k] - want.color[k]), <, 1e-5f);
             }
     }
-    /* The first sample of a cell of two voxels lies half a voxel in, of four one and a half. */
+    /* The centre of the first cell is at 0.5 voxels for cells of two voxels, at 1.5 for four. */
     assert_compare(c.levels[1].grid.origin[0], ==, 0.5);
     assert_compare(c.levels[2].grid.origin[1], ==, 1.5);
     assert_compare(c.levels[2].grid.spacing[2], ==, 4);
@@ -263,8 +264,8 @@ static void coarse_levels_average_what_was_classified(void **state) {
     sp_volume_unref(&v);
 }
 
-/* Microflakes of every level, whatever its bricks' axis, are those of all the voxels of each cell.
- */
+/* On every mip level and for every axis of bricks, the microflakes of a cell include all its
+ * voxels. */
 static void microflakes_match_those_of_all_voxels(void **state) {
     (void)state;
     enum { X = 69, Y = 18, Z = 21 };
@@ -274,7 +275,7 @@ static void microflakes_match_those_of_all_voxels(void **state) {
     static float depths[X * Y * Z];
     srand(4);
     for (int i = 0; i < X * Y * Z; i++)
-        values[i] = (uint8_t)(i % X < 20 ? 30 : rand() % 60); /* some have no gradient */
+        values[i] = (uint8_t)(i % X < 20 ? 30 : rand() % 60); /* for x < 20 the gradient is zero */
     struct sp_volume *v = classify_make_volume(dims, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(3, NULL);
     struct sp_classification c;
@@ -304,9 +305,11 @@ static void microflakes_match_those_of_all_voxels(void **state) {
                 uint32_t cell = at[0] + d[0] * (at[1] + d[1] * at[2]);
                 struct sp_microflakes want = sp_microflakes_pack(&sums[cell], depths[cell]);
                 struct sp_microflakes got = *sp_visible_microflakes(list, e);
-                for (int i = 0; i < 7; i++)
-                    assert_true(abs((int)(got.word[i / 4] >> 8 * (i % 4) & 255) -
-                                    (int)(want.word[i / 4] >> 8 * (i % 4) & 255)) <= 2);
+                for (int i = 0; i < 7; i++) {
+                    int got_byte = (int)(got.word[i / 4] >> 8 * (i % 4) & 255);
+                    int want_byte = (int)(want.word[i / 4] >> 8 * (i % 4) & 255);
+                    assert_compare(abs(got_byte - want_byte), <=, 2);
+                }
             }
     }
     sp_classification_finish(&c);
@@ -314,8 +317,8 @@ static void microflakes_match_those_of_all_voxels(void **state) {
     sp_volume_unref(&v);
 }
 
-/* On a grid whose gaps differ, the coarse one keeps each cell's energy and its place. */
-static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
+/* A mip level of a rectilinear grid preserves the extinction and the position of each cell. */
+static void rectilinear_mip_levels_preserve_extinction_and_position(void **state) {
     (void)state;
     static const double coordinates[7] = { 0, 1, 4, 5, 8, 9, 15 };
     struct sp_grid grid = { .dims = { 7, 2, 1 },
@@ -333,15 +336,15 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
     sp_classification_init(&c, v);
     struct sp_classify_job job = { .tf = &ramp, .levels = 1 << 2, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
-    /* Cells reach over [-0.5, 2.5], [2.5, 6.5], [6.5, 12], [12, 18] from the first sample on. */
+    /* Relative to the first sample, the cells are [-0.5, 2.5], [2.5, 6.5], [6.5, 12], [12, 18]. */
     static const double middles[4] = { 1, 4.5, 9.25, 15 };
-    const struct sp_grid *coarse = &c.levels[1].grid;
-    assert_int_equal(coarse->dims[0], 4);
-    assert_compare(coarse->origin[0], ==, 11);
-    assert_compare(coarse->origin[1], ==, 0.5);
+    const struct sp_grid *mip = &c.levels[1].grid;
+    assert_int_equal(mip->dims[0], 4);
+    assert_compare(mip->origin[0], ==, 11);
+    assert_compare(mip->origin[1], ==, 0.5);
     for (int i = 0; i < 4; i++)
-        assert_true(coarse->coordinates[0][i] == middles[i] - 1);
-    assert_null(coarse->coordinates[1]);
+        assert_compare(mip->coordinates[0][i], ==, middles[i] - 1);
+    assert_null(mip->coordinates[1]);
     double mass[3] = { 0 }, moment[2] = { 0 };
     for (int l = 0; l < 3; l++) {
         const struct sp_level *level = &c.levels[l];
@@ -359,17 +362,17 @@ static void coarse_rectilinear_levels_keep_energy_and_place(void **state) {
                     m * (level->grid.origin[0] + sp_grid_distance(&level->grid, 0, p & 15));
         }
     }
-    assert_true(fabs(mass[1] - mass[0]) < 1e-5 * mass[0]);
-    assert_true(fabs(mass[2] - mass[0]) < 1e-5 * mass[0]);
-    assert_true(fabs(moment[1] - moment[0]) < 0.5 * mass[0]); /* half a unit at most */
+    assert_compare(fabs(mass[1] - mass[0]), <, 1e-5 * mass[0]);
+    assert_compare(fabs(mass[2] - mass[0]), <, 1e-5 * mass[0]);
+    assert_compare(fabs(moment[1] - moment[0]), <, 0.5 * mass[0]); /* less than half a unit */
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-/* A plane of equal voxels has one normal, and so has every coarser version of it; what lies behind
- * it has no side. */
-static void microflakes_match_those_of_the_surface(void **state) {
+/* All voxels on the surface have the same normal, so the cells of the mip level have it as well.
+ * Cells behind the surface have no microflakes. */
+static void microflakes_of_a_surface_have_its_normal(void **state) {
     (void)state;
     enum { N = 16 };
     static uint8_t values[N * N * N];
@@ -389,12 +392,13 @@ static void microflakes_match_those_of_the_surface(void **state) {
     assert_true(sp_visible_has_microflakes(list));
     for (uint64_t e = 0; e < list->count; e++) {
         const uint32_t *word = sp_visible_microflakes(list, e)->word;
-        bool surface = (list->place[e] & 15) == N / 4; /* half of it, and of what has depth */
+        /* Half of the depth of a surface cell belongs to voxels with a normal. */
+        bool surface = (list->place[e] & 15) == N / 4;
         assert_int_equal(word[1] >> 16, surface ? 128 : 0);
         for (int i = 0; i < 6; i++)
             assert_int_equal(word[i / 4] >> 8 * (i % 4) & 255, surface ? shown[i] : 0);
     }
-    /* Another colour rebuilds them. */
+    /* After a change of colour the mip level is rebuilt. */
     struct sp_transfer_function other = ramp;
     other.points[1].color[1] = 1;
     job.tf = &other;
@@ -403,13 +407,13 @@ static void microflakes_match_those_of_the_surface(void **state) {
     sp_transfer_function_eval(&other, 30, &want);
     struct sp_class got = sp_transfer_class(&c.levels[1].transfer,
                                             sp_visible_key(&c.levels[1].visible, list->count - 1));
-    assert_true(fabsf(got.color[1] - want.color[1]) < 1e-5f);
+    assert_compare(fabsf(got.color[1] - want.color[1]), <, 1e-5f);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-static void a_budget_is_kept_before_memory_is_taken(void **state) {
+static void the_budget_is_checked_before_memory_is_allocated(void **state) {
     (void)state;
     enum { N = 32 };
     static uint8_t values[N * N * N];
@@ -418,11 +422,11 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
     struct sp_volume *v = classify_make_volume((uint32_t[3]){ N, N, N }, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_error err;
-    /* Entries of 2 bytes, 4 with normals, whatever the axis; the rest is bricks and classes. */
+    /* An entry has 2 bytes, with a normal 4, for every axis. The rest is bricks and classes. */
     const struct {
         unsigned axis;
         bool normals;
-        uint64_t entries; /* bytes */
+        uint64_t entry_bytes;
     } cases[] = { { 2, false, 2 }, { 2, true, 4 }, { 0, false, 2 }, { 1, true, 4 } };
     for (int i = 0; i < 4; i++) {
         struct sp_classification c;
@@ -431,29 +435,29 @@ static void a_budget_is_kept_before_memory_is_taken(void **state) {
                                        .levels = 1,
                                        .axis = cases[i].axis,
                                        .normals = cases[i].normals,
-                                       .bytes_max = N * N * N * cases[i].entries,
+                                       .bytes_max = N * N * N * cases[i].entry_bytes,
                                        .pool = pool };
         assert_false(sp_classification_update(&c, &job, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
         assert_non_null(strstr(err.text, "32768 voxels"));
-        assert_true(sp_classification_bytes(&c) < 1000); /* nothing but the table is left */
+        assert_compare(sp_classification_bytes(&c), <, 1000); /* only the table remains */
         job.bytes_max += 2000;
         assert_true(sp_classification_update(&c, &job, &err));
-        assert_true(sp_classification_bytes(&c) <= job.bytes_max);
+        assert_compare(sp_classification_bytes(&c), <=, job.bytes_max);
         job.levels = 1 << 1;
         assert_false(sp_classification_update(&c, &job, &err));
         assert_int_equal(err.code, SP_ERR_BUDGET);
         job.bytes_max *= 8;
         assert_true(sp_classification_update(&c, &job, &err));
-        assert_true(sp_classification_bytes(&c) <= job.bytes_max);
+        assert_compare(sp_classification_bytes(&c), <=, job.bytes_max);
         sp_classification_finish(&c);
     }
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-/* What was made since the numbers in `seen`: bit 0 the list, bit 1 the table. */
-static unsigned made_since(const struct sp_level *level, uint64_t seen[2]) {
+/* Returns what was rebuilt since the numbers in `seen`: bit 0 the list, bit 1 the table. */
+static unsigned rebuilt_since(const struct sp_level *level, uint64_t seen[2]) {
     unsigned bits =
         (level->list_made != seen[0] ? 1u : 0u) | (level->table_made != seen[1] ? 2u : 0u);
     seen[0] = level->list_made;
@@ -469,31 +473,31 @@ static void rebuilt_data_gets_a_new_number(void **state) {
     struct sp_volume *v = classify_make_volume((uint32_t[3]){ 4, 4, 4 }, SP_UINT8, values);
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_transfer_function tf = ramp;
-    uint64_t made = 0, fine[2] = { 0 }, coarse[2] = { 0 };
+    uint64_t made = 0, fine[2] = { 0 }, mip[2] = { 0 };
     struct sp_classify_job job = { .tf = &tf, .levels = 3, .axis = 2, .pool = pool, .made = &made };
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(made_since(&c.levels[0], fine), 3);
-    assert_int_equal(made_since(&c.levels[1], coarse), 3);
+    assert_int_equal(rebuilt_since(&c.levels[0], fine), 3);
+    assert_int_equal(rebuilt_since(&c.levels[1], mip), 3);
     assert_true(sp_classification_update(&c, &job, NULL)); /* nothing changed */
-    assert_int_equal(made_since(&c.levels[0], fine) | made_since(&c.levels[1], coarse), 0);
-    tf.points[1].color[0] = 0.25f; /* a colour: the table, and coarse levels altogether */
+    assert_int_equal(rebuilt_since(&c.levels[0], fine) | rebuilt_since(&c.levels[1], mip), 0);
+    tf.points[1].color[0] = 0.25f; /* a colour: rebuilds the table, and all of a mip level */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(made_since(&c.levels[0], fine), 2);
-    assert_int_equal(made_since(&c.levels[1], coarse), 3);
-    job.normals = true; /* gradients belong to the list */
+    assert_int_equal(rebuilt_since(&c.levels[0], fine), 2);
+    assert_int_equal(rebuilt_since(&c.levels[1], mip), 3);
+    job.normals = true; /* gradients are part of the list */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(made_since(&c.levels[0], fine), 1);
-    tf.points[0].value = 5; /* other voxels */
+    assert_int_equal(rebuilt_since(&c.levels[0], fine), 1);
+    tf.points[0].value = 5; /* changes which voxels are visible */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_int_equal(made_since(&c.levels[0], fine), 3);
+    assert_int_equal(rebuilt_since(&c.levels[0], fine), 3);
     sp_classification_finish(&c);
     sp_pool_destroy(&pool);
     sp_volume_unref(&v);
 }
 
-static void only_what_changed_is_redone(void **state) {
+static void only_changed_data_is_rebuilt(void **state) {
     (void)state;
     uint8_t values[64];
     for (int i = 0; i < 64; i++)
@@ -505,34 +509,35 @@ static void only_what_changed_is_redone(void **state) {
     struct sp_classification c;
     sp_classification_init(&c, v);
     assert_true(sp_classification_update(&c, &job, NULL));
-    const uint8_t *kept = c.levels[0].visible.place;
+    const uint8_t *old_places = c.levels[0].visible.place;
     tf.points[1].color[0] = 0.25f; /* a colour */
     tf.points[2].opacity = 0.75f;  /* an opacity that stays above 0 */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.place, kept);
-    assert_true(sp_transfer_class(&c.levels[0].transfer, 20).color[0] == 0.25f);
-    job.normals = true; /* shading is switched on: gradients, not a pass over the volume */
+    assert_ptr_equal(c.levels[0].visible.place, old_places);
+    assert_compare(sp_transfer_class(&c.levels[0].transfer, 20).color[0], ==, 0.25f);
+    job.normals = true; /* shading on: adds gradients without a pass over the volume */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.place, kept);
+    assert_ptr_equal(c.levels[0].visible.place, old_places);
     assert_non_null(c.levels[0].visible.normal);
     assert_int_equal(c.levels[0].visible.normal_bytes, 2);
-    tf.gradient_count = 1; /* magnitudes count: gradients in full */
+    tf.gradient_count = 1; /* magnitudes matter: stores complete gradients */
     tf.gradient[0].scale = 0.5f;
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.place, kept);
+    assert_ptr_equal(c.levels[0].visible.place, old_places);
     assert_int_equal(c.levels[0].visible.normal_bytes, 4);
     tf.gradient_count = 0;
-    tf.points[0].value = 12; /* other voxels */
+    tf.points[0].value = 12; /* changes which voxels are visible */
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_ptr_equal(c.levels[0].visible.place, kept); /* it holds all that is left, and more */
+    /* The old list contains all visible voxels. */
+    assert_ptr_equal(c.levels[0].visible.place, old_places);
     assert_int_equal(c.levels[0].visible.count, 64 - 11);
     assert_int_equal(c.visible, 64 - 13);
-    tf.points[0].value = 38; /* few are left */
+    tf.points[0].value = 38; /* few voxels remain visible */
     tf.points[1].value = 39;
     assert_true(sp_classification_update(&c, &job, NULL));
     assert_int_equal(c.levels[0].visible.count, 64 - 39);
     tf.points[1].value = 20;
-    /* Cancelled: nothing half made stays. */
+    /* After cancellation no incomplete list remains. */
     atomic_bool cancel = true;
     job.cancel = &cancel;
     tf.points[0].value = 11;
@@ -549,16 +554,16 @@ static void only_what_changed_is_redone(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_is_classified_by_the_same_law),
-        cmocka_unit_test(steps_of_a_real_field_stay_sharp),
+        cmocka_unit_test(every_sample_type_gets_the_same_classes),
+        cmocka_unit_test(narrow_transfer_functions_of_doubles_are_resolved),
         cmocka_unit_test(lists_hold_the_visible_voxels_along_every_axis),
-        cmocka_unit_test(coarse_levels_average_what_was_classified),
-        cmocka_unit_test(coarse_rectilinear_levels_keep_energy_and_place),
+        cmocka_unit_test(mip_levels_average_the_classified_voxels),
+        cmocka_unit_test(rectilinear_mip_levels_preserve_extinction_and_position),
         cmocka_unit_test(microflakes_match_those_of_all_voxels),
-        cmocka_unit_test(microflakes_match_those_of_the_surface),
-        cmocka_unit_test(a_budget_is_kept_before_memory_is_taken),
+        cmocka_unit_test(microflakes_of_a_surface_have_its_normal),
+        cmocka_unit_test(the_budget_is_checked_before_memory_is_allocated),
         cmocka_unit_test(rebuilt_data_gets_a_new_number),
-        cmocka_unit_test(only_what_changed_is_redone),
+        cmocka_unit_test(only_changed_data_is_rebuilt),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

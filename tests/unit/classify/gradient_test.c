@@ -14,7 +14,7 @@
 #include "support/compare.h"
 #include "unit/classify/volume.h"
 
-/* A field that is linear in world space has one gradient, on any grid. */
+/* A field that is linear in world space has the same gradient everywhere, on every grid. */
 static void gradients_of_linear_fields_are_exact(void **state) {
     (void)state;
     static const struct sp_grid grids[] = {
@@ -60,18 +60,19 @@ static void gradients_of_linear_fields_are_exact(void **state) {
                     uint32_t packed = sp_gradient_pack(&grid, gradient);
                     sp_gradient_unpack(packed, unit);
                     for (int r = 0; r < 3; r++) {
-                        assert_true(fabs(gradient[r] / grid.scale - slopes[r]) < 1e-9);
-                        assert_true(fabs((double)unit[r] - slopes[r] / length) < 2e-3);
+                        assert_compare(fabs(gradient[r] / grid.scale - slopes[r]), <, 1e-9);
+                        assert_compare(fabs((double)unit[r] - slopes[r] / length), <, 2e-3);
                     }
-                    assert_true(fabs(sp_gradient_magnitude(&grid, packed) / length - 1) < 0.02);
+                    assert_compare(fabs(sp_gradient_magnitude(&grid, packed) / length - 1), <,
+                                   0.02);
                 }
         sp_volume_unref(&v);
         free(values);
     }
 }
 
-/* A field that is linear in the world has one gradient, however far apart its samples are. */
-static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) {
+/* A field that is linear in world space has one gradient, at any distance of the samples. */
+static void gradients_of_rectilinear_grids_are_in_world_space(void **state) {
     (void)state;
     enum { N = 6 };
     static const double coordinates[N] = { 0, 1, 1.25, 5, 7, 7.5 };
@@ -95,7 +96,7 @@ static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) 
         double gradient[3];
         sp_gradient_at(&gradients, (uint32_t[3]){ n % N, n / N % N, n / N / N }, gradient);
         for (int r = 0; r < 3; r++)
-            assert_true(fabs(gradient[r] / gradients.scale - slope[r]) < 1e-9);
+            assert_compare(fabs(gradient[r] / gradients.scale - slope[r]), <, 1e-9);
         uint32_t packed = sp_gradient_pack(&gradients, gradient);
         assert_compare(packed >> 22, >, 0);
         assert_compare(packed >> 22, <, SP_GRADIENT_MAGNITUDES);
@@ -103,9 +104,9 @@ static void gradients_of_rectilinear_grids_are_those_of_the_world(void **state) 
     sp_volume_unref(&v);
 }
 
-/* Of random directions and those between the axes: the largest angle [degrees] that packing, in 32
- * bits or in 16, takes them off; the axes stay exact and zero stays zero. */
-static double worst_packing(bool is_short) {
+/* Returns the largest error [degrees] of directions that are packed in 32 or in 16 bits: random
+ * directions and those between the axes. Asserts that the axes are exact and zero stays zero. */
+static double worst_packing_error(bool is_short) {
     struct sp_gradient_grid grid = { .bound = 1, .unit = 1, .scale = 1 };
     double worst = 1;
     srand(1);
@@ -130,7 +131,7 @@ static double worst_packing(bool is_short) {
         for (int r = 0; r < 3; r++)
             cosine += (double)unit[r] * g[r] / sqrt(length);
         if (n < 27 && length == 1) /* the axes are exact */
-            assert_true(cosine == 1);
+            assert_compare(cosine, ==, 1);
         worst = fmin(worst, cosine);
     }
     return acos(fmin(1, worst)) * 180 / M_PI;
@@ -138,26 +139,27 @@ static double worst_packing(bool is_short) {
 
 static void packed_directions_are_within_an_eighth_of_a_degree(void **state) {
     (void)state;
-    assert_true(worst_packing(false) <= 0.125);
+    assert_compare(worst_packing_error(false), <=, 0.125);
 }
 
 static void directions_in_16_bits_are_within_about_a_degree(void **state) {
     (void)state;
-    assert_true(worst_packing(true) <= 1.1);
-    /* Close to where the map's corners meet, and the code of "none" would be. */
+    assert_compare(worst_packing_error(true), <=, 1.1);
+    /* The corners of the map meet near this direction. Their code would mean "none". */
     const double down[3] = { -1e-4, -1e-4, -1 };
-    assert_true(sp_gradient_pack_direction(down) != 0);
+    assert_int_not_equal(sp_gradient_pack_direction(down), 0);
 }
 
-/* Bricks of every type whose lists keep directions, at borders, on even and rectilinear grids. */
-static void directions_of_bricks_are_those_of_voxels(void **state) {
+/* Compares the stored directions of bricks with those of single voxels: every type, at borders, on
+ * uniform and rectilinear grids. */
+static void directions_of_bricks_equal_those_of_voxels(void **state) {
     (void)state;
     enum { X = 19, Y = 17, Z = 1 + SP_BRICK, COUNT = X * Y * Z };
     static const enum sp_type types[] = { SP_UINT8, SP_INT8, SP_UINT16, SP_INT16 };
     static uint16_t values[COUNT], local[SP_BRICK_VOXELS], packed[SP_BRICK_VOXELS + 1];
     double coordinates[Y];
     srand(6);
-    for (int i = 0; i < COUNT; i++) /* in some places everything is the same */
+    for (int i = 0; i < COUNT; i++) /* constant in some regions */
         values[i] = (uint16_t)(i % 7 < 3 && i % X > 6 ? rand() : 0x0101);
     for (int i = 0; i < Y; i++)
         coordinates[i] = i + 0.3 * (i % 3);
@@ -202,7 +204,7 @@ static void gradients_skip_nan_samples(void **state) {
     float values[27];
     for (int i = 0; i < 27; i++)
         values[i] = (float)(i % 3) * 2;
-    values[14] = NAN; /* the neighbour of the middle on the right */
+    values[14] = NAN; /* the right neighbour of the middle voxel */
     struct sp_volume *v = classify_make_volume((uint32_t[3]){ 3, 3, 3 }, SP_FLOAT32, values);
     struct sp_gradient_grid grid;
     double gradient[3];
@@ -217,10 +219,10 @@ static void gradients_skip_nan_samples(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(gradients_of_linear_fields_are_exact),
-        cmocka_unit_test(gradients_of_rectilinear_grids_are_those_of_the_world),
+        cmocka_unit_test(gradients_of_rectilinear_grids_are_in_world_space),
         cmocka_unit_test(packed_directions_are_within_an_eighth_of_a_degree),
         cmocka_unit_test(directions_in_16_bits_are_within_about_a_degree),
-        cmocka_unit_test(directions_of_bricks_are_those_of_voxels),
+        cmocka_unit_test(directions_of_bricks_equal_those_of_voxels),
         cmocka_unit_test(gradients_skip_nan_samples),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

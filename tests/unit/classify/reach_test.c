@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Lists for post-classification against brute force: a voxel that is left out has no visible value
- * within two kernel radii, and most of what is far from anything visible is left out.
+ * Compares lists for post-classification with an exhaustive search. A voxel that is not in the list
+ * has no visible value within two kernel radii. Most voxels far from visible values are not in it.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -25,9 +25,9 @@
 enum { X = 37, Y = 21, Z = 50 };
 
 static double value_at(int shape, int x, int y, int z) {
-    if (shape == 0) /* a ball, nothing else */
+    if (shape == 0) /* a ball in an empty volume */
         return hypot(hypot(x - 10, y - 10), z - 12) < 4 ? 100 : 0;
-    if (shape == 1) /* two half-spaces: what lies between is no voxel's value */
+    if (shape == 1) /* two half-spaces: no voxel has a value between theirs */
         return x < 18 ? 0 : 100;
     return 50 + 50 * sin(0.3 * x + 0.1 * y) * cos(0.15 * z);
 }
@@ -76,7 +76,7 @@ static bool matters(const struct sp_volume *v, const struct sp_transfer_function
 }
 
 static void check_list(const struct sp_volume *v, const struct sp_transfer_function *tf,
-                       double radius, const struct sp_visible *list, uint64_t least_left_out) {
+                       double radius, const struct sp_visible *list, uint64_t min_not_listed) {
     static uint8_t listed[X * Y * Z];
     memset(listed, 0, sizeof listed);
     for (uint32_t b = 0; b < sp_visible_bricks(list); b++) {
@@ -97,7 +97,7 @@ static void check_list(const struct sp_volume *v, const struct sp_transfer_funct
         if (listed[i])
             assert_true(isfinite(sample(v, x, y, z)));
     }
-    assert_true(X * Y * Z - list->count >= least_left_out);
+    assert_compare(X * Y * Z - list->count, >=, min_not_listed);
 }
 
 static void voxels_that_matter_are_listed(void **state) {
@@ -106,7 +106,7 @@ static void voxels_that_matter_are_listed(void **state) {
         int shape;
         double points[4][2]; /* value, opacity */
         double radius;
-        uint64_t least_left_out;
+        uint64_t min_not_listed;
     } cases[] = {
         { 0, { { 50, 0 }, { 60, 0.5 }, { 70, 0.5 }, { 80, 0 } }, 2.1, 20000 },
         { 0, { { 50, 0 }, { 60, 0.5 }, { 70, 0.5 }, { 80, 0 } }, 12, 0 },
@@ -118,7 +118,7 @@ static void voxels_that_matter_are_listed(void **state) {
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
         for (int type = 0; type < 2; type++) {
             if (TEST_SANITIZED && cases[i].radius > 10)
-                continue; /* the search by brute force takes most of the time */
+                continue; /* the exhaustive search takes most of the time */
             struct sp_volume *v = make_volume(cases[i].shape, type ? SP_FLOAT32 : SP_UINT8);
             struct sp_transfer_function tf = { .reference_length = 1,
                                                .order = SP_TF_POST,
@@ -132,7 +132,7 @@ static void voxels_that_matter_are_listed(void **state) {
             };
             sp_classification_init(&c, v);
             assert_true(sp_classification_update(&c, &job, NULL));
-            check_list(v, &tf, cases[i].radius, &c.levels[0].visible, cases[i].least_left_out);
+            check_list(v, &tf, cases[i].radius, &c.levels[0].visible, cases[i].min_not_listed);
             assert_null(c.levels[0].cells);
             sp_classification_finish(&c);
             sp_volume_unref(&v);
@@ -140,8 +140,9 @@ static void voxels_that_matter_are_listed(void **state) {
     sp_pool_destroy(&pool);
 }
 
-/* A wider kernel needs more voxels, a little narrower one is served, a much narrower one pays. */
-static void lists_follow_the_kernel(void **state) {
+/* A wider kernel needs a list with more voxels. A slightly narrower kernel uses the same list, and
+ * a much narrower one gets a shorter list. */
+static void lists_depend_on_the_kernel_width(void **state) {
     (void)state;
     struct sp_pool *pool = sp_pool_create(1, NULL);
     struct sp_volume *v = make_volume(0, SP_UINT8);
@@ -163,17 +164,17 @@ static void lists_follow_the_kernel(void **state) {
     assert_compare(counts[1], >, counts[0]);
     assert_compare(counts[2], ==, counts[1]);
     assert_compare(counts[3], <, counts[0]);
-    tf.order = SP_TF_PRE; /* and the list of visible voxels is another one */
+    tf.order = SP_TF_PRE; /* pre-classification needs only the visible voxels */
     struct sp_classify_job job = { .tf = &tf, .levels = 1, .axis = SP_NO_AXIS, .pool = pool };
     assert_true(sp_classification_update(&c, &job, NULL));
-    assert_true(c.levels[0].visible.count < counts[3]);
+    assert_compare(c.levels[0].visible.count, <, counts[3]);
     sp_classification_finish(&c);
     sp_volume_unref(&v);
     sp_pool_destroy(&pool);
 }
 
-/* A coarse level of a linear field: values and gradients are means. */
-static void coarse_levels_average_the_scalar(void **state) {
+/* Values and gradients of a mip level are means, which a linear field makes easy to compute. */
+static void mip_levels_average_the_scalar(void **state) {
     (void)state;
     enum { N = 8 };
     struct sp_grid grid = { .dims = { N, N, N },
@@ -203,7 +204,7 @@ static void coarse_levels_average_the_scalar(void **state) {
         double got =
             sp_transfer_base(&level->transfer) +
             (double)sp_transfer_value(&level->transfer, sp_visible_key(&level->visible, e));
-        assert_true(fabs(got - want) < 1e-4);
+        assert_compare(fabs(got - want), <, 1e-4);
         float n[3];
         sp_gradient_unpack(sp_visible_normal(&level->visible, e), n);
         assert_compare(fabs((double)(n[0] / n[2]) - 0.4), <, 0.01);
@@ -214,7 +215,7 @@ static void coarse_levels_average_the_scalar(void **state) {
     sp_pool_destroy(&pool);
 }
 
-/* The gradient axis scales the opacity: 1 − (1 − a)^… is not what it does to the depth. */
+/* The gradient axis scales the opacity, not the optical depth. */
 static void the_gradient_axis_scales_opacity(void **state) {
     (void)state;
     struct sp_volume_info info = {
@@ -237,20 +238,20 @@ static void the_gradient_axis_scales_opacity(void **state) {
     sp_gradient_units_init(&units, &info);
     for (double m = 0; m < 60; m += 1.3) {
         double scale = m < 10 ? 0 : m < 30 ? (m - 10) / 40 : m < 40 ? 0.5 + (m - 30) / 20 : 1;
-        assert_true(fabs(sp_transfer_function_scale(&tf, m) - scale) < 1e-6);
+        assert_compare(fabs(sp_transfer_function_scale(&tf, m) - scale), <, 1e-6);
         uint32_t packed = sp_gradient_pack(&units, (double[3]){ 0, m * units.scale, 0 });
         struct sp_class c = sp_transfer_class_at(&transfer, 150, packed);
-        /* Magnitudes are stored to a thousandth of the root of the largest. */
+        /* The square root of a magnitude is stored to a thousandth of the largest root. */
         double exact = sp_transfer_function_scale(&tf, sp_gradient_magnitude(&units, packed));
-        assert_true(fabs((double)c.depth + log1p(-0.6 * exact)) < 1e-5);
-        assert_true(fabs(exact - scale) < 0.02);
+        assert_compare(fabs((double)c.depth + log1p(-0.6 * exact)), <, 1e-5);
+        assert_compare(fabs(exact - scale), <, 0.02);
     }
     sp_transfer_finish(&transfer);
 }
 
-/* Graded axes: kernels are as wide as the gaps beside their voxels. A voxel that is left out meets
- * no kernel of one that is seen. */
-static void graded_axes_have_kernels_of_their_own(void **state) {
+/* On a rectilinear axis, the width of a kernel follows the distances to the neighbours of its
+ * voxel. A kernel of a voxel that is not in the list overlaps no kernel of a visible voxel. */
+static void kernels_of_rectilinear_axes_follow_the_local_spacing(void **state) {
     (void)state;
     enum { N = 96 };
     static double at[N];
@@ -285,14 +286,14 @@ static void graded_axes_have_kernels_of_their_own(void **state) {
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++)
             listed[corner[0] + (list->place[e] & 15)] = true; /* axis 2: i0 */
     }
-    int left_out = 0;
+    int not_listed = 0;
     for (uint32_t i = 0; i < N; i++) {
         double near = 2.1 * (sp_grid_local_spacing(g, 0, i) + sp_grid_local_spacing(g, 0, 40));
         if (fabs(at[i] - at[40]) <= near)
             assert_true(listed[i]);
-        left_out += !listed[i];
+        not_listed += !listed[i];
     }
-    assert_true(left_out > N / 2);
+    assert_compare(not_listed, >, N / 2);
     sp_classification_finish(&c);
     sp_volume_unref(&v);
     sp_pool_destroy(&pool);
@@ -306,25 +307,26 @@ static struct sp_transfer_function random_function(void) {
     return tf;
 }
 
-/* Values and intervals of a fine grid, on which the points lie, against the function itself. */
+/* Compares the ranges with the function at closely spaced values, which include its points, and at
+ * the intervals between them. */
 static void visible_ranges_are_where_the_opacity_is_not_zero(void **state) {
     (void)state;
     enum { STEPS = 41 };
     for (int n = 0; n < 200; n++) {
         const struct sp_transfer_function tf = random_function();
         struct sp_visible_ranges ranges, keys;
-        bool is_shown[STEPS];
+        bool is_visible[STEPS];
         sp_visible_ranges_init(&ranges, &tf);
         sp_visible_ranges_init_keys(&keys, &tf, 99);
         assert_in_range(ranges.count, 0, tf.point_count);
         for (int i = 0; i < STEPS; i++) {
             struct sp_class c;
             sp_transfer_function_eval(&tf, 98 + 0.5 * i, &c);
-            is_shown[i] = c.depth > 0;
+            is_visible[i] = c.depth > 0;
         }
         for (int i = 0; i < STEPS; i++)
             for (int k = i, any = 0; k < STEPS; k++) {
-                any = any || is_shown[k];
+                any = any || is_visible[k];
                 assert_int_equal(sp_visible_ranges_meet(&ranges, 98 + 0.5 * i, 98 + 0.5 * k), any);
                 assert_int_equal(sp_visible_ranges_meet(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
             }
@@ -332,8 +334,8 @@ static void visible_ranges_are_where_the_opacity_is_not_zero(void **state) {
     }
 }
 
-/* A background that is the value at which a ramp begins, or a flat part ends, shows nothing. */
-static void a_background_at_the_foot_of_a_ramp_is_left_out(void **state) {
+/* A background whose value is the first one of a ramp is not visible. */
+static void a_background_at_the_start_of_a_ramp_is_not_listed(void **state) {
     (void)state;
     struct sp_pool *pool = sp_pool_create(1, NULL);
     static float reals[X * Y * Z];
@@ -366,12 +368,12 @@ static void a_background_at_the_foot_of_a_ramp_is_left_out(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(voxels_that_matter_are_listed),
-        cmocka_unit_test(lists_follow_the_kernel),
-        cmocka_unit_test(graded_axes_have_kernels_of_their_own),
-        cmocka_unit_test(coarse_levels_average_the_scalar),
+        cmocka_unit_test(lists_depend_on_the_kernel_width),
+        cmocka_unit_test(kernels_of_rectilinear_axes_follow_the_local_spacing),
+        cmocka_unit_test(mip_levels_average_the_scalar),
         cmocka_unit_test(the_gradient_axis_scales_opacity),
         cmocka_unit_test(visible_ranges_are_where_the_opacity_is_not_zero),
-        cmocka_unit_test(a_background_at_the_foot_of_a_ramp_is_left_out),
+        cmocka_unit_test(a_background_at_the_start_of_a_ramp_is_not_listed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
