@@ -14,8 +14,8 @@ static uint32_t read_u32(const uint8_t *bytes) {
     return (uint32_t)bytes[0] << 24 | (uint32_t)bytes[1] << 16 | (uint32_t)bytes[2] << 8 | bytes[3];
 }
 
-/* The chunks before and after the pixels are these, and the colours are said to be sRGB. */
-static void chunks_are_these(void **state) {
+/* The file has exactly these chunks, which declare the colours as sRGB. */
+static void png_files_have_the_expected_chunks(void **state) {
     (void)state;
     static const uint32_t pixels[16] = { 0xff302010 };
     const struct sp_raster raster = {
@@ -28,7 +28,7 @@ static void chunks_are_these(void **state) {
     assert_memory_equal(bytes, "\x89PNG\r\n\x1a\n", 8);
     static const struct {
         const char *type, *data;
-        uint32_t size; /* of data that is compared */
+        uint32_t size; /* of the compared data */
     } chunks[] = { { "IHDR", "\0\0\0\4\0\0\0\4\10\2\0\0\0", 13 },
                    { "sRGB", "\0", 1 },
                    { "tEXt", "Software\0splatd " SPLATD_VERSION, 16 + sizeof SPLATD_VERSION - 1 },
@@ -47,7 +47,7 @@ static void chunks_are_these(void **state) {
     sp_encoder_destroy(&encoder);
 }
 
-static void a_refusal_by_the_library_is_an_error_and_the_encoder_stays_usable(void **state) {
+static void the_encoder_is_usable_after_an_error_of_the_library(void **state) {
     (void)state;
     static const uint32_t pixels[4];
     struct sp_raster raster = { .pixels = pixels, .width = 2000000, .height = 1, .stride = 16 };
@@ -79,8 +79,8 @@ static void a_webp_that_is_too_large_is_an_error(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(chunks_are_these),
-        cmocka_unit_test(a_refusal_by_the_library_is_an_error_and_the_encoder_stays_usable),
+        cmocka_unit_test(png_files_have_the_expected_chunks),
+        cmocka_unit_test(the_encoder_is_usable_after_an_error_of_the_library),
         cmocka_unit_test(a_webp_that_is_too_large_is_an_error),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

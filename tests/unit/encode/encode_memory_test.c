@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Images when memory runs out, and what an encoder keeps of it.
+ * Encoding when memory runs out, and the buffers that an encoder reuses.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,13 +34,13 @@ static struct sp_frame noise(bool opaque) {
     return frame;
 }
 
-static void memory_that_runs_out_is_an_error_and_changes_nothing(void **state) {
+static void encoding_is_correct_after_an_allocation_failure(void **state) {
     (void)state;
     static const struct {
         enum sp_image_format format;
-        long failures; /* at least: of the encoder, its buffers and what asks them for memory */
+        long failures; /* minimum number of allocations: the encoder, its buffers and their users */
     } cases[] = { { SP_IMAGE_JPEG, 2 },
-                  { SP_IMAGE_PNG, 9 }, /* the library's own, too */
+                  { SP_IMAGE_PNG, 9 }, /* includes those of the library */
                   { SP_IMAGE_WEBP, 3 },
                   { SP_IMAGE_EXR, 3 } };
     struct sp_frame frame = noise(true);
@@ -65,7 +65,7 @@ static void memory_that_runs_out_is_an_error_and_changes_nothing(void **state) {
                     assert_int_equal(err.code, SP_ERR_MEMORY);
                     assert_memory_equal(err.text, "no memory ", 10);
                 }
-                if (encoder) { /* one that failed goes on */
+                if (encoder) { /* an encoder is usable after a failure */
                     assert_true(sp_encode(encoder, &frame, cases[c].format, QUALITY, &got,
                                           &got_size, NULL));
                     assert_int_equal(got_size, want_size);
@@ -79,8 +79,8 @@ static void memory_that_runs_out_is_an_error_and_changes_nothing(void **state) {
     free(frame.pixels);
 }
 
-/* What a file needs is kept for the next. */
-static void the_second_image_finds_capacity(void **state) {
+/* Only the first image allocates a block of the size of the file; the second one reuses it. */
+static void the_second_image_reuses_the_buffers(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
         struct sp_frame frame = noise(opaque);
@@ -100,7 +100,7 @@ static void the_second_image_finds_capacity(void **state) {
     }
 }
 
-static void a_buffer_grows_and_gives_back_what_is_far_too_much(void **state) {
+static void a_buffer_grows_and_shrinks_if_it_is_8_times_too_large(void **state) {
     (void)state;
     enum { PIECES = 1000, LARGE = 256 << 20 };
     struct sp_buffer buffer = { 0 };
@@ -122,15 +122,15 @@ static void a_buffer_grows_and_gives_back_what_is_far_too_much(void **state) {
     assert_true(sp_buffer_reserve(&buffer, LARGE / 8, NULL));
     assert_compare(buffer.capacity, ==, LARGE);
     assert_true(sp_buffer_reserve(&buffer, LARGE / 8 - 1, NULL));
-    assert_true(buffer.capacity == LARGE / 8 - 1);
+    assert_compare(buffer.capacity, ==, LARGE / 8 - 1);
     free(buffer.bytes);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(memory_that_runs_out_is_an_error_and_changes_nothing),
-        cmocka_unit_test(the_second_image_finds_capacity),
-        cmocka_unit_test(a_buffer_grows_and_gives_back_what_is_far_too_much),
+        cmocka_unit_test(encoding_is_correct_after_an_allocation_failure),
+        cmocka_unit_test(the_second_image_reuses_the_buffers),
+        cmocka_unit_test(a_buffer_grows_and_shrinks_if_it_is_8_times_too_large),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -20,9 +20,10 @@
 #include <turbojpeg.h>
 
 #include "encode/convert.h"
+#include "support/compare.h"
 #include "unit/encode/read_image.h"
 
-/* A frame of our own, odd-sized so that rows have padding, which is filled with rubbish. */
+/* Allocates a frame whose rows have padding, which is filled with a pattern. */
 static struct sp_frame make_frame(uint32_t width, uint32_t height, enum sp_pixel_format format) {
     size_t pixel = format == SP_RGBA8 ? 4 : 16;
     struct sp_frame frame = { .width = width, .height = height, .format = format };
@@ -41,7 +42,7 @@ static float *pixel32(const struct sp_frame *frame, uint32_t x, uint32_t y) {
     return (float *)(void *)((uint8_t *)frame->pixels + y * frame->stride_bytes + 16 * x);
 }
 
-/* A smooth image, with noise in the lowest bits, alpha rising to the right if not opaque. */
+/* Makes a smooth image with noise in the lowest bits. Alpha rises to the right unless opaque. */
 static struct sp_frame image8(uint32_t width, uint32_t height, bool opaque) {
     struct sp_frame frame = make_frame(width, height, SP_RGBA8);
     for (uint32_t y = 0; y < height; y++)
@@ -92,7 +93,7 @@ static void formats_are_found_by_name_type_and_extension(void **state) {
                          i);
 }
 
-static void png_is_exact(void **state) {
+static void png_preserves_every_pixel(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
         struct sp_frame frame = image8(61, 37, opaque);
@@ -137,7 +138,8 @@ static void jpeg_is_close_and_shows_alpha_over_black(void **state) {
     }
 }
 
-/* Of the first frame header in a JPEG: sampling factors of its first component. */
+/* Returns the sampling factors of the first component in the first frame header of a JPEG; -1 if
+ * there is none. */
 static int jpeg_sampling(const uint8_t *bytes, size_t size) {
     for (size_t i = 2; i + 12 < size; i += 2 + (size_t)(bytes[i + 2] << 8 | bytes[i + 3]))
         if (bytes[i] == 0xff && (bytes[i + 1] == 0xc0 || bytes[i + 1] == 0xc2))
@@ -159,9 +161,9 @@ static void jpeg_subsamples_colour_below_90(void **state) {
     free(frame.pixels);
 }
 
-/* Columns of two colours in one half of the image, rows of them in the other: 4:2:2 mixes the
- * columns, 4:2:0 both. */
-static void jpeg_chroma_is_chosen(void **state) {
+/* The image has columns of two colours in its left half and rows of them in its right half. 4:2:2
+ * mixes the columns, 4:2:0 mixes columns and rows. */
+static void jpeg_has_the_requested_chroma_subsampling(void **state) {
     (void)state;
     static const struct {
         enum sp_chroma chroma;
@@ -196,11 +198,10 @@ static void jpeg_chroma_is_chosen(void **state) {
         free(image.pixels);
         sp_encoder_destroy(&encoder);
     }
-    /* All colours are kept, those of the columns are lost, those of the rows, too. */
-    if (!(differences[0] < 5 && differences[1] > 3 * differences[0] &&
-          differences[2] > 1.5 * differences[1]))
-        fail_msg("mean differences %.2f, %.2f, %.2f", differences[0], differences[1],
-                 differences[2]);
+    /* 4:4:4 preserves the colours, 4:2:2 mixes those of columns, 4:2:0 also those of rows. */
+    assert_compare(differences[0], <, 5);
+    assert_compare(differences[1], >, 3 * differences[0]);
+    assert_compare(differences[2], >, 1.5 * differences[1]);
     assert_int_equal(sp_chroma_find("4:1:1"), SP_CHROMA_COUNT);
     assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 89), SP_CHROMA_420);
     assert_int_equal(sp_chroma_at(SP_CHROMA_AUTO, 90), SP_CHROMA_444);
@@ -208,7 +209,7 @@ static void jpeg_chroma_is_chosen(void **state) {
     free(frame.pixels);
 }
 
-/* The image by one call of the library. */
+/* Encodes the image with one call of the library and decodes it. */
 static struct decoded_image encode_whole(const struct sp_frame *frame, int sampling) {
     tjhandle library = tjInitCompress();
     unsigned char *bytes = NULL;
@@ -224,7 +225,7 @@ static struct decoded_image encode_whole(const struct sp_frame *frame, int sampl
     return image;
 }
 
-/* Restart marks in a JPEG; 255 is followed by 0 where it is part of what is coded. */
+/* Counts the restart markers of a JPEG. A byte 255 of coded data is followed by 0. */
 static unsigned count_restarts(const uint8_t *bytes, size_t size) {
     unsigned count = 0;
     for (size_t i = 0; i + 1 < size; i++)
@@ -272,38 +273,39 @@ static void stripes_change_no_pixel(void **state) {
     sp_encoder_destroy(&encoder);
 }
 
-struct sharer { /* makes the stripes by turns with encoders of its own, the last one first */
+struct stripe_sharer { /* encodes the stripes alternately with its own encoders, the last stripe
+                          first */
     struct sp_encoder *with[3];
     unsigned calls;
 };
 
 static void share(void *user, struct sp_encoder *own, unsigned count, sp_stripe_fn *stripe,
                   void *of) {
-    struct sharer *sharer = user;
-    sharer->calls++;
+    struct stripe_sharer *stripe_sharer = user;
+    stripe_sharer->calls++;
     for (unsigned i = count; i-- > 0;)
-        stripe(of, i, i % 4 < 3 ? sharer->with[i % 4] : own);
+        stripe(of, i, i % 4 < 3 ? stripe_sharer->with[i % 4] : own);
 }
 
 static void stripes_from_any_encoder_give_the_same_bytes(void **state) {
     (void)state;
     struct sp_frame frame = image8(1400, 1000, false), small = image8(64, 64, false);
     struct sp_encoder *alone = sp_encoder_create(NULL), *shared = sp_encoder_create(NULL);
-    struct sharer sharer = { .calls = 0 };
+    struct stripe_sharer stripe_sharer = { .calls = 0 };
     const uint8_t *a, *b;
     size_t a_size, b_size;
     for (int i = 0; i < 3; i++)
-        assert_non_null(sharer.with[i] = sp_encoder_create(NULL));
-    sp_encoder_set_share(shared, share, &sharer);
+        assert_non_null(stripe_sharer.with[i] = sp_encoder_create(NULL));
+    sp_encoder_set_share(shared, share, &stripe_sharer);
     assert_true(sp_encode(alone, &frame, SP_IMAGE_JPEG, 80, &a, &a_size, NULL));
     assert_true(sp_encode(shared, &frame, SP_IMAGE_JPEG, 80, &b, &b_size, NULL));
-    assert_int_equal(sharer.calls, 1);
+    assert_int_equal(stripe_sharer.calls, 1);
     assert_int_equal(a_size, b_size);
     assert_memory_equal(a, b, a_size);
     assert_true(sp_encode(shared, &small, SP_IMAGE_JPEG, 80, &b, &b_size, NULL));
-    assert_int_equal(sharer.calls, 1);
+    assert_int_equal(stripe_sharer.calls, 1);
     for (int i = 0; i < 3; i++)
-        sp_encoder_destroy(&sharer.with[i]);
+        sp_encoder_destroy(&stripe_sharer.with[i]);
     sp_encoder_destroy(&alone);
     sp_encoder_destroy(&shared);
     free(frame.pixels);
@@ -314,31 +316,32 @@ static void a_failed_stripe_fails_the_image(void **state) {
     (void)state;
     struct sp_frame frame = image8(1000, 700, true);
     struct sp_encoder *encoder = sp_encoder_create(NULL), broken = { .jpeg = tjInitDecompress() };
-    struct sharer sharer = { .with = { &broken, encoder, encoder } };
+    struct stripe_sharer stripe_sharer = { .with = { &broken, encoder, encoder } };
     struct sp_error err = { .code = SP_OK };
     const uint8_t *bytes;
     size_t size;
-    sp_encoder_set_share(encoder, share, &sharer);
+    sp_encoder_set_share(encoder, share, &stripe_sharer);
     assert_false(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, &err));
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "cannot encode a JPEG image of 1000 × 700: "));
-    sharer.with[0] = encoder;
+    stripe_sharer.with[0] = encoder;
     assert_true(sp_encode(encoder, &frame, SP_IMAGE_JPEG, 80, &bytes, &size, &err));
     tjDestroy(broken.jpeg);
     sp_encoder_destroy(&encoder);
     free(frame.pixels);
 }
 
-/* Stripes that the library was told to code each in its own way cannot be joined. */
-static void the_librarys_environment_is_heeded(void **state) {
+/* With these settings of the library, stripes cannot be joined, so the image must be encoded as a
+ * whole. */
+static void environment_variables_of_the_library_apply(void **state) {
     (void)state;
-    static const char *const told[] = { "TJ_OPTIMIZE", "TJ_RESTART", "TJ_PROGRESSIVE" };
+    static const char *const variables[] = { "TJ_OPTIMIZE", "TJ_RESTART", "TJ_PROGRESSIVE" };
     struct sp_frame frame = image8(1000, 700, true);
-    for (size_t i = 0; i < sizeof told / sizeof *told; i++) {
-        setenv(told[i], "1", 1);
+    for (size_t i = 0; i < sizeof variables / sizeof *variables; i++) {
+        setenv(variables[i], "1", 1);
         struct decoded_image image = encode_and_read(&frame, SP_IMAGE_JPEG, 80),
                              whole = encode_whole(&frame, TJSAMP_420);
-        unsetenv(told[i]);
+        unsetenv(variables[i]);
         assert_memory_equal(image.pixels, whole.pixels,
                             sizeof(float) * 3 * frame.width * frame.height);
         free(image.pixels);
@@ -347,8 +350,8 @@ static void the_librarys_environment_is_heeded(void **state) {
     free(frame.pixels);
 }
 
-/* Such a frame says so itself; its pixels are not looked at for that. */
-static void a_frame_that_knows_to_be_opaque_is(void **state) {
+/* If the frame is declared opaque, its pixels are not checked. */
+static void a_frame_declared_opaque_is_opaque(void **state) {
     (void)state;
     struct sp_frame frame = image8(61, 37, false);
     assert_false(sp_frame_is_opaque(&frame));
@@ -356,13 +359,13 @@ static void a_frame_that_knows_to_be_opaque_is(void **state) {
     assert_true(sp_frame_is_opaque(&frame));
     free(frame.pixels);
     frame = image8(61, 37, true);
-    assert_true(sp_frame_is_opaque(&frame)); /* by its pixels */
+    assert_true(sp_frame_is_opaque(&frame)); /* all its pixels are opaque */
     pixel8(&frame, 60, 36)[3] = 254;
     assert_false(sp_frame_is_opaque(&frame));
     free(frame.pixels);
 }
 
-static void webp_is_close_and_keeps_alpha(void **state) {
+static void webp_is_close_and_preserves_alpha(void **state) {
     (void)state;
     for (int opaque = 0; opaque < 2; opaque++) {
         struct sp_frame frame = image8(61, 37, opaque);
@@ -372,7 +375,7 @@ static void webp_is_close_and_keeps_alpha(void **state) {
         for (uint32_t y = 0; y < frame.height && !opaque; y++)
             for (uint32_t x = 0; x < frame.width; x++)
                 assert_int_equal(lroundf(read_at(&image, x, y, 3) * 255), pixel8(&frame, x, y)[3]);
-        /* Colour is lost where nothing is seen; the opaque image has no such place. */
+        /* WebP loses the colour of transparent pixels, so only opaque images are compared. */
         if (opaque && difference > 3)
             fail_msg("mean difference %.3f", difference);
         free(image.pixels);
@@ -380,7 +383,7 @@ static void webp_is_close_and_keeps_alpha(void **state) {
     }
 }
 
-static void webp_quality_matters(void **state) {
+static void higher_webp_quality_gives_larger_files(void **state) {
     (void)state;
     struct sp_frame frame = image8(256, 256, true);
     struct sp_encoder *encoder = sp_encoder_create(NULL);
@@ -394,7 +397,7 @@ static void webp_quality_matters(void **state) {
     free(frame.pixels);
 }
 
-static void exr_keeps_floats_bit_for_bit(void **state) {
+static void exr_preserves_floats_exactly(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(33, 21, SP_RGBAF32);
     for (uint32_t y = 0; y < frame.height; y++)
@@ -407,12 +410,12 @@ static void exr_keeps_floats_bit_for_bit(void **state) {
     for (uint32_t y = 0; y < frame.height; y++)
         for (uint32_t x = 0; x < frame.width; x++)
             for (int c = 0; c < 4; c++)
-                assert_true(read_at(&image, x, y, c) == pixel32(&frame, x, y)[c]);
+                assert_compare(read_at(&image, x, y, c), ==, pixel32(&frame, x, y)[c]);
     free(image.pixels);
     free(frame.pixels);
 }
 
-static void exr_of_bytes_is_associated(void **state) {
+static void exr_of_bytes_has_premultiplied_alpha(void **state) {
     (void)state;
     struct sp_frame frame = image8(33, 21, false);
     struct decoded_image image = encode_and_read(&frame, SP_IMAGE_EXR, 80);
@@ -422,14 +425,14 @@ static void exr_of_bytes_is_associated(void **state) {
             const uint8_t *p = pixel8(&frame, x, y);
             for (int c = 0; c < 4; c++) {
                 double want = p[c] / 255.0 * (c < 3 ? p[3] / 255.0 : 1);
-                assert_true(fabs(read_at(&image, x, y, c) - want) < 1e-6);
+                assert_compare(fabs(read_at(&image, x, y, c) - want), <, 1e-6);
             }
         }
     free(image.pixels);
     free(frame.pixels);
 }
 
-static void floats_become_bytes_without_association(void **state) {
+static void floats_become_bytes_with_straight_alpha(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(8, 1, SP_RGBAF32);
     const float in[8][4] = {
@@ -486,7 +489,7 @@ static void equal_frames_give_equal_files(void **state) {
         size_t a_size, b_size;
         time_t start = time(NULL);
         assert_true(sp_encode(first, &frame, (enum sp_image_format)f, 80, &a, &a_size, NULL));
-        while (time(NULL) == start) /* so that a time in the file would show */
+        while (time(NULL) == start) /* so that a timestamp in the file would differ */
             nanosleep(&(struct timespec){ .tv_nsec = 10000000 }, NULL);
         assert_true(sp_encode(second, &frame, (enum sp_image_format)f, 80, &b, &b_size, NULL));
         assert_int_equal(a_size, b_size);
@@ -527,7 +530,7 @@ static void threads_load_and_encode_at_once(void **state) {
     free(frame.pixels);
 }
 
-/* Run as a copy of this program in a folder without the bridge: EXR alone needs it. */
+/* Runs in a copy of this program in a folder without the EXR bridge. Only EXR needs the bridge. */
 static int report_missing_bridge(void) {
     static uint32_t pixels[16] = { 0 };
     const struct sp_frame frame = {
@@ -546,7 +549,7 @@ static int report_missing_bridge(void) {
     return others && !exr && err.code == SP_ERR_IO && strstr(err.place, "/splat-exr.so") ? 0 : 1;
 }
 
-static void a_missing_bridge_is_named_and_missed_by_exr_alone(void **state) {
+static void a_missing_bridge_is_named_and_only_exr_needs_it(void **state) {
     (void)state;
     char folder[] = "/tmp/splat-encode-XXXXXX", command[256], copy[64];
     assert_non_null(mkdtemp(folder));
@@ -565,24 +568,24 @@ int main(int argc, char **argv) {
         return report_missing_bridge();
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(formats_are_found_by_name_type_and_extension),
-        cmocka_unit_test(png_is_exact),
+        cmocka_unit_test(png_preserves_every_pixel),
         cmocka_unit_test(jpeg_is_close_and_shows_alpha_over_black),
         cmocka_unit_test(jpeg_subsamples_colour_below_90),
-        cmocka_unit_test(jpeg_chroma_is_chosen),
+        cmocka_unit_test(jpeg_has_the_requested_chroma_subsampling),
         cmocka_unit_test(stripes_change_no_pixel),
         cmocka_unit_test(stripes_from_any_encoder_give_the_same_bytes),
         cmocka_unit_test(a_failed_stripe_fails_the_image),
-        cmocka_unit_test(the_librarys_environment_is_heeded),
-        cmocka_unit_test(a_frame_that_knows_to_be_opaque_is),
-        cmocka_unit_test(webp_is_close_and_keeps_alpha),
-        cmocka_unit_test(webp_quality_matters),
-        cmocka_unit_test(exr_keeps_floats_bit_for_bit),
-        cmocka_unit_test(exr_of_bytes_is_associated),
-        cmocka_unit_test(floats_become_bytes_without_association),
+        cmocka_unit_test(environment_variables_of_the_library_apply),
+        cmocka_unit_test(a_frame_declared_opaque_is_opaque),
+        cmocka_unit_test(webp_is_close_and_preserves_alpha),
+        cmocka_unit_test(higher_webp_quality_gives_larger_files),
+        cmocka_unit_test(exr_preserves_floats_exactly),
+        cmocka_unit_test(exr_of_bytes_has_premultiplied_alpha),
+        cmocka_unit_test(floats_become_bytes_with_straight_alpha),
         cmocka_unit_test(one_encoder_serves_all_sizes_and_formats),
         cmocka_unit_test(equal_frames_give_equal_files),
         cmocka_unit_test(threads_load_and_encode_at_once),
-        cmocka_unit_test(a_missing_bridge_is_named_and_missed_by_exr_alone),
+        cmocka_unit_test(a_missing_bridge_is_named_and_only_exr_needs_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

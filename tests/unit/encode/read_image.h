@@ -10,10 +10,12 @@ extern "C" {
 
 struct decoded_image {
     int width, height, channels, is_float;
-    float *pixels; /* width·height·channels, rows from the top, 8 bit as 0 … 1; free() */
+    float *pixels; /* width·height·channels, top row first, 8-bit values as 0 … 1; the caller frees
+                      them */
 };
 
-/* Decodes a file in memory, alpha as the file has it. Returns 0 and prints why on failure. */
+/* Decodes a file in memory and leaves alpha as it is in the file. Returns 0 on failure, after
+ * printing the reason. */
 int read_image(const char *extension, const void *bytes, size_t size, struct decoded_image *image);
 
 #ifdef __cplusplus

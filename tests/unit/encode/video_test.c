@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Video: packets, decoded again by libvpx, against the images that went in. H.264 has no decoder
- * here: of it the shape of the stream is looked at.
+ * Decodes video packets with libvpx and compares them with the encoded images. There is no decoder
+ * for H.264, so its tests check the structure of the stream.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -38,7 +38,7 @@ static uint8_t wave(double phase) {
     return (uint8_t)(127.5 + 100 * sin(phase));
 }
 
-/* Something like a rendered object, that moves with `time`. */
+/* Draws an image similar to a rendered object that moves with `time`. */
 static void draw(struct sp_frame *frame, int time) {
     double cx = frame->width / 2.0 + 3 * time, cy = frame->height / 2.0;
     for (uint32_t y = 0; y < frame->height; y++)
@@ -62,7 +62,7 @@ static void begin(struct decoder *decoder, enum sp_video_codec codec) {
     assert_int_equal(vpx_codec_dec_init(&decoder->codec, interface, NULL, 0), VPX_CODEC_OK);
 }
 
-/* NULL if the packet cannot be decoded. */
+/* Returns NULL if the packet cannot be decoded. */
 static const vpx_image_t *decode(struct decoder *decoder, const struct sp_video_packet *packet) {
     vpx_codec_iter_t at = NULL;
     if (vpx_codec_decode(&decoder->codec, packet->bytes, (unsigned)packet->size, NULL, 0) !=
@@ -75,7 +75,8 @@ static double clamp(double v) {
     return v < 0 ? 0 : v > 255 ? 255 : v;
 }
 
-/* Of all three colours, dB. The inverse of BT.601, limited range. */
+/* Returns the peak signal-to-noise ratio over all three colours [dB]. Converts the decoded image by
+ * the inverse of BT.601, limited range. */
 static double psnr(const struct sp_frame *frame, const vpx_image_t *image) {
     double sum = 0;
     assert_int_equal(image->d_w, frame->width);
@@ -110,11 +111,11 @@ static struct sp_video_packet encode(struct sp_video *video, const struct sp_fra
     struct sp_error err = { .code = SP_OK };
     if (!sp_video_encode(video, frame, quality, key, &packet, &err))
         fail_msg("%s", err.text);
-    assert_true(packet.size > 0);
+    assert_compare(packet.size, >, 0);
     return packet;
 }
 
-static void names(void **state) {
+static void codecs_are_found_by_name(void **state) {
     (void)state;
     assert_int_equal(sp_video_codec_find("vp8"), SP_VIDEO_VP8);
     assert_int_equal(sp_video_codec_find("VP9"), SP_VIDEO_VP9);
@@ -125,8 +126,8 @@ static void names(void **state) {
     assert_true(sp_video_is_available(SP_VIDEO_VP9));
 }
 
-/* Every frame comes back as it was, one packet each; only the first is a key frame. */
-static void moving(enum sp_video_codec codec, uint32_t width, uint32_t height) {
+/* Each frame gives one packet and is decoded with small errors. Only the first is a key frame. */
+static void check_moving_images(enum sp_video_codec codec, uint32_t width, uint32_t height) {
     struct sp_frame frame = make_frame(width, height);
     struct sp_video *video = create(codec);
     struct decoder decoder;
@@ -151,16 +152,16 @@ static void moving(enum sp_video_codec codec, uint32_t width, uint32_t height) {
     free(frame.pixels);
 }
 
-static void moves(void **state) {
+static void moving_images_are_decoded_with_small_errors(void **state) {
     (void)state;
     static const uint32_t sizes[][2] = { { 320, 240 }, { 321, 241 }, { 17, 33 }, { 2, 2 } };
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
-        moving(SP_VIDEO_VP8, sizes[i][0], sizes[i][1]);
-        moving(SP_VIDEO_VP9, sizes[i][0], sizes[i][1]);
+        check_moving_images(SP_VIDEO_VP8, sizes[i][0], sizes[i][1]);
+        check_moving_images(SP_VIDEO_VP9, sizes[i][0], sizes[i][1]);
     }
 }
 
-static void one_pixel(void **state) {
+static void an_image_of_one_pixel_is_encoded(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(1, 1);
     draw(&frame, 0);
@@ -175,8 +176,8 @@ static void one_pixel(void **state) {
     free(frame.pixels);
 }
 
-/* Who joins late sees nothing until a key frame, and everything from it on. */
-static void keys(void **state) {
+/* A decoder that starts late decodes no frame before a key frame, and every frame from then on. */
+static void decoding_can_begin_at_any_key_frame(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(160, 120);
     for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
@@ -194,20 +195,20 @@ static void keys(void **state) {
         assert_true(packet.is_key);
         const vpx_image_t *image = decode(&late, &packet);
         assert_non_null(image);
-        assert_true(psnr(&frame, image) > 30);
+        assert_compare(psnr(&frame, image), >, 30);
         draw(&frame, 3);
         packet = encode(video, &frame, 80, false);
         image = decode(&late, &packet);
         assert_non_null(image);
-        assert_true(psnr(&frame, image) > 30);
+        assert_compare(psnr(&frame, image), >, 30);
         vpx_codec_destroy(&late.codec);
         sp_video_destroy(&video);
     }
     free(frame.pixels);
 }
 
-/* Another size begins a new stream in the same decoder. */
-static void another_size(void **state) {
+/* A change of the size begins with a key frame, which the same decoder accepts. */
+static void a_new_size_begins_with_a_key_frame(void **state) {
     (void)state;
     struct sp_frame frames[2] = { make_frame(200, 100), make_frame(101, 75) };
     for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
@@ -221,7 +222,7 @@ static void another_size(void **state) {
             assert_int_equal(packet.is_key, i % 2 == 0);
             const vpx_image_t *image = decode(&decoder, &packet);
             assert_non_null(image);
-            assert_true(psnr(frame, image) > 30);
+            assert_compare(psnr(frame, image), >, 30);
         }
         vpx_codec_destroy(&decoder.codec);
         sp_video_destroy(&video);
@@ -230,8 +231,8 @@ static void another_size(void **state) {
     free(frames[1].pixels);
 }
 
-/* More quality: more bytes and a better image; it may change from frame to frame. */
-static void quality(void **state) {
+/* A higher quality gives more bytes and a better image. It may change from frame to frame. */
+static void higher_quality_gives_more_bytes_and_a_better_image(void **state) {
     (void)state;
     struct sp_frame frame = make_frame(320, 240);
     for (int codec = SP_VIDEO_VP8; codec <= SP_VIDEO_VP9; codec++) {
@@ -257,14 +258,14 @@ static void quality(void **state) {
     free(frame.pixels);
 }
 
-/* Grey stays grey, white white, and what is not opaque is shown over black. */
-static void colours(void **state) {
+/* Colours are preserved. Pixels that are not opaque are blended with black. */
+static void colours_are_preserved_and_blended_with_black(void **state) {
     (void)state;
     static const uint8_t shown[][4] = {
         { 0, 0, 0, 255 },   { 255, 255, 255, 255 }, { 128, 128, 128, 255 }, { 255, 0, 0, 255 },
         { 0, 255, 0, 255 }, { 0, 0, 255, 255 },     { 200, 100, 50, 255 },
     };
-    struct sp_frame frame = make_frame(64, 64), seen = make_frame(64, 64);
+    struct sp_frame frame = make_frame(64, 64), expected = make_frame(64, 64);
     struct sp_video *video = create(SP_VIDEO_VP9);
     struct decoder decoder;
     begin(&decoder, SP_VIDEO_VP9);
@@ -272,27 +273,28 @@ static void colours(void **state) {
         for (uint32_t y = 0; y < 64; y++)
             for (uint32_t x = 0; x < 64; x++) {
                 memcpy(pixel(&frame, x, y), shown[i], 4);
-                memcpy(pixel(&seen, x, y), shown[i], 4);
+                memcpy(pixel(&expected, x, y), shown[i], 4);
             }
         struct sp_video_packet packet = encode(video, &frame, 100, true);
-        double db = psnr(&seen, decode(&decoder, &packet));
+        double db = psnr(&expected, decode(&decoder, &packet));
         if (db < 38)
             fail_msg("colour %zu: %.1f dB", i, db);
     }
     for (uint32_t y = 0; y < 64; y++)
         for (uint32_t x = 0; x < 64; x++) {
             memcpy(pixel(&frame, x, y), (const uint8_t[]){ 200, 100, 50, 128 }, 4);
-            memcpy(pixel(&seen, x, y), (const uint8_t[]){ 100, 50, 25, 255 }, 4);
+            memcpy(pixel(&expected, x, y), (const uint8_t[]){ 100, 50, 25, 255 }, 4);
         }
     struct sp_video_packet packet = encode(video, &frame, 100, true);
-    assert_true(psnr(&seen, decode(&decoder, &packet)) > 38);
+    assert_compare(psnr(&expected, decode(&decoder, &packet)), >, 38);
     vpx_codec_destroy(&decoder.codec);
     sp_video_destroy(&video);
     free(frame.pixels);
-    free(seen.pixels);
+    free(expected.pixels);
 }
 
-/* Types of the units of an Annex B stream, as a text of digits; 5 a key frame, 1 a delta. */
+/* Writes the unit types of an Annex B stream as digits: 7 and 8 are parameter sets, 5 is a key
+ * frame, 1 is a delta frame. */
 static void unit_types(const struct sp_video_packet *packet, char *out, size_t size) {
     size_t n = 0;
     for (size_t i = 0; i + 3 < packet->size && n + 1 < size; i++)
@@ -301,13 +303,13 @@ static void unit_types(const struct sp_video_packet *packet, char *out, size_t s
     out[n] = 0;
 }
 
-static void h264(void **state) {
+static void h264_streams_have_parameter_sets_with_each_key_frame(void **state) {
     (void)state;
     if (!sp_video_is_available(SP_VIDEO_H264)) {
         struct sp_error err = { .code = SP_OK };
         assert_null(sp_video_create(SP_VIDEO_H264, 1, &err));
         assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
-        print_message("H.264 is not built in (SPLATD_X264)\n");
+        print_message("skipped: built without H.264 (SPLATD_X264)\n");
         skip();
     }
     struct sp_frame frame = make_frame(321, 241);
@@ -320,8 +322,7 @@ static void h264(void **state) {
         bool is_key = i % 4 == 0;
         assert_int_equal(packet.is_key, is_key);
         unit_types(&packet, types, sizeof types);
-        /* With a key frame come the parameters; whatever else there is, no image of the other
-         * kind. */
+        /* A key frame comes with its parameter sets. No packet has images of both kinds. */
         assert_true(!strchr(types, '7') == !is_key);
         assert_true(!strchr(types, '8') == !is_key);
         assert_true(!strchr(types, '5') == !is_key);
@@ -329,7 +330,7 @@ static void h264(void **state) {
         if (i == 0)
             key_bytes = packet.size;
         else if (!is_key)
-            assert_true(packet.size < key_bytes);
+            assert_compare(packet.size, <, key_bytes);
     }
     sp_video_destroy(&video);
     free(frame.pixels);
@@ -337,9 +338,14 @@ static void h264(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(names),        cmocka_unit_test(moves),   cmocka_unit_test(one_pixel),
-        cmocka_unit_test(keys),         cmocka_unit_test(quality), cmocka_unit_test(colours),
-        cmocka_unit_test(another_size), cmocka_unit_test(h264),
+        cmocka_unit_test(codecs_are_found_by_name),
+        cmocka_unit_test(moving_images_are_decoded_with_small_errors),
+        cmocka_unit_test(an_image_of_one_pixel_is_encoded),
+        cmocka_unit_test(decoding_can_begin_at_any_key_frame),
+        cmocka_unit_test(higher_quality_gives_more_bytes_and_a_better_image),
+        cmocka_unit_test(colours_are_preserved_and_blended_with_black),
+        cmocka_unit_test(a_new_size_begins_with_a_key_frame),
+        cmocka_unit_test(h264_streams_have_parameter_sets_with_each_key_frame),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
