@@ -84,10 +84,10 @@ static void inverse_times_matrix_is_identity(void **state) {
     assert_compare(det, >, 1);
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            assert_true(fabs(one.m[i][j] - (i == j)) < 1e-12);
+            assert_compare(fabs(one.m[i][j] - (i == j)), <, 1e-12);
 }
 
-static void error_texts_are_cut_not_overrun(void **state) {
+static void long_error_texts_are_truncated(void **state) {
     (void)state;
     char longer[1000];
     memset(longer, 'x', sizeof longer - 1);
@@ -100,7 +100,7 @@ static void error_texts_are_cut_not_overrun(void **state) {
     assert_string_equal(sp_code_name(SP_ERR_FORMAT), "format");
 }
 
-static void keep_line(void *user, enum sp_log_level level, const char *kind,
+static void copy_line(void *user, enum sp_log_level level, const char *kind,
                       const struct sp_log_field *fields, const char *line) {
     (void)level;
     snprintf(user, 64, "%s|%s", kind, line);
@@ -111,16 +111,16 @@ static void keep_line(void *user, enum sp_log_level level, const char *kind,
 
 static void log_lines_cannot_be_forged(void **state) {
     (void)state;
-    char kept[64] = "";
-    sp_log_init(keep_line, kept, SP_LOG_INFO);
+    char last_line[64] = "";
+    sp_log_init(copy_line, last_line, SP_LOG_INFO);
     sp_log(SP_LOG_DEBUG, "too detailed");
-    assert_string_equal(kept, "");
+    assert_string_equal(last_line, "");
     sp_log(SP_LOG_INFO, "peer %s", "a\nERROR b");
-    assert_string_equal(kept, "peer %s|peer a?ERROR b");
+    assert_string_equal(last_line, "peer %s|peer a?ERROR b");
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", "v" }, { "peer", "p" }), "%d", 7);
-    assert_string_equal(kept, "%d|7|volume=v|peer=p");
+    assert_string_equal(last_line, "%d|7|volume=v|peer=p");
     sp_log_with(SP_LOG_DEBUG, SP_LOG_FIELDS({ "volume", "v" }), "too detailed");
-    assert_string_equal(kept, "%d|7|volume=v|peer=p");
+    assert_string_equal(last_line, "%d|7|volume=v|peer=p");
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
 
@@ -129,7 +129,7 @@ int main(void) {
         cmocka_unit_test(arena_reuses_memory),
         cmocka_unit_test(parallel_for_visits_each_index_once),
         cmocka_unit_test(inverse_times_matrix_is_identity),
-        cmocka_unit_test(error_texts_are_cut_not_overrun),
+        cmocka_unit_test(long_error_texts_are_truncated),
         cmocka_unit_test(log_lines_cannot_be_forged),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

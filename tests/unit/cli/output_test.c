@@ -47,7 +47,7 @@ int __wrap_rename(const char *from, const char *to) {
     return __real_rename(from, to);
 }
 
-static void a_name_stands_for_what_is_on_the_disk(void **state) {
+static void a_file_is_synced_before_it_gets_its_name(void **state) {
     (void)state;
     char folder[] = "/tmp/splatctl-output-XXXXXX", path[64];
     struct sp_error err;
@@ -57,7 +57,7 @@ static void a_name_stands_for_what_is_on_the_disk(void **state) {
     disk.fails = true;
     assert_false(output_write(path, "bytes", 5, &err));
     assert_non_null(strstr(err.text, strerror(ENOSPC)));
-    assert_int_equal(rmdir(folder), 0); /* nothing is left */
+    assert_int_equal(rmdir(folder), 0); /* the folder is empty */
     assert_int_equal(mkdir(folder, 0700), 0);
     disk.fails = false;
     assert_int_equal(stat(folder, &there), 0);
@@ -84,7 +84,7 @@ static void on_signal(int number) {
     signals += number == SIGINT;
 }
 
-static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
+static void signals_wait_until_the_file_is_complete_or_removed(void **state) {
     (void)state;
     char folder[] = "/tmp/splatctl-output-XXXXXX", path[64], text[8] = "";
     struct output output;
@@ -92,17 +92,17 @@ static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
     assert_non_null(mkdtemp(folder));
     snprintf(path, sizeof path, "%s/out", folder);
     signal(SIGINT, on_signal);
-    for (int is_given_up = 1; is_given_up >= 0; is_given_up--) {
+    for (int is_dropped = 1; is_dropped >= 0; is_dropped--) {
         signals = 0;
         assert_true(output_open(&output, path, &err));
         assert_true(output_add(&output, "taken back", 10, &err));
-        raise(SIGINT);
+        raise(SIGINT); /* delivered when the output is closed or dropped */
         assert_true(output_restart(&output));
         assert_true(output_add(&output, "by", 2, &err));
         assert_true(output_add(&output, "tes", 3, &err));
         assert_int_equal(access(path, F_OK), -1);
         assert_int_equal(signals, 0);
-        if (is_given_up) {
+        if (is_dropped) {
             output_drop(&output);
             assert_int_equal(rmdir(folder), 0);
             assert_int_equal(mkdir(folder, 0700), 0);
@@ -111,7 +111,7 @@ static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
         }
         assert_int_equal(signals, 1);
         assert_null(output.path);
-        output_drop(&output); /* nothing */
+        output_drop(&output); /* has no effect */
     }
     FILE *file = fopen(path, "r");
     assert_non_null(file);
@@ -124,8 +124,8 @@ static void pieces_are_one_file_or_none_whoever_interrupts(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(a_name_stands_for_what_is_on_the_disk),
-        cmocka_unit_test(pieces_are_one_file_or_none_whoever_interrupts),
+        cmocka_unit_test(a_file_is_synced_before_it_gets_its_name),
+        cmocka_unit_test(signals_wait_until_the_file_is_complete_or_removed),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -55,7 +55,7 @@ class Usage(unittest.TestCase):
             self.assertIn(word, result.stdout.decode())
         self.assertRegex(run('--version').stdout.decode(), r'^splatctl \d+\.\d+\.\d+\n$')
 
-    def test_mistakes(self):
+    def test_usage_errors(self):
         self.refused()
         self.refused('--bogus')
         self.refused('-h')
@@ -275,7 +275,7 @@ class Remote(unittest.TestCase):
             self.assertIn('splatctl: ' + url, result.stderr.decode())
         self.assertEqual(run('--url', self.url, '--token', 'a\r\nX: y', 'volumes').returncode, 1)
 
-    def test_nobody_listens(self):
+    def test_no_server(self):
         result = run('--url', 'http://127.0.0.1:1/', 'volumes')
         self.assertEqual(result.returncode, 1)
         self.assertRegex(result.stderr.decode(), r'^splatctl: http://127.0.0.1:1: .*\n$')
@@ -360,7 +360,7 @@ class Remote(unittest.TestCase):
         render[0] = 200, 'image/png', PIXELS, {'cut': 5000}
         self.refused('splatctl: http://127.0.0.1')
 
-    def test_rubbish_instead_of_json(self):
+    def test_invalid_json(self):
         for body in (b'', b'[', b'nonsense', b'\xff\xfe'):
             Daemon.answers['GET', '/api/v1/volumes'] = [(200, 'application/json', body, {})]
             result = self.run_at('volumes')
@@ -409,30 +409,30 @@ class Remote(unittest.TestCase):
         self.assertEqual(self.frames(), ['000000.png', '000001.png', '000002.png'])
         self.assertEqual(self.deleted(), ['/api/v1/paths/p1'] * 2)
 
-    def stays(self, result, reason):
+    def assert_path_is_not_deleted(self, result, reason):
         text = result.stderr.decode()
         self.assertEqual((result.returncode, self.deleted()), (1, []), text)
         self.assertIn(f'"splatctl path --id p1 --out {self.out}"', text)
         self.assertIn('"splatctl path --id p1 --delete"', text)
         self.assertIn(reason, text.splitlines()[-1])
 
-    def test_path_stays_until_it_is_fetched(self):
+    def test_path_is_not_deleted_before_it_is_fetched(self):
         self.paths(('running', 1), ('failed', 2))
-        self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'splatctl: p1: frame 2: no memory')
+        self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'splatctl: p1: frame 2: no memory')
         self.assertEqual(self.frames(), ['000000.png', '000001.png'])
         self.paths(('done', 3))
         os.mkdir(os.path.join(self.out, '000002.png'))
-        self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), '000002.png')
+        self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), '000002.png')
         os.rmdir(os.path.join(self.out, '000002.png'))
         for state in (problem(503, 'never'), (None, '', b'', {}), problem(401, 'who?')):
             self.paths(state)
-            self.stays(self.run_at('path', '-', '--out', self.out, '--timeout', '1', stdin=b'{}'), 'splatctl: ')
+            self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, '--timeout', '1', stdin=b'{}'), 'splatctl: ')
         self.paths(('done', 3))
         result = self.run_at('path', '--id', 'p1', '--out', self.out)
         self.assertEqual((result.returncode, result.stderr, len(self.frames())), (0, b'', 3))
         self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
 
-    def test_path_that_is_gone(self):
+    def test_path_was_deleted(self):
         self.paths(('running', 1), problem(404, 'no path'))
         result = self.run_at('path', '-', '--out', self.out, stdin=b'{}')
         self.assertEqual((result.returncode, result.stderr),
@@ -461,7 +461,7 @@ class Remote(unittest.TestCase):
         Daemon.answers['GET', '/api/v1/paths/p1/movie'] = [(200, 'video/webm', *a) for a in answers]
         self.out = os.path.join(self.folder.name, 'movie.webm')
 
-    def until_it_lies_there(self):
+    def until_a_temporary_file_has_bytes(self):
         """Waits until a temporary file in the folder has bytes."""
         end = time.monotonic() + 60
         while time.monotonic() < end:
@@ -471,9 +471,9 @@ class Remote(unittest.TestCase):
                 self.there.set()
                 return
 
-    def test_path_movie_goes_to_the_disk_as_it_comes(self):
+    def test_path_movie_is_written_while_it_arrives(self):
         self.there = threading.Event()
-        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS, self.until_it_lies_there, PIXELS], {}))
+        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS, self.until_a_temporary_file_has_bytes, PIXELS], {}))
         result = self.run_at('path', '-', '--out', self.out, stdin=b'{"format": "webm"}')
         self.assertEqual(result.returncode, 0, result)
         self.assertTrue(self.there.is_set())
@@ -484,7 +484,7 @@ class Remote(unittest.TestCase):
 
     def test_path_movie_interrupted(self):
         self.there, gone = threading.Event(), threading.Event()
-        self.movie(([PIXELS, self.until_it_lies_there, lambda: gone.wait(60)], {'cut': 9}))
+        self.movie(([PIXELS, self.until_a_temporary_file_has_bytes, lambda: gone.wait(60)], {'cut': 9}))
         process = subprocess.Popen([SPLATCTL, '--url', self.url, 'path', '-', '--out', self.out], stdin=subprocess.PIPE,
                                    stderr=subprocess.PIPE)
         process.stdin.write(b'{"format": "webm"}')
@@ -497,7 +497,7 @@ class Remote(unittest.TestCase):
         process.stderr.close()
         self.assertEqual((self.deleted(), os.listdir(self.folder.name)), ([], []))
 
-    def test_path_movie_to_a_pipe_is_not_told_twice(self):
+    def test_path_movie_to_a_pipe_is_not_repeated(self):
         self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS], {}))
         result = self.run_at('path', '-', '--out', '-', stdin=b'{"format": "webm"}')
         self.assertEqual((result.returncode, result.stdout, self.deleted()), (1, PIXELS[:70000], []))
@@ -509,7 +509,7 @@ class Remote(unittest.TestCase):
         for before in ([], [(200, 'image/png', PIXELS, {'cut': 9})]):
             self.paths(('running', 1))
             Daemon.answers['GET', '/api/v1/paths/p1/frames/0'] = before + [problem(401, 'who?')]
-            self.stays(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'who?')
+            self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'who?')
         self.assertEqual(os.listdir(self.folder.name), [])
 
     def test_path_by_id(self):

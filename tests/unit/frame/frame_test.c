@@ -14,6 +14,7 @@
 #include "frame/pool.h"
 #include "frame/resolve.h"
 #include "sp/view.h"
+#include "support/compare.h"
 
 static struct sp_frame *make(struct sp_frame_pool *pool, uint32_t w, uint32_t h,
                              enum sp_pixel_format format) {
@@ -23,9 +24,9 @@ static struct sp_frame *make(struct sp_frame_pool *pool, uint32_t w, uint32_t h,
     assert_int_equal(frame->width, w);
     assert_int_equal(frame->height, h);
     assert_int_equal(frame->stride_bytes % 64, 0);
-    assert_true(frame->stride_bytes >= w * (size_t)(format == SP_RGBAF32 ? 16 : 4));
+    assert_compare(frame->stride_bytes, >=, w * (size_t)(format == SP_RGBAF32 ? 16 : 4));
     assert_int_equal((uintptr_t)frame->pixels % 64, 0);
-    memset(frame->pixels, 0xa5, h * frame->stride_bytes); /* all of it is ours */
+    memset(frame->pixels, 0xa5, h * frame->stride_bytes); /* the whole block can be written */
     return frame;
 }
 
@@ -42,7 +43,7 @@ static void frames_are_recycled(void **state) {
     for (int i = 0; i < 100; i++) {
         a = make(pool, 100, 50 - (uint32_t)i % 3, SP_RGBA8);
         b = make(pool, 97, 50, SP_RGBA8);
-        assert_true(a->pixels != b->pixels);
+        assert_ptr_not_equal(a->pixels, b->pixels);
         assert_true(a->pixels == pixels || b->pixels == pixels);
         sp_frame_unref(&a);
         sp_frame_unref(&b);
@@ -61,13 +62,14 @@ static void idle_memory_is_capped(void **state) {
         frames[i] = make(pool, 64, 64, SP_RGBA8);
     for (int i = 0; i < 8; i++) {
         sp_frame_unref(&frames[i]);
-        assert_true(sp_frame_pool_idle(pool) <= CAP);
+        assert_compare(sp_frame_pool_idle(pool), <=, CAP);
     }
     assert_int_equal(sp_frame_pool_idle(pool), CAP);
     struct sp_frame *large = make(pool, 512, 512, SP_RGBAF32);
-    sp_frame_unref(&large); /* over the cap by itself: not kept, and nothing is thrown out for it */
+    /* A block above the cap is freed at once, and the idle blocks stay. */
+    sp_frame_unref(&large);
     assert_int_equal(sp_frame_pool_idle(pool), CAP);
-    /* A tiny frame does not take a block of more than twice its size. */
+    /* A frame never reuses a block of more than twice its size. */
     struct sp_frame *tiny = make(pool, 1, 1, SP_RGBA8);
     assert_int_equal(sp_frame_pool_idle(pool), CAP);
     sp_frame_unref(&tiny);
@@ -95,7 +97,7 @@ static void *churn(void *pool) {
     return NULL;
 }
 
-static void pool_serves_threads(void **state) {
+static void threads_can_share_a_pool(void **state) {
     (void)state;
     struct sp_frame_pool *pool = sp_frame_pool_create(1 << 20, NULL);
     pthread_t threads[4];
@@ -103,13 +105,13 @@ static void pool_serves_threads(void **state) {
         assert_int_equal(pthread_create(&threads[i], NULL, churn, pool), 0);
     for (int i = 0; i < 4; i++)
         pthread_join(threads[i], NULL);
-    assert_true(sp_frame_pool_allocations(pool) <= 8);
+    assert_compare(sp_frame_pool_allocations(pool), <=, 8);
     sp_frame_pool_destroy(&pool);
 }
 
 static void resolve_blends_the_background(void **state) {
     (void)state;
-    /* transmittance, associated colour */
+    /* transmittance, premultiplied colour */
     static const float pixels[4][4] = {
         { 1, 0, 0, 0 }, { 0, 0.25f, 0.5f, 2 }, { 0.5f, 0.5f, 0.25f, 0 }, { 0.25f, 0, 0, 0.75f }
     };
@@ -127,13 +129,13 @@ static void resolve_blends_the_background(void **state) {
         sp_resolve_rgba8(planes, 4, bg, narrow);
         for (int i = 0; i < 4; i++) {
             double through = (double)pixels[i][0], alpha = 1 - through * (1 - (double)bg[3]);
-            assert_true(fabs((double)wide[4 * i + 3] - alpha) < 1e-6);
+            assert_compare(fabs((double)wide[4 * i + 3] - alpha), <, 1e-6);
             assert_int_equal(narrow[4 * i + 3], lround(alpha * 255));
             for (int c = 0; c < 3; c++) {
                 double colour = (double)pixels[i][1 + c] + through * (double)(bg[3] * bg[c]);
-                assert_true(fabs((double)wide[4 * i + c] - colour) < 1e-6);
-                double shown = alpha > 0 ? fmin(1, colour / alpha) : 0;
-                assert_int_equal(narrow[4 * i + c], lround(shown * 255));
+                assert_compare(fabs((double)wide[4 * i + c] - colour), <, 1e-6);
+                double straight = alpha > 0 ? fmin(1, colour / alpha) : 0;
+                assert_int_equal(narrow[4 * i + c], lround(straight * 255));
             }
         }
     }
@@ -142,7 +144,7 @@ static void resolve_blends_the_background(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(frames_are_recycled),           cmocka_unit_test(idle_memory_is_capped),
-        cmocka_unit_test(frames_outlive_their_pool),     cmocka_unit_test(pool_serves_threads),
+        cmocka_unit_test(frames_outlive_their_pool),     cmocka_unit_test(threads_can_share_a_pool),
         cmocka_unit_test(resolve_blends_the_background),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -36,7 +36,7 @@ static double sample(const struct sp_volume *volume, uint32_t i, uint32_t j, uin
                                      : (double)((const float *)voxels)[at];
 }
 
-static void every_demo_is_as_announced(void **state) {
+static void every_demo_has_the_documented_size_type_and_range(void **state) {
     (void)state;
     static const struct {
         const char *name;
@@ -58,7 +58,7 @@ static void every_demo_is_as_announced(void **state) {
     for (size_t i = 0; i < count; i++) {
         const struct sp_demo *demo = sp_demo_at(i);
         assert_string_equal(demo->name, expected[i].name);
-        assert_true(strlen(demo->doc) > 10);
+        assert_compare(strlen(demo->doc), >, 10);
         char source[64];
         snprintf(source, sizeof source, "demo:%s", demo->name);
         struct sp_volume *volume = load(source);
@@ -74,7 +74,7 @@ static void every_demo_is_as_announced(void **state) {
         assert_string_equal(info->name, demo->name);
         assert_string_equal(info->source, source);
         assert_int_equal(info->nonfinite, 0);
-        /* The extremes are reached, to sampling: a voxel centre need not lie on a peak. */
+        /* The range is almost reached: a peak need not be at the centre of a voxel. */
         assert_compare(info->range[0], >=, expected[i].low);
         assert_compare(info->range[0], <=, expected[i].low + 1e-4);
         assert_compare(info->range[1], <=, expected[i].high);
@@ -94,13 +94,13 @@ static uint64_t fnv(const struct sp_volume *volume) {
     return hash;
 }
 
-/* The number of threads follows the CPUs that the process may use. */
+/* Demos are computed by as many threads as there are CPUs that the process may use. */
 static void demos_do_not_depend_on_threads(void **state) {
     (void)state;
     cpu_set_t all, one;
     assert_int_equal(sched_getaffinity(0, sizeof all, &all), 0);
     if (CPU_COUNT(&all) < 2) {
-        print_message("skipped: one CPU alone, so there is nothing to compare\n");
+        print_message("skipped: this test needs at least two CPUs\n");
         skip();
     }
     int first = 0;
@@ -126,7 +126,7 @@ static void demos_do_not_depend_on_threads(void **state) {
     }
 }
 
-static void sizes_reach_from_8_to_1024(void **state) {
+static void sizes_from_8_to_1024_are_accepted(void **state) {
     (void)state;
     for (size_t i = 0; sp_demo_at(i); i++) {
         char source[64];
@@ -142,7 +142,7 @@ static void sizes_reach_from_8_to_1024(void **state) {
     sp_volume_unref(&volume);
 }
 
-static void bad_sources_are_explained(void **state) {
+static void errors_explain_bad_sources(void **state) {
     (void)state;
     static const struct {
         const char *source;
@@ -170,11 +170,10 @@ static void bad_sources_are_explained(void **state) {
         assert_int_equal(err.code, cases[i].code);
         assert_string_equal(err.place, cases[i].source);
         if (!strstr(err.text, cases[i].text))
-            fail_msg("%s: \"%s\" lacks \"%s\"", cases[i].source, err.text, cases[i].text);
+            fail_msg("%s: \"%s\" does not contain \"%s\"", cases[i].source, err.text,
+                     cases[i].text);
     }
 }
-
-/* Values known by hand. */
 
 static void assert_near(double value, double expected, double tolerance) {
     if (!(fabs(value - expected) <= tolerance))
@@ -188,18 +187,18 @@ static void marschner_lobb_has_the_published_values(void **state) {
     assert_near(sample(volume, 20, 20, 20), 0.6, 1e-6);
     assert_near(sample(volume, 20, 20, 40), 0.2, 1e-6);
     assert_near(sample(volume, 20, 20, 0), 1.0, 1e-6);
-    /* r = 1: cos(12π·0) = 1 again, whichever way. */
+    /* r = 1: cos(12π·0) = 1 in every direction. */
     assert_near(sample(volume, 40, 20, 20), 0.6, 1e-6);
     assert_near(sample(volume, 20, 0, 20), 0.6, 1e-6);
     /* r = 0.5, z = 0.5: sin(π/4) = 0.70710678, cos(π/4)·12π = 26.657298 → cos = 0.0378... */
     double wave = cos(12 * M_PI * 0.70710678118654752);
     assert_near(sample(volume, 30, 20, 30), (1 - 0.70710678 + 0.25 * (1 + wave)) / 2.5, 1e-6);
-    /* It depends on the radius alone in a slice: 3² + 4² = 5². */
+    /* In a slice the value depends only on the radius: 3² + 4² = 5². */
     assert_near(sample(volume, 23, 24, 11), sample(volume, 25, 20, 11), 1e-6);
     sp_volume_unref(&volume);
 }
 
-static void hydrogen_has_its_lobes_and_its_node(void **state) {
+static void hydrogen_has_two_lobes_and_a_nodal_cone(void **state) {
     (void)state;
     struct sp_volume *volume = load("demo:hydrogen?size=220"); /* a voxel is 0.2 Bohr radii */
     /* On the axis, r = 5.9 and 6.1, voxels 139 and 140 in z (x = y = 0.1): the peak, 255. */
@@ -208,14 +207,14 @@ static void hydrogen_has_its_lobes_and_its_node(void **state) {
     /* In the plane z = 0 the density is a quarter of that: (−r²)² against (2r²)². */
     assert_near(sample(volume, 139, 110, 110), 63.75, 1.5);
     assert_near(sample(volume, 110, 80, 110), 63.75, 1.5);
-    /* 3z² = r²: the cone without electrons, here x = √2·z, z = 4.1, x = 5.8. */
-    assert_true(sample(volume, 139, 110, 130) <= 1);
+    /* The density is 0 on the cone 3z² = r², here x = √2·z, z = 4.1, x = 5.8. */
+    assert_compare(sample(volume, 139, 110, 130), <=, 1);
     assert_near(sample(volume, 110, 110, 110), 0, 1);
     assert_near(sample(volume, 0, 0, 0), 0, 0);
     sp_volume_unref(&volume);
 }
 
-static void phantom_has_the_table_s_values(void **state) {
+static void phantom_has_the_published_values(void **state) {
     (void)state;
     struct sp_volume *volume = load("demo:phantom?size=200"); /* x = (i + 0.5)/100 − 1 */
     const struct {
@@ -237,7 +236,7 @@ static void phantom_has_the_table_s_values(void **state) {
                            (uint32_t)((points[i].z + 1) * 100) };
         assert_near(sample(volume, at[0], at[1], at[2]), points[i].value, 2e-6);
     }
-    /* Its mass, by the ellipsoids' volumes 4/3·π·abc·value: anti-aliasing must keep it. */
+    /* Anti-aliasing preserves the mass: the sum of 4/3·π·abc·value over the ellipsoids. */
     double sum = 0,
            mass = 0.69 * 0.92 * 0.81 - 0.8 * 0.6624 * 0.874 * 0.78 -
                   0.2 * (0.11 * 0.31 * 0.22 + 0.16 * 0.41 * 0.28) +
@@ -273,20 +272,21 @@ static void engine_is_made_of_three_materials(void **state) {
     static const double values[] = { 0, 110, 190, 235 };
     for (int i = 0; i < 4; i++) {
         int bin = (int)(values[i] * 256 / 235);
-        assert_true(bins[bin > 255 ? 255 : bin] > voxels / 1000);
+        assert_compare(bins[bin > 255 ? 255 : bin], >, voxels / 1000);
         pure += bins[bin > 255 ? 255 : bin];
     }
-    assert_true(pure > voxels * 3 / 4); /* the rest are boundaries */
-    /* Mirrored in y, but for the oil gallery that ends before the front. */
+    assert_compare(pure, >, voxels * 3 / 4); /* the others are at boundaries */
+    /* Symmetric in y, except for the oil gallery, which ends before the front. */
     assert_near(sample(volume, 80, 20, 60), sample(volume, 80, 69, 60), 0);
-    /* The middle of a bore is air above the crown line, the block between bores is not. */
+    /* The middle of a bore is air above the piston crown. */
     double bore_x = (1 - 0.5 * 0.38) * 80;
     assert_near(sample(volume, (uint32_t)bore_x, 45, 70), 0, 0);
     sp_volume_unref(&volume);
 }
 
-/* Fine in the middle, coarse outside, mirrored; the same shape for any number of samples. */
-static void galaxy_is_graded(void **state) {
+/* The spacing is fine in the middle, coarse outside and symmetric. The shape is the same for every
+ * number of samples. */
+static void galaxy_is_finer_in_the_middle(void **state) {
     (void)state;
     struct sp_volume *volume = load("demo:galaxy"), *fine = load("demo:galaxy?size=191");
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
@@ -298,16 +298,16 @@ static void galaxy_is_graded(void **state) {
         for (uint32_t i = 0; i < last; i++) {
             assert_near(c[i] + c[last - i], last, 1e-12 * last);
             double gap = c[i + 1] - c[i], before = i ? gap - (c[i] - c[i - 1]) : -1;
-            assert_true(i > last / 2 ? before > 0 : before < 0);
+            assert_compare(i > last / 2 ? before : -before, >, 0);
         }
         assert_near((c[1] - c[0]) / (c[last / 2 + 1] - c[last / 2]), cosh(3), 1.2);
     }
-    /* Every second sample of the finer one lies at the same place of the whole. */
+    /* Every second sample of the finer volume has the same relative position. */
     for (uint32_t i = 0; i < 96; i += 5)
         assert_near(grid->coordinates[0][i] / 95,
                     sp_volume_info(fine)->grid.coordinates[0][2 * i] / 190, 1e-12);
     assert_near(sample(volume, 48, 48, 24), 4000, 20); /* the core */
-    /* Two arms: half a turn about the axis changes nothing. */
+    /* The two arms are symmetric under a rotation by 180° about the axis. */
     uint32_t arms = 0;
     for (uint32_t i = 0; i < 96; i++)
         for (uint32_t j = 0; j < 96; j++) {
@@ -321,7 +321,8 @@ static void galaxy_is_graded(void **state) {
     sp_volume_unref(&fine);
 }
 
-/* A twentieth lies inside the balls, whose skin is 100; halfway out of it is 50. */
+/* The balls fill a twentieth of the volume. Their surface has the value 100; 50 is halfway to the
+ * empty space. */
 static void sparse_fills_a_twentieth(void **state) {
     (void)state;
     static const char *const sources[] = { "demo:sparse?size=96", "demo:sparse?size=200" };
@@ -330,11 +331,11 @@ static void sparse_fills_a_twentieth(void **state) {
         const struct sp_volume_info *info = sp_volume_info(volume);
         const uint8_t *voxels = sp_volume_voxels(volume);
         uint64_t inside = 0, count = info->voxel_bytes;
-        uint32_t n = info->grid.dims[0], taken = 0;
+        uint32_t n = info->grid.dims[0], occupied = 0;
         for (uint64_t i = 0; i < count; i++)
             inside += voxels[i] > 50;
         assert_near((double)inside / (double)count, 0.05, 0.002);
-        /* One ball a cell: something in each of the thousand. */
+        /* Each of the 1000 cells contains one ball. */
         for (uint32_t cell = 0; cell < 1000; cell++) {
             uint32_t low[3], high[3], most = 0;
             for (uint32_t axis = 0, rest = cell; axis < 3; axis++, rest /= 10) {
@@ -347,15 +348,15 @@ static void sparse_fills_a_twentieth(void **state) {
                         uint32_t v = voxels[((size_t)k * n + j) * n + i];
                         most = v > most ? v : most;
                     }
-            taken += most > 100;
+            occupied += most > 100;
         }
-        assert_int_equal(taken, 1000);
+        assert_int_equal(occupied, 1000);
         sp_volume_unref(&volume);
     }
 }
 
-/* Six-connected flood from the trunk's root: all of the tree hangs together. */
-static void vessels_are_one_piece(void **state) {
+/* A flood fill from the root of the trunk reaches the whole tree. */
+static void vessels_are_connected(void **state) {
     (void)state;
     enum { N = 160, COUNT = N * N * N };
     struct sp_volume *volume = load("demo:vessels");
@@ -366,7 +367,7 @@ static void vessels_are_one_piece(void **state) {
     for (size_t i = 0; i < COUNT; i++)
         solid += voxels[i] > 900;
     uint32_t root = (N * 10 + N / 2) * N + N / 2;
-    assert_true(voxels[root] > 900);
+    assert_compare(voxels[root], >, 900);
     seen[root] = 1;
     stack[depth++] = root;
     while (depth > 0) {
@@ -387,18 +388,16 @@ static void vessels_are_one_piece(void **state) {
     }
     assert_compare(solid, >, 10000);
     assert_compare(solid, <, COUNT / 20);
-    assert_true(reached > solid * 97 / 100);
+    assert_compare(reached, >, solid * 97 / 100);
     sp_volume_unref(&volume);
 }
-
-/* Options. */
 
 struct calls {
     int reserves, progresses;
     uint64_t bytes;
     double last;
     bool refuse;
-    int cancel_after; /* progress calls; 0 = never */
+    int cancel_after; /* progress calls; 0 = do not cancel */
 };
 
 static bool on_reserve(void *user, uint64_t bytes, struct sp_error *err) {
@@ -416,7 +415,7 @@ static bool on_progress(void *user, double fraction) {
     return ++c->progresses != c->cancel_after;
 }
 
-static void budget_progress_and_cancel(void **state) {
+static void budget_progress_and_cancellation_are_applied(void **state) {
     (void)state;
     struct calls calls = { 0 };
     struct sp_load_options options = { .reserve = on_reserve,
@@ -444,19 +443,19 @@ static void budget_progress_and_cancel(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_demo_is_as_announced),
+        cmocka_unit_test(every_demo_has_the_documented_size_type_and_range),
         cmocka_unit_test(demos_do_not_depend_on_threads),
-        cmocka_unit_test(sizes_reach_from_8_to_1024),
-        cmocka_unit_test(bad_sources_are_explained),
+        cmocka_unit_test(sizes_from_8_to_1024_are_accepted),
+        cmocka_unit_test(errors_explain_bad_sources),
         cmocka_unit_test(marschner_lobb_has_the_published_values),
-        cmocka_unit_test(hydrogen_has_its_lobes_and_its_node),
-        cmocka_unit_test(phantom_has_the_table_s_values),
+        cmocka_unit_test(hydrogen_has_two_lobes_and_a_nodal_cone),
+        cmocka_unit_test(phantom_has_the_published_values),
         cmocka_unit_test(checkerboard_alternates),
         cmocka_unit_test(engine_is_made_of_three_materials),
-        cmocka_unit_test(galaxy_is_graded),
+        cmocka_unit_test(galaxy_is_finer_in_the_middle),
         cmocka_unit_test(sparse_fills_a_twentieth),
-        cmocka_unit_test(vessels_are_one_piece),
-        cmocka_unit_test(budget_progress_and_cancel),
+        cmocka_unit_test(vessels_are_connected),
+        cmocka_unit_test(budget_progress_and_cancellation_are_applied),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

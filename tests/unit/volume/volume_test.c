@@ -50,10 +50,10 @@ static void samples_are_copied_and_described(void **state) {
     assert_non_null(volume);
     memset(samples, 0, sizeof samples);
     const struct sp_volume_info *info = sp_volume_info(volume);
-    const int16_t *kept = sp_volume_voxels(volume);
-    assert_int_equal((uintptr_t)kept % 64, 0);
-    assert_int_equal(kept[0], -5);
-    assert_int_equal(kept[11], 11);
+    const int16_t *copy = sp_volume_voxels(volume);
+    assert_int_equal((uintptr_t)copy % 64, 0);
+    assert_int_equal(copy[0], -5);
+    assert_int_equal(copy[11], 11);
     assert_memory_equal(&info->grid, &grid, sizeof grid);
     assert_int_equal(info->components, 1);
     assert_int_equal(info->voxel_bytes, 24);
@@ -70,7 +70,7 @@ static void samples_are_copied_and_described(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* Bins by the definition in sp/volume.h, sample by sample in long double. */
+/* Computes the bins by the definition in sp/volume.h, for each sample in long double. */
 static void check_histogram(const struct sp_volume_info *info, const double *values, size_t count) {
     uint64_t bins[SP_HISTOGRAM_BINS] = { 0 }, sum = 0;
     long double low = info->range[0], high = info->range[1];
@@ -96,8 +96,8 @@ static void histograms_follow_their_definition(void **state) {
     struct sp_grid grid = grid_of(N, N, N);
     double *values = malloc(COUNT * sizeof *values);
     void *samples = malloc(COUNT * sizeof *values);
-    assert_true(values);
-    assert_true(samples);
+    assert_non_null(values);
+    assert_non_null(samples);
     for (int type = 0; type < SP_TYPE_COUNT; type++) {
         uint32_t seed = 7;
         for (int i = 0; i < COUNT; i++) {
@@ -148,7 +148,7 @@ static void histograms_follow_their_definition(void **state) {
     free(samples);
 }
 
-static void odd_contents_have_a_range(void **state) {
+static void unusual_contents_have_a_valid_range(void **state) {
     (void)state;
     struct sp_grid grid = grid_of(2, 2, 1);
     struct sp_error err;
@@ -170,7 +170,7 @@ static void odd_contents_have_a_range(void **state) {
     assert_int_equal(info->histogram[0], 3);
     sp_volume_unref(&volume);
 
-    /* The span of these overflows a double. */
+    /* The difference between the extremes overflows a double. */
     const double far[4] = { -1.7e308, 1.7e308, 0, 1.6e308 };
     volume = sp_volume_create(&grid, SP_FLOAT64, far, "far", &err);
     info = sp_volume_info(volume);
@@ -215,7 +215,7 @@ static void bad_grids_are_refused(void **state) {
     assert_null(sp_volume_create(&grid, SP_UINT8, &sample, "x", NULL));
 }
 
-static void coordinates_are_the_volume_s_own(void **state) {
+static void the_volume_copies_its_coordinates(void **state) {
     (void)state;
     double x[4] = { 0, 1, 3, 6 }, z[2] = { 0, 0.5 };
     struct sp_grid grid = grid_of(4, 3, 2);
@@ -227,16 +227,16 @@ static void coordinates_are_the_volume_s_own(void **state) {
     struct sp_error err;
     struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, samples, "graded", &err);
     assert_non_null(volume);
-    const struct sp_grid *kept = &sp_volume_info(volume)->grid;
+    const struct sp_grid *copy = &sp_volume_info(volume)->grid;
     memset(x, 0, sizeof x);
     memset(z, 0, sizeof z);
-    assert_memory_equal(kept->coordinates[0], ((double[]){ 0, 1, 3, 6 }), sizeof x);
-    assert_null(kept->coordinates[1]);
-    assert_memory_equal(kept->coordinates[2], ((double[]){ 0, 0.5 }), sizeof z);
+    assert_memory_equal(copy->coordinates[0], ((double[]){ 0, 1, 3, 6 }), sizeof x);
+    assert_null(copy->coordinates[1]);
+    assert_memory_equal(copy->coordinates[2], ((double[]){ 0, 0.5 }), sizeof z);
     sp_volume_unref(&volume);
 }
 
-static void samples_lie_where_the_coordinates_say(void **state) {
+static void coordinates_give_the_positions_of_samples(void **state) {
     (void)state;
     const double x[4] = { 0, 1, 3, 6 };
     struct sp_grid grid = grid_of(4, 3, 1);
@@ -257,12 +257,12 @@ static void samples_lie_where_the_coordinates_say(void **state) {
     assert_compare(extent[1], ==, 2.5);
     static const double local[4] = { 1, 1.5, 2.5, 3 };
     for (uint32_t i = 0; i < 4; i++) {
-        assert_true(sp_grid_distance(&grid, 0, i) == x[i]);
-        assert_true(sp_grid_local_spacing(&grid, 0, i) == local[i]);
+        assert_compare(sp_grid_distance(&grid, 0, i), ==, x[i]);
+        assert_compare(sp_grid_local_spacing(&grid, 0, i), ==, local[i]);
     }
     assert_compare(sp_grid_distance(&grid, 1, 2), ==, 2);
     assert_compare(sp_grid_local_spacing(&grid, 1, 2), ==, 1);
-    assert_true(sp_grid_local_spacing(&grid, 2, 0) == 5);
+    assert_compare(sp_grid_local_spacing(&grid, 2, 0), ==, 5);
 }
 
 static void bad_coordinates_are_refused(void **state) {
@@ -299,7 +299,7 @@ static void bad_coordinates_are_refused(void **state) {
         }
         sp_volume_unref(&volume);
     }
-    /* The origin is measured by the smallest gap, which is not the mean. */
+    /* The limit of the origin is relative to the smallest gap, not to the mean gap. */
     const double x[4] = { 0, 1e-3, 1, 3 };
     struct sp_grid grid = grid_of(2, 4, 1);
     grid.coordinates[1] = x;
@@ -309,7 +309,7 @@ static void bad_coordinates_are_refused(void **state) {
     assert_int_equal(sp_grid_bad_part(&grid), SP_GRID_GOOD);
 }
 
-static void *share(void *arg) {
+static void *ref_and_unref_often(void *arg) {
     struct sp_volume *volume = arg;
     for (int i = 0; i < 10000; i++) {
         struct sp_volume *mine = sp_volume_ref(volume);
@@ -328,7 +328,7 @@ static void count_release(void *voxels, size_t bytes) {
     released++;
 }
 
-static void last_reference_releases_once(void **state) {
+static void the_last_unref_frees_the_samples_once(void **state) {
     (void)state;
     enum { THREADS = 4 };
     pthread_t threads[THREADS];
@@ -340,7 +340,8 @@ static void last_reference_releases_once(void **state) {
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, 64, count_release, &err);
     assert_non_null(volume);
     for (int t = 0; t < THREADS; t++)
-        assert_int_equal(pthread_create(&threads[t], NULL, share, sp_volume_ref(volume)), 0);
+        assert_int_equal(
+            pthread_create(&threads[t], NULL, ref_and_unref_often, sp_volume_ref(volume)), 0);
     sp_volume_unref(&volume);
     for (int t = 0; t < THREADS; t++)
         pthread_join(threads[t], NULL);
@@ -352,12 +353,12 @@ int main(void) {
         cmocka_unit_test(types_have_sizes_and_names),
         cmocka_unit_test(samples_are_copied_and_described),
         cmocka_unit_test(histograms_follow_their_definition),
-        cmocka_unit_test(odd_contents_have_a_range),
+        cmocka_unit_test(unusual_contents_have_a_valid_range),
         cmocka_unit_test(bad_grids_are_refused),
-        cmocka_unit_test(coordinates_are_the_volume_s_own),
-        cmocka_unit_test(samples_lie_where_the_coordinates_say),
+        cmocka_unit_test(the_volume_copies_its_coordinates),
+        cmocka_unit_test(coordinates_give_the_positions_of_samples),
         cmocka_unit_test(bad_coordinates_are_refused),
-        cmocka_unit_test(last_reference_releases_once),
+        cmocka_unit_test(the_last_unref_frees_the_samples_once),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
