@@ -33,7 +33,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(done.returncode, 0, done.stderr)
         return [json.loads(line) for line in done.stdout.splitlines()]
 
-    def test_a_line_a_scene_with_every_key(self):
+    def test_one_line_per_scene_with_every_key(self):
         small = self.scene('small.json', name='small', volume='demo:hydrogen?size=24',
                            view={'size': [40, 30], 'shading': {'mode': 'none'}})
         absent = self.scene('absent.json', name='absent', volume='nowhere.nrrd')
@@ -57,7 +57,7 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(second['scene'], 'absent')
         self.assertIn('nowhere.nrrd', second['skipped'])
 
-    def test_software_gl_says_what_it_is(self):
+    def test_software_gl_is_labelled(self):
         options = ('--volume', 'demo:phantom?size=16', '--size', '32', '--views', '2', '--warm', '0')
         done = run('--backend', 'gl-software', *options)
         if done.returncode:

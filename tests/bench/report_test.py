@@ -259,12 +259,12 @@ class Report(unittest.TestCase):
         os.remove(os.path.join(run.work, 'soak.csv'))
 
     def test_the_soak_runs_only_when_named(self):
-        self.assertEqual(set(run_all.PARTS) - set(run_all.UNASKED), {'soak'})
+        self.assertEqual(set(run_all.PARTS) - set(run_all.DEFAULT_PARTS), {'soak'})
 
     def test_missing_programs_are_named(self):
         self.assertEqual(run_all.missing('sh', HERE), '')
-        self.assertEqual(run_all.missing('sh', 'no-such-program'), 'no-such-program is not there')
-        self.assertEqual(run_all.missing(os.path.join(run_all.ROOT, 'tests/nowhere')), 'tests/nowhere is not there')
+        self.assertEqual(run_all.missing('sh', 'no-such-program'), 'no-such-program does not exist')
+        self.assertEqual(run_all.missing(os.path.join(run_all.ROOT, 'tests/nowhere')), 'tests/nowhere does not exist')
 
     def test_the_peak_of_a_gpu_is_two_numbers(self):
         self.assertEqual(run_all.peaks('4800,67'), (4800, 67))
@@ -281,7 +281,7 @@ class Report(unittest.TestCase):
         done = subprocess.run([sys.executable, os.path.join(HERE, 'run_all.py'), '--bin', '.', '--data', '.', '--scenes', '.', '--out',
                                self.folder.name, '--only', 'limit,tea'], capture_output=True, text=True, check=False)
         self.assertEqual(done.returncode, 2)
-        self.assertIn('"tea" is none of limit, scenes', done.stderr)
+        self.assertIn('"tea" is not one of limit, scenes', done.stderr)
 
     def test_cameras_are_chosen_evenly(self):
         self.assertEqual(run_all.chosen(list(range(24)), 8), list(range(0, 24, 3)))

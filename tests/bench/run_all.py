@@ -23,7 +23,7 @@ import time
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
 PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'codecs', 'tls', 'soak')
-UNASKED = PARTS[:-1]  # what is measured without --only
+DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -36,7 +36,7 @@ def arguments():
     p.add_argument('--out', required=True, help='folder of the CSV files')
     p.add_argument('--vtk-bench', default='', help='script that measures VTK on the same scenes; "" = without')
     p.add_argument('--no-vtk-because', default='', help='reason to print where VTK is not measured')
-    p.add_argument('--only', default=','.join(UNASKED), help='parts to measure, of ' + ', '.join(PARTS) + ' (takes 20 minutes and runs only if named); the files of other parts stay')
+    p.add_argument('--only', default=','.join(DEFAULT_PARTS), help='parts to measure, of ' + ', '.join(PARTS) + ' (takes 20 minutes and runs only if named); the files of other parts stay')
     p.add_argument('--quick', action='store_true', help='a few views, 512 px, two threads, small volumes')
     p.add_argument('--views', type=int, default=24, help='cameras of each orbit')
     p.add_argument('--gpu-peak', type=peaks, default=('', ''), metavar='GB/s,TFLOP/s',
@@ -47,7 +47,7 @@ def arguments():
     options.only = options.only.split(',')
     for part in options.only:
         if part not in PARTS:
-            p.error(f'--only: "{part}" is none of {", ".join(PARTS)}')
+            p.error(f'--only: "{part}" is not one of {", ".join(PARTS)}')
     return options
 
 
@@ -373,7 +373,7 @@ class Gpu:
         self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'lobster'] or list(run.scenes)[:1]
         self.steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) if self.backend else 0
 
-    def told(self):
+    def description(self):
         return self.device or 'not measured: ' + '; '.join(self.why)
 
 
@@ -428,7 +428,7 @@ def measure_gl_edits(run):
 def missing(*needs):
     """Returns which programs or paths are missing; '' if all exist."""
     absent = [need for need in needs if not (os.path.exists(need) if os.sep in need else shutil.which(need))]
-    return absent and f'{os.path.relpath(absent[0], ROOT) if os.sep in absent[0] else absent[0]} is not there' or ''
+    return absent and f'{os.path.relpath(absent[0], ROOT) if os.sep in absent[0] else absent[0]} does not exist' or ''
 
 
 def keep_table(run, name, text):
@@ -492,7 +492,7 @@ def machine(run):
     yield 'instruction set', run.isas[-1] if run.isas else '?'
     yield 'views', f'{run.o.views} (VTK at 1024 px: {min(run.o.views, run.o.peer_views)})'
     if run.gpu:
-        yield 'gpu backend', run.gpu.told()
+        yield 'gpu backend', run.gpu.description()
     yield 'vtk', 'measured in the same run' if run.o.vtk_bench else 'not measured: ' + run.o.no_vtk_because
 
 
@@ -548,7 +548,7 @@ def main():
                                                *(('--seconds', '1', '--rounds', '1') if options.quick else ()))),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
-            'soak': (1, lambda: measure_serve(run, 'soak.csv', 'people who come and go', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),
+            'soak': (1, lambda: measure_serve(run, 'soak.csv', 'clients that connect and disconnect', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),
         }
         run.steps = sum(work[part][0] for part in options.only)
         write_machine(run)

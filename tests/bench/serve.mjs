@@ -44,8 +44,8 @@ const start = (backend, args = [], volumes = []) => Daemon.start(options.bin, ba
 
 function note(row) {
   rows.push(row);
-  const told = Object.entries(row).filter(([key, value]) => value !== '' && key !== 'part').map(([key, value]) => `${key} ${value}`).join('  ');
-  process.stdout.write(`${row.part ?? 'soak'}: ${told}\n`);
+  const line = Object.entries(row).filter(([key, value]) => value !== '' && key !== 'part').map(([key, value]) => `${key} ${value}`).join('  ');
+  process.stdout.write(`${row.part ?? 'soak'}: ${line}\n`);
 }
 
 /** Writes a row of users with the same behaviour. */
@@ -266,7 +266,7 @@ async function soakMeasured() {
 
 async function measure(wanted) {
   const unknown = wanted.find((name) => !PARTS.includes(name));
-  const problem = unknown !== undefined ? `"${unknown}" is none of ${PARTS.join(', ')}`
+  const problem = unknown !== undefined ? `"${unknown}" is not one of ${PARTS.join(', ')}`
     : wanted.length > 1 && wanted.includes('soak') ? 'soak is measured alone' : '';
   if (problem) {
     process.stderr.write(`serve.mjs: --only: ${problem}\n`);

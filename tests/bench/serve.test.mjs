@@ -60,6 +60,6 @@ test('every client behaviour has a row', () => {
 });
 
 test('unknown parts are refused, and soak cannot be combined with other parts', () => {
-  assert.match(serve('--only', 'idle,tea').stderr, /"tea" is none of overhead, /);
+  assert.match(serve('--only', 'idle,tea').stderr, /"tea" is not one of overhead, /);
   assert.match(serve('--only', 'soak,idle').stderr, /soak is measured alone/);
 });

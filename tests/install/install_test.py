@@ -17,12 +17,12 @@ import zlib
 SOURCE, BUILD = os.environ['SPLATD_SOURCE'], os.environ['SPLATD_BUILD']
 CMAKE, CC, CXX = os.environ['CMAKE'], os.environ['CC'], os.environ['CXX']
 EXAMPLE = os.path.join(SOURCE, 'clients/example/render_png.c')
-# What a program on another machine does not have.
+# Environment variables that a program on another machine does not have.
 UNSET = ('LD_LIBRARY_PATH', 'PKG_CONFIG_PATH', 'CMAKE_PREFIX_PATH')
 
 
 def run(*command, **extra):
-    """The output of a command; its error output is part of the failure."""
+    """Returns the output of a command. If it fails, the failure shows its error output."""
     environment = {k: v for k, v in os.environ.items() if k not in UNSET} | extra
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     if done.returncode:
@@ -31,10 +31,10 @@ def run(*command, **extra):
 
 
 def read_png(path):
-    """(width, height, rows of (r, g, b)) of a PNG with 8 bits per channel and the filters None, Sub and Up."""
+    """Returns (width, height, rows of (r, g, b)) of a PNG with 8 bits per channel and the filters None, Sub and Up."""
     with open(path, 'rb') as file:
         data = file.read()
-    assert data[:8] == b'\x89PNG\r\n\x1a\n', f'{path} is no PNG'
+    assert data[:8] == b'\x89PNG\r\n\x1a\n', f'{path} is not a PNG'
     at, packed = 8, b''
     while at < len(data):
         size, kind = struct.unpack('>I4s', data[at:at + 8])
@@ -87,7 +87,7 @@ class Install(unittest.TestCase):
             return file.read()
 
     def check_images(self, program, **extra):
-        """A built-in volume and a file, which the installed importer reads; the same bytes for every program."""
+        """Renders a built-in volume and a file, which the installed importer reads. All programs must give the same bytes."""
         sphere = os.path.join(self.folder, 'sphere.nrrd')
         n = 24
         voxels = bytes(255 if sum((2 * v + 1 - n) ** 2 for v in (i, j, k)) < (n - 6) ** 2 else 0
@@ -96,11 +96,11 @@ class Install(unittest.TestCase):
             file.write(f'NRRD0004\ntype: uint8\ndimension: 3\nsizes: {n} {n} {n}\nencoding: raw\n\n'.encode() + voxels)
         for name, source in (('demo', 'demo:engine?size=32'), ('file', sphere)):
             image = self.draw(program, source, **extra)
-            self.assertEqual(image, self.images.setdefault(name, image), f'{program} draws {name} differently')
+            self.assertEqual(image, self.images.setdefault(name, image), f'{program} renders {name} differently')
             width, height, rows = read_png(os.path.join(self.folder, 'image.png'))
             self.assertEqual((width, height), (512, 512))
-            self.assertEqual(rows[0][0], (0, 0, 0), 'the background is black')
-            self.assertGreater(max(rows[256][256]), 40, 'the volume is in the middle')
+            self.assertEqual(rows[0][0], (0, 0, 0), 'the background is not black')
+            self.assertGreater(max(rows[256][256]), 40, 'the volume is not in the middle')
 
     def test_pkg_config_and_the_shared_library(self):
         program = os.path.join(self.folder, 'shared')
@@ -108,7 +108,7 @@ class Install(unittest.TestCase):
         self.check_images(program, LD_LIBRARY_PATH=self.libraries)
 
     def test_pkg_config_and_the_static_library(self):
-        program = os.path.join(self.prefix, 'bin', 'static') # it finds the importer from there
+        program = os.path.join(self.prefix, 'bin', 'static') # the library finds the importer relative to this path
         os.makedirs(os.path.dirname(program), exist_ok=True)
         libraries = [os.path.join(self.libraries, 'libsplat.a') if flag == '-lsplat' else flag
                      for flag in self.flags('--static', '--libs')]
