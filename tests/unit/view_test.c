@@ -27,8 +27,8 @@ static void make_info(struct sp_volume_info *info) {
         info->histogram[b] = b < 20 ? 10000 : b > 90 && b < 110 ? 500 : b > 180 && b < 190 ? 50 : 1;
 }
 
-/* All eight corners lie inside the image and fill more than half of it one way. `ends` are the
- * distances along each axis between which the volume's cells lie. */
+/* Checks that all eight corners lie inside the image and fill more than half of its width or
+ * height. `ends` are the first and last distance of cells along each axis. */
 static void check_framing(const struct sp_view *view, const struct sp_grid *grid,
                           const double ends[3][2]) {
     struct sp_camera_frame camera;
@@ -77,7 +77,7 @@ static void the_default_frames_a_rectilinear_volume(void **state) {
     struct sp_volume_info info;
     struct sp_view view;
     make_info(&info);
-    double x[40] = { 0 }, z[20] = { 0 }; /* the last gaps are as long as all others together */
+    double x[40] = { 0 }, z[20] = { 0 }; /* the last gaps are as long as the sum of all others */
     for (int i = 1; i < 40; i++)
         x[i] = i < 39 ? i : 76;
     for (int i = 1; i < 20; i++)
@@ -91,7 +91,7 @@ static void the_default_frames_a_rectilinear_volume(void **state) {
     assert_true(view.transfer_function.reference_length == 76 / 39.0); /* the smallest mean */
     const double ends[3][2] = { { -0.5, 95 }, { -1, 59 }, { -18, 73 } };
     check_framing(&view, &info.grid, ends);
-    for (int r = 0; r < 3; r++) { /* the middle of the box, not of the samples */
+    for (int r = 0; r < 3; r++) { /* the middle of the bounding box, not of the samples */
         double middle = info.grid.origin[r];
         for (int a = 0; a < 3; a++)
             middle += info.grid.direction[r][a] * 0.5 * (ends[a][0] + ends[a][1]);
@@ -111,7 +111,8 @@ static void the_default_hides_the_background(void **state) {
     assert_compare(tf->points[0].value, >=, air);
     assert_compare(tf->points[0].value, <, tissue);
     assert_true(tf->points[tf->point_count - 1].opacity > 0.5f);
-    /* One value alone, and a range that is not finite, still give a valid view. */
+    /* A volume of a single value, or with a range that is not finite, still has a valid default
+     * view. */
     info.range[1] = info.range[0];
     sp_view_init(&view, &info, "x");
     assert_true(sp_view_validate(&view, NULL));
@@ -136,7 +137,7 @@ static void check_refused(const struct sp_view *view, const char *pointer) {
     assert_false(sp_view_validate(view, NULL));
 }
 
-/* Sets one field of a good view and expects the pointer. */
+/* Sets one field of a valid view and expects an error with this JSON pointer. */
 #define REFUSED(field, x, pointer)                                                                 \
     do {                                                                                           \
         struct sp_view bad = view;                                                                 \
@@ -244,7 +245,7 @@ static void degenerate_cameras_are_refused(void **state) {
     for (int i = 0; i < 3; i++)
         view.camera.up[i] = -3 * (view.camera.target[i] - view.camera.position[i]);
     check_refused(&view, "/camera/up");
-    /* Huge and tiny numbers are not degenerate. */
+    /* Very large and very small numbers are valid. */
     view = make_view();
     for (int i = 0; i < 3; i++) {
         view.camera.position[i] = i == 0 ? -1.7e308 : 0;

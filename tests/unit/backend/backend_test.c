@@ -33,7 +33,7 @@ static void pass_over(void *user, const struct sp_device *device) {
     (void)device;
 }
 
-/* A GPU must pass this check before it is used. An image that was not drawn fails it. */
+/* A GPU must pass this check before it is used. The test card of the null backend must fail it. */
 static void the_startup_check_compares_images(void **state) {
     (void)state;
     const struct sp_backend_options options = {
@@ -71,7 +71,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
         struct sp_error why;
         struct sp_renderer *r = sp_renderer_create(&options, &why);
         struct sp_renderer_info info;
-        if (!r && strncmp(sp_backend_at(n)->name, "gl", 2) == 0) { /* needs a driver */
+        if (!r && strncmp(sp_backend_at(n)->name, "gl", 2) == 0) { /* GL needs a driver */
             print_message("skipped: %s\n", why.text);
             assert_int_equal(why.code, SP_ERR_BACKEND);
             assert_int_equal(lines, 1); /* a refusal is logged */
@@ -137,7 +137,7 @@ static void unsupported_settings_are_refused_with_their_pointer(void **state) {
     assert_null(sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, NULL, &err));
     assert_int_equal(err.code, SP_ERR_INVALID);
     assert_string_equal(err.place, "/camera/fov_y");
-    rig.view = good; /* and the next call works */
+    rig.view = good; /* the next call works */
     struct sp_frame *frame = rig_draw(&rig, SP_RGBA8);
     sp_frame_unref(&frame);
     rig_finish(&rig);
@@ -146,7 +146,7 @@ static void unsupported_settings_are_refused_with_their_pointer(void **state) {
 static void the_test_card_shows_the_camera(void **state) {
     (void)state;
     struct rig rig = rig_make("null", 1, rig_make_voxel());
-    rig.view.compositing.mode = SP_COMPOSITE_SLAB; /* it draws anything */
+    rig.view.compositing.mode = SP_COMPOSITE_SLAB; /* the null backend supports every view */
     struct sp_frame *a = rig_draw(&rig, SP_RGBA8), *b = rig_draw(&rig, SP_RGBA8);
     assert_true(rig_is_same(a, b));
     for (int axis = 0; axis < 3; axis++) {
@@ -180,7 +180,7 @@ static void threads_do_not_change_a_bit(void **state) {
                 first = frame;
                 assert_true(rig_check_finite(first) > 100);
                 assert_true(first->stats.splats <
-                            first->stats.visible_voxels); /* some are hidden */
+                            first->stats.visible_voxels); /* opaque tiles skip the hidden voxels */
             } else {
                 assert_true(rig_is_same(first, frame));
                 assert_int_equal(first->stats.splats, frame->stats.splats);
@@ -203,7 +203,7 @@ static void the_steady_state_allocates_nothing(void **state) {
     struct cpu_state *cpu_state = pointer;
     struct sp_camera camera = rig.view.camera;
     uint64_t arena = 0, frames = 0;
-    for (int k = 0; k < 24; k++) { /* around all three major axes, far and near */
+    for (int k = 0; k < 24; k++) { /* turn around all three axes, far and near */
         double angle = k * 0.7, distance = k % 5 == 1 ? 12 : 100;
         for (int i = 0; i < 3; i++)
             rig.view.camera.position[i] =
@@ -215,7 +215,7 @@ static void the_steady_state_allocates_nothing(void **state) {
         struct sp_backend_job job = { .volume = rig.volume, .view = &rig.view, .frame = frame };
         assert_true(cpu->render(pointer, &job, &err));
         sp_frame_unref(&frame);
-        if (k == 2) { /* the third frame joins what the first two, far and near, allocated */
+        if (k == 2) { /* the third frame merges the blocks that the first two allocated */
             arena = cpu_state->arena.system_allocations;
             frames = sp_frame_pool_allocations(rig.pool);
         }
@@ -236,7 +236,7 @@ static void cached_data_is_counted_and_evicted(void **state) {
     sp_renderer_evict(rig.renderer, rig.volume);
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     sp_renderer_evict(rig.renderer, rig.volume);
-    /* More transfer functions than there are slots. */
+    /* Use more transfer functions than the cache has slots. */
     for (int i = 0; i < 3 * SP_CLASSIFY_SLOTS; i++) {
         rig.view.transfer_function.points[0].value = 1 + i;
         frame = rig_draw(&rig, SP_RGBA8);
@@ -245,7 +245,7 @@ static void cached_data_is_counted_and_evicted(void **state) {
     rig_finish(&rig);
 }
 
-/* Largest difference of any channel. */
+/* Returns the largest difference of any channel of any pixel. */
 static float largest_difference(const struct sp_frame *a, const struct sp_frame *b) {
     float most = 0;
     for (uint32_t y = 0; y < a->height; y++)
@@ -254,9 +254,9 @@ static float largest_difference(const struct sp_frame *a, const struct sp_frame 
     return most;
 }
 
-/* The image and the count of visible voxels are those of a renderer that never saw another
- * transfer function, whatever the lists hold after a row of edits: to the bit where voxels are
- * drawn one by one; several at a time are added in another order when hidden ones lie between. */
+/* After a series of edits, the image and the number of visible voxels equal those of a renderer
+ * that has seen only the last transfer function. The scalar kernels give equal bits. The others add
+ * several voxels at a time, in an order that depends on hidden voxels in the lists. */
 static void check_edits(const char *isa, float tolerance) {
     struct rig rig = rig_make("cpu", 2, rig_make_ball(36, (double[3]){ 1, 1, 1 }));
     struct rig fresh = rig_make("cpu", 2, sp_volume_ref(rig.volume));
@@ -265,12 +265,12 @@ static void check_edits(const char *isa, float tolerance) {
     sp_renderer_destroy(&fresh.renderer);
     rig.renderer = sp_renderer_create(&options, NULL);
     fresh.renderer = sp_renderer_create(&options, NULL);
-    /* Thresholds that a hand moves to and fro, in small steps and large ones; then it rests. */
+    /* The threshold moves back and forth in small and large steps, and then rests. */
     for (int k = 0; k < (TEST_SANITIZED ? 12 : 40); k++) {
         struct sp_transfer_function *tf = &rig.view.transfer_function;
         tf->points[0].value = k < 30 ? 300 + 200 * sin(k * 0.4) + (k % 7 == 6 ? 250 : 0) : 250;
         tf->points[1].color[1] = (float)(k % 3) / 2;
-        rig.view.camera.position[k % 3] += 3; /* around axes, too */
+        rig.view.camera.position[k % 3] += 3; /* the view turns, too */
         rig.view.shading.mode = k % 10 > 5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         rig.view.compositing.mode = (enum sp_compositing)(k % 3);
         fresh.view = rig.view;
@@ -301,7 +301,8 @@ static uint64_t memory_at(struct rig *rig, double threshold, int frames) {
     return sp_renderer_memory(rig->renderer, rig->volume);
 }
 
-/* While thresholds move, lists hold more than what is visible; at rest they do not. */
+/* While a threshold moves, the lists also hold hidden voxels. At rest they hold only visible ones.
+ */
 static void lists_are_cut_down_when_edits_stop(void **state) {
     (void)state;
     struct rig rig = rig_make("cpu", 1, rig_make_ball(60, (double[3]){ 1, 1, 1 }));
@@ -310,7 +311,7 @@ static void lists_are_cut_down_when_edits_stop(void **state) {
     uint64_t rests = memory_at(&rig, 290, 20);
     sp_renderer_evict(rig.renderer, rig.volume);
     uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
-    assert_true(hides >= exact); /* the same list */
+    assert_true(hides >= exact); /* the list stays as it is */
     assert_true(hides - exact <= histogram);
     assert_true(shows > fresh + histogram + 5000);
     assert_true(histogram <= 1001 * sizeof(uint64_t));
@@ -333,7 +334,8 @@ static void *render_thread(void *user) {
     return NULL;
 }
 
-/* A million voxels that each cover the whole image: hours of work, cancelled by another thread. */
+/* A million voxels that each cover the whole image would take hours. Another thread cancels them.
+ */
 static void endless_work_can_be_cancelled(void **state) {
     (void)state;
     struct rig rig = rig_make("cpu", 2, rig_make_ball(130, (double[3]){ 1e-4, 1e-4, 1e-4 }));
@@ -350,10 +352,10 @@ static void endless_work_can_be_cancelled(void **state) {
     while (!atomic_load(&c.started))
         ;
     atomic_store(&c.cancel, true);
-    pthread_join(thread, NULL); /* the test's timeout is the limit */
+    pthread_join(thread, NULL); /* the time limit of the test ends this if cancelling fails */
     assert_null(c.frame);
     assert_int_equal(c.err.code, SP_ERR_CANCELLED);
-    atomic_store(&c.cancel, true); /* set before the call: also while classifying */
+    atomic_store(&c.cancel, true); /* set before the call: classification sees it, too */
     sp_renderer_evict(rig.renderer, rig.volume);
     render_thread(&c);
     assert_null(c.frame);
@@ -366,14 +368,14 @@ static void endless_work_can_be_cancelled(void **state) {
     rig_finish(&rig);
 }
 
-/* Stands still once for every so many looks, for a thousand years each time. */
-struct standing {
+/* Counts the pauses and reports that each took a thousand years: a paused frame does not age. */
+struct pauser {
     struct sp_pause pause;
     atomic_uint times;
 };
 
-static void stand(void *user) {
-    struct standing *s = user;
+static void count_pause(void *user) {
+    struct pauser *s = user;
     atomic_fetch_add(&s->times, 1);
     atomic_store(&s->pause.paused_ms, atomic_load(&s->pause.paused_ms) + 3e13);
 }
@@ -383,20 +385,20 @@ static void a_paused_render_loses_nothing(void **state) {
     static const enum sp_compositing modes[] = { SP_COMPOSITE_SHEET, SP_COMPOSITE_SLAB };
     for (int m = 0; m < 2; m++) {
         struct rig rig = rig_make("cpu", 2, rig_make_ball(60, (double[3]){ 1, 1, 1 }));
-        struct standing s = { .pause = { .wait = stand, .user = &s } };
+        struct pauser s = { .pause = { .wait = count_pause, .user = &s } };
         struct sp_render_options options = { .pause = &s.pause };
         struct sp_renderer_info info;
         rig.view.compositing.mode = modes[m];
         sp_renderer_info(rig.renderer, &info);
         assert_true(info.can_pause);
         struct sp_frame *frames[2];
-        for (int held = 0; held < 2; held++) {
-            atomic_store(&s.pause.requested, held);
-            sp_renderer_evict(rig.renderer, rig.volume); /* it classifies, too */
-            frames[held] =
+        for (int paused = 0; paused < 2; paused++) {
+            atomic_store(&s.pause.requested, paused);
+            sp_renderer_evict(rig.renderer, rig.volume); /* the frame includes classification */
+            frames[paused] =
                 sp_renderer_render(rig.renderer, rig.volume, &rig.view, rig.pool, &options, NULL);
-            assert_non_null(frames[held]);
-            assert_true(held ? s.times > 20 : s.times == 0);
+            assert_non_null(frames[paused]);
+            assert_true(paused ? s.times > 20 : s.times == 0);
         }
         for (uint32_t y = 0; y < frames[0]->height; y++)
             assert_memory_equal((uint8_t *)frames[0]->pixels + y * frames[0]->stride_bytes,

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every choice of a view with every other, and views at the edges of their ranges: images are
- * finite, the same for any number of threads, and not empty where something is in sight.
+ * Combinations of all choices of a view, and views with extreme numbers. The images are finite, do
+ * not depend on the number of threads, and are not empty if the volume is in sight.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +21,7 @@
 #include "support/render.h"
 #include "support/sanitized.h"
 
-/* A ball in a box of 21×17×25 voxels; rectilinear: gaps that grow outwards. */
+/* Returns a ball in 21×17×25 voxels. If rectilinear, the distance of samples grows outwards. */
 static struct sp_volume *make_ball(bool rectilinear) {
     enum { X = 21, Y = 17, Z = 25 };
     static double at[3][Z];
@@ -57,7 +57,7 @@ static void make_view(struct sp_view *view, const struct sp_volume *volume) {
         .point_count = 2,
         .points = { { 100, { 1, 0.5f, 0.2f }, 0 }, { 900, { 0.2f, 0.6f, 1 }, 0.3f } },
     };
-    view->background[3] = 0; /* alpha is what was drawn */
+    view->background[3] = 0; /* so that alpha counts only the volume */
     view->camera.target[0] = view->camera.target[1] = view->camera.target[2] = 0;
     view->camera.position[0] = 20;
     view->camera.position[1] = -45;
@@ -65,7 +65,7 @@ static void make_view(struct sp_view *view, const struct sp_volume *volume) {
     view->camera.height = 30;
 }
 
-/* Sum of alpha; NAN when a pixel is not finite. */
+/* Returns the sum of alpha; NAN if a pixel is not finite. */
 static double sum_alpha(const struct sp_frame *f) {
     double sum = 0;
     for (uint32_t y = 0; y < f->height; y++)
@@ -80,7 +80,7 @@ static double sum_alpha(const struct sp_frame *f) {
 }
 
 struct rig {
-    struct sp_renderer *renderers[2]; /* of one and of three threads */
+    struct sp_renderer *renderers[2]; /* with one and with three threads */
     struct sp_frame_pool *pool;
 };
 
@@ -100,7 +100,7 @@ static void finish_rig(struct rig *rig) {
     sp_frame_pool_destroy(&rig->pool);
 }
 
-/* Draws by both renderers; returns the sum of alpha. */
+/* Both renderers draw the view and must agree. Returns the sum of alpha. */
 static double draw(struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
                    unsigned mip_level) {
     struct sp_error err;
@@ -119,7 +119,7 @@ static double draw(struct rig *rig, struct sp_volume *volume, const struct sp_vi
     return sum;
 }
 
-/* The n-th combination of all choices; false past the end. */
+/* Sets the n-th combination of all choices; false past the last one. */
 static bool choose(unsigned n, struct sp_view *v, unsigned *mip_level, bool *rectilinear) {
     struct {
         unsigned count, value;
@@ -156,10 +156,10 @@ static void every_choice_draws(void **state) {
     struct sp_view view;
     make_view(&view, volumes[0]);
     const unsigned step = TEST_SANITIZED ? 145 : 29;
-    /* A step that shares no factor with the counts of choices meets all pairs and triples soon. */
+    /* The step shares no factor with the numbers of choices. So all pairs and triples occur. */
     for (unsigned n = 0; choose(n, &view, &mip_level, &rectilinear); n += step) {
         if (!sp_view_validate(&view, NULL))
-            continue; /* post without slabs */
+            continue; /* order post needs slabs */
         double sum = draw(&rig, volumes[rectilinear], &view, mip_level);
         if (!(sum > 10))
             fail_msg("combination %u: alpha adds up to %g", n, sum);
@@ -180,7 +180,7 @@ static double one_of(const double *values, int count) {
     return values[rand() % count];
 }
 
-/* Numbers from the ends of their ranges as often as from the middle. */
+/* Sets numbers at the ends of their ranges and in the middle. */
 static void extreme(struct sp_view *v) {
     v->filter.sigma = one_of((double[]){ 0.3, 0.7, 2 }, 3);
     v->filter.cutoff = one_of((double[]){ 1, 3, 6 }, 3);
@@ -227,7 +227,7 @@ static void extreme_views_stay_finite(void **state) {
     finish_rig(&rig);
 }
 
-/* Draws in both formats. */
+/* Draws both pixel formats, with an opaque and a transparent background, and checks is_opaque. */
 static void check_opaque(struct test_renderer *r, struct sp_volume *volume, struct sp_view *view,
                          unsigned mip_level) {
     struct sp_error err;
@@ -241,13 +241,13 @@ static void check_opaque(struct test_renderer *r, struct sp_volume *volume, stru
             if (!frame)
                 fail_msg("%s: %s", err.place, err.text);
             assert_int_equal(frame->is_opaque, opaque);
-            frame->is_opaque = false; /* look at every pixel */
+            frame->is_opaque = false; /* so that sp_frame_is_opaque() checks every pixel */
             assert_true(!opaque || sp_frame_is_opaque(frame));
             sp_frame_unref(&frame);
         }
 }
 
-static void over_an_opaque_background_every_pixel_is(void **state) {
+static void an_opaque_background_makes_every_pixel_opaque(void **state) {
     (void)state;
     struct sp_volume *volumes[2] = { make_ball(false), make_ball(true) };
     struct test_target target = { "null", "auto" };
@@ -256,7 +256,7 @@ static void over_an_opaque_background_every_pixel_is(void **state) {
         struct test_renderer r;
         struct sp_error err;
         unsigned mip_level, drawn = 0;
-        /* A GPU's driver compiles shaders for every choice. */
+        /* The driver of a GPU compiles shaders for every combination. */
         const unsigned step = strcmp(target.backend, "cpu") != 0 ? 1021 : TEST_SANITIZED ? 145 : 29;
         bool rectilinear;
         struct sp_view view;
@@ -282,8 +282,8 @@ static void over_an_opaque_background_every_pixel_is(void **state) {
         sp_volume_unref(&volumes[i]);
 }
 
-/* "Nothing below" may be said as far away as one likes. */
-static void a_point_far_below_changes_nothing(void **state) {
+/* A transparent point may lie as far below the first visible value as the user wants. */
+static void a_transparent_point_far_below_changes_nothing(void **state) {
     (void)state;
     enum { N = 20 };
     struct sp_grid grid = { .dims = { N, N, N },
@@ -335,8 +335,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_choice_draws),
         cmocka_unit_test(extreme_views_stay_finite),
-        cmocka_unit_test(over_an_opaque_background_every_pixel_is),
-        cmocka_unit_test(a_point_far_below_changes_nothing),
+        cmocka_unit_test(an_opaque_background_makes_every_pixel_opaque),
+        cmocka_unit_test(a_transparent_point_far_below_changes_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

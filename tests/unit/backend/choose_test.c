@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which backend a renderer gets and when it goes over to another.
+ * Which backend a renderer starts with, and when it changes to another.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -41,7 +41,7 @@ static void auto_takes_the_first_that_starts(void **state) {
     fakes[GPU].starts = false;
     assert_string_equal(started(NULL), "plain");
     assert_string_equal(fakes_warnings, "backend gpu does not start: gpu is broken\n");
-    fakes[PLAIN].starts = false; /* what is for names alone stays untouched */
+    fakes[PLAIN].starts = false; /* backends that must be named are not tried */
     refuses(NULL, SP_ERR_BACKEND, "plain is broken");
     assert_int_equal(fakes_count_warnings(), 3);
     assert_string_equal(started(&(struct sp_renderer_options){ .backend = "last" }), "last");
@@ -71,7 +71,7 @@ static void a_gpu_that_draws_wrong_images_does_not_start(void **state) {
     fakes[GPU].painted = 0;
     fakes[GPU].failures = 1;
     refuses(&(struct sp_renderer_options){ .require_gpu = true }, SP_ERR_BACKEND, "gpu hung");
-    /* What needs no GPU is compared with nothing. */
+    /* Only GPU backends are compared with the CPU. */
     fakes[LAST].paint = 200;
     fakes[LAST].painted = 16384;
     assert_string_equal(started(&(struct sp_renderer_options){ .backend = "last" }), "last");
@@ -128,9 +128,10 @@ static void the_next_backend_takes_over_after_three_failures(void **state) {
     struct sp_renderer_info info;
     fakes_scene_init(&s, NULL);
     fakes[GPU].failures = 3;
-    assert_string_equal(fakes_draw(&s), "plain"); /* this very frame */
+    assert_string_equal(fakes_draw(&s),
+                        "plain"); /* the frame that failed is drawn by the fallback */
     assert_int_equal(fakes[GPU].renders, 3);
-    assert_int_equal(fakes[GPU].running, 0); /* it is gone, with all it held */
+    assert_int_equal(fakes[GPU].running, 0); /* the failed backend was destroyed */
     assert_int_equal(fakes_count_warnings(), 4);
     assert_non_null(strstr(fakes_warnings, "backend gpu failed: gpu hung\n"));
     assert_non_null(
@@ -141,10 +142,10 @@ static void the_next_backend_takes_over_after_three_failures(void **state) {
     assert_string_equal(info.failover_reason, "backend gpu failed 3 times in a row: gpu hung");
     assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 10);
     sp_renderer_evict(s.renderer, s.volume);
-    assert_int_equal(fakes[PLAIN].forgotten, 1);
-    assert_string_equal(fakes_draw(&s), "plain"); /* for good */
+    assert_int_equal(fakes[PLAIN].evictions, 1);
+    assert_string_equal(fakes_draw(&s), "plain"); /* the change is permanent */
     assert_int_equal(fakes[GPU].renders, 3);
-    /* Nothing comes after it: what is by name alone does not step in. */
+    /* It is the last one: a backend that must be named is not a fallback. */
     fakes[PLAIN].failures = 100;
     assert_string_equal(fakes_draw(&s), "");
     assert_int_equal(s.err.code, SP_ERR_BACKEND);
@@ -158,7 +159,7 @@ static void two_failures_lose_no_frame(void **state) {
     (void)state;
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
-    for (int i = 0; i < 4; i++) { /* a frame that works sets the count back */
+    for (int i = 0; i < 4; i++) { /* a frame that succeeds resets the count */
         fakes[GPU].failures = 2;
         assert_string_equal(fakes_draw(&s), "gpu");
     }
@@ -172,7 +173,7 @@ static void failures_add_up_over_frames(void **state) {
     struct fakes_scene s;
     fakes_scene_init(&s, NULL);
     fakes[GPU].failures = 100;
-    fakes[GPU].cancels = &s.cancel; /* each frame is given up after its first failure */
+    fakes[GPU].cancels = &s.cancel; /* each frame fails once and is not retried */
     for (int i = 0; i < 2; i++) {
         assert_string_equal(fakes_draw(&s), "");
         assert_int_equal(fakes[GPU].renders, i + 1);
@@ -198,7 +199,7 @@ static void only_backend_failures_count(void **state) {
             assert_int_equal(s.err.code, codes[i]);
         }
     }
-    assert_int_equal(fakes[GPU].renders, before + 12); /* once a call */
+    assert_int_equal(fakes[GPU].renders, before + 12); /* one failure per call */
     assert_string_equal(fakes_warnings, "");
     assert_string_equal(fakes_draw(&s), "gpu");
     fakes_scene_finish(&s);
@@ -212,9 +213,9 @@ static void a_named_backend_or_required_gpu_is_not_replaced(void **state) {
         struct fakes_scene s;
         fakes_scene_init(&s, &options[i]);
         fakes[GPU].failures = 5;
-        assert_string_equal(fakes_draw(&s), ""); /* three times */
+        assert_string_equal(fakes_draw(&s), ""); /* the first frame is tried three times */
         assert_string_equal(s.err.text, "gpu hung");
-        assert_string_equal(fakes_draw(&s), ""); /* and once per frame from then on */
+        assert_string_equal(fakes_draw(&s), ""); /* later frames are tried once */
         assert_string_equal(fakes_draw(&s), "");
         assert_string_equal(fakes_draw(&s), "gpu");
         assert_int_equal(fakes[PLAIN].running, 0);

@@ -94,7 +94,7 @@ static bool fake_finish(void *state, const struct sp_backend_job *job, struct sp
 
 static void fake_evict(void *state, const struct sp_volume *volume) {
     (void)volume;
-    ((struct fake *)state)->forgotten++;
+    ((struct fake *)state)->evictions++;
 }
 
 static uint64_t fake_memory(const void *state, const struct sp_volume *volume) {
@@ -174,7 +174,7 @@ void fakes_scene_init(struct fakes_scene *s, const struct sp_renderer_options *o
     assert_true(s->volume);
     sp_view_init(&s->view, sp_volume_info(s->volume), "phantom");
     s->view.size[0] = s->view.size[1] = 16;
-    for (int i = 0; i < FAKES; i++) /* the check at the start draws, too */
+    for (int i = 0; i < FAKES; i++) /* the startup check draws, too */
         fakes[i].renders = 0;
 }
 

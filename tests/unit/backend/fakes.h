@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Backends that fail on command, and a renderer that has no others: the linker puts their table in
- * the place of the registry's (--wrap=sp_registry_at).
+ * Backends that fail on command, and a renderer that has only these backends. The linker replaces
+ * the registry by their table (--wrap=sp_registry_at).
  */
 #ifndef TEST_FAKES_H
 #define TEST_FAKES_H
@@ -11,26 +11,26 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 
-/* What the fakes are to do, and what happened to them. */
+/* What the fakes do, and a record of what they did. */
 struct fake {
     const char *name;
     bool starts;
-    unsigned failures;    /* renders that fail from now on, before one works */
-    unsigned refusals;    /* of frames that are begun */
-    enum sp_code code;    /* with which they fail */
-    atomic_bool *cancels; /* set by each failure */
-    uint8_t paint;        /* a byte … */
-    size_t painted;       /* … in so many places of its images; all other bytes are 0 */
+    unsigned failures;    /* how many of the next renders fail */
+    unsigned refusals;    /* the same for frames in flight */
+    enum sp_code code;    /* the code of these errors */
+    atomic_bool *cancels; /* each failure sets this flag */
+    uint8_t paint;        /* value of the wrong bytes … */
+    size_t painted;       /* … and their number in each image; all other bytes are 0 */
     int running;          /* states created and not destroyed */
-    unsigned renders, forgotten;
-    const struct sp_backend_job *begun[SP_IN_FLIGHT_MAX]; /* oldest first */
+    unsigned renders, evictions;
+    const struct sp_backend_job *begun[SP_IN_FLIGHT_MAX]; /* in flight, oldest first */
     unsigned begun_count;
     struct sp_backend_options options; /* of the last start */
 };
 enum { GPU, PLAIN, LAST, FAKES };
 extern struct fake fakes[FAKES];
 
-extern char fakes_warnings[4096]; /* one after the other, a line each */
+extern char fakes_warnings[4096]; /* log lines, each ended by a newline */
 unsigned fakes_count_warnings(void);
 
 /* For cmocka: before and after each test. */
@@ -48,10 +48,10 @@ struct fakes_scene {
 void fakes_scene_init(struct fakes_scene *s, const struct sp_renderer_options *options);
 void fakes_scene_finish(struct fakes_scene *s);
 
-/* The backend that drew the frame, which is released; "" for NULL. */
+/* Returns the name of the backend that drew the frame, and releases the frame; "" for NULL. */
 const char *fakes_drawn_by(struct sp_frame *frame);
 
-/* The same of a frame that it draws; s->err tells why there is none. */
+/* Draws a frame and returns the name of its backend; "" with s->err set on failure. */
 const char *fakes_draw(struct fakes_scene *s);
 
 #endif

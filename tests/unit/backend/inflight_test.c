@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Frames in flight: several are begun before the first is finished. What becomes of those that were
- * begun when the backend fails, has no memory, or is given up.
+ * Frames in flight: several are begun before the first is finished. Checks what happens to them
+ * when the backend fails, runs out of memory, or is replaced.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -15,16 +15,17 @@
 #include "sp/inflight.h"
 #include "unit/backend/fakes.h"
 
-/* Begins a frame `width` wide, which tells it from others. */
+/* Begins a frame. Its width in px identifies it. */
 static void begin(struct fakes_scene *s, uint32_t width) {
     const struct sp_render_options options = { .cancel = &s->cancel };
     s->view.size[0] = width;
     if (!sp_renderer_begin(s->renderer, s->volume, &s->view, s->pool, &options, &s->err))
         fail_msg("%s", s->err.text);
-    s->view.size[0] = 1; /* it was copied */
+    s->view.size[0] = 1; /* the renderer keeps a copy of the view */
 }
 
-/* What drew the oldest frame, which must be so wide; "" with s->err set when nothing did. */
+/* Finishes the oldest frame, which must have this width. Returns the name of its backend; "" with
+ * s->err set on failure. */
 static const char *finish(struct fakes_scene *s, uint32_t width) {
     struct sp_frame *frame = sp_renderer_finish(s->renderer, &s->err);
     if (frame)
@@ -49,8 +50,7 @@ static void frames_are_finished_as_they_were_begun(void **state) {
     fakes_scene_finish(&s);
 }
 
-/* So it is with a backend that draws a frame at a time, and with one that was asked for too many.
- */
+/* A backend refuses if it draws one frame at a time, or has too many in flight. */
 static void frames_that_the_backend_refuses_wait(void **state) {
     (void)state;
     static const char *const names[] = { "plain", "gpu" };
@@ -86,7 +86,7 @@ static void a_view_that_is_refused_is_not_begun(void **state) {
 
 static void a_failure_loses_no_other_frame(void **state) {
     (void)state;
-    enum { FIRST, SECOND, NONE }; /* refused as they are begun */
+    enum { FIRST, SECOND, NONE }; /* the frame that is refused at begin */
     for (unsigned refused = FIRST; refused <= NONE; refused++)
         for (unsigned failed = 0; failed < 2; failed++) {
             struct fakes_scene s;
@@ -95,13 +95,13 @@ static void a_failure_loses_no_other_frame(void **state) {
             begin(&s, 16);
             fakes[GPU].refusals = refused == SECOND;
             begin(&s, 17);
-            begin(&s, 18); /* behind what is not begun nothing is */
+            begin(&s, 18); /* no frame is begun after one that waits */
             assert_int_equal(fakes[GPU].begun_count, refused == NONE ? 2 : 0);
             fakes[GPU].failures = failed;
             for (uint32_t i = 0; i < 3; i++)
                 assert_string_equal(finish(&s, 16 + i), "gpu");
             assert_int_equal(fakes_count_warnings(), (refused != NONE) + failed);
-            begin(&s, 19); /* and on, two at a time */
+            begin(&s, 19); /* continue with two in flight */
             begin(&s, 20);
             assert_int_equal(fakes[GPU].begun_count, 2);
             assert_string_equal(finish(&s, 19), "gpu");
@@ -127,7 +127,7 @@ static void the_fallback_draws_all_begun_frames(void **state) {
     fakes_scene_finish(&s);
 }
 
-/* Refused at once, or when it turns out that there is not enough. */
+/* Memory runs out at begin, or later while the frame is drawn. */
 static void out_of_memory_falls_back_for_that_frame(void **state) {
     (void)state;
     struct fakes_scene s;
@@ -142,7 +142,7 @@ static void out_of_memory_falls_back_for_that_frame(void **state) {
         begin(&s, 17);
         fakes[GPU].failures = 1 - n / 3;
         assert_string_equal(finish(&s, 16), "plain");
-        assert_string_equal(finish(&s, 17), "gpu"); /* which is still the renderer's */
+        assert_string_equal(finish(&s, 17), "gpu"); /* the renderer still has its backend */
     }
     assert_int_equal(fakes[PLAIN].renders, before + 6);
     assert_string_equal(fakes_warnings, "backend gpu cannot draw some views, which plain "
@@ -152,10 +152,10 @@ static void out_of_memory_falls_back_for_that_frame(void **state) {
     assert_string_equal(info.fallback_reason,
                         "backend gpu cannot draw some views, which plain draws: gpu hung");
     assert_int_equal(sp_renderer_memory(s.renderer, s.volume), 1010);
-    fakes[GPU].forgotten = fakes[PLAIN].forgotten = 0;
+    fakes[GPU].evictions = fakes[PLAIN].evictions = 0;
     sp_renderer_evict(s.renderer, s.volume);
-    assert_int_equal(fakes[GPU].forgotten + fakes[PLAIN].forgotten, 2);
-    fakes[GPU].code = SP_ERR_BACKEND; /* it is there already when it takes over */
+    assert_int_equal(fakes[GPU].evictions + fakes[PLAIN].evictions, 2);
+    fakes[GPU].code = SP_ERR_BACKEND; /* the fallback is already running when it takes over */
     fakes[GPU].failures = 3;
     assert_string_equal(fakes_draw(&s), "plain");
     assert_int_equal(fakes[PLAIN].running, 1);
@@ -187,7 +187,7 @@ static void without_a_fallback_the_error_is_reported(void **state) {
         assert_string_equal(fakes_draw(&s), "");
         assert_string_equal(s.err.text, "gpu hung");
     }
-    assert_int_equal(fakes_count_warnings(), 1); /* that it does not start, once */
+    assert_int_equal(fakes_count_warnings(), 1); /* one line: the fallback does not start */
     fakes_scene_finish(&s);
 }
 
@@ -207,7 +207,7 @@ static void the_fallback_may_refuse_or_fail(void **state) {
     assert_string_equal(fakes_draw(&s), "");
     assert_string_equal(s.err.text, "plain hung");
     assert_string_equal(fakes_draw(&s), "gpu");
-    assert_string_equal(fakes_warnings, ""); /* nothing was drawn instead */
+    assert_string_equal(fakes_warnings, ""); /* no other backend drew the frame */
     fakes_scene_finish(&s);
 }
 
@@ -236,7 +236,7 @@ static void unfinished_frames_are_released(void **state) {
     fakes_scene_init(&s, NULL);
     begin(&s, 16);
     begin(&s, 17);
-    fakes_scene_finish(&s); /* the leak checker looks on */
+    fakes_scene_finish(&s); /* the leak checker finds frames that are not released */
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, fakes_reset, fakes_check_all_ended)

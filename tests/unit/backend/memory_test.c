@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Every allocation between a volume and an encoded image fails once: each call then says so with
- * SP_ERR_MEMORY, loses nothing (the leak checker of the ASan build looks on), and the next one
- * works. The linker puts the functions below in the place of the C library's (--wrap).
+ * Every allocation between a volume and an encoded image fails once. The call then fails with
+ * SP_ERR_MEMORY and leaks nothing (the ASan build checks this), and the next call works. The linker
+ * replaces the functions of the C library by those below (--wrap).
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +19,8 @@
 #include "sp/renderer.h"
 #include "support/fake_memory.h"
 
-/* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds; returns how often it failed.
+/* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds. Returns the number of
+ * failures.
  */
 static int fail_each(bool (*attempt)(void *user, struct sp_error *err), void *user) {
     for (int n = 0; n < 1000; n++) {
@@ -43,13 +44,13 @@ static bool load_demo(void *user, struct sp_error *err) {
     return ok;
 }
 
-static void volumes(void **state) {
+static void a_volume_survives_failed_allocations(void **state) {
     (void)state;
     char source[64];
     const struct sp_demo *demo;
     for (size_t i = 0; (demo = sp_demo_at(i)); i++) {
         snprintf(source, sizeof source, "demo:%s?size=16", demo->name);
-        assert_true(fail_each(load_demo, source) >= 2); /* the volume and its voxels, at least */
+        assert_true(fail_each(load_demo, source) >= 2); /* at least the volume and its voxels */
     }
 }
 
@@ -76,7 +77,7 @@ static void finish_scene(struct scene *scene) {
     sp_volume_unref(&scene->volume);
 }
 
-/* From nothing to a JPEG, all over again at each attempt. */
+/* From creating the renderer to a JPEG; each attempt starts from the beginning. */
 static bool draw_cold(void *user, struct sp_error *err) {
     struct scene *s = user;
     const struct sp_renderer_options options = { .backend = "cpu", .threads = 1 };
@@ -96,7 +97,7 @@ static bool draw_cold(void *user, struct sp_error *err) {
     return ok;
 }
 
-static void cold_frames(void **state) {
+static void a_first_frame_survives_failed_allocations(void **state) {
     (void)state;
     for (unsigned mip_level = 0; mip_level <= SP_MIP_LEVEL_MAX; mip_level++) {
         struct scene scene;
@@ -108,7 +109,7 @@ static void cold_frames(void **state) {
     }
 }
 
-/* With a renderer that has failed before: it must be ready for the next call. */
+/* The same renderer for all attempts: after a failure it must be ready for the next call. */
 static bool draw_warm(void *user, struct sp_error *err) {
     struct scene *s = user;
     struct sp_frame *frame =
@@ -118,7 +119,7 @@ static bool draw_warm(void *user, struct sp_error *err) {
     return ok;
 }
 
-static void a_renderer_survives(void **state) {
+static void a_renderer_survives_failed_allocations(void **state) {
     (void)state;
     const struct sp_renderer_options options = { .backend = "cpu", .threads = 2 };
     struct scene scene;
@@ -126,7 +127,7 @@ static void a_renderer_survives(void **state) {
     scene.renderer = sp_renderer_create(&options, NULL);
     scene.pool = sp_frame_pool_create(1 << 20, NULL);
     assert_true(fail_each(draw_warm, &scene) >= 3);
-    /* Another axis, another transfer function, another level, another size. */
+    /* Each frame has another axis, transfer function, mip level and size. */
     double *p = scene.view.camera.position, *t = scene.view.camera.target;
     for (int axis = 0; axis < 3; axis++) {
         for (int i = 0; i < 3; i++)
@@ -139,16 +140,16 @@ static void a_renderer_survives(void **state) {
         scene.options.mip_level = (unsigned)axis;
         assert_true(fail_each(draw_warm, &scene) >= 1);
     }
-    assert_true(draw_warm(&scene, NULL)); /* joins what the last frame needed into one block */
+    assert_true(draw_warm(&scene, NULL));              /* merges the blocks of the last frame */
     assert_int_equal(fail_each(draw_warm, &scene), 0); /* the steady state allocates nothing */
     finish_scene(&scene);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(volumes),
-        cmocka_unit_test(cold_frames),
-        cmocka_unit_test(a_renderer_survives),
+        cmocka_unit_test(a_volume_survives_failed_allocations),
+        cmocka_unit_test(a_first_frame_survives_failed_allocations),
+        cmocka_unit_test(a_renderer_survives_failed_allocations),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sheets without footprints, all but their kernel: tables, filters for bricks, what tiles meet.
+ * Post-convolved sheets except their kernels: tables, filters of bricks, and the tiles of bricks.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -14,6 +14,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "support/postconv.h"
 
 static double uniform(double low, double high) {
@@ -40,8 +41,8 @@ static double moment(const float *weight, int n, double from, int power) {
     return sum;
 }
 
-/* A deposit adds a voxel as it is: weight 1, in its place, of a variance that is the same for all
- * phases. Its derivatives change variances alone. */
+/* A deposit has weight 1, the position of its voxel, and the same variance for all phases. Its
+ * derivatives change only variances. */
 static void deposits_keep_weight_and_place(void **state) {
     (void)state;
     struct sp_postconv_tables *t = make_tables();
@@ -63,7 +64,7 @@ static void deposits_keep_weight_and_place(void **state) {
     free(t);
 }
 
-/* Between samples: a constant stays one, and a slope a slope. */
+/* Interpolation keeps constants and linear functions. */
 static void interpolation_keeps_lines(void **state) {
     (void)state;
     struct sp_postconv_tables *t = make_tables();
@@ -91,15 +92,15 @@ static void filters_have_their_variance(void **state) {
             near_to(moment(f->weight, taps, -f->taps, 2), (double)n / POSTCONV_STEPS, 2e-5);
             for (int k = 0; k <= f->taps; k++) {
                 assert_true(f->weight[f->taps + k] == f->weight[f->taps - k]);
-                assert_true(f->weight[f->taps + k] >= 0 &&
-                            (k == 0 || f->weight[f->taps + k] <= f->weight[f->taps + k - 1]));
+                assert_compare(f->weight[f->taps + k], >=, 0);
+                assert_true((k == 0 || f->weight[f->taps + k] <= f->weight[f->taps + k - 1]));
             }
         }
     free(t);
 }
 
-/* Whether a group is what its user, the kernel, needs: inside the scratch's margins, and as much
- * variance as its footprints have, but for what deposits can give. */
+/* Checks a group for its kernel: it lies inside the margins of the scratch memory, and has the
+ * variance of its footprints, as far as deposits allow. */
 static void check_group(const struct sp_postconv_group *g, const double v[3], double deviations) {
     double narrowest = INFINITY;
     for (int a = 0; a < 2; a++) {
@@ -108,12 +109,13 @@ static void check_group(const struct sp_postconv_group *g, const double v[3], do
         assert_non_null(g->filter[a]);
         near_to((double)g->per_px[a], 1 / size, 0);
         near_to((double)g->reference[a], v[a], 1e-5 * v[a]);
-        /* Half a step of the filters, or a deposit narrower than its B-spline. */
+        /* Half a step of the filters, or a deposit that is narrower than its B-spline. */
         double rest = v[a] / size / size - (double)g->base[a];
-        assert_true(rest > -0.051 - 0.5 / POSTCONV_STEPS && rest < 0.501 / POSTCONV_STEPS);
+        assert_compare(rest, >, -0.051 - 0.5 / POSTCONV_STEPS);
+        assert_compare(rest, <, 0.501 / POSTCONV_STEPS);
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
         assert_true(reach + 6 <= POSTCONV_MARGIN);
-        /* A voxel beyond low and high adds nothing to the tile, or less than is drawn of it. */
+        /* A voxel outside [low, high] adds nothing to the tile, or less than the cutoff keeps. */
         double around = deviations * sqrt(v[a]) * (double)g->per_px[a] - 1e-4;
         double end = (double)g->offset[a] + POSTCONV_TILE * (double)g->per_px[a];
         assert_true((double)g->low[a] <=
@@ -121,7 +123,8 @@ static void check_group(const struct sp_postconv_group *g, const double v[3], do
         assert_true(
             (double)g->high[a] >=
             fmin(POSTCONV_MARGIN + (POSTCONV_TILE >> g->scale[a]) + reach + 2, end + around));
-        assert_true(g->low[a] >= 2 && g->high[a] <= POSTCONV_GRID - 2);
+        assert_compare(g->low[a], >=, 2);
+        assert_compare(g->high[a], <=, POSTCONV_GRID - 2);
         narrowest = fmin(narrowest, v[a] / size / size);
     }
     double cross = v[2] * (double)g->per_px[0] * (double)g->per_px[1];
@@ -129,7 +132,8 @@ static void check_group(const struct sp_postconv_group *g, const double v[3], do
     assert_true(g->has_cross || fabs(cross) <= 0.0201 * narrowest);
     assert_true(g->diagonal ? rest <= 0.501 / POSTCONV_STEPS : g->cross == 0);
     assert_true(g->diagonal || fabs(cross) <= fmax(0.101 * narrowest, 0.501 / POSTCONV_STEPS));
-    assert_true(g->range[0] <= g->middle && g->middle <= g->range[1]);
+    assert_compare(g->range[0], <=, g->middle);
+    assert_compare(g->middle, <=, g->range[1]);
 }
 
 static void every_footprint_has_filters_or_none(void **state) {
@@ -163,7 +167,7 @@ static void every_footprint_has_filters_or_none(void **state) {
             check_group(&g, v, (double)s.reach);
             assert_int_equal(sp_postconv_group_fits(&g, &b, range), 2);
         }
-        /* Round footprints have filters, from a B-spline's variance to a tile's width. */
+        /* Round footprints have filters, from the variance of a B-spline to the width of a tile. */
         if (longer == 1 && v[2] == 0 && spread >= 1.0 / 3 && spread < 64 * 64)
             assert_true(is_made);
         if (fmin(v[0], v[1]) < 1.0 / 3 - 0.06)
@@ -173,7 +177,7 @@ static void every_footprint_has_filters_or_none(void **state) {
     free(t);
 }
 
-/* A group serves voxels between its ends, and says so. */
+/* A group accepts exactly the voxels between its ends. */
 static void a_group_serves_its_range(void **state) {
     (void)state;
     struct sp_postconv_tables *t = make_tables();
@@ -192,7 +196,8 @@ static void a_group_serves_its_range(void **state) {
             continue;
         int fits = sp_postconv_group_fits(&g, &b, range);
         assert_int_equal(fits, g.range[1] >= range[1] ? 2 : 1);
-        assert_true(g.range[0] <= range[0]); /* the farthest are served, so that all will be */
+        assert_true(g.range[0] <=
+                    range[0]); /* the farthest voxels are accepted, so all others are, too */
         const float beside[2][2] = { { 0.5f * g.range[0], 0.9f * g.range[0] },
                                      { 1.1f * g.range[1], 2 * g.range[1] } };
         assert_int_equal(sp_postconv_group_fits(&g, &b, beside[0]), 0);
@@ -204,13 +209,13 @@ static void a_group_serves_its_range(void **state) {
     free(t);
 }
 
-/* What a test's tile function counts. */
+/* Counts the calls of the tile function. */
 struct count {
     atomic_uint tiles, missed, needed;
     atomic_bool cancel;
 };
 
-/* Does tile (column, row) meet the brick? */
+/* True if tile (column, row) meets the brick. */
 static bool is_met(const struct sp_postconv *s, int column, int row, uint32_t brick) {
     uint32_t tile = (uint32_t)(row * s->columns + column);
     for (uint32_t n = s->first[tile]; n < s->first[tile + 1]; n++)
@@ -219,7 +224,7 @@ static bool is_met(const struct sp_postconv *s, int column, int row, uint32_t br
     return false;
 }
 
-/* Every tile that the box of one of the brick's footprints touches. */
+/* Marks each tile that the box of a footprint of the brick touches. */
 static void check_brick(const struct sp_postconv *s, uint32_t brick, struct count *count) {
     enum { COUNT = 256 };
     const struct test_postconv *t = test_postconv_of(s);
@@ -280,7 +285,7 @@ static void make_scene(struct test_scene *s, int n) {
     v->camera.height = uniform(3, 200);
     v->camera.fov_y = uniform(3, n % 5 ? 60 : 170);
     v->camera.near = n % 4 ? 1e-3 : 1;
-    v->filter.mode = (enum sp_filter_mode)(n % 5); /* all but none */
+    v->filter.mode = (enum sp_filter_mode)(n % 5); /* almost none */
     v->filter.sigma = uniform(0.4, 1.5);
     v->filter.cutoff = n % 7 ? 3 : 6;
     v->filter.lowpass = uniform(0.1, 2);
@@ -319,8 +324,8 @@ static void note_work(const struct sp_postconv *s, struct sp_postconv_scratch *s
     atomic_store((atomic_bool *)test_postconv_of(s)->user, sp_postconv_is_worthwhile(s));
 }
 
-/* Filters do not serve voxels that are seen from too many sides, by an eye among them, nor those so
- * deep that they are seen where their footprints have ended. */
+/* Filters cannot draw voxels that are seen from many directions, for example around the camera.
+ * They cannot draw dense voxels either, which are visible beyond the cutoff of their footprints. */
 static void views_that_filters_cannot_draw_use_footprints(void **state) {
     (void)state;
     srand(26);
@@ -369,7 +374,7 @@ static void no_tile_begins_after_cancel(void **state) {
     t->user = &count;
     assert_false(test_postconv_draw(t, ask_to_stop, &count.cancel, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
-    assert_in_range(count.tiles, 1, 2); /* of a hundred; each thread has begun one at most */
+    assert_in_range(count.tiles, 1, 2); /* of 100; each thread has started one at most */
     test_postconv_close(t);
     test_scene_finish(&scene);
 }
@@ -406,7 +411,7 @@ static void views_with_footprints_are_left_to_them(void **state) {
     test_scene_finish(&s);
 }
 
-/* A block in a corner of what is else the same everywhere. */
+/* A block in a corner of a volume that is uniform otherwise. */
 static double corner_block(const void *user, double x, double y, double z) {
     (void)user;
     return x < 6 && y < 6 && z < 30 ? 1 : 0.5;
@@ -424,9 +429,9 @@ static void count_pairs(const struct sp_postconv *s, struct sp_postconv_scratch 
         atomic_fetch_add(s->layer[k] == s->layer[k + 1] ? &p->joined : &p->alone, 1);
 }
 
-/* Which sheets are joined depends on the view and the whole volume: it stays when the deepest
- * voxels leave the image. Fewer sheets are not joined. */
-static void pairs_do_not_depend_on_what_is_in_sight(void **state) {
+/* Which sheets are merged depends on the view and the whole volume. It stays the same when the
+ * densest voxels leave the image. Volumes with fewer sheets are not merged. */
+static void merged_sheets_do_not_depend_on_what_is_in_sight(void **state) {
     (void)state;
     for (unsigned n = 0; n < 8; n++) {
         bool deep = n & 1, beside = n & 2;
@@ -474,7 +479,7 @@ int main(void) {
         cmocka_unit_test(every_footprint_has_filters_or_none),
         cmocka_unit_test(a_group_serves_its_range),
         cmocka_unit_test(tiles_meet_every_brick_that_reaches_them),
-        cmocka_unit_test(pairs_do_not_depend_on_what_is_in_sight),
+        cmocka_unit_test(merged_sheets_do_not_depend_on_what_is_in_sight),
         cmocka_unit_test(views_that_filters_cannot_draw_use_footprints),
         cmocka_unit_test(no_tile_begins_after_cancel),
         cmocka_unit_test(views_with_footprints_are_left_to_them),

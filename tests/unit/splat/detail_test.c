@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The cut through the octree of bricks: that it holds each voxel once, that nothing in it is larger
- * in the image than it may be, and that it is taken where it saves work.
+ * The cut through the octree of bricks. It holds each voxel once, no cell is larger in the image
+ * than allowed, and it is used where it saves work.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -44,7 +44,7 @@ static struct sp_view make_view(enum sp_projection projection, double distance) 
     return view;
 }
 
-/* A box of dims around the world's origin, turned by 30 degrees about the third axis. */
+/* Returns a box around the origin, rotated by 30 degrees about the third axis. */
 static struct sp_grid make_grid(const uint32_t dims[3]) {
     struct sp_grid g = { .dims = { dims[0], dims[1], dims[2] },
                          .spacing = { 1, 1.5, 0.75 },
@@ -71,7 +71,7 @@ static bool project(const struct sp_camera_frame *camera, const struct sp_grid *
            fabs(x[1] - camera->centre[1]) <= camera->centre[1];
 }
 
-/* Voxels [first, last] of a brick along each axis. */
+/* Returns the voxels [first, last] of a brick along each axis. */
 static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *brick,
                      uint32_t first[3], uint32_t last[3]) {
     uint32_t rest = brick->brick;
@@ -86,8 +86,7 @@ static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *b
     }
 }
 
-/* At the corners of the brick that are in the image, a cell's edges are not longer than allowed.
- */
+/* Checks the edges of a cell at the corners of the brick that are in the image. */
 static void check_size(const struct sp_camera_frame *camera, const struct sp_grid *grid,
                        const struct sp_detail_brick *brick, const uint32_t first[3],
                        const uint32_t last[3], double most, double *longest) {
@@ -150,7 +149,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
             assert_int_equal(seen[i], 1);
     }
     assert_int_equal(levels_seen, 31); /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
-    assert_true(longest > 0.9);        /* and they are as large as they may be */
+    assert_true(longest > 0.9);        /* the cells are as large as allowed */
     sp_arena_finish(&arena);
 }
 
@@ -180,7 +179,7 @@ static void far_away_a_volume_is_one_brick(void **state) {
 }
 
 /* What has no levels is drawn at the floor, and said to be enlarged above 0. */
-static void what_cannot_be_averaged_is_whole(void **state) {
+static void a_volume_without_mip_levels_is_drawn_whole(void **state) {
     (void)state;
     struct sp_arena arena;
     sp_arena_init(&arena);
@@ -215,8 +214,8 @@ static void what_cannot_be_averaged_is_whole(void **state) {
     sp_arena_finish(&arena);
 }
 
-/* A box's variance and the kernel's add up to that of the voxels' kernel. */
-static void kernels_give_room_to_the_box(void **state) {
+/* The variances of the box and of the kernel add up to that of the kernel of voxels. */
+static void kernels_of_cells_leave_out_the_variance_of_the_box(void **state) {
     (void)state;
     for (int k = 0; k < 20; k++) {
         struct sp_filter filter = { .kernel = SP_KERNEL_GAUSSIAN, .sigma = 0.6 + 0.1 * k };
@@ -238,8 +237,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_cut_holds_each_voxel_once_and_none_too_large),
         cmocka_unit_test(far_away_a_volume_is_one_brick),
-        cmocka_unit_test(what_cannot_be_averaged_is_whole),
-        cmocka_unit_test(kernels_give_room_to_the_box),
+        cmocka_unit_test(a_volume_without_mip_levels_is_drawn_whole),
+        cmocka_unit_test(kernels_of_cells_leave_out_the_variance_of_the_box),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Spans and cuts against sums over a raster of the kernel itself: which part of what a pixel sees
- * of it lies before a face, or inside a half-space.
+ * Spans and cuts of clipped kernels: the part of a kernel that a pixel sees before a face or inside
+ * a half-space. The reference sums over a raster of the kernel.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,7 +23,7 @@ static double uniform(double low, double high) {
     return low + (high - low) * (rand() / (double)RAND_MAX);
 }
 
-/* A kernel of any shape, seen along the third axis through an orthographic camera of `scale` px. */
+/* A kernel of any shape. An orthographic camera of `scale` px sees it along the third axis. */
 static struct sp_kernel_place random_place(float scale, float h) {
     struct sp_kernel_place p = { .h2 = h * h, .radius = 3 };
     float v[3];
@@ -46,8 +46,8 @@ static struct sp_kernel_place random_place(float scale, float h) {
     return p;
 }
 
-/* Of the kernel as the pixel at (dx, dy) sees it, through a low-pass filter of variance h²: the
- * part with normal·offset + e ≥ 0, offset from the kernel's centre in camera space. */
+/* Returns the part of the kernel with normal·offset + e ≥ 0 that the pixel at (dx, dy) sees through
+ * a low-pass filter of variance h². Offsets are from the centre of the kernel, in camera space. */
 static double brute_share(const struct sp_kernel_place *p, const double normal[3], double e,
                           double dx, double dy) {
     enum { STEPS = 90 };
@@ -108,7 +108,7 @@ static void a_cut_is_the_share_inside_the_plane(void **state) {
         double eta = (double)plane->e + (double)plane->k[0] * dx + (double)plane->k[1] * dy;
         double want = brute_share(&p, normal, e, dx, dy);
         assert_true(fabs((double)sp_normal_share((float)eta) - want) < 1e-2);
-        /* Across the ray it bounds the depth, and on the side that its normal points to. */
+        /* A plane across the ray bounds the depth, on the side to which its normal points. */
         if (fabs(normal[2]) > 0.99)
             assert_int_equal(plane->side, normal[2] > 0 ? 1 : -1);
     }
@@ -123,7 +123,7 @@ static void far_planes_keep_all_or_nothing(void **state) {
     assert_int_equal(sp_extent_cut(&p, &clip, &cut), 0);
     clip.planes[0].offset = p.u[2] + 20;
     assert_int_equal(sp_extent_cut(&p, &clip, &cut), -1);
-    clip.planes[0].offset = NAN; /* nothing is inside of no number */
+    clip.planes[0].offset = NAN; /* with NaN nothing is inside */
     assert_int_equal(sp_extent_cut(&p, &clip, &cut), -1);
 }
 
@@ -135,7 +135,7 @@ static void the_normal_share_is_the_error_function(void **state) {
     assert_compare(sp_normal_share(1e4f), ==, 1);
 }
 
-/* The box's faces lie at fractions of the cells' extent; 0 and 1 do not cut. */
+/* The faces of the box lie at fractions of the extent of all cells; 0 and 1 cut nothing. */
 static void the_clip_box_lies_in_the_volume(void **state) {
     (void)state;
     static const double coordinates[4] = { 0, 1, 3, 7 };
@@ -158,7 +158,7 @@ static void the_clip_box_lies_in_the_volume(void **state) {
     /* Axis 0 reaches from −0.5 to 9: the middle is 4.25, world 9.25; cells are 2 units. */
     assert_true(fabsf(fabsf(clip.planes[0].normal[0]) - 1) < 1e-6f);
     assert_true(fabsf(clip.planes[0].offset - 9.25f / 2) < 1e-5f);
-    /* Axis 1 reaches from −1 to 19: a quarter is 4, and what lies below is kept. */
+    /* Axis 1 reaches from −1 to 19: a quarter of it is 4, and the part below stays. */
     assert_true(fabsf(clip.planes[1].offset + 4.0f / 2) < 1e-5f);
     /* z ≥ 3, seen from z = −50. */
     assert_true(fabsf(clip.planes[2].normal[2] - 1) < 1e-6f);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Light on coarse cells: the formulas over microflakes against the mean of what each of a cell's
- * normals is lit by.
+ * Light on cells of higher mip levels. Compares the formulas for microflakes with the mean over all
+ * normals of a cell.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -31,7 +31,8 @@ static struct sp_vec3 random_direction(void) {
     return sp_vec3_normalize(d);
 }
 
-/* One light of strength 1, in a random camera: lit is then |n·l|, shine |n·h|^exponent. */
+/* One light of strength 1 and a random camera: the diffuse part is |n·l|, the specular
+ * |n·h|^exponent. */
 static struct sp_shade make_shade(double exponent, struct sp_vec3 light) {
     struct sp_vec3 eye = random_direction();
     struct sp_camera camera = { .projection = SP_PERSPECTIVE,
@@ -87,21 +88,21 @@ static struct light light_normal(const struct sp_shade *shade, uint32_t packed,
     return (struct light){ (double)white[0][0] - (double)black[0][0], (double)black[0][0] };
 }
 
-/* Normals about an axis: spread 0 is one of them, 10 is any. */
+/* Normals around an axis. Spread 0 gives one direction, spread 10 any direction. */
 static struct sp_microflakes spread_normals(double spread, uint32_t packed[NORMALS]) {
     static const struct sp_gradient_grid unit = { .bound = 1 };
     struct sp_vec3 axis = random_direction();
     struct sp_microflakes_sum sum = { 0 };
     for (int i = 0; i < NORMALS; i++) {
         struct sp_vec3 n = sp_vec3_add(axis, sp_vec3_scale(random_direction(), spread));
-        n = sp_vec3_scale(sp_vec3_normalize(n), i % 2 ? -0.9 : 0.9); /* both sides are one */
+        n = sp_vec3_scale(sp_vec3_normalize(n), i % 2 ? -0.9 : 0.9); /* both sides count as one */
         packed[i] = sp_gradient_pack(&unit, n.v);
         sp_microflakes_add_normal(&sum, packed[i], 2);
     }
     return sp_microflakes_pack(&sum, 2 * NORMALS);
 }
 
-/* Root of the mean square of what microflakes are off by, for one spread and exponent. */
+/* Returns the root mean square error of microflakes for one spread and exponent. */
 static struct light measure(double spread, double exponent) {
     struct light off = { 0, 0 };
     enum { TRIALS = 400 };
@@ -126,7 +127,7 @@ static struct light measure(double spread, double exponent) {
 static void cells_are_lit_as_their_parts_are(void **state) {
     (void)state;
     static const struct {
-        double spread, exponent, facing, glint; /* the most that they may be off by */
+        double spread, exponent, facing, glint; /* the largest allowed error */
     } cases[] = {
         { 0, 8, 0.006, 0.003 },    { 0, 24, 0.006, 0.004 }, { 0.2, 8, 0.025, 0.02 },
         { 0.2, 24, 0.02, 0.035 },  { 0.5, 8, 0.045, 0.07 }, { 0.5, 24, 0.045, 0.06 },
@@ -143,8 +144,8 @@ static void cells_are_lit_as_their_parts_are(void **state) {
     }
 }
 
-/* A part without a side is lit from everywhere, and has no highlight. */
-static void parts_without_a_side_face_the_light(void **state) {
+/* A part without a normal is lit from all directions and has no highlight. */
+static void parts_without_a_normal_are_lit_from_all_sides(void **state) {
     (void)state;
     const float to_eye[3] = { 0, 0, -1 };
     struct sp_shade shade = make_shade(24, random_direction());
@@ -163,7 +164,7 @@ static void parts_without_a_side_face_the_light(void **state) {
     assert_true(fabs(some.glint - 0.25 * all.glint) < 3e-3);
 }
 
-/* Cells made of cells are those made of all their parts, but for rounding. */
+/* A cell made of cells equals a cell made of all their parts, to rounding. */
 static void means_of_means_are_means(void **state) {
     (void)state;
     srand(32);
@@ -194,8 +195,8 @@ static void means_of_means_are_means(void **state) {
     }
 }
 
-/* Whatever the words hold, light is a number, and not more than what shines. */
-static void any_words_give_light_within_bounds(void **state) {
+/* For any bits, the light is finite and not more than that of the light source. */
+static void any_bits_give_light_within_bounds(void **state) {
     (void)state;
     srand(33);
     for (int n = 0; n < 200000; n++) {
@@ -203,7 +204,7 @@ static void any_words_give_light_within_bounds(void **state) {
         struct sp_shade shade = make_shade(pow(2, n % 11), random_direction());
         struct sp_vec3 v = random_direction();
         float to_eye[3] = { (float)v.v[0], (float)v.v[1], (float)v.v[2] };
-        if (n % 100 == 0) /* the eye behind the light: no half vector */
+        if (n % 100 == 0) /* the camera is opposite to the light: no half vector */
             for (int c = 0; c < 3; c++)
                 to_eye[c] = -shade.lights[0].direction[c];
         if (n % 7 == 0)
@@ -219,9 +220,9 @@ static void any_words_give_light_within_bounds(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(cells_are_lit_as_their_parts_are),
-        cmocka_unit_test(parts_without_a_side_face_the_light),
+        cmocka_unit_test(parts_without_a_normal_are_lit_from_all_sides),
         cmocka_unit_test(means_of_means_are_means),
-        cmocka_unit_test(any_words_give_light_within_bounds),
+        cmocka_unit_test(any_bits_give_light_within_bounds),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

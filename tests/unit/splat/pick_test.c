@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Picking against sums over many small steps of the ray, with what a sample means taken from the
- * tests' own reading of the mathematics page; and against what can be said in closed form.
+ * Compares picking with sums over many small steps of the ray, and with closed forms. The test has
+ * its own implementation of the samples, written from the mathematics alone.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -51,7 +51,7 @@ static struct sp_volume *noise(const struct sp_grid *grid) {
     return volume;
 }
 
-/* The sample whose cell holds a place; false outside the volume. By trying them all. */
+/* Finds the sample whose cell contains a position, by trying all; false outside the volume. */
 static bool cell_of(const struct sp_grid *grid, const double world[3], uint32_t cell[3]) {
     double m[3][4];
     for (int r = 0; r < 3; r++) {
@@ -106,7 +106,7 @@ static void brute(const struct sp_volume *volume, const struct sp_view *view, co
     }
     length = sqrt(length);
     *pick = (struct sp_pick){ .opacity = 0 };
-    for (int n = 0; n < STEPS; n++) { /* t is the distance from the eye's plane */
+    for (int n = 0; n < STEPS; n++) { /* t is the distance from the plane of the camera */
         double t = view->camera.near + (n + 0.5) * far / STEPS, world[3], gradient[3], color[3];
         uint32_t cell[3];
         for (int r = 0; r < 3; r++)
@@ -141,7 +141,7 @@ static void compare(const struct sp_volume *volume, const struct sp_view *view, 
         brute(volume, view, at, far, &summed);
         assert_true(fabs(exact.opacity - summed.opacity) < 2e-3);
         if (fabs(summed.opacity - 0.5) < 2e-3)
-            continue; /* either is right */
+            continue; /* both are correct */
         assert_int_equal(exact.is_hit, summed.is_hit);
         if (!exact.is_hit)
             continue;
@@ -166,7 +166,7 @@ static void set_up_view(struct sp_view *view, const struct sp_volume *volume, bo
     };
 }
 
-static void exact_sums(void **state) {
+static void picks_equal_sums_of_small_steps(void **state) {
     (void)state;
     unsigned hits = 0;
     srand(7);
@@ -187,11 +187,11 @@ static void exact_sums(void **state) {
         compare(volume, &view, 60, &hits);
         sp_volume_unref(&volume);
     }
-    assert_true(hits > 20); /* it was about something */
+    assert_true(hits > 20); /* enough rays met the volume */
 }
 
-/* A cube of one value: the half is where the closed form says. */
-static void homogeneous(void **state) {
+/* A cube of one value: half of the opacity is reached where the closed form says. */
+static void a_uniform_cube_has_its_closed_form(void **state) {
     (void)state;
     uint8_t voxels[8 * 8 * 8];
     memset(voxels, 5, sizeof voxels);
@@ -219,12 +219,12 @@ static void homogeneous(void **state) {
     assert_compare(fabs(pick.position[1] - 3.3), <, 1e-9);
     assert_true(fabs(pick.opacity - (1 - pow(0.75, 8))) < 1e-6);
 
-    view.clip.box[0][2] = 0.25; /* begins two voxels deeper */
+    view.clip.box[0][2] = 0.25; /* starts two voxels deeper */
     sp_pick_at(volume, &view, size, middle, &pick);
     assert_true(fabs(pick.position[2] - (1.5 + log(2) / -log(0.75))) < 1e-6);
     assert_true(fabs(pick.opacity - (1 - pow(0.75, 6))) < 1e-6);
     view.clip.box[0][2] = 0;
-    view.camera.near = 22.5; /* so does the near plane */
+    view.camera.near = 22.5; /* the near plane cuts as well */
     sp_pick_at(volume, &view, size, middle, &pick);
     assert_true(fabs(pick.position[2] - (2.5 + log(2) / -log(0.75))) < 1e-6);
 
@@ -236,7 +236,7 @@ static void homogeneous(void **state) {
     assert_true(!pick.is_hit);
     assert_compare(pick.opacity, >, 0.2);
     assert_compare(pick.opacity, <, 0.5);
-    view.camera.position[2] = 3; /* inside, looking out; exactly along a face of cells */
+    view.camera.position[2] = 3; /* from inside; exactly along a face of cells */
     view.camera.target[2] = 9;
     view.camera.position[0] = view.camera.target[0] = 3.5;
     view.camera.near = 0.1;
@@ -245,8 +245,8 @@ static void homogeneous(void **state) {
     sp_volume_unref(&volume);
 }
 
-/* One voxel, planes of any length, rays beside, an empty clip: nothing is read outside. */
-static void extremes(void **state) {
+/* One voxel, planes of any length, rays that miss, an empty clip: nothing outside is read. */
+static void extreme_input_reads_nothing_outside(void **state) {
     (void)state;
     const int16_t voxel = 3;
     struct sp_grid grid = { .dims = { 1, 1, 1 }, .spacing = { 1e-9, 1e9, 1 } };
@@ -271,7 +271,8 @@ static void extremes(void **state) {
 }
 
 int main(void) {
-    const struct CMUnitTest tests[] = { cmocka_unit_test(exact_sums), cmocka_unit_test(homogeneous),
-                                        cmocka_unit_test(extremes) };
+    const struct CMUnitTest tests[] = { cmocka_unit_test(picks_equal_sums_of_small_steps),
+                                        cmocka_unit_test(a_uniform_cube_has_its_closed_form),
+                                        cmocka_unit_test(extreme_input_reads_nothing_outside) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -56,7 +56,7 @@ static struct sp_view make_view(enum sp_projection projection) {
     return view;
 }
 
-/* World position of index i. */
+/* Returns the world position of index i. */
 static struct sp_vec3 world(const struct sp_grid *g, const double i[3]) {
     struct sp_vec3 t = sp_vec3_from(g->origin);
     for (int r = 0; r < 3; r++)
@@ -65,7 +65,7 @@ static struct sp_vec3 world(const struct sp_grid *g, const double i[3]) {
     return t;
 }
 
-/* World → ray space, straight from the definition. */
+/* World to ray space, from the definition. */
 static struct sp_vec3 project(const struct sp_view *view, struct sp_vec3 t) {
     struct sp_camera_frame c;
     sp_camera_frame_init(&c, &view->camera, view->size);
@@ -148,15 +148,15 @@ static void variance_is_that_of_the_projection(void **state) {
             assert_true(fabs((double)s.a / (half * v[1][1]) - 1) < 1e-3);
             assert_true(fabs((double)s.c / (half * v[0][0]) - 1) < 1e-3);
             assert_true(fabs((double)s.b + 2 * half * v[0][1]) < 1e-3 * half * (v[0][0] + v[1][1]));
-            /* The footprint's integral is g·v·|det J| of the Jacobian by world coordinates, which
-             * is g·|det d| by index; the cutoff's loss is given back. */
+            /* The integral of the footprint is g·v·|det J| with the Jacobian of world coordinates,
+             * which is g·|det d| by index. It is scaled up for the part beyond the cutoff. */
             double g_k = -log1p(-0.01), det_d = fabs(sp_mat3_determinant((struct sp_mat3 *)d));
             double integral = (double)s.depth * 2 * M_PI * sqrt(det) * (1 - exp(-4.5));
             assert_true(fabs(integral / (g_k * det_d) - 1) < 2e-3);
             for (int k = 0; k < 3; k++)
                 assert_true(fabs((double)(s.emission[k] / s.depth) -
                                  (double)thin.points[0].color[k]) < 1e-6);
-            /* The box is the ellipse's. */
+            /* The box bounds the ellipse. */
             double rx = 3 * sqrt(v[0][0]), ry = 3 * sqrt(v[1][1]);
             assert_int_equal(s.x0, (int)fmax(0, ceil(x.v[0] - rx - 0.5)));
             assert_int_equal(s.x1, (int)fmin(200, floor(x.v[0] + rx + 0.5)));
@@ -165,8 +165,7 @@ static void variance_is_that_of_the_projection(void **state) {
         }
 }
 
-/* The variance of a Gaussian cloud of points sent through the projection itself, far away where the
- * projection is nearly affine. */
+/* Projects a Gaussian cloud of points. It is far away, where the projection is nearly affine. */
 static void variance_is_that_of_a_cloud(void **state) {
     (void)state;
     struct sp_view view = make_view(SP_PERSPECTIVE);
@@ -214,7 +213,7 @@ static void filters_keep_the_footprints_energy(void **state) {
             view.filter.lowpass = 1.5;
             struct sp_splat s;
             assert_true(set_up(&grids[1], &view, (uint32_t[3]){ 5, 3, 6 }, &s));
-            /* The integral of a Gaussian is its top times 2π√det, and √det follows the conic. */
+            /* The integral of a Gaussian is its peak times 2π√det; the conic gives √det. */
             double root =
                 0.5 / log(2) / sqrt((double)s.a * (double)s.c - 0.25 * (double)s.b * (double)s.b);
             double energy = (double)s.depth * root;
@@ -233,7 +232,7 @@ static void voxels_out_of_sight_are_culled(void **state) {
     assert_true(set_up(&grids[0], &view, i, &s));
     view.camera.near = 1000; /* nearer than the near plane */
     assert_false(set_up(&grids[0], &view, i, &s));
-    view = make_view(SP_PERSPECTIVE); /* behind the eye */
+    view = make_view(SP_PERSPECTIVE); /* behind the camera */
     for (int k = 0; k < 3; k++)
         view.camera.target[k] = 2 * view.camera.position[k] - view.camera.target[k];
     assert_false(set_up(&grids[0], &view, i, &s));
@@ -248,7 +247,7 @@ static float random_extreme(void) {
     return x;
 }
 
-/* Whatever the numbers, a splat that is drawn is finite and its box lies in the image. */
+/* For any input, a splat that is drawn is finite and its box lies in the image. */
 static void extreme_views_give_finite_splats(void **state) {
     (void)state;
     srand(4);
@@ -320,7 +319,7 @@ static void adaptive_rule_is_conservative(void **state) {
             assert_int_equal(sp_adaptive_count(&g), sizeof modes);
             enum sp_filter_mode shared = sp_adaptive_fill(&adaptive, modes);
             int differ = 0;
-            /* No voxel of a block may need a costlier filter than the block takes. */
+            /* No voxel of a block needs a more expensive filter than the block uses. */
             for (uint32_t k = 0; k < 33; k++)
                 for (uint32_t j = 0; j < 40; j++)
                     for (uint32_t i = 0; i < 70; i++) {
@@ -355,7 +354,7 @@ static void adaptive_thresholds_are_those_of_the_definition(void **state) {
     assert_int_equal(sp_adaptive_mode(&a, a.radius, 141, 200), SP_FILTER_RECONSTRUCTION);
 }
 
-/* One voxel in every lane: all of them get the same colour. */
+/* The same voxel in each SIMD lane: all get the same colour. */
 static void shade_one(const struct sp_shade *shade, uint32_t packed, const float to_eye[3],
                       float color[3]) {
     sp_wide eye[3], wide[3];
@@ -418,7 +417,7 @@ static void shading_follows_its_formula(void **state) {
         shade_one(&shade, packed, to_eye, colour);
         for (int c = 0; c < 3; c++)
             assert_true(fabs((double)colour[c] - expected[c]) < 1e-4);
-        /* Two-sided: the opposite gradient gives the same colour. */
+        /* Shading is two-sided: the opposite gradient gives the same colour. */
         float other[3] = { 0.9f, 0.6f, 0.3f };
         for (int r = 0; r < 3; r++)
             g[r] = -g[r];

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The compositors with splats made by hand: what sheets, slabs and single splats add up to.
+ * Compositors of sheets, slabs and single splats, with a few splats whose result is known.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +21,7 @@
 
 enum { SLOTS = 16, SIZE = SP_TILE };
 
-/* One tile and the memory of its layers. */
+/* One tile with memory for its layers. */
 struct bench {
     struct sp_blend blend;
     float *sums;
@@ -53,7 +53,7 @@ static void free_bench(struct bench *b) {
     free(b->tile);
 }
 
-/* Round, of a standard deviation of 3 px in the middle. */
+/* Returns a round splat in the middle of the tile, with a standard deviation of 3 px. */
 static struct sp_splat make_splat(float depth, uint32_t layer) {
     return (struct sp_splat){ .x = 16,
                               .y = 16,
@@ -78,7 +78,7 @@ static void assert_near(double a, double b, double tolerance) {
         fail_msg("%.9g is not %.9g within %g", a, b, tolerance);
 }
 
-/* Two splats one after the other: 1 − e^−τ each, the second behind the first. */
+/* Two splats, the second behind the first: each has an opacity of 1 − e^−τ. */
 static void splats_are_composited_one_by_one(void **state) {
     (void)state;
     for (int linear = 0; linear < 2; linear++) {
@@ -104,7 +104,7 @@ static void splats_are_composited_one_by_one(void **state) {
     }
 }
 
-/* Linear attenuation of a sheet: min(Σ τ, 1), the colour's ratio kept. */
+/* Linear attenuation of a sheet: min(Σ τ, 1), with the same ratio of the colours. */
 static void a_sheet_attenuates_linearly(void **state) {
     (void)state;
     struct bench b = make_bench(SP_COMPOSITE_SHEET);
@@ -124,7 +124,8 @@ static void a_sheet_attenuates_linearly(void **state) {
     free_bench(&b);
 }
 
-/* A splat in slabs: shares of the normal distribution, the tails in the first and the last. */
+/* A splat in several slabs has shares of the normal distribution; its tails are in the first and
+ * the last slab. */
 static void slabs_share_a_splat_by_its_depth(void **state) {
     (void)state;
     struct bench b = make_bench(SP_COMPOSITE_SLAB);
@@ -153,8 +154,7 @@ static void slabs_share_a_splat_by_its_depth(void **state) {
     free_bench(&b);
 }
 
-/* Slabs close in order however far the next splat lies ahead, and everything is clear in the end.
- */
+/* Slabs close in order, however far away the next splat is. At the end no layer holds anything. */
 static void slabs_close_front_to_back(void **state) {
     (void)state;
     static const uint32_t layers[] = { 0, 3, 3, 17, 40, 41, 3000 };
@@ -175,7 +175,8 @@ static void slabs_close_front_to_back(void **state) {
     for (uint32_t i = 0; i < COUNT; i++)
         sp_slab_add(b.tile, &b.blend, &records, i);
     sp_tile_close(b.tile, &b.blend);
-    for (int i = 0; i < COUNT; i++) { /* at the middle, px (16, 16); 1 and 2 share a slab */
+    for (int i = 0; i < COUNT;
+         i++) { /* in the middle, px (16, 16); splats 1 and 2 are in one slab */
         int n = i == 1 ? 2 : 1;
         double t = 0.4 * n * weight_at(16, 16), c = n == 2 ? 2.5 : i + 1;
         alpha[i] = -expm1(-t);
@@ -190,7 +191,7 @@ static void slabs_close_front_to_back(void **state) {
     free_bench(&b);
 }
 
-/* Planes that bound the depth are intersected with the slabs; one along the ray is a factor. */
+/* Planes that bound the depth are intersected with the slabs; a plane along the ray is a factor. */
 static void cuts_bound_the_shares(void **state) {
     (void)state;
     for (int slabs = 0; slabs < 2; slabs++) {

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The transfer function of pixels against the one of voxels: at a value, and as a mean over an
- * interval of values.
+ * Compares the transfer function of pixels (order post) with that of voxels: at a value, and as a
+ * mean over an interval of values.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -35,7 +35,7 @@ static struct sp_transfer_function random_function(uint32_t count, double base) 
     return tf;
 }
 
-/* ∫ of depth, and of colour times depth, by brute force. */
+/* Integrates extinction, and colour times extinction, by brute force. */
 static void mean(const struct sp_transfer_function *tf, double value, double half, double sum[4]) {
     enum { STEPS = 20000 };
     for (int k = 0; k < 4; k++)
@@ -63,7 +63,7 @@ static void pixels_are_classified_as_voxels_are(void **state) {
             double value = uniform(first - 10, last + 10);
             struct sp_class want, got = sp_post_class(&curve, (float)(value - base), 0, 0);
             sp_transfer_function_eval(&tf, (double)(float)(value - base) + base, &want);
-            /* Steep pieces magnify the rounding of the value. */
+            /* Steep segments amplify the rounding of the value. */
             double slack = 1e-4 + 2e-3 * (double)want.depth;
             bool steep = fabs((double)(got.depth - want.depth)) > slack;
             for (uint32_t k = 1; steep && k < tf.point_count; k++)
@@ -89,7 +89,7 @@ static void intervals_are_averaged(void **state) {
             double half = (last - first) * pow(10, uniform(-2.5, 0.5));
             struct sp_class got = sp_post_class(&curve, (float)value, (float)half, 0);
             mean(&tf, value, half, sum);
-            /* Nodes are a 4096th of the range apart, and within them the mean is held. */
+            /* Nodes are 1/4096 of the range apart; the mean is constant between them. */
             double slack = 1e-3 + 3e-3 * sum[0] + 5 * (last - first) / 4096 / half * 0.01;
             assert_true(fabs((double)got.depth - sum[0]) < slack);
             for (int k = 0; k < 3; k++)
@@ -108,7 +108,8 @@ static void the_gradient_scales_the_opacity(void **state) {
                                        .gradient_count = 2,
                                        .gradient = { { 10, 0.2f }, { 30, 1 } } };
     struct sp_post_curve curve;
-    sp_post_curve_init(&curve, &tf, everything, 0, 100, integral); /* magnitudes in hundreds */
+    sp_post_curve_init(&curve, &tf, everything, 0, 100,
+                       integral); /* gradient magnitudes in steps of 100 */
     for (double m = 0; m < 50; m += 2.5) {
         double scale = m < 10 ? 0.2 : m < 30 ? 0.2 + 0.04 * (m - 10) : 1;
         for (int around = 0; around < 2; around++) {

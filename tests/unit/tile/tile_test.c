@@ -16,7 +16,7 @@
 
 enum { COLUMNS = 5, ROWS = 4, WIDTH = 150, HEIGHT = 117, SPLATS = 3000 };
 
-/* A splat with a random footprint whose box touches the image. */
+/* Returns a splat with a random footprint whose box touches the image. */
 static struct sp_splat random_splat(uint32_t sheet, float cut) {
     struct sp_splat s = { .sheet = sheet };
     for (;;) {
@@ -49,7 +49,7 @@ static const struct sp_blend blending = {
     .mode = SP_COMPOSITE_SHEET, .planes = SP_PLANES, .slots = 1, .cut = 6.5f
 };
 
-/* A tile of sheets with memory of its own. */
+/* A tile of sheets with its own memory. */
 static void start_tile(struct sp_tile *tile, int x, int y, const int size[2]) {
     tile->sums = malloc(SP_PLANES * SP_TILE_AREA * sizeof *tile->sums);
     tile->dirty = malloc(sizeof *tile->dirty);
@@ -150,7 +150,7 @@ static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
     free_grid(&grid);
 }
 
-/* The whole image without tiles, in double precision. */
+/* Draws the whole image without tiles, in double precision. */
 static void draw_untiled(const struct sp_splat *records, float cut, double (*done)[4]) {
     double(*sums)[4] = calloc(WIDTH * HEIGHT, sizeof *sums);
     for (int p = 0; p < WIDTH * HEIGHT; p++)
@@ -205,7 +205,7 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
                     }
                 }
         }
-        /* A weight at the cutoff is e^(-r²/2) of its splat; rounding may take or leave it. */
+        /* At the cutoff the weight is e^(-r²/2). Rounding decides if such a pixel counts. */
         assert_true(worst < (k == 0 ? 3e-3 : 2e-5));
         free(truth);
         free_bench(&b);
@@ -270,7 +270,7 @@ static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 8.3 }, (double[3]){ 2, 3.5, 20 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 1);
     uint32_t order[10];
-    sp_slices_sort(&camera, &grid, 1, order); /* eye at index 3.3 */
+    sp_slices_sort(&camera, &grid, 1, order); /* the camera is at index 3.3 */
     static const uint32_t inside[8] = { 3, 4, 2, 5, 1, 6, 0, 7 };
     for (int k = 0; k < 8; k++)
         assert_int_equal(order[k], inside[k]);
@@ -285,7 +285,7 @@ static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 9 }, (double[3]){ 2, 3, 20 });
     sp_slices_sort(&camera, &grid, 1, order); /* exactly on slice 4 */
     assert_int_equal(order[0], 4);
-    /* Parallel rays come from infinitely far, wherever the eye is. */
+    /* Parallel rays start infinitely far away, wherever the camera is. */
     make_camera(&camera, SP_ORTHOGRAPHIC, (double[3]){ 2, 10, 8 }, (double[3]){ 2, 0, 8 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
     sp_slices_sort(&camera, &grid, 2, order);
@@ -293,7 +293,8 @@ static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
         assert_int_equal(order[k], 9 - k);
 }
 
-/* Against the definition: the normal's component along the view, for sheared and mirrored grids. */
+/* Compares with the definition, the component of the normal along the view, for sheared and
+ * mirrored grids. */
 static void the_major_axis_faces_the_view(void **state) {
     (void)state;
     const struct sp_grid grid = { .dims = { 4, 4, 4 },
@@ -314,7 +315,7 @@ static void the_major_axis_faces_the_view(void **state) {
     assert_int_equal(order[0], 0); /* the axis points away from +z */
 }
 
-/* Slices by distance from the eye where their gaps differ. */
+/* Slices are sorted by their distance from the camera, although their gaps differ. */
 static void rectilinear_slices_come_nearest_first(void **state) {
     (void)state;
     static const double coordinates[6] = { 0, 1, 2, 10, 11, 40 };
@@ -327,14 +328,14 @@ static void rectilinear_slices_come_nearest_first(void **state) {
     uint32_t order[6];
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 12 }, (double[3]){ 2, 3.5, 90 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
-    sp_slices_sort(&camera, &grid, 2, order); /* the eye is 7 from the first */
+    sp_slices_sort(&camera, &grid, 2, order); /* the camera is 7 units from the first slice */
     static const uint32_t want[6] = { 3, 4, 2, 1, 0, 5 };
     assert_memory_equal(order, want, sizeof want);
 }
 
-/* Every visible voxel is in one run, of the layer that its slice is, and none else is. */
-/* Marks the voxels of a run, which must belong to a sheet: cells of level 1 to the one in the
- * middle of their two. */
+/* Each visible voxel is in one run, whose layer is its slice. No other voxel is in a run. */
+/* Marks the voxels of a run, which must all belong to its sheet. A cell of level 1 belongs to the
+ * sheet in the middle of its two slices. */
 static void see_run(const struct sp_classification *c, const struct sp_run *run, unsigned axis,
                     uint32_t sheet, const uint32_t dims[3], uint16_t *seen) {
     const struct sp_visible *list = &c->levels[run->level].visible;
@@ -377,7 +378,7 @@ static void sheets_list_every_voxel_once(void **state) {
     sp_classification_init(&c, volume);
     struct sp_arena arena;
     sp_arena_init(&arena);
-    /* Two halves along axis 0: one brick of level 1, then the rest of level 0. */
+    /* One half along axis 0 is a brick of level 1; the other half has level 0. */
     struct sp_detail_brick bricks[] = {
         { 0, 1, false }, { 2, 0, false }, { 5, 0, false }, { 8, 0, false }, { 11, 0, false }
     };
@@ -401,7 +402,7 @@ static void sheets_list_every_voxel_once(void **state) {
             if (values[i])
                 assert_int_equal(seen[i], 1);
             else
-                assert_true(seen[i] == 0 || i % X < 32); /* beside one, in a cell of level 1 */
+                assert_true(seen[i] == 0 || i % X < 32); /* the other slice of a cell of level 1 */
     }
     sp_arena_finish(&arena);
     sp_classification_finish(&c);

@@ -1,10 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a GPU must be told and software GL need not, which does one thing after the other: between
- * two dispatches, the second of which reads what the first one wrote, a barrier for storage; before
- * a call that reads or writes a buffer that a dispatch wrote, one for updates; before the processor
- * reads a frame, the fence behind it. The calls are watched on their way to the driver, and fences
- * are slow. What a program reads and writes its source says.
+ * Synchronisation that a GPU needs. Software GL works without it, because it runs one command after
+ * the other. So the test intercepts the calls on their way to the driver and checks three rules:
+ *
+ *   - a storage barrier stands between a dispatch that writes a buffer and one that reads it
+ *   - a buffer update barrier stands between such a dispatch and a call that reads or writes the
+ * buffer
+ *   - the CPU reads a frame only after its fence has passed; fences pass late here
+ *
+ * The source of a program tells which buffers it reads and writes.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,15 +38,16 @@ struct program {
 static struct {
     struct program programs[NAMES];
     GLuint bound[BINDINGS], target[3], program;
-    GLuint unseen[NAMES]; /* the program that wrote to a buffer, no barrier for storage since */
-    GLuint stale[NAMES];  /* the same, none for updates */
+    GLuint
+        unseen[NAMES];   /* the program that wrote a buffer, without a storage barrier since then */
+    GLuint stale[NAMES]; /* the same without a buffer update barrier */
     unsigned dispatches, calls;
     unsigned copies, fenced,
-        passed; /* copies made, before the last fence, before one that passed */
+        passed; /* copies made; before the last fence; before a fence that passed */
     GLsync waited;
-    unsigned waits; /* for it */
+    unsigned waits; /* for that fence */
     atomic_bool *cancels;
-    char fault[256]; /* the first */
+    char fault[256]; /* the first fault */
 } watch;
 
 static struct {
@@ -92,7 +97,7 @@ static void attach(GLuint program, GLuint shader) {
     real.attach(program, shader);
 }
 
-/* Its blocks, as the driver says, and how they are declared. */
+/* Reads the storage blocks of a program from the driver, and their qualifiers from the source. */
 static void learn(GLuint name) {
     struct program *program = &watch.programs[name];
     const char *source = watch.programs[program->shader].source;
@@ -113,7 +118,7 @@ static void learn(GLuint name) {
 #define IS(word) (strncmp(declared - sizeof word, word " ", sizeof word) == 0)
         program->reads[at] = !IS("writeonly");
         program->writes[at] = !IS("readonly");
-        program->is_coherent[at] = IS("coherent"); /* counted in with atomics */
+        program->is_coherent[at] = IS("coherent"); /* written by atomic operations */
     }
     program->is_known = true;
 }
@@ -170,7 +175,7 @@ static void bind(GLenum target, GLuint buffer) {
 
 static void delete_buffers(GLsizei count, const GLuint *names) {
     for (GLsizei i = 0; i < count; i++) {
-        watch.unseen[names[i]] = watch.stale[names[i]] = 0; /* another may get the name */
+        watch.unseen[names[i]] = watch.stale[names[i]] = 0; /* a new buffer may get the same name */
         for (int k = 0; k < BINDINGS; k++)
             watch.bound[k] = watch.bound[k] == names[i] ? 0 : watch.bound[k];
     }
@@ -216,7 +221,7 @@ enum { FENCES = 256 };
 static struct {
     GLsync name;
     unsigned copies;
-} fences[FENCES]; /* round the end */
+} fences[FENCES]; /* a ring */
 static unsigned fence_count;
 
 static GLsync fence(GLenum condition, GLbitfield flags) {
@@ -226,7 +231,7 @@ static GLsync fence(GLenum condition, GLbitfield flags) {
     return name;
 }
 
-/* Passes at the last of a few waits. */
+/* The fence passes at the last of SLOW waits. */
 static GLenum wait(GLsync name, GLbitfield flags, GLuint64 ns) {
     watch.waits = name == watch.waited ? watch.waits + 1 : 1;
     watch.waited = name;
@@ -242,12 +247,12 @@ static GLenum wait(GLsync name, GLbitfield flags, GLuint64 ns) {
             continue;
         unsigned copies = fences[(i - 1) % FENCES].copies;
         watch.passed = copies > watch.passed ? copies : watch.passed;
-        break; /* the newest of the name */
+        break; /* the newest fence of that name */
     }
     return real.wait(name, flags, ns);
 }
 
-/* Once a context was there: until then libepoxy looks the functions up, and replaces these. */
+/* Call this after a context has existed: until then libepoxy would replace these functions. */
 static void watch_calls(void) {
 #define WATCH(function, own) (real.own = epoxy_##function, epoxy_##function = own)
     WATCH(glShaderSource, shader_source);
@@ -276,7 +281,7 @@ struct rig {
 
 static const struct sp_renderer_options software = { .backend = "gl-software", .threads = 1 };
 
-/* Views of every kind, in turn. */
+/* Sets the k-th view; the views cover all modes. */
 static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
     sp_view_init(view, sp_volume_info(rig->volumes[k % 2]), "v");
     view->size[0] = view->size[1] =
@@ -286,9 +291,9 @@ static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
     if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2)
         view->transfer_function.order = SP_TF_POST;
     view->level_of_detail = k % 5 ? SP_LOD_AUTO : SP_LOD_OFF;
-    if (k > 18) /* another list */
+    if (k > 18) /* another list of visible voxels */
         view->transfer_function.points[1].opacity *= 0.9f;
-    for (int a = 0; k % 7 == 3 && a < 3; a++) /* from afar: coarse cells */
+    for (int a = 0; k % 7 == 3 && a < 3; a++) /* from far away: high mip levels */
         view->camera.position[a] =
             view->camera.target[a] + 20 * (view->camera.position[a] - view->camera.target[a]);
 }
@@ -300,7 +305,7 @@ static bool begin(struct rig *rig, unsigned k, const struct sp_render_options *o
                              &rig->err);
 }
 
-/* Finishes a frame before which so many copies had been made when it was handed over. */
+/* Finishes a frame. `copies` were made when it was submitted; the fence must cover all of them. */
 static void finish(struct rig *rig, unsigned copies) {
     struct sp_frame *frame = sp_renderer_finish(rig->renderer, &rig->err);
     if (!frame)
@@ -319,7 +324,7 @@ static void frames_one_by_one(void **state) {
         finish(*state, before + 1);
         assert_int_equal(watch.passed, watch.copies);
     }
-    assert_true(watch.dispatches > 36 * 6); /* it did watch */
+    assert_true(watch.dispatches > 36 * 6); /* the calls were intercepted */
     assert_true(watch.calls > 36 * 6);
 }
 
@@ -361,7 +366,7 @@ static bool open_rig(struct rig *rig) {
     assert_true(rig->pool);
     assert_true(rig->volumes[0]);
     assert_true(rig->volumes[1]);
-    rig->renderer = first; /* has libepoxy look up what frames take */
+    rig->renderer = first; /* libepoxy looks up the functions that frames use */
     unsigned kinds = 12;
     for (unsigned k = 0; k < kinds; k++) {
         struct sp_frame *frame = begin(rig, k, NULL) ? sp_renderer_finish(first, &rig->err) : NULL;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Lists that the GPU makes are those of the processor, and an edit uploads next to nothing. On
- * software GL.
+ * Lists of visible voxels that the GPU makes equal those of the CPU, and an edit uploads only a few
+ * bytes. Runs on software GL.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,7 +23,7 @@
 #include "support/sanitized.h"
 #include "unit/backend/gl/lists.h"
 
-/* Of the slot that has one. */
+/* Returns the list of the slot that has one. */
 static void check_histogram(struct rig *rig, const struct sp_volume *volume) {
     const struct sp_classification *c = NULL;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
@@ -51,7 +51,7 @@ static void check_functions(struct rig *rig, struct sp_volume *volume, enum sp_t
     }
 }
 
-static void lists_are_those_of_the_processor(void **state) {
+static void lists_equal_those_of_the_cpu(void **state) {
     struct rig *rig = *state;
     static const uint32_t dims[][3] = { { 17, 33, 5 }, { 16, 16, 16 }, { 1, 1, 1 }, { 40, 3, 50 } };
     const unsigned step = TEST_SANITIZED ? 5 : 1; /* still all types, all sizes, both grids */
@@ -67,8 +67,8 @@ static void lists_are_those_of_the_processor(void **state) {
     }
 }
 
-/* Lists that were made for other functions serve, or new ones are made; none lacks what is visible,
- * and the first is exact. */
+/* Edits reuse the lists of other transfer functions or make new ones. No list lacks a visible
+ * voxel, and the first list is exact. */
 static void edits_leave_nothing_out(void **state) {
     struct rig *rig = *state;
     const struct shape shape = { SP_UINT16, { 50, 35, 20 }, false };
@@ -107,7 +107,7 @@ static void an_edit_uploads_no_voxels(void **state) {
             assert_true(uploaded > 64 * 64 * 64);
         else
             assert_in_range(uploaded, table, table + 500);
-        tf.points[0].color[2] = 1; /* a colour alone, or nothing at all */
+        tf.points[0].color[2] = 1; /* only a colour, or nothing */
         before = rig->residency.uploaded;
         get(rig, volume, &job);
         assert_int_equal(rig->residency.uploaded - before, table);
@@ -117,7 +117,8 @@ static void an_edit_uploads_no_voxels(void **state) {
     forget(rig, &volume);
 }
 
-/* Of types without a table and order post: no list serves others, but none is uploaded either. */
+/* Lists of types without a table, and of order post, cannot be reused. They are still not uploaded.
+ */
 static void lists_by_value_follow_edits(void **state) {
     struct rig *rig = *state;
     static const enum sp_type types[] = { SP_FLOAT32, SP_INT32, SP_UINT8, SP_FLOAT32 };
@@ -133,7 +134,7 @@ static void lists_by_value_follow_edits(void **state) {
             if (i % 10 == 9)
                 gl_residency_evict(&rig->residency, NULL); /* as with a lost context */
             check_against_processor(rig, volume, &job, false);
-            tf.points[1].color[1] = 0.25f; /* the list stays */
+            tf.points[1].color[1] = 0.25f; /* the list is reused */
             check_against_processor(rig, volume, &job, false);
             from = fmin(fmax(from + uniform(-0.1, 0.1), 0), 0.9);
             to = fmin(fmax(to + uniform(-0.1, 0.1), from), 1);
@@ -143,7 +144,8 @@ static void lists_by_value_follow_edits(void **state) {
     }
 }
 
-/* A colour: the points, where bricks begin, and scales. Another list: what is shown beside it. */
+/* A new colour uploads the points, the starts of the bricks and scales. A new list also uploads the
+ * visible range. */
 static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
     struct rig *rig = *state;
     const uint64_t bricks = 4 * 4 * 4, most = (GL_TABLE_SCALES + 16) * 16 + 2 * 4 * bricks + 2000;
@@ -156,7 +158,7 @@ static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
             const struct sp_classify_job job = make_job(rig, &tf, true);
             uint64_t before = rig->residency.uploaded;
             assert_in_range(get(rig, volume, &job)->count, 10000, 64 * 64 * 64);
-            if (i > 0) /* then the samples */
+            if (i > 0) /* the samples were uploaded, too */
                 assert_in_range(rig->residency.uploaded - before, 1, most);
             tf.points[0].color[2] = 1;
             before = rig->residency.uploaded;
@@ -170,8 +172,9 @@ static void an_edit_by_value_uploads_a_few_bytes_a_brick(void **state) {
     }
 }
 
-/* Values close together and far from 0, apart as far as can be, and points between them. */
-static void values_of_any_size_are_told_apart(void **state) {
+/* Values that are close together and far from 0, or as far apart as possible, with points between.
+ */
+static void values_of_any_size_are_distinguished(void **state) {
     struct rig *rig = *state;
     static const struct {
         enum sp_type type;
@@ -231,7 +234,7 @@ static void set_capacity(struct rig *rig, uint64_t limit_bytes, uint64_t block_b
     rig->residency.block_bytes = rig->residency.classify.block_bytes = block_bytes;
 }
 
-/* Samples that do not fit into the budget, beside the list, or into a buffer. */
+/* The samples do not fit into the budget, beside the list, or into one buffer. */
 static void the_cpu_classifies_when_gpu_memory_is_short(void **state) {
     struct rig *rig = *state;
     const struct shape shape = { SP_UINT8, { 40, 40, 40 }, false };
@@ -259,8 +262,8 @@ static void the_cpu_classifies_when_gpu_memory_is_short(void **state) {
     }
 }
 
-/* A list that the one has counted is made by the other, and back again. */
-static void the_processor_and_the_gpu_take_turns(void **state) {
+/* The CPU makes a list that the GPU has counted, and the other way round. */
+static void the_cpu_and_the_gpu_take_turns(void **state) {
     struct rig *rig = *state;
     const uint64_t limit = rig->residency.limit_bytes;
     static const enum sp_type types[] = { SP_UINT8, SP_FLOAT32, SP_INT32 };
@@ -302,7 +305,7 @@ static void a_cancelled_pass_can_be_made_again(void **state) {
     forget(rig, &volume);
 }
 
-/* A voxel's direction may be off by a step of its map, which is two degrees, or 8 of 255. */
+/* The direction of a voxel may differ by one step of its map: two degrees, or 8 of 255. */
 static void check_microflakes(const uint32_t got[2], struct sp_microflakes wanted) {
     for (int i = 0; i < 8; i++) {
         int a = (int)(got[i / 4] >> 8 * (i % 4) & 255);
@@ -313,7 +316,7 @@ static void check_microflakes(const uint32_t got[2], struct sp_microflakes wante
     }
 }
 
-/* Order post: a mean value, and a gradient whose parts may each be a step off. */
+/* Order post: a mean value, and a gradient whose components may each differ by one step. */
 static void check_scalar(const float row[4], const struct sp_visible *v, uint64_t e,
                          const struct sp_transfer *transfer, const uint32_t *normal) {
     float value = sp_transfer_value(transfer, sp_visible_key(v, e));
@@ -346,7 +349,7 @@ static void check_coarse(const struct gl_visible_list *list, const struct sp_lev
         uint16_t local[SP_BRICK_VOXELS];
         uint32_t count = (uint32_t)(v->first[b + 1] - v->first[b]);
         sp_visible_locals(v, b, NULL, 0, count, local);
-        for (uint32_t n = 0; n < count; n++) { /* both rise by place */
+        for (uint32_t n = 0; n < count; n++) { /* both are sorted by place */
             uint64_t e = v->first[b] + n;
             const float *row = rows[list->first_class + e];
             assert_int_equal(words[e], local[n]);
@@ -388,7 +391,7 @@ static void check_levels(struct rig *rig, struct sp_volume *volume,
     assert_false(has_entries(rig, volume));
 }
 
-static void coarse_levels_are_those_of_the_processor(void **state) {
+static void mip_levels_equal_those_of_the_cpu(void **state) {
     struct rig *rig = *state;
     static const uint32_t dims[][3] = { { 50, 40, 30 }, { 17, 33, 5 }, { 1, 100, 2 } };
     static const uint32_t levels[] = { 2, 15, 4, 1, 8, 13 };
@@ -443,16 +446,16 @@ int main(void) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(lists_are_those_of_the_processor),
+        ON(lists_equal_those_of_the_cpu),
         ON(edits_leave_nothing_out),
         ON(an_edit_uploads_no_voxels),
         ON(lists_by_value_follow_edits),
         ON(an_edit_by_value_uploads_a_few_bytes_a_brick),
-        ON(values_of_any_size_are_told_apart),
+        ON(values_of_any_size_are_distinguished),
         ON(the_cpu_classifies_when_gpu_memory_is_short),
-        ON(the_processor_and_the_gpu_take_turns),
+        ON(the_cpu_and_the_gpu_take_turns),
         ON(a_cancelled_pass_can_be_made_again),
-        ON(coarse_levels_are_those_of_the_processor),
+        ON(mip_levels_equal_those_of_the_cpu),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     gl_residency_finish(&rig.residency);

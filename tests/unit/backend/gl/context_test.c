@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * context_test MODE: what becomes of a GL context on machines that have none, or only an old one.
- * The environment makes the machine (CMakeLists.txt), so each mode is a process of its own.
+ * context_test MODE: creates a GL context on machines without GL or with an old version of it. The
+ * environment imitates the machine (CMakeLists.txt), so each mode is a process of its own.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -38,7 +38,7 @@ static void bind(struct gl_context *context) {
         fail_msg("%s", err.text);
 }
 
-/* No context of either kind, for a reason with these words. */
+/* Neither hardware nor software gives a context; the reason contains these words. */
 static void refuses(const struct gl_options *options, enum sp_code code, const char *words) {
     struct sp_error err = { .code = SP_OK };
     assert_null(gl_context_create(options, &err));
@@ -58,7 +58,7 @@ static void info_tells_all(void **state) {
     assert_true(info->driver[0]);
     assert_int_equal(info->major, 4);
     assert_true(info->minor >= 3);
-    /* What OpenGL 4.3 promises. */
+    /* The minimum limits of OpenGL 4.3. */
     const struct sp_gpu_limits *limits = &info->limits;
     assert_true(limits->storage_block_bytes >= 1 << 24);
     assert_true(limits->storage_blocks >= 8);
@@ -108,7 +108,7 @@ static void a_device_is_taken_by_its_number(void **state) {
     for (unsigned i = 0; i < places.devices; i++) {
         struct gl_options options = { .gpu = (int)i, .software = true };
         struct gl_context *context = gl_context_create(&options, NULL);
-        if (context) { /* others are hardware, or do not work */
+        if (context) { /* other devices are hardware, or do not work */
             assert_int_equal(gl_context_info(context)->gpu, i);
             assert_int_equal(gl_context_info(context)->platform, GL_PLATFORM_DEVICE);
         }
@@ -217,7 +217,7 @@ static void with_gl_4_3(void **state) {
     gl_context_destroy(&context);
 }
 
-/* The tests below want a software GL, and one that takes its version from the environment. */
+/* The tests below need a software GL that takes its version from the environment. */
 static bool has_mesa(struct sp_error *err) {
     struct gl_places places;
     if (!gl_places_list(&places, err))

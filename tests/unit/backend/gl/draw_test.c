@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Frames of the GPU backend on software GL: drawn whole and in pieces of any size, one after the
- * other, with edits between them, cancelled, over budget.
+ * Frames of the GPU backend on software GL: in one piece and in pieces of any size, with edits
+ * between frames, cancelled, and beyond the memory budget.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -73,7 +73,7 @@ static bool draw(struct rig *rig, struct sp_volume *volume, const struct sp_view
 /* Image size in px: not a multiple of the tile size. */
 enum { WIDE = 27, HIGH = 19 };
 
-/* Sheets of a scene that has them. */
+/* Builds a scene and its volume, composited in sheets. */
 static struct sp_volume *make_scene(test_scene_fn *build, struct test_scene *scene) {
     assert_true(build(scene));
     scene->view.compositing.mode = SP_COMPOSITE_SHEET;
@@ -119,15 +119,15 @@ static void pieces_add_up_to_the_whole_image(void **state) {
                                                  SP_COMPOSITE_SPLAT, SP_COMPOSITE_SHEET };
     const struct gl_limits whole = rig->state->workload.limits;
     struct gl_limits small[] = { whole, whole, whole, whole, whole, whole, whole };
-    small[0].records = SP_BRICK_VOXELS; /* a brick or two a batch */
-    small[1].bins = 1;                  /* a layer a batch */
-    small[2].records = SP_BRICK_VOXELS; /* … a few of its bricks, and a row of tiles a band */
+    small[0].records = SP_BRICK_VOXELS; /* one or two bricks per batch */
+    small[1].bins = 1;                  /* one layer per batch */
+    small[2].records = SP_BRICK_VOXELS; /* a few bricks per batch, one row of tiles per band */
     small[2].bins = small[2].tiles = 1;
-    small[3].pairs = 3000; /* found when it is too much */
-    small[4].loops = 1000; /* a tile in many turns … */
-    small[5].loops = 2000; /* … of many batches */
+    small[3].pairs = 3000; /* overflow is found after projection */
+    small[4].loops = 1000; /* many turns per tile */
+    small[5].loops = 2000; /* many turns of many batches */
     small[5].records = SP_BRICK_VOXELS;
-    small[6].stall_factor = whole.loops; /* a splat no more than a row of tiles */
+    small[6].stall_factor = whole.loops; /* a splat covers at most one row of tiles */
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b += TEST_SANITIZED ? 3 : 1) {
         struct test_scene scene;
         struct sp_volume *volume = make_scene(builds[b], &scene);
@@ -137,13 +137,13 @@ static void pieces_add_up_to_the_whole_image(void **state) {
         for (size_t i = 0; i < sizeof small / sizeof *small; i++) {
             struct test_image got;
             if (modes[b] != SP_COMPOSITE_SHEET && (small[i].bins == 1 || i % 2))
-                continue; /* many more layers, or too slow */
+                continue; /* has many more layers, or is too slow */
             reset(rig, &small[i]);
             if (small[i].pairs < rig->state->workload.pairs)
                 rig->state->workload.pairs = small[i].pairs / 2;
             got = draw_ok(rig, volume, &scene.view, &own);
             check_same(&got, &wanted, scene.info.name);
-            assert_int_equal(own.splats, stats.splats); /* each once */
+            assert_int_equal(own.splats, stats.splats); /* each splat is drawn once */
             if (small[i].stall_factor > 1 && builds[b] == test_scene_inside)
                 assert_true(rig->state->workload.rows < whole.tiles);
             reset(rig, &whole);
@@ -155,7 +155,7 @@ static void pieces_add_up_to_the_whole_image(void **state) {
     }
 }
 
-/* One frame of a backend. */
+/* Draws one frame with a backend. */
 static struct test_image draw_by(const struct sp_backend *backend, void *state,
                                  struct sp_volume *volume, const struct sp_view *view,
                                  unsigned mip_level, struct sp_frame_pool *pool) {
@@ -173,8 +173,8 @@ static struct test_image draw_by(const struct sp_backend *backend, void *state,
     return image;
 }
 
-/* Coarse frames, and rectangles of both kernels that planes and slabs cut: what the manifest of
- * conformance has no rows for. */
+/* Choices that the manifest of conformance/ lacks: mip levels, and box footprints of both kernels
+ * that planes and slabs cut. */
 static void other_choices_match_the_reference(void **state) {
     struct rig *rig = *state;
     const struct sp_backend *cpu = find_backend("cpu");
@@ -202,7 +202,7 @@ static void other_choices_match_the_reference(void **state) {
             draw_by(rig->backend, rig->state, volume, &view, mip_level, rig->pool);
         struct test_image wanted = draw_by(cpu, reference, volume, &view, mip_level, rig->pool);
         double psnr = test_image_psnr(&got, &wanted);
-        print_message("  %s, coarse %u, filter %d, kernel %d, mode %d: %.1f dB\n",
+        print_message("  %s, mip level %u, filter %d, kernel %d, mode %d: %.1f dB\n",
                       is_post ? "post" : "pre", mip_level, (int)view.filter.mode,
                       (int)view.filter.kernel, (int)view.compositing.mode, psnr);
         assert_true(psnr >= 90);
@@ -216,7 +216,7 @@ static void other_choices_match_the_reference(void **state) {
     test_scene_finish(&scene);
 }
 
-/* However many splats lie over one tile, they are set up once. */
+/* Splats over one tile are projected once, however many there are. */
 static void many_splats_over_one_tile_are_one_batch(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
@@ -243,7 +243,7 @@ static void many_splats_over_one_tile_are_one_batch(void **state) {
     test_scene_finish(&scene);
 }
 
-/* Pairs of splats and tiles, and single splats of one tile that are equally far. */
+/* The limit on pairs of splats and tiles, and the limit on splats of one depth in one tile. */
 static void a_frame_that_exceeds_one_limit_is_refused(void **state) {
     struct rig *rig = *state;
     struct test_scene scene;
@@ -285,7 +285,7 @@ static void an_edit_uploads_what_it_changes(void **state) {
     assert_true(test_image_psnr(&turned, &before) < 60);
     view = scene.view;
     for (uint32_t p = 0; p < view.transfer_function.point_count; p++)
-        view.transfer_function.points[p].color[1] = 0; /* colours alone: a table */
+        view.transfer_function.points[p].color[1] = 0; /* an edit of colours uploads a table */
     struct test_image tinted = draw_ok(rig, volume, &view, NULL);
     uint64_t table = rig->state->residency.uploaded - first;
     assert_true(table > 0);
@@ -303,7 +303,7 @@ static void an_edit_uploads_what_it_changes(void **state) {
     test_scene_finish(&scene);
 }
 
-/* Whatever was edited before, a frame is that of a renderer which knows nothing of the volume. */
+/* After any edits, a frame equals that of a renderer which sees the volume for the first time. */
 static void edits_match_a_fresh_renderer(void **state) {
     struct rig *rig = *state, fresh;
     struct sp_error err;
@@ -315,14 +315,15 @@ static void edits_match_a_fresh_renderer(void **state) {
     for (int i = 0; i < 12; i += TEST_SANITIZED ? 3 : 1) {
         for (uint32_t p = 0; p < tf->point_count; p++)
             tf->points[p].opacity = rand() % 3 ? 0.1f * (float)(rand() % 10) : 0;
-        /* Without the axis later on, gradients would stay finer than a fresh list's. */
+        /* If the gradient axis were removed later, gradients would stay finer than in a new list.
+         */
         tf->gradient_count = i < 5 ? 0 : scene.view.transfer_function.gradient_count;
         view.shading.mode = i % 3 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         struct test_image got = draw_ok(rig, volume, &view, NULL);
         struct test_image wanted = draw_ok(&fresh, volume, &view, NULL);
         double psnr = test_image_psnr(&got, &wanted);
         print_message("  edited %d: %.1f dB\n", i, psnr);
-        assert_true(psnr >= 90); /* where opaque tiles end, splats that are hidden may tell */
+        assert_true(psnr >= 90); /* hidden splats may count where a tile becomes opaque */
         test_image_finish(&got);
         test_image_finish(&wanted);
         fresh.backend->evict(fresh.state, volume);
@@ -333,7 +334,7 @@ static void edits_match_a_fresh_renderer(void **state) {
     test_scene_finish(&scene);
 }
 
-/* At one level, by compositing. */
+/* One mip level; each compositing mode. */
 static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
     struct rig *rig = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_rectilinear_blobs };
@@ -362,7 +363,7 @@ static void a_change_of_view_uploads_a_few_hundred_bytes(void **state) {
     }
 }
 
-/* One renderer goes from view to view, and from volume to volume; another begins with each. */
+/* One renderer draws changing views of changing volumes. A new renderer draws each of them, too. */
 static void cached_data_of_other_views_changes_nothing(void **state) {
     struct rig *rig = *state;
     static test_scene_fn *const builds[] = { test_scene_blobs, test_scene_inside,
@@ -378,7 +379,7 @@ static void cached_data_of_other_views_changes_nothing(void **state) {
         struct sp_view view = scenes[i].view;
         view.compositing.mode = rand() % 2 ? SP_COMPOSITE_SHEET : SP_COMPOSITE_SLAB;
         view.level_of_detail = rand() % 2 ? SP_LOD_AUTO : SP_LOD_OFF;
-        if (rand() % 2) /* from behind, the sheets are in another order */
+        if (rand() % 2) /* from behind, sheets have the opposite order */
             for (int r = 0; r < 3; r++)
                 view.camera.position[r] = 2 * view.camera.target[r] - view.camera.position[r];
         view.size[0] = view.size[1] = 24 + 8 * (unsigned)(rand() % 2);
@@ -429,8 +430,10 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
     for (int i = 0; i < 2; i++)
         bytes[i] = gl_residency_bytes(&rig.state->residency, volumes[i]);
     int large = bytes[1] > bytes[0], small = !large;
-    rig.state->residency.limit_bytes = bytes[large] + gl_draw_bytes(rig.state); /* one of them */
-    for (int turn = 0; turn < 4; turn++) { /* the large one's samples go, and its list serves on */
+    rig.state->residency.limit_bytes =
+        bytes[large] + gl_draw_bytes(rig.state); /* enough for one of them */
+    for (int turn = 0; turn < 4;
+         turn++) { /* the samples of the large volume are evicted, and its list is still used */
         int now = turn % 2 ? large : small;
         uint64_t uploaded = rig.state->residency.uploaded;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
@@ -442,14 +445,14 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
     }
     rig.state->residency.limit_bytes =
         gl_residency_bytes(&rig.state->residency, volumes[large]) + gl_draw_bytes(rig.state);
-    for (int turn = 0; turn < 2; turn++) { /* one list, or the other */
+    for (int turn = 0; turn < 2; turn++) { /* enough for one list */
         int now = turn ? small : large, other = !now;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
         test_image_finish(&image);
         assert_true(gl_residency_bytes(&rig.state->residency, volumes[now]) > 0);
         assert_int_equal(gl_residency_bytes(&rig.state->residency, volumes[other]), 0);
     }
-    rig.state->residency.limit_bytes = 1000; /* less than either takes */
+    rig.state->residency.limit_bytes = 1000; /* less than either needs */
     assert_false(draw(&rig, volumes[0], &scenes[0].view, NULL, NULL, NULL, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, " 1000 "));

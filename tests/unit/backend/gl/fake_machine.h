@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A machine with GPUs that needs none: EGL and GL are played, in the place of the functions that
- * libepoxy found.
+ * A fake machine with GPUs. It replaces the EGL and GL functions that libepoxy found.
  */
 #ifndef TEST_FAKE_MACHINE_H
 #define TEST_FAKE_MACHINE_H
@@ -10,18 +9,18 @@
 
 #include <epoxy/gl.h>
 
-/* One display and the GL behind it. */
+/* One display and its GL driver. */
 struct driver {
-    bool broken;        /* does not initialise */
-    EGLint error;       /* of its last call that failed; 0 = EGL_NOT_INITIALIZED */
+    bool broken;        /* eglInitialize fails */
+    EGLint error;       /* EGL error of the last call that failed; 0 = EGL_NOT_INITIALIZED */
     const char *name;   /* GL_RENDERER */
     int minor;          /* gives core contexts of OpenGL 4.0 to 4.minor; −1 = no core context */
-    bool no_resets;     /* gives none that tells of resets */
-    bool no_desktop;    /* gives no context of desktop GL at all */
-    bool wants_surface; /* has not the extensions to do without */
-    bool is_known_software; /* the device says so */
-    const char *file;       /* the device's node */
-    int video_mib;          /* by GL_NVX_gpu_memory_info; 0 = does not tell */
+    bool no_resets;     /* has no contexts that report resets */
+    bool no_desktop;    /* has no context of desktop GL */
+    bool wants_surface; /* lacks the extensions for contexts without a surface */
+    bool is_known_software; /* the device has the software extension */
+    const char *file;       /* path of the device node */
+    int video_mib;          /* from GL_NVX_gpu_memory_info; 0 = unknown */
     bool compiles_nothing;
     bool lacks_memory; /* for buffers */
     bool is_refused;   /* by whoever starts on it, once all is there */
@@ -35,14 +34,14 @@ extern const char all_extensions[];
 
 enum { NAMES = 1 << 16 };
 
-struct machine { /* what is there now */
+struct machine { /* objects that exist now */
     EGLint error;
     struct driver *current;
     int contexts, surfaces;
-    bool is_live[NAMES]; /* programs and buffers; as in GL, what is deleted twice is ignored */
+    bool is_live[NAMES]; /* programs and buffers; as in GL, deleting one twice is ignored */
     GLenum gl_error;
-    GLuint names;   /* given out so far */
-    unsigned asked; /* bit n = driver n: whether it will do */
+    GLuint names;   /* names given out so far */
+    unsigned asked; /* bit n: driver n works */
     int minor;      /* of the newest context */
     bool tells_reset;
     unsigned initialised; /* bit n = driver n */
@@ -51,7 +50,7 @@ extern struct machine machine;
 
 void play_the_machine(void);
 
-/* For cmocka: one good GPU before each test; nothing is left behind after it, whatever happened. */
+/* For cmocka: each test starts with one working GPU. The tear-down fails if objects are left. */
 int machine_begin(void **state);
 int machine_end(void **state);
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Two frames of the GPU backend in flight: whatever the second one changes on the GPU before the
- * first is finished, each equals the image that is drawn alone. A second run covers buffers that
- * cannot stay mapped.
+ * Two frames of the GPU backend in flight. The second one changes data on the GPU before the first
+ * is finished; each image still equals the one that is drawn alone. A second run covers drivers
+ * whose buffers cannot stay mapped.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -79,7 +79,7 @@ static void finish(struct rig *rig, struct sp_backend_job *job, const struct sho
     sp_frame_unref(&job->frame);
 }
 
-/* Each shot while another one is in flight, before it and behind it. */
+/* Draws each shot while another one is in flight before it or after it. */
 static void check_all(struct rig *rig) {
     struct sp_backend_job jobs[SHOTS];
     for (int i = 0; i < SHOTS; i++) {
@@ -91,11 +91,11 @@ static void check_all(struct rig *rig) {
     finish(rig, &jobs[SHOTS - 1], &rig->shots[SHOTS - 1]);
 }
 
-static void two_in_flight_do_not_meet(void **state) {
+static void two_frames_in_flight_do_not_disturb_each_other(void **state) {
     check_all(*state);
 }
 
-/* Room for pairs, bins and bands is found while another frame is on the GPU. */
+/* Buffers for pairs, bins and bands grow while another frame is on the GPU. */
 static void a_frame_that_exceeds_its_buffers_is_drawn_again(void **state) {
     struct rig *rig = *state;
     if (!rig->stays_mapped)
@@ -103,7 +103,7 @@ static void a_frame_that_exceeds_its_buffers_is_drawn_again(void **state) {
     const struct gl_limits whole = rig->state->workload.limits;
     struct gl_limits small[] = { whole, whole, whole };
     small[0].pairs = 3000;
-    small[1].tiles = 1; /* a row a band */
+    small[1].tiles = 1; /* one row of tiles per band */
     small[2].bins = 1;
     for (size_t i = 0; i < sizeof small / sizeof small[0]; i++) {
         for (int k = 1; k < 4; k++) {
@@ -124,7 +124,7 @@ static void a_frame_that_exceeds_its_buffers_is_drawn_again(void **state) {
     }
 }
 
-/* Short batches are no reason to wait. */
+/* A second frame is submitted although the first has several short batches. */
 static void a_few_batches_are_handed_over(void **state) {
     struct rig *rig = *state;
     if (!rig->stays_mapped)
@@ -144,7 +144,7 @@ static void a_few_batches_are_handed_over(void **state) {
     finish(rig, &jobs[1], &rig->shots[0]);
 }
 
-/* The second one's lists take the place of the first one's. */
+/* The lists of the second volume replace those of the first. */
 static void a_volume_can_be_evicted_while_its_frame_is_in_flight(void **state) {
     struct rig *rig = *state;
     uint64_t limit = rig->state->residency.limit_bytes, bytes = 0;
@@ -177,7 +177,7 @@ static void one_is_cancelled_and_not_the_other(void **state) {
                 finish(rig, &jobs[i], &rig->shots[i]);
                 continue;
             }
-            /* What the GPU has done by then is done. */
+            /* The GPU may have finished the frame already. */
             if (!rig->backend->finish(rig->state, &jobs[i], &err))
                 assert_int_equal(err.code, SP_ERR_CANCELLED);
             sp_frame_unref(&jobs[i].frame);
@@ -193,7 +193,7 @@ static void one_is_cancelled_and_not_the_other(void **state) {
     sp_frame_unref(&second.frame);
 }
 
-/* The last one. */
+/* Runs last: it destroys the renderer. */
 static void unfinished_frames_are_released(void **state) {
     struct rig *rig = *state;
     struct sp_backend_job jobs[2] = { make_job(rig, &rig->shots[0], NULL),
@@ -206,7 +206,7 @@ static void unfinished_frames_are_released(void **state) {
     sp_frame_unref(&jobs[1].frame);
 }
 
-/* Views that differ in what they need on the GPU. */
+/* Views that need different data on the GPU. */
 static void describe_shots(struct rig *rig) {
     for (int i = 0; i < SHOTS; i++) {
         struct shot *shot = &rig->shots[i];
@@ -281,7 +281,7 @@ int main(int argc, char **argv) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(two_in_flight_do_not_meet),
+        ON(two_frames_in_flight_do_not_disturb_each_other),
         ON(a_frame_that_exceeds_its_buffers_is_drawn_again),
         ON(a_few_batches_are_handed_over),
         ON(a_volume_can_be_evicted_while_its_frame_is_in_flight),

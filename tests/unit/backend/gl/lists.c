@@ -11,6 +11,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "unit/backend/gl/lists.h"
 
 double uniform(double low, double high) {
@@ -59,7 +60,7 @@ struct sp_volume *make_volume(const struct shape *shape) {
         double v = 0.47 + 0.45 * sin(0.3 * x) * cos(0.2 * y) + uniform(-0.02, 0.02);
         put(shape->type, samples, i, 3 * x > 2 * d[0] ? 0.5 : v);
     }
-    if (shape->type == SP_FLOAT32) /* a volume of none is refused */
+    if (shape->type == SP_FLOAT32) /* a volume without finite samples is refused */
         ((float *)samples)[0] = 100;
     struct sp_error err;
     struct sp_volume *volume = sp_volume_create(&grid, shape->type, samples, "v", &err);
@@ -116,7 +117,7 @@ void *read_back(const struct gl_buffer *buffer, uint64_t bytes) {
     return copy;
 }
 
-/* Directions at most a step of their map apart, which stretches it, and magnitudes a step. */
+/* Directions may differ by one step of their map, and magnitudes by one step. */
 static void check_normal(uint32_t got, uint32_t wanted, bool is_wide) {
     float a[3], b[3];
     assert_int_equal(got == 0, wanted == 0);
@@ -128,7 +129,7 @@ static void check_normal(uint32_t got, uint32_t wanted, bool is_wide) {
         fail_msg("%08x for %08x: %g apart", got, wanted, (double)apart);
 }
 
-/* The processor's list, by voxel of the brick. */
+/* Returns the list of the CPU, indexed by the voxel in the brick. */
 struct brick {
     bool is_there[SP_BRICK_VOXELS];
     uint32_t key[SP_BRICK_VOXELS], normal[SP_BRICK_VOXELS];
@@ -168,8 +169,8 @@ static uint32_t key_of(float value) {
     return u.bits;
 }
 
-/* The class of a value, or of a neighbour in single precision: the function may jump between the
- * two. */
+/* Returns the class of a value or of its neighbour in single precision, because the transfer
+ * function may jump between the two. */
 static struct sp_class class_near(const float got[4], const struct sp_transfer *transfer,
                                   uint32_t key) {
     struct sp_class own = sp_transfer_class(transfer, key);
@@ -183,14 +184,16 @@ static struct sp_class class_near(const float got[4], const struct sp_transfer *
     return own;
 }
 
-/* A class by entry; order post: the value, a step of single precision off at most. */
+/* Checks the class of an entry; with order post its value, to one step of single precision. */
 static void check_row(const float row[4], const struct sp_transfer *transfer, uint32_t key) {
     struct sp_class wanted = class_near(row, transfer, key);
     float value = sp_transfer_value(transfer, key);
-    if (transfer->tf.order == SP_TF_POST)
-        assert_true(fabsf(row[0] - value) <= 1.2e-7f * fabsf(value) && row[3] == 0);
-    else
+    if (transfer->tf.order == SP_TF_POST) {
+        assert_compare(fabsf(row[0] - value), <=, 1.2e-7f * fabsf(value));
+        assert_compare(row[3], ==, 0);
+    } else {
         check_class(row, &wanted);
+    }
 }
 
 void check_list(const struct gl_visible_list *list, const struct sp_level *level, bool normals,
@@ -215,7 +218,7 @@ void check_list(const struct gl_visible_list *list, const struct sp_level *level
                 fail_msg("brick %u: voxel %03x has key %u", b, local, key);
             if (!is_there)
                 continue;
-            brick.is_there[local] = false; /* each once */
+            brick.is_there[local] = false; /* each voxel once */
             found++;
             if (!list->has_keys)
                 check_row(rows[list->first_class + e], t, brick.key[local]);

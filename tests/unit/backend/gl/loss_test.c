@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Contexts that are lost in the middle: another one is made, volumes are uploaded again, and the
- * image is the same. The loss is simulated: fakes answer the calls of GL and EGL like a driver
- * that has reset its GPU.
+ * Contexts that are lost while frames are drawn. The backend creates a new context and uploads the
+ * volumes again, and the image is the same. Fake GL and EGL functions answer like a driver that has
+ * reset its GPU.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -23,9 +23,9 @@
 
 enum { SIZE = 40, SKIPPED = 77 };
 
-/* What is about to fail, so many times each. */
+/* How often each call fails from now on. */
 static struct {
-    unsigned resets, binds, contexts, lists; /* of devices: then there are none */
+    unsigned resets, binds, contexts, lists; /* listing devices, as if there were none */
     GLenum status;
 } plan;
 static unsigned contexts_made, warnings;
@@ -80,7 +80,7 @@ static EGLint get_error(void) {
     return planned ? planned : real.get_error();
 }
 
-/* Once a context was there: until then libepoxy looks the functions up, and replaces these. */
+/* Call this after a context has existed: until then libepoxy would replace these functions. */
 static void play_the_driver(void) {
     real.make_current = epoxy_eglMakeCurrent;
     real.create_context = epoxy_eglCreateContext;
@@ -127,7 +127,7 @@ static void copy_pixels(const struct sp_frame *frame, unsigned char pixels[SIZE]
 static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[SIZE][SIZE][4]) {
     struct sp_view view;
     make_view(scene, i, &view);
-    if (is_slab) { /* programs and tables of its own */
+    if (is_slab) { /* the new context has its own programs and tables */
         view.compositing.mode = SP_COMPOSITE_SLAB;
         view.transfer_function.order = SP_TF_POST;
     }
@@ -178,28 +178,27 @@ static void a_reset_costs_no_frame(void **state) {
     }
 }
 
-/* With two frames begun: the one that finds the context lost takes the other along, and both are
- * drawn again. */
-static void a_reset_costs_none_of_those_in_flight(void **state) {
+/* Two frames are in flight. Whichever finds the lost context, both are drawn again. */
+static void a_reset_costs_no_frame_in_flight(void **state) {
     struct scene *scene = *state;
     for (unsigned i = 0; i < 4; i++) {
         struct sp_view view;
         unsigned char got[SIZE][SIZE][4];
         for (int v = 0; v < 2; v++) {
-            plan.resets = i == 2u + (unsigned)v; /* found as a frame is begun … */
+            plan.resets = i == 2u + (unsigned)v; /* found by begin … */
             make_view(scene, v, &view);
             assert_true(sp_renderer_begin(scene->renderer, scene->volumes[v], &view, scene->pool,
                                           NULL, &scene->err));
             assert_int_equal(plan.resets, 0);
         }
-        plan.resets = i < 2; /* … or by the first to finish */
+        plan.resets = i < 2; /* … or by finish of the first frame */
         for (int v = 0; v < 2; v++) {
             struct sp_frame *frame = sp_renderer_finish(scene->renderer, &scene->err);
             assert_non_null(frame);
             copy_pixels(frame, got);
             assert_memory_equal(got, scene->wanted[v], sizeof got);
             sp_frame_unref(&frame);
-            plan.resets = i == 1 && v == 0; /* and again by the second */
+            plan.resets = i == 1 && v == 0; /* … and again by finish of the second */
         }
         assert_int_equal(plan.resets, 0);
         assert_int_equal(warnings, i == 1 ? 2 : 1);
@@ -230,14 +229,15 @@ static void a_context_that_cannot_be_bound_is_replaced(void **state) {
     assert_non_null(strstr(last_warning, "eglMakeCurrent fails: EGL_CONTEXT_LOST"));
 }
 
-static void a_gpu_that_is_reset_again_and_again_is_given_up(void **state) {
+static void a_gpu_that_resets_repeatedly_is_replaced(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
-    assert_false(draw(scene, 0, false, pixels)); /* it was named, so nothing takes over */
+    assert_false(
+        draw(scene, 0, false, pixels)); /* the backend was named, so there is no fallback */
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_int_equal(warnings, 3);
-    /* There is no context now; what needs none goes on. */
+    /* Calls that need no context still work. */
     sp_renderer_evict(scene->renderer, scene->volumes[0]);
     assert_int_equal(sp_renderer_memory(scene->renderer, scene->volumes[0]), 0);
     check_images(scene);
@@ -256,8 +256,7 @@ static void without_another_context_the_next_frame_tries_again(void **state) {
     check_images(scene);
 }
 
-/* It is no fault of the view's that the device which was there is not: another backend may take
- * over. */
+/* The view is not at fault if the device is gone, so another backend may take over. */
 static void a_device_that_is_gone_counts_as_a_failure(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
@@ -273,7 +272,7 @@ static void a_device_that_is_gone_counts_as_a_failure(void **state) {
 }
 
 /* The last test: the renderer ends without a context. */
-static void it_may_end_lost(void **state) {
+static void a_renderer_without_a_context_can_be_destroyed(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
@@ -306,13 +305,13 @@ int main(void) {
     { #name, name, begin, NULL, &scene }
     const struct CMUnitTest tests[] = {
         TEST(a_reset_costs_no_frame),
-        TEST(a_reset_costs_none_of_those_in_flight),
+        TEST(a_reset_costs_no_frame_in_flight),
         TEST(slab_frames_survive_a_context_loss),
         TEST(a_context_that_cannot_be_bound_is_replaced),
-        TEST(a_gpu_that_is_reset_again_and_again_is_given_up),
+        TEST(a_gpu_that_resets_repeatedly_is_replaced),
         TEST(without_another_context_the_next_frame_tries_again),
         TEST(a_device_that_is_gone_counts_as_a_failure),
-        TEST(it_may_end_lost),
+        TEST(a_renderer_without_a_context_can_be_destroyed),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sp_renderer_destroy(&scene.renderer);

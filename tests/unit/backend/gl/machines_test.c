@@ -1,7 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Machines with GPUs, good ones and bad ones, that need none: EGL and GL are played by the
- * functions of fake_machine.c.
+ * Fake machines with working and broken GPUs (fake_machine.h).
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -18,7 +17,7 @@
 #include "sp/probe.h"
 #include "unit/backend/gl/fake_machine.h"
 
-/* Index of the driver that a context comes from; −1 with *err set for none. */
+/* Returns the index of the driver of a new context; −1 with *err set if there is none. */
 static int take(int gpu, bool software, struct gl_info *info, struct sp_error *err) {
     const struct gl_options options = { .gpu = gpu, .software = software };
     struct gl_context *context = gl_context_create(&options, err);
@@ -43,7 +42,7 @@ static void every_device_is_tried_in_turn(void **state) {
     assert_int_equal(take(-1, false, &info, &err), 3);
     assert_int_equal(info.gpu, 3);
     assert_int_equal(info.platform, GL_PLATFORM_DEVICE);
-    assert_int_equal(machine.initialised, 0xf); /* and no other platform */
+    assert_int_equal(machine.initialised, 0xf); /* no other platform is tried */
     assert_int_equal(take(-1, true, &info, &err), 1);
     assert_true(info.software);
     drivers[3].error = EGL_BAD_ALLOC;
@@ -60,7 +59,7 @@ static void every_device_is_tried_in_turn(void **state) {
                   "default display: eglInitialize fails: EGL_NOT_INITIALIZED");
 }
 
-static void one_device_is_taken_alone(void **state) {
+static void a_named_device_is_the_only_one_tried(void **state) {
     (void)state;
     struct gl_info info;
     struct sp_error err;
@@ -94,7 +93,7 @@ static void other_platforms_come_after_devices(void **state) {
                         "EGL_EXT_platform_device2 EGL_MESA_platform_surfaceless";
     assert_int_equal(take(-1, false, &info, &err), -1);
     assert_non_null(strstr(err.text, "device display: EGL does not have EGL_EXT_platform_device;"));
-    client_extensions = NULL; /* before client extensions there was only this */
+    client_extensions = NULL; /* old EGL has only the default display */
     drivers[DEFAULT].broken = false;
     machine.initialised = 0;
     assert_int_equal(take(-1, false, &info, &err), DEFAULT);
@@ -148,14 +147,14 @@ static void a_device_for_software_is_not_opened_for_a_gpu(void **state) {
     assert_int_equal(take(0, false, &info, &err), -1);
     assert_string_equal(err.text, "EGL device 0: this device is software GL");
     assert_int_equal(take(-1, true, &info, &err), 0);
-    machine.initialised = 0; /* where every device is software no display is asked */
+    machine.initialised = 0; /* if all devices are software, no display is tried */
     device_count = 1;
     assert_int_equal(take(-1, false, &info, &err), -1);
     assert_int_equal(machine.initialised, 0);
     assert_string_equal(err.text, "EGL device 0: this device is software GL; surfaceless display: "
                                   "no device but software GL; default display: no device but "
                                   "software GL");
-    device_count = 0; /* nothing is known of displays then */
+    device_count = 0; /* without devices, displays are tried */
     assert_int_equal(take(-1, false, &info, &err), SURFACELESS);
 }
 
@@ -166,7 +165,7 @@ static void the_newest_context_is_taken(void **state) {
     assert_int_equal(take(0, false, &info, &err), 0);
     assert_int_equal(info.minor, 5);
     assert_true(info.tells_reset);
-    drivers[0].no_resets = true; /* the version counts for more */
+    drivers[0].no_resets = true; /* the version matters more */
     assert_int_equal(take(0, false, &info, &err), 0);
     assert_int_equal(info.minor, 5);
     assert_false(info.tells_reset);
@@ -176,7 +175,7 @@ static void the_newest_context_is_taken(void **state) {
     drivers[0].no_resets = false;
     assert_int_equal(take(0, false, &info, &err), 0);
     assert_true(info.tells_reset);
-    drivers[0].minor = -1; /* none at all, but another profile */
+    drivers[0].minor = -1; /* no core profile, but another one */
     assert_int_equal(take(0, false, &info, &err), -1);
     assert_string_equal(
         err.text, "EGL device 0: OpenGL 2.1 Fake of Real 100; a core profile of 4.3 is needed");
@@ -190,12 +189,12 @@ static void limits_and_names_are_read(void **state) {
     assert_int_equal(take(0, false, &info, &err), 0);
     assert_true(info.limits.video_bytes == UINT64_C(143771) << 20);
     assert_true(info.limits.storage_block_bytes == UINT64_C(1) << 31);
-    assert_int_equal(info.limits.shared_bytes, 0); /* nonsense counts as not told */
+    assert_int_equal(info.limits.shared_bytes, 0); /* an impossible size counts as unknown */
     for (unsigned i = 0; i < 3; i++) {
         assert_int_equal(info.limits.group_size[i], 10 + i);
         assert_int_equal(info.limits.group_count[i], 20 + i);
     }
-    assert_string_equal(info.vendor, "Fake & S??hne?"); /* fit for JSON and headers */
+    assert_string_equal(info.vendor, "Fake & S??hne?"); /* safe in JSON and in HTTP headers */
     assert_string_equal(info.driver, "Fake, EGL 1.5");
     struct sp_backend_options options = { .memory_bytes = 4000 };
     assert_true(gl_video_budget(&info, &options) == UINT64_C(143771) * 3 << 17);
@@ -208,7 +207,7 @@ static void limits_and_names_are_read(void **state) {
     assert_true(gl_video_budget(&info, &options) == 5000);
     options.video_bytes = 0;
     assert_true(gl_video_budget(&info, &options) == 2000);
-    options.memory_bytes = UINT64_C(64) << 30; /* says nothing of a card */
+    options.memory_bytes = UINT64_C(64) << 30; /* names no card */
     assert_true(gl_video_budget(&info, &options) == UINT64_C(1) << 30);
     info.software = true;
     assert_true(gl_video_budget(&info, &options) == UINT64_C(64) << 30);
@@ -249,7 +248,7 @@ static bool passes(void *user, void *state, struct sp_error *err) {
     const struct gl_state *made = state;
     unsigned driver = (unsigned)made->options.gpu;
     (void)user;
-    assert_null(machine.current); /* as if it were to draw */
+    assert_null(machine.current); /* as for drawing */
     machine.asked |= 1u << driver;
     return !drivers[driver].is_refused || sp_fail(err, SP_ERR_BACKEND, "", "it draws wrong images");
 }
@@ -259,7 +258,7 @@ static const struct sp_backend_options starting = {
 };
 
 /* A context is not enough: shaders that do not compile, no memory, wrong images. */
-static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
+static void a_device_that_fails_the_check_is_skipped(void **state) {
     (void)state;
     const struct sp_backend *backend = find_backend("gl");
     struct sp_error err;
@@ -283,8 +282,8 @@ static void a_device_that_does_not_do_it_all_is_passed_over(void **state) {
                                      "surfaceless display: shader "));
 }
 
-/* Where a state was started it starts again: no other display takes its place. */
-static void a_platform_is_taken_alone(void **state) {
+/* A backend that has started restarts on the same display and on no other. */
+static void a_named_platform_is_the_only_one_tried(void **state) {
     (void)state;
     const struct sp_backend *backend = find_backend("gl");
     const struct sp_backend_options anywhere = {
@@ -314,7 +313,7 @@ static void note_device(void *user, const struct sp_device *device) {
     *(*next)++ = *device;
 }
 
-static void the_probe_tells_of_all(void **state) {
+static void the_probe_reports_every_device(void **state) {
     (void)state;
     struct sp_device found[8], *next = found;
     device_count = 3;
@@ -346,7 +345,7 @@ static void the_probe_tells_of_all(void **state) {
     }
 }
 
-/* What the start would refuse is not called good. */
+/* The probe does not report a GPU as working if a start would refuse it. */
 static void the_probe_tries_what_the_start_does(void **state) {
     (void)state;
     struct sp_device found[8], *next = found;
@@ -356,12 +355,12 @@ static void the_probe_tries_what_the_start_does(void **state) {
     drivers[SURFACELESS].broken = drivers[DEFAULT].broken = true;
     gl_probe(&starting, note_device, &next);
     assert_int_equal(next - found, 6);
-    assert_string_equal(found[0].name, "Real 100"); /* and its limits are told all the same */
+    assert_string_equal(found[0].name, "Real 100"); /* its limits are reported anyway */
     assert_string_equal(found[0].refusal, "shader 10_project does not compile: no idea");
     assert_string_equal(found[1].refusal, "");
     assert_string_equal(found[2].refusal, "it draws wrong images");
     assert_string_equal(found[3].refusal, "");
-    assert_int_equal(machine.asked, 1 << 1 | 1 << 2); /* software is for tests */
+    assert_int_equal(machine.asked, 1 << 1 | 1 << 2); /* software GL is not offered */
 }
 
 #define TEST(name) cmocka_unit_test_setup_teardown(name, machine_begin, machine_end)
@@ -369,7 +368,7 @@ static void the_probe_tries_what_the_start_does(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(every_device_is_tried_in_turn),
-        TEST(one_device_is_taken_alone),
+        TEST(a_named_device_is_the_only_one_tried),
         TEST(other_platforms_come_after_devices),
         TEST(software_is_known_by_its_name),
         TEST(a_device_for_software_is_not_opened_for_a_gpu),
@@ -377,9 +376,9 @@ int main(void) {
         TEST(limits_and_names_are_read),
         TEST(a_surface_is_made_where_one_is_needed),
         TEST(a_node_that_cannot_be_opened_is_named),
-        TEST(a_device_that_does_not_do_it_all_is_passed_over),
-        TEST(a_platform_is_taken_alone),
-        TEST(the_probe_tells_of_all),
+        TEST(a_device_that_fails_the_check_is_skipped),
+        TEST(a_named_platform_is_the_only_one_tried),
+        TEST(the_probe_reports_every_device),
         TEST(the_probe_tries_what_the_start_does),
     };
     sp_log_init(NULL, NULL, SP_LOG_WARN);

@@ -128,7 +128,7 @@ static void an_insufficient_budget_is_refused_with_both_numbers(void **state) {
     must_open(&rig, 8 * MIB);
     must_draw(&rig, SMALL, NULL);
     rig.state->residency.limit_bytes = MIB / 16;
-    assert_false(draw(&rig, SMALL, NULL, &err)); /* the voxels alone take more */
+    assert_false(draw(&rig, SMALL, NULL, &err)); /* the voxels alone need more */
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, "take "));
     assert_non_null(strstr(err.text, " 65536 are allowed"));
@@ -153,7 +153,7 @@ static void scratch_is_released_for_a_view(void **state) {
     close_rig(&rig);
 }
 
-/* The rig's volume from now on. */
+/* Makes this the volume of the rig. */
 static void take_volume(struct rig *rig, struct sp_volume *volume) {
     assert_non_null(volume);
     rig->backend->evict(rig->state, rig->volume);
@@ -187,9 +187,9 @@ static void unused_render_buffers_are_released(void **state) {
     must_draw(&rig, WIDE, NULL);
     for (int i = 0; i < 100; i++)
         must_draw(&rig, SMALL, NULL);
-    assert_true(gl_draw_bytes(rig.state) > 2 * small); /* it may be needed again soon */
+    assert_true(gl_draw_bytes(rig.state) > 2 * small); /* the buffers may be needed again soon */
     for (int i = 0; i < GL_IN_FLIGHT; i++)
-        rig.state->slots[i].frames |= 255 - 3; /* as after many more */
+        rig.state->slots[i].frames |= 255 - 3; /* as after many more frames */
     for (int i = 0; i < 2 * 256 * GL_IN_FLIGHT && gl_draw_bytes(rig.state) > 2 * small; i++)
         must_draw(&rig, SMALL, NULL);
     assert_true(gl_draw_bytes(rig.state) <= 2 * small);
@@ -250,8 +250,7 @@ static struct sp_view view_of(const struct sp_volume *volume, uint32_t size) {
     return view;
 }
 
-/* Samples and entries leave little: pieces become smaller than half of the budget would make them.
- */
+/* Samples and entries leave little memory, so pieces must be smaller than half of the budget. */
 static void pieces_fit_into_what_the_lists_leave(void **state) {
     (void)state;
     struct rig rig;
@@ -284,8 +283,8 @@ static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
     return image;
 }
 
-/* Lists that leave a fifth of the budget: small pieces are of many bricks, which are sent in turns.
- */
+/* The lists leave a fifth of the budget. Small pieces have many bricks, which are uploaded in
+ * turns. */
 static void many_bricks_are_uploaded_in_turns(void **state) {
     (void)state;
     if (TEST_SANITIZED)
@@ -304,7 +303,8 @@ static void many_bricks_are_uploaded_in_turns(void **state) {
     const struct gl_upload *upload = &tight.state->upload;
     assert_true(upload->chunk_end - upload->chunk_first < tight.state->partition.chunk_count);
     struct test_image again = picture_of(&large, tight.volume, &view);
-    assert_in_range(large.state->upload.bytes - before, 1, 2000); /* constants: bricks are there */
+    assert_in_range(large.state->upload.bytes - before, 1,
+                    2000); /* only constants: the bricks are already there */
     test_image_finish(&again);
     test_image_finish(&wanted);
     large.backend->evict(large.state, tight.volume);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What the GPU keeps of one volume is never drawn for another, though volumes come and go, and take
- * each other's addresses.
+ * The cached data of one volume is never drawn for another one, even if a new volume has the
+ * address of an old one.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -34,7 +34,7 @@ static struct sp_volume *make_volume(enum sp_type type, const void *voxels) {
     return volume;
 }
 
-/* 1 in the middle of a ball, 0 at its surface and beyond. */
+/* 1 in the middle of a ball, 0 at its surface and outside. */
 static double ball_at(const double centre[3], double radius, int i) {
     double d[3] = { i % SIDE - centre[0], i / SIDE % SIDE - centre[1],
                     i / SIDE / SIDE - centre[2] };
@@ -65,7 +65,7 @@ static void check(const struct rig *rig, struct sp_volume *volume, const struct 
     sp_renderer_evict(rig->scalar, volume);
 }
 
-/* The renderer is told of none that goes, and keeps what it has of them for as long as it likes. */
+/* No volume is evicted, so the renderer may keep the data of volumes that were freed. */
 static void volumes_without_eviction_are_not_confused(void **state) {
     static uint8_t voxels[SIDE * SIDE * SIDE];
     for (int v = 0; v < 48; v++) {
@@ -81,8 +81,8 @@ static void volumes_without_eviction_are_not_confused(void **state) {
     }
 }
 
-/* One transfer function for values that are counted from elsewhere. */
-static void a_curve_is_not_that_of_another_range(void **state) {
+/* The same transfer function for volumes with different ranges of values. */
+static void a_curve_is_not_reused_for_another_range(void **state) {
     const struct rig *rig = *state;
     static int16_t voxels[SIDE * SIDE * SIDE];
     static const double middle[3] = { 12, 12, 12 };
@@ -118,7 +118,7 @@ int main(void) {
     rig.pool = sp_frame_pool_create(0, &err);
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_prestate(volumes_without_eviction_are_not_confused, &rig),
-        cmocka_unit_test_prestate(a_curve_is_not_that_of_another_range, &rig),
+        cmocka_unit_test_prestate(a_curve_is_not_reused_for_another_range, &rig),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sp_renderer_destroy(&rig.gl);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Stages of the GPU backend one by one, on software GL: sorting into bins, and what a shader that
- * does not compile leaves behind.
+ * Single stages of the GPU backend on software GL: sorting into bins, and errors of shaders and
+ * buffers.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -21,7 +21,7 @@
 #include "sp/log.h"
 #include "support/data.h"
 
-/* A record's tiles and layers [first, last]; as in shaders/records.glsl. */
+/* Tiles and layers of a record, [first, last]; as in shaders/records.glsl. */
 struct span {
     uint32_t c0, r0, c1, r1, l0, l1;
 };
@@ -32,7 +32,7 @@ struct sorting {
     struct gl_bins_space space;
     struct span *spans;
     uint32_t records;
-    uint32_t *counts; /* by bin */
+    uint32_t *counts; /* indexed by bin */
     uint64_t pairs;
 };
 
@@ -44,7 +44,7 @@ static uint32_t below(uint32_t n) {
     return (uint32_t)rand() % n;
 }
 
-/* Random spans, a quarter of them of records that are not drawn. */
+/* Random spans; a quarter of the records is not drawn. */
 static struct sorting make_sorting(uint32_t columns, uint32_t rows, uint32_t layers,
                                    uint32_t records) {
     struct sorting s = { .space = { columns, 0, rows * GL_TILE, rows, layers },
@@ -103,7 +103,7 @@ static void write_counts(const struct sorting *s, struct gl_bins *bins) {
     free(words);
 }
 
-/* Whether the pairs [begin, end) are records of that bin, each once. */
+/* Checks that the pairs [begin, end) are the records of that bin, each once. */
 static void check_bin(const struct sorting *s, const uint32_t *pairs, uint32_t begin, uint32_t end,
                       uint32_t bin, uint32_t *seen, bool is_ordered) {
     uint32_t layer = bin % s->space.layers, tile = bin / s->space.layers;
@@ -171,10 +171,10 @@ static void pairs_are_sorted_at_any_size(void **state) {
     sort_and_check(1, 1, 1, 1);
     sort_and_check(1, 1, 1, 1000); /* one bin */
     sort_and_check(3, 1, 341, 255);
-    sort_and_check(4, 4, 64, 256);     /* just a block of bins */
-    sort_and_check(5, 5, 41, 257);     /* a block and a bin */
-    sort_and_check(16, 16, 1, 20000);  /* crowded */
-    sort_and_check(31, 17, 499, 5000); /* 257 blocks: more than a group sums at a time */
+    sort_and_check(4, 4, 64, 256);     /* exactly one block of bins */
+    sort_and_check(5, 5, 41, 257);     /* one block and one bin */
+    sort_and_check(16, 16, 1, 20000);  /* many records per bin */
+    sort_and_check(31, 17, 499, 5000); /* 257 blocks: more than a work group sums at once */
     sort_and_check(2, 2, 16384, 3000); /* layers of more than 12 bits */
 }
 
@@ -209,7 +209,7 @@ static void pairs_beyond_the_capacity_are_reported_and_not_written(void **state)
     free(s.counts);
 }
 
-/* Sums that do not fit a word stay at the largest number. */
+/* Sums that do not fit into 32 bits saturate. */
 static void too_many_pairs_never_look_like_few(void **state) {
     (void)state;
     struct sorting s = make_sorting(64, 1, 64, 1);
@@ -284,7 +284,7 @@ static void buffers_refuse_what_is_too_large(void **state) {
     assert_true(buffer.bytes >= 1000);
     assert_true(buffer.bytes <= 4096);
     assert_true(gl_buffer_reserve(&buffer, "words", 900, 4096, GL_USE_KEPT, &err));
-    assert_int_equal(buffer.name, name); /* it is large enough: kept */
+    assert_int_equal(buffer.name, name); /* the buffer is large enough and stays */
     assert_false(gl_buffer_reserve(&buffer, "words", 5000, 4096, GL_USE_KEPT, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_non_null(strstr(err.text, "5000"));

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Renderers of the GPU backend on several threads, as the daemon's lanes have them: at the same
- * time, made on one thread and used on another, ended while others draw.
+ * Renderers of the GPU backend on several threads, like the workers of the daemon: they draw at the
+ * same time, are created on one thread and used on another, and end while others draw.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -19,7 +19,7 @@
 #include "sp/log.h"
 #include "sp/renderer.h"
 
-enum { SIZE = 40, FRAMES = 4, LANES = 3, ROUNDS = 2, SKIPPED = 77 };
+enum { SIZE = 40, FRAMES = 4, WORKERS = 3, ROUNDS = 2, SKIPPED = 77 };
 static const struct sp_renderer_options gl = { .backend = "gl-software", .threads = 1 };
 
 /* A frame that fails is drawn again with another context: the image is the same, and the log
@@ -37,7 +37,7 @@ struct images {
     unsigned char pixels[FRAMES][SIZE][SIZE][4];
 };
 
-/* Some views of the volume, one after the other. Called on several threads: asserts nothing. */
+/* Draws some views of the volume. Runs on several threads, so it asserts nothing. */
 static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct images *out) {
     struct sp_frame_pool *pool = sp_frame_pool_create(0, NULL);
     struct sp_view view;
@@ -57,23 +57,23 @@ static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct 
     return ok;
 }
 
-struct lane {
+struct worker {
     struct sp_volume *volume;
-    struct sp_renderer *first; /* has drawn on the main thread; the later ones are made here */
+    struct sp_renderer *first; /* the first one was created on the main thread, the others here */
     const struct images *wanted;
     unsigned right;
     pthread_t thread;
 };
 
-static void *run_lane(void *user) {
-    struct lane *lane = user;
+static void *run_worker(void *user) {
+    struct worker *worker = user;
     struct images *got = malloc(sizeof *got);
     for (int i = 0; got && i < ROUNDS; i++) {
-        if (!lane->first)
-            lane->first = sp_renderer_create(&gl, NULL);
-        if (lane->first && draw(lane->first, lane->volume, got))
-            lane->right += memcmp(got, lane->wanted, sizeof *got) == 0;
-        sp_renderer_destroy(&lane->first);
+        if (!worker->first)
+            worker->first = sp_renderer_create(&gl, NULL);
+        if (worker->first && draw(worker->first, worker->volume, got))
+            worker->right += memcmp(got, worker->wanted, sizeof *got) == 0;
+        sp_renderer_destroy(&worker->first);
     }
     free(got);
     return NULL;
@@ -81,27 +81,27 @@ static void *run_lane(void *user) {
 
 static void threads_draw_the_same_images_as_one_thread(void **state) {
     atomic_uint *warnings = *state;
-    static const char *const sources[LANES] = { "demo:phantom?size=16", "demo:vessels?size=20",
-                                                "demo:phantom?size=16" };
-    static struct images wanted[LANES];
-    struct lane lanes[LANES] = { { 0 } };
-    for (int i = 0; i < LANES; i++) {
-        lanes[i].volume = sp_volume_load(sources[i], NULL, NULL);
-        lanes[i].first = sp_renderer_create(&gl, NULL);
-        lanes[i].wanted = &wanted[i];
-        assert_non_null(lanes[i].first);
-        assert_true(draw(lanes[i].first, lanes[i].volume, &wanted[i]));
+    static const char *const sources[WORKERS] = { "demo:phantom?size=16", "demo:vessels?size=20",
+                                                  "demo:phantom?size=16" };
+    static struct images wanted[WORKERS];
+    struct worker workers[WORKERS] = { { 0 } };
+    for (int i = 0; i < WORKERS; i++) {
+        workers[i].volume = sp_volume_load(sources[i], NULL, NULL);
+        workers[i].first = sp_renderer_create(&gl, NULL);
+        workers[i].wanted = &wanted[i];
+        assert_non_null(workers[i].first);
+        assert_true(draw(workers[i].first, workers[i].volume, &wanted[i]));
     }
     assert_memory_equal(&wanted[0], &wanted[2], sizeof wanted[0]);
     assert_memory_not_equal(&wanted[0], &wanted[1], sizeof wanted[0]);
     assert_memory_not_equal(wanted[0].pixels[0], wanted[0].pixels[1], sizeof wanted[0].pixels[0]);
-    for (int i = 0; i < LANES; i++)
-        assert_int_equal(pthread_create(&lanes[i].thread, NULL, run_lane, &lanes[i]), 0);
-    for (int i = 0; i < LANES; i++)
-        assert_int_equal(pthread_join(lanes[i].thread, NULL), 0);
-    for (int i = 0; i < LANES; i++) {
-        assert_int_equal(lanes[i].right, ROUNDS);
-        sp_volume_unref(&lanes[i].volume);
+    for (int i = 0; i < WORKERS; i++)
+        assert_int_equal(pthread_create(&workers[i].thread, NULL, run_worker, &workers[i]), 0);
+    for (int i = 0; i < WORKERS; i++)
+        assert_int_equal(pthread_join(workers[i].thread, NULL), 0);
+    for (int i = 0; i < WORKERS; i++) {
+        assert_int_equal(workers[i].right, ROUNDS);
+        sp_volume_unref(&workers[i].volume);
     }
     assert_int_equal(atomic_load(warnings), 0);
 }

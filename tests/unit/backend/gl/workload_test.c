@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * How large the pieces of a frame are, with what bands took and needed played.
+ * The size of the pieces of a frame, for given times and sizes of its bands.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -17,7 +17,7 @@
 
 enum { LONG_MS = 30, FAIR_MS = 10, SHORT_MS = 4, HALVINGS = 6 };
 
-/* As on hardware with memory enough. */
+/* A GPU with enough memory. */
 static const struct gl_limits whole = { .records = 4000000,
                                         .bins = 1 << 25,
                                         .tiles = 1 << 17,
@@ -34,7 +34,7 @@ static struct gl_workload make_workload(void) {
     return workload;
 }
 
-/* A band that is drawn now, with its longest dispatch. */
+/* Reports a band that was drawn, with the time of its longest dispatch. */
 static void play(struct gl_workload *workload, double ms) {
     const struct gl_pieces was = gl_workload_plan(workload, &plain);
     gl_workload_adapt(workload, &was, ms);
@@ -59,7 +59,7 @@ static void a_long_dispatch_halves_pieces(void **state) {
     assert_true(gl_workload_plan(&workload, &plain).records >= SP_BRICK_VOXELS);
 }
 
-/* A band that was with the GPU already says nothing about the pieces that it was answered with. */
+/* A band that was submitted before the change says nothing about the new pieces. */
 static void bands_in_flight_are_answered_once(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
@@ -71,7 +71,7 @@ static void bands_in_flight_are_answered_once(void **state) {
     assert_int_equal(workload.halvings, 2);
 }
 
-static void pieces_grow_after_calm_alone(void **state) {
+static void pieces_grow_only_after_short_dispatches(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     play(&workload, LONG_MS);
@@ -91,7 +91,7 @@ static void pieces_grow_after_calm_alone(void **state) {
     assert_int_equal(workload.halvings, 0);
 }
 
-/* A scene whose dispatches are as long as their pieces are large. */
+/* The time of a dispatch is proportional to the size of its piece. */
 static void pieces_settle(void **state) {
     (void)state;
     for (double whole_ms = 1; whole_ms < 1500; whole_ms *= 1.1) {
@@ -107,13 +107,13 @@ static void pieces_settle(void **state) {
     }
 }
 
-static void software_has_all_the_time(void **state) {
+static void software_gl_has_no_time_limit(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     workload.limits.dispatch_ms = INFINITY;
     play(&workload, 1e6);
     assert_int_equal(workload.halvings, 0);
-    assert_true(gl_workload_halve(&workload)); /* for want of memory */
+    assert_true(gl_workload_halve(&workload)); /* because memory is short */
     for (int i = 0; i < GL_CALM; i++)
         play(&workload, 1e6);
     assert_int_equal(workload.halvings, 0);
@@ -128,12 +128,12 @@ static void memory_loads_raise_the_cost_of_a_pair(void **state) {
     assert_int_equal(gl_workload_plan(&workload, &clipped).turn_pairs, whole.loops / (1 + 14 * 8));
     assert_int_equal(gl_workload_plan(&workload, &plain).splat_rounds, whole.loops / 8);
     assert_int_equal(gl_workload_plan(&workload, &plain).bin_pairs, whole.loops / (8 * 24));
-    workload.limits.loops = 10; /* something is always allowed */
+    workload.limits.loops = 10; /* a minimum is always allowed */
     assert_int_equal(gl_workload_plan(&workload, &clipped).turn_pairs, 1);
     assert_int_equal(gl_workload_plan(&workload, &plain).splat_rounds, 300);
 }
 
-static void records_are_as_many_as_fit(void **state) {
+static void as_many_records_as_fit_are_used(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     for (uint32_t words = 2; words <= 24; words++) {
@@ -147,7 +147,7 @@ static void records_are_as_many_as_fit(void **state) {
         costs.block_bytes = 4 << 20;
         assert_int_equal(gl_workload_plan(&workload, &costs).records,
                          (4 << 20) / costs.record_bytes);
-        workload.limits.record_bytes = 1; /* a brick is the least */
+        workload.limits.record_bytes = 1; /* at least one brick */
         assert_int_equal(gl_workload_plan(&workload, &costs).records, SP_BRICK_VOXELS);
     }
 }
@@ -196,11 +196,11 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_long_dispatch_halves_pieces),
         cmocka_unit_test(bands_in_flight_are_answered_once),
-        cmocka_unit_test(pieces_grow_after_calm_alone),
+        cmocka_unit_test(pieces_grow_only_after_short_dispatches),
         cmocka_unit_test(pieces_settle),
-        cmocka_unit_test(software_has_all_the_time),
+        cmocka_unit_test(software_gl_has_no_time_limit),
         cmocka_unit_test(memory_loads_raise_the_cost_of_a_pair),
-        cmocka_unit_test(records_are_as_many_as_fit),
+        cmocka_unit_test(as_many_records_as_fit_are_used),
         cmocka_unit_test(slow_pieces_are_no_reason_to_refuse),
         cmocka_unit_test(wide_splats_take_fewer_rows_then_layers),
     };

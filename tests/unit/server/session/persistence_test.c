@@ -49,7 +49,7 @@ static void a_restart_restores_the_view(void **state) {
     assert_true(srv_hub_save(persist.hub, 0, persist_save, NULL));
     char *before = persist_text();
     persist_restart();
-    persist_is_hibernated_because("no v now");
+    persist_is_hibernated_because("the volume v is not available");
     persist.volumes.is_loading = false;
     char *after = persist_text_at(5000);
     assert_string_equal(before, after);
