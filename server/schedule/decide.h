@@ -23,31 +23,31 @@
 /* Candidates of a lower rank are drawn only while no candidate has a higher one. */
 enum srv_rank {
     SRV_RANK_INTERACTION, /* the view is newer than what the client sees of it */
-    SRV_RANK_REFINEMENT,  /* a better frame of the same view, or a frame for a client that wants
-                             final frames only */
+    SRV_RANK_REFINEMENT,  /* a better frame of the same view, or a frame for a client that takes
+                             only final frames */
     SRV_RANKS
 };
 
-/* The situation of one participant, as far as it decides on its next frame.
+/* What the next frame of one participant depends on.
  *
  *   the participant wants a frame if          and gets it if
  *     the view is newer than its last job       its window is open (session/window.h)
  *     or the view rests, and its last frame     and its frame rate allows it
  *     was not of final quality */
 struct srv_demand {
-    bool wants_frame;        /* the above, besides the frame rate and the rest */
+    bool wants_frame;        /* as above, without the frame rate and the rest */
     bool is_newer;           /* the view is newer than its last job */
     bool is_progressive;     /* the client takes frames of less detail while the view moves */
-    bool needs_intermediate; /* at rest, the sharp frame takes long: another one goes before it */
-    bool is_slow[SRV_STEPS]; /* to encode, by step */
-    bool has_slow_slot;      /* one more frame that is slow to encode may be in progress */
+    bool needs_intermediate; /* at rest; the sharp frame takes long, so a faster one precedes it */
+    bool is_slow[SRV_STEPS]; /* the frame of this step is slow to encode */
+    bool has_slow_slot;      /* another slow frame may be encoded now */
     int max_fps;
     double next_frame_ms; /* the frame rate allows no frame before */
-    double behind_ms;     /* since when the view is newer than its last job */
-    double rest_at_ms;    /* when the view is at rest, if nothing changes it */
+    double behind_ms;     /* time since which the view is newer than its last job */
+    double rest_at_ms;    /* time at which the view is at rest, unless it changes */
     double sharp_ms;      /* expected time of a sharp frame; 0 = not known */
-    double waited_ms;     /* how long a refinement waited that could have been drawn */
-    double spent_ms;      /* longest time that was spent on it before it was cancelled */
+    double waited_ms;     /* how long a refinement waited although it could be drawn */
+    double spent_ms;      /* longest time for which it was drawn before it was cancelled */
 };
 
 struct srv_frame_request {
@@ -56,29 +56,29 @@ struct srv_frame_request {
     enum srv_rank rank;
     bool is_refinement; /* a newer view cancels it */
     bool is_slow_to_encode;
-    double protected_ms; /* motion elsewhere cancels it unless it is drawn for less than this;
-                            INFINITY = motion never cancels it */
+    double protected_ms; /* moving views cancel it once it was drawn for longer than this;
+                            INFINITY = they never cancel it */
     double deadline_ms;  /* when the next frame of a moving view is due */
     double in_ms;        /* if nothing is wanted now: when to ask again, INFINITY = after an
                             event */
 };
-/* What the participant wants now. Its frame of a moving view is due when the next one would be. A
- * refinement is not wanted from a moving view, except that the first frame after a rest is sharp at
- * once if that is fast. */
+/* Returns what the participant wants now. The deadline of a moving frame is the time of the frame
+ * after it. A moving view wants no refinement, but its first frame after a rest is sharp if that is
+ * fast. */
 struct srv_frame_request srv_decide_request(const struct srv_demand *demand, double now_ms);
 
-/* What wants a frame now: a participant of a session, or the best one of a session. */
+/* A participant that wants a frame now, or the best participant of a session. */
 struct srv_candidate {
     enum srv_rank rank;
     double deadline_ms;
     double start_ms;       /* virtual start of its account */
-    uint64_t newest_order; /* of its newest job: the one that was served longer ago wins ties */
+    uint64_t newest_order; /* of its newest job; in a tie the lower order wins */
     double lead_ms;        /* virtual time that it is ahead of the running job; preemption only */
 };
 
 enum { SRV_NO_CANDIDATE = -1 };
 
-/* Returns the participant that goes first in its session: the highest rank, then the least virtual
+/* Returns the participant to draw next in a session: the highest rank, then the smallest virtual
  * start. */
 int srv_decide_participant(const struct srv_candidate *candidates, int count);
 
@@ -86,30 +86,31 @@ struct srv_decision {
     int chosen;      /* index, or SRV_NO_CANDIDATE */
     double clock_ms; /* the virtual clock from now on */
 };
-/* Returns which session is drawn next. Of the highest rank that is wanted, the sessions are
- * eligible that start no later than the mean start. Of the eligible ones the frame with the
- * earliest deadline goes first; of refinements, the least virtual start. */
+/* Returns the session to draw next. Only candidates of the highest rank count. A session is
+ * eligible if its virtual start is not later than the mean. The eligible session with the earliest
+ * deadline is next; for refinements, the one with the smallest virtual start. */
 struct srv_decision srv_decide_session(const struct srv_candidate *candidates, int count,
                                        double clock_ms);
 
-/* Returns for how long a refinement must not begin, 0 = it may: not between two frames of a moving
- * view, which would cancel it in a moment. last_motion_ms: the newest moving frame of any other
- * view, 0 = none. */
+/* Returns how long a refinement must wait, ms; 0 = it may start. It does not start between two
+ * frames of another moving view, because the second one would cancel it. last_motion_ms: time of
+ * the newest moving frame of any other view; 0 = none. */
 double srv_decide_quiet_ms(bool has_motion, double last_motion_ms, double now_ms);
 
-/* Preemption. The job that is being drawn pauses while short frames of sessions, and of other
- * participants of its session, are drawn that are behind it in virtual time. So every session gets
- * its share, even beside one whose frames take long and must not be cancelled. */
+/* Preemption. The running job pauses for short frames of other sessions and participants that are
+ * behind it in virtual time. So each session gets its share, even beside a session whose long
+ * frames must not be cancelled. */
 
-/* True if a frame of a moving view that is expected to take expected_ms (INFINITY = not known) is
- * short enough. It must take no longer than what is left of the running job, because the shortest
- * remaining work goes first; and no longer than a moving frame should take, or a tenth of what is
- * left. running_ms: expected time of the running job, drawn_ms: for how long it was drawn. What
- * takes longer than expected is assumed to be half done. */
+/* True if a moving frame is short enough to preempt the running job. It must not take longer than
+ * the rest of that job: the shortest remaining work goes first. It must also not take longer than
+ * SRV_QUALITY_BUDGET_MIN_MS or a tenth of that rest, whichever is larger. expected_ms: time of the
+ * frame, INFINITY = unknown; running_ms: expected time of the running job; drawn_ms: how long it
+ * was drawn. A job that takes longer than expected counts as half done. */
 bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms);
 
-/* Returns the candidate that preempts the running job: of those that are not ahead of it (lead_ms),
- * the one with the earliest deadline. Lowers *wait_ms to when the first of the others may. */
+/* Returns the candidate that preempts the running job: the one with the earliest deadline among
+ * those that are not ahead of it (lead_ms). Lowers *wait_ms to the time until another one may
+ * preempt. */
 int srv_decide_preemption(const struct srv_candidate *candidates, int count, double *wait_ms);
 
 #endif

@@ -11,8 +11,9 @@
 #include "schedule/fair_queue.h"
 
 enum {
-    SRV_FAIR_OWNER_BYTES = 40, /* of a name, with its NUL */
-    SRV_FAIR_OWNERS_MAX = 64 /* accounts; beyond that, the owner with the least loses its account */
+    SRV_FAIR_OWNER_BYTES = 40, /* bytes of a name, with its NUL */
+    SRV_FAIR_OWNERS_MAX =
+        64 /* accounts; when all are in use, the owner that received least loses its account */
 };
 
 struct srv_fair_owners { /* zero-initialised = no owner has received anything */
@@ -21,12 +22,13 @@ struct srv_fair_owners { /* zero-initialised = no owner has received anything */
         struct srv_fair_account account;
     } list[SRV_FAIR_OWNERS_MAX];
     unsigned count;
-    double clock_ms; /* where the newest snapshot started */
+    double clock_ms; /* virtual start of the newest snapshot */
 };
 
-/* Returns where the owner's next snapshot starts. The owner with the smallest start is next. */
+/* Returns the virtual start of the owner's next snapshot. The owner with the smallest start is
+ * next. */
 double srv_fair_owners_start(const struct srv_fair_owners *owners, const char *name);
-/* Begins a snapshot of this owner: the clock moves on to its start. */
+/* Starts a snapshot of this owner: the clock advances to its start. */
 void srv_fair_owners_begin(struct srv_fair_owners *owners, const char *name);
 /* Charges the owner for time that a snapshot took, ms. */
 void srv_fair_owners_charge(struct srv_fair_owners *owners, const char *name, double ms);
