@@ -97,7 +97,8 @@ run() {
     rm -f "$logs/$preset.summary"
     (cd "$root" && ctest --preset "$preset" --parallel $(($(nproc) + 1)) "$@" 2>&1) |
         tee "$logs/$preset.log" |
-        awk -v summary="$logs/$preset.summary" '/^[0-9]+% tests passed/ { held = 1 } held { print > summary; next } { print; fflush() }' ||
+        sed -uE "/^[0-9]+% tests passed/,\$ { w $logs/$preset.summary
+            d }" ||
         failed+=("$preset")
 }
 
