@@ -153,8 +153,9 @@ static void check_add(const struct cpu_kernels *kernels) {
                     if (!edge)
                         assert_compare(fabs(got - top * w), <, slack);
                     for (int c = 0; c < 3; c++)
-                        assert_true(fabs((double)*sum_at(&g, 1 + c, y, x) * top -
-                                         got * (double)s.emission[c]) <= 1e-6 * top * top * 3);
+                        assert_compare(fabs((double)*sum_at(&g, 1 + c, y, x) * top -
+                                            got * (double)s.emission[c]),
+                                       <=, 1e-6 * top * top * 3);
                 }
             kernels->tile_close(g.tile, &g.blend);
             for (int p = 0; p < SP_PLANES; p++)
@@ -202,11 +203,11 @@ static void check_close(const struct cpu_kernels *kernels) {
         for (int y = 0; y < SP_TILE; y++)
             for (int x = 0; x < SP_TILE; x++) {
                 double pass = exp(-depth[y][x]), alpha = -expm1(-depth[y][x]);
-                assert_true(fabs((double)t->done[0][y][x] - 0.5 * pass) < 1e-6);
+                assert_compare(fabs((double)t->done[0][y][x] - 0.5 * pass), <, 1e-6);
                 for (int c = 1; c < 4; c++) {
                     double before = c == 2 ? 0.125 : 0, expected = 0.5 * alpha * 0.25 * c;
-                    assert_true(fabs((double)t->done[c][y][x] - before - expected) <
-                                1e-7 + 1e-5 * expected);
+                    assert_compare(fabs((double)t->done[c][y][x] - before - expected), <,
+                                   1e-7 + 1e-5 * expected);
                 }
             }
         assert_int_equal(t->sheet, SP_NO_SHEET);
@@ -239,13 +240,13 @@ static void check_resolve(const struct cpu_kernels *kernels) {
         for (uint32_t i = 0; i < count; i++) {
             double share = (double)plane[0][i] * (double)background[3];
             double alpha = 1 - (double)plane[0][i] + share;
-            assert_true(fabs((double)wide[4 * i + 3] - alpha) < 1e-6);
-            assert_true(fabs(narrow[4 * i + 3] - alpha * 255) <= 0.51);
+            assert_compare(fabs((double)wide[4 * i + 3] - alpha), <, 1e-6);
+            assert_compare(fabs(narrow[4 * i + 3] - alpha * 255), <=, 0.51);
             for (int c = 0; c < 3; c++) {
                 double colour = (double)plane[1 + c][i] + share * (double)background[c];
-                assert_true(fabs((double)wide[4 * i + (uint32_t)c] / colour - 1) < 1e-5);
-                assert_true(fabs(narrow[4 * i + (uint32_t)c] - fmin(1, colour / alpha) * 255) <=
-                            0.51);
+                assert_compare(fabs((double)wide[4 * i + (uint32_t)c] / colour - 1), <, 1e-5);
+                assert_compare(fabs(narrow[4 * i + (uint32_t)c] - fmin(1, colour / alpha) * 255),
+                               <=, 0.51);
             }
         }
         for (size_t k = 4 * count; k < sizeof narrow; k++)
@@ -502,11 +503,11 @@ static void check_slabs(const struct cpu_kernels *kernels) {
                 for (uint32_t k = 0; k < SLOTS; k++) {
                     const float *sum = sp_sums_row(&b->tile, &b->blend, k, y) + x;
                     double slack = b->blend.cubic ? 4e-4 : 8e-5; /* error of the table, or of Φ */
-                    assert_true(fabs((double)sum[0] - top * weight * shares[k]) < slack * top);
+                    assert_compare(fabs((double)sum[0] - top * weight * shares[k]), <, slack * top);
                     for (int c = 0; c < 3; c++)
-                        assert_true(fabs((double)sum[(1 + c) * SP_TILE] * top -
-                                         (double)sum[0] * (double)b->splat.emission[c]) <=
-                                    3e-6 * top * top);
+                        assert_compare(fabs((double)sum[(1 + c) * SP_TILE] * top -
+                                            (double)sum[0] * (double)b->splat.emission[c]),
+                                       <=, 3e-6 * top * top);
                 }
             }
         free(b);
@@ -545,12 +546,13 @@ static void check_composites(const struct cpu_kernels *kernels) {
                 double depth = weight * (double)b->splat.depth;
                 double alpha = linear ? fmin(depth, 1) : -expm1(-depth);
                 double slack = 2e-5 * fmin((double)b->splat.depth, 1);
-                assert_true(fabs((double)b->tile.done[0][y][x] - 0.5 * (1 - alpha)) < slack + 1e-6);
+                assert_compare(fabs((double)b->tile.done[0][y][x] - 0.5 * (1 - alpha)), <,
+                               slack + 1e-6);
                 for (int c = 0; c < 3; c++) {
                     double colour = (double)b->splat.emission[c] / (double)b->splat.depth;
                     double expected = (c == 1 ? 0.125 : 0) + 0.5 * alpha * colour;
-                    assert_true(fabs((double)b->tile.done[1 + c][y][x] - expected) <
-                                3 * slack + 1e-6);
+                    assert_compare(fabs((double)b->tile.done[1 + c][y][x] - expected), <,
+                                   3 * slack + 1e-6);
                 }
             }
         free(b);

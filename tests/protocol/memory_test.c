@@ -26,9 +26,9 @@
  */
 static int fail_each(bool (*attempt)(void), enum memory_end end) {
     for (long n = 0; n < 100000; n++) {
-        memory_run_out(n, end);
+        memory_fail_after(n, end);
         bool ok = attempt();
-        bool refused = memory_come_back();
+        bool refused = memory_restore();
         if (!ok)
             assert_true(refused);
         if (!refused)
@@ -43,7 +43,7 @@ static char text[256]; /* input of parse() */
 static bool parse(void) {
     struct sp_error err = { 0 };
     proto_json *json = proto_json_parse(text, strlen(text), &err);
-    memory_spare_thread(true);
+    memory_exempt_thread(true);
     if (json) { /* the document equals the text */
         char *back = proto_json_to_text(json, NULL);
         assert_string_equal(back, text);
@@ -54,7 +54,7 @@ static bool parse(void) {
     }
     bool ok = json != NULL;
     proto_json_free(&json);
-    memory_spare_thread(false);
+    memory_exempt_thread(false);
     return ok;
 }
 

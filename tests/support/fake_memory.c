@@ -14,18 +14,18 @@ static atomic_long left = -1; /* allocations until one fails; < 0 = none fails *
 static atomic_bool stays_out, has_failed;
 static atomic_size_t largest;
 
-void memory_run_out(long n, enum memory_end end) {
+void memory_fail_after(long n, enum memory_end end) {
     atomic_store(&stays_out, end == MEMORY_STAYS_OUT);
     atomic_store(&has_failed, false);
     atomic_store(&left, n);
 }
 
-bool memory_come_back(void) {
+bool memory_restore(void) {
     atomic_store(&left, -1);
     return atomic_load(&has_failed);
 }
 
-void memory_spare_thread(bool spared) {
+void memory_exempt_thread(bool spared) {
     is_spared = spared;
 }
 
@@ -39,7 +39,7 @@ static void note_size(size_t size) {
         ;
 }
 
-bool memory_is_left(void) {
+bool memory_is_available(void) {
     long n = atomic_load(&left);
     if (is_spared)
         return true;
@@ -63,22 +63,22 @@ void *__wrap_aligned_alloc(size_t alignment, size_t size);
 
 void *__wrap_malloc(size_t size) {
     note_size(size);
-    return memory_is_left() ? __real_malloc(size) : NULL;
+    return memory_is_available() ? __real_malloc(size) : NULL;
 }
 
 void *__wrap_calloc(size_t count, size_t size) {
     note_size(count * size);
-    return memory_is_left() ? __real_calloc(count, size) : NULL;
+    return memory_is_available() ? __real_calloc(count, size) : NULL;
 }
 
 void *__wrap_realloc(void *old, size_t size) {
     note_size(size);
-    return memory_is_left() ? __real_realloc(old, size) : NULL;
+    return memory_is_available() ? __real_realloc(old, size) : NULL;
 }
 
 void *__wrap_aligned_alloc(size_t alignment, size_t size) {
     note_size(size);
-    return memory_is_left() ? __real_aligned_alloc(alignment, size) : NULL;
+    return memory_is_available() ? __real_aligned_alloc(alignment, size) : NULL;
 }
 
 /* Functions of the C library that allocate. Hardened builds call the names that end in _chk. */
@@ -94,15 +94,15 @@ int __wrap_asprintf(char **text, const char *format, ...);
 int __wrap___asprintf_chk(char **text, int flag, const char *format, ...);
 
 char *__wrap_strdup(const char *text) {
-    return memory_is_left() ? __real_strdup(text) : NULL;
+    return memory_is_available() ? __real_strdup(text) : NULL;
 }
 
 char *__wrap_strndup(const char *text, size_t most) {
-    return memory_is_left() ? __real_strndup(text, most) : NULL;
+    return memory_is_available() ? __real_strndup(text, most) : NULL;
 }
 
 char *__wrap_realpath(const char *path, char *resolved) {
-    if (resolved || memory_is_left())
+    if (resolved || memory_is_available())
         return __real_realpath(path, resolved);
     errno = ENOMEM;
     return NULL;
@@ -115,7 +115,7 @@ char *__wrap___realpath_chk(const char *path, char *resolved, size_t size) {
 
 __attribute__((format(printf, 2, 0))) static int print(char **text, const char *format,
                                                        va_list args) {
-    return memory_is_left() ? vasprintf(text, format, args) : -1;
+    return memory_is_available() ? vasprintf(text, format, args) : -1;
 }
 
 int __wrap_asprintf(char **text, const char *format, ...) {
@@ -149,15 +149,15 @@ static void *no_memory(void) {
 }
 
 FILE *__wrap_fopen(const char *path, const char *mode) {
-    return memory_is_left() ? __real_fopen(path, mode) : no_memory();
+    return memory_is_available() ? __real_fopen(path, mode) : no_memory();
 }
 
 DIR *__wrap_opendir(const char *path) {
-    return memory_is_left() ? __real_opendir(path) : no_memory();
+    return memory_is_available() ? __real_opendir(path) : no_memory();
 }
 
 DIR *__wrap_fdopendir(int fd) {
-    return memory_is_left() ? __real_fdopendir(fd) : no_memory();
+    return memory_is_available() ? __real_fdopendir(fd) : no_memory();
 }
 
 struct stream { /* of open_memstream() */

@@ -14,18 +14,18 @@ enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 
 /* Lets the next n allocations succeed and the one after them fail. With MEMORY_STAYS_OUT, all later
  * allocations fail as well. */
-void memory_run_out(long n, enum memory_end end);
-/* Lets all allocations succeed again. Returns true if one has failed since memory_run_out(). */
-bool memory_come_back(void);
+void memory_fail_after(long n, enum memory_end end);
+/* Lets all allocations succeed again. Returns true if one has failed since memory_fail_after(). */
+bool memory_restore(void);
 /* Returns the size of the largest allocation since the last call [bytes]. */
 size_t memory_take_largest(void);
 /* true: the allocations of the calling thread succeed and do not count. false: the default. */
-void memory_spare_thread(bool is_spared);
+void memory_exempt_thread(bool is_spared);
 
 /* For the allocator of a library: counts one allocation. Returns false if it must fail. */
-bool memory_is_left(void);
+bool memory_is_available(void);
 /* Makes SQLite's allocations fail as well (fake_sqlite.c). Call it before any function of SQLite.
  */
-void memory_play_sqlite(void);
+void memory_fake_sqlite(void);
 
 #endif

@@ -6,18 +6,18 @@
 
 static sqlite3_mem_methods real_memory;
 
-static void *play_malloc(int size) {
-    return memory_is_left() ? real_memory.xMalloc(size) : NULL;
+static void *fake_malloc(int size) {
+    return memory_is_available() ? real_memory.xMalloc(size) : NULL;
 }
 
-static void *play_realloc(void *old, int size) {
-    return memory_is_left() ? real_memory.xRealloc(old, size) : NULL;
+static void *fake_realloc(void *old, int size) {
+    return memory_is_available() ? real_memory.xRealloc(old, size) : NULL;
 }
 
-void memory_play_sqlite(void) {
+void memory_fake_sqlite(void) {
     sqlite3_config(SQLITE_CONFIG_GETMALLOC, &real_memory);
-    sqlite3_mem_methods played = real_memory;
-    played.xMalloc = play_malloc;
-    played.xRealloc = play_realloc;
-    sqlite3_config(SQLITE_CONFIG_MALLOC, &played);
+    sqlite3_mem_methods faked = real_memory;
+    faked.xMalloc = fake_malloc;
+    faked.xRealloc = fake_realloc;
+    sqlite3_config(SQLITE_CONFIG_MALLOC, &faked);
 }

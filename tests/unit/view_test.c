@@ -40,7 +40,7 @@ static void check_framing(const struct sp_view *view, const struct sp_grid *grid
             for (int r = 0; r < 3; r++)
                 t.v[r] += grid->direction[r][a] * ends[a][corner >> a & 1];
         struct sp_vec3 u = sp_mat3_apply(&camera.w, sp_vec3_sub(t, camera.eye));
-        assert_true(u.v[2] > view->camera.near);
+        assert_compare(u.v[2], >, view->camera.near);
         for (int k = 0; k < 2; k++) {
             double x = camera.centre[k] + camera.scale * u.v[k] / u.v[2];
             low[k] = fmin(low[k], x);
@@ -64,7 +64,7 @@ static void the_default_frames_the_volume(void **state) {
     if (!sp_view_validate(&view, &err))
         fail_msg("%s: %s", err.place, err.text);
     assert_string_equal(view.volume, "some-id");
-    assert_true(view.transfer_function.reference_length == 0.5);
+    assert_compare(view.transfer_function.reference_length, ==, 0.5);
     assert_int_equal(view.filter.mode, SP_FILTER_ADAPTIVE);
     assert_int_equal(view.shading.mode, SP_SHADING_PHONG);
     assert_true(isnan(view.filter.c_max));
@@ -88,7 +88,7 @@ static void the_default_frames_a_rectilinear_volume(void **state) {
     info.grid.spacing[2] = 72 / 19.0;
     sp_view_init(&view, &info, "x");
     assert_true(sp_view_validate(&view, NULL));
-    assert_true(view.transfer_function.reference_length == 76 / 39.0); /* the smallest mean */
+    assert_compare(view.transfer_function.reference_length, ==, 76 / 39.0); /* the smallest mean */
     const double ends[3][2] = { { -0.5, 95 }, { -1, 59 }, { -18, 73 } };
     check_framing(&view, &info.grid, ends);
     for (int r = 0; r < 3; r++) { /* the middle of the bounding box, not of the samples */
@@ -107,10 +107,10 @@ static void the_default_hides_the_background(void **state) {
     sp_view_init(&view, &info, "x");
     const struct sp_transfer_function *tf = &view.transfer_function;
     double air = 100 + 1000 * 20 / 256.0, tissue = 100 + 1000 * 110 / 256.0;
-    assert_true(tf->points[0].opacity == 0);
+    assert_compare(tf->points[0].opacity, ==, 0);
     assert_compare(tf->points[0].value, >=, air);
     assert_compare(tf->points[0].value, <, tissue);
-    assert_true(tf->points[tf->point_count - 1].opacity > 0.5f);
+    assert_compare(tf->points[tf->point_count - 1].opacity, >, 0.5f);
     /* A volume of a single value, or with a range that is not finite, still has a valid default
      * view. */
     info.range[1] = info.range[0];
@@ -133,7 +133,7 @@ static void check_refused(const struct sp_view *view, const char *pointer) {
         fail_msg("%s is accepted", pointer);
     assert_int_equal(err.code, SP_ERR_INVALID);
     assert_string_equal(err.place, pointer);
-    assert_true(strlen(err.text) > 0);
+    assert_compare(strlen(err.text), >, 0);
     assert_false(sp_view_validate(view, NULL));
 }
 

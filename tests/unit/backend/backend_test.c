@@ -16,6 +16,7 @@
 #include "backend/cpu/draw.h"
 #include "sp/log.h"
 #include "sp/probe.h"
+#include "support/compare.h"
 #include "support/sanitized.h"
 #include "unit/backend/rig.h"
 
@@ -85,9 +86,9 @@ static void registry_finds_names_and_refuses_others(void **state) {
         assert_int_equal(info.threads, 1);
         sp_renderer_destroy(&r);
         assert_null(r);
-        assert_true(strlen(sp_backend_at(n)->doc) > 0);
+        assert_compare(strlen(sp_backend_at(n)->doc), >, 0);
     }
-    assert_true(n >= 2);
+    assert_compare(n, >=, 2);
     assert_null(sp_backend_at(n));
     struct sp_error err;
     assert_null(sp_renderer_create(&(struct sp_renderer_options){ .backend = "abacus" }, &err));
@@ -175,12 +176,13 @@ static void threads_do_not_change_a_bit(void **state) {
             rig.view.size[1] = 222;
             struct sp_frame *frame = rig_draw(&rig, SP_RGBAF32);
             assert_int_equal(frame->stats.threads, threads);
-            assert_true(frame->stats.visible_voxels > 131072); /* more than one batch */
+            assert_compare(frame->stats.visible_voxels, >, 131072); /* more than one batch */
             if (!first) {
                 first = frame;
-                assert_true(rig_check_finite(first) > 100);
-                assert_true(first->stats.splats <
-                            first->stats.visible_voxels); /* opaque tiles skip the hidden voxels */
+                assert_compare(rig_check_finite(first), >, 100);
+                assert_compare(
+                    first->stats.splats, <,
+                    first->stats.visible_voxels); /* opaque tiles skip the hidden voxels */
             } else {
                 assert_true(rig_is_same(first, frame));
                 assert_int_equal(first->stats.splats, frame->stats.splats);
@@ -231,7 +233,8 @@ static void cached_data_is_counted_and_evicted(void **state) {
     struct rig rig = rig_make("cpu", 1, rig_make_ball(20, (double[3]){ 1, 1, 1 }));
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
     struct sp_frame *frame = rig_draw(&rig, SP_RGBA8);
-    assert_true(sp_renderer_memory(rig.renderer, rig.volume) >= 2 * frame->stats.visible_voxels);
+    assert_compare(sp_renderer_memory(rig.renderer, rig.volume), >=,
+                   2 * frame->stats.visible_voxels);
     sp_frame_unref(&frame);
     sp_renderer_evict(rig.renderer, rig.volume);
     assert_int_equal(sp_renderer_memory(rig.renderer, rig.volume), 0);
@@ -276,7 +279,7 @@ static void check_edits(const char *isa, float tolerance) {
         fresh.view = rig.view;
         sp_renderer_evict(fresh.renderer, fresh.volume);
         struct sp_frame *a = rig_draw(&rig, SP_RGBAF32), *b = rig_draw(&fresh, SP_RGBAF32);
-        assert_true(largest_difference(a, b) <= tolerance);
+        assert_compare(largest_difference(a, b), <=, tolerance);
         assert_int_equal(a->stats.visible_voxels, b->stats.visible_voxels);
         assert_int_equal(a->stats.splats, b->stats.splats);
         sp_frame_unref(&a);
@@ -311,10 +314,10 @@ static void lists_are_cut_down_when_edits_stop(void **state) {
     uint64_t rests = memory_at(&rig, 290, 20);
     sp_renderer_evict(rig.renderer, rig.volume);
     uint64_t fresh = memory_at(&rig, 290, 1), histogram = rests - fresh;
-    assert_true(hides >= exact); /* the list stays as it is */
-    assert_true(hides - exact <= histogram);
-    assert_true(shows > fresh + histogram + 5000);
-    assert_true(histogram <= 1001 * sizeof(uint64_t));
+    assert_compare(hides, >=, exact); /* the list stays as it is */
+    assert_compare(hides - exact, <=, histogram);
+    assert_compare(shows, >, fresh + histogram + 5000);
+    assert_compare(histogram, <=, 1001 * sizeof(uint64_t));
     rig_finish(&rig);
 }
 
@@ -404,10 +407,10 @@ static void a_paused_render_loses_nothing(void **state) {
             assert_memory_equal((uint8_t *)frames[0]->pixels + y * frames[0]->stride_bytes,
                                 (uint8_t *)frames[1]->pixels + y * frames[1]->stride_bytes,
                                 frames[0]->width * 4);
-        assert_true(frames[0]->stats.render_ms < 1e12);
-        assert_true(frames[1]->stats.render_ms == 0);
+        assert_compare(frames[0]->stats.render_ms, <, 1e12);
+        assert_compare(frames[1]->stats.render_ms, ==, 0);
         for (uint32_t i = 0; i < frames[1]->stats.stage_count; i++)
-            assert_true(frames[1]->stats.stages[i].ms < 1e12);
+            assert_compare(frames[1]->stats.stages[i].ms, <, 1e12);
         sp_frame_unref(&frames[0]);
         sp_frame_unref(&frames[1]);
         rig_finish(&rig);

@@ -18,6 +18,7 @@
 #include "encode/convert.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
+#include "support/compare.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 
@@ -166,7 +167,7 @@ static void every_choice_draws(void **state) {
         drawn++;
     }
     print_message("  %u combinations\n", drawn);
-    assert_true(drawn > (TEST_SANITIZED ? 40 : 200));
+    assert_compare(drawn, >, (TEST_SANITIZED ? 40 : 200));
     for (int i = 0; i < 2; i++)
         sp_volume_unref(&volumes[i]);
     finish_rig(&rig);
@@ -275,7 +276,7 @@ static void an_opaque_background_makes_every_pixel_opaque(void **state) {
             make_view(&view, volumes[0]);
         }
         print_message("  %s %s: %u views\n", target.backend, target.isa, drawn);
-        assert_true(drawn >= 5);
+        assert_compare(drawn, >=, 5);
         test_renderer_close(&r);
     }
     for (int i = 0; i < 2; i++)
@@ -319,7 +320,7 @@ static void a_transparent_point_far_below_changes_nothing(void **state) {
             sp_frame_unref(&f);
             if (i == 0)
                 continue;
-            assert_true(test_image_difference(&images[0], &images[1]).largest < 2e-3);
+            assert_compare(test_image_difference(&images[0], &images[1]).largest, <, 2e-3);
             test_image_finish(&images[1]);
         }
         test_image_finish(&images[0]);

@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "unit/backend/fakes.h"
 
 struct fake fakes[FAKES];
@@ -74,7 +75,7 @@ static bool fake_render(void *state, const struct sp_backend_job *job, struct sp
 
 static bool fake_begin(void *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct fake *fake = state;
-    assert_true(fake->begun_count < 2);
+    assert_compare(fake->begun_count, <, 2);
     if (fake->refusals > 0) {
         fake->refusals--;
         return fake_fail(fake, err);
@@ -85,7 +86,7 @@ static bool fake_begin(void *state, const struct sp_backend_job *job, struct sp_
 
 static bool fake_finish(void *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct fake *fake = state;
-    assert_true(fake->begun_count > 0);
+    assert_compare(fake->begun_count, >, 0);
     assert_ptr_equal(fake->begun[0], job);
     fake->begun_count--;
     memmove(fake->begun, fake->begun + 1, sizeof fake->begun - sizeof fake->begun[0]);

@@ -17,6 +17,7 @@
 
 #include "sp/encode.h"
 #include "sp/renderer.h"
+#include "support/compare.h"
 #include "support/fake_memory.h"
 
 /* Calls `attempt` with 0, 1, 2 … allocations left until it succeeds. Returns the number of
@@ -25,9 +26,9 @@
 static int fail_each(bool (*attempt)(void *user, struct sp_error *err), void *user) {
     for (int n = 0; n < 1000; n++) {
         struct sp_error err = { .code = SP_OK };
-        memory_run_out(n, MEMORY_STAYS_OUT);
+        memory_fail_after(n, MEMORY_STAYS_OUT);
         bool ok = attempt(user, &err);
-        memory_come_back();
+        memory_restore();
         if (ok)
             return n;
         assert_int_equal(err.code, SP_ERR_MEMORY);
@@ -50,7 +51,8 @@ static void a_volume_survives_failed_allocations(void **state) {
     const struct sp_demo *demo;
     for (size_t i = 0; (demo = sp_demo_at(i)); i++) {
         snprintf(source, sizeof source, "demo:%s?size=16", demo->name);
-        assert_true(fail_each(load_demo, source) >= 2); /* at least the volume and its voxels */
+        assert_compare(fail_each(load_demo, source), >=,
+                       2); /* at least the volume and its voxels */
     }
 }
 
@@ -104,7 +106,7 @@ static void a_first_frame_survives_failed_allocations(void **state) {
         init_scene(&scene, "demo:phantom?size=24");
         scene.options.mip_level = mip_level;
         scene.view.camera.up[0] = 0.1;
-        assert_true(fail_each(draw_cold, &scene) >= 10);
+        assert_compare(fail_each(draw_cold, &scene), >=, 10);
         finish_scene(&scene);
     }
 }
@@ -126,7 +128,7 @@ static void a_renderer_survives_failed_allocations(void **state) {
     init_scene(&scene, "demo:vessels?size=32");
     scene.renderer = sp_renderer_create(&options, NULL);
     scene.pool = sp_frame_pool_create(1 << 20, NULL);
-    assert_true(fail_each(draw_warm, &scene) >= 3);
+    assert_compare(fail_each(draw_warm, &scene), >=, 3);
     /* Each frame has another axis, transfer function, mip level and size. */
     double *p = scene.view.camera.position, *t = scene.view.camera.target;
     for (int axis = 0; axis < 3; axis++) {
@@ -138,7 +140,7 @@ static void a_renderer_survives_failed_allocations(void **state) {
         scene.view.transfer_function.points[0].value += 1;
         scene.view.size[0] += 300;
         scene.options.mip_level = (unsigned)axis;
-        assert_true(fail_each(draw_warm, &scene) >= 1);
+        assert_compare(fail_each(draw_warm, &scene), >=, 1);
     }
     assert_true(draw_warm(&scene, NULL));              /* merges the blocks of the last frame */
     assert_int_equal(fail_each(draw_warm, &scene), 0); /* the steady state allocates nothing */

@@ -55,11 +55,11 @@ static void encoding_is_correct_after_an_allocation_failure(void **state) {
                 sp_encode(whole, &frame, cases[c].format, QUALITY, &want, &want_size, NULL));
             for (; failed; n++) {
                 struct sp_error err = { 0 };
-                memory_run_out(n, (enum memory_end)end);
+                memory_fail_after(n, (enum memory_end)end);
                 struct sp_encoder *encoder = sp_encoder_create(&err);
                 bool ok = encoder && sp_encode(encoder, &frame, cases[c].format, QUALITY, &got,
                                                &got_size, &err);
-                failed = memory_come_back();
+                failed = memory_restore();
                 assert_int_equal(ok, !failed);
                 if (failed) {
                     assert_int_equal(err.code, SP_ERR_MEMORY);
@@ -92,7 +92,7 @@ static void the_second_image_reuses_the_buffers(void **state) {
                 memory_take_largest();
                 assert_true(sp_encode(encoder, &frame, (enum sp_image_format)f, QUALITY, &bytes,
                                       &size, NULL));
-                assert_true((memory_take_largest() >= size) == (i == 0));
+                assert_compare((memory_take_largest() >= size), ==, (i == 0));
             }
             sp_encoder_destroy(&encoder);
         }
@@ -109,10 +109,10 @@ static void a_buffer_grows_and_shrinks_if_it_is_8_times_too_large(void **state) 
     assert_int_equal(buffer.size, 2 * PIECES);
     for (int i = 0; i < PIECES; i++)
         assert_memory_equal(buffer.bytes + 2 * i, ((const char[]){ (char)i, (char)(i >> 8) }), 2);
-    memory_run_out(0, MEMORY_FAILS_ONCE);
+    memory_fail_after(0, MEMORY_FAILS_ONCE);
     static const uint8_t more[4 * PIECES];
     assert_false(sp_buffer_append(&buffer, more, sizeof more));
-    assert_true(memory_come_back());
+    assert_true(memory_restore());
     assert_int_equal(buffer.size, 2 * PIECES);
     assert_int_equal(buffer.bytes[2], 1);
 

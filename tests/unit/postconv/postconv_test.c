@@ -59,7 +59,7 @@ static void deposits_keep_weight_and_place(void **state) {
         near_to(fabs(moment(slope, 4, from, 1)), 1, 1e-6);
         near_to(moment(slope, 4, from, 2), 0, 2e-6);
         for (int k = 0; k < 4; k++)
-            assert_true(spline[k] >= 0);
+            assert_compare(spline[k], >=, 0);
     }
     free(t);
 }
@@ -87,11 +87,11 @@ static void filters_have_their_variance(void **state) {
             const struct sp_postconv_filter *f = &t->filters[i][n];
             int taps = 2 * f->taps + 1;
             assert_in_range(f->taps, 0, POSTCONV_TAPS);
-            assert_true((f->taps > 0) == (n > 0));
+            assert_compare((f->taps > 0), ==, (n > 0));
             near_to(moment(f->weight, taps, -f->taps, 0), 1, 1e-6);
             near_to(moment(f->weight, taps, -f->taps, 2), (double)n / POSTCONV_STEPS, 2e-5);
             for (int k = 0; k <= f->taps; k++) {
-                assert_true(f->weight[f->taps + k] == f->weight[f->taps - k]);
+                assert_compare(f->weight[f->taps + k], ==, f->weight[f->taps - k]);
                 assert_compare(f->weight[f->taps + k], >=, 0);
                 assert_true((k == 0 || f->weight[f->taps + k] <= f->weight[f->taps + k - 1]));
             }
@@ -114,14 +114,14 @@ static void check_group(const struct sp_postconv_group *g, const double v[3], do
         assert_compare(rest, >, -0.051 - 0.5 / POSTCONV_STEPS);
         assert_compare(rest, <, 0.501 / POSTCONV_STEPS);
         int reach = g->filter[a]->taps + (g->diagonal ? g->diagonal->taps : 0);
-        assert_true(reach + 6 <= POSTCONV_MARGIN);
+        assert_compare(reach + 6, <=, POSTCONV_MARGIN);
         /* A voxel outside [low, high] adds nothing to the tile, or less than the cutoff keeps. */
         double around = deviations * sqrt(v[a]) * (double)g->per_px[a] - 1e-4;
         double end = (double)g->offset[a] + POSTCONV_TILE * (double)g->per_px[a];
-        assert_true((double)g->low[a] <=
-                    fmax(POSTCONV_MARGIN - reach - 2, (double)g->offset[a] - around));
-        assert_true(
-            (double)g->high[a] >=
+        assert_compare((double)g->low[a], <=,
+                       fmax(POSTCONV_MARGIN - reach - 2, (double)g->offset[a] - around));
+        assert_compare(
+            (double)g->high[a], >=,
             fmin(POSTCONV_MARGIN + (POSTCONV_TILE >> g->scale[a]) + reach + 2, end + around));
         assert_compare(g->low[a], >=, 2);
         assert_compare(g->high[a], <=, POSTCONV_GRID - 2);
@@ -173,7 +173,7 @@ static void every_footprint_has_filters_or_none(void **state) {
         if (fmin(v[0], v[1]) < 1.0 / 3 - 0.06)
             assert_false(is_made);
     }
-    assert_true(made > 40000);
+    assert_compare(made, >, 40000);
     free(t);
 }
 
@@ -196,8 +196,8 @@ static void a_group_serves_its_range(void **state) {
             continue;
         int fits = sp_postconv_group_fits(&g, &b, range);
         assert_int_equal(fits, g.range[1] >= range[1] ? 2 : 1);
-        assert_true(g.range[0] <=
-                    range[0]); /* the farthest voxels are accepted, so all others are, too */
+        assert_compare(g.range[0], <=,
+                       range[0]); /* the farthest voxels are accepted, so all others are, too */
         const float beside[2][2] = { { 0.5f * g.range[0], 0.9f * g.range[0] },
                                      { 1.1f * g.range[1], 2 * g.range[1] } };
         assert_int_equal(sp_postconv_group_fits(&g, &b, beside[0]), 0);
@@ -315,7 +315,7 @@ static void tiles_meet_every_brick_that_reaches_them(void **state) {
         test_postconv_close(t);
         test_scene_finish(&scene);
     }
-    assert_true(needed > 100000);
+    assert_compare(needed, >, 100000);
 }
 
 static void note_work(const struct sp_postconv *s, struct sp_postconv_scratch *scratch,

@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "server/daemon.h"
+#include "support/compare.h"
 #include "support/fake_memory.h"
 
 /* The daemon. */
@@ -114,7 +115,7 @@ void oom_connect(struct oom_client *client) {
     to.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
     client->have = 0;
     client->fd = socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    assert_true(client->fd >= 0);
+    assert_compare(client->fd, >=, 0);
     setsockopt(client->fd, SOL_SOCKET, SO_RCVTIMEO, &limit, sizeof limit);
     assert_int_equal(connect(client->fd, (struct sockaddr *)&to, sizeof to), 0);
 }
@@ -132,7 +133,7 @@ void oom_send(struct oom_client *client, const void *bytes, size_t size) {
 }
 
 bool oom_receive(struct oom_client *client) {
-    assert_true(client->have + 1 < sizeof client->bytes);
+    assert_compare(client->have + 1, <, sizeof client->bytes);
     ssize_t got =
         recv(client->fd, client->bytes + client->have, sizeof client->bytes - 1 - client->have, 0);
     if (got < 0 && (errno == EAGAIN || errno == EWOULDBLOCK))
@@ -152,7 +153,7 @@ void oom_request(const char *method, const char *path, const char *body) {
                  "Authorization: Bearer %s\r\nContent-Type: application/json\r\n"
                  "Content-Length: %zu\r\n\r\n%s",
                  method, path[0] == '/' ? "" : "/api/v1/", path, oom_token, strlen(body), body);
-    assert_true(size < (int)sizeof text);
+    assert_compare(size, <, (int)sizeof text);
     oom_connect(&oom_http);
     oom_send(&oom_http, text, (size_t)size);
 }
@@ -209,9 +210,9 @@ bool oom_is_no_memory(int status) {
 
 bool oom_try(long n, const char *method, const char *path, const char *body, int expected,
              int *status) {
-    memory_run_out(n, MEMORY_FAILS_ONCE);
+    memory_fail_after(n, MEMORY_FAILS_ONCE);
     *status = oom_ask(method, path, body);
-    bool refused = memory_come_back();
+    bool refused = memory_restore();
     if (*status != expected && !(refused && oom_is_no_memory(*status)))
         fail_msg("%s %s with allocation %ld refused: %d: %.600s", method, path, n, *status,
                  oom_http.bytes);
@@ -308,7 +309,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
     }
     free(whole);
     print_message("%s %s: %ld allocations\n", method, path, n - OOM_STEP);
-    assert_true(n > 1);
+    assert_compare(n, >, 1);
     oom_cover(method, path);
 }
 
@@ -319,7 +320,7 @@ static size_t covered_count;
 
 void oom_cover(const char *method, const char *path) {
     struct covered *c = &covered[covered_count++];
-    assert_true(covered_count <= sizeof covered / sizeof *covered);
+    assert_compare(covered_count, <=, sizeof covered / sizeof *covered);
     snprintf(c->method, sizeof c->method, "%s", method);
     snprintf(c->path, sizeof c->path, "%s%.*s", path[0] == '/' ? "" : "/api/v1/",
              (int)strcspn(path, "?"), path);
@@ -367,6 +368,6 @@ void oom_all_is_covered(void **state) {
         }
     }
     print_message("%d operations of openapi.yaml\n", operations);
-    assert_true(operations > 30);
+    assert_compare(operations, >, 30);
     assert_int_equal(missing, 0);
 }

@@ -14,6 +14,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "support/fake_memory.h"
 #include "support/sanitized.h"
 
@@ -67,14 +68,14 @@ static void each_allocation_of_drawing(void) {
     const long step = TEST_SANITIZED ? 7 : 1;
     for (bool refused = true; refused; n += step) {
         snprintf(text, sizeof text, PATH("webm"), 5L);
-        memory_run_out(n, MEMORY_FAILS_ONCE);
+        memory_fail_after(n, MEMORY_FAILS_ONCE);
         int status = oom_ask("POST", "paths", text);
         bool is_there = false;
         if (status == 202) {
             oom_member("id", id);
             is_there = is_done(id, false);
         }
-        refused = memory_come_back();
+        refused = memory_restore();
         if (status != 202) {
             assert_true(refused);
             assert_true(oom_is_no_memory(status));
@@ -110,7 +111,7 @@ static void each_allocation_of_deleting(void) {
         }
     }
     print_message("DELETE paths: %ld allocations\n", n - OOM_STEP);
-    assert_true(n > 3);
+    assert_compare(n, >, 3);
     oom_cover("DELETE", path);
 }
 

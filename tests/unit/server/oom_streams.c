@@ -15,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "support/fake_memory.h"
 
 static struct oom_client stream = { .fd = -1 };
@@ -24,7 +25,7 @@ enum message { ENDED, TEXT, FRAME };
 static void send_text(const char *text) {
     uint8_t frame[1024] = { 0x81 };
     size_t size = strlen(text), head = size < 126 ? 2 : 4;
-    assert_true(size + 8 < sizeof frame);
+    assert_compare(size + 8, <, sizeof frame);
     frame[1] = (uint8_t)(0x80 | (size < 126 ? size : 126));
     if (head == 4) {
         frame[2] = (uint8_t)(size >> 8);
@@ -131,9 +132,9 @@ void oom_streams(void **state) {
     long n = 0;
     bool failed;
     for (bool refused = true; refused; n += OOM_STEP) { /* joins and waits for the first frame */
-        memory_run_out(n, MEMORY_FAILS_ONCE);
+        memory_fail_after(n, MEMORY_FAILS_ONCE);
         bool ok = join() && see(0, &failed) && !failed;
-        refused = memory_come_back();
+        refused = memory_restore();
         assert_true(ok || refused);
         oom_hang_up(&stream);
         if (!ok) { /* a view that failed is rendered again when it changes */
@@ -153,10 +154,10 @@ void oom_streams(void **state) {
     uint32_t seq = 0;
     n = 0;
     for (bool refused = true; refused; n += OOM_STEP) {
-        memory_run_out(n, MEMORY_FAILS_ONCE);
+        memory_fail_after(n, MEMORY_FAILS_ONCE);
         update(++seq, 2 * n);
         bool is_open = see(seq, &failed);
-        refused = memory_come_back();
+        refused = memory_restore();
         if (!refused) {
             assert_true(is_open);
             assert_false(failed);

@@ -19,6 +19,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "support/fake_memory.h"
 #include "unit/server/oom.h"
 
@@ -105,7 +106,7 @@ static void each_allocation_of_putting(int status) {
         oom_must("PUT", "presets/two", body, is_there ? 204 : 201);
     }
     print_message("PUT presets, %d: %ld allocations\n", status, n - OOM_STEP);
-    assert_true(n > 3);
+    assert_compare(n, >, 3);
     oom_cover("PUT", "presets/two");
 }
 
@@ -127,10 +128,10 @@ static void each_allocation_of_loading(void) {
     static const char body[] = "{\"uri\":\"demo:engine?size=9\",\"id\":\"made\"}";
     long n = 0;
     for (bool refused = true; refused; n += OOM_STEP) {
-        memory_run_out(n, MEMORY_FAILS_ONCE);
+        memory_fail_after(n, MEMORY_FAILS_ONCE);
         int status = oom_ask("POST", "volumes", body);
         state_of_made();
-        refused = memory_come_back();
+        refused = memory_restore();
         if (status != 202) {
             assert_true(refused);
             assert_true(oom_is_no_memory(status));
@@ -146,7 +147,7 @@ static void each_allocation_of_loading(void) {
         assert_string_equal(state_of_made(), "");
     }
     print_message("POST volumes: %ld allocations\n", n - OOM_STEP);
-    assert_true(n > 3);
+    assert_compare(n, >, 3);
     oom_cover("POST", "volumes");
 }
 
@@ -179,7 +180,7 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
         oom_must("GET", path, "", 404);
     }
     print_message("DELETE %s: %ld allocations\n", kind, n - OOM_STEP);
-    assert_true(n > 0);
+    assert_compare(n, >, 0);
     oom_cover("DELETE", path);
 }
 
@@ -259,8 +260,8 @@ int main(void) {
         cmocka_unit_test(a_body_without_a_valid_token_is_not_stored),
     };
     print_message("one allocation of %d fails in turn\n", OOM_STEP);
-    memory_spare_thread(true);
+    memory_exempt_thread(true);
     signal(SIGPIPE, SIG_IGN);
-    memory_play_sqlite();
+    memory_fake_sqlite();
     return cmocka_run_group_tests(tests, oom_set_up, oom_tear_down);
 }

@@ -80,7 +80,7 @@ static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *b
         uint32_t bricks = (cells + SP_BRICK - 1) / SP_BRICK, side = 16u << brick->level;
         uint32_t place = a < 2 ? rest % bricks : rest;
         rest /= bricks;
-        assert_true(place < bricks);
+        assert_compare(place, <, bricks);
         first[a] = place * side;
         last[a] = first[a] + side < grid->dims[a] ? first[a] + side - 1 : grid->dims[a] - 1;
     }
@@ -101,7 +101,7 @@ static void check_size(const struct sp_camera_frame *camera, const struct sp_gri
                 continue;
             project(camera, grid, q, y);
             double length = ldexp(hypot(x[0] - y[0], x[1] - y[1]) / h, brick->level);
-            assert_true(length <= most * 1.001);
+            assert_compare(length, <=, most * 1.001);
             *longest = fmax(*longest, length / most);
         }
 }
@@ -149,7 +149,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
             assert_int_equal(seen[i], 1);
     }
     assert_int_equal(levels_seen, 31); /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
-    assert_true(longest > 0.9);        /* the cells are as large as allowed */
+    assert_compare(longest, >, 0.9);   /* the cells are as large as allowed */
     sp_arena_finish(&arena);
 }
 
@@ -225,10 +225,10 @@ static void kernels_of_cells_leave_out_the_variance_of_the_box(void **state) {
             double want = filter.sigma * filter.sigma - box;
             double got = own.sigma * own.sigma * cell * cell;
             if (want > pow(SP_DETAIL_SIGMA * cell, 2) || l == 0)
-                assert_true(fabs(got - want) < 1e-12);
+                assert_compare(fabs(got - want), <, 1e-12);
             else
-                assert_true(own.sigma == SP_DETAIL_SIGMA);
-            assert_true(sp_detail_filter(&filter, l, true).sigma == filter.sigma);
+                assert_compare(own.sigma, ==, SP_DETAIL_SIGMA);
+            assert_compare(sp_detail_filter(&filter, l, true).sigma, ==, filter.sigma);
         }
     }
 }

@@ -82,7 +82,7 @@ static void a_span_is_the_depth_on_a_ray(void **state) {
         double mean = (double)span.slope[0] * dx + (double)span.slope[1] * dy;
         float depth = (float)(face - mean) * span.sharpness;
         double before = brute_share(&p, (double[3]){ 0, 0, -1 }, face, dx, dy);
-        assert_true(fabs((double)sp_normal_share(depth) - before) < 4e-3);
+        assert_compare(fabs((double)sp_normal_share(depth) - before), <, 4e-3);
     }
 }
 
@@ -107,7 +107,7 @@ static void a_cut_is_the_share_inside_the_plane(void **state) {
         const struct sp_cut_plane *plane = &cut.planes[0];
         double eta = (double)plane->e + (double)plane->k[0] * dx + (double)plane->k[1] * dy;
         double want = brute_share(&p, normal, e, dx, dy);
-        assert_true(fabs((double)sp_normal_share((float)eta) - want) < 1e-2);
+        assert_compare(fabs((double)sp_normal_share((float)eta) - want), <, 1e-2);
         /* A plane across the ray bounds the depth, on the side to which its normal points. */
         if (fabs(normal[2]) > 0.99)
             assert_int_equal(plane->side, normal[2] > 0 ? 1 : -1);
@@ -130,7 +130,8 @@ static void far_planes_keep_all_or_nothing(void **state) {
 static void the_normal_share_is_the_error_function(void **state) {
     (void)state;
     for (double x = -9; x <= 9; x += 0.01)
-        assert_true(fabs((double)sp_normal_share((float)x) - 0.5 * erfc(-x * M_SQRT1_2)) < 3e-7);
+        assert_compare(fabs((double)sp_normal_share((float)x) - 0.5 * erfc(-x * M_SQRT1_2)), <,
+                       3e-7);
     assert_compare(sp_normal_share(-1e4f), <, 1e-30f);
     assert_compare(sp_normal_share(1e4f), ==, 1);
 }
@@ -156,13 +157,13 @@ static void the_clip_box_lies_in_the_volume(void **state) {
     sp_clip_frame_init(&clip, &frame, &grid, &view, 2);
     assert_int_equal(clip.count, 3);
     /* Axis 0 reaches from −0.5 to 9: the middle is 4.25, world 9.25; cells are 2 units. */
-    assert_true(fabsf(fabsf(clip.planes[0].normal[0]) - 1) < 1e-6f);
-    assert_true(fabsf(clip.planes[0].offset - 9.25f / 2) < 1e-5f);
+    assert_compare(fabsf(fabsf(clip.planes[0].normal[0]) - 1), <, 1e-6f);
+    assert_compare(fabsf(clip.planes[0].offset - 9.25f / 2), <, 1e-5f);
     /* Axis 1 reaches from −1 to 19: a quarter of it is 4, and the part below stays. */
-    assert_true(fabsf(clip.planes[1].offset + 4.0f / 2) < 1e-5f);
+    assert_compare(fabsf(clip.planes[1].offset + 4.0f / 2), <, 1e-5f);
     /* z ≥ 3, seen from z = −50. */
-    assert_true(fabsf(clip.planes[2].normal[2] - 1) < 1e-6f);
-    assert_true(fabsf(clip.planes[2].offset - 53.0f / 2) < 1e-4f);
+    assert_compare(fabsf(clip.planes[2].normal[2] - 1), <, 1e-6f);
+    assert_compare(fabsf(clip.planes[2].offset - 53.0f / 2), <, 1e-4f);
 }
 
 int main(void) {

@@ -160,8 +160,8 @@ static void parts_without_a_normal_are_lit_from_all_sides(void **state) {
     sum = (struct sp_microflakes_sum){ { 0 }, 0 };
     sp_microflakes_add(&sum, microflakes, 1);
     struct light some = light_microflakes(&shade, sp_microflakes_pack(&sum, 4), to_eye);
-    assert_true(fabs(some.facing - (0.75 + 0.25 * all.facing)) < 3e-3);
-    assert_true(fabs(some.glint - 0.25 * all.glint) < 3e-3);
+    assert_compare(fabs(some.facing - (0.75 + 0.25 * all.facing)), <, 3e-3);
+    assert_compare(fabs(some.glint - 0.25 * all.glint), <, 3e-3);
 }
 
 /* A cell made of cells equals a cell made of all their parts, to rounding. */
@@ -190,7 +190,7 @@ static void means_of_means_are_means(void **state) {
                               b = sp_microflakes_pack(&pairs, weight);
         for (int i = 0; i < 7; i++) {
             int x = a.word[i / 4] >> 8 * (i % 4) & 255, y = b.word[i / 4] >> 8 * (i % 4) & 255;
-            assert_true(abs(x - y) <= 1);
+            assert_compare(abs(x - y), <=, 1);
         }
     }
 }

@@ -139,7 +139,7 @@ static void compare(const struct sp_volume *volume, const struct sp_view *view, 
         struct sp_pick exact, summed;
         sp_pick_at(volume, view, size, at, &exact);
         brute(volume, view, at, far, &summed);
-        assert_true(fabs(exact.opacity - summed.opacity) < 2e-3);
+        assert_compare(fabs(exact.opacity - summed.opacity), <, 2e-3);
         if (fabs(summed.opacity - 0.5) < 2e-3)
             continue; /* both are correct */
         assert_int_equal(exact.is_hit, summed.is_hit);
@@ -149,8 +149,8 @@ static void compare(const struct sp_volume *volume, const struct sp_view *view, 
         double off = 0;
         for (int r = 0; r < 3; r++)
             off = fmax(off, fabs(exact.position[r] - summed.position[r]));
-        assert_true(off < 5e-3);
-        assert_true(exact.value == summed.value);
+        assert_compare(off, <, 5e-3);
+        assert_compare(exact.value, ==, summed.value);
     }
 }
 
@@ -187,7 +187,7 @@ static void picks_equal_sums_of_small_steps(void **state) {
         compare(volume, &view, 60, &hits);
         sp_volume_unref(&volume);
     }
-    assert_true(hits > 20); /* enough rays met the volume */
+    assert_compare(hits, >, 20); /* enough rays met the volume */
 }
 
 /* A cube of one value: half of the opacity is reached where the closed form says. */
@@ -214,19 +214,19 @@ static void a_uniform_cube_has_its_closed_form(void **state) {
     sp_pick_at(volume, &view, size, middle, &pick);
     assert_true(pick.is_hit);
     assert_compare(pick.value, ==, 5);
-    assert_true(fabs(pick.position[2] - (-0.5 + log(2) / -log(0.75))) < 1e-6);
+    assert_compare(fabs(pick.position[2] - (-0.5 + log(2) / -log(0.75))), <, 1e-6);
     assert_compare(fabs(pick.position[0] - 3.2), <, 1e-9);
     assert_compare(fabs(pick.position[1] - 3.3), <, 1e-9);
-    assert_true(fabs(pick.opacity - (1 - pow(0.75, 8))) < 1e-6);
+    assert_compare(fabs(pick.opacity - (1 - pow(0.75, 8))), <, 1e-6);
 
     view.clip.box[0][2] = 0.25; /* starts two voxels deeper */
     sp_pick_at(volume, &view, size, middle, &pick);
-    assert_true(fabs(pick.position[2] - (1.5 + log(2) / -log(0.75))) < 1e-6);
-    assert_true(fabs(pick.opacity - (1 - pow(0.75, 6))) < 1e-6);
+    assert_compare(fabs(pick.position[2] - (1.5 + log(2) / -log(0.75))), <, 1e-6);
+    assert_compare(fabs(pick.opacity - (1 - pow(0.75, 6))), <, 1e-6);
     view.clip.box[0][2] = 0;
     view.camera.near = 22.5; /* the near plane cuts as well */
     sp_pick_at(volume, &view, size, middle, &pick);
-    assert_true(fabs(pick.position[2] - (2.5 + log(2) / -log(0.75))) < 1e-6);
+    assert_compare(fabs(pick.position[2] - (2.5 + log(2) / -log(0.75))), <, 1e-6);
 
     sp_pick_at(volume, &view, size, outside, &pick);
     assert_true(!pick.is_hit);
@@ -241,7 +241,7 @@ static void a_uniform_cube_has_its_closed_form(void **state) {
     view.camera.position[0] = view.camera.target[0] = 3.5;
     view.camera.near = 0.1;
     sp_pick_at(volume, &view, size, middle, &pick);
-    assert_true(fabs(pick.opacity - (1 - pow(0.95, 7.5 - 3.1))) < 1e-6);
+    assert_compare(fabs(pick.opacity - (1 - pow(0.95, 7.5 - 3.1))), <, 1e-6);
     sp_volume_unref(&volume);
 }
 

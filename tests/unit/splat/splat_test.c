@@ -145,17 +145,19 @@ static void variance_is_that_of_the_projection(void **state) {
                 }
             double det = v[0][0] * v[1][1] - v[0][1] * v[0][1];
             double half = 0.5 / log(2) / det;
-            assert_true(fabs((double)s.a / (half * v[1][1]) - 1) < 1e-3);
-            assert_true(fabs((double)s.c / (half * v[0][0]) - 1) < 1e-3);
-            assert_true(fabs((double)s.b + 2 * half * v[0][1]) < 1e-3 * half * (v[0][0] + v[1][1]));
+            assert_compare(fabs((double)s.a / (half * v[1][1]) - 1), <, 1e-3);
+            assert_compare(fabs((double)s.c / (half * v[0][0]) - 1), <, 1e-3);
+            assert_compare(fabs((double)s.b + 2 * half * v[0][1]), <,
+                           1e-3 * half * (v[0][0] + v[1][1]));
             /* The integral of the footprint is g·v·|det J| with the Jacobian of world coordinates,
              * which is g·|det d| by index. It is scaled up for the part beyond the cutoff. */
             double g_k = -log1p(-0.01), det_d = fabs(sp_mat3_determinant((struct sp_mat3 *)d));
             double integral = (double)s.depth * 2 * M_PI * sqrt(det) * (1 - exp(-4.5));
-            assert_true(fabs(integral / (g_k * det_d) - 1) < 2e-3);
+            assert_compare(fabs(integral / (g_k * det_d) - 1), <, 2e-3);
             for (int k = 0; k < 3; k++)
-                assert_true(fabs((double)(s.emission[k] / s.depth) -
-                                 (double)thin.points[0].color[k]) < 1e-6);
+                assert_compare(
+                    fabs((double)(s.emission[k] / s.depth) - (double)thin.points[0].color[k]), <,
+                    1e-6);
             /* The box bounds the ellipse. */
             double rx = 3 * sqrt(v[0][0]), ry = 3 * sqrt(v[1][1]);
             assert_int_equal(s.x0, (int)fmax(0, ceil(x.v[0] - rx - 0.5)));
@@ -195,10 +197,10 @@ static void variance_is_that_of_a_cloud(void **state) {
     }
     double det = (square[0] * square[2] - square[1] * square[1]) / POINTS / POINTS;
     double half = 0.5 / log(2) / det / POINTS, scale = half * (square[0] + square[2]);
-    assert_true(fabs(sum[0]) < 0.02 * sqrt(square[0] * POINTS));
-    assert_true(fabs((double)s.a - half * square[2]) < 0.02 * scale);
-    assert_true(fabs((double)s.b + 2 * half * square[1]) < 0.02 * scale);
-    assert_true(fabs((double)s.c - half * square[0]) < 0.02 * scale);
+    assert_compare(fabs(sum[0]), <, 0.02 * sqrt(square[0] * POINTS));
+    assert_compare(fabs((double)s.a - half * square[2]), <, 0.02 * scale);
+    assert_compare(fabs((double)s.b + 2 * half * square[1]), <, 0.02 * scale);
+    assert_compare(fabs((double)s.c - half * square[0]), <, 0.02 * scale);
 }
 
 static void filters_keep_the_footprints_energy(void **state) {
@@ -219,7 +221,7 @@ static void filters_keep_the_footprints_energy(void **state) {
             double energy = (double)s.depth * root;
             if (m == 0)
                 first = energy;
-            assert_true(fabs(energy / first - 1) < 1e-4);
+            assert_compare(fabs(energy / first - 1), <, 1e-4);
         }
     }
 }
@@ -293,7 +295,7 @@ static void extreme_views_give_finite_splats(void **state) {
         assert_compare(s.y0, <, s.y1);
         assert_compare(s.y1, <=, (int)view.size[1]);
     }
-    assert_true(drawn > 4500);
+    assert_compare(drawn, >, 4500);
 }
 
 static void adaptive_rule_is_conservative(void **state) {
@@ -366,7 +368,7 @@ static void shade_one(const struct sp_shade *shade, uint32_t packed, const float
     for (int c = 0; c < 3; c++) {
         color[c] = wide[c][0];
         for (int i = 1; i < SP_WIDE; i++)
-            assert_true(wide[c][i] == color[c]);
+            assert_compare(wide[c][i], ==, color[c]);
     }
 }
 
@@ -416,31 +418,32 @@ static void shading_follows_its_formula(void **state) {
         }
         shade_one(&shade, packed, to_eye, colour);
         for (int c = 0; c < 3; c++)
-            assert_true(fabs((double)colour[c] - expected[c]) < 1e-4);
+            assert_compare(fabs((double)colour[c] - expected[c]), <, 1e-4);
         /* Shading is two-sided: the opposite gradient gives the same colour. */
         float other[3] = { 0.9f, 0.6f, 0.3f };
         for (int r = 0; r < 3; r++)
             g[r] = -g[r];
         shade_one(&shade, sp_gradient_pack(&unit, g), to_eye, other);
         for (int c = 0; c < 3; c++)
-            assert_true(fabsf(colour[c] - other[c]) < 5e-3f);
+            assert_compare(fabsf(colour[c] - other[c]), <, 5e-3f);
     }
     float flat[3] = { 0.5f, 0.5f, 0.5f }, to_eye[3] = { 0, 0, -1 };
     shade_one(&shade, 0, to_eye, flat);
-    assert_true(fabsf(flat[0] - 0.5f * (0.2f + 0.7f * 1.3f)) < 1e-5f);
+    assert_compare(fabsf(flat[0] - 0.5f * (0.2f + 0.7f * 1.3f)), <, 1e-5f);
 }
 
 static void powers_of_two_are_close(void **state) {
     (void)state;
     for (int n = -125990; n <= 125990; n++) {
         float x = (float)n * 0.001f;
-        assert_true(fabs((double)sp_exp2(x) / exp2((double)x) - 1) < 2e-7);
+        assert_compare(fabs((double)sp_exp2(x) / exp2((double)x) - 1), <, 2e-7);
         sp_wide wide = sp_wide_exp2((sp_wide){ x, -x, 0, x });
         assert_compare(wide[0], ==, sp_exp2(x));
         assert_compare(wide[1], ==, sp_exp2(-x));
         assert_compare(wide[2], ==, 1);
         float y = exp2f(x);
-        assert_true(fabs((double)sp_log2(y) - log2((double)y)) < 3e-6 * fmax(1, fabs((double)x)));
+        assert_compare(fabs((double)sp_log2(y) - log2((double)y)), <,
+                       3e-6 * fmax(1, fabs((double)x)));
     }
     assert_compare(sp_exp2(-1e30f), >, 0);
     assert_compare(sp_exp2(-1e30f), <, 1e-37f);

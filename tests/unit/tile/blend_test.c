@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "splat/normal.h"
+#include "support/compare.h"
 #include "tile/footprint.h"
 #include "tile/sheet.h"
 #include "tile/slab.h"
@@ -187,7 +188,7 @@ static void slabs_close_front_to_back(void **state) {
     assert_near((double)b.tile->done[0][16][16], through, 2e-6);
     assert_near((double)b.tile->done[2][16][16], colour, 2e-6);
     for (int i = 0; i < SLOTS * SP_PLANES * SP_TILE_AREA; i++)
-        assert_true(b.sums[i] == 0);
+        assert_compare(b.sums[i], ==, 0);
     free_bench(&b);
 }
 

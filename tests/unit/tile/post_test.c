@@ -13,6 +13,7 @@
 #include <math.h>
 #include <stdlib.h>
 
+#include "support/compare.h"
 #include "tile/post.h"
 
 static const double everything[2] = { -1e9, 1e9 };
@@ -91,9 +92,10 @@ static void intervals_are_averaged(void **state) {
             mean(&tf, value, half, sum);
             /* Nodes are 1/4096 of the range apart; the mean is constant between them. */
             double slack = 1e-3 + 3e-3 * sum[0] + 5 * (last - first) / 4096 / half * 0.01;
-            assert_true(fabs((double)got.depth - sum[0]) < slack);
+            assert_compare(fabs((double)got.depth - sum[0]), <, slack);
             for (int k = 0; k < 3; k++)
-                assert_true(fabs((double)got.color[k] * (double)got.depth - sum[k + 1]) < slack);
+                assert_compare(fabs((double)got.color[k] * (double)got.depth - sum[k + 1]), <,
+                               slack);
         }
     }
 }
@@ -114,7 +116,7 @@ static void the_gradient_scales_the_opacity(void **state) {
         double scale = m < 10 ? 0.2 : m < 30 ? 0.2 + 0.04 * (m - 10) : 1;
         for (int around = 0; around < 2; around++) {
             struct sp_class c = sp_post_class(&curve, 4, around ? 3 : 0, (float)(m / 100));
-            assert_true(fabs((double)c.depth + log1p(-0.5 * scale)) < 1e-5);
+            assert_compare(fabs((double)c.depth + log1p(-0.5 * scale)), <, 1e-5);
         }
     }
 }

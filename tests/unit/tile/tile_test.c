@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "tile/bin.h"
 #include "tile/order.h"
 #include "tile/sheet.h"
@@ -140,7 +141,7 @@ static void every_touched_tile_gets_the_splat_once_and_in_order(void **state) {
                 bool touches = s->x0 < (c + 1) * SP_TILE && s->x1 > c * SP_TILE &&
                                s->y0 < (r + 1) * SP_TILE && s->y1 > r * SP_TILE;
                 if (touches) {
-                    assert_true(e < stop);
+                    assert_compare(e, <, stop);
                     assert_int_equal(b.bins.entries[e++], i);
                 }
             }
@@ -199,14 +200,14 @@ static void tiles_draw_what_a_brute_loop_draws(void **state) {
                 for (int x = 0; x < SP_TILE; x++) {
                     int px = tile->x + x, py = tile->y + y;
                     for (int p = 0; p < SP_PLANES; p++) {
-                        assert_true(sp_sums_row(tile, &blend, 0, y)[p * SP_TILE + x] == 0);
+                        assert_compare(sp_sums_row(tile, &blend, 0, y)[p * SP_TILE + x], ==, 0);
                         double expected = px < WIDTH && py < HEIGHT ? truth[py * WIDTH + px][p] : 0;
                         worst = fmax(worst, fabs((double)tile->done[p][y][x] - expected));
                     }
                 }
         }
         /* At the cutoff the weight is e^(-r²/2). Rounding decides if such a pixel counts. */
-        assert_true(worst < (k == 0 ? 3e-3 : 2e-5));
+        assert_compare(worst, <, (k == 0 ? 3e-3 : 2e-5));
         free(truth);
         free_bench(&b);
         free_grid(&grid);
@@ -245,7 +246,7 @@ static void tiles_at_the_image_edge_can_saturate(void **state) {
         sp_tile_close(&tile, &blending);
     }
     assert_true(tile.saturated);
-    assert_true(tile.done[0][0][0] < 1e-8f);
+    assert_compare(tile.done[0][0][0], <, 1e-8f);
     stop_tile(&tile);
 }
 
@@ -340,7 +341,7 @@ static void see_run(const struct sp_classification *c, const struct sp_run *run,
                     uint32_t sheet, const uint32_t dims[3], uint16_t *seen) {
     const struct sp_visible *list = &c->levels[run->level].visible;
     uint32_t corner[3], side = 1u << run->level;
-    assert_true(run->count > 0);
+    assert_compare(run->count, >, 0);
     sp_visible_corner(list, run->brick, corner);
     for (uint32_t p = run->begin; p < (uint32_t)run->begin + run->count; p++) {
         uint16_t local;

@@ -133,7 +133,7 @@ static void sizes_from_8_to_1024_are_accepted(void **state) {
         snprintf(source, sizeof source, "demo:%s?size=8", sp_demo_at(i)->name);
         struct sp_volume *volume = load(source);
         assert_int_equal(sp_volume_info(volume)->grid.dims[0], 8);
-        assert_true(sp_volume_info(volume)->range[1] > sp_volume_info(volume)->range[0]);
+        assert_compare(sp_volume_info(volume)->range[1], >, sp_volume_info(volume)->range[0]);
         sp_volume_unref(&volume);
     }
     struct sp_volume *volume = load("demo:checkerboard?size=1024");

@@ -25,6 +25,7 @@
 #include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/renderer.h"
+#include "support/compare.h"
 #include "support/data.h"
 
 enum { NAMES = 1 << 14, BINDINGS = 8, SLOW = 3 /* waits before a fence passes */ };
@@ -85,14 +86,14 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
         assert_non_null(all);
         strcat(all, texts[i]);
     }
-    assert_true(shader < NAMES);
+    assert_compare(shader, <, NAMES);
     free(watch.programs[shader].source);
     watch.programs[shader].source = all;
     real.shader_source(shader, count, texts, lengths);
 }
 
 static void attach(GLuint program, GLuint shader) {
-    assert_true(program < NAMES);
+    assert_compare(program, <, NAMES);
     watch.programs[program].shader = shader;
     real.attach(program, shader);
 }
@@ -105,7 +106,7 @@ static void learn(GLuint name) {
     GLint blocks = 0;
     glGetProgramInterfaceiv(name, GL_SHADER_STORAGE_BLOCK, GL_ACTIVE_RESOURCES, &blocks);
     assert_true(source);
-    assert_true(blocks > 0);
+    assert_compare(blocks, >, 0);
     for (GLuint i = 0; i < (GLuint)blocks; i++) {
         char block[64], text[96];
         GLint at = 0;
@@ -161,14 +162,14 @@ static GLuint *target_of(GLenum target) {
 }
 
 static void bind_base(GLenum target, GLuint at, GLuint buffer) {
-    assert_true(at < BINDINGS);
-    assert_true(buffer < NAMES);
+    assert_compare(at, <, BINDINGS);
+    assert_compare(buffer, <, NAMES);
     watch.bound[at] = *target_of(target) = buffer;
     real.bind_base(target, at, buffer);
 }
 
 static void bind(GLenum target, GLuint buffer) {
-    assert_true(buffer < NAMES);
+    assert_compare(buffer, <, NAMES);
     *target_of(target) = buffer;
     real.bind(target, buffer);
 }
@@ -324,8 +325,8 @@ static void frames_one_by_one(void **state) {
         finish(*state, before + 1);
         assert_int_equal(watch.passed, watch.copies);
     }
-    assert_true(watch.dispatches > 36 * 6); /* the calls were intercepted */
-    assert_true(watch.calls > 36 * 6);
+    assert_compare(watch.dispatches, >, 36 * 6); /* the calls were intercepted */
+    assert_compare(watch.calls, >, 36 * 6);
 }
 
 static void frames_in_flight(void **state) {

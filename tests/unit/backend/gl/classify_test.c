@@ -19,6 +19,7 @@
 #include "backend/gl/program.h"
 #include "classify/collect.h"
 #include "sp/log.h"
+#include "support/compare.h"
 #include "support/data.h"
 #include "support/sanitized.h"
 #include "unit/backend/gl/lists.h"
@@ -104,7 +105,7 @@ static void an_edit_uploads_no_voxels(void **state) {
         get(rig, volume, &job);
         uint64_t uploaded = rig->residency.uploaded - before;
         if (i == 0) /* the samples */
-            assert_true(uploaded > 64 * 64 * 64);
+            assert_compare(uploaded, >, 64 * 64 * 64);
         else
             assert_in_range(uploaded, table, table + 500);
         tf.points[0].color[2] = 1; /* only a colour, or nothing */
@@ -255,7 +256,7 @@ static void the_cpu_classifies_when_gpu_memory_is_short(void **state) {
         for (int again = 0; again < 2; again++)
             check_against_processor(rig, volume, &job, true);
         assert_true(has_entries(rig, volume));
-        assert_true(gl_residency_bytes(&rig->residency, volume) <= lists);
+        assert_compare(gl_residency_bytes(&rig->residency, volume), <=, lists);
         assert_int_equal(rig->warnings, 1);
         set_capacity(rig, limit, 0);
         forget(rig, &volume);
@@ -320,7 +321,7 @@ static void check_microflakes(const uint32_t got[2], struct sp_microflakes wante
 static void check_scalar(const float row[4], const struct sp_visible *v, uint64_t e,
                          const struct sp_transfer *transfer, const uint32_t *normal) {
     float value = sp_transfer_value(transfer, sp_visible_key(v, e));
-    assert_true(fabsf(row[0] - value) <= 1e-5f * fabsf(value) + 1e-5f);
+    assert_compare(fabsf(row[0] - value), <=, 1e-5f * fabsf(value) + 1e-5f);
     if (!normal)
         return;
     float a[3], b[3], apart = 0, got = sp_gradient_share(*normal);
@@ -329,7 +330,7 @@ static void check_scalar(const float row[4], const struct sp_visible *v, uint64_
     sp_gradient_unpack(sp_visible_normal(v, e), b);
     for (int k = 0; k < 3; k++)
         apart = fmaxf(apart, fabsf(a[k] * got - b[k] * wanted));
-    assert_true(apart < 0.01f * sqrtf(wanted) + 1e-4f);
+    assert_compare(apart, <, 0.01f * sqrtf(wanted) + 1e-4f);
 }
 
 static void check_coarse(const struct gl_visible_list *list, const struct sp_level *wanted,
@@ -362,7 +363,7 @@ static void check_coarse(const struct gl_visible_list *list, const struct sp_lev
         }
     }
     if (is_post)
-        assert_true(list->base == wanted->transfer.base);
+        assert_compare(list->base, ==, wanted->transfer.base);
     free(words);
     free(packed);
     free(rows);

@@ -20,6 +20,7 @@
 #include "backend/gl/egl.h"
 #include "sp/log.h"
 #include "sp/probe.h"
+#include "support/compare.h"
 
 enum { SKIPPED = 77 };
 static const struct gl_options hardware = { .gpu = -1 }, software = { .gpu = -1, .software = true };
@@ -57,19 +58,19 @@ static void info_tells_all(void **state) {
     assert_true(info->version[0]);
     assert_true(info->driver[0]);
     assert_int_equal(info->major, 4);
-    assert_true(info->minor >= 3);
+    assert_compare(info->minor, >=, 3);
     /* The minimum limits of OpenGL 4.3. */
     const struct sp_gpu_limits *limits = &info->limits;
-    assert_true(limits->storage_block_bytes >= 1 << 24);
-    assert_true(limits->storage_blocks >= 8);
-    assert_true(limits->storage_alignment >= 1);
-    assert_true(limits->storage_alignment <= 256);
-    assert_true(limits->shared_bytes >= 32768);
-    assert_true(limits->group_invocations >= 1024);
+    assert_compare(limits->storage_block_bytes, >=, 1 << 24);
+    assert_compare(limits->storage_blocks, >=, 8);
+    assert_compare(limits->storage_alignment, >=, 1);
+    assert_compare(limits->storage_alignment, <=, 256);
+    assert_compare(limits->shared_bytes, >=, 32768);
+    assert_compare(limits->group_invocations, >=, 1024);
     static const unsigned size[3] = { 1024, 1024, 64 };
     for (int i = 0; i < 3; i++) {
-        assert_true(limits->group_size[i] >= size[i]);
-        assert_true(limits->group_count[i] >= 65535);
+        assert_compare(limits->group_size[i], >=, size[i]);
+        assert_compare(limits->group_count[i], >=, 65535);
     }
     gl_context_destroy(&context);
     assert_null(context);

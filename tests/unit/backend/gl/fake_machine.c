@@ -9,6 +9,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "support/compare.h"
 #include "unit/backend/gl/fake_machine.h"
 
 struct driver drivers[DRIVERS];
@@ -181,7 +182,7 @@ static GLuint create_shader(GLenum type) {
 }
 
 static GLuint make_live(void) {
-    assert_true(machine.names + 1 < NAMES);
+    assert_compare(machine.names + 1, <, NAMES);
     machine.is_live[++machine.names] = true;
     return machine.names;
 }

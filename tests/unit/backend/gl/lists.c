@@ -158,7 +158,7 @@ void check_class(const float got[4], const struct sp_class *wanted) {
     if (!has_depth(got, wanted))
         fail_msg("depth %g for %g", (double)got[3], (double)wanted->depth);
     for (int k = 0; wanted->depth > 1e-6f && k < 3; k++)
-        assert_true(fabsf(got[k] - wanted->color[k]) < 1e-4f);
+        assert_compare(fabsf(got[k] - wanted->color[k]), <, 1e-4f);
 }
 
 static uint32_t key_of(float value) {
@@ -208,7 +208,7 @@ void check_list(const struct gl_visible_list *list, const struct sp_level *level
     assert_memory_equal(list->bricks, level->visible.bricks, sizeof list->bricks);
     assert_true(!normals || bytes == level->visible.normal_bytes);
     assert_int_equal(list->has_keys, t->table != NULL);
-    assert_true(list->base == sp_transfer_base(t));
+    assert_compare(list->base, ==, sp_transfer_base(t));
     for (uint32_t b = 0; b < gl_visible_list_bricks(list); b++) {
         uint32_t wanted = read_brick(level, b, normals, &brick), found = 0;
         for (uint64_t e = list->first[b]; e < list->first[b + 1]; e++) {

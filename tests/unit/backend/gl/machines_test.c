@@ -15,6 +15,7 @@
 #include "backend/gl/state.h"
 #include "sp/log.h"
 #include "sp/probe.h"
+#include "support/compare.h"
 #include "unit/backend/gl/fake_machine.h"
 
 /* Returns the index of the driver of a new context; −1 with *err set if there is none. */
@@ -187,8 +188,8 @@ static void limits_and_names_are_read(void **state) {
     struct sp_error err;
     drivers[0].video_mib = 143771;
     assert_int_equal(take(0, false, &info, &err), 0);
-    assert_true(info.limits.video_bytes == UINT64_C(143771) << 20);
-    assert_true(info.limits.storage_block_bytes == UINT64_C(1) << 31);
+    assert_compare(info.limits.video_bytes, ==, UINT64_C(143771) << 20);
+    assert_compare(info.limits.storage_block_bytes, ==, UINT64_C(1) << 31);
     assert_int_equal(info.limits.shared_bytes, 0); /* an impossible size counts as unknown */
     for (unsigned i = 0; i < 3; i++) {
         assert_int_equal(info.limits.group_size[i], 10 + i);
@@ -197,20 +198,20 @@ static void limits_and_names_are_read(void **state) {
     assert_string_equal(info.vendor, "Fake & S??hne?"); /* safe in JSON and in HTTP headers */
     assert_string_equal(info.driver, "Fake, EGL 1.5");
     struct sp_backend_options options = { .memory_bytes = 4000 };
-    assert_true(gl_video_budget(&info, &options) == UINT64_C(143771) * 3 << 17);
+    assert_compare(gl_video_budget(&info, &options), ==, UINT64_C(143771) * 3 << 17);
     options.video_bytes = 5000;
-    assert_true(gl_video_budget(&info, &options) == 5000);
+    assert_compare(gl_video_budget(&info, &options), ==, 5000);
     drivers[0].video_mib = 0;
     drivers[0].name = NULL;
     assert_int_equal(take(0, false, &info, &err), 0);
-    assert_true(info.limits.video_bytes == 0);
-    assert_true(gl_video_budget(&info, &options) == 5000);
+    assert_compare(info.limits.video_bytes, ==, 0);
+    assert_compare(gl_video_budget(&info, &options), ==, 5000);
     options.video_bytes = 0;
-    assert_true(gl_video_budget(&info, &options) == 2000);
+    assert_compare(gl_video_budget(&info, &options), ==, 2000);
     options.memory_bytes = UINT64_C(64) << 30; /* names no card */
-    assert_true(gl_video_budget(&info, &options) == UINT64_C(1) << 30);
+    assert_compare(gl_video_budget(&info, &options), ==, UINT64_C(1) << 30);
     info.software = true;
-    assert_true(gl_video_budget(&info, &options) == UINT64_C(64) << 30);
+    assert_compare(gl_video_budget(&info, &options), ==, UINT64_C(64) << 30);
     assert_string_equal(info.renderer, "unnamed");
 }
 
@@ -328,7 +329,7 @@ static void the_probe_reports_every_device(void **state) {
     assert_string_equal(found[0].name, "Real 100");
     assert_int_equal(found[0].refusal_code, SP_OK);
     assert_string_equal(found[0].refusal, "");
-    assert_true(found[0].limits.video_bytes == 100 << 20);
+    assert_compare(found[0].limits.video_bytes, ==, 100 << 20);
     assert_string_equal(found[1].backend, "gl-software");
     assert_false(found[1].is_gpu);
     assert_string_equal(found[1].refusal, "");

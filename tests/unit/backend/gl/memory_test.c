@@ -18,6 +18,7 @@
 #include "backend/gl/memory.h"
 #include "backend/gl/state.h"
 #include "sp/log.h"
+#include "support/compare.h"
 #include "support/data.h"
 #include "support/image.h"
 #include "support/sanitized.h"
@@ -95,13 +96,13 @@ static void a_small_budget_draws_in_smaller_pieces(void **state) {
     must_draw(&rig, WIDE, &wanted);
     uint64_t whole = all_bytes(&rig);
     close_rig(&rig);
-    assert_true(whole > 8 * MIB);
+    assert_compare(whole, >, 8 * MIB);
     must_open(&rig, 8 * MIB);
     must_draw(&rig, WIDE, &got);
-    assert_true(all_bytes(&rig) <= 8 * MIB);
-    assert_true(rig.state->slots[0].y > 0);
+    assert_compare(all_bytes(&rig), <=, 8 * MIB);
+    assert_compare(rig.state->slots[0].y, >, 0);
     close_rig(&rig);
-    assert_true(test_image_psnr(&got, &wanted) >= 110);
+    assert_compare(test_image_psnr(&got, &wanted), >=, 110);
     test_image_finish(&wanted);
     test_image_finish(&got);
 }
@@ -113,10 +114,10 @@ static void everything_counts(void **state) {
     must_draw(&rig, SMALL, NULL);
     uint64_t own = rig.backend->memory(rig.state, rig.volume);
     uint64_t small = rig.backend->memory(rig.state, NULL);
-    assert_true(small > own); /* render buffers belong to no volume */
+    assert_compare(small, >, own); /* render buffers belong to no volume */
     must_draw(&rig, WIDE, NULL);
     uint64_t pixels = WIDE * WIDE / 2;
-    assert_true(rig.backend->memory(rig.state, NULL) >= small + pixels * (48 + 16 + 16) / 2);
+    assert_compare(rig.backend->memory(rig.state, NULL), >=, small + pixels * (48 + 16 + 16) / 2);
     assert_int_equal(rig.backend->memory(rig.state, rig.volume), own);
     close_rig(&rig);
 }
@@ -145,11 +146,11 @@ static void scratch_is_released_for_a_view(void **state) {
     must_draw(&rig, SMALL, NULL);
     uint64_t small = all_bytes(&rig);
     must_draw(&rig, WIDE, NULL);
-    assert_true(gl_draw_bytes(rig.state) > small);
+    assert_compare(gl_draw_bytes(rig.state), >, small);
     rig.state->residency.limit_bytes = small + rig.state->slots[0].readback.buffer.bytes +
                                        rig.state->slots[1].readback.buffer.bytes;
     must_draw(&rig, SMALL, NULL);
-    assert_true(all_bytes(&rig) <= rig.state->residency.limit_bytes);
+    assert_compare(all_bytes(&rig), <=, rig.state->residency.limit_bytes);
     close_rig(&rig);
 }
 
@@ -187,12 +188,13 @@ static void unused_render_buffers_are_released(void **state) {
     must_draw(&rig, WIDE, NULL);
     for (int i = 0; i < 100; i++)
         must_draw(&rig, SMALL, NULL);
-    assert_true(gl_draw_bytes(rig.state) > 2 * small); /* the buffers may be needed again soon */
+    assert_compare(gl_draw_bytes(rig.state), >,
+                   2 * small); /* the buffers may be needed again soon */
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         rig.state->slots[i].frames |= 255 - 3; /* as after many more frames */
     for (int i = 0; i < 2 * 256 * GL_IN_FLIGHT && gl_draw_bytes(rig.state) > 2 * small; i++)
         must_draw(&rig, SMALL, NULL);
-    assert_true(gl_draw_bytes(rig.state) <= 2 * small);
+    assert_compare(gl_draw_bytes(rig.state), <=, 2 * small);
     close_rig(&rig);
 }
 
@@ -211,7 +213,7 @@ static void must_render(struct rig *rig, struct sp_volume *volume, const struct 
     struct sp_error err;
     if (!render(rig, volume, view, &err))
         fail_msg("%s", err.text);
-    assert_true(all_bytes(rig) <= rig->state->residency.limit_bytes);
+    assert_compare(all_bytes(rig), <=, rig->state->residency.limit_bytes);
 }
 
 /* Records of a view with many planes are large: the pieces shrink until they fit the budget. */
@@ -278,7 +280,7 @@ static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
     if (!rig->backend->render(rig->state, &job, &err))
         fail_msg("%s", err.text);
     assert_true(test_image_from_frame(&image, frame));
-    assert_true(all_bytes(rig) <= rig->state->residency.limit_bytes);
+    assert_compare(all_bytes(rig), <=, rig->state->residency.limit_bytes);
     sp_frame_unref(&frame);
     return image;
 }
@@ -298,10 +300,10 @@ static void many_bricks_are_uploaded_in_turns(void **state) {
     struct test_image wanted = picture_of(&large, tight.volume, &view);
     uint64_t before = large.state->upload.bytes;
     struct test_image got = picture_of(&tight, tight.volume, &view);
-    assert_true(test_image_psnr(&got, &wanted) >= 90);
+    assert_compare(test_image_psnr(&got, &wanted), >=, 90);
     test_image_finish(&got);
     const struct gl_upload *upload = &tight.state->upload;
-    assert_true(upload->chunk_end - upload->chunk_first < tight.state->partition.chunk_count);
+    assert_compare(upload->chunk_end - upload->chunk_first, <, tight.state->partition.chunk_count);
     struct test_image again = picture_of(&large, tight.volume, &view);
     assert_in_range(large.state->upload.bytes - before, 1,
                     2000); /* only constants: the bricks are already there */
@@ -331,10 +333,11 @@ static void scratch_is_released_for_samples(void **state) {
     large.compositing.mode = SP_COMPOSITE_SLAB;
     const struct sp_view small = view_of(rig.volume, 32);
     must_render(&rig, other, &large);
-    assert_true(gl_draw_bytes(rig.state) + ((uint64_t)1 << 21) > rig.state->residency.limit_bytes);
+    assert_compare(gl_draw_bytes(rig.state) + ((uint64_t)1 << 21), >,
+                   rig.state->residency.limit_bytes);
     must_render(&rig, rig.volume, &small);
     assert_int_equal(voxels_of(&rig)->refusals, 0);
-    assert_true(voxels_of(&rig)->samples.bytes > 0);
+    assert_compare(voxels_of(&rig)->samples.bytes, >, 0);
     rig.backend->evict(rig.state, other);
     sp_volume_unref(&other);
     close_rig(&rig);
@@ -360,9 +363,9 @@ static void a_refused_volume_is_tried_again(void **state) {
     rig.state->residency.limit_bytes = limit;
     for (int i = 0; i < 2 * GL_REFUSED_FRAMES; i++)
         must_render(&rig, rig.volume, &view);
-    assert_true(voxels_of(&rig)->samples.bytes == 0);
+    assert_compare(voxels_of(&rig)->samples.bytes, ==, 0);
     must_render(&rig, rig.volume, &view);
-    assert_true(voxels_of(&rig)->samples.bytes > 0);
+    assert_compare(voxels_of(&rig)->samples.bytes, >, 0);
     close_rig(&rig);
 }
 

@@ -14,6 +14,7 @@
 #include <stdio.h>
 
 #include "sp/renderer.h"
+#include "support/compare.h"
 #include "support/image.h"
 
 enum { SIDE = 24, SIZE = 64, SKIPPED = 77 };
@@ -59,7 +60,7 @@ static void check(const struct rig *rig, struct sp_volume *volume, const struct 
     struct test_image wanted = draw(rig, rig->scalar, volume, view);
     double psnr = test_image_psnr(&got, &wanted);
     print_message("  %.1f dB\n", psnr);
-    assert_true(psnr >= 70);
+    assert_compare(psnr, >=, 70);
     test_image_finish(&got);
     test_image_finish(&wanted);
     sp_renderer_evict(rig->scalar, volume);

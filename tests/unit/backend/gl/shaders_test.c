@@ -31,7 +31,7 @@ static void shader_source(GLuint shader, GLsizei count, const GLchar *const *tex
                           const GLint *lengths) {
     const GLchar *given[16];
     bool is_broken = false;
-    assert_true(count < 16);
+    assert_compare(count, <, 16);
     assert_true(!lengths);
     for (GLsizei i = 0; i < count; i++) {
         given[i] = texts[i];

@@ -19,6 +19,7 @@
 #include "backend/gl/context.h"
 #include "backend/gl/program.h"
 #include "sp/log.h"
+#include "support/compare.h"
 #include "support/data.h"
 
 /* Tiles and layers of a record, [first, last]; as in shaders/records.glsl. */
@@ -110,15 +111,15 @@ static void check_bin(const struct sorting *s, const uint32_t *pairs, uint32_t b
     uint32_t last = 0, r = tile / s->space.columns, c = tile % s->space.columns;
     for (uint32_t i = begin; i < end; i++) {
         uint32_t record = pairs[i] & ((1u << RECORD_BITS) - 1), l = pairs[i] >> RECORD_BITS;
-        assert_true(record < s->records);
+        assert_compare(record, <, s->records);
         const struct span *p = &s->spans[record];
         assert_int_equal(p->l0 + l, layer);
-        assert_true(layer <= p->l1);
-        assert_true(p->r0 <= r);
-        assert_true(r <= p->r1);
-        assert_true(p->c0 <= c);
-        assert_true(c <= p->c1);
-        assert_true(seen[record] != bin + 1);
+        assert_compare(layer, <=, p->l1);
+        assert_compare(p->r0, <=, r);
+        assert_compare(r, <=, p->r1);
+        assert_compare(p->c0, <=, c);
+        assert_compare(c, <=, p->c1);
+        assert_compare(seen[record], !=, bin + 1);
         assert_true(!is_ordered || i == begin || pairs[i] > last);
         last = pairs[i];
         seen[record] = bin + 1;
@@ -223,7 +224,7 @@ static void too_many_pairs_never_look_like_few(void **state) {
     write_counts(&s, &bins);
     gl_bins_sort(&bins, &s.space, &spans, s.records, 16);
     uint32_t *head = read_words(&bins.counts, GL_BINS_HEAD);
-    assert_true(((struct gl_bins_head *)(void *)head)->needed == UINT32_MAX);
+    assert_compare(((struct gl_bins_head *)(void *)head)->needed, ==, UINT32_MAX);
     free(head);
     gl_buffer_finish(&spans);
     gl_bins_finish(&bins);
@@ -264,10 +265,10 @@ static void a_broken_shader_is_an_error_with_its_log(void **state) {
     assert_int_equal(gl_program_create("30_broken", "", broken, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "30_broken"));
-    assert_true(strlen(err.text) < SP_ERROR_TEXT - 1);
+    assert_compare(strlen(err.text), <, SP_ERROR_TEXT - 1);
     assert_true(lines.has_line);
     assert_true(lines.has_name);
-    assert_true(lines.count >= 3);
+    assert_compare(lines.count, >=, 3);
     assert_int_equal(gl_program_create("31_wide", "", too_wide, &err), 0);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(err.text, "31_wide"));
@@ -281,8 +282,8 @@ static void buffers_refuse_what_is_too_large(void **state) {
     struct sp_error err;
     assert_true(gl_buffer_reserve(&buffer, "words", 1000, 4096, GL_USE_KEPT, &err));
     unsigned name = buffer.name;
-    assert_true(buffer.bytes >= 1000);
-    assert_true(buffer.bytes <= 4096);
+    assert_compare(buffer.bytes, >=, 1000);
+    assert_compare(buffer.bytes, <=, 4096);
     assert_true(gl_buffer_reserve(&buffer, "words", 900, 4096, GL_USE_KEPT, &err));
     assert_int_equal(buffer.name, name); /* the buffer is large enough and stays */
     assert_false(gl_buffer_reserve(&buffer, "words", 5000, 4096, GL_USE_KEPT, &err));

@@ -14,6 +14,7 @@
 
 #include "backend/gl/workload.h"
 #include "classify/visible.h"
+#include "support/compare.h"
 
 enum { LONG_MS = 30, FAIR_MS = 10, SHORT_MS = 4, HALVINGS = 6 };
 
@@ -35,7 +36,7 @@ static struct gl_workload make_workload(void) {
 }
 
 /* Reports a band that was drawn, with the time of its longest dispatch. */
-static void play(struct gl_workload *workload, double ms) {
+static void report_band(struct gl_workload *workload, double ms) {
     const struct gl_pieces was = gl_workload_plan(workload, &plain);
     gl_workload_adapt(workload, &was, ms);
 }
@@ -44,7 +45,7 @@ static void a_long_dispatch_halves_pieces(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     workload.pairs = whole.pairs;
-    play(&workload, LONG_MS);
+    report_band(&workload, LONG_MS);
     const struct gl_limits now = gl_workload_limits(&workload);
     assert_int_equal(now.records, whole.records / 2);
     assert_int_equal(now.bins, whole.bins / 2);
@@ -54,9 +55,9 @@ static void a_long_dispatch_halves_pieces(void **state) {
     assert_int_equal(workload.pairs, now.pairs);
     assert_int_equal(gl_workload_plan(&workload, &plain).turn_pairs, whole.loops / 2);
     for (int i = 0; i < 20; i++)
-        play(&workload, LONG_MS);
+        report_band(&workload, LONG_MS);
     assert_int_equal(workload.halvings, HALVINGS);
-    assert_true(gl_workload_plan(&workload, &plain).records >= SP_BRICK_VOXELS);
+    assert_compare(gl_workload_plan(&workload, &plain).records, >=, SP_BRICK_VOXELS);
 }
 
 /* A band that was submitted before the change says nothing about the new pieces. */
@@ -67,27 +68,27 @@ static void bands_in_flight_are_answered_once(void **state) {
     gl_workload_adapt(&workload, &was, LONG_MS);
     gl_workload_adapt(&workload, &was, LONG_MS);
     assert_int_equal(workload.halvings, 1);
-    play(&workload, LONG_MS);
+    report_band(&workload, LONG_MS);
     assert_int_equal(workload.halvings, 2);
 }
 
 static void pieces_grow_only_after_short_dispatches(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
-    play(&workload, LONG_MS);
-    play(&workload, LONG_MS);
-    for (int i = 0; i < 4 * GL_CALM; i++)
-        play(&workload, FAIR_MS);
-    for (int i = 0; i < GL_CALM - 1; i++)
-        play(&workload, SHORT_MS);
-    play(&workload, FAIR_MS);
-    for (int i = 0; i < GL_CALM - 1; i++)
-        play(&workload, SHORT_MS);
+    report_band(&workload, LONG_MS);
+    report_band(&workload, LONG_MS);
+    for (int i = 0; i < 4 * GL_SHORT_BANDS; i++)
+        report_band(&workload, FAIR_MS);
+    for (int i = 0; i < GL_SHORT_BANDS - 1; i++)
+        report_band(&workload, SHORT_MS);
+    report_band(&workload, FAIR_MS);
+    for (int i = 0; i < GL_SHORT_BANDS - 1; i++)
+        report_band(&workload, SHORT_MS);
     assert_int_equal(workload.halvings, 2);
-    play(&workload, SHORT_MS);
+    report_band(&workload, SHORT_MS);
     assert_int_equal(workload.halvings, 1);
-    for (int i = 0; i < 4 * GL_CALM; i++)
-        play(&workload, SHORT_MS);
+    for (int i = 0; i < 4 * GL_SHORT_BANDS; i++)
+        report_band(&workload, SHORT_MS);
     assert_int_equal(workload.halvings, 0);
 }
 
@@ -97,13 +98,13 @@ static void pieces_settle(void **state) {
     for (double whole_ms = 1; whole_ms < 1500; whole_ms *= 1.1) {
         struct gl_workload workload = make_workload();
         int slow = 0;
-        for (int i = 0; i < 20 * GL_CALM; i++) {
+        for (int i = 0; i < 20 * GL_SHORT_BANDS; i++) {
             double ms = ldexp(whole_ms, -(int)workload.halvings);
             slow += ms > whole.dispatch_ms;
-            play(&workload, ms);
+            report_band(&workload, ms);
         }
-        assert_true(slow <= HALVINGS);
-        assert_true(ldexp(whole_ms, -(int)workload.halvings) <= whole.dispatch_ms);
+        assert_compare(slow, <=, HALVINGS);
+        assert_compare(ldexp(whole_ms, -(int)workload.halvings), <=, whole.dispatch_ms);
     }
 }
 
@@ -111,11 +112,11 @@ static void software_gl_has_no_time_limit(void **state) {
     (void)state;
     struct gl_workload workload = make_workload();
     workload.limits.dispatch_ms = INFINITY;
-    play(&workload, 1e6);
+    report_band(&workload, 1e6);
     assert_int_equal(workload.halvings, 0);
     assert_true(gl_workload_halve(&workload)); /* because memory is short */
-    for (int i = 0; i < GL_CALM; i++)
-        play(&workload, 1e6);
+    for (int i = 0; i < GL_SHORT_BANDS; i++)
+        report_band(&workload, 1e6);
     assert_int_equal(workload.halvings, 0);
 }
 
@@ -142,8 +143,8 @@ static void as_many_records_as_fit_are_used(void **state) {
         workload.limits.record_bytes = 20 << 20;
         uint64_t own = costs.record_bytes + GL_SPAN_BYTES;
         uint64_t records = gl_workload_plan(&workload, &costs).records;
-        assert_true(records * own <= 20 << 20);
-        assert_true((records + 1) * own > 20 << 20);
+        assert_compare(records * own, <=, 20 << 20);
+        assert_compare((records + 1) * own, >, 20 << 20);
         costs.block_bytes = 4 << 20;
         assert_int_equal(gl_workload_plan(&workload, &costs).records,
                          (4 << 20) / costs.record_bytes);
@@ -163,8 +164,8 @@ static void slow_pieces_are_no_reason_to_refuse(void **state) {
     was.records = SP_BRICK_VOXELS;
     struct gl_bins_head head = { .needed = 1 << 22 };
     assert_true(gl_workload_retry(&workload, &was, &head, &err));
-    assert_true(workload.pairs >= head.needed);
-    assert_true(workload.pairs <= whole.pairs);
+    assert_compare(workload.pairs, >=, head.needed);
+    assert_compare(workload.pairs, <=, whole.pairs);
     head.needed = (1 << 25) + 1;
     assert_false(gl_workload_retry(&workload, &was, &head, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);

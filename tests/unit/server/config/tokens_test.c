@@ -16,6 +16,7 @@
 
 #include "config/tokens.h"
 #include "sp/log.h"
+#include "support/compare.h"
 
 #define A "0123456789abcdef"
 #define B "abcdef0123456789.~_-"
@@ -155,7 +156,7 @@ static void the_mode_and_size_of_the_file_are_checked(void **state) {
     struct sp_error err;
     size_t count;
     int fd = mkstemp(path);
-    assert_true(fd >= 0);
+    assert_compare(fd, >=, 0);
     assert_false(srv_token_file_read(path, &list, &count, &err));
     assert_string_equal(err.place, path);
     assert_int_equal(write(fd, A "\n" B "\n", 38), 38);
@@ -204,7 +205,7 @@ static void owners_without_a_name_cause_a_warning(void **state) {
     };
     char path[] = "/tmp/splatd-tokens-XXXXXX", said[512];
     int fd = mkstemp(path);
-    assert_true(fd >= 0);
+    assert_compare(fd, >=, 0);
     sp_log_init(keep_line, said, SP_LOG_WARN);
     for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
         struct srv_token *list;

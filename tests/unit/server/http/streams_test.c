@@ -22,6 +22,7 @@
 #include "http/streams.h"
 #include "http/websocket.h"
 #include "protocol/json.h"
+#include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
 enum { SESSIONS = 2, EACH = 3, STREAMS = SESSIONS * EACH };
@@ -103,7 +104,7 @@ static void wait_for_ticks(unsigned count) {
 
 static void receive(struct peer *peer) {
     uint8_t bytes[4096];
-    assert_true(recv(peer->socket, bytes, sizeof bytes, 0) > 0);
+    assert_compare(recv(peer->socket, bytes, sizeof bytes, 0), >, 0);
 }
 
 static void join(struct peer *peer, const char *session) {
@@ -181,7 +182,7 @@ static void idle_streams_are_not_checked(void **state) {
     for (int i = 0; i < STREAMS; i++)
         if (i != 2)
             assert_int_equal(atomic_load(&t.checks[i]), before[i]);
-    assert_true(atomic_load(&t.checks[2]) >= before[2] + 5);
+    assert_compare(atomic_load(&t.checks[2]), >=, before[2] + 5);
 }
 
 /* Streams from the middle and both ends of the list end, one by one and two at once. The others

@@ -24,6 +24,7 @@
 #include <gnutls/x509.h>
 
 #include "http/tls.h"
+#include "support/compare.h"
 #include "support/metric_value.h"
 
 enum { LIMIT_MS = 30000 /* timeout of waits that must not be necessary */, GIVEN = 64 };
@@ -88,7 +89,7 @@ static bool give(void *user, int socket, const struct sockaddr *peer, socklen_t 
 
 static void write_file(const char *path, const gnutls_datum_t *text) {
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC, 0600);
-    assert_true(fd >= 0);
+    assert_compare(fd, >=, 0);
     assert_int_equal(write(fd, text->data, text->size), text->size);
     close(fd);
 }

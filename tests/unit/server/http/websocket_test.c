@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "http/websocket.h"
+#include "support/compare.h"
 #include "support/fake_memory.h"
 #include "unit/server/session/hub_fixture.h"
 
@@ -58,7 +59,7 @@ static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bo
         return -1;
     for (size_t i = 0; i < count; i++) {
         size_t size = parts[i].iov_len < left ? parts[i].iov_len : left;
-        assert_true(wire->out_size + size <= CAPACITY);
+        assert_compare(wire->out_size + size, <=, CAPACITY);
         memcpy(wire->out + wire->out_size, parts[i].iov_base, size);
         wire->out_size += size;
         left -= size;
@@ -78,7 +79,7 @@ static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
     const uint8_t *from = wire->out + *at;
     if (*at == wire->out_size)
         return false;
-    assert_true(*at + 2 <= wire->out_size);
+    assert_compare(*at + 2, <=, wire->out_size);
     size_t more = from[1] == 126 ? 2 : from[1] == 127 ? 8 : 0;
     *sent = (struct sent){ from[0], from + 2 + more, more ? 0 : from[1] };
     for (size_t i = 0; i < more; i++)
@@ -86,7 +87,7 @@ static bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
     assert_true(more != 2 || sent->size >= 126); /* the length must have the shortest form */
     assert_true(more != 8 || sent->size > UINT16_MAX);
     *at += 2 + more + sent->size;
-    assert_true(*at <= wire->out_size);
+    assert_compare(*at, <=, wire->out_size);
     return true;
 }
 
@@ -138,7 +139,7 @@ static int tear_down(void **state) {
 static void send_text(struct wire *wire, const char *text, size_t size) {
     uint8_t *at = wire->in + wire->in_size;
     size_t head = size < 126 ? 2 : 10;
-    assert_true(wire->in_size + head + 4 + size <= CAPACITY);
+    assert_compare(wire->in_size + head + 4 + size, <=, CAPACITY);
     at[0] = 0x81;
     at[1] = (uint8_t)(0x80 | (size < 126 ? size : 127));
     for (size_t i = 0; head == 10 && i < 8; i++)
@@ -209,7 +210,7 @@ static void a_flood_is_read_in_pieces_and_nothing_is_lost(void **state) {
         assert_true(srv_ws_wants_read(s->ws));
     }
     assert_int_equal(before, PINGS);
-    assert_true(ticks > 10);
+    assert_compare(ticks, >, 10);
 }
 
 /* A request of `size` bytes, most of them blanks. */
@@ -292,13 +293,13 @@ static void reading_stops_while_the_client_does_not_read(void **state) {
     assert_false(srv_ws_wants_read(s->ws));
     assert_false(srv_ws_is_paused(s->ws)); /* it waits for the socket, not for a tick */
     size_t read = s->wire.in_at;
-    assert_true(read < s->wire.in_size);
+    assert_compare(read, <, s->wire.in_size);
     s->wire.is_full = false;
     for (int now = 21; now <= 40; now++) {
         tick(s, 100.0 * now);
         run(s, 100.0 * now + 1);
     }
-    assert_true(first < PINGS);
+    assert_compare(first, <, PINGS);
     assert_int_equal(answers(&s->wire), PINGS);
 }
 
@@ -373,7 +374,7 @@ static void an_image_arrives_whole_in_pieces_of_any_size(void **state) {
         send_pings(&s->wire, 3);
         run(s, 3);
         assert_int_equal(answers(&s->wire), 3);
-        assert_true(check_image(&s->wire, blob) >= 3);
+        assert_compare(check_image(&s->wire, blob), >=, 3);
         assert_int_equal(close_code(&s->wire), 0);
         srv_blob_unref(&blob);
         assert_int_equal(tear_down(&one), 0);
@@ -386,12 +387,12 @@ static void an_image_is_sent_without_a_copy(void **state) {
     s->wire.out_size = 0;
     struct srv_blob *blob = deliver(s, 100000, 2);
     s->wire.piece = 30000;
-    memory_run_out(0, MEMORY_STAYS_OUT);
+    memory_fail_after(0, MEMORY_STAYS_OUT);
     for (int i = 0; i < 100 && s->wire.out_size < 90000; i++) {
         srv_ws_write(s->ws, 2);
         assert_int_equal(atomic_load(&blob->references), 2);
     }
-    assert_false(memory_come_back());
+    assert_false(memory_restore());
     run(s, 3);
     assert_int_equal(atomic_load(&blob->references), 1);
     check_image(&s->wire, blob);
@@ -465,7 +466,7 @@ static void a_client_that_takes_half_an_image_has_stalled(void **state) {
 /* Checks that the deadline is `due_ms`, that a tick just before it does nothing, and then ticks
  * after it. */
 static void tick_at_deadline(struct stream *s, double due_ms) {
-    assert_true(srv_ws_deadline_ms(s->ws) == due_ms);
+    assert_compare(srv_ws_deadline_ms(s->ws), ==, due_ms);
     s->wire.out_size = 0;
     for (int late = 0; late < 2; late++) {
         assert_false(srv_ws_is_over(s->ws));
@@ -494,11 +495,11 @@ static void messages_delay_the_ping_and_a_flood_is_due_at_once(void **state) {
     run(s, 10);
     send_pings(&s->wire, 1);
     run(s, 5000);
-    assert_true(srv_ws_deadline_ms(s->ws) == 20000);
+    assert_compare(srv_ws_deadline_ms(s->ws), ==, 20000);
     send_pings(&s->wire, 2500); /* more than one tick reads */
     run(s, 6000);
     assert_true(srv_ws_is_paused(s->ws));
-    assert_true(srv_ws_deadline_ms(s->ws) <= 6000);
+    assert_compare(srv_ws_deadline_ms(s->ws), <=, 6000);
 }
 
 static void an_image_without_acknowledgement_has_a_deadline(void **state) {
@@ -509,7 +510,7 @@ static void an_image_without_acknowledgement_has_a_deadline(void **state) {
     srv_ws_tick(s->ws, 12050);
     struct srv_blob *blob = deliver(s, 100, 12100);
     run(s, 12100);
-    assert_true(srv_ws_deadline_ms(s->ws) == 27000);
+    assert_compare(srv_ws_deadline_ms(s->ws), ==, 27000);
     srv_ws_tick(s->ws, 27001); /* sends a ping */
     run(s, 27001);
     send_pings(&s->wire, 1);
@@ -527,7 +528,7 @@ static void bytes_that_the_socket_does_not_take_have_a_deadline(void **state) {
     send_pings(&s->wire, 1);
     run(s, 12000); /* the answer and everything after it wait */
     srv_ws_tick(s->ws, 12050);
-    assert_true(srv_ws_deadline_ms(s->ws) == 27000);
+    assert_compare(srv_ws_deadline_ms(s->ws), ==, 27000);
     srv_ws_tick(s->ws, 27001);
     srv_ws_write(s->ws, 27001);
     tick_at_deadline(s, 32000);
@@ -559,9 +560,9 @@ static void out_of_memory(void **state) {
         run(s, 1); /* sends the first notifications */
         s->wire.out_size = 0;
         send_text(&s->wire, update, sizeof update - 1);
-        memory_run_out(n, MEMORY_STAYS_OUT);
+        memory_fail_after(n, MEMORY_STAYS_OUT);
         srv_ws_read(s->ws, 2);
-        answered = !memory_come_back();
+        answered = !memory_restore();
         run(s, 3);
         unsigned code = close_code(&s->wire);
         assert_true(code == 0 || code == 1011);
@@ -569,9 +570,9 @@ static void out_of_memory(void **state) {
         assert_int_equal(srv_ws_is_over(s->ws), code == 1011 || srv_ws_is_lost(s->ws));
         closed += code == 1011;
         assert_int_equal(tear_down(&one), 0);
-        assert_true(n < 10000);
+        assert_compare(n, <, 10000);
     }
-    assert_true(closed > 0);
+    assert_compare(closed, >, 0);
 }
 
 #define WITH_STREAM(test) cmocka_unit_test_setup_teardown(test, set_up, tear_down)

@@ -16,6 +16,7 @@
 #include <cmocka.h>
 
 #include "ops/log.h"
+#include "support/compare.h"
 
 #define STAMP "2026-01-31T12:00:00.123Z"
 
@@ -112,7 +113,7 @@ static void the_log_suppresses_lines_and_reports_their_number(void **state) {
     FILE *file = tmpfile();
     int old = dup(2);
     assert_non_null(file);
-    assert_true(old >= 0);
+    assert_compare(old, >=, 0);
     assert_int_equal(dup2(fileno(file), 2), 2);
     assert_true(srv_log_start(&log, SP_LOG_DEBUG, SRV_LOG_TEXT, NULL));
     for (int i = 0; i < SRV_LOG_BURST + 7; i++)
@@ -149,7 +150,7 @@ static void drain_page(int fd) {
     char page[4096];
     for (size_t got = 0; got < sizeof page;) {
         ssize_t count = read(fd, page + got, sizeof page - got);
-        assert_true(count > 0);
+        assert_compare(count, >, 0);
         got += (size_t)count;
     }
 }
@@ -164,7 +165,7 @@ static void a_blocked_reader_blocks_no_thread(void **state) {
     int pipes[2], old = dup(2), capacity;
     open_full_pipe(pipes);
     capacity = fcntl(pipes[1], F_GETPIPE_SZ);
-    assert_true(old >= 0);
+    assert_compare(old, >=, 0);
     assert_int_equal(dup2(pipes[1], 2), 2);
     close(pipes[1]);
     assert_true(srv_log_start(&log, SP_LOG_DEBUG, SRV_LOG_TEXT, NULL));
@@ -196,7 +197,7 @@ static void a_blocked_reader_blocks_no_thread(void **state) {
     assert_non_null(strstr(line, " debug last\n"));
     assert_null(fgets(line, sizeof line, file));
     fclose(file);
-    assert_true(next > 0);
+    assert_compare(next, >, 0);
     assert_int_equal(next + lost, LINES + 1);
 }
 
@@ -209,14 +210,14 @@ static void the_end_waits_a_limited_time(void **state) {
     assert_true(srv_log_ring_start(&ring, pipes[1], NULL));
     srv_log_ring_put(&ring, "one\n", 4, 1);
     assert_false(srv_log_ring_end(&ring, 1));
-    assert_true(read(pipes[0], page, sizeof page) > 0); /* lets the writer thread end */
+    assert_compare(read(pipes[0], page, sizeof page), >, 0); /* lets the writer thread end */
 }
 
 static void lines_that_cannot_be_written_count_as_lost(void **state) {
     (void)state;
     static struct srv_log_ring ring;
     int fd = open("/dev/full", O_WRONLY);
-    assert_true(fd >= 0);
+    assert_compare(fd, >=, 0);
     assert_true(srv_log_ring_start(&ring, fd, NULL));
     srv_log_ring_put(&ring, "one\n", 4, 1);
     srv_log_ring_put(&ring, "seven\n", 6, 7);

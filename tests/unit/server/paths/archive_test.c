@@ -17,6 +17,7 @@
 #include <cmocka.h>
 
 #include "paths/archive.h"
+#include "support/compare.h"
 
 #define ID "0123456789abcdef0123456789abcdef"
 enum { FRAMES = 3, FRAME_BYTES = 200000, ALL_BYTES = FRAMES * (FRAME_BYTES + 1024) + 1024 };
@@ -98,11 +99,11 @@ static void a_cancelled_archive_frees_everything(void **state) {
         assert_non_null(a);
         /* Before the first byte, in a header and in a frame. */
         for (int part = 0; part < i % 3; part++)
-            assert_true(srv_archive_read(a, bytes, sizeof bytes) > 0);
+            assert_compare(srv_archive_read(a, bytes, sizeof bytes), >, 0);
         srv_archive_destroy(&a);
         assert_null(a);
     }
-    assert_true(mallinfo2().uordblks < before + TRIES);
+    assert_compare(mallinfo2().uordblks, <, before + TRIES);
 }
 
 /* A missing frame ends the archive with an error. */
@@ -116,7 +117,7 @@ static void a_missing_frame_is_an_error(void **state) {
     while ((n = srv_archive_read(a, bytes, ALL_BYTES)) > 0)
         size += (size_t)n;
     assert_int_equal(n, -1);
-    assert_true(size >= FRAMES * FRAME_BYTES);
+    assert_compare(size, >=, FRAMES * FRAME_BYTES);
     srv_archive_destroy(&a);
     free(bytes);
 }

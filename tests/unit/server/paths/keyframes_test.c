@@ -15,6 +15,7 @@
 
 #include "paths/keyframes.h"
 #include "protocol/view.h"
+#include "support/compare.h"
 #include "tests/protocol/fixture.h"
 
 static struct sp_view base;
@@ -160,10 +161,10 @@ static void the_camera_turns_at_constant_speed(void **state) {
         for (uint32_t f = 0; f < 100; f++) {
             double turn = turn_between(keyframes, f, f + 1);
             sum += turn;
-            assert_true(fabs(turn - step) < 1e-6);
+            assert_compare(fabs(turn - step), <, 1e-6);
         }
-        assert_true(step > 0.001);
-        assert_true(sum < M_PI + 1e-4); /* the shorter way */
+        assert_compare(step, >, 0.001);
+        assert_compare(sum, <, M_PI + 1e-4); /* the shorter way */
         srv_keyframes_free(&keyframes);
     }
 }
@@ -209,8 +210,8 @@ static void transfer_functions_are_blended_at_every_value(void **state) {
             double u = f / 80.0;
             double mean = opacity_at(a, x) * (1 - u) + opacity_at(b, x) * u;
             double scale = (1 - u) + scale_at(b, x) * u;
-            assert_true(fabs(opacity_at(&view.transfer_function, x) - mean) < 1e-6);
-            assert_true(fabs(scale_at(&view.transfer_function, x) - scale) < 1e-6);
+            assert_compare(fabs(opacity_at(&view.transfer_function, x) - mean), <, 1e-6);
+            assert_compare(fabs(scale_at(&view.transfer_function, x) - scale), <, 1e-6);
         }
     }
     /* The colour at 30, between red at 10 and green at 50 on one side, blue on the other. */
@@ -219,7 +220,7 @@ static void transfer_functions_are_blended_at_every_value(void **state) {
     assert_near(p->value, 30);
     const double color[3] = { 0.25, 0.25, 0.5 };
     for (int c = 0; c < 3; c++)
-        assert_true(fabs((double)p->color[c] - color[c]) < 1e-6);
+        assert_compare(fabs((double)p->color[c] - color[c]), <, 1e-6);
     srv_keyframes_free(&keyframes);
 }
 

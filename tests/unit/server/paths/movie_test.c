@@ -20,6 +20,7 @@
 #include "paths/movie.h"
 #include "sp/frame.h"
 #include "sp/video.h"
+#include "support/compare.h"
 
 enum { FRAMES = 150, FPS = 25, KEY_EVERY = 60, WIDTH = 64, HEIGHT = 48 };
 
@@ -39,17 +40,17 @@ static uint64_t number(const uint8_t *bytes, size_t size) {
 
 static struct element element_at(const uint8_t *at, const uint8_t *limit) {
     struct element e = { .start = at };
-    assert_true(limit - at >= 2);
+    assert_compare(limit - at, >=, 2);
     size_t id = (size_t)__builtin_clz(at[0]) - 23;
     e.id = (uint32_t)number(at, id);
     at += id;
-    assert_true(at < limit);
+    assert_compare(limit - at, >, 0);
     assert_int_not_equal(at[0], 0);
     size_t width = (size_t)__builtin_clz(at[0]) - 23;
     uint64_t size = number(at, width) & ((UINT64_C(1) << 7 * width) - 1);
     e.data = at + width;
-    assert_true(e.data <= limit);
-    assert_true(size <= (uint64_t)(limit - e.data));
+    assert_compare(limit - e.data, >=, 0);
+    assert_compare(size, <=, (uint64_t)(limit - e.data));
     e.end = e.data + size;
     return e;
 }
@@ -173,7 +174,7 @@ static void the_headers_are_complete(void **state) {
     struct element head = element_at(movie, movie + bytes);
     assert_int_equal(head.id, 0x1A45DFA3);
     struct element type = child_of(&head, 0x4282);
-    assert_true(type.end - type.data >= 4);
+    assert_compare(type.end - type.data, >=, 4);
     assert_memory_equal(type.data, "webm", 4);
     struct element segment = element_at(head.end, movie + bytes);
     assert_int_equal(segment.id, 0x18538067);
@@ -184,7 +185,7 @@ static void the_headers_are_complete(void **state) {
     uint64_t bits = value_of(&info, 0x4489);
     double duration;
     memcpy(&duration, &bits, sizeof duration);
-    assert_true(fabs(duration - FRAMES * 1000.0 / FPS) < 1e-6);
+    assert_compare(fabs(duration - FRAMES * 1000.0 / FPS), <, 1e-6);
     struct element track = child_of(&tracks, 0xAE), video = child_of(&track, 0xE0);
     struct element codec = child_of(&track, 0x86);
     assert_memory_equal(codec.data, "V_VP9", 5);
@@ -196,7 +197,7 @@ static void the_headers_are_complete(void **state) {
     for (; find_child(&places, 0x4DBB, n, &seek);
          n++) { /* each entry points to the element that it names */
         const uint8_t *to = segment.data + value_of(&seek, 0x53AC);
-        assert_true(to < segment.end);
+        assert_compare(segment.end - to, >, 0);
         assert_int_equal(element_at(to, segment.end).id, value_of(&seek, 0x53AB));
     }
     assert_int_equal(n, 3); /* Info, Tracks, Cues */
@@ -214,7 +215,7 @@ static void cues_point_to_key_frames(void **state) {
     for (; find_child(&cues, 0xBB, n, &cue); n++) {
         struct element place = child_of(&cue, 0xB7);
         const uint8_t *to = segment.data + value_of(&place, 0xF1);
-        assert_true(to < segment.end);
+        assert_compare(segment.end - to, >, 0);
         struct element cluster = element_at(to, segment.end);
         assert_int_equal(cluster.id, 0x1F43B675);
         assert_int_equal(value_of(&cluster, 0xE7), value_of(&cue, 0xB3));
@@ -256,7 +257,7 @@ static void every_frame_has_its_time(void **state) {
             assert_int_equal((int64_t)value_of(&cluster, 0xE7) + ms, i * 1000 / FPS);
             assert_int_equal((block.data[3] & 0x80) != 0, i % KEY_EVERY == 0);
             double y = luma(&decoder, block.data + 4, (size_t)(block.end - block.data - 4));
-            assert_true(fabs(y - (16 + grey(i) * 219 / 255.0)) < 3);
+            assert_compare(fabs(y - (16 + grey(i) * 219 / 255.0)), <, 3);
         }
     assert_int_equal(i, FRAMES);
     vpx_codec_destroy(&decoder);

@@ -152,10 +152,10 @@ static void out_of_memory_is_an_error(void **state) {
         struct srv_store_options o = store_options(*state);
         char text[32];
         snprintf(text, sizeof text, "%ld", n);
-        memory_run_out(n, MEMORY_STAYS_OUT);
+        memory_fail_after(n, MEMORY_STAYS_OUT);
         struct srv_store *store = srv_store_create(&o, &err);
         if (!store) {
-            memory_come_back();
+            memory_restore();
             assert_int_not_equal(err.code, SP_OK);
             assert_string_not_equal(err.text, "");
             failed_to_open++;
@@ -164,7 +164,7 @@ static void out_of_memory_is_an_error(void **state) {
         assert_true(srv_store_start(store, NULL, NULL, &err));
         bool has_put = store_put(store, SRV_KIND_SESSION, "s", text);
         bool durable = has_put && store_flush(store);
-        whole = !memory_come_back();
+        whole = !memory_restore();
         if (whole)
             assert_true(durable);
         failed_to_write += !durable;

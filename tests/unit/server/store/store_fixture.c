@@ -20,7 +20,7 @@
 struct bad_disk *store_disk;
 
 int store_main_set_up(void) {
-    memory_play_sqlite();
+    memory_fake_sqlite();
     store_disk = bad_disk_register();
     return store_disk != NULL ? 0 : -1;
 }
