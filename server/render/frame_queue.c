@@ -30,7 +30,7 @@ struct srv_inflight *srv_frame_queue_begin(struct srv_frame_queue *queue,
     f->is_outdated = f->yields = false;
     f->begun_ms = now_ms;
     f->cancellable_from_ms = must_finish ? INFINITY : job->cancellable_from_ms;
-    f->kept_ms = job->cancellable_from_ms - now_ms;
+    f->uncancellable_ms = job->cancellable_from_ms - now_ms;
     f->spent_ms = f->pause_began_ms = f->stopped_ms = 0;
     atomic_store(&f->pause.requested, false);
     atomic_store(&f->pause.paused_ms, 0);
@@ -50,7 +50,7 @@ void srv_frame_queue_pop(struct srv_frame_queue *queue, double now_ms) {
         return;
     f->begun_ms = now_ms;
     if (f->cancellable_from_ms > 0)
-        f->cancellable_from_ms = fmax(f->cancellable_from_ms, now_ms + f->kept_ms);
+        f->cancellable_from_ms = fmax(f->cancellable_from_ms, now_ms + f->uncancellable_ms);
 }
 
 void srv_frame_queue_undo(struct srv_frame_queue *queue) {

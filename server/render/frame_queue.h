@@ -5,11 +5,11 @@
  * the one before.
  *
  *   begin ──► behind others ──► the oldest ──► pop
- *                  │                │
- *                  │                └ cancelled when a newer view waits and the frame has used up
- * its │                  time. That time starts when the frame becomes the oldest, so │ that it
- * does not pay for the frames before it. └ cancelled at any time: a refinement of an older view, a
- * frame that no client wants, and a frame that yields to motion
+ *
+ * At any time, these frames are cancelled: a refinement of an older view, a frame that no client
+ * wants, and a frame that yields to motion. The oldest frame is also cancelled when a newer view
+ * waits and its time is used up. That time starts when the frame becomes the oldest, so that it
+ * does not pay for the frames before it.
  *
  * Of two consecutive moving frames of a session one is always finished: when one is cancelled,
  * those behind it are not.
@@ -36,7 +36,7 @@ struct srv_inflight {
     bool yields;     /* something moves, to which the frame yields when its time is used up */
     double begun_ms; /* when it was begun, or when it became the oldest */
     double cancellable_from_ms; /* as in the job */
-    double kept_ms;             /* from the beginning to cancellable_from_ms */
+    double uncancellable_ms;    /* from the beginning to cancellable_from_ms */
     double spent_ms;            /* time in the renderer; for the worker's thread */
     struct sp_pause pause;      /* wait() and its user are the worker's */
     double pause_began_ms;      /* when it was asked to pause; 0 = it runs */

@@ -4,7 +4,7 @@
 #include <math.h>
 #include <string.h>
 
-#define FORGET 0.8    /* weight of the past with each new frame */
+#define DECAY 0.8     /* weight of the past with each new frame */
 #define SLOW 2.0      /* times the expected time: the load rose for a moment, or for good */
 #define FAST (2 / 3.) /* of the expected time: the load fell */
 #define RAISE 0.75    /* of the budget: detail comes back */
@@ -188,12 +188,12 @@ bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t 
            (best.mip_level == shown->mip_level && detail->size[0] > shown->size[0]);
 }
 
-static void forget(struct srv_quality_fit *fit, double keep) {
-    fit->weight *= keep;
-    fit->x *= keep;
-    fit->y *= keep;
-    fit->xx *= keep;
-    fit->xy *= keep;
+static void decay(struct srv_quality_fit *fit, double factor) {
+    fit->weight *= factor;
+    fit->x *= factor;
+    fit->y *= factor;
+    fit->xx *= factor;
+    fit->xy *= factor;
 }
 
 /* True if the last frame had this size: then a difference in time is load, not an error of the
@@ -204,7 +204,7 @@ static bool is_same_size(const struct srv_quality_fit *fit, double mpx) {
 
 /* Returns the weight of the past after a frame that took *ms; expected_ms 0 = nothing to compare
  * with. Limits the effect of a single slow frame. */
-static double keep_of(struct srv_quality_fit *fit, double expected_ms, double *ms) {
+static double decay_of(struct srv_quality_fit *fit, double expected_ms, double *ms) {
     double load = fabs(fit->load_log);
     bool slow = expected_ms > 0 && *ms > SLOW * expected_ms;
     bool believed = slow ? fit->was_slow : *ms < FAST * expected_ms;
@@ -214,11 +214,11 @@ static double keep_of(struct srv_quality_fit *fit, double expected_ms, double *m
         return 0;
     if (slow)
         *ms = SLOW * expected_ms;
-    return FORGET;
+    return DECAY;
 }
 
 static void add(struct srv_quality_fit *fit, double mpx, double expected_ms, double ms) {
-    forget(fit, keep_of(fit, expected_ms, &ms));
+    decay(fit, decay_of(fit, expected_ms, &ms));
     fit->last_mpx = mpx;
     fit->weight += 1;
     fit->x += mpx;

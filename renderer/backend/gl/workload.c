@@ -64,7 +64,7 @@ bool gl_workload_halve(struct gl_workload *workload) {
     if (workload->halvings == HALVINGS_MOST)
         return false;
     workload->halvings++;
-    workload->calm = 0;
+    workload->short_bands = 0;
     uint64_t pairs = gl_workload_limits(workload).pairs;
     workload->pairs = workload->pairs < pairs ? workload->pairs : pairs;
     return true;
@@ -73,15 +73,16 @@ bool gl_workload_halve(struct gl_workload *workload) {
 void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was,
                        double longest_ms) {
     if (longest_ms > workload->limits.dispatch_ms) {
-        workload->calm = 0;
+        workload->short_bands = 0;
         if (was->halvings == workload->halvings) /* otherwise the sizes have changed since then */
             gl_workload_halve(workload);
         return;
     }
-    workload->calm = longest_ms < workload->limits.dispatch_ms / SHORT ? workload->calm + 1 : 0;
-    if (workload->calm < GL_CALM)
+    workload->short_bands =
+        longest_ms < workload->limits.dispatch_ms / SHORT ? workload->short_bands + 1 : 0;
+    if (workload->short_bands < GL_SHORT_BANDS)
         return;
-    workload->calm = 0;
+    workload->short_bands = 0;
     workload->halvings -= workload->halvings > 0;
 }
 
@@ -92,7 +93,7 @@ void gl_workload_init(struct gl_workload *workload) {
     workload->layers = LAYERS_MOST;
     workload->rows = limits->tiles;
     workload->turns = 1;
-    workload->halvings = workload->calm = 0;
+    workload->halvings = workload->short_bands = 0;
 }
 
 static bool has_turns(const struct gl_pieces *was, const struct gl_bins_head *head) {

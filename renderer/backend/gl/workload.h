@@ -28,7 +28,7 @@ enum {
     GL_PAIRS_MIN = 1 << 20, /* capacity at the start */
     GL_SPAN_BYTES = 8,      /* per record */
     GL_PIXEL_BYTES = 48,    /* per pixel while the image is composited */
-    GL_CALM = 256           /* bands in a row without a long dispatch, before sizes grow */
+    GL_SHORT_BANDS = 256    /* bands in a row without a long dispatch, before sizes grow */
 };
 
 /* The limits on memory and on the duration of a dispatch. */
@@ -51,7 +51,7 @@ struct gl_workload {
     uint32_t rows;            /* of tiles of a band, at most */
     uint32_t turns;           /* of the compositor, a batch */
     unsigned halvings;        /* of the limits of records, bins, tiles, pairs and loops */
-    unsigned calm;            /* short bands in a row */
+    unsigned short_bands;     /* short bands in a row */
 };
 
 /* The costs of a frame. */
@@ -84,7 +84,7 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload, const stru
 bool gl_workload_halve(struct gl_workload *workload);
 
 /* Adapts to the longest dispatch of a band: halves the limits if it was too long, and undoes one
- * halving after GL_CALM bands in a row that were far below the limit. */
+ * halving after GL_SHORT_BANDS bands in a row that were far below the limit. */
 void gl_workload_adapt(struct gl_workload *workload, const struct gl_pieces *was,
                        double longest_ms);
 
