@@ -77,7 +77,7 @@ static void report(struct parse *parse, const json_error_t *error, struct sp_err
     struct proto_pointer pointer;
     unsigned line, column;
     if (parse->is_short) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %zu bytes of JSON", parse->size);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %zu bytes of JSON", parse->size);
         return;
     }
     size_t end = error->position > 0 ? (size_t)error->position : 0;

@@ -85,7 +85,7 @@ static bool read_options(struct sp_renderer *r, const struct sp_renderer_options
         .refused_user = o->user,
     };
     if (!r->wanted.isa)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a renderer");
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a renderer");
     return parse_gpu(o->gpu, &r->wanted.gpu, err);
 }
 
@@ -106,7 +106,7 @@ struct sp_renderer *sp_renderer_create(const struct sp_renderer_options *options
     const char *name = o->backend ? o->backend : "auto";
     struct sp_renderer *r = calloc(1, sizeof *r);
     if (!r) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for a renderer");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a renderer");
         return NULL;
     }
     atomic_init(&r->backend, NULL);
@@ -201,7 +201,7 @@ static bool check_choice(const char *backend, const char *pointer, unsigned valu
             used += (size_t)snprintf(supported + used, sizeof supported - used, "%s%s",
                                      used ? ", " : "", names[i]);
     return sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
-                   "the %s backend cannot do \"%s\"; it supports %s", backend, names[value],
+                   "the %s backend does not support \"%s\"; it supports %s", backend, names[value],
                    supported);
 }
 

@@ -106,8 +106,8 @@ static void split_histogram(const uint64_t *histogram, int cuts[CLASSES - 1]) {
 static void init_transfer_function(struct sp_transfer_function *tf,
                                    const struct sp_volume_info *info, double smallest) {
     static const struct {
-        int cut;     /* lies between this cut … */
-        float share; /* … and the next, the last of which is the maximum */
+        int cut;     /* lies between this cut and the next; the last cut is the maximum */
+        float share; /* of the way from this cut to the next */
         float color[3], opacity;
     } ramp[] = {
         { 0, 0.0f, { 0.62f, 0.26f, 0.18f }, 0.0f },  { 0, 0.35f, { 0.84f, 0.48f, 0.34f }, 0.03f },
@@ -197,7 +197,7 @@ static bool check_positive(double x, const char *pointer, struct sp_error *err) 
 
 static bool check_choice(unsigned value, unsigned last, const char *pointer, struct sp_error *err) {
     return value <= last ||
-           sp_fail(err, SP_ERR_INVALID, pointer, "%u is not one of the choices", value);
+           sp_fail(err, SP_ERR_INVALID, pointer, "%u is outside [0, %u]", value, last);
 }
 
 /* A vector without direction; any finite length is fine, whatever its square does. */

@@ -218,9 +218,9 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
-        .hibernation_ms = (double)c->sleep_time_ms,
+        .hibernation_ms = (double)c->hibernation_time_ms,
         .past_run_ms = d->ran_ms,
-        .hibernated_max = (unsigned)c->sleeping_sessions,
+        .hibernated_max = (unsigned)c->hibernated_sessions,
         .control_ms = (double)c->control_time_ms,
         .rest_ms = (double)c->rest_time_ms,
         .stream_bytes = (size_t)c->stream_bytes,
@@ -407,7 +407,7 @@ void srv_daemon_reload(struct srv_daemon *d, const struct srv_config *fresh) {
                err.place[0] ? ": " : "", err.text);
 }
 
-double srv_daemon_alive_ms(const struct srv_daemon *d) {
+double srv_daemon_last_tick_ms(const struct srv_daemon *d) {
     return fmin(atomic_load(&d->alive_ms), srv_streams_alive_ms(d->streams));
 }
 

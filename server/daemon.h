@@ -18,15 +18,14 @@ struct srv_daemon;
 struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_log *log,
                                     struct sp_error *err);
 /* Writes the address, for example "http://127.0.0.1:8080/?token=…"; without the token if it came
- * from
- * --token-file. */
+ * from --token-file. */
 void srv_daemon_url(const struct srv_daemon *daemon, char *url, size_t size);
 /* Reloads what may change while the daemon runs (config/README.md). If something cannot be read,
  * the log says so and the old configuration stays. */
 void srv_daemon_reload(struct srv_daemon *daemon, const struct srv_config *fresh);
-/* Returns the time of the last tick, which takes the locks of all sessions in turn; ms of
- * srv_clock_ms(). Any thread. */
-double srv_daemon_alive_ms(const struct srv_daemon *daemon);
+/* Returns when the timer thread last ran, ms of srv_clock_ms(). It takes the lock of the sessions,
+ * so a deadlock stops it, and the watchdog notices. Any thread. */
+double srv_daemon_last_tick_ms(const struct srv_daemon *daemon);
 /* Notifies clients, finishes requests within --drain-time, stops all threads and frees everything.
  */
 void srv_daemon_stop(struct srv_daemon **daemon);

@@ -74,7 +74,7 @@ static int serve(struct srv_daemon *daemon, const struct srv_config *config,
             reload(daemon, config, argc, argv);
         else if (number > 0)
             return number;
-        double silent_ms = srv_clock_ms() - srv_daemon_alive_ms(daemon);
+        double silent_ms = srv_clock_ms() - srv_daemon_last_tick_ms(daemon);
         if (watchdog_ms > 0 && silent_ms < watchdog_ms / 2)
             srv_service_alive();
         else if (watchdog_ms > 0)

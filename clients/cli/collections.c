@@ -59,12 +59,13 @@ static proto_json *read_pages(struct http *http, const char *name, struct sp_err
 static void print_session(const proto_json *session) {
     int64_t participants = 0;
     double idle_s = 0;
-    bool is_asleep = false;
+    bool is_hibernated = false;
     proto_json_integer(proto_json_get(session, "participants"), &participants);
     proto_json_number(proto_json_get(session, "idle"), &idle_s);
-    proto_json_bool(proto_json_get(session, "asleep"), &is_asleep);
+    proto_json_bool(proto_json_get(session, "hibernated"), &is_hibernated);
     printf("%-18s %-24s %-7s %6" PRId64 " %9.0f\n", text_of(session, "id"),
-           text_of(session, "volume"), is_asleep ? "asleep" : "awake", participants, idle_s);
+           text_of(session, "volume"), is_hibernated ? "hibernated" : "active", participants,
+           idle_s);
 }
 
 static void print_view(const proto_json *view) {

@@ -275,7 +275,8 @@ static bool perform(struct http *http, const char *method, const char *path, con
     if (code == CURLE_ABORTED_BY_CALLBACK)
         return sp_fail(err, SP_ERR_CANCELLED, http->base, "interrupted");
     if (code == CURLE_WRITE_ERROR)
-        return sp_fail(err, SP_ERR_MEMORY, http->base, "no memory for the answer, or over 2 GiB");
+        return sp_fail(err, SP_ERR_MEMORY, http->base,
+                       "out of memory for the answer, or over 2 GiB");
     if (code != CURLE_OK)
         return sp_fail(err, SP_ERR_IO, http->base, "%s", why[0] ? why : curl_easy_strerror(code));
     return response->status < 400 || refuse_status(response, method, path, err);

@@ -31,7 +31,7 @@ void sp_log_set_level(enum sp_log_level level) {
     atomic_store_explicit(&log_state.level, (int)level, memory_order_relaxed);
 }
 
-static bool is_kept(enum sp_log_level level) {
+static bool is_enabled(enum sp_log_level level) {
     return (int)level <= atomic_load_explicit(&log_state.level, memory_order_relaxed);
 }
 
@@ -47,7 +47,7 @@ static void write_line(enum sp_log_level level, const struct sp_log_field *field
 }
 
 void sp_log_args(enum sp_log_level level, const char *format, va_list args) {
-    if (is_kept(level))
+    if (is_enabled(level))
         write_line(level, &(struct sp_log_field){ NULL, NULL }, format, args);
 }
 
@@ -61,7 +61,7 @@ void sp_log(enum sp_log_level level, const char *format, ...) {
 void sp_log_with(enum sp_log_level level, const struct sp_log_field *fields, const char *format,
                  ...) {
     va_list args;
-    if (!is_kept(level))
+    if (!is_enabled(level))
         return;
     va_start(args, format);
     write_line(level, fields, format, args);

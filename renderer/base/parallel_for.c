@@ -102,7 +102,7 @@ struct sp_pool *sp_pool_create(unsigned threads, struct sp_error *err) {
     assert(threads >= 1 && threads <= 256);
     struct sp_pool *pool = calloc(1, sizeof *pool + threads * sizeof pool->workers[0]);
     if (!pool) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u render threads", threads);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u render threads", threads);
         return NULL;
     }
     pthread_mutex_init(&pool->lock, NULL);

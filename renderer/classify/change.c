@@ -48,7 +48,7 @@ bool sp_change_init(struct sp_change *change, const struct sp_transfer *from, co
     }
     change->before = malloc((from->count + (size_t)1) * sizeof *change->before);
     if (!change->before)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", from->count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u values", from->count);
     uint32_t sum = 0;
     for (uint32_t i = 0; i < from->count; i++) {
         change->before[i] = sum;

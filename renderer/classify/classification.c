@@ -48,7 +48,8 @@ static bool need_histogram(struct sp_classification *c, const struct sp_classify
     }
     c->histogram = calloc(transfer->count, sizeof *c->histogram);
     if (!c->histogram)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory to count %u values", transfer->count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while counting %u values",
+                       transfer->count);
     if (job->counter->histogram(job->counter->user, c, c->histogram, err))
         return true;
     free(c->histogram);
@@ -135,7 +136,7 @@ static bool widen(struct sp_classification *c, uint8_t *listed, struct sp_error 
     if (!distance || !added) {
         free(distance);
         free(added);
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", t->count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u values", t->count);
     }
     for (uint32_t k = 0; k < t->count; k++) {
         near = listed[k] ? 0 : near < t->count ? near + 1 : near;
@@ -166,7 +167,7 @@ static bool choose_listed(struct sp_classification *c, const struct sp_classify_
         return true;
     all->listed = malloc(t->count);
     if (!all->listed)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u values", t->count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u values", t->count);
     memcpy(all->listed, t->is_visible, t->count);
     return !job->widens || (need_histogram(c, job, err) && widen(c, all->listed, err));
 }

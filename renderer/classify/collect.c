@@ -335,7 +335,7 @@ static bool find_cells(struct sp_level *level, const struct sp_volume *volume,
     uint32_t bricks = sp_visible_bricks(&level->visible);
     level->cells = malloc(bricks * sizeof *level->cells);
     if (!level->cells)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the cells of %u bricks", bricks);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the cells of %u bricks", bricks);
     return sp_reach_fill(level, volume, job, level->cells, err);
 }
 
@@ -349,7 +349,7 @@ static bool find_ranges(struct sp_level *level, const struct sp_level *from, boo
         return true;
     level->ranges = malloc(bricks * sizeof *level->ranges);
     if (!level->ranges)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the ranges of %u bricks", bricks);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the ranges of %u bricks", bricks);
     *measures = !from;
     if (from)
         memcpy(level->ranges, from->ranges, bricks * sizeof *level->ranges);
@@ -435,7 +435,7 @@ bool sp_collect_normals(struct sp_level *level, const struct sp_volume *volume,
     struct normals n = { .list = list, .job = job };
     list->normal = malloc(list->count ? list->count * list->normal_bytes : 1);
     if (!list->normal)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu gradients",
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %llu gradients",
                        (unsigned long long)list->count);
     sp_gradient_grid_init(&n.grid, volume);
     sp_parallel_for(job->pool, sp_visible_bricks(list), BRICKS_GRAIN, pack_normals, &n);
@@ -483,7 +483,7 @@ uint64_t *sp_collect_histogram(const struct sp_transfer *transfer, const struct 
                            .voxels = sp_volume_voxels(volume),
                            .counts = calloc((size_t)transfer->count * parts, sizeof *h.counts) };
     if (!h.counts) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory to count %u values", transfer->count);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory while counting %u values", transfer->count);
         return NULL;
     }
     sp_parallel_for(pool, (size_t)dims[0] * dims[1] * dims[2], HISTOGRAM_GRAIN, count_samples, &h);

@@ -11,8 +11,8 @@
  *
  * wᵀSw is a_i² on each axis, because the squared cosines between axes are 1/5. So the root is exact
  * there. It is exact in all directions for a single normal (S = n nᵀ) and for evenly spread normals
- * (S = ¼). Means of means are means: each level is made from the next finer one, independent of
- * light and eye.
+ * (S = ¼). The mean of eight means is the mean of all parts: each level is made from the
+ * next finer one, independent of light and eye.
  *
  * A part without a gradient has no normal; the last field is the share of the cell that has one.
  *

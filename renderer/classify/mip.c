@@ -29,7 +29,7 @@ static bool place_samples(struct sp_level *coarse, const struct sp_grid *fine, u
     uint32_t n = coarse->grid.dims[axis];
     double *c = malloc(n * sizeof *c), first = middle(fine, axis, 0);
     if (!c)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u coordinates", n);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u coordinates", n);
     for (uint32_t i = 0; i < n; i++)
         c[i] = middle(fine, axis, i) - first;
     coarse->grid.coordinates[axis] = coarse->coordinates[axis] = c;
@@ -287,7 +287,7 @@ static bool allocate_entries(struct merge *m, struct sp_error *err) {
     }
     transfer->table = malloc((list->count ? list->count : 1) * sizeof *transfer->table);
     if (!transfer->table)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %llu classes of a coarse level",
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %llu classes of a coarse level",
                        (unsigned long long)list->count);
     transfer->count = (uint32_t)list->count;
     return true;
@@ -314,8 +314,9 @@ bool sp_mip_make(struct sp_level *coarse, const struct sp_level *fine,
         return false;
     struct merge m = { .fine = fine, .coarse = coarse, .is_post = is_post, .job = job };
     m.cells = calloc(sp_pool_threads(job->pool), sizeof *m.cells);
-    bool ok = m.cells ? merge_level(&m, err)
-                      : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a brick of a coarse level");
+    bool ok = m.cells
+                  ? merge_level(&m, err)
+                  : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a brick of a coarse level");
     free(m.cells);
     return ok;
 }

@@ -85,7 +85,7 @@ static void mark_bricks(void *user, size_t begin, size_t end, unsigned worker) {
             size_t x = corner[0] / SP_CELL + (i & 3), y = corner[1] / SP_CELL + (i >> 2 & 3),
                    z = corner[2] / SP_CELL + (i >> 4);
             struct sp_range r = w->from[(z * w->dims[1] + y) * w->dims[0] + x];
-            if (sp_visible_ranges_meet(&w->ranges, (double)r.low, (double)r.high))
+            if (sp_visible_ranges_overlap(&w->ranges, (double)r.low, (double)r.high))
                 bits |= UINT64_C(1) << i;
         }
         w->cells[b] = bits;
@@ -177,7 +177,7 @@ bool sp_reach_fill(const struct sp_level *level, const struct sp_volume *volume,
         run_passes(&w);
         ok = !sp_classify_cancelled(job, err);
     } else {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the ranges of %zu cells", count);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the ranges of %zu cells", count);
     }
     free(ranges);
     free(ends);

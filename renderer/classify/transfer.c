@@ -162,7 +162,7 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
         (struct sp_transfer){ .tf = *tf, .type = info->type, .base = find_base(tf, info->range) };
     if (!make_scale(transfer, info))
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function/gradient",
-                       "no memory for its table");
+                       "out of memory for its table");
     if (!has_table(info->type))
         return true;
     transfer->first = (int32_t)info->range[0];
@@ -171,7 +171,7 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
     transfer->is_visible = malloc(transfer->count);
     if (!transfer->table || !transfer->is_visible) {
         sp_transfer_finish(transfer);
-        return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "no memory for its table");
+        return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "out of memory for its table");
     }
     fill_table(transfer, like);
     return true;

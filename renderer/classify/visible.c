@@ -19,7 +19,7 @@ bool sp_visible_init(struct sp_visible *visible, const uint32_t dims[3], uint32_
     if (visible->first && visible->start && visible->axis)
         return true;
     sp_visible_finish(visible);
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u bricks", bricks);
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u bricks", bricks);
 }
 
 void sp_visible_sum(struct sp_visible *visible) {
@@ -36,7 +36,7 @@ bool sp_visible_allocate(struct sp_visible *visible, bool normals, struct sp_err
         visible->normal = allocate(visible->count, visible->normal_bytes);
     if (visible->place && visible->key && (!normals || visible->normal))
         return true;
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a list of %llu visible voxels",
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a list of %llu visible voxels",
                    (unsigned long long)visible->count);
 }
 

@@ -42,7 +42,7 @@ void sp_visible_ranges_init_keys(struct sp_visible_ranges *ranges,
     find_intervals(ranges, tf, at);
 }
 
-bool sp_visible_ranges_meet(const struct sp_visible_ranges *ranges, double low, double high) {
+bool sp_visible_ranges_overlap(const struct sp_visible_ranges *ranges, double low, double high) {
     for (uint32_t i = 0; low <= high && i < ranges->count; i++) {
         const struct sp_visible_interval *in = &ranges->interval[i];
         if ((high > in->low || (in->has_low && high == in->low)) &&

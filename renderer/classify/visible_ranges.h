@@ -20,11 +20,12 @@ struct sp_visible_ranges {
 void sp_visible_ranges_init(struct sp_visible_ranges *ranges,
                             const struct sp_transfer_function *tf);
 
-/* Fills the ranges in values as pixels have them (order post): floats, relative to `base`. */
+/* Fills the ranges in the floats that post-classification computes per pixel, relative to `base`.
+ */
 void sp_visible_ranges_init_keys(struct sp_visible_ranges *ranges,
                                  const struct sp_transfer_function *tf, double base);
 
 /* True if any value in [low, high] is visible; false if low > high. */
-bool sp_visible_ranges_meet(const struct sp_visible_ranges *ranges, double low, double high);
+bool sp_visible_ranges_overlap(const struct sp_visible_ranges *ranges, double low, double high);
 
 #endif

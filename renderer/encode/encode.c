@@ -42,7 +42,7 @@ bool sp_buffer_reserve(struct sp_buffer *buffer, size_t capacity, struct sp_erro
     free(buffer->bytes);
     *buffer = (struct sp_buffer){ .bytes = malloc(capacity) };
     if (!buffer->bytes)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for an image of %zu bytes", capacity);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for an image of %zu bytes", capacity);
     buffer->capacity = capacity;
     return true;
 }
@@ -65,7 +65,7 @@ bool sp_buffer_append(struct sp_buffer *buffer, const void *bytes, size_t size) 
 struct sp_encoder *sp_encoder_create(struct sp_error *err) {
     struct sp_encoder *encoder = calloc(1, sizeof *encoder);
     if (!encoder)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for an image encoder");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for an image encoder");
     return encoder;
 }
 

@@ -20,7 +20,7 @@ static bool load_bridge(struct sp_encoder *encoder, struct sp_error *err) {
     return true;
 }
 
-static int keep(void *user, const void *bytes, size_t size) {
+static int append_bytes(void *user, const void *bytes, size_t size) {
     struct sp_buffer *output = user;
     return sp_buffer_reserve(output, size, NULL) && sp_buffer_append(output, bytes, size);
 }
@@ -34,12 +34,12 @@ bool sp_encode_exr(struct sp_encoder *encoder, const struct sp_raster *raster,
                                         .height = raster->height,
                                         .stride = raster->stride };
     char why[256] = "";
-    switch (encoder->exr(&image, keep, &encoder->output, why, sizeof why)) {
+    switch (encoder->exr(&image, append_bytes, &encoder->output, why, sizeof why)) {
     case SP_EXR_DONE:
         return true;
     case SP_EXR_MEMORY:
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory to encode %u × %u as exr", raster->width,
-                       raster->height);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while encoding %u × %u as exr",
+                       raster->width, raster->height);
     case SP_EXR_FAILED:
         break;
     }

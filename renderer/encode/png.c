@@ -99,8 +99,8 @@ bool sp_encode_png(struct sp_encoder *encoder, const struct sp_raster *raster,
     bool ok = info && write_png(png, info, raster);
     png_destroy_write_struct(&png, &info);
     if (job.is_short) /* an error even if the library continued without the memory */
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory to encode %u × %u as png", raster->width,
-                       raster->height);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while encoding %u × %u as png",
+                       raster->width, raster->height);
     return ok || sp_fail(err, SP_ERR_BACKEND, "", "cannot encode %u × %u as png: %s", raster->width,
                          raster->height, job.why);
 }

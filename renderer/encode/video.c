@@ -67,7 +67,7 @@ struct sp_video *sp_video_create(enum sp_video_codec codec, unsigned threads,
         return NULL;
     struct sp_video *video = calloc(1, sizeof *video);
     if (!video) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for a video encoder");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a video encoder");
         return NULL;
     }
     video->coder = coder;
@@ -175,7 +175,7 @@ bool sp_video_encode(struct sp_video *video, const struct sp_frame *frame, int q
     if (!video->state)
         video->state = video->coder->create(image.width, image.height, video->threads);
     if (!video->state)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for video of %u × %u", image.width,
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for video of %u × %u", image.width,
                        image.height);
     const char *failed = video->coder->encode(video->state, &image, quality, is_key, &coded);
     if (!failed && coded.size == 0)

@@ -42,8 +42,8 @@ bool sp_encode_webp(struct sp_encoder *encoder, const struct sp_raster *raster, 
     WebPPictureFree(&image);
     if (sink.is_short || why == VP8_ENC_ERROR_OUT_OF_MEMORY ||
         why == VP8_ENC_ERROR_BITSTREAM_OUT_OF_MEMORY)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory to encode %u × %u as webp", raster->width,
-                       raster->height);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory while encoding %u × %u as webp",
+                       raster->width, raster->height);
     return ok ||
            sp_fail(err, SP_ERR_BACKEND, "", "cannot encode %u × %u as webp: error %d of libwebp",
                    raster->width, raster->height, (int)why);

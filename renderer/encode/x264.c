@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * H.264 by libx264, without latency. A module of its own, loaded if it is there: libx264 is under
- * the GNU General Public License, and so is what is linked with it.
+ * H.264 by libx264, without latency. A separate module, loaded if it is installed, because
+ * linking libx264 puts a program under the GNU General Public License.
  */
 #include <stdint.h>
 #include <stdlib.h>

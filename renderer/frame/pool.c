@@ -35,7 +35,7 @@ static size_t round_up(size_t n) {
 struct sp_frame_pool *sp_frame_pool_create(size_t cap_bytes, struct sp_error *err) {
     struct sp_frame_pool *pool = calloc(1, sizeof *pool);
     if (!pool) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for a frame pool");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a frame pool");
         return NULL;
     }
     pthread_mutex_init(&pool->lock, NULL);
@@ -126,8 +126,8 @@ struct sp_frame *sp_frame_create(struct sp_frame_pool *pool, uint32_t width, uin
             pthread_mutex_lock(&pool->lock);
             pool->live--;
             pthread_mutex_unlock(&pool->lock);
-            sp_fail(err, SP_ERR_MEMORY, "/size", "no memory for a frame of %u × %u px (%zu bytes)",
-                    width, height, bytes);
+            sp_fail(err, SP_ERR_MEMORY, "/size",
+                    "out of memory for a frame of %u × %u px (%zu bytes)", width, height, bytes);
             return NULL;
         }
         b->capacity = bytes;

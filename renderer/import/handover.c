@@ -55,7 +55,7 @@ static bool check_header(struct sp_handover_header *header, const char *place,
                          struct sp_error *err) {
     if (header->type >= SP_TYPE_COUNT)
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the reader sent the unknown sample type %" PRIu32, header->type);
+                       "the import process sent the unknown sample type %" PRIu32, header->type);
     struct sp_grid grid = { .coordinates = { NULL } };
     memcpy(grid.dims, header->dims, sizeof grid.dims);
     memcpy(grid.spacing, header->spacing, sizeof grid.spacing);
@@ -64,15 +64,19 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     uint64_t bytes;
     struct sp_error why;
     if (!sp_grid_check(&grid, (enum sp_type)header->type, place, &bytes, &why))
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a bad grid: %s", why.text);
+        return sp_fail(err, SP_ERR_CRASHED, place, "the import process sent a bad grid: %s",
+                       why.text);
     if (header->bytes != bytes)
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the reader sent a size of %" PRIu64 " bytes; its grid needs %" PRIu64,
+                       "the import process sent a size of %" PRIu64
+                       " bytes; its grid needs %" PRIu64,
                        header->bytes, bytes);
     if (header->rectilinear > 7 || header->zero)
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent axes of an unknown kind");
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent axes of an unknown kind");
     if (!clean_text(header->unit, sizeof header->unit))
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a unit that is not terminated");
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent a unit that is not terminated");
     return true;
 }
 
@@ -87,13 +91,13 @@ static bool check_error(struct sp_handover_error *error, const char *place, stru
     case SP_ERR_MEMORY:
         break;
     default:
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader failed with code %" PRIu32,
+        return sp_fail(err, SP_ERR_CRASHED, place, "the import process failed with code %" PRIu32,
                        error->code);
     }
     if (!clean_text(error->place, sizeof error->place) ||
         !clean_text(error->text, sizeof error->text))
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the reader sent an error message that is not terminated");
+                       "the import process sent an error message that is not terminated");
     return true;
 }
 
@@ -101,11 +105,12 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
                         const char *place, struct sp_error *err) {
     memset(message, 0, sizeof *message);
     if (size < offsetof(struct sp_handover, header) || size > sizeof *message)
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader sent a message of %zu bytes", size);
+        return sp_fail(err, SP_ERR_CRASHED, place, "the import process sent a message of %zu bytes",
+                       size);
     memcpy(message, bytes, size);
     if (message->magic != SP_HANDOVER_MAGIC)
-        return sp_fail(err, SP_ERR_CRASHED, place, "the reader's message starts with %08" PRIx32,
-                       message->magic);
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "a message of the import process starts with %08" PRIx32, message->magic);
     if (message->version != SP_HANDOVER_VERSION)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "splat-import uses version %u of the handover and this program version %u; "
@@ -113,7 +118,8 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
                        message->version, SP_HANDOVER_VERSION);
     if (sp_handover_size((enum sp_handover_kind)message->kind) != size)
         return sp_fail(err, SP_ERR_CRASHED, place,
-                       "the reader sent a message of kind %u with %zu bytes", message->kind, size);
+                       "the import process sent a message of kind %u with %zu bytes", message->kind,
+                       size);
     if (message->kind == SP_HANDOVER_HEADER)
         return check_header(&message->header, place, err);
     if (message->kind == SP_HANDOVER_ERROR)

@@ -43,7 +43,7 @@ static bool find_root(struct import *im, struct sp_error *err) {
     if (root) {
         if (realpath(root, im->root))
             return true;
-        return sp_fail(err, SP_ERR_IO, root, "cannot use this folder: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
     }
     /* The folder of the file itself, after links are resolved. */
     if (!realpath(im->path, im->root)) {
@@ -189,17 +189,20 @@ static int reap(struct import *im) {
 static bool fail_ended(struct import *im, struct sp_error *err) {
     int status = reap(im);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->path, "the reader took more than %d s of CPU time",
+        return sp_fail(err, SP_ERR_TIMEOUT, im->path,
+                       "the import process took more than %d s of CPU time",
                        im->timeout_ms / 1000 + 1);
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
-        return sp_fail(err, SP_ERR_CRASHED, im->path,
-                       "the reader was killed by signal %d (SIG%s): the file is damaged, or the "
-                       "reader has a bug",
-                       WTERMSIG(status), name ? name : "?");
+        return sp_fail(
+            err, SP_ERR_CRASHED, im->path,
+            "the import process was killed by signal %d (SIG%s): the file is damaged, or the "
+            "reader has a bug",
+            WTERMSIG(status), name ? name : "?");
     }
     return sp_fail(err, SP_ERR_CRASHED, im->path,
-                   "the reader exited with status %d and without a result", WEXITSTATUS(status));
+                   "the import process exited with status %d and without a result",
+                   WEXITSTATUS(status));
 }
 
 /* Cancellation comes before the timeout: callers rely on it. */
@@ -214,7 +217,7 @@ static bool check_in(const struct import *im, double *next_call_ms, struct sp_er
     }
     if (now >= im->deadline_ms)
         return sp_fail(err, SP_ERR_TIMEOUT, im->path,
-                       "the reader took longer than the timeout of %d ms", im->timeout_ms);
+                       "the import process took longer than the timeout of %d ms", im->timeout_ms);
     return true;
 }
 
@@ -247,7 +250,7 @@ static bool receive(struct import *im, struct sp_handover *message, bool *ended,
 
 static bool unexpected(const struct import *im, const struct sp_handover *message,
                        struct sp_error *err) {
-    return sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent message %u out of order",
+    return sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent message %u out of order",
                    message->kind);
 }
 
@@ -307,7 +310,7 @@ static bool await_samples(struct import *im, struct sp_error *err) {
             int status = reap(im);
             return status == 0 ||
                    sp_fail(err, SP_ERR_CRASHED, im->path,
-                           "the reader failed after its last message (status %d)", status);
+                           "the import process failed after its last message (status %d)", status);
         }
         if (done)
             return unexpected(im, &message, err);
@@ -350,7 +353,7 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
  * a process still maps the memory for writing. */
 static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
     if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
-        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader still holds the samples: %s",
+        sp_fail(err, SP_ERR_CRASHED, im->path, "the import process still maps the samples: %s",
                 strerror(errno));
         return NULL;
     }
@@ -371,7 +374,7 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
             info.grid.coordinates[axis] = (double *)((char *)voxels + offset[axis]);
     if (!sp_grid_check(&info.grid, info.type, im->path, &samples, &why)) {
         munmap(voxels, bytes);
-        sp_fail(err, SP_ERR_CRASHED, im->path, "the reader sent a bad grid: %s", why.text);
+        sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent a bad grid: %s", why.text);
         return NULL;
     }
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release_mapping, err);
@@ -395,7 +398,7 @@ struct sp_volume *sp_import(const char *path, const struct sp_load_options *opti
     uint64_t size;
     struct import *im = calloc(1, sizeof *im);
     if (!im) {
-        sp_fail(err, SP_ERR_MEMORY, path, "no memory to start an import");
+        sp_fail(err, SP_ERR_MEMORY, path, "out of memory while starting an import");
         return NULL;
     }
     im->path = path;

@@ -81,7 +81,7 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
     }
     bool ok = libraries ? import_sandbox_enter(cpu_seconds, SP_IMPORT_FILE + 1, readable,
                                                job->file.shown, err)
-                        : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "no memory");
+                        : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "out of memory");
     free(libraries);
     return ok;
 }

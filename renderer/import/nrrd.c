@@ -143,7 +143,7 @@ static bool add_name(const struct parsing *p, const char *name, size_t length) {
     if (p->samples->count >= PIECES_MAX)
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "names more than %d files", PIECES_MAX);
     if (!import_samples_add(p->samples, name, length))
-        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "no memory for file names");
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for file names");
     return true;
 }
 
@@ -325,8 +325,8 @@ static void *open_nrrd(const struct import_file *file, struct import_header *hea
         return NULL;
     struct import_samples *samples = calloc(1, sizeof *samples);
     const struct parsing p = { file, &text, header, samples, err };
-    bool ok =
-        samples ? build(&p) : sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
+    bool ok = samples ? build(&p)
+                      : sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
     nrrd_header_finish(&text);
     if (!ok && samples) {
         close_nrrd(samples);

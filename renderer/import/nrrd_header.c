@@ -64,7 +64,7 @@ static bool load_text(const struct import_file *file, struct nrrd_header *h, str
     size_t most = file->size < NRRD_TEXT_MAX ? (size_t)file->size : NRRD_TEXT_MAX;
     h->text = malloc(most + 1);
     if (!h->text)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
     while (h->size < most) {
         ssize_t r = pread(file->fd, h->text + h->size, most - h->size, (off_t)h->size);
         if (r < 0 && errno == EINTR)

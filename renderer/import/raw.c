@@ -61,7 +61,8 @@ static bool read_dims(const struct sidecar *s) {
         const json_t *n = json_array_get(dims, i);
         json_int_t value = json_integer_value(n);
         if (!json_is_integer(n) || value < 1 || value > SP_DIM_MAX)
-            return refuse(s, "dims", "number %zu must be a whole number in [1, %u]", i, SP_DIM_MAX);
+            return refuse(s, "dims", "element %zu must be a whole number in [1, %u]", i,
+                          SP_DIM_MAX);
         s->header->grid.dims[i] = (uint32_t)value;
     }
     return true;
@@ -75,7 +76,7 @@ static bool read_numbers(const struct sidecar *s, const json_t *array, const cha
         const json_t *n = json_array_get(array, i);
         out[i] = json_number_value(n);
         if (!json_is_number(n) || !isfinite(out[i]))
-            return refuse(s, pointer, "number %zu is not a number", i);
+            return refuse(s, pointer, "element %zu must be a number", i);
     }
     return true;
 }
@@ -112,11 +113,11 @@ static bool read_axis(const struct sidecar *s, size_t axis, const json_t *array)
         return refuse(s, pointer, "must be null or %" PRIu32 " numbers, one per sample", count);
     double *positions = s->coordinates[axis] = malloc(count * sizeof *positions);
     if (!positions)
-        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "no memory for coordinates");
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "out of memory for coordinates");
     for (size_t i = 0; i < count; i++) {
         const json_t *n = json_array_get(array, i);
         if (!json_is_number(n))
-            return refuse(s, pointer, "number %zu is not a number", i);
+            return refuse(s, pointer, "element %zu must be a number", i);
         positions[i] = json_number_value(n);
     }
     import_grid_place(&s->header->grid, (unsigned)axis, positions);
@@ -200,7 +201,7 @@ static bool read_file_name(const struct sidecar *s) {
     if (json_string_length(name) == 0)
         return refuse(s, "file", "must be the name of the file with the samples");
     if (!import_samples_add(s->samples, json_string_value(name), json_string_length(name)))
-        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "no memory");
+        return sp_fail(s->err, SP_ERR_MEMORY, s->file->shown, "out of memory");
     if (!offset)
         return true;
     json_int_t value = json_integer_value(offset);
@@ -253,7 +254,7 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
     char *text = malloc(file->size ? file->size : 1);
     json_t *root = NULL;
     if (!text) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
         return NULL;
     }
     ssize_t got = pread(file->fd, text, file->size, 0);
@@ -299,7 +300,7 @@ static void *open_raw(const struct import_file *file, struct import_header *head
             raw = NULL;
         }
     } else {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
     }
     json_decref(root);
     return raw;

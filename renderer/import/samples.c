@@ -114,7 +114,7 @@ static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct
 static bool start_gzip(struct stream *s, struct sp_error *err) {
     /* 16 selects the gzip wrapper; zlib checks its length and checksum. */
     if (inflateInit2(&s->z, 15 + 16) != Z_OK)
-        return sp_fail(err, SP_ERR_MEMORY, s->shown, "no memory to unpack gzip");
+        return sp_fail(err, SP_ERR_MEMORY, s->shown, "out of memory while unpacking gzip");
     s->gzip = true;
     return true;
 }
@@ -156,7 +156,7 @@ static bool read_gzip(struct stream *s, void *out, size_t n, size_t *got, struct
             if (!next_member(s, err))
                 return false;
         } else if (status == Z_MEM_ERROR) {
-            return sp_fail(err, SP_ERR_MEMORY, s->shown, "no memory to unpack gzip");
+            return sp_fail(err, SP_ERR_MEMORY, s->shown, "out of memory while unpacking gzip");
         } else if (status != Z_OK && status != Z_BUF_ERROR) {
             return import_fail(err, SP_ERR_FORMAT, s->shown, s->at - s->z.avail_in, "data",
                                "the gzip data is damaged: %s", s->z.msg ? s->z.msg : "no reason");
@@ -240,7 +240,7 @@ bool import_samples_check(const struct import_samples *s, struct sp_error *err) 
     size_t pieces = s->count ? s->count : 1;
     struct stream *stream = malloc(sizeof *stream);
     if (!stream)
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory");
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
     bool ok = true;
     for (size_t i = 0; ok && i < pieces; i++) {
         ok = begin_piece(s, i, s->bytes / pieces, stream, err);
@@ -295,8 +295,9 @@ static bool read_piece(const struct import_samples *s, size_t i, char *out, uint
         ok = start_gzip(stream, err);
     if (ok && s->gzip && s->skip_bytes) {
         void *scratch = malloc(CHUNK);
-        ok = scratch ? skip_unpacked(stream, s->skip_bytes, scratch, err)
-                     : sp_fail(err, SP_ERR_MEMORY, stream->shown, "no memory to unpack gzip");
+        ok = scratch
+                 ? skip_unpacked(stream, s->skip_bytes, scratch, err)
+                 : sp_fail(err, SP_ERR_MEMORY, stream->shown, "out of memory while unpacking gzip");
         free(scratch);
     }
     for (uint64_t at = 0; ok && at < need;) {
@@ -325,7 +326,7 @@ bool import_samples_read(const struct import_samples *s, void *voxels,
     assert(need * pieces == s->bytes && need % sp_type_size(s->type) == 0);
     struct stream *stream = malloc(sizeof *stream);
     if (!stream)
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory");
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
     bool ok = true;
     for (size_t i = 0; ok && i < pieces; i++)
         ok = read_piece(s, i, (char *)voxels + i * need, need, i * need, progress, stream, err);

@@ -212,7 +212,7 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
     char path[40], why[SP_ERROR_TEXT];
     struct tiff_page *page = malloc(sizeof *page);
     if (!page)
-        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "no memory");
+        return sp_fail(err, SP_ERR_MEMORY, t->file->shown, "out of memory");
     /* Opens by descriptor, because the name may refer to another file by now. */
     snprintf(path, sizeof path, "/proc/self/fd/%d", t->file->fd);
     bool ok = tiff_chain_check(t->file, &t->pages, err) && load_bridge(t, err);
@@ -240,7 +240,7 @@ static void *open_tiff(const struct import_file *file, struct import_header *hea
                        struct sp_error *err) {
     struct tiff *t = calloc(1, sizeof *t);
     if (!t) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory");
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
         return NULL;
     }
     t->file = file;

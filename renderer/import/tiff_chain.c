@@ -346,7 +346,7 @@ bool tiff_chain_check(const struct import_file *file, uint32_t *pages, struct sp
         return import_fail(err, SP_ERR_FORMAT, file->shown, 0, "magic", "the file is cut off");
     struct chain *c = calloc(1, sizeof *c);
     if (!c)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for directories");
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for directories");
     c->file = file;
     c->err = err;
     c->big_endian = magic[0] == 'M';

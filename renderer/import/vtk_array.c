@@ -163,7 +163,7 @@ static struct source *open_source(const struct import_file *file, const struct v
                                   struct sp_error *err) {
     struct source *s = malloc(sizeof *s);
     if (!s) {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory to read %s", array->name);
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", array->name);
         return NULL;
     }
     memset(s, 0, offsetof(struct source, raw));
@@ -282,7 +282,8 @@ static bool inflate_block(struct source *s, z_stream *z, uint64_t packed, void *
         }
         status = inflate(z, Z_NO_FLUSH);
         if (status == Z_MEM_ERROR)
-            return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory to unpack zlib");
+            return sp_fail(err, SP_ERR_MEMORY, s->file->shown,
+                           "out of memory while unpacking zlib");
         if (status == Z_BUF_ERROR)
             return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
                                z->avail_in ? "a block of zlib data is larger than declared"
@@ -314,8 +315,8 @@ static bool read_zlib(struct source *s, char *out, uint64_t need,
     z_stream z = { .next_in = NULL };
     if (!sizes || inflateInit(&z) != Z_OK) {
         free(sizes);
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "no memory for %" PRIu64 " zlib blocks",
-                       b.count);
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown,
+                       "out of memory for %" PRIu64 " zlib blocks", b.count);
     }
     bool ok = read_sizes(s, sizes, b.count, err);
     uint64_t at = 0;
@@ -377,7 +378,7 @@ static bool read_words(const struct import_file *file, const struct vtk_array *a
                        const struct import_progress *progress, struct sp_error *err) {
     struct vtk_text *text = malloc(sizeof *text);
     if (!text)
-        return sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory to read %s", a->name);
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", a->name);
     vtk_text_init(text, file, a->begin, a->end < file->size ? a->end : file->size);
     char word[VTK_WORD_MAX + 1];
     uint64_t byte;
@@ -445,7 +446,7 @@ double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_
     double *numbers = malloc(a->count * sizeof *numbers);
     bool ok = values && numbers;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for %s", a->name);
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %s", a->name);
     ok = ok && vtk_array_read(file, a, values, NULL, err);
     for (uint64_t i = 0; ok && i < a->count; i++)
         numbers[i] = widen(values + i * a->type->size, a->type);

@@ -254,7 +254,8 @@ static bool take_scalars(struct legacy *l, const char *keyword) {
     if (!next_word(l, word))
         return false;
     if (strcasecmp(word, "LOOKUP_TABLE") != 0)
-        return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of its LOOKUP_TABLE", word);
+        return refuse(l, SP_ERR_FORMAT, keyword,
+                      "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
     if (!next_word(l, word) || !end_line(l))
         return false;
     if (l->section == POINTS && components == 1) {
@@ -399,7 +400,7 @@ static bool take_preamble(struct legacy *l) {
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||
-           refuse(l, SP_ERR_FORMAT, NULL, "\"%.40s\" instead of ASCII or BINARY in the third line",
+           refuse(l, SP_ERR_FORMAT, NULL, "the third line is \"%.40s\"; it must be ASCII or BINARY",
                   word);
 }
 
@@ -443,7 +444,7 @@ static void *open_legacy(const struct import_file *file, struct import_header *h
     struct legacy *l = malloc(sizeof *l);
     bool ok = volume && l;
     if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory for the header");
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
     if (ok) {
         memset(l, 0, sizeof *l);
         volume->file = file;

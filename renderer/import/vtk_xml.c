@@ -130,14 +130,14 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
     x->zlib = compressor && compressor[0];
     x->length_size = length && strcmp(length, "UInt64") == 0 ? 8 : 4;
     if (!type || !(x->rectilinear || strcmp(type, "ImageData") == 0))
-        refuse(x, SP_ERR_UNSUPPORTED, "type",
-               "%.40s is not supported; supported are ImageData and RectilinearGrid",
-               type ? type : "nothing");
+        refuse(x, SP_ERR_UNSUPPORTED, "type", "is %.40s; it must be ImageData or RectilinearGrid",
+               type ? type : "missing");
     else if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
-        refuse(x, SP_ERR_FORMAT, "byte_order", "\"%.40s\" instead of LittleEndian or BigEndian",
+        refuse(x, SP_ERR_FORMAT, "byte_order", "is \"%.40s\"; it must be LittleEndian or BigEndian",
                order);
     else if (length && x->length_size == 4 && strcmp(length, "UInt32") != 0)
-        refuse(x, SP_ERR_FORMAT, "header_type", "\"%.40s\" instead of UInt32 or UInt64", length);
+        refuse(x, SP_ERR_FORMAT, "header_type", "is \"%.40s\"; it must be UInt32 or UInt64",
+               length);
     else if (x->zlib && strcmp(compressor, "vtkZLibDataCompressor") != 0)
         refuse(x, SP_ERR_UNSUPPORTED, "compressor",
                "%.40s is not supported; use vtkZLibDataCompressor or none", compressor);
@@ -218,8 +218,8 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
     if (out->appended)
         return take_whole(x, attributes, "offset", 0, x->file->size, &a->begin);
     if (strcmp(format, "binary") != 0) {
-        refuse(x, SP_ERR_FORMAT, a->name, "format \"%.40s\" instead of ascii, binary or appended",
-               format);
+        refuse(x, SP_ERR_FORMAT, a->name,
+               "format is \"%.40s\"; it must be ascii, binary or appended", format);
         return false;
     }
     return true;
@@ -263,7 +263,8 @@ static void take_appended(struct xml *x, const char **attributes) {
     const char *encoding = find(attributes, "encoding");
     x->appended_base64 = !encoding || strcmp(encoding, "base64") == 0;
     if (!x->appended_base64 && strcmp(encoding, "raw") != 0)
-        refuse(x, SP_ERR_UNSUPPORTED, "encoding", "\"%.40s\" instead of raw or base64", encoding);
+        refuse(x, SP_ERR_UNSUPPORTED, "encoding", "is \"%.40s\"; it must be raw or base64",
+               encoding);
     x->appended_at =
         (uint64_t)XML_GetCurrentByteIndex(x->parser) + (uint64_t)XML_GetCurrentByteCount(x->parser);
     x->stopped = true;
@@ -350,7 +351,8 @@ static bool parse(struct xml *x) {
     for (bool last = false; !last && !x->stopped;) {
         void *buffer = XML_GetBuffer(x->parser, CHUNK);
         if (!buffer)
-            return sp_fail(x->err, SP_ERR_MEMORY, x->file->shown, "no memory to parse XML");
+            return sp_fail(x->err, SP_ERR_MEMORY, x->file->shown,
+                           "out of memory while parsing XML");
         ssize_t got = pread(x->file->fd, buffer, CHUNK, (off_t)fed);
         if (got < 0 && errno == EINTR)
             continue;
@@ -467,7 +469,7 @@ static void *open_xml(const struct import_file *file, struct import_header *head
         XML_SetStartDoctypeDeclHandler(parser, start_doctype);
         ok = take_all(x);
     } else {
-        sp_fail(err, SP_ERR_MEMORY, file->shown, "no memory to parse XML");
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while parsing XML");
     }
     if (parser)
         XML_ParserFree(parser);

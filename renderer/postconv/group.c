@@ -26,7 +26,7 @@ static double quadratic(double x) {
 }
 
 /* The cubic's second derivative is a difference of linear ones. */
-static double bend(double x) {
+static double spline_curvature(double x) {
     double sum = -2 * fmax(0, 1 - fabs(x));
     return sum + fmax(0, 1 - fabs(x + 1)) + fmax(0, 1 - fabs(x - 1));
 }
@@ -63,7 +63,7 @@ void sp_postconv_tables_init(struct sp_postconv_tables *t) {
         for (int k = 0; k < 4; k++) {
             double x = k - 1 - (p + 0.5) / POSTCONV_PHASES;
             t->spline[p][k] = (float)spline(x);
-            t->spline[p][4 + k] = (float)(0.5 * bend(x));
+            t->spline[p][4 + k] = (float)(0.5 * spline_curvature(x));
             t->slope[p][k] = (float)slope(x);
         }
     for (int j = 0; j < POSTCONV_SCALES; j++)
@@ -180,9 +180,9 @@ static float response(float omega, float rest, bool interpolated) {
     return b * b * b * b * expf(-0.5f * rest * alias * alias) * c * c * c;
 }
 
-/* The voxels of a sheet are a lattice too, and beat with the samples. Returns the largest ripple of
+/* Aliasing: the lattice of voxels and the grid of samples interfere. Returns the largest ripple of
  * a constant field. step: the lattice's two axes in the image [px]. */
-static float beat(const float (*step)[2], const float v[3], const int scale[2]) {
+static float aliasing_ripple(const float (*step)[2], const float v[3], const int scale[2]) {
     float det = step[0][0] * step[1][1] - step[0][1] * step[1][0], sum = 0;
     float waves[4][2]; /* reciprocal vectors of the lattice, their sum and difference */
     for (int a = 0; a < 2; a++) {
@@ -208,9 +208,9 @@ static float beat(const float (*step)[2], const float v[3], const int scale[2]) 
 
 /* Largest accepted ripple of a constant field, by sp_postconv.exact; and for samples of one pixel.
  */
-static const float most_beat[2] = { 0.012f, 0.004f }, most_beat_of_pixels = 0.008f;
+static const float ripple_max[2] = { 0.012f, 0.004f }, ripple_max_of_pixels = 0.008f;
 
-/* Chooses how wide samples may be without beating; false if even samples of one pixel beat. */
+/* Chooses how wide samples may be without aliasing; false if even samples of one pixel alias. */
 static bool choose_scales(const struct sp_postconv *postconv, struct sp_postconv_brick *b) {
     float v[3], w = sqrtf(b->range[0] * b->range[1]);
     int scale[2] = { 0, 0 };
@@ -218,11 +218,12 @@ static bool choose_scales(const struct sp_postconv *postconv, struct sp_postconv
     for (int a = 0; a < 2; a++)
         while (scale[a] + 1 < POSTCONV_SCALES && v[a] >= variance_to_widen(postconv, scale[a]))
             scale[a]++;
-    while ((scale[0] || scale[1]) && beat(b->step, v, scale) > most_beat[postconv->exact])
+    while ((scale[0] || scale[1]) &&
+           aliasing_ripple(b->step, v, scale) > ripple_max[postconv->exact])
         scale[scale[1] > scale[0]]--;
     b->scale_max[0] = (uint8_t)scale[0];
     b->scale_max[1] = (uint8_t)scale[1];
-    return scale[0] || scale[1] || beat(b->step, v, scale) <= most_beat_of_pixels;
+    return scale[0] || scale[1] || aliasing_ripple(b->step, v, scale) <= ripple_max_of_pixels;
 }
 
 /* True if there are filters for all of a brick's voxels. If samples get wider, or with a diagonal,

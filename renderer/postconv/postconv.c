@@ -397,7 +397,7 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
                    arena->failed ? arena->failed : "data");
 }
 
@@ -416,8 +416,8 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
 }
 
 /* True if layers 2n and 2n + 1 are composited as one, too. Only the view and the whole volume
- * decide, so that nothing jumps while the camera moves. Few slices gain little. Voxels that are
- * wide, opaque or lit are visible one by one. */
+ * decide, so that nothing jumps while the camera moves. It gains little with few slices. It would
+ * be visible where voxels are wide, opaque or shaded. */
 static bool may_pair(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
                      float deepest) {
     enum { FEW_LAYERS = 64 };

@@ -90,7 +90,7 @@ struct sp_postconv_brick {
     uint32_t brick;
     uint8_t level, mode;    /* mip level, enum sp_filter_mode */
     bool is_enlarged;       /* as in sp_detail_brick */
-    uint8_t scale_max[2];   /* largest j at which samples do not beat with the voxel lattice */
+    uint8_t scale_max[2];   /* largest j at which samples do not alias with the voxel lattice */
     bool is_unfit;          /* no filter serves its footprints: each one is drawn on its own */
     int16_t x0, y0, x1, y1; /* pixels that its voxels may reach, inside the image */
     float reach[2];         /* pixels to each side that one voxel may reach */
@@ -204,7 +204,7 @@ struct sp_postconv_input {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_postconv_tables *tables;
-    const struct sp_camera_frame *camera;
+    const struct sp_camera_transform *camera;
     const struct sp_shade *shade;       /* NULL = not lit */
     const struct sp_grid *grid;         /* its slices are the sheets */
     const struct sp_level_frame *parts; /* [SP_LEVELS] */

@@ -7,8 +7,8 @@ static struct sp_vec3 unit(struct sp_vec3 a) {
     return sp_vec3_normalize(sp_vec3_scale(a, 1 / largest));
 }
 
-void sp_camera_frame_init(struct sp_camera_frame *frame, const struct sp_camera *camera,
-                          const uint32_t size[2]) {
+void sp_camera_transform_init(struct sp_camera_transform *frame, const struct sp_camera *camera,
+                              const uint32_t size[2]) {
     struct sp_vec3 to;
     for (int i = 0; i < 3; i++) /* Quartered, so that the difference of two huge values of opposite
                                    sign does not overflow. */
@@ -16,10 +16,10 @@ void sp_camera_frame_init(struct sp_camera_frame *frame, const struct sp_camera 
     struct sp_vec3 forward = unit(to);
     struct sp_vec3 right = unit(sp_vec3_cross(forward, unit(sp_vec3_from(camera->up))));
     struct sp_vec3 down = sp_vec3_cross(forward, right);
-    *frame = (struct sp_camera_frame){ .projection = camera->projection,
-                                       .eye = sp_vec3_from(camera->position),
-                                       .centre = { 0.5 * size[0], 0.5 * size[1] },
-                                       .near = camera->near };
+    *frame = (struct sp_camera_transform){ .projection = camera->projection,
+                                           .eye = sp_vec3_from(camera->position),
+                                           .centre = { 0.5 * size[0], 0.5 * size[1] },
+                                           .near = camera->near };
     for (int i = 0; i < 3; i++) {
         frame->w.m[0][i] = right.v[i];
         frame->w.m[1][i] = down.v[i];

@@ -85,7 +85,7 @@ static void visit(struct choice *c, unsigned level, const uint32_t place[3]) {
 }
 
 static void init_choice(struct choice *c) {
-    const struct sp_camera_frame *camera = c->job->camera;
+    const struct sp_camera_transform *camera = c->job->camera;
     const struct sp_grid *grid = c->job->grid;
     double radius[2], tangent2 = 0;
     sp_kernel_radii(grid, 1, radius);

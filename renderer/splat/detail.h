@@ -9,11 +9,10 @@
  * A cell is small enough where it spans at most SP_DETAIL_PIXELS times the low-pass filter's
  * standard deviation in the image, judged at the corner of the brick that is nearest to the eye.
  * At that size the low-pass filter hides the lattice. Averaging is a box filter of variance
- * (4^l − 1)/12 voxels², and a kernel of
+ * (4^l − 1)/12 voxels². So that footprints have the same variance as at full detail, the kernel of
+ * level l is narrower:
  *
  *   σ_l² = σ² − (4^l − 1)/12  voxels²    (at least SP_DETAIL_SIGMA cells)
- *
- * after it keeps the variance of the footprint.
  *
  * Levels need a Gaussian kernel and a filter mode with a low-pass filter; other views are drawn at
  * full detail. So is post-classification, because the transfer function of an averaged scalar shows
@@ -48,7 +47,7 @@ struct sp_detail {
 };
 
 struct sp_detail_job {
-    const struct sp_camera_frame *camera;
+    const struct sp_camera_transform *camera;
     const struct sp_grid *grid; /* finest; at most 2^25 bricks */
     const struct sp_view *view;
     unsigned floor;  /* finest level to use */

@@ -117,7 +117,7 @@ struct sp_ewa_frame {
 
 /* Fills the constants; rows = the whole image, clip = no planes. The view must be valid; the grid
  * is borrowed. */
-void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
+void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
                        const struct sp_grid *grid, const struct sp_view *view);
 
 /* The voxels of one brick: u = base + Σ step·at[axis][i], kernel column `axis` times size[axis][i].

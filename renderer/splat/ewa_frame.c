@@ -27,7 +27,7 @@ static double init_kernel(struct sp_ewa_frame *frame, const struct sp_filter *fi
     return sigma;
 }
 
-void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_frame *camera,
+void sp_ewa_frame_init(struct sp_ewa_frame *frame, const struct sp_camera_transform *camera,
                        const struct sp_grid *grid, const struct sp_view *view) {
     const struct sp_filter *filter = &view->filter;
     struct sp_mat3 step;

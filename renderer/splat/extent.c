@@ -7,7 +7,7 @@ enum { TAIL = 4 }; /* standard deviations from a plane where it no longer cuts: 
 
 static const float along_ray = 0.7f; /* |correlation| above which a plane bounds the depth */
 
-static void add_plane(struct sp_clip_frame *clip, const struct sp_camera_frame *camera,
+static void add_plane(struct sp_clip_frame *clip, const struct sp_camera_transform *camera,
                       struct sp_vec3 normal, double offset, double unit) {
     double length = sp_vec3_length(normal);
     struct sp_vec3 n = sp_vec3_scale(normal, 1 / length);
@@ -27,7 +27,7 @@ static double scaled(const double v[3], struct sp_vec3 *out) {
     return largest;
 }
 
-void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_frame *camera,
+void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_transform *camera,
                         const struct sp_grid *grid, const struct sp_clip *view, double unit) {
     struct sp_mat3 d;
     double det;

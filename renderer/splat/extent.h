@@ -44,7 +44,7 @@ struct sp_clip_frame {
 
 /* Collects the planes of the view's clip box and list; a face at 0 or 1 does not cut. `unit` is the
  * edge of a cell [world unit]. */
-void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_frame *camera,
+void sp_clip_frame_init(struct sp_clip_frame *clip, const struct sp_camera_transform *camera,
                         const struct sp_grid *grid, const struct sp_clip *view, double unit);
 
 /* A kernel in camera space and in the image, from which its extent is computed. */

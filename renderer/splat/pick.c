@@ -22,8 +22,8 @@ struct ray {
 };
 
 static struct ray ray_from(const struct sp_view *view, const uint32_t size[2], const double at[2]) {
-    struct sp_camera_frame camera;
-    sp_camera_frame_init(&camera, &view->camera, size);
+    struct sp_camera_transform camera;
+    sp_camera_transform_init(&camera, &view->camera, size);
     struct sp_mat3 to_world = sp_mat3_transpose(&camera.w);
     struct sp_vec3 shift = { { (at[0] - camera.centre[0]) / camera.scale,
                                (at[1] - camera.centre[1]) / camera.scale, 0 } };

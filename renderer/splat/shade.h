@@ -40,7 +40,7 @@ struct sp_shade {
     } lights[SP_LIGHTS_MAX];
 };
 
-void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
+void sp_shade_init(struct sp_shade *shade, const struct sp_camera_transform *camera,
                    const struct sp_shading *shading);
 
 /* Shades SP_WIDE voxels or pixels. color: the colour of the class in, the shaded colour out.

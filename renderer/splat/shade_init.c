@@ -7,7 +7,7 @@
     (1.0 /                                                                                         \
      128) /* Microflakes are stored in 8 bits, which cannot represent a narrower distribution. */
 
-void sp_shade_init(struct sp_shade *shade, const struct sp_camera_frame *camera,
+void sp_shade_init(struct sp_shade *shade, const struct sp_camera_transform *camera,
                    const struct sp_shading *shading) {
     *shade = (struct sp_shade){ .ambient = (float)shading->ambient,
                                 .diffuse = (float)shading->diffuse,

@@ -23,11 +23,12 @@ static struct sp_vec3 slice_normal(const struct sp_mat3 *d, unsigned axis) {
     return sp_vec3_dot(n, column[axis]) < 0 ? sp_vec3_scale(n, -1) : n;
 }
 
-static struct sp_vec3 forward(const struct sp_camera_frame *camera) {
+static struct sp_vec3 forward(const struct sp_camera_transform *camera) {
     return sp_vec3_from(camera->w.m[2]);
 }
 
-unsigned sp_slices_major_axis(const struct sp_camera_frame *camera, const struct sp_grid *grid) {
+unsigned sp_slices_major_axis(const struct sp_camera_transform *camera,
+                              const struct sp_grid *grid) {
     struct sp_mat3 d = directions(grid);
     double best = -1;
     unsigned axis = 2;
@@ -42,7 +43,7 @@ unsigned sp_slices_major_axis(const struct sp_camera_frame *camera, const struct
 }
 
 /* Returns the eye's distance along the axis from sample 0; infinite for parallel rays. */
-static double eye_distance(const struct sp_camera_frame *camera, const struct sp_grid *grid,
+static double eye_distance(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                            unsigned axis) {
     struct sp_mat3 d = directions(grid);
     struct sp_vec3 n = slice_normal(&d, axis);
@@ -53,8 +54,8 @@ static double eye_distance(const struct sp_camera_frame *camera, const struct sp
     return sp_vec3_dot(n, away) / sp_vec3_dot(n, along);
 }
 
-void sp_slices_sort(const struct sp_camera_frame *camera, const struct sp_grid *grid, unsigned axis,
-                    uint32_t *slices) {
+void sp_slices_sort(const struct sp_camera_transform *camera, const struct sp_grid *grid,
+                    unsigned axis, uint32_t *slices) {
     double eye = eye_distance(camera, grid, axis);
     /* `above` counts up from the first slice at or beyond the eye, `below` counts down from the
      * slice before it. */

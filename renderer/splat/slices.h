@@ -21,11 +21,11 @@
 #include "splat/camera.h"
 
 /* Returns the major axis, 0 … 2; the highest one if several are equal. */
-unsigned sp_slices_major_axis(const struct sp_camera_frame *camera, const struct sp_grid *grid);
+unsigned sp_slices_major_axis(const struct sp_camera_transform *camera, const struct sp_grid *grid);
 
 /* Fills slices[dims[axis]]: element k is the index of the k-th slice, front to back. */
-void sp_slices_sort(const struct sp_camera_frame *camera, const struct sp_grid *grid, unsigned axis,
-                    uint32_t *slices);
+void sp_slices_sort(const struct sp_camera_transform *camera, const struct sp_grid *grid,
+                    unsigned axis, uint32_t *slices);
 
 /* Returns the layer, counted front to back, of slice `slice` of a mip level. A slice of a coarser
  * level belongs to the slice of the finest level that contains its centre, and to the farther one

@@ -32,7 +32,7 @@ static void add_brick(const struct sp_level *levels, const struct sp_detail_bric
     }
 }
 
-bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *levels,
+bool sp_order_sheets(const struct sp_camera_transform *camera, const struct sp_level *levels,
                      const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
                      struct sp_order *order) {
     uint32_t count = levels[0].grid.dims[axis];

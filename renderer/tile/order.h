@@ -34,7 +34,7 @@ struct sp_order {
 
 /* The slices along `axis`, which the levels' bricks are cut along, as layers: as many as the finest
  * level has slices. Memory comes from the arena. False if the arena cannot allocate. */
-bool sp_order_sheets(const struct sp_camera_frame *camera, const struct sp_level *levels,
+bool sp_order_sheets(const struct sp_camera_transform *camera, const struct sp_level *levels,
                      const struct sp_detail *detail, unsigned axis, struct sp_arena *arena,
                      struct sp_order *order);
 

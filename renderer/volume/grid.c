@@ -59,14 +59,14 @@ static bool check_axis(const struct sp_grid *grid, int axis, double *least, cons
     uint32_t last = grid->dims[axis] - 1;
     double low = INFINITY, high = 0;
     if (c[0] != 0)
-        return sp_fail(err, SP_ERR_FORMAT, place, "coordinates[%d] begin at %g instead of 0", axis,
-                       c[0]);
+        return sp_fail(err, SP_ERR_FORMAT, place,
+                       "coordinates[%d] begin at %g; they must begin at 0", axis, c[0]);
     for (uint32_t i = 1; i <= last; i++) {
         double gap = c[i] - c[i - 1];
         if (!(gap >= 1e-12 && gap <= 1e12))
             return sp_fail(err, SP_ERR_FORMAT, place,
-                           "coordinates[%d] do not rise by 1e-12 to 1e12 from number %" PRIu32
-                           ", %g, to the next, %g",
+                           "coordinates[%d]: the step from element %" PRIu32 " (%g) to the next "
+                           "(%g) is outside [1e-12, 1e12]",
                            axis, i - 1, c[i - 1], c[i]);
         low = fmin(low, gap);
         high = fmax(high, gap);

@@ -110,7 +110,7 @@ bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t
         threads = (unsigned)blocks;
     struct partial *partials = calloc(threads, sizeof *partials);
     if (!partials)
-        return sp_fail(err, SP_ERR_MEMORY, info->source, "no memory for the histogram");
+        return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for the histogram");
     struct sp_pool *pool = sp_pool_create(threads, err);
     if (!pool) {
         free(partials);

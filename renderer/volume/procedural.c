@@ -101,7 +101,7 @@ static void make_slices(void *user, size_t begin, size_t end, unsigned worker) {
 static bool make_voxels(struct making *m, struct sp_error *err) {
     void *prepared = NULL;
     if (m->maker->prepare && !(prepared = m->maker->prepare(m->dims)))
-        return sp_fail(err, SP_ERR_MEMORY, m->maker->demo.name, "no memory for its tables");
+        return sp_fail(err, SP_ERR_MEMORY, m->maker->demo.name, "out of memory for its tables");
     m->prepared = prepared;
     struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
     if (pool)
@@ -133,7 +133,7 @@ static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
                              .options = options,
                              .voxels = aligned_alloc(64, capacity) };
     if (!making.voxels) {
-        sp_fail(err, SP_ERR_MEMORY, info->source, "no memory for %" PRIu64 " bytes of samples",
+        sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for %" PRIu64 " bytes of samples",
                 bytes);
         return NULL;
     }

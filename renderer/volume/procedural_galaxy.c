@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A spiral galaxy on a rectilinear grid. The arms are logarithmic spirals, whose width grows with
- * the radius, and so do the gaps of the grid: both are fine in the middle and coarse outside. Every
- * part is smooth. Lengths are in half edges of the volume, which is half as high as it is wide.
+ * A spiral galaxy on a rectilinear grid. The arms are logarithmic spirals. Their width and the gaps
+ * of the grid grow with the radius: both are fine in the middle and coarse outside. Every part is
+ * smooth. Lengths are in half edges of the volume, which is half as high as it is wide.
  */
 #include <math.h>
 #include <stdlib.h>

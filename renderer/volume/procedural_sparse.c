@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * A thousand balls that fill a twentieth of a cube: an example of a large volume that is mostly
- * empty. Each ball floats in its own cell of 10 × 10 × 10, so none overlap. A generator with
- * a fixed seed decides, and lengths are in half edges, so every size shows the same balls.
+ * empty. Each ball lies inside its own cell of a lattice of 10 × 10 × 10, so none overlap. A
+ * random generator with a fixed seed chooses radius, position and value. Lengths are in half edges,
+ * so every size shows the same balls.
  */
 #include <math.h>
 #include <stdlib.h>

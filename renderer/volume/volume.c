@@ -45,7 +45,8 @@ static bool keep_coordinates(struct sp_volume *volume, struct sp_error *err) {
         return true;
     double *next = volume->coordinates = malloc(count * sizeof *next);
     if (!next)
-        return sp_fail(err, SP_ERR_MEMORY, volume->info.source, "no memory for the coordinates");
+        return sp_fail(err, SP_ERR_MEMORY, volume->info.source,
+                       "out of memory for the coordinates");
     for (int a = 0; a < 3; a++)
         if (grid->coordinates[a]) {
             grid->coordinates[a] = memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
@@ -60,7 +61,7 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
     struct sp_volume *volume = malloc(sizeof *volume);
     if (!volume) {
         release(voxels, bytes);
-        sp_fail(err, SP_ERR_MEMORY, info->source, "no memory for a volume");
+        sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for a volume");
         return NULL;
     }
     atomic_init(&volume->references, 1);
@@ -90,7 +91,7 @@ struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_type type
     size_t capacity = (bytes + 63) & ~(uint64_t)63;
     void *copy = aligned_alloc(64, capacity);
     if (!copy) {
-        sp_fail(err, SP_ERR_MEMORY, name, "no memory for %" PRIu64 " bytes of samples", bytes);
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory for %" PRIu64 " bytes of samples", bytes);
         return NULL;
     }
     memcpy(copy, voxels, bytes);

@@ -1,13 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Timers: finds those whose time has come without looking at the others. A pairing heap (Fredman,
+ * Timers: finds the expired ones without visiting the others. A pairing heap (Fredman,
  * Sedgewick, Sleator and Tarjan 1986). The nodes are members of the caller's objects, so nothing is
  * allocated. set() takes constant time; take() and clear() take amortised O(log n).
  *
  * An object whose deadline moves with every use need not move its timer each time. Set the timer
  * once; the code that takes it compares the time with the real deadline and sets the timer again.
  *
- * `at` may also be any other rising number. The owner of a heap serialises all calls.
+ * `at` may be any increasing quantity, not only time. Not thread-safe: the caller holds its own
+ * lock.
  *
  * Why not a library: GLib's and libuv's timers bring their own event loop and clock, and the tests
  * of this daemon need virtual time.

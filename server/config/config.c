@@ -86,7 +86,7 @@ static const struct setting settings[] = {
     { "connection-requests", COUNT, AT(connection_requests), "1000", 1, 1000000, "N",
       "Requests per connection, pipelined or not. The connection closes after the last one." },
     { "sessions", COUNT, AT(sessions), "256", 1, 100000, "N", "Active sessions." },
-    { "sleeping-sessions", COUNT, AT(sleeping_sessions), "10000", 1, 1000000, "N",
+    { "hibernated-sessions", COUNT, AT(hibernated_sessions), "10000", 1, 1000000, "N",
       "Hibernated sessions. At this number no new session can be created." },
     { "participants", COUNT, AT(participants), "32", 1, 64, "N", "Participants per session." },
     { "views", COUNT, AT(views), "10000", 1, 1000000, "N", "Saved views." },
@@ -128,7 +128,7 @@ static const struct setting settings[] = {
     { "session-time", SECONDS, AT(session_time_ms), "600", 50, 604800000, "SECONDS",
       "Time after which a session without participants is hibernated, or deleted if there is no "
       "--state." },
-    { "sleep-time", SECONDS, AT(sleep_time_ms), "2592000", 50, 315360000000, "SECONDS",
+    { "hibernation-time", SECONDS, AT(hibernation_time_ms), "2592000", 50, 315360000000, "SECONDS",
       "Time after which a hibernated session is deleted. Only time in which the daemon runs "
       "counts." },
     { "control-time", SECONDS, AT(control_time_ms), "10", 50, 3600000, "SECONDS",

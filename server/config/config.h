@@ -31,10 +31,10 @@ struct srv_config {
     int64_t threads, memory, video_memory;
     int64_t connections, connections_per_address, connection_requests, handshakes, handshake_rate;
     int64_t sessions, participants, views;
-    int64_t presets, sleeping_sessions, paths, path_frames, path_bytes;
+    int64_t presets, hibernated_sessions, paths, path_frames, path_bytes;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue, render_bytes;
     int64_t frame_px, video_px;
-    int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, sleep_time_ms,
+    int64_t header_time_ms, request_time_ms, idle_time_ms, session_time_ms, hibernation_time_ms,
         control_time_ms, stall_time_ms, ping_time_ms, drain_time_ms, rest_time_ms;
     int64_t http_threads, encode_threads;
     bool require_gpu;

@@ -64,7 +64,7 @@ static bool fail(struct sp_error *err, const char *place, const char *what) {
     return sp_fail(err, SP_ERR_INVALID, place, "%s", what);
 }
 
-static bool is_first(bool is_unset, const char *word, const char *place, struct sp_error *err) {
+static bool check_unset(bool is_unset, const char *word, const char *place, struct sp_error *err) {
     return is_unset || sp_fail(err, SP_ERR_INVALID, place, "%s is given twice", word);
 }
 
@@ -76,7 +76,7 @@ static const struct {
     unsigned max;
 } numbers[] = {
     { "sessions", AT(sessions), 100000 },
-    { "stills", AT(snapshots), 10000 },
+    { "snapshots", AT(snapshots), 10000 },
     { "views", AT(views), 100000 },
     { "paths", AT(paths), 10000 },
     { "fps", AT(fps), 120 },
@@ -95,7 +95,7 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
     for (size_t i = 0; i < sizeof numbers / sizeof *numbers; i++) {
         unsigned *number = (unsigned *)((char *)quota + numbers[i].offset);
         if (strcmp(word, numbers[i].name) == 0)
-            return is_first(!*number, word, place, err) &&
+            return check_unset(!*number, word, place, err) &&
                    (read_number(value, numbers[i].max, number) ||
                     sp_fail(err, SP_ERR_INVALID, place,
                             "%s: '%.32s' is not a whole number in [1, %u]", word, value,
@@ -104,11 +104,11 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
         uint64_t *number = (uint64_t *)((char *)quota + sizes[i].offset);
         if (strcmp(word, sizes[i].name) == 0)
-            return is_first(!*number, word, place, err) &&
+            return check_unset(!*number, word, place, err) &&
                    read_setting(word, value, number, place, err);
     }
     return fail(err, place, /* the key is not quoted: it could be a mistyped token */
-                "unknown key; the keys are role, name, sessions, stills, fps, views, paths, "
+                "unknown key; the keys are role, name, sessions, snapshots, fps, views, paths, "
                 "path-bytes and frame-size");
 }
 
@@ -120,11 +120,11 @@ static bool read_word(char *word, struct srv_token *token, const char *place,
         return fail(err, place, "expected key=value after the token, without spaces around =");
     *value++ = 0;
     if (strcmp(word, "role") == 0)
-        return is_first(!token->rights, word, place, err) &&
+        return check_unset(!token->rights, word, place, err) &&
                (read_role(value, token) ||
                 fail(err, place, "role must be one of admin, control, render, view, metrics"));
     if (strcmp(word, "name") == 0)
-        return is_first(!token->name[0], word, place, err) &&
+        return check_unset(!token->name[0], word, place, err) &&
                (read_name(value, token) ||
                 fail(err, place, "name must have 1 to 32 characters of [A-Za-z0-9._-]"));
     return read_quota(word, value, &token->quota, place, err);
@@ -149,11 +149,15 @@ static bool read_line(char *line, const char *place, struct srv_token *token,
     return true;
 }
 
-static bool is_new(const struct srv_token *list, size_t count, const struct srv_token *token,
-                   const char *place, struct sp_error *err) {
-    for (size_t i = 0; i < count; i++)
-        if (strcmp(list[i].text, token->text) == 0 || strcmp(list[i].name, token->name) == 0)
-            return fail(err, place, "an earlier line has the same token or name");
+static bool check_unique(const struct srv_token *list, size_t count, const struct srv_token *token,
+                         const char *place, struct sp_error *err) {
+    for (size_t i = 0; i < count; i++) {
+        if (strcmp(list[i].text, token->text) == 0)
+            return fail(err, place, "an earlier line has the same token");
+        if (strcmp(list[i].name, token->name) == 0)
+            return sp_fail(err, SP_ERR_INVALID, place, "an earlier line has the same name, %s",
+                           token->name);
+    }
     return true;
 }
 
@@ -170,8 +174,11 @@ static bool add(const char *text, size_t size, unsigned number, struct srv_token
     }
     if (size == 0 || *text == '#')
         return true;
-    if (size >= sizeof line || memchr(text, 0, size))
-        return fail(err, place, "a line may have at most 511 bytes and no NUL byte");
+    if (size >= sizeof line)
+        return sp_fail(err, SP_ERR_INVALID, place, "the line has %zu bytes; at most %d are allowed",
+                       size, LINE_BYTES - 1);
+    if (memchr(text, 0, size))
+        return fail(err, place, "the line contains a NUL byte");
     if (*count == SRV_TOKENS_MAX)
         return fail(err, place, "at most 1000 tokens are allowed");
     memcpy(line, text, size);
@@ -182,7 +189,7 @@ static bool add(const char *text, size_t size, unsigned number, struct srv_token
     token->has_name = token->name[0] != 0;
     if (!token->has_name)
         snprintf(token->name, sizeof token->name, "token-%u", number);
-    if (!is_new(list, *count, token, place, err))
+    if (!check_unique(list, *count, token, place, err))
         return false;
     ++*count;
     return true;
@@ -214,7 +221,7 @@ bool srv_token_file_parse(const char *text, size_t size, struct srv_token **list
 
 /* Refuses a file that other users can change: they could grant themselves the role admin. A file
  * that they can read is only reported, because the user of a container may need that. */
-static bool is_private(FILE *file, const char *path, struct sp_error *err) {
+static bool check_permissions(FILE *file, const char *path, struct sp_error *err) {
     struct stat st;
     if (fstat(fileno(file), &st) != 0)
         return sp_fail(err, SP_ERR_IO, path, "cannot read the token file: %s", strerror(errno));
@@ -253,19 +260,19 @@ bool srv_token_file_read(const char *path, struct srv_token **list, size_t *coun
     FILE *file = srv_open_regular(path);
     if (!file)
         return sp_fail(err, SP_ERR_IO, path, "cannot read the token file: %s", strerror(errno));
-    if (!is_private(file, path, err)) {
+    if (!check_permissions(file, path, err)) {
         fclose(file);
         return false;
     }
     char *text = malloc(SRV_TOKEN_FILE_BYTES + 1);
     size_t size = text ? fread(text, 1, SRV_TOKEN_FILE_BYTES + 1, file) : 0;
-    bool failed = ferror(file);
+    int why_not = ferror(file) ? errno : 0;
     fclose(file);
     bool ok = false;
     if (!text)
         sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading the tokens");
-    else if (failed)
-        sp_fail(err, SP_ERR_IO, path, "cannot read the token file");
+    else if (why_not)
+        sp_fail(err, SP_ERR_IO, path, "cannot read the token file: %s", strerror(why_not));
     else if (size > SRV_TOKEN_FILE_BYTES)
         sp_fail(err, SP_ERR_INVALID, path, "the file is larger than %d bytes",
                 SRV_TOKEN_FILE_BYTES);

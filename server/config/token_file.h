@@ -2,7 +2,7 @@
  *
  * Parser of --token-file: one token per line, with its role and quotas.
  *
- *   TOKEN [role=admin|control|render|view|metrics] [name=NAME] [sessions=N] [stills=N] [fps=N]
+ *   TOKEN [role=admin|control|render|view|metrics] [name=NAME] [sessions=N] [snapshots=N] [fps=N]
  *         [views=N] [paths=N] [path-bytes=SIZE] [frame-size=PX|WxH]
  *
  * Empty lines and lines that begin with # are skipped. TOKEN is 16 to 128 characters of

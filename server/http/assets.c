@@ -18,7 +18,7 @@ static uint64_t hash(const struct srv_asset *asset) {
 struct srv_packed_asset *srv_assets_pack(struct sp_error *err) {
     struct srv_packed_asset *packed = calloc(srv_asset_count + 1, sizeof *packed);
     if (!packed) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the page");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the page");
         return NULL;
     }
     for (size_t i = 0; i < srv_asset_count; i++) {

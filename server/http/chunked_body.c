@@ -52,7 +52,7 @@ void srv_reply_chunked_body(struct srv_request *request, struct srv_reply *reply
         return;
     from->finish(from->user);
     free(body);
-    srv_reply_problem(reply, 503, NULL, "no memory for a body");
+    srv_reply_problem(reply, 503, NULL, "out of memory for a body");
 }
 
 void srv_chunked_body_pause(struct srv_request *request) {

@@ -32,11 +32,12 @@ int64_t srv_descriptors_fit(const struct srv_config *config) {
         return config->connections;
     int64_t fitting = ((int64_t)limit.rlim_cur - srv_descriptors_for(config, 0)) / each(config);
     fitting = fitting < 1 ? 1 : fitting;
-    sp_log(SP_LOG_WARN,
-           "%lld connections are allowed, not the %lld of --connections: those need %lld file "
-           "descriptors, and the limit is %llu (ulimit -n; LimitNOFILE= of a service)",
-           (long long)fitting, (long long)config->connections, (long long)wanted,
-           (unsigned long long)limit.rlim_cur);
+    sp_log(
+        SP_LOG_WARN,
+        "--connections lowered from %lld to %lld: it needs %lld file descriptors and the limit is "
+        "%llu; raise ulimit -n, or LimitNOFILE= of the service",
+        (long long)config->connections, (long long)fitting, (long long)wanted,
+        (unsigned long long)limit.rlim_cur);
     return fitting;
 }
 

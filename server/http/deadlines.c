@@ -31,7 +31,7 @@ struct srv_deadlines {
 struct srv_deadlines *srv_deadlines_create(struct sp_error *err) {
     struct srv_deadlines *deadlines = calloc(1, sizeof *deadlines);
     if (!deadlines)
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the list of connections");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the list of connections");
     else
         pthread_mutex_init(&deadlines->mutex, NULL);
     return deadlines;

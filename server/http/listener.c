@@ -202,7 +202,7 @@ struct srv_http *srv_http_create(const struct srv_http_options *options, struct 
         return NULL;
     struct srv_http *http = calloc(1, sizeof *http);
     if (!http) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for HTTP");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for HTTP");
         return NULL;
     }
     http->options = *options;

@@ -22,7 +22,7 @@ bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv
                                .after = after ? after : "" };
     page->items = malloc(page->max * item_bytes);
     if (!page->items)
-        srv_reply_problem(reply, 503, NULL, "no memory for a list");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a list");
     return page->items != NULL;
 }
 

@@ -153,7 +153,7 @@ static enum MHD_Result on_body(struct srv_request *request, const char *bytes, s
         size_t capacity = (request->body_seen + 1) * 2;
         char *larger = realloc(request->body, capacity);
         if (!larger) {
-            srv_reply_problem(&request->reply, 503, NULL, "no memory for the body");
+            srv_reply_problem(&request->reply, 503, NULL, "out of memory for the body");
             request->is_refused = true;
             return MHD_YES;
         }

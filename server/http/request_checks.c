@@ -53,14 +53,15 @@ static bool check_limits(struct srv_request *request) {
     srv_deadlines_count(request->http->deadlines, host, &all, &same_host);
     if (all > (size_t)connections) {
         srv_connection_refused(request->app->metrics, SRV_REFUSED_FULL,
-                               "%s refused: %zu connections, --connections %lld",
+                               "%s refused: %zu connections are open, --connections allows %lld",
                                srv_connection_peer(request->connection), all, connections);
         srv_reply_problem(&request->reply, 503, NULL,
                           "%zu connections are open and --connections allows %lld; try again later",
                           all, connections);
     } else if (same_host > from_host) {
         srv_connection_refused(request->app->metrics, SRV_REFUSED_ADDRESS,
-                               "%s refused: %zu connections, --connections-per-address %u",
+                               "%s refused: %zu of its connections are open, "
+                               "--connections-per-address allows %u",
                                srv_connection_peer(request->connection), same_host, from_host);
         srv_reply_problem(&request->reply, 429, NULL,
                           "%zu connections from your address are open and "
@@ -117,7 +118,7 @@ bool srv_request_is_refused_at_once(struct srv_request *request, const char *ver
         MHD_get_connection_values(request->mhd, MHD_HEADER_KIND, on_header, &scan);
         refusal = srv_smuggling_check_headers(&scan.smuggling, version);
         if (!refusal.status && !scan.has_memory)
-            refusal = (struct srv_rejection){ 503, "no memory for the headers" };
+            refusal = (struct srv_rejection){ 503, "out of memory for the headers" };
     }
     if (!refusal.status && !request->is_counted)
         refusal = (struct srv_rejection){ 503, "the daemon is shutting down" };

@@ -30,7 +30,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
     struct srv_hub_numbers n;
     srv_hub_numbers(request->app->hub, &n);
     gauge(out, "splatd_sessions", "Open sessions", n.sessions);
-    gauge(out, "splatd_sessions_asleep", "Hibernated sessions", n.hibernated);
+    gauge(out, "splatd_sessions_hibernated", "Hibernated sessions", n.hibernated);
     srv_metrics_family(out, "splatd_participants", "gauge", "Open streams by their role");
     fprintf(out, "splatd_participants{role=\"control\"} %u\n", n.participants[SRV_ROLE_CONTROL]);
     fprintf(out, "splatd_participants{role=\"view\"} %u\n", n.participants[SRV_ROLE_VIEW]);
@@ -43,7 +43,7 @@ static void print_sessions(const struct srv_request *request, FILE *out) {
 static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
                          const uint64_t cached[SRV_RENDERERS],
                          const struct sp_renderer_info *info) {
-    static const char *const workers[SRV_RENDERERS] = { "streams", "pictures", "express" };
+    static const char *const workers[SRV_RENDERERS] = { "interactive", "snapshot", "preemption" };
     if (voxels) {
         fprintf(out, "splatd_volume_bytes{volume=");
         srv_metrics_label(out, id);
@@ -55,7 +55,7 @@ static void print_volume(FILE *out, const char *id, const uint64_t *voxels,
             continue;
         fprintf(out, "splatd_derived_bytes{volume=");
         srv_metrics_label(out, id);
-        fprintf(out, ",backend=\"%s\",lane=\"%s\"} %" PRIu64 "\n", info[l].backend, workers[l],
+        fprintf(out, ",backend=\"%s\",worker=\"%s\"} %" PRIu64 "\n", info[l].backend, workers[l],
                 cached[l]);
     }
 }
@@ -100,10 +100,10 @@ static void print_store(const struct srv_request *request, FILE *out) {
                                                   "preset", "path",    "clock" };
     struct srv_store_status s;
     srv_store_status(request->app->store, &s);
-    srv_metrics_family(out, "splatd_kept", "gauge", "Records in the store, by kind");
+    srv_metrics_family(out, "splatd_stored_records", "gauge", "Records in the store, by kind");
     for (int k = 0; k < SRV_KINDS; k++)
-        fprintf(out, "splatd_kept{kind=\"%s\"} %u\n", kinds[k], s.records[k]);
-    gauge(out, "splatd_kept_bytes", "Size of the records in the store", (double)s.bytes);
+        fprintf(out, "splatd_stored_records{kind=\"%s\"} %u\n", kinds[k], s.records[k]);
+    gauge(out, "splatd_stored_bytes", "Size of the records in the store", (double)s.bytes);
     gauge(out, "splatd_state_waiting", "Changes that are not on disk yet", s.waiting);
     gauge(out, "splatd_state_failing", "1 while the state cannot be written", s.is_failing);
     counter(out, "splatd_state_writes_total", "Transactions written", (double)s.writes);
@@ -235,7 +235,7 @@ void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
     }
     if (!out || fclose(out) != 0 || !ok) {
         free(text);
-        srv_reply_problem(reply, 503, NULL, "no memory for the metrics");
+        srv_reply_problem(reply, 503, NULL, "out of memory for the metrics");
         return;
     }
     reply->status = 200;

@@ -32,7 +32,7 @@ static proto_json *view_patch(const proto_json *view, bool has_own_size, const p
         ok = proto_json_set(patch, "size", proto_json_ref((proto_json *)(uintptr_t)size));
     if (!ok) {
         proto_json_free(&patch);
-        srv_reply_problem(reply, 503, NULL, "no memory for a path");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a path");
     }
     return patch;
 }
@@ -195,7 +195,7 @@ static void reply_file(struct srv_request *request, const struct srv_path_file *
                               "the range is outside of the file, which has %llu bytes",
                               (unsigned long long)result->size);
         else
-            srv_reply_problem(reply, 503, NULL, "no memory for a file");
+            srv_reply_problem(reply, 503, NULL, "out of memory for a file");
         free(file);
     } else {
         *file = (struct file){ .fd = result->fd, .left = count };
@@ -322,7 +322,7 @@ static void end_events(void *user) {
 }
 
 void srv_get_path_events(struct srv_request *request, struct srv_reply *reply) {
-    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "no memory to watch a path" };
+    struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory while watching a path" };
     struct watching *w = calloc(1, sizeof *w);
     bool is_over = false;
     if (w) {

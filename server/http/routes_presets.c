@@ -72,7 +72,7 @@ static void put(struct srv_request *request, const proto_json *patch, struct srv
     char *old = srv_store_get(store, SRV_KIND_PRESET, request->param, NULL, &err);
     char *text = proto_json_to_canonical(patch, &size);
     if (!text) {
-        srv_reply_problem(reply, 503, NULL, "no memory for a preset");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a preset");
     } else if (!old && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
     } else if (!srv_store_put(store, SRV_KIND_PRESET, request->param, text, size, &err)) {

@@ -151,7 +151,7 @@ static void reply_image(struct srv_request *request, const struct srv_snapshot_r
     struct image_body *image = malloc(sizeof *image + result->size);
     const struct srv_chunked_body body = { image, read_image, free, .has_one_deadline = true };
     if (!image) {
-        srv_reply_problem(&request->reply, 503, NULL, "no memory for an image of %zu bytes",
+        srv_reply_problem(&request->reply, 503, NULL, "out of memory for an image of %zu bytes",
                           result->size);
         return;
     }
@@ -219,7 +219,7 @@ static void submit(struct srv_request *request, struct srv_snapshot *snapshot, c
     uint64_t bytes = srv_snapshot_memory_of(snapshot->view.size, snapshot->format);
     struct render *render = malloc(sizeof *render);
     if (!render)
-        sp_fail(&err, SP_ERR_MEMORY, NULL, "no memory for a render request");
+        sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for a render request");
     if (!render || !srv_request_begin_snapshot(request, bytes, &err)) {
         srv_catalog_release(request->app->catalog, snapshot->volume);
         srv_reply_error(reply, &err);
@@ -273,7 +273,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         srv_reply_error(reply, &err);
     } else if (!make_etag(request, &snapshot, etag)) {
         srv_catalog_release(request->app->catalog, snapshot.volume);
-        srv_reply_problem(reply, 503, NULL, "no memory for a render request");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a render request");
     } else if (srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag)) {
         srv_catalog_release(request->app->catalog, snapshot.volume);
         reply->status = 304;
@@ -305,7 +305,7 @@ static bool read_camera(struct srv_request *request, proto_json *patch, struct s
     }
     if (proto_json_set(patch, "camera", camera))
         return true;
-    srv_reply_problem(reply, 503, NULL, "no memory for a camera");
+    srv_reply_problem(reply, 503, NULL, "out of memory for a camera");
     return false;
 }
 
@@ -324,7 +324,7 @@ static bool read_size(struct srv_request *request, proto_json *patch, struct srv
     bool ok = proto_json_append_integer(size, px[0]) && proto_json_append_integer(size, px[1]);
     if (proto_json_set(patch, "size", size) && ok)
         return true;
-    srv_reply_problem(reply, 503, NULL, "no memory for a size");
+    srv_reply_problem(reply, 503, NULL, "out of memory for a size");
     return false;
 }
 

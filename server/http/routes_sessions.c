@@ -79,7 +79,8 @@ static bool may_fork(struct srv_request *request, const proto_json *body, struct
                            "give a token of the daemon, or fork a session with its control token");
     else if (role != SRV_ROLE_CONTROL)
         /* A fork can show any volume, which is more than this token permits. */
-        srv_reply_problem(reply, 403, NULL, "this token may watch the session, not fork it");
+        srv_reply_problem(reply, 403, NULL,
+                          "this token may only watch the session; fork it with its control token");
     else
         return true;
     return false;
@@ -146,7 +147,7 @@ static proto_json *encode_item(void *user, const void *item) {
     ok = proto_json_set_string(json, "volume", info->volume) && ok;
     ok = (!info->owner[0] || proto_json_set_string(json, "owner", info->owner)) && ok;
     ok = proto_json_set_integer(json, "participants", info->participants) && ok;
-    ok = proto_json_set_bool(json, "asleep", info->is_hibernated) && ok;
+    ok = proto_json_set_bool(json, "hibernated", info->is_hibernated) && ok;
     ok = proto_json_set_number(json, "idle", info->idle_ms / 1000) && ok;
     if (!ok)
         proto_json_free(&json);
@@ -193,10 +194,11 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
     if (!find_role(request, &role, reply))
         return false;
     if (role < wanted)
-        srv_reply_problem(reply, 403, NULL, "%s",
-                          request->grant.rights & SRV_RIGHT_CONTROL
-                              ? "another token created this session; give its control token"
-                              : "this token may watch the session, not change it");
+        srv_reply_problem(
+            reply, 403, NULL, "%s",
+            request->grant.rights & SRV_RIGHT_CONTROL
+                ? "another token created this session; give its control token"
+                : "this token may only watch the session; change it with its control token");
     return role >= wanted;
 }
 
@@ -208,7 +210,8 @@ bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
     if (rights & SRV_RIGHT_CONTROL)
         return true;
     if (rights) {
-        srv_reply_problem(reply, 403, NULL, "the role of this token does not include sessions");
+        srv_reply_problem(reply, 403, NULL,
+                          "a token needs the role control or admin to create a session");
     } else if (!srv_request_token(request)) {
         reply_unauthorized(reply, token_missing);
     } else { /* the body may name a session to fork; a longer one is not stored */
@@ -287,7 +290,7 @@ static void on_upgrade(void *user, struct MHD_Connection *connection, void *stat
     upgrade->start.close = close_upgraded;
     srv_request_upgraded(request);
     if (!srv_streams_add(upgrade->streams, &upgrade->start)) {
-        sp_log(SP_LOG_ERROR, "no memory for the stream of %s",
+        sp_log(SP_LOG_ERROR, "out of memory for the stream of %s",
                srv_connection_peer(request->connection));
         close_upgraded(handle);
     }
@@ -332,7 +335,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
     }
     char accept[SRV_WEBSOCKET_ACCEPT_BYTES];
     if (!srv_header_websocket_accept(srv_request_header(request, "Sec-WebSocket-Key"), accept)) {
-        srv_reply_problem(reply, 503, NULL, "no memory for a handshake");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a handshake");
         return;
     }
     struct upgrade *upgrade = calloc(1, sizeof *upgrade);
@@ -340,7 +343,7 @@ void srv_get_stream(struct srv_request *request, struct srv_reply *reply) {
         upgrade ? MHD_create_response_for_upgrade(on_upgrade, upgrade) : NULL;
     request->upgrade = upgrade;
     if (!response) {
-        srv_reply_problem(reply, 503, NULL, "no memory for a stream");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a stream");
         return;
     }
     upgrade->streams = request->app->streams;

@@ -63,7 +63,7 @@ static bool add_record(struct srv_request *request, const char *id, const char *
     beginning_of(request, beginning);
     int size = asprintf(&record, "%s\"view\":%s}", beginning, text);
     if (size < 0)
-        return sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a view");
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a view");
     bool ok =
         srv_store_add(request->app->store, SRV_KIND_VIEW, id, record, (size_t)size, &share, err);
     free(record);
@@ -89,7 +89,7 @@ static void save_view(struct srv_request *request, const struct sp_view *view,
     char *text = proto_json_to_canonical(json, &size);
     proto_json_free(&json);
     if (!text || !srv_saved_view_id(text, size, id)) {
-        srv_reply_problem(reply, 503, NULL, "no memory for a view");
+        srv_reply_problem(reply, 503, NULL, "out of memory for a view");
     } else if (reply_id(id, reply)) { /* first, so that nothing is saved if there is no memory for
                                          the reply */
         if (add_record(request, id, text, &err)) {

@@ -13,7 +13,7 @@ struct srv_snapshot_memory {
 struct srv_snapshot_memory *srv_snapshot_memory_create(uint64_t bytes_max, struct sp_error *err) {
     struct srv_snapshot_memory *memory = calloc(1, sizeof *memory);
     if (!memory) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory to account for snapshots");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory while accounting for snapshots");
         return NULL;
     }
     pthread_mutex_init(&memory->mutex, NULL);

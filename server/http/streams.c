@@ -326,7 +326,7 @@ struct srv_streams *srv_streams_create(const struct srv_streams_options *options
     struct srv_streams *s = calloc(1, sizeof *s);
     if (!s || !(s->ingress = srv_ingress_create(options->message_bytes))) {
         free(s);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the stream thread");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the stream thread");
         return NULL;
     }
     s->options = *options;

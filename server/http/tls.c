@@ -120,7 +120,7 @@ static void release(struct srv_tls *tls) {
 struct srv_tls *srv_tls_create(const struct srv_tls_options *options, struct sp_error *err) {
     struct srv_tls *tls = calloc(1, sizeof *tls);
     if (!tls) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the TLS threads");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the TLS threads");
         return NULL;
     }
     assert(options->handshakes_max >= 1 && options->give);

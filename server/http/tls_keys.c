@@ -62,7 +62,7 @@ static gnutls_datum_t read_pem(const char *path, bool is_secret, struct sp_error
         sp_fail(err, SP_ERR_FORMAT, path, "has %lld bytes; the limit of a PEM file is %d",
                 (long long)st.st_size, PEM_BYTES_MAX);
     } else if (!(pem.data = malloc(PEM_BYTES_MAX))) {
-        sp_fail(err, SP_ERR_MEMORY, path, "no memory to read the file");
+        sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading the file");
     } else {
         pem.size = (unsigned)fread(pem.data, 1, PEM_BYTES_MAX, file);
         if (ferror(file)) {
@@ -110,7 +110,7 @@ static bool explain(const gnutls_datum_t *certificate, const char *certificate_p
         gnutls_x509_crt_deinit(list[i]);
     gnutls_free(list);
     if (code == GNUTLS_E_MEMORY_ERROR)
-        return sp_fail(err, SP_ERR_MEMORY, certificate_path, "no memory for the certificate");
+        return sp_fail(err, SP_ERR_MEMORY, certificate_path, "out of memory for the certificate");
     if (listed < 0)
         return sp_fail(err, SP_ERR_FORMAT, certificate_path, "is not a PEM certificate: %s",
                        gnutls_strerror(listed));
@@ -141,7 +141,7 @@ struct srv_tls_keys *srv_tls_keys_create(const char *certificate_path, const cha
         if (ok)
             warn_of_dates(keys, certificate_path);
     } else if (key.data) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for the certificate");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the certificate");
     }
     release_pem(&certificate);
     release_pem(&key);

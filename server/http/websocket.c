@@ -181,7 +181,7 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
     struct srv_ws *ws = calloc(1, sizeof *ws);
     if (!ws || wslay_event_context_server_init(&ws->context, &callbacks, ws) != 0) {
         free(ws);
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a stream");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a stream");
         return NULL;
     }
     ws->options = *options;
@@ -194,7 +194,7 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
         ws->participant = srv_hub_join(options->hub, options->session, options->role,
                                        options->token, options->user, now_ms, err);
     else
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory for a stream");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a stream");
     if (ws->participant)
         srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
     else

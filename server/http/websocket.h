@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The stream of one client: WebSocket messages over a transport, and the calls of the session hub
- * that they stand for.
+ * The stream of one client: translates its WebSocket messages into calls of the session hub, and
+ * the frames and messages of its outbox into WebSocket messages.
  *
- *   open ──(close queued, peer closed, error)──► closing ──(sent)──► over
+ *   open ──(close queued, peer closed, error)──► closing ──(sent)──► closed
  *
  * Everything is bounded. Reading stops while 64 messages wait to be sent, and until the next tick
  * when the client has used up its ingress quota (ingress_quota.h). One srv_ws_read() reads a few

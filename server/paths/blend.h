@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Interpolates the members of a view from a (u = 0) to b (u = 1). Both must be valid. At u = 0 the
- * result equals a bit for bit, at u = 1 it equals b.
+ * Interpolates the members of a view from a (u = 0) to b (u = 1). Both must be valid. The
+ * result is bit-equal to `a` at u = 0 and to `b` at u = 1.
  *
  *   numbers, colours   linear
  *   names              a until u = 1

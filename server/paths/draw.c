@@ -437,8 +437,8 @@ static struct srv_path *next_path(struct srv_paths *paths) {
     for (struct srv_path *path = paths->list; path; path = path->next) {
         if (ready_ms(path) > now_ms)
             continue;
-        if (path->by->turn < first) {
-            first = path->by->turn;
+        if (path->by->last_served < first) {
+            first = path->by->last_served;
             next = path;
         }
     }
@@ -518,7 +518,7 @@ static void step(struct drawing *d, struct srv_path *path) {
         d->path = path;
         path->refs++;
     }
-    path->by->turn = ++paths->turn;
+    path->by->last_served = ++paths->served;
     pthread_mutex_unlock(&paths->mutex);
     if (!d->keyframes && !(d->keyframes = read_keyframes(paths, path->id, &err))) {
         if (!atomic_load(&path->is_removed)) /* otherwise its record was removed, too */

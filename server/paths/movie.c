@@ -27,12 +27,17 @@ static uint8_t *read_packet(const char *path, size_t *size, struct sp_error *err
         sp_fail(err, SP_ERR_MEMORY, path, "out of memory while reading a video packet");
     } else {
         size_t got = 0;
-        for (ssize_t n = 1; ok && n > 0 && got < (size_t)st.st_size; got += (size_t)(n > 0 ? n : 0))
+        ssize_t n = 1;
+        for (; ok && n > 0 && got < (size_t)st.st_size; got += (size_t)(n > 0 ? n : 0))
             n = read(fd, bytes + got, (size_t)st.st_size - got);
+        if (n < 0)
+            sp_fail(err, SP_ERR_IO, path, "cannot read this file: %s", strerror(errno));
         ok = ok && got == (size_t)st.st_size && bytes[0] <= SRV_PACKET_KEY;
         *size = got;
         if (!ok) {
-            sp_fail(err, SP_ERR_FORMAT, path, "the file is not a video packet");
+            if (n >= 0)
+                sp_fail(err, SP_ERR_FORMAT, path,
+                        "this video packet is damaged; delete the camera path and create it again");
             free(bytes);
             bytes = NULL;
         }

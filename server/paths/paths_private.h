@@ -23,7 +23,7 @@ struct srv_path_owner { /* a token that has paths, or removed paths whose files 
     unsigned count;                  /* paths, including those being created */
     unsigned holders;                /* these, and removed paths whose files remain */
     uint64_t bytes;                  /* of all its files */
-    uint64_t turn;                   /* number of its last turn; the lowest is next */
+    uint64_t last_served;            /* paths->served when it was served last; the lowest is next */
 };
 
 struct srv_path {
@@ -72,7 +72,7 @@ struct srv_paths {
     struct srv_path *list; /* oldest first */
     struct srv_path *gone; /* removed paths whose files are to be deleted */
     struct srv_path_owner *owners;
-    uint64_t turn;       /* number of the last turn */
+    uint64_t served;     /* how often an owner was served */
     unsigned count;      /* paths, including those being created */
     uint64_t bytes;      /* of all files */
     uint64_t generation; /* rises when something that paths wait for may have changed */

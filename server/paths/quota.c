@@ -57,7 +57,7 @@ struct srv_path_owner *srv_path_quota_add_path(struct srv_paths *paths, const ch
     if (owner->count++ ==
         0) { /* a new owner goes last, so that leaving and coming back gains nothing */
         snprintf(owner->name, sizeof owner->name, "%s", name);
-        owner->turn = ++paths->turn;
+        owner->last_served = ++paths->served;
     }
     owner->holders++;
     paths->count++;
@@ -106,12 +106,14 @@ static bool fits(const struct srv_paths *paths, const struct srv_path *path,
     const struct srv_path_owner *owner = path->by;
     if (quota->path_bytes && owner->bytes + bytes > quota->path_bytes)
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "the camera paths of %s use %llu bytes, %s %llu, and its token allows %llu",
+                       "the camera paths of %s use %llu bytes, %s %llu, and its token allows %llu; "
+                       "delete finished paths",
                        owner->name, (unsigned long long)owner->bytes, what,
                        (unsigned long long)bytes, (unsigned long long)quota->path_bytes);
     return paths->bytes + bytes <= paths->options.bytes_max ||
            sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "all camera paths use %llu bytes, %s %llu, and --path-bytes allows %llu",
+                   "all camera paths use %llu bytes, %s %llu, and --path-bytes allows %llu; "
+                   "delete finished paths or raise it",
                    (unsigned long long)paths->bytes, what, (unsigned long long)bytes,
                    (unsigned long long)paths->options.bytes_max);
 }

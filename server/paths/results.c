@@ -51,9 +51,10 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
     if (!look_up(paths, id, &path, err))
         return false;
     if (path.output.is_movie)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path makes a movie, not frames");
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL,
+                       "this camera path makes a movie; get its movie instead of a frame");
     if (frame >= path.output.frames)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has frames 0 to %u",
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this camera path has frames 0 to %u",
                        path.output.frames - 1);
     if (frame >= path.done)
         return sp_fail(err, SP_ERR_NOT_READY, NULL, "frame %u is not rendered yet; %u frames are",
@@ -64,11 +65,12 @@ bool srv_paths_open_frame(struct srv_paths *paths, const char *id, uint32_t fram
 
 static bool check_done(const struct srv_path *path, bool is_movie, struct sp_error *err) {
     if (path->output.is_movie != is_movie)
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this path has %s",
-                       is_movie ? "frames, not a movie; use \"format\": \"webm\" for a movie"
-                                : "a movie, not frames");
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "this camera path makes %s",
+                       is_movie ? "images; get its frames or archive, or use \"format\": \"webm\""
+                                : "a movie; get its movie instead of an archive");
     return path->state == SRV_PATH_DONE ||
-           sp_fail(err, SP_ERR_NOT_READY, NULL, "this path is %s with %u of %u frames",
+           sp_fail(err, SP_ERR_NOT_READY, NULL,
+                   "this camera path is %s: %u of %u frames are done; try again later",
                    srv_path_state_name(path), path->done, path->output.frames);
 }
 

@@ -133,7 +133,7 @@ static bool is_wanted(struct srv_render_pool *pool, const struct srv_render_job 
 
 static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder *encoder,
                                  const struct srv_encode_task *task) {
-    static const char *const step_words[] = { "", " middle", " final" };
+    static const char *const step_words[] = { "", " intermediate", " final" };
     struct srv_render_job *job = task->job;
     const struct sp_frame *frame = task->frame;
     struct srv_render_result result = { .width = frame->width,

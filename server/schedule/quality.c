@@ -123,7 +123,8 @@ static bool is_finer(struct choice a, struct choice b) {
 }
 
 /* Returns the part of a level's expected time that is believed; doubt counts below `doubted`. */
-static double trust_of(const struct srv_quality *quality, unsigned mip_level, unsigned doubted) {
+static double confidence_of(const struct srv_quality *quality, unsigned mip_level,
+                            unsigned doubted) {
     return mip_level < doubted ? 1 - quality->fits[mip_level].doubt : 1;
 }
 
@@ -133,13 +134,13 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
     for (unsigned mip_level = 0;; mip_level++) {
         bool last = mip_level == SP_MIP_LEVEL_MAX;
         struct model model = model_of(quality, mip_level);
-        double trust = trust_of(quality, mip_level, doubted);
+        double confidence = confidence_of(quality, mip_level, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
         unsigned side = SIDES, least = last ? SIDE_MIN : SIDE_USEFUL;
         for (;; side--) {
             uint32_t size[2];
             scale(full, side, size);
-            if (time_of(&model, megapixels(size)) * trust <= limit_ms)
+            if (time_of(&model, megapixels(size)) * confidence <= limit_ms)
                 return (struct choice){ mip_level, side };
             if (side == least || megapixels(size) <= useful)
                 break;
@@ -172,7 +173,7 @@ double srv_quality_moving_ms(const struct srv_quality *quality, const uint32_t f
     struct srv_detail detail;
     srv_quality_moving(&next, full, budget_ms, &detail);
     return srv_quality_expected_ms(quality, &detail) *
-           trust_of(quality, detail.mip_level, quality->side ? quality->mip_level : 0);
+           confidence_of(quality, detail.mip_level, quality->side ? quality->mip_level : 0);
 }
 
 bool srv_quality_intermediate(const struct srv_quality *quality, const uint32_t full[2],

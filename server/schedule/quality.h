@@ -50,8 +50,8 @@ struct srv_quality_fit {         /* of one mip level */
  *     than it is.
  *   - A change of one level's time changes the times of all levels.
  *   - A finer level that was too slow is doubted a little more with each frame drawn without it,
- *     until it is tried again. Each trial that is too slow doubles the time to the next one. A
- * level that is twice too slow is not tried. */
+ *     until it is tried again. Each trial that is too slow doubles the time to the next one.
+ *     A level that is twice too slow is not tried. */
 struct srv_quality {
     struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
     unsigned mip_level,

@@ -4,10 +4,10 @@
  *
  * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "used"}. "used" is the
  * time of the last use, in seconds that daemons ran with this store (past_run_ms of
- * srv_hub_options), exact to a thousandth of --sleep-time. So the limit --sleep-time continues
- * after a restart and does not depend on the time of day. Without "used" it is now.
+ * srv_hub_options), exact to a thousandth of --hibernation-time. So the limit --hibernation-time
+ * continues after a restart and does not depend on the time of day. Without "used" it is now.
  *
- *     created ──► active ──(unused)──► hibernated ──(--sleep-time, or deleted)──► ended
+ *     created ──► active ──(unused)──► hibernated ──(--hibernation-time, or deleted)──► ended
  *                   └──◄──(any request)──┘   └──◄── saved in an earlier run
  *
  * A hibernated session has only its id, tokens and names in memory, some hundred bytes. It uses no
@@ -26,7 +26,7 @@
 
 struct srv_hibernated_session {
     struct srv_hibernated_session *next;
-    struct srv_timer end; /* hibernated for --sleep-time */
+    struct srv_timer end; /* hibernated for --hibernation-time */
     char id[SRV_SESSION_ID_BYTES];
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     char volume[SP_NAME_BYTES];
@@ -285,10 +285,11 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
         return NULL;
     }
     if (!srv_hub_ensure_capacity(hub)) {
-        sp_fail(err, SP_ERR_BUDGET, NULL,
-                "the session is hibernated; %u others are in use and --sessions allows %u; try "
-                "again later",
-                hub->active.count, hub->options.sessions_max);
+        sp_fail(
+            err, SP_ERR_BUDGET, NULL,
+            "cannot activate the hibernated session: %u others are active and --sessions allows "
+            "%u; try again later",
+            hub->active.count, hub->options.sessions_max);
         srv_hub_free_session(hub, session);
         return NULL;
     }
@@ -325,7 +326,7 @@ double srv_hibernated_tick(struct srv_hub *hub, double now_ms) {
     for (const struct srv_hibernated_session *entry;
          (entry = srv_timer_take(&hub->hibernated.ends, now_ms));) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", entry->id }),
-                    "session %s ended: unused for %.0f s (--sleep-time)", entry->id,
+                    "session %s ended: unused for %.0f s (--hibernation-time)", entry->id,
                     hub->options.hibernation_ms / 1000);
         srv_hub_ended(hub, entry->id);
         unlink_hibernated(hub, find(hub, entry->id));

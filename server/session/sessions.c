@@ -38,16 +38,16 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
 /* True if the owner may have one more session, active or hibernated. */
 static bool has_quota(const struct srv_hub *hub, const struct srv_owner *owner,
                       struct sp_error *err) {
-    unsigned most = owner->quota.sessions, awake = 0;
+    unsigned most = owner->quota.sessions, active = 0;
     if (!most)
         return true;
     for (const struct srv_session *s = hub->active.first; s; s = s->next)
-        awake += strcmp(s->identity.owner.name, owner->name) == 0;
-    unsigned asleep = srv_hibernated_count(hub, owner->name);
-    return awake + asleep < most ||
+        active += strcmp(s->identity.owner.name, owner->name) == 0;
+    unsigned hibernated = srv_hibernated_count(hub, owner->name);
+    return active + hibernated < most ||
            sp_fail(err, SP_ERR_QUOTA, NULL,
                    "%s has %u sessions (%u hibernated) and its token allows %u; delete some",
-                   owner->name, awake + asleep, asleep, most);
+                   owner->name, active + hibernated, hibernated, most);
 }
 
 /* Returns the part of the limit `most` that a guest, or any other client, may use. */
@@ -57,26 +57,26 @@ static unsigned limit_for(bool is_guest, unsigned most) {
 
 static bool session_add(struct srv_hub *hub, struct srv_session *session, bool is_guest,
                         double now_ms, struct sp_error *err) {
-    const unsigned awake_max = limit_for(is_guest, hub->options.sessions_max);
-    const unsigned asleep_max = limit_for(is_guest, hub->options.hibernated_max);
+    const unsigned active_max = limit_for(is_guest, hub->options.sessions_max);
+    const unsigned hibernated_max = limit_for(is_guest, hub->options.hibernated_max);
     if (hub->is_draining)
         return sp_fail(err, SP_ERR_BUDGET, NULL, "the daemon is shutting down");
-    const char *whom = is_guest ? " guests" : "";
-    if (hub->options.recall && hub->hibernated.count >= asleep_max)
+    const char *whom = is_guest ? " for forks by join tokens" : "";
+    if (hub->options.recall && hub->hibernated.count >= hibernated_max)
         return sp_fail(
             err, SP_ERR_BUDGET, NULL,
-            "%u sessions are hibernated and --sleeping-sessions allows%s %u; delete some",
-            hub->hibernated.count, whom, asleep_max);
+            "%u sessions are hibernated and --hibernated-sessions allows %u%s; delete some",
+            hub->hibernated.count, hibernated_max, whom);
     if (is_guest && !srv_hub_renew_quota(hub, &session->identity.owner))
         return sp_fail(err, SP_ERR_DENIED, NULL,
-                       "the token that created the session is no longer valid; a fork needs a "
-                       "token of the daemon");
+                       "the token that created the session was removed; fork it with a token of "
+                       "the daemon");
     if (!has_quota(hub, &session->identity.owner, err))
         return false;
-    if (is_guest ? hub->active.count >= awake_max : !srv_hub_ensure_capacity(hub))
+    if (is_guest ? hub->active.count >= active_max : !srv_hub_ensure_capacity(hub))
         return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "%u sessions are active and --sessions allows%s %u; try again later",
-                       hub->active.count, whom, awake_max);
+                       "%u sessions are active and --sessions allows %u%s; try again later",
+                       hub->active.count, active_max, whom);
     session->identity.has_token = true;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub, session);

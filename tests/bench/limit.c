@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splat-limit: prints the peak rates of this machine as one JSON line. Each number is the best of a
+ * splat-limit: prints the peak rates of this bench as one JSON line. Each number is the best of a
  * few short runs on all threads at once; "copy" counts only the bytes written, not those read.
  *
  *   {"isa":…, "threads":…, "add": {"3": Msplat/s, "5":…, "7":…, "11":…}, "set_up": Msplat/s,
@@ -41,7 +41,7 @@ static const struct {
 };
 enum { TABLES = sizeof tables / sizeof tables[0] };
 
-/* Returns the best table that this machine can run or, unless `name` is "auto", the one of that
+/* Returns the best table that this bench can run or, unless `name` is "auto", the one of that
  * name; NULL if there is none. */
 static const struct limit_table *find_table(const char *name) {
     const struct limit_table *found = NULL;
@@ -53,7 +53,7 @@ static const struct limit_table *find_table(const char *name) {
 }
 
 /* Memory of one thread. */
-struct desk {
+struct thread_memory {
     struct limit_tile tile;
     struct limit_voxels voxels;
     struct limit_footprint footprints[LIMIT_FOOTPRINTS];
@@ -61,34 +61,34 @@ struct desk {
     uint64_t sum;        /* keeps the compiler from removing the reads */
 };
 
-struct machine {
+struct limit_bench {
     const struct limit_table *table;
     struct sp_pool *pool;
     unsigned threads;
-    struct desk *desks;
+    struct thread_memory *memories;
 };
 
-/* A task repeats its work `count` times with the memory of one desk. */
+/* A task repeats its work `count` times with the memory of one memory. */
 struct task {
-    struct machine *machine;
-    void (*work)(struct machine *machine, struct desk *desk, int argument);
+    struct limit_bench *bench;
+    void (*work)(struct limit_bench *bench, struct thread_memory *memory, int argument);
     int argument;
     unsigned count;
 };
 
 static void do_task(void *user, size_t begin, size_t end, unsigned worker) {
     struct task *t = user;
-    (void)worker; /* a desk belongs to the task index, not to the thread */
+    (void)worker; /* a memory belongs to the task index, not to the thread */
     for (size_t i = begin; i < end; i++)
         for (unsigned n = 0; n < t->count; n++)
-            t->work(t->machine, &t->machine->desks[i], t->argument);
+            t->work(t->bench, &t->bench->memories[i], t->argument);
 }
 
 /* Returns calls of `work` per second over all threads, after increasing the count until a run is
  * long enough. */
-static double best_rate(struct machine *m, struct task t) {
+static double best_rate(struct limit_bench *m, struct task t) {
     double best = 0;
-    t.machine = m;
+    t.bench = m;
     t.count = 1;
     for (int run = 0; run < RUNS;) {
         double start = sp_clock_ms();
@@ -104,11 +104,11 @@ static double best_rate(struct machine *m, struct task t) {
     return best;
 }
 
-static void work_add(struct machine *m, struct desk *d, int width) {
+static void work_add(struct limit_bench *m, struct thread_memory *d, int width) {
     m->table->add(&d->tile, d->footprints, width);
 }
 
-static void work_set_up(struct machine *m, struct desk *d, int argument) {
+static void work_set_up(struct limit_bench *m, struct thread_memory *d, int argument) {
     static const struct limit_camera camera = { .focal = 900,
                                                 .centre = { 256, 256 },
                                                 .variance = { 0.5f, 0.1f, 0, 0.5f, 0.05f, 0.4f },
@@ -118,7 +118,7 @@ static void work_set_up(struct machine *m, struct desk *d, int argument) {
     m->table->set_up(&d->voxels, &camera);
 }
 
-static void work_read(struct machine *m, struct desk *d, int argument) {
+static void work_read(struct limit_bench *m, struct thread_memory *d, int argument) {
     uint64_t sum[4] = { 0 };
     (void)m;
     (void)argument;
@@ -128,7 +128,7 @@ static void work_read(struct machine *m, struct desk *d, int argument) {
     d->sum += sum[0] + sum[1] + sum[2] + sum[3];
 }
 
-static void work_copy(struct machine *m, struct desk *d, int argument) {
+static void work_copy(struct limit_bench *m, struct thread_memory *d, int argument) {
     (void)m;
     (void)argument;
     memcpy(d->to, d->from, MEMORY_BYTES);
@@ -141,7 +141,7 @@ static uint32_t draw(uint32_t *state) { /* Marsaglia's xorshift */
 }
 
 /* Creates Gaussians of the given width, centred in their boxes, at random places of the tile. */
-static void place_footprints(struct desk *d, int width) {
+static void place_footprints(struct thread_memory *d, int width) {
     uint32_t seed = 1;
     float middle = 0.5f * (float)(width - 1), sharp = 4.5f / (middle * middle + 1) * 1.442695f;
     memset(&d->tile, 0, sizeof d->tile);
@@ -160,7 +160,7 @@ static void place_footprints(struct desk *d, int width) {
     }
 }
 
-static bool place_desk(struct desk *d) {
+static bool place_desk(struct thread_memory *d) {
     uint32_t seed = 7;
     d->from = malloc(MEMORY_BYTES);
     d->to = malloc(MEMORY_BYTES);
@@ -176,11 +176,11 @@ static bool place_desk(struct desk *d) {
     return true;
 }
 
-static void measure(struct machine *m) {
+static void measure(struct limit_bench *m) {
     printf("{\"isa\": \"%s\", \"threads\": %u, \"add\": {", m->table->isa, m->threads);
     for (int i = 0; i < LIMIT_WIDTHS; i++) {
         for (unsigned k = 0; k < m->threads; k++)
-            place_footprints(&m->desks[k], limit_widths[i]);
+            place_footprints(&m->memories[k], limit_widths[i]);
         double rate = best_rate(m, (struct task){ .work = work_add, .argument = limit_widths[i] });
         printf("%s\"%d\": %.1f", i ? ", " : "", limit_widths[i], rate * LIMIT_FOOTPRINTS * 1e-6);
     }
@@ -192,24 +192,24 @@ static void measure(struct machine *m) {
 }
 
 static int run(const struct limit_table *table, unsigned threads) {
-    struct sp_error err = { .text = "no memory" };
-    struct machine m = { .table = table, .threads = threads };
+    struct sp_error err = { .text = "out of memory" };
+    struct limit_bench m = { .table = table, .threads = threads };
     m.pool = sp_pool_create(threads, &err);
-    m.desks = aligned_alloc(64, (threads * sizeof *m.desks + 63) & ~(size_t)63);
-    bool ok = m.pool && m.desks;
-    if (m.desks)
-        memset(m.desks, 0, threads * sizeof *m.desks);
+    m.memories = aligned_alloc(64, (threads * sizeof *m.memories + 63) & ~(size_t)63);
+    bool ok = m.pool && m.memories;
+    if (m.memories)
+        memset(m.memories, 0, threads * sizeof *m.memories);
     for (unsigned i = 0; ok && i < threads; i++)
-        ok = place_desk(&m.desks[i]);
+        ok = place_desk(&m.memories[i]);
     if (ok)
         measure(&m);
     else
         fprintf(stderr, "splat-limit: %s\n", err.text);
-    for (unsigned i = 0; m.desks && i < threads; i++) {
-        free(m.desks[i].from);
-        free(m.desks[i].to);
+    for (unsigned i = 0; m.memories && i < threads; i++) {
+        free(m.memories[i].from);
+        free(m.memories[i].to);
     }
-    free(m.desks);
+    free(m.memories);
     sp_pool_destroy(&m.pool);
     return ok ? EXIT_SUCCESS : EXIT_FAILURE;
 }
@@ -220,7 +220,7 @@ int main(int argc, char **argv) {
                                            { "help", no_argument, NULL, 'h' },
                                            { NULL, 0, NULL, 0 } };
     static const char usage[] = "usage: splat-limit [--threads N] [--isa NAME]\n"
-                                "Measures the peak rates of this machine; prints one JSON line.\n"
+                                "Measures the peak rates of this bench; prints one JSON line.\n"
                                 "N is 1 (default) to 256; NAME auto (default), scalar, avx2, ...\n";
     unsigned long threads = 1;
     const char *isa = "auto";
@@ -237,7 +237,7 @@ int main(int argc, char **argv) {
     }
     const struct limit_table *table = find_table(isa);
     if (!table || threads < 1 || threads > THREADS_MAX || (end && *end) || optind < argc) {
-        fputs(table ? usage : "splat-limit: this machine does not run that instruction set\n",
+        fputs(table ? usage : "splat-limit: this bench does not run that instruction set\n",
               stderr);
         return EXIT_USAGE;
     }

@@ -136,7 +136,7 @@ static bool measure_times(struct bench_result *r, const struct bench_studio *stu
     r->times.ms = calloc(frames, sizeof(double));
     r->against.ms = calloc(frames, sizeof(double));
     if (!r->times.ms || !r->against.ms)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the result");
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the result");
     for (unsigned i = 0; i < rounds; i++)
         if (!measure_pass(&r->times, studio, &studio->way, err) ||
             (o->against_text && !measure_pass(&r->against, studio, &studio->against, err)))
@@ -243,7 +243,7 @@ static bool measure_cancels(struct bench_result *r, const struct bench_studio *s
     struct bench_cancels *c = &r->cancels;
     double *ms = calloc(wanted, sizeof *ms);
     uint64_t seed = 1;
-    bool ok = ms || sp_fail(err, SP_ERR_MEMORY, "", "no memory for the result");
+    bool ok = ms || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the result");
     c->random_range_ms = bench_median(&r->times);
     for (unsigned n = 0; ok && c->stopped < wanted && n < TRIES * wanted; n++) {
         double latency = -1;

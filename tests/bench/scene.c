@@ -163,7 +163,7 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json, const 
     scene->camera_count = (unsigned)(count < BENCH_CAMERAS_MAX ? count : BENCH_CAMERAS_MAX);
     scene->cameras = calloc(scene->camera_count, sizeof *scene->cameras);
     if (!scene->cameras)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u cameras", scene->camera_count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u cameras", scene->camera_count);
     if (given)
         return read_cameras(scene, cameras, err);
     make_orbit(scene);
@@ -190,7 +190,7 @@ bool bench_scene_open_volume(struct bench_scene *scene, const char *source, cons
     proto_json *json = proto_json_object();
     if (!proto_json_set_string(json, "volume", source)) {
         proto_json_free(&json);
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for a scene");
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a scene");
     }
     return open_json(scene, json, data, overrides, err);
 }

@@ -58,7 +58,7 @@ static bool write_png(const struct bench_studio *studio, struct sp_error *err) {
 static bool save_volume(const struct bench_studio *studio, struct sp_error *err) {
     char *path = path_of(studio->options->save_volume, studio->scene, "nrrd");
     bool ok = path ? bench_scene_save_volume(studio->scene, path, err)
-                   : sp_fail(err, SP_ERR_MEMORY, "", "no memory for a path");
+                   : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a path");
     free(path);
     return ok;
 }
@@ -72,7 +72,7 @@ static bool print_json(proto_json *json, struct sp_error *err) {
     char *text = proto_json_to_text(json, NULL);
     proto_json_free(&json);
     if (!text)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the result");
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the result");
     printf("%s\n", text);
     fflush(stdout);
     free(text);

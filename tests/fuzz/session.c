@@ -23,7 +23,7 @@ static char *recall(void *user, const char *id, size_t *size, struct sp_error *e
     char *text = malloc(input->size + 1);
     (void)id;
     if (!text) {
-        sp_fail(err, SP_ERR_MEMORY, NULL, "no memory");
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory");
         return NULL;
     }
     memcpy(text, input->text, input->size);

@@ -92,7 +92,7 @@ for (const [what, hard, count] of [['is raised', 2000, 100], ['is too low, so th
   test(`the limit of open files ${what}: every client gets an answer`, async (t) => {
     const small = await Daemon.start(['--connections', '100', '--http-threads', '1'],
       { prefix: ['/bin/bash', '-c', `ulimit -Sn 100; ulimit -Hn ${hard}; exec "$@"`, 'splatd'] });
-    const warned = small.log.includes(`${count} connections are allowed, not the 100 of --connections: those need 292 file descriptors, and the limit is ${hard}`);
+    const warned = small.log.includes(`--connections lowered from 100 to ${count}: it needs 292 file descriptors and the limit is ${hard}`);
     assert.equal(warned, count < 100, small.log);
     const held = await Promise.all(Array.from({ length: count }, () => Raw.connect(small.port)));
     t.after(() => held.forEach((raw) => raw.destroy()));

@@ -70,7 +70,7 @@ test('requests, frames and streams are counted', async (t) => {
   assert.equal(rise(renders, 'splatd_http_requests_total,status=4xx'), 1);
   assert.equal(rise(renders, 'splatd_http_requests_total,status=2xx'), 4, 'three images and the first scrape');
   assert.equal(rise(renders, 'splatd_http_bytes_total,direction=in'), 7);
-  compare(renders['splatd_derived_bytes,backend=cpu,lane=pictures,volume=engine'], '>', 0);
+  compare(renders['splatd_derived_bytes,backend=cpu,volume=engine,worker=snapshot'], '>', 0);
 
   const session = await daemon.session();
   const stream = await daemon.stream({ session });

@@ -177,7 +177,7 @@ test('sessions are created, forked, listed and ended, and their links join them'
   assert.equal((await succeeds(['session', fork.session])).toString(),
     `session ${fork.session}\ncontrol ${fork.control}\nview    ${fork.view}\n`);
   const table = (await succeeds(['sessions'])).toString();
-  for (const id of [links.session, fork.session]) assert.match(table, new RegExp(`^${id} +engine +awake +0 +\\d+$`, 'm'));
+  for (const id of [links.session, fork.session]) assert.match(table, new RegExp(`^${id} +engine +active +0 +\\d+$`, 'm'));
   await succeeds(['session', fork.session, '--delete']);
   const { sessions } = JSON.parse(await succeeds(['sessions', '--json']));
   assert.deepEqual(sessions.map((s) => s.id), [links.session]);

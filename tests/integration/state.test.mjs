@@ -260,7 +260,7 @@ test('a session whose volume is missing works again when the volume is loaded', 
   assert.equal(await third.stop(), 0);
 });
 
-const isHibernated = async (daemon, id) => (await daemon.json('/api/v1/sessions')).json.sessions.find((s) => s.id === id)?.asleep;
+const isHibernated = async (daemon, id) => (await daemon.json('/api/v1/sessions')).json.sessions.find((s) => s.id === id)?.hibernated;
 
 test('an idle session hibernates, uses no volume, and its link shows the same view again', async () => {
   const state = fresh();
@@ -290,7 +290,7 @@ test('an idle session hibernates, uses no volume, and its link shows the same vi
   assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
   assert.equal((await daemon.json(`/api/v1/sessions/${session.id}`)).status, 404);
   await killed(daemon);
-  const next = await start(state, ['--sleep-time', '0.1']);
+  const next = await start(state, ['--hibernation-time', '0.1']);
   await next.untilLogged(`session ${fork.json.id} ended: unused`);
   assert.equal((await next.json(`/api/v1/sessions/${fork.json.id}`)).status, 404);
   assert.deepEqual((await next.json('/api/v1/sessions')).json, { sessions: [] });

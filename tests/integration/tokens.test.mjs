@@ -14,7 +14,7 @@ const LINES = [
   `# who may do what`,
   of('admin'),
   `${of('control')} role=control name=ann sessions=2 fps=12 frame-size=512x512`,
-  `${of('render')} role=render name=bob stills=1 views=2`,
+  `${of('render')} role=render name=bob snapshots=1 views=2`,
   `${of('view')} role=view`,
   `${of('other')} role=control name=carl`,
   `${of('metrics')} role=metrics name=prometheus`,
@@ -255,6 +255,6 @@ test('an invalid token file prevents the start', async () => {
   fs.writeFileSync(file, `${of('admin')} role=view\n${of('admin')}\n`);
   const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--token-file', file]);
   assert.equal(status, 2);
-  assert.match(err, /tokens: line 2: an earlier line has the same token or name/);
+  assert.match(err, /tokens: line 2: an earlier line has the same token/);
   assert.ok(!err.includes(of('admin')));
 });

@@ -323,10 +323,10 @@ static void check_set_up(const struct cpu_kernels *kernels) {
             normal[2 * i + 1] = (uint32_t)rand() << 1;
         }
         list.normal_bytes = n % 3 ? 4 : 8; /* 4: normals; 8: microflakes */
-        struct sp_camera_frame camera;
+        struct sp_camera_transform camera;
         struct sp_ewa_frame frame;
         struct sp_shade shade;
-        sp_camera_frame_init(&camera, &view.camera, view.size);
+        sp_camera_transform_init(&camera, &view.camera, view.size);
         sp_ewa_frame_init(&frame, &camera, &grid, &view);
         sp_shade_init(&shade, &camera, &view.shading);
         sp_clip_frame_init(&frame.clip, &camera, &grid, &view.clip, frame.unit);

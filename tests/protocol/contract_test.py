@@ -170,7 +170,7 @@ def walk(daemon, contract):
     fork = ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
     listed = walk_pages(ask, f'{api}/sessions', 'sessions')
     check(sorted(s['id'] for s in listed) == sorted([session['id'], fork['id']]), f'sessions: {listed}')
-    check(all(s['volume'] == 'engine' and not s['asleep'] and s['participants'] == 0 for s in listed), f'sessions: {listed}')
+    check(all(s['volume'] == 'engine' and not s['hibernated'] and s['participants'] == 0 for s in listed), f'sessions: {listed}')
     ask(401, 'GET', f'{api}/sessions', token=session['tokens']['control'])
     walk_saved_views(daemon, ask, api)
     walk_presets(ask, api)

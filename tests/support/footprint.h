@@ -49,12 +49,13 @@ void test_projection_init(struct test_projection *p, const struct test_scene *sc
 bool test_footprint_init(const struct test_projection *p, const uint32_t voxel[3],
                          struct test_footprint *f);
 
-/* The part of a kernel on the ray of the pixel at `d` from the footprint's centre: the length of
- * the whole kernel, and the depth interval that the clip planes keep, in deviations around the mean
- * of the ray. test_footprint_cross() returns false if it is empty. */
+/* Where the ray of the pixel at `d` from the footprint's centre crosses the kernel.
+ * test_footprint_cross() returns false if the clip planes leave nothing. */
 struct test_crossing {
-    double length, rho, all; /* cubic: distance from the middle [voxels], F(ρ) */
-    double low, high;
+    double length;    /* of the whole kernel on the ray [world units] */
+    double rho;       /* cubic only: distance of the ray from the kernel's centre [voxels] */
+    double all;       /* cubic only: F(ρ) */
+    double low, high; /* what the clip planes leave [standard deviations from the mean depth] */
 };
 bool test_footprint_cross(const struct test_projection *p, const struct test_footprint *f,
                           const double d[2], struct test_crossing *c);

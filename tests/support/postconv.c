@@ -39,7 +39,7 @@ static bool start(struct test_postconv *t, const struct test_scene *scene, unsig
     const struct sp_view *view = &scene->view;
     sp_arena_init(&t->arena);
     sp_postconv_tables_init(&t->tables);
-    sp_camera_frame_init(&t->camera, &view->camera, view->size);
+    sp_camera_transform_init(&t->camera, &view->camera, view->size);
     sp_shade_init(&t->shade, &t->camera, &view->shading);
     t->pool = sp_pool_create(threads, err);
     t->frames = t->pool ? sp_frame_pool_create(0, err) : NULL;

@@ -19,7 +19,7 @@ struct test_postconv {
     struct sp_arena arena;
     struct sp_volume *volume;
     struct sp_classification classification;
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_ewa_frame ewa;
     struct sp_level_frame parts[SP_LEVELS];

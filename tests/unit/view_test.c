@@ -31,8 +31,8 @@ static void make_info(struct sp_volume_info *info) {
  * height. `ends` are the first and last distance of cells along each axis. */
 static void check_framing(const struct sp_view *view, const struct sp_grid *grid,
                           const double ends[3][2]) {
-    struct sp_camera_frame camera;
-    sp_camera_frame_init(&camera, &view->camera, view->size);
+    struct sp_camera_transform camera;
+    sp_camera_transform_init(&camera, &view->camera, view->size);
     double low[2] = { 1e9, 1e9 }, high[2] = { -1e9, -1e9 };
     for (int corner = 0; corner < 8; corner++) {
         struct sp_vec3 t = sp_vec3_from(grid->origin);

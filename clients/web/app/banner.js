@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Messages in one sentence: the banner for anything that prevents the picture, the notice for everything else.
+// The banner shows what prevents the picture; the notice shows all other messages. Each message is one sentence.
 
 const NOTICE_MS = 9000;
 

@@ -36,7 +36,7 @@ static void cpu_destroy(void *pointer) {
 static void *cpu_create(const struct sp_backend_options *options, struct sp_error *err) {
     struct cpu_state *state = calloc(1, sizeof *state);
     if (!state) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the cpu backend");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the cpu backend");
         return NULL;
     }
     sp_arena_init(&state->arena);

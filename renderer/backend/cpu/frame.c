@@ -9,7 +9,7 @@
 _Static_assert((int)SP_MIP_LEVEL_MAX < (int)SP_LEVELS, "a level for each value of mip_level");
 
 bool cpu_fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
                    arena->failed ? arena->failed : "data");
 }
 
@@ -114,7 +114,7 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     /* Averaging a scalar over 4³ voxels changes what the transfer function shows. */
     bool is_post = view->transfer_function.order == SP_TF_POST;
     f->mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level;
-    sp_camera_frame_init(&f->camera, &view->camera, view->size);
+    sp_camera_transform_init(&f->camera, &view->camera, view->size);
     if (view->compositing.mode == SP_COMPOSITE_SHEET)
         f->axis = sp_slices_major_axis(&f->camera, &sp_volume_info(job->volume)->grid);
     if (view->shading.mode == SP_SHADING_PHONG) {

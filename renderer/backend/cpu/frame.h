@@ -29,7 +29,7 @@ struct cpu_frame {
     const struct sp_backend_job *job;
     struct cpu_state *state;
     double stage_ms[CPU_STAGES];
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     struct sp_detail detail; /* the cut: bricks and their mip levels */
     unsigned axis;           /* axis of the sheets; SP_NO_AXIS = not sheet compositing */
     unsigned mip_level;      /* as in the job: no finer level is drawn */

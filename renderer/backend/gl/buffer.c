@@ -82,7 +82,7 @@ void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_er
     void *data = glMapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes,
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
     if (!data)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory to fill %llu bytes of GPU memory",
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory while filling %llu bytes of GPU memory",
                 (unsigned long long)bytes);
     return data;
 }
@@ -90,5 +90,6 @@ void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_er
 bool gl_buffer_unmap(const struct gl_buffer *buffer, struct sp_error *err) {
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
     return glUnmapBuffer(GL_SHADER_STORAGE_BUFFER) ||
-           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was written to it");
+           sp_fail(err, SP_ERR_BACKEND, "",
+                   "the driver discarded a buffer that was being written (glUnmapBuffer)");
 }

@@ -63,7 +63,7 @@ static bool write_ends(struct gl_cell_bounds *bounds, const struct sp_level *lev
     uint64_t bytes = count * (uint64_t)(2 * sizeof(uint32_t));
     uint32_t *pairs = malloc(2 * bytes);
     if (!pairs)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u cells", count);
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u cells", count);
     bool ok =
         gl_buffer_reserve(&bounds->ends, "cells that kernels bounds", bytes, 0, GL_USE_STREAM, err);
     uint32_t *first = pairs + 2 * (size_t)count, *last = first + count;

@@ -142,7 +142,7 @@ static bool write_visible_ranges(struct gl_classify *c, const struct sp_level *l
 static uint32_t *allocate(uint32_t count, struct sp_error *err) {
     uint32_t *words = malloc((count + (size_t)1) * sizeof *words);
     if (!words)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for %u counts", count);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %u counts", count);
     return words;
 }
 

@@ -90,8 +90,8 @@ static bool create_surface(struct gl_context *c, EGLConfig *config, struct sp_er
         return true;
     if (!eglChooseConfig(c->display, wanted, config, 1, &count) || count < 1)
         return sp_fail(err, SP_ERR_BACKEND, "",
-                       "neither EGL_KHR_surfaceless_context with EGL_KHR_no_config_context nor a "
-                       "pbuffer for desktop GL");
+                       "EGL supports neither EGL_KHR_surfaceless_context with "
+                       "EGL_KHR_no_config_context nor a pbuffer for desktop GL; update the driver");
     c->surface = eglCreatePbufferSurface(c->display, *config, size);
     return c->surface != EGL_NO_SURFACE || gl_egl_fail(err, "eglCreatePbufferSurface");
 }
@@ -264,7 +264,7 @@ static bool open_display(struct gl_context *c, const struct gl_place *place, str
 struct gl_context *gl_context_open(const struct gl_place *place, struct sp_error *err) {
     struct gl_context *c = calloc(1, sizeof *c);
     if (!c) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for a GL context");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a GL context");
         return NULL;
     }
     if (!open_display(c, place, err))
@@ -284,7 +284,7 @@ static struct gl_context *open_kind(const struct gl_place *place, bool software,
     if (!c || c->info.software == software)
         return c;
     sp_fail(err, SP_ERR_BACKEND, "", "%s is %s", c->info.renderer,
-            software ? "hardware" : "software GL");
+            software ? "a GPU, not software GL" : "software GL");
     gl_context_destroy(&c);
     return NULL;
 }

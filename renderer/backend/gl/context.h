@@ -20,9 +20,9 @@
 #include "sp/status.h"
 
 struct gl_options {
-    int gpu;                   /* index of an EGL device; −1 = the first place that works … */
-    enum gl_platform platform; /* … of this platform */
-    bool software;             /* true: only software GL; false: only hardware */
+    int gpu; /* index of an EGL device; −1 = the first place of `platform` that works */
+    enum gl_platform platform;
+    bool software; /* true: only software GL; false: only hardware */
 };
 
 /* What a context runs on. Strings are printable ASCII, cut to fit, never empty. */

@@ -67,7 +67,8 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
         return true;
     struct rows *r = calloc(1, sizeof *r);
     if (!r)
-        return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the transfer function's integral");
+        return sp_fail(err, SP_ERR_MEMORY, "",
+                       "out of memory for the transfer function's integral");
     sp_post_curve_init(&r->curve, tf, info->range, base, gradient.unit, r->integral);
     size_t rows = write_rows(r, half);
     bool ok =

@@ -10,8 +10,8 @@
 
 struct gl_curve {
     struct gl_buffer buffer;
-    struct sp_transfer_function tf; /* what the curve was made for, with … */
-    double made_for[4];             /* … range, base and gradient unit of the volume */
+    struct sp_transfer_function tf; /* the curve was made for this function, */
+    double made_for[4];             /* and for this range, base and gradient unit of the volume */
     float half;
 };
 

@@ -14,8 +14,8 @@
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
     HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,      /* batches or turns that may be queued on the GPU: if they are long, … */
-    BEHIND_MOST = 8, /* … and if they are short */
+    BEHIND = 2,      /* long batches or passes that may be queued on the GPU */
+    BEHIND_MOST = 8, /* short ones */
     CHUNKS_SHARE = 8 /* memory for records over memory for their chunks */
 };
 
@@ -32,7 +32,7 @@ struct draw {
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
                    arena->failed ? arena->failed : "data");
 }
 
@@ -57,18 +57,18 @@ static void storage_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
 
-/* Returns how many batches or turns may be queued on the GPU: together they have at most as many
+/* Returns how many batches or passes may be queued on the GPU: together they have at most as many
  * pairs as one may have. */
-static unsigned behind(const struct draw *d) {
+static unsigned queued_max(const struct draw *d) {
     const struct gl_workload *workload = &d->state->workload;
     uint64_t n = gl_workload_limits(workload).pairs / workload->pairs;
     return n < BEHIND ? BEHIND : n < BEHIND_MOST ? (unsigned)n : BEHIND_MOST;
 }
 
-/* Ends a batch or a turn with a fence, and waits for an earlier one, so that a cancelled frame
+/* Ends a batch or a pass with a fence, and waits for an earlier one, so that a cancelled frame
  * leaves little queued work. */
 static bool follow(struct draw *d, struct sp_error *err) {
-    void **last = &d->sent[d->sent_count++ % behind(d)];
+    void **last = &d->sent[d->sent_count++ % queued_max(d)];
     if (!gl_fence_wait(last, d->job->cancel, err))
         return false;
     gl_fence_set(last);
@@ -176,7 +176,7 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     struct gl_state *s = d->state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform3ui(1, d->job->frame->width, (GLuint)s->workload.pairs, d->slot->pieces.turn_pairs);
+    glUniform3ui(1, d->job->frame->width, (GLuint)s->workload.pairs, d->slot->pieces.pass_pairs);
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
@@ -188,8 +188,8 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     gl_buffer_bind(f->is_post ? &s->curve.buffer : &s->buffers.image, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
     gl_buffer_bind(&s->bins.counts, 7);
-    for (uint32_t turn = 0; turn < s->workload.turns; turn++) {
-        glUniform4ui(2, batch->resumes, batch->stays_open, turn, s->workload.turns);
+    for (uint32_t pass = 0; pass < s->workload.passes; pass++) {
+        glUniform4ui(2, batch->resumes, batch->stays_open, pass, s->workload.passes);
         glDispatchCompute(d->columns, tile_rows(d), 1);
         storage_barrier();
         gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
@@ -470,7 +470,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
             return false;
         if (!may_wait &&
             (d->end < height ||
-             (uint64_t)d->state->partition.batch_count * d->state->workload.turns > behind(d)))
+             (uint64_t)d->state->partition.batch_count * d->state->workload.passes > queued_max(d)))
             return true;
         ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
     } while (ok && slot->end < height);

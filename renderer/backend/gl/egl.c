@@ -17,8 +17,8 @@ bool gl_egl_fail(struct sp_error *err, const char *call) {
     };
     unsigned code = (unsigned)eglGetError() - EGL_SUCCESS;
     if (code < sizeof names / sizeof names[0])
-        return sp_fail(err, SP_ERR_BACKEND, "", "%s fails: %s", call, names[code]);
-    return sp_fail(err, SP_ERR_BACKEND, "", "%s fails: EGL error 0x%x", call, code + EGL_SUCCESS);
+        return sp_fail(err, SP_ERR_BACKEND, "", "%s failed: %s", call, names[code]);
+    return sp_fail(err, SP_ERR_BACKEND, "", "%s failed: EGL error 0x%x", call, code + EGL_SUCCESS);
 }
 
 /* libepoxy loads the libraries at its first call and ends the process if that fails. Therefore they

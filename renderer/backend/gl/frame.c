@@ -18,7 +18,7 @@ _Static_assert((int)SP_LIGHTS_MAX == (int)GL_LIGHTS, "the shaders hold every lig
 _Static_assert(2 * (int)SP_LEVELS <= (int)GL_PARTS, "a part for each level, enlarged or not");
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s",
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
                    arena->failed ? arena->failed : "data");
 }
 
@@ -262,7 +262,7 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
         /* Averaging a scalar over 4³ voxels changes what the transfer function shows. */
         .mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level
     };
-    sp_camera_frame_init(&f->camera, &job->view->camera, job->view->size);
+    sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
     f->axis = sp_slices_major_axis(&f->camera, grid);
     if (!choose_levels(f, job, from->arena))
         return fail_memory(from->arena, err);

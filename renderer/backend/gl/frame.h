@@ -44,7 +44,7 @@ struct gl_frame {
     uint64_t visible;   /* voxels of the volume */
     double classify_ms; /* time for lists: the processor's, and waiting for the GPU's */
     struct gl_constants constants;
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     struct sp_detail detail;
     struct sp_ewa_frame ewa[SP_LEVELS][2];
 };

@@ -17,7 +17,7 @@ static void name_device(struct gl_state *state) {
 }
 
 /* Drops a lost context, and the fences of frames in flight with it. */
-static void lose(struct gl_state *state) {
+static void drop_context(struct gl_state *state) {
     gl_context_destroy(&state->context);
     gl_residency_lose(&state->residency);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
@@ -30,7 +30,7 @@ static void stop(struct gl_state *state) {
         gl_draw_finish(state);
         gl_context_unbind(state->context);
     }
-    lose(state);
+    drop_context(state);
 }
 
 static void gl_destroy(void *pointer) {
@@ -91,7 +91,7 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
                              struct sp_error *err) {
     struct gl_state *state = calloc(1, sizeof *state);
     if (!state) {
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the gl backend");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the gl backend");
         return NULL;
     }
     sp_arena_init(&state->arena);
@@ -152,7 +152,7 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
  * again. */
 static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct sp_error *err) {
     if (state->context && gl_context_is_lost(state->context, why)) {
-        lose(state);
+        drop_context(state);
         ok = false;
     }
     if (state->context && !ok && why->code == SP_ERR_BACKEND)
@@ -168,7 +168,7 @@ static bool enter(struct gl_state *state, struct sp_error *why) {
     bool ok = (state->context || start(state, NULL, why)) && gl_context_bind(state->context, why);
     if (ok)
         return true;
-    lose(state);
+    drop_context(state);
     /* The backend started before, so a missing device now is not the view's fault. */
     why->code = why->code == SP_ERR_MEMORY ? SP_ERR_MEMORY : SP_ERR_BACKEND;
     return false;

@@ -9,8 +9,8 @@ enum {
                                a word */
     BINS_MOST = 1 << 25,
     TILES_MOST = 1 << 17, /* 8 million px */
-    LOOPS_MOST = 1 << 19, /* per work group: about 10 ms without waits for memory, … */
-    STALL_FACTOR = 8,     /* … and this many times that if each round waits for memory */
+    LOOPS_MOST = 1 << 19, /* per work group: about 10 ms without waits for memory */
+    STALL_FACTOR = 8,     /* times as long if each round waits for memory */
     DISPATCH_MS = 25,     /* half of what is acceptable: the next frame may cost twice as much */
     BINS_SOFTWARE = 1 << 22,
     TILES_SOFTWARE = 1 << 15,

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Brings the lists of a frame's mip levels up to date. The processor decides which lists change
- * (classify/cache.h); the entries are made where the samples are:
+ * Brings the lists of a frame's mip levels up to date. The CPU decides which lists change
+ * (classify/cache.h). Who makes their entries:
  *
- *   8, 16 and 32 bits, both orders   GPU, all levels: counts per brick come back, entries stay
- *   64-bit reals, or too little memory  processor
+ *   8, 16 and 32 bits, both orders      GPU, all levels; only the counts per brick are read back
+ *   64-bit reals, or too little memory  CPU
  */
 #ifndef GL_MIP_LEVELS_H
 #define GL_MIP_LEVELS_H

@@ -30,7 +30,7 @@ void gl_partition_finish(struct gl_partition *partition) {
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "no memory for the frame's %s", arena->failed);
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", arena->failed);
 }
 
 static void write_list_made(const struct gl_partition_source *from, uint64_t made[SP_LEVELS]) {
@@ -183,7 +183,7 @@ bool gl_partition_sheets(struct gl_partition *partition, const struct gl_partiti
 /* Finds the layers, counted from the eye, that kernels of a brick may lie in: those of the sphere
  * around it, and one more on each side for rounding. */
 static void find_distances(const struct gl_partition_depth *depth, struct gl_item *item) {
-    const struct sp_camera_frame *camera = depth->camera;
+    const struct sp_camera_transform *camera = depth->camera;
     struct sp_vec3 away = sp_vec3_sub(item->centre, camera->eye);
     double distance = camera->projection == SP_PERSPECTIVE
                           ? sp_vec3_length(away)

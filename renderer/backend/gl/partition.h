@@ -45,13 +45,13 @@ struct gl_partition_source {
     const struct sp_volume *volume;
     const struct gl_visible_list *const *lists; /* [SP_LEVELS] */
     const struct sp_detail *detail;             /* sheets: the bricks, of all levels */
-    unsigned level;                             /* by distance: all of one level's, … */
-    bool is_enlarged;                           /* … drawn so */
+    unsigned level;                             /* by distance: the mip level of all its entries */
+    bool is_enlarged;                           /* that level is drawn enlarged */
 };
 
 /* Layers by distance from the eye: layer k is [k, k + 1) · thickness away. World units. */
 struct gl_partition_depth {
-    const struct sp_camera_frame *camera;
+    const struct sp_camera_transform *camera;
     double thickness;
     double reach;    /* of a kernel in front of and behind its voxel; single splats: 0 */
     double farthest; /* everything beyond counts as this far */

@@ -36,20 +36,20 @@ void gl_pass_use(unsigned program, const struct gl_voxels *voxels, uint32_t norm
 
 bool gl_pass_run(uint32_t bricks, uint32_t most, const atomic_bool *cancel, struct sp_error *err) {
     void *sent[IN_FLIGHT] = { NULL };
-    uint32_t turn = 0;
+    uint32_t slot = 0;
     bool ok = true;
-    for (uint32_t done = 0, n; ok && done < bricks; done += n, turn = (turn + 1) % IN_FLIGHT) {
+    for (uint32_t done = 0, n; ok && done < bricks; done += n, slot = (slot + 1) % IN_FLIGHT) {
         n = bricks - done < most ? bricks - done : most;
-        ok = gl_fence_wait(&sent[turn], cancel, err) && !gl_pass_cancelled(cancel, err);
+        ok = gl_fence_wait(&sent[slot], cancel, err) && !gl_pass_cancelled(cancel, err);
         if (!ok)
             break;
         glUniform1ui(0, done);
         glDispatchCompute(n, 1, 1);
-        gl_fence_set(&sent[turn]);
+        gl_fence_set(&sent[slot]);
     }
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
     for (int i = 0; i < IN_FLIGHT; i++)
-        ok = ok && gl_fence_wait(&sent[(turn + (uint32_t)i) % IN_FLIGHT], cancel, err);
+        ok = ok && gl_fence_wait(&sent[(slot + (uint32_t)i) % IN_FLIGHT], cancel, err);
     for (int i = 0; i < IN_FLIGHT; i++)
         gl_fence_drop(&sent[i]);
     return ok && gl_check("classified", err);

@@ -72,7 +72,8 @@ unsigned gl_program_create(const char *name, const char *defines, const char *co
     unsigned shader = glCreateShader(GL_COMPUTE_SHADER), program = glCreateProgram();
     bool ok = shader && program;
     if (!ok)
-        sp_fail(err, SP_ERR_BACKEND, "", "shader %s: GL makes no program", name);
+        sp_fail(err, SP_ERR_BACKEND, "", "shader %s: glCreateShader or glCreateProgram failed",
+                name);
     ok = ok && compile(shader, name, defines, sources, err) &&
          link_program(program, shader, name, err);
     glDeleteShader(shader);

@@ -95,5 +95,6 @@ bool gl_readback_close(struct gl_readback *readback, struct sp_error *err) {
         return true;
     glBindBuffer(GL_COPY_READ_BUFFER, readback->buffer.name);
     return glUnmapBuffer(GL_COPY_READ_BUFFER) ||
-           sp_fail(err, SP_ERR_BACKEND, "", "the GPU lost what was read back");
+           sp_fail(err, SP_ERR_BACKEND, "",
+                   "the driver discarded a buffer that was being read (glUnmapBuffer)");
 }

@@ -28,8 +28,8 @@ struct gl_residency {
     struct gl_classify classify;
     uint64_t clock;
     uint64_t frame;        /* the clock when this frame began: data used since then stays */
-    uint64_t limit_bytes;  /* budget of samples, lists and … */
-    uint64_t beside_bytes; /* … this many other bytes */
+    uint64_t limit_bytes;  /* budget of samples, lists and beside_bytes */
+    uint64_t beside_bytes; /* other GPU memory that counts */
     uint64_t block_bytes;  /* the most that a shader sees of one buffer; 0 = not known */
     uint64_t uploaded;     /* bytes since the start */
     bool tries_again;      /* a frame without memory is tried again: do not refuse a volume yet */

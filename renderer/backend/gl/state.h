@@ -9,7 +9,7 @@
  *     20, 21        counts → where each bin begins
  *     22_scatter    records → bins: by tile, in it by layer
  *     23_order      single splats only: sorts a bin in the order of its records
- *     30_composite  per tile: sums layers, classifies (order post), composites; in turns
+ *     30_composite  per tile: sums layers, classifies (order post), composites; in passes
  *
  *   ─► 40_resolve ─► read back
  *

@@ -14,8 +14,8 @@ struct gl_voxels {
     struct gl_buffer samples; /* as in memory; none = not uploaded */
     struct gl_buffer ranges;  /* by brick: smallest and largest ordinal (shaders/samples.glsl) */
     struct gl_buffer cells;   /* the same by cell of 4³ (cell_bounds.h); none = not measured */
-    uint32_t refusals;        /* how often memory was short, so that the processor classifies … */
-    uint32_t skips;           /* … this many more frames */
+    uint32_t refusals;        /* how often GPU memory was too small */
+    uint32_t skips;           /* frames for which the CPU still classifies this volume */
 };
 
 static inline uint64_t gl_voxels_bytes(const struct gl_voxels *voxels) {

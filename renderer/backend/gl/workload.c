@@ -51,8 +51,8 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
     return (struct gl_pieces){
         .records = records,
         .pairs = workload->pairs,
-        .turn_pairs = most(limits.loops / rounds, 1),
-        .turns = workload->turns,
+        .pass_pairs = most(limits.loops / rounds, 1),
+        .passes = workload->passes,
         .bin_pairs = most(bin_pairs_of(workload, records), 1),
         /* Each round is an atomic addition; one row of tiles is the minimum. */
         .splat_rounds = most(limits.loops / limits.stall_factor, SPAN_ROUNDS * costs->columns),
@@ -92,17 +92,17 @@ void gl_workload_init(struct gl_workload *workload) {
     workload->records = limits->records;
     workload->layers = LAYERS_MOST;
     workload->rows = limits->tiles;
-    workload->turns = 1;
+    workload->passes = 1;
     workload->halvings = workload->short_bands = 0;
 }
 
-static bool has_turns(const struct gl_pieces *was, const struct gl_bins_head *head) {
-    return head->longest <= (uint64_t)was->turn_pairs * was->turns;
+static bool has_passes(const struct gl_pieces *was, const struct gl_bins_head *head) {
+    return head->longest <= (uint64_t)was->pass_pairs * was->passes;
 }
 
 bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *head) {
     return head->needed <= was->pairs && head->crowded <= was->bin_pairs &&
-           head->widest <= was->splat_rounds && has_turns(was, head);
+           head->widest <= was->splat_rounds && has_passes(was, head);
 }
 
 /* Shrinks a size by this factor, < 1, with some margin. */
@@ -114,8 +114,8 @@ static uint32_t shrink(uint32_t size, double factor) {
 static bool fail_pairs(const struct gl_workload *workload, const struct gl_bins_head *head,
                        struct sp_error *err) {
     return sp_fail(err, SP_ERR_BUDGET, "",
-                   "a row of tiles has %lu pairs of splats and tiles in one slice; the "
-                   "limit is %llu: use a smaller kernel or image",
+                   "the splats of one slice cover %lu tiles in one row, and the limit is %llu; "
+                   "reduce filter.sigma, filter.cutoff or size",
                    (unsigned long)head->needed, (unsigned long long)workload->limits.pairs);
 }
 
@@ -180,10 +180,10 @@ bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was
             return fail_order(was, head, err);
         shrink_records(workload, was, (double)was->bin_pairs / head->crowded);
     }
-    if (!has_turns(was, head)) {
-        uint32_t turns = gl_divide_up(head->longest, was->turn_pairs);
-        turns += turns / 4;
-        workload->turns = turns > workload->turns ? turns : workload->turns;
+    if (!has_passes(was, head)) {
+        uint32_t passes = gl_divide_up(head->longest, was->pass_pairs);
+        passes += passes / 4;
+        workload->passes = passes > workload->passes ? passes : workload->passes;
     }
     return true;
 }
@@ -191,8 +191,8 @@ bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was
 void gl_workload_grow(struct gl_workload *workload, const struct gl_pieces *was,
                       const struct gl_bins_head *head) {
     const struct gl_limits *limits = &workload->limits;
-    if (head->longest <= (uint64_t)was->turn_pairs * was->turns / 4 && workload->turns > 1)
-        workload->turns -= workload->turns / 2;
+    if (head->longest <= (uint64_t)was->pass_pairs * was->passes / 4 && workload->passes > 1)
+        workload->passes -= workload->passes / 2;
     if (head->needed > gl_workload_limits(workload).pairs / 4 ||
         head->crowded > was->bin_pairs / 4 || head->widest > was->splat_rounds / 4)
         return;

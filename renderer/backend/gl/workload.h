@@ -6,7 +6,7 @@
  *
  *   too many                         remedy
  *   pairs in a batch                 a larger buffer; beyond the limit fewer layers or records
- *   pairs of a tile in a batch       more turns: dispatches of the compositor, each of which
+ *   pairs of a tile in a batch       more passes: dispatches of the compositor, each of which
  *                                    continues where the previous one stopped
  *   pairs of a bin that is sorted    fewer records
  *   bins of a splat                  fewer rows, then fewer layers
@@ -49,7 +49,7 @@ struct gl_workload {
     uint64_t pairs;           /* of a batch */
     uint32_t records, layers; /* of a batch, at most */
     uint32_t rows;            /* of tiles of a band, at most */
-    uint32_t turns;           /* of the compositor, a batch */
+    uint32_t passes;          /* of the compositor, a batch */
     unsigned halvings;        /* of the limits of records, bins, tiles, pairs and loops */
     unsigned short_bands;     /* short bands in a row */
 };
@@ -67,8 +67,8 @@ struct gl_pieces {
     uint32_t layers, records; /* of a batch, at most */
     uint32_t rows;            /* of tiles */
     uint64_t pairs;           /* capacity per batch */
-    uint32_t turn_pairs;      /* capacity per tile and turn */
-    uint32_t turns;
+    uint32_t pass_pairs;      /* capacity per tile and pass */
+    uint32_t passes;
     uint32_t bin_pairs;    /* capacity of a bin that is sorted */
     uint32_t splat_rounds; /* of one splat, over its tiles and layers */
     unsigned halvings;     /* at that time */

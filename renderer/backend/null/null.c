@@ -20,7 +20,7 @@ static void *null_create(const struct sp_backend_options *options, struct sp_err
     (void)options;
     struct null_state *state = calloc(1, sizeof *state);
     if (!state)
-        sp_fail(err, SP_ERR_MEMORY, "", "no memory for the null backend");
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the null backend");
     return state;
 }
 

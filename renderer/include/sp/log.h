@@ -35,12 +35,12 @@ struct sp_log_field {
 typedef void sp_log_sink(void *user, enum sp_log_level level, const char *kind,
                          const struct sp_log_field *fields, const char *line);
 
-/* Sets the sink (NULL = standard error, the default) and the most detailed level that is kept
+/* Sets the sink (NULL = standard error, the default) and the most detailed level that is written
  * (default SP_LOG_INFO). Not thread-safe: call it before any other function of the library. `user`
  * is passed to the sink and must outlive every other call. */
 SP_API void sp_log_init(sp_log_sink *sink, void *user, enum sp_log_level level);
 
-/* Sets the most detailed level that is kept. Thread-safe, at any time. */
+/* Sets the most detailed level that is written. Thread-safe, at any time. */
 SP_API void sp_log_set_level(enum sp_log_level level);
 
 /* Writes one line. Lines are cut at 1,023 bytes; control characters become '?'. Thread-safe. */

@@ -3,8 +3,9 @@
  * Encodes frames as packets of a video stream. Unlike an image file (sp/encode.h), a packet may
  * depend on the packets before it:
  *
- *   key ─► delta ─► delta ─► key ─► delta      a decoder needs every packet since the last key
- * frame
+ *   key ─► delta ─► delta ─► key ─► delta
+ *
+ * A decoder needs every packet since the last key frame.
  *
  * Each frame gives exactly one packet at once: none is delayed, dropped or reordered. Quality is
  * constant, so an image that changes little costs few bytes. VP8 and VP9 (libvpx) are linked in.

@@ -29,7 +29,7 @@ static void drop_line(void *user, enum sp_log_level level, const char *kind,
     ++*(int *)user;
 }
 
-static void pass_over(void *user, const struct sp_device *device) {
+static void ignore_device(void *user, const struct sp_device *device) {
     (void)user;
     (void)device;
 }
@@ -104,7 +104,7 @@ static void registry_finds_names_and_refuses_others(void **state) {
     struct sp_renderer *automatic = sp_renderer_create(NULL, &err);
     struct sp_renderer_info info;
     sp_renderer_info(automatic, &info);
-    assert_string_equal(info.backend, sp_probe(pass_over, NULL) ? "gl" : "cpu");
+    assert_string_equal(info.backend, sp_probe(ignore_device, NULL) ? "gl" : "cpu");
     sp_renderer_destroy(&automatic);
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
@@ -371,7 +371,8 @@ static void endless_work_can_be_cancelled(void **state) {
     rig_finish(&rig);
 }
 
-/* Counts the pauses and reports that each took a thousand years: a paused frame does not age. */
+/* Counts the pauses, and reports 3e13 ms for each, so that a pause that counts as render time
+ * shows. */
 struct pauser {
     struct sp_pause pause;
     atomic_uint times;
@@ -419,7 +420,7 @@ static void a_paused_render_loses_nothing(void **state) {
 
 int main(void) {
     if (TEST_SANITIZED)
-        print_message("thinned under a sanitizer: fewer edits, counts of threads and shadings\n");
+        print_message("reduced under a sanitizer: fewer edits, counts of threads and shadings\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(registry_finds_names_and_refuses_others),
         cmocka_unit_test(the_startup_check_compares_images),

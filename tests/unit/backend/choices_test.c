@@ -332,7 +332,7 @@ static void a_transparent_point_far_below_changes_nothing(void **state) {
 int main(void) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     if (TEST_SANITIZED)
-        printf("thinned under a sanitizer: one combination of five, one extreme view of four\n");
+        printf("reduced under a sanitizer: one combination of five, one extreme view of four\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_choice_draws),
         cmocka_unit_test(extreme_views_stay_finite),

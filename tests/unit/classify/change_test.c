@@ -201,7 +201,7 @@ static void only_ranges_with_changed_values_meet_the_change(void **state) {
 
 int main(void) {
     if (TEST_SANITIZED)
-        print_message("thinned under a sanitizer: two volumes of ten of each type\n");
+        print_message("reduced under a sanitizer: two volumes of ten of each type\n");
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(updated_lists_equal_those_of_a_full_pass),
         cmocka_unit_test(only_ranges_with_changed_values_meet_the_change),

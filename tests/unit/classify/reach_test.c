@@ -72,7 +72,7 @@ static bool matters(const struct sp_volume *v, const struct sp_transfer_function
             }
     struct sp_visible_ranges ranges;
     sp_visible_ranges_init(&ranges, tf);
-    return sp_visible_ranges_meet(&ranges, low, high);
+    return sp_visible_ranges_overlap(&ranges, low, high);
 }
 
 static void check_list(const struct sp_volume *v, const struct sp_transfer_function *tf,
@@ -327,10 +327,11 @@ static void visible_ranges_are_where_the_opacity_is_not_zero(void **state) {
         for (int i = 0; i < STEPS; i++)
             for (int k = i, any = 0; k < STEPS; k++) {
                 any = any || is_visible[k];
-                assert_int_equal(sp_visible_ranges_meet(&ranges, 98 + 0.5 * i, 98 + 0.5 * k), any);
-                assert_int_equal(sp_visible_ranges_meet(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
+                assert_int_equal(sp_visible_ranges_overlap(&ranges, 98 + 0.5 * i, 98 + 0.5 * k),
+                                 any);
+                assert_int_equal(sp_visible_ranges_overlap(&keys, 0.5 * i - 1, 0.5 * k - 1), any);
             }
-        assert_false(sp_visible_ranges_meet(&ranges, INFINITY, -INFINITY));
+        assert_false(sp_visible_ranges_overlap(&ranges, INFINITY, -INFINITY));
     }
 }
 

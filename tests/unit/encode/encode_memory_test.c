@@ -63,7 +63,7 @@ static void encoding_is_correct_after_an_allocation_failure(void **state) {
                 assert_int_equal(ok, !failed);
                 if (failed) {
                     assert_int_equal(err.code, SP_ERR_MEMORY);
-                    assert_memory_equal(err.text, "no memory ", 10);
+                    assert_memory_equal(err.text, "out of memory", 13);
                 }
                 if (encoder) { /* an encoder is usable after a failure */
                     assert_true(sp_encode(encoder, &frame, cases[c].format, QUALITY, &got,

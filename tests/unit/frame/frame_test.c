@@ -87,7 +87,7 @@ static void frames_outlive_their_pool(void **state) {
     sp_frame_unref(&b); /* NULL is accepted */
 }
 
-static void *churn(void *pool) {
+static void *allocate_repeatedly(void *pool) {
     for (int i = 0; i < 2000; i++) {
         struct sp_frame *a = make(pool, 16 + (uint32_t)i % 5, 16, SP_RGBA8), *b = sp_frame_ref(a);
         sp_frame_unref(&a);
@@ -102,7 +102,7 @@ static void threads_can_share_a_pool(void **state) {
     struct sp_frame_pool *pool = sp_frame_pool_create(1 << 20, NULL);
     pthread_t threads[4];
     for (int i = 0; i < 4; i++)
-        assert_int_equal(pthread_create(&threads[i], NULL, churn, pool), 0);
+        assert_int_equal(pthread_create(&threads[i], NULL, allocate_repeatedly, pool), 0);
     for (int i = 0; i < 4; i++)
         pthread_join(threads[i], NULL);
     assert_compare(sp_frame_pool_allocations(pool), <=, 8);

@@ -270,7 +270,7 @@ static void errors_explain_hostile_files(void **state) {
         { POINTS "POINT_DATA 5\n", SP_ERR_FORMAT, "POINT_DATA", "5 points, but DIMENSIONS give 4" },
         { POINTS "SCALARS s float\n", SP_ERR_FORMAT, "SCALARS", "comes before POINT_DATA" },
         { POINTS "POINT_DATA 4\nSCALARS s float\n1 2 3 4\n", SP_ERR_FORMAT, "SCALARS",
-          "\"1\" instead of its LOOKUP_TABLE" },
+          "is followed by \"1\"; its LOOKUP_TABLE must follow" },
         { POINTS "POINT_DATA 4\nSCALARS s float 7\n", SP_ERR_FORMAT, "SCALARS", "7 components" },
         { POINTS "POINT_DATA 4\nSCALARS s complex\n", SP_ERR_UNSUPPORTED, "SCALARS",
           "\"complex\"" },
@@ -311,7 +311,7 @@ static void errors_explain_hostile_files(void **state) {
         { RECTILINEAR "X_COORDINATES 5 float\n0 1 1 3 4\nY_COORDINATES 4 int\n1 2 3 4\n"
                       "Z_COORDINATES 3 int\n1 2 3\nPOINT_DATA 60\nSCALARS s int\n"
                       "LOOKUP_TABLE default\n",
-          SP_ERR_FORMAT, "byte 59: DIMENSIONS", "coordinates[0] do not rise" },
+          SP_ERR_FORMAT, "byte 59: DIMENSIONS", "coordinates[0]: the step from" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
         write_text("h.vtk", "%s", cases[i].text);

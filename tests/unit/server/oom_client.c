@@ -253,7 +253,7 @@ static long count(const char *pattern) {
 
 /* Returns the number of objects of the kind that the POST creates; -1: the request creates none. */
 static long count_objects(const char *method, const char *path) {
-    static const char views[] = "splatd_kept{kind=\"view\"} ";
+    static const char views[] = "splatd_stored_records{kind=\"view\"} ";
     if (strcmp(method, "POST") != 0)
         return -1;
     if (strcmp(path, "sessions") == 0 || strcmp(path, "paths") == 0) {

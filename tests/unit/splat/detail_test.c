@@ -55,7 +55,7 @@ static struct sp_grid make_grid(const uint32_t dims[3]) {
     return g;
 }
 
-static bool project(const struct sp_camera_frame *camera, const struct sp_grid *grid,
+static bool project(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                     const double at[3], double x[2]) {
     struct sp_vec3 t;
     for (int r = 0; r < 3; r++) {
@@ -87,7 +87,7 @@ static void find_box(const struct sp_grid *grid, const struct sp_detail_brick *b
 }
 
 /* Checks the edges of a cell at the corners of the brick that are in the image. */
-static void check_size(const struct sp_camera_frame *camera, const struct sp_grid *grid,
+static void check_size(const struct sp_camera_transform *camera, const struct sp_grid *grid,
                        const struct sp_detail_brick *brick, const uint32_t first[3],
                        const uint32_t last[3], double most, double *longest) {
     const double h = 1e-4;
@@ -119,8 +119,8 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
                                    1 + (uint32_t)rand() % 130 };
         struct sp_grid grid = make_grid(dims);
         struct sp_view view = make_view((enum sp_projection)(n % 2), pow(10, uniform(0.5, 4)));
-        struct sp_camera_frame camera;
-        sp_camera_frame_init(&camera, &view.camera, view.size);
+        struct sp_camera_transform camera;
+        sp_camera_transform_init(&camera, &view.camera, view.size);
         struct sp_detail detail;
         struct sp_detail_job job = { .camera = &camera, .grid = &grid, .view = &view };
         job.levels = sp_detail_levels(dims, LEVELS);
@@ -166,8 +166,8 @@ static void far_away_a_volume_is_one_brick(void **state) {
     for (int lit = 0; lit < 2; lit++) {
         struct sp_view view = make_view(SP_PERSPECTIVE, 1e6);
         view.shading.mode = shadings[lit];
-        struct sp_camera_frame camera;
-        sp_camera_frame_init(&camera, &view.camera, view.size);
+        struct sp_camera_transform camera;
+        sp_camera_transform_init(&camera, &view.camera, view.size);
         struct sp_detail detail;
         struct sp_detail_job job = { .camera = &camera, .grid = &grid, .view = &view, .levels = 6 };
         assert_true(sp_detail_choose(&job, &arena, &detail));
@@ -188,8 +188,8 @@ static void a_volume_without_mip_levels_is_drawn_whole(void **state) {
     for (int n = 0; n < 7; n++)
         for (unsigned floor = 0; floor < 3; floor++) {
             struct sp_view view = make_view(SP_PERSPECTIVE, 1e5);
-            struct sp_camera_frame camera;
-            sp_camera_frame_init(&camera, &view.camera, view.size);
+            struct sp_camera_transform camera;
+            sp_camera_transform_init(&camera, &view.camera, view.size);
             if (n == 0)
                 view.level_of_detail = SP_LOD_OFF;
             if (n == 1)

@@ -148,12 +148,12 @@ static void the_clip_box_lies_in_the_volume(void **state) {
     struct sp_camera camera = {
         .position = { 0, 0, -50 }, .up = { 0, -1, 0 }, .fov_y = 30, .height = 1, .near = 0.1
     };
-    struct sp_camera_frame frame;
+    struct sp_camera_transform frame;
     struct sp_clip_frame clip;
     struct sp_clip view = { .box = { { 0.5, 0, 0 }, { 1, 0.25, 1 } },
                             .plane_count = 1,
                             .planes = { { { 0, 0, 1e200 }, 3e200 } } };
-    sp_camera_frame_init(&frame, &camera, (uint32_t[2]){ 8, 8 });
+    sp_camera_transform_init(&frame, &camera, (uint32_t[2]){ 8, 8 });
     sp_clip_frame_init(&clip, &frame, &grid, &view, 2);
     assert_int_equal(clip.count, 3);
     /* Axis 0 reaches from −0.5 to 9: the middle is 4.25, world 9.25; cells are 2 units. */

@@ -46,10 +46,10 @@ static struct sp_shade make_shade(double exponent, struct sp_vec3 light) {
                                   .exponent = exponent,
                                   .light_count = 1,
                                   .lights = { { .space = SP_LIGHT_WORLD, .color = { 1, 1, 1 } } } };
-    struct sp_camera_frame frame;
+    struct sp_camera_transform frame;
     struct sp_shade shade;
     memcpy(shading.lights[0].direction, light.v, sizeof light.v);
-    sp_camera_frame_init(&frame, &camera, (uint32_t[2]){ 100, 100 });
+    sp_camera_transform_init(&frame, &camera, (uint32_t[2]){ 100, 100 });
     sp_shade_init(&shade, &frame, &shading);
     return shade;
 }

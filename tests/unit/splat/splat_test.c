@@ -67,8 +67,8 @@ static struct sp_vec3 world(const struct sp_grid *g, const double i[3]) {
 
 /* World to ray space, from the definition. */
 static struct sp_vec3 project(const struct sp_view *view, struct sp_vec3 t) {
-    struct sp_camera_frame c;
-    sp_camera_frame_init(&c, &view->camera, view->size);
+    struct sp_camera_transform c;
+    sp_camera_transform_init(&c, &view->camera, view->size);
     struct sp_vec3 u = sp_mat3_apply(&c.w, sp_vec3_sub(t, c.eye));
     if (c.projection == SP_ORTHOGRAPHIC)
         return (struct sp_vec3){ { c.centre[0] + c.scale * u.v[0], c.centre[1] + c.scale * u.v[1],
@@ -80,9 +80,9 @@ static struct sp_vec3 project(const struct sp_view *view, struct sp_vec3 t) {
 /* Sets up one voxel of constant value 1 at index i; false if it is culled. */
 static bool set_up(const struct sp_grid *grid, const struct sp_view *view, const uint32_t i[3],
                    struct sp_splat *splat) {
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     struct sp_ewa_frame frame;
-    sp_camera_frame_init(&camera, &view->camera, view->size);
+    sp_camera_transform_init(&camera, &view->camera, view->size);
     sp_ewa_frame_init(&frame, &camera, grid, view);
     uint16_t local = (uint16_t)(i[0] % 16 | i[1] % 16 << 4 | i[2] % 16 << 8);
     uint32_t key = 0, normal = 0;
@@ -311,9 +311,9 @@ static void adaptive_rule_is_conservative(void **state) {
             for (int k = 0; k < 3; k++)
                 view.camera.position[k] = view.camera.position[k] * factor + view.camera.target[k];
             view.camera.height *= factor;
-            struct sp_camera_frame camera;
+            struct sp_camera_transform camera;
             struct sp_adaptive adaptive;
-            sp_camera_frame_init(&camera, &view.camera, view.size);
+            sp_camera_transform_init(&camera, &view.camera, view.size);
             sp_adaptive_init(&adaptive, &camera, &g, &view);
             assert_compare(fabs(adaptive.radius[0] - 0.7), <, 1e-9);
             assert_compare(fabs(adaptive.radius[1] - 2.1), <, 1e-9);
@@ -375,8 +375,8 @@ static void shade_one(const struct sp_shade *shade, uint32_t packed, const float
 static void shading_follows_its_formula(void **state) {
     (void)state;
     struct sp_view view = make_view(SP_PERSPECTIVE);
-    struct sp_camera_frame camera;
-    sp_camera_frame_init(&camera, &view.camera, view.size);
+    struct sp_camera_transform camera;
+    sp_camera_transform_init(&camera, &view.camera, view.size);
     struct sp_shading shading = { SP_SHADING_PHONG,
                                   0.2,
                                   0.7,

@@ -250,14 +250,14 @@ static void tiles_at_the_image_edge_can_saturate(void **state) {
     stop_tile(&tile);
 }
 
-static void make_camera(struct sp_camera_frame *frame, enum sp_projection projection,
+static void make_camera(struct sp_camera_transform *frame, enum sp_projection projection,
                         const double eye[3], const double target[3]) {
     struct sp_camera camera = {
         .projection = projection, .up = { 0.1, 1, 0.2 }, .fov_y = 60, .height = 10, .near = 0.1
     };
     memcpy(camera.position, eye, sizeof camera.position);
     memcpy(camera.target, target, sizeof camera.target);
-    sp_camera_frame_init(frame, &camera, (uint32_t[2]){ 64, 64 });
+    sp_camera_transform_init(frame, &camera, (uint32_t[2]){ 64, 64 });
 }
 
 static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
@@ -266,7 +266,7 @@ static void sheets_come_nearest_first_on_both_sides_of_the_eye(void **state) {
                                   .spacing = { 1, 1, 2 },
                                   .origin = { 0, 0, 5 },
                                   .direction = { { 1, 0, 0 }, { 0, 0, 1 }, { 0, 1, 0 } } };
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     /* Index axis 1 is world z. */
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 8.3 }, (double[3]){ 2, 3.5, 20 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 1);
@@ -301,7 +301,7 @@ static void the_major_axis_faces_the_view(void **state) {
     const struct sp_grid grid = { .dims = { 4, 4, 4 },
                                   .spacing = { 1, 5, 1 },
                                   .direction = { { 1, 0.8, 0 }, { 0, 0.6, 0 }, { 0, 0, -1 } } };
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     /* Slices of axis 0 contain (0.8, 0.6, 0) and z: their normal is (0.6, -0.8, 0). */
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 60, -80, 0 }, (double[3]){ 0, 0, 0 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 0);
@@ -325,7 +325,7 @@ static void rectilinear_slices_come_nearest_first(void **state) {
                                   .origin = { 0, 0, 5 },
                                   .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } },
                                   .coordinates = { NULL, NULL, coordinates } };
-    struct sp_camera_frame camera;
+    struct sp_camera_transform camera;
     uint32_t order[6];
     make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 2, 3, 12 }, (double[3]){ 2, 3.5, 90 });
     assert_int_equal(sp_slices_major_axis(&camera, &grid), 2);
@@ -387,7 +387,7 @@ static void sheets_list_every_voxel_once(void **state) {
     for (unsigned axis = 0; axis < 3; axis++) {
         struct sp_classify_job job = { .tf = &tf, .levels = 3, .axis = axis, .pool = pool };
         assert_true(sp_classification_update(&c, &job, NULL));
-        struct sp_camera_frame camera;
+        struct sp_camera_transform camera;
         struct sp_order order;
         uint32_t sheets[X];
         make_camera(&camera, SP_PERSPECTIVE, (double[3]){ 9, 9, 9.2 }, (double[3]){ 1, 2, 3 });

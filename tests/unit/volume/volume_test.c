@@ -271,14 +271,16 @@ static void bad_coordinates_are_refused(void **state) {
         double x[4], spacing;
         const char *text;
     } cases[] = {
-        { { 1, 2, 3, 4 }, 1, "coordinates[1] begin at 1 instead of 0" },
+        { { 1, 2, 3, 4 }, 1, "coordinates[1] begin at 1; they must begin at 0" },
         { { NAN, 1, 2, 3 }, 1, "begin at nan" },
-        { { 0, 1, 1, 3 }, 1, "do not rise by 1e-12 to 1e12 from number 1, 1, to the next, 1" },
-        { { 0, 2, 1, 3 }, 1, "from number 1, 2, to the next, 1" },
-        { { 0, 1, 2, NAN }, 1, "from number 2" },
-        { { 0, 1, INFINITY, INFINITY }, 1, "from number 1" },
-        { { 0, 1e-13, 1, 3 }, 1, "from number 0" },
-        { { 0, 1, 2, 2e12 }, 1, "from number 2" },
+        { { 0, 1, 1, 3 },
+          1,
+          "the step from element 1 (1) to the next (1) is outside [1e-12, 1e12]" },
+        { { 0, 2, 1, 3 }, 1, "from element 1 (2) to the next (1)" },
+        { { 0, 1, 2, NAN }, 1, "from element 2" },
+        { { 0, 1, INFINITY, INFINITY }, 1, "from element 1" },
+        { { 0, 1e-13, 1, 3 }, 1, "from element 0" },
+        { { 0, 1, 2, 2e12 }, 1, "from element 2" },
         { { 0, 1e-7, 1, 3 }, 1, "gaps from 1e-07 to 2, more than a factor of 1e+06" },
         { { 0, 1, 2, 3 }, 1.01, "spacing[1] is 1.01 instead of the coordinates' mean, 1" },
         { { 0, 1, 2, 3 }, NAN, "spacing[1] is nan instead" },

@@ -124,7 +124,7 @@ test('the controls follow the view when another participant changes it', async (
       depth: output('plane-depth'),
     };
   });
-  // The volume extends from z = -1 to 63: 30 / 2 = 15 is a quarter of that range.
+  // The plane's normal has length 2, so the plane lies at z = 30 / 2 = 15: a quarter of the volume's extent from -1 to 63.
   assert.deepEqual(shown, {
     choices: ['ewa', 'cubic', 'slab', 'linear'], lowpass: '2.5 px', slab: '0.25', flat: 'other', box: [0.1, 1, 0, 0.75, 0, 1], plane: true, depth: '25 %',
   });

@@ -2,17 +2,17 @@
 // Composites a tile's pairs front to back (tile/blend.h). One work group per tile, one thread per pixel. Splats are
 // staged in shared memory. A pixel sums T and E of a layer and composites it when the next layer begins, or composites
 // each splat on its own. A tile with a transmittance below 1/512 stops. To keep dispatches short, a tile with many
-// pairs is composited in several turns, each of which continues where the previous one stopped.
+// pairs is composited in several passes, each of which continues where the previous one stopped.
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
 // By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for the layer that the last
-// turn or batch left open.
+// pass or batch left open.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
-layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a turn
-layout(location = 2) uniform uvec4 joint; // batch resumes a layer, batch leaves one open, turn, turns
+layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a pass
+layout(location = 2) uniform uvec4 joint; // batch resumes a layer, batch leaves one open, pass, passes
 
 const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // words of four of a record, without its cuts
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
@@ -137,10 +137,10 @@ void main() {
         end = first;
     if (thread == 0u && joint.z == 0u)
         atomicMax(longest, end - first);
-    if (end - first > batch.z * joint.w) // too many: the band is drawn again in more turns
+    if (end - first > batch.z * joint.w) // too many: the band is drawn again in more passes
         end = first;
     uint begin = first + joint.z * batch.z, stop = min(end, begin + batch.z);
-    if (joint.z > 0u && begin >= end) // another turn closed the tile
+    if (joint.z > 0u && begin >= end) // another pass closed the tile
         return;
     at = vec2(px) + vec2(0.5, float(tiles.y) + 0.5);
     uint left = batch.x * (tiles.z - tiles.y) + 2u * index;

@@ -273,15 +273,15 @@ static void the_cpu_and_the_gpu_take_turns(void **state) {
         struct sp_volume *volume = make_volume(&shape);
         struct sp_transfer_function tf = make_function(volume, 0.3, 0.6);
         tf.order = n < 3 ? SP_TF_PRE : SP_TF_POST;
-        for (int turn = 0; turn < 4; turn++) {
-            const struct sp_classify_job job = make_job(rig, &tf, turn > 0);
-            bool is_gpu = turn % 2 == 0;
+        for (int round = 0; round < 4; round++) {
+            const struct sp_classify_job job = make_job(rig, &tf, round > 0);
+            bool is_gpu = round % 2 == 0;
             gl_residency_evict(&rig->residency, volume);
             rig->residency.classify.block_bytes = is_gpu ? 0 : 20000; /* the samples take more */
             check_against_processor(rig, volume, &job, false);
-            tf.points[1].color[0] = 0.1f * (float)turn;
+            tf.points[1].color[0] = 0.1f * (float)round;
             check_against_processor(rig, volume, &job, false);
-            assert_int_equal(has_entries(rig, volume), !is_gpu || (n == 0 && turn > 0));
+            assert_int_equal(has_entries(rig, volume), !is_gpu || (n == 0 && round > 0));
         }
         set_capacity(rig, limit, 0);
         forget(rig, &volume);
@@ -434,7 +434,7 @@ int main(void) {
     struct sp_error err;
     sp_log_init(count_warnings, &rig, SP_LOG_WARN);
     if (TEST_SANITIZED)
-        printf("thinned under a sanitizer: every fifth volume\n");
+        printf("reduced under a sanitizer: every fifth volume\n");
     struct gl_context *context = gl_context_create(&options, &err);
     if (!context) {
         printf("skipped: no software GL here: %s\n", err.text);

@@ -164,7 +164,7 @@ static void a_context_in_use_is_refused(void **state) {
     assert_int_equal(pthread_create(&thread, NULL, bind_elsewhere, &attempt), 0);
     assert_int_equal(pthread_join(thread, NULL), 0);
     assert_int_equal(attempt.err.code, SP_ERR_BACKEND);
-    assert_string_equal(attempt.err.text, "eglMakeCurrent fails: EGL_BAD_ACCESS");
+    assert_string_equal(attempt.err.text, "eglMakeCurrent failed: EGL_BAD_ACCESS");
     gl_context_destroy(&context); /* also unbinds it */
     assert_null(eglGetCurrentContext());
 }
@@ -193,7 +193,7 @@ static void without_a_driver(void **state) {
     (void)state;
     static const char *const words[] = { "device display: EGL does not have a driver",
                                          "surfaceless display: EGL does not have a driver",
-                                         "default display: eglGetDisplay fails: EGL_" };
+                                         "default display: eglGetDisplay failed: EGL_" };
     for (int i = 0; i < 6; i++)
         refuses(i % 2 ? &software : &hardware, SP_ERR_BACKEND, words[i / 2]);
     refuses(&(struct gl_options){ .gpu = 0 }, SP_ERR_INVALID, "EGL lists 0 devices");

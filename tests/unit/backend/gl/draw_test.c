@@ -110,7 +110,7 @@ static void reset(struct rig *rig, const struct gl_limits *limits) {
     workload->rows = limits->tiles;
     workload->layers = limits->bins;
     workload->records = limits->records;
-    workload->turns = 1;
+    workload->passes = 1;
 }
 
 static void pieces_add_up_to_the_whole_image(void **state) {
@@ -127,8 +127,8 @@ static void pieces_add_up_to_the_whole_image(void **state) {
     small[2].records = SP_BRICK_VOXELS; /* a few bricks per batch, one row of tiles per band */
     small[2].bins = small[2].tiles = 1;
     small[3].pairs = 3000; /* overflow is found after projection */
-    small[4].loops = 1000; /* many turns per tile */
-    small[5].loops = 2000; /* many turns of many batches */
+    small[4].loops = 1000; /* many passes per tile */
+    small[5].loops = 2000; /* many passes of many batches */
     small[5].records = SP_BRICK_VOXELS;
     small[6].stall_factor = whole.loops; /* a splat covers at most one row of tiles */
     for (size_t b = 0; b < sizeof builds / sizeof *builds; b += TEST_SANITIZED ? 3 : 1) {
@@ -234,10 +234,10 @@ static void many_splats_over_one_tile_are_one_batch(void **state) {
         struct test_image wanted = draw_ok(rig, volume, &view, NULL);
         rig->state->workload.limits.loops = 4000;
         struct test_image got = draw_ok(rig, volume, &view, NULL);
-        print_message("  %u turns\n", rig->state->workload.turns);
+        print_message("  %u passes\n", rig->state->workload.passes);
         assert_int_equal(rig->state->partition.batch_count, 1);
-        assert_compare(rig->state->workload.turns, >, 1);
-        check_same(&got, &wanted, "in turns");
+        assert_compare(rig->state->workload.passes, >, 1);
+        check_same(&got, &wanted, "in passes");
         test_image_finish(&wanted);
     }
     reset(rig, &whole);
@@ -435,9 +435,9 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
     int large = bytes[1] > bytes[0], small = !large;
     rig.state->residency.limit_bytes =
         bytes[large] + gl_draw_bytes(rig.state); /* enough for one of them */
-    for (int turn = 0; turn < 4;
-         turn++) { /* the samples of the large volume are evicted, and its list is still used */
-        int now = turn % 2 ? large : small;
+    for (int pass = 0; pass < 4;
+         pass++) { /* the samples of the large volume are evicted, and its list is still used */
+        int now = pass % 2 ? large : small;
         uint64_t uploaded = rig.state->residency.uploaded;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
         test_image_finish(&image);
@@ -448,8 +448,8 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
     }
     rig.state->residency.limit_bytes =
         gl_residency_bytes(&rig.state->residency, volumes[large]) + gl_draw_bytes(rig.state);
-    for (int turn = 0; turn < 2; turn++) { /* enough for one list */
-        int now = turn ? small : large, other = !now;
+    for (int pass = 0; pass < 2; pass++) { /* enough for one list */
+        int now = pass ? small : large, other = !now;
         struct test_image image = draw_ok(&rig, volumes[now], &scenes[now].view, NULL);
         test_image_finish(&image);
         assert_compare(gl_residency_bytes(&rig.state->residency, volumes[now]), >, 0);
@@ -471,7 +471,7 @@ int main(void) {
     struct sp_error err;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     if (TEST_SANITIZED)
-        printf("thinned under a sanitizer: fewer scenes, views and choices\n");
+        printf("reduced under a sanitizer: fewer scenes, views and choices\n");
     if (!open_rig(&rig, (uint64_t)1 << 30, &err)) {
         printf("skipped: no software GL here: %s\n", err.text);
         return TEST_SKIPPED;

@@ -118,7 +118,7 @@ static void a_frame_that_exceeds_its_buffers_is_drawn_again(void **state) {
             finish(rig, &jobs[1], &rig->shots[0]);
             struct gl_workload *workload = &rig->state->workload;
             workload->rows = workload->layers = workload->records = 1 << 14;
-            workload->turns = 1;
+            workload->passes = 1;
         }
         rig->state->workload.limits = whole;
     }

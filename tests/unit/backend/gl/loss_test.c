@@ -226,7 +226,7 @@ static void a_context_that_cannot_be_bound_is_replaced(void **state) {
     check_images(*state);
     assert_int_equal(plan.binds, 0);
     assert_int_equal(warnings, 2);
-    assert_non_null(strstr(last_warning, "eglMakeCurrent fails: EGL_CONTEXT_LOST"));
+    assert_non_null(strstr(last_warning, "eglMakeCurrent failed: EGL_CONTEXT_LOST"));
 }
 
 static void a_gpu_that_resets_repeatedly_is_replaced(void **state) {

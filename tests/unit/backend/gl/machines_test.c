@@ -52,12 +52,12 @@ static void every_device_is_tried_in_turn(void **state) {
     assert_int_equal(take(-1, false, &info, &err), -1);
     assert_int_equal(err.code, SP_ERR_BACKEND);
     assert_string_equal(
-        err.text, "EGL device 0: eglInitialize fails: EGL_NOT_INITIALIZED; "
+        err.text, "EGL device 0: eglInitialize failed: EGL_NOT_INITIALIZED; "
                   "EGL device 1: llvmpipe (LLVM 15.0.6, 256 bits) is software GL; "
                   "EGL device 2: OpenGL 4.2 Fake of Real 100; a core profile of 4.3 is needed; "
-                  "EGL device 3: eglInitialize fails: EGL_BAD_ALLOC; "
-                  "surfaceless display: eglCreateContext for desktop GL fails: EGL_BAD_MATCH; "
-                  "default display: eglInitialize fails: EGL_NOT_INITIALIZED");
+                  "EGL device 3: eglInitialize failed: EGL_BAD_ALLOC; "
+                  "surfaceless display: eglCreateContext for desktop GL failed: EGL_BAD_MATCH; "
+                  "default display: eglInitialize failed: EGL_NOT_INITIALIZED");
 }
 
 static void a_named_device_is_the_only_one_tried(void **state) {
@@ -72,7 +72,7 @@ static void a_named_device_is_the_only_one_tried(void **state) {
     assert_string_equal(err.text, "EGL device 1: softpipe is software GL");
     assert_int_equal(take(1, true, &info, &err), 1);
     assert_int_equal(take(2, true, &info, &err), -1);
-    assert_string_equal(err.text, "EGL device 2: Real 100 is hardware");
+    assert_string_equal(err.text, "EGL device 2: Real 100 is a GPU, not software GL");
     assert_int_equal(take(3, false, &info, &err), -1);
     assert_int_equal(err.code, SP_ERR_INVALID);
     assert_string_equal(err.text, "there is no GPU 3; EGL lists 3 devices, counted from 0");
@@ -306,7 +306,7 @@ static void a_named_platform_is_the_only_one_tried(void **state) {
     gl_context_destroy(&context);
     drivers[SURFACELESS].broken = true;
     assert_null(gl_context_create(&again, &err));
-    assert_string_equal(err.text, "surfaceless display: eglInitialize fails: EGL_NOT_INITIALIZED");
+    assert_string_equal(err.text, "surfaceless display: eglInitialize failed: EGL_NOT_INITIALIZED");
 }
 
 static void note_device(void *user, const struct sp_device *device) {
@@ -335,7 +335,7 @@ static void the_probe_reports_every_device(void **state) {
     assert_string_equal(found[1].refusal, "");
     for (int i = 2; i < 5; i++) {
         assert_int_equal(found[i].refusal_code, SP_ERR_BACKEND);
-        assert_string_equal(found[i].refusal, "eglInitialize fails: EGL_NOT_INITIALIZED");
+        assert_string_equal(found[i].refusal, "eglInitialize failed: EGL_NOT_INITIALIZED");
     }
     static const int gpus[5] = { 0, 1, 2, -1, -1 };
     static const char *const places[5] = { "EGL device 0", "EGL device 1", "EGL device 2",

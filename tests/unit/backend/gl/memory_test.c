@@ -286,7 +286,7 @@ static struct test_image picture_of(struct rig *rig, struct sp_volume *volume,
 }
 
 /* The lists leave a fifth of the budget. Small pieces have many bricks, which are uploaded in
- * turns. */
+ * passes. */
 static void many_bricks_are_uploaded_in_turns(void **state) {
     (void)state;
     if (TEST_SANITIZED)
@@ -375,7 +375,7 @@ int main(void) {
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
     if (TEST_SANITIZED)
         printf(
-            "thinned under a sanitizer: one budget of three, one round of two, two tests less\n");
+            "reduced under a sanitizer: one budget of three, one round of two, two tests less\n");
     if (!open_rig(&rig, 0, &err)) {
         printf("skipped: no software GL here: %s\n", err.text);
         return TEST_SKIPPED;

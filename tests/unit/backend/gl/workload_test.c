@@ -53,7 +53,7 @@ static void a_long_dispatch_halves_pieces(void **state) {
     assert_int_equal(now.loops, whole.loops / 2);
     assert_int_equal(now.pairs, whole.pairs / 2);
     assert_int_equal(workload.pairs, now.pairs);
-    assert_int_equal(gl_workload_plan(&workload, &plain).turn_pairs, whole.loops / 2);
+    assert_int_equal(gl_workload_plan(&workload, &plain).pass_pairs, whole.loops / 2);
     for (int i = 0; i < 20; i++)
         report_band(&workload, LONG_MS);
     assert_int_equal(workload.halvings, HALVINGS);
@@ -125,12 +125,12 @@ static void memory_loads_raise_the_cost_of_a_pair(void **state) {
     struct gl_workload workload = make_workload();
     struct gl_costs clipped = plain;
     clipped.pair_loads = 14;
-    assert_int_equal(gl_workload_plan(&workload, &plain).turn_pairs, whole.loops);
-    assert_int_equal(gl_workload_plan(&workload, &clipped).turn_pairs, whole.loops / (1 + 14 * 8));
+    assert_int_equal(gl_workload_plan(&workload, &plain).pass_pairs, whole.loops);
+    assert_int_equal(gl_workload_plan(&workload, &clipped).pass_pairs, whole.loops / (1 + 14 * 8));
     assert_int_equal(gl_workload_plan(&workload, &plain).splat_rounds, whole.loops / 8);
     assert_int_equal(gl_workload_plan(&workload, &plain).bin_pairs, whole.loops / (8 * 24));
     workload.limits.loops = 10; /* a minimum is always allowed */
-    assert_int_equal(gl_workload_plan(&workload, &clipped).turn_pairs, 1);
+    assert_int_equal(gl_workload_plan(&workload, &clipped).pass_pairs, 1);
     assert_int_equal(gl_workload_plan(&workload, &plain).splat_rounds, 300);
 }
 
@@ -169,7 +169,7 @@ static void slow_pieces_are_no_reason_to_refuse(void **state) {
     head.needed = (1 << 25) + 1;
     assert_false(gl_workload_retry(&workload, &was, &head, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_non_null(strstr(err.text, "33554433 pairs"));
+    assert_non_null(strstr(err.text, "cover 33554433 tiles"));
 }
 
 static void wide_splats_take_fewer_rows_then_layers(void **state) {

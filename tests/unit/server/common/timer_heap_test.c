@@ -22,7 +22,7 @@ static struct srv_timer_heap heap;
 static struct srv_timer nodes[COUNT];
 static double model[COUNT]; /* INFINITY = not set */
 
-static unsigned dice(unsigned sides) {
+static unsigned random_below(unsigned sides) {
     static uint32_t state = 12345; /* xorshift32 */
     state ^= state << 13;
     state ^= state >> 17;
@@ -60,8 +60,8 @@ static void timers_expire_in_order(void **state) {
     assert_compare(srv_timer_next(&heap), ==, INFINITY);
     unsigned most = 0;
     for (int step = 0; step < STEPS; step++) {
-        unsigned i = dice(COUNT), what = dice(8);
-        double at = dice(TIMES);
+        unsigned i = random_below(COUNT), what = random_below(8);
+        double at = random_below(TIMES);
         if (what < 3) {
             srv_timer_set(&heap, &nodes[i], at);
             model[i] = at;

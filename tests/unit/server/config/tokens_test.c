@@ -54,7 +54,7 @@ static void lines_have_roles_and_quotas(void **state) {
     struct srv_token *list;
     struct sp_error err;
     size_t count;
-    assert_true(parse(A "\tname=ann role=control sessions=3 stills=2 views=7 paths=5 "
+    assert_true(parse(A "\tname=ann role=control sessions=3 snapshots=2 views=7 paths=5 "
                         "fps=24 path-bytes=500M frame-size=1024x512\n"
                         "# the next has no name\n" B " role=metrics\n"
                         "0123456789abcdef-view role=view\n0123456789abcdef-render role=render",
@@ -98,7 +98,7 @@ static void errors_name_the_line(void **state) {
         A " sessions=-1\n",
         A " sessions=100001\n",
         A " sessions=1 sessions=2\n",
-        A " stills=1.5\n",
+        A " snapshots=1.5\n",
         A " fps=121\n",
         A " fps=9999999999999999\n",
         A " path-bytes=1023\n",
@@ -271,7 +271,7 @@ static void cancelled_snapshots_do_not_count(void **state) {
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
     struct srv_grant grant;
-    set(tokens, A " name=ann stills=1 fps=2\n");
+    set(tokens, A " name=ann snapshots=1 fps=2\n");
     srv_tokens_find(tokens, A, &grant);
     for (int i = 0; i < 5; i++) {
         assert_true(begin(tokens, &grant, 5000));
@@ -292,13 +292,13 @@ static void quotas_outlive_a_reload(void **state) {
     struct sp_error err;
     struct srv_tokens *tokens = srv_tokens_create(&err);
     struct srv_grant old, fresh, gone;
-    set(tokens, A " name=ann stills=2\n" B " name=bob fps=4\n");
+    set(tokens, A " name=ann snapshots=2\n" B " name=bob fps=4\n");
     srv_tokens_find(tokens, A, &old);
     srv_tokens_find(tokens, B, &gone);
     assert_true(begin(tokens, &old, 0));
     assert_true(begin(tokens, &old, 0));
     assert_false(begin(tokens, &old, 0));
-    set(tokens, B " name=ann stills=2\n"); /* ann has a new token; bob's is removed */
+    set(tokens, B " name=ann snapshots=2\n"); /* ann has a new token; bob's is removed */
     srv_tokens_find(tokens, B, &fresh);
     assert_false(begin(tokens, &fresh, 0));
     srv_tokens_end_snapshot(tokens, &old);

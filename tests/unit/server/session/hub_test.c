@@ -77,7 +77,7 @@ static void a_failed_view_is_reported_and_not_tried_again(void **state) {
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
     hub_drain(f, p, 0);
     assert_true(hub_next_job(f, 1, &job));
-    sp_fail(&err, SP_ERR_MEMORY, "/size", "no memory");
+    sp_fail(&err, SP_ERR_MEMORY, "/size", "out of memory");
     srv_schedule_failed(f->schedule, &job, &err);
     assert_int_equal(srv_hub_next_message(f->hub, p, true, 2, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "render.error"));

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Limits on the number of sessions: --sessions, --sleeping-sessions, quotas of owners, and guests.
+ * Limits on the number of sessions: --sessions, --hibernated-sessions, quotas of owners, and
+ * guests.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -45,7 +46,7 @@ static void hibernated_sessions_have_a_limit_and_can_be_deleted(void **state) {
         srv_hub_restore(persist.hub, "0123456789abcdef", persist.text, persist.size, 0, &err));
     assert_null(srv_hub_session_create(persist.hub, NULL, 0, other, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_non_null(strstr(err.text, "--sleeping-sessions"));
+    assert_non_null(strstr(err.text, "--hibernated-sessions"));
     assert_true(srv_hub_session_delete(persist.hub, persist.id, NULL));
     assert_string_equal(persist.ended, persist.id);
     assert_false(srv_hub_session_delete(persist.hub, persist.id, NULL));
@@ -147,7 +148,7 @@ static void guests_leave_a_quarter_of_the_sessions_to_others(void **state) {
         assert_true(persist_create(&anonymous, true, 0, &err));
     assert_false(persist_create(&anonymous, true, 0, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
-    assert_non_null(strstr(err.text, "--sessions allows guests 6"));
+    assert_non_null(strstr(err.text, "--sessions allows 6 for forks by join tokens"));
     assert_true(persist_create(&anonymous, false, 0, &err));
     assert_true(persist_create(&anonymous, false, 0, &err));
     assert_false(persist_create(&anonymous, false, 0, &err));

@@ -28,7 +28,7 @@ static int spend(int broken) {
         atomic_store(&disk.left, left - 1);
         return SQLITE_OK;
     }
-    if (disk.end == BAD_DISK_DEATH)
+    if (disk.end == BAD_DISK_EXIT)
         _exit(9);
     return disk.end == BAD_DISK_FULL ? SQLITE_FULL : broken;
 }

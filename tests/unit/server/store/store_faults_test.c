@@ -25,8 +25,8 @@
 static void a_full_disk_delays_writes(void **state) {
     bool was_durable = false;
     int failures = 0;
-    for (int end = BAD_DISK_FULL; end <= BAD_DISK_BROKEN; end++) {
-        store_disk->end = (enum bad_disk_end)end;
+    for (int end = BAD_DISK_FULL; end <= BAD_DISK_IO_ERROR; end++) {
+        store_disk->end = (enum bad_disk_failure)end;
         for (long n = 0; !was_durable; n++) {
             struct srv_store_status status;
             char text[32];
@@ -106,7 +106,7 @@ static void records_survive_a_kill_at_any_write(void **state) {
         assert_int_equal(pipe(pipes), 0);
         pid_t child = fork();
         if (child == 0) {
-            store_disk->end = BAD_DISK_DEATH;
+            store_disk->end = BAD_DISK_EXIT;
             atomic_store(&store_disk->left, n);
             dying(folder, pipes[1]);
         }

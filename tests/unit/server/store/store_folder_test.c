@@ -125,7 +125,7 @@ static void an_unwritable_database_is_refused(void **state) {
     if (geteuid() == 0) { /* root may write every file, so the disk refuses instead */
         atomic_store(&store_disk->left, 0);
         store_is_refused(*state, SP_ERR_IO, "full");
-        store_disk->end = BAD_DISK_BROKEN;
+        store_disk->end = BAD_DISK_IO_ERROR;
         store_is_refused(*state, SP_ERR_IO, "error");
         return;
     }
