@@ -14,6 +14,8 @@
 #include "base/parallel_for.h"
 #include "base/vec.h"
 #include "sp/log.h"
+#include "sp/status.h"
+#include "sp/version.h"
 #include "support/compare.h"
 
 static void arena_reuses_memory(void **state) {
@@ -124,6 +126,29 @@ static void log_lines_cannot_be_forged(void **state) {
     sp_log_init(NULL, NULL, SP_LOG_INFO);
 }
 
+/* They are part of the protocol: clients branch on them. */
+static void each_error_code_has_a_name_of_its_own(void **state) {
+    (void)state;
+    int count = 0;
+    while (strcmp(sp_code_name((enum sp_code)count), "unknown") != 0) {
+        for (int other = 0; other < count; other++)
+            assert_string_not_equal(sp_code_name((enum sp_code)count),
+                                    sp_code_name((enum sp_code)other));
+        count++;
+    }
+    assert_int_equal(count, SP_ERR_VOLUME_FAILED + 1);
+    assert_string_equal(sp_code_name(SP_OK), "ok");
+    assert_string_equal(sp_code_name(SP_ERR_VOLUME_FAILED), "volume-failed");
+}
+
+static void the_version_is_that_of_the_headers(void **state) {
+    (void)state;
+    char text[32];
+    snprintf(text, sizeof text, "%d.%d.%d", SP_VERSION_MAJOR, SP_VERSION_MINOR, SP_VERSION_PATCH);
+    assert_string_equal(sp_version_string(), text);
+    assert_int_equal(sp_version(), SP_VERSION);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(arena_reuses_memory),
@@ -131,6 +156,8 @@ int main(void) {
         cmocka_unit_test(inverse_times_matrix_is_identity),
         cmocka_unit_test(long_error_texts_are_truncated),
         cmocka_unit_test(log_lines_cannot_be_forged),
+        cmocka_unit_test(each_error_code_has_a_name_of_its_own),
+        cmocka_unit_test(the_version_is_that_of_the_headers),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -14,6 +14,7 @@
 #include <stdio.h>
 
 #include "common/clock.h"
+#include "render/encode_pool.h"
 #include "support/compare.h"
 #include "support/gate.h"
 #include "unit/server/counted.h"
@@ -160,10 +161,35 @@ static void idle_foreground_threads_help_with_a_session_frame(void **state) {
         assert_int_equal(snap_seen.by[t] > 0, t < SNAP_STREAM_THREADS);
 }
 
+static void count_maintenance(void *user) {
+    pthread_mutex_lock(&gate.mutex);
+    ++*(unsigned *)user;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
+static void an_idle_thread_does_the_maintenance_once_per_request(void **state) {
+    (void)state;
+    unsigned done = 0;
+    const struct srv_encode_pool_options options = { .threads = 2,
+                                                     .user = &done,
+                                                     .maintain = count_maintenance };
+    struct srv_encode_pool *pool = srv_encode_pool_create(&options, NULL);
+    assert_non_null(pool);
+    assert_true(srv_encode_pool_start(pool, NULL));
+    for (unsigned i = 1; i <= 3; i++) {
+        srv_encode_pool_request_maintenance(pool);
+        gate_await(&done, i);
+    }
+    srv_encode_pool_stop(pool);
+    assert_int_equal(done, 3);
+    srv_encode_pool_destroy(&pool);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, snap_tear_down)
         TEST(the_final_frame_of_a_session_is_not_rendered_again),
+        cmocka_unit_test(an_idle_thread_does_the_maintenance_once_per_request),
         TEST(a_snapshot_with_the_same_parameters_is_not_encoded_again),
         TEST(parameters_that_a_format_ignores_do_not_cause_another_encoding),
         TEST(slow_encodings_leave_a_thread_to_the_others),

@@ -46,6 +46,8 @@ static struct {                            /* guarded by the gate's mutex */
     unsigned begun_count;
     unsigned pauses, preempting;     /* pauses of a render; renders of the preemption worker */
     bool stops_preempting;           /* the preemption worker waits at the gate, too */
+    bool fails_preempting;           /* renders of the preemption worker fail */
+    const char *preempting_backend;  /* that the preemption worker creates */
     const struct sp_renderer *first; /* the interactive worker's */
     uint32_t size[2];                /* of the newest render */
     unsigned mip_level;
@@ -111,8 +113,12 @@ struct sp_frame *__wrap_sp_renderer_finish(struct sp_renderer *renderer, struct 
     pthread_mutex_lock(&gate.mutex);
     struct render render = seen.begun[find_render(renderer)];
     bool is_free = renderer != seen.first && !seen.stops_preempting;
+    bool fails = renderer != seen.first && seen.fails_preempting;
     pthread_mutex_unlock(&gate.mutex);
-    if (!is_free && !gate_pass(render.cancel, pause_if_requested, render.pause)) {
+    if (fails) {
+        sp_fail(err, SP_ERR_BACKEND, "", "this renderer is broken");
+        sp_frame_unref(&render.frame);
+    } else if (!is_free && !gate_pass(render.cancel, pause_if_requested, render.pause)) {
         sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         sp_frame_unref(&render.frame);
     }
@@ -475,7 +481,8 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     char id[SRV_SESSION_ID_BYTES];
     begin(f, 1e6);
     pthread_mutex_lock(&gate.mutex);
-    seen.info.backend = "null"; /* the preemption worker creates one of its own */
+    /* The preemption worker creates a renderer of its own. */
+    seen.info.backend = seen.preempting_backend ? seen.preempting_backend : "null";
     seen.info.can_pause = holds;
     pthread_mutex_unlock(&gate.mutex);
     gate_let_through(1000);
@@ -537,6 +544,46 @@ static void a_frame_that_cannot_be_paused_delays_the_others(void **state) {
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
+/* Lets the long frame and the short one through, which the interactive worker renders instead. */
+static void expect_no_preemption(struct fixture *f, struct srv_participant *other) {
+    gate_let_through(2);
+    assert_int_equal(next_frame_of(f, other).seq, 4);
+    next_frame(f);
+    settle();
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = 0;
+    unsigned entered = gate.entered, preempting = seen.preempting;
+    pthread_mutex_unlock(&gate.mutex);
+    update(f, 5); /* a long frame again */
+    gate_await(&gate.entered, entered + 1);
+    update_as(f, other, 6);
+    settle_rate();
+    assert_int_equal(gate_count(&seen.preempting), preempting);
+    gate_let_through(2);
+    assert_int_equal(next_frame_of(f, other).seq, 6);
+    srv_hub_leave(f->render.hub, &other, srv_clock_ms());
+}
+
+static void a_preemption_worker_whose_render_fails_is_not_used_again(void **state) {
+    struct fixture *f = *state;
+    seen.fails_preempting = true;
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    gate_await(&seen.preempting, 1);
+    expect_no_preemption(f, other);
+    assert_int_equal(gate_count(&seen.preempting), 1);
+    seen.fails_preempting = false;
+}
+
+static void a_preemption_worker_without_a_renderer_is_not_used(void **state) {
+    struct fixture *f = *state;
+    seen.preempting_backend = "missing";
+    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    settle_rate();
+    expect_no_preemption(f, other);
+    assert_int_equal(gate_count(&seen.preempting), 0);
+    seen.preempting_backend = NULL;
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, set_up, tear_down)
@@ -553,6 +600,8 @@ int main(void) {
         TEST(a_long_frame_is_paused_for_a_short_one),
         TEST(a_paused_frame_can_be_cancelled),
         TEST(a_frame_that_cannot_be_paused_delays_the_others),
+        TEST(a_preemption_worker_whose_render_fails_is_not_used_again),
+        TEST(a_preemption_worker_without_a_renderer_is_not_used),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
