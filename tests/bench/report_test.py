@@ -201,7 +201,7 @@ class Report(unittest.TestCase):
             text = report.serve(self.folder.name)
             goals, hostile = text.split('One user at')
             self.assertIn(f'{5 + missed / 10:.1f} % at worst (greedy)', goals)
-            self.assertEqual(self.line(goals, '| independent sessions')[2:], ['4', 'met'])
+            self.assertEqual(self.line(goals, '| number of sessions at full')[2:], ['4', 'met'])
             self.assertEqual(self.line(goals, '| viewers of one')[2], '8' if missed else '63')
             self.assertIn(f'; {2 - missed} of 2 behaviours meet the goal', self.line(goals, '| frame rate lost')[0])
             self.assertEqual((goals.count('| met |'), goals.count('**missed**')), (1, 9) if missed else (10, 0))
