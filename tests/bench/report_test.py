@@ -202,12 +202,12 @@ class Report(unittest.TestCase):
             goals, hostile = text.split('One user at')
             self.assertIn(f'{5 + missed / 10:.1f} % at worst (greedy)', goals)
             self.assertEqual(self.line(goals, '| number of sessions at full')[2:], ['4', 'met'])
-            self.assertEqual(self.line(goals, '| viewers of one')[2], '8' if missed else '63')
+            self.assertEqual(self.line(goals, '| number of viewers of one')[2], '8' if missed else '63')
             self.assertIn(f'; {2 - missed} of 2 behaviours meet the goal', self.line(goals, '| frame rate lost')[0])
             self.assertEqual((goals.count('| met |'), goals.count('**missed**')), (1, 9) if missed else (10, 0))
             self.assertEqual(self.line(hostile, '| greedy')[1], '-5.1 %' if missed else '-5.0 %')
             self.assertEqual(self.line(hostile, '| greedy')[-1], '**missed**' if missed else 'met')
-            self.assertIn('The users look at demo:engine.', goals)
+            self.assertIn('All clients view demo:engine.', goals)
 
     def a_run(self):
         run = run_all.Run(None)

@@ -5,7 +5,6 @@
  * waits in finish until the test lets it through or its cancel flag is set, so that "while it is
  * being rendered" is a state that the test controls. sp_renderer_info() is replaced as well.
  */
-#include <math.h>
 #include <pthread.h>
 #include <sched.h>
 #include <setjmp.h>
@@ -407,6 +406,12 @@ static void settle_rate(void) {
         sched_yield();
 }
 
+static void close_gate(void) {
+    pthread_mutex_lock(&gate.mutex);
+    gate.passes = gate.cancelled = 0;
+    pthread_mutex_unlock(&gate.mutex);
+}
+
 static void settle(void) {
     gate_await(&seen.ended, gate_count(&gate.entered));
     settle_rate();
@@ -425,9 +430,7 @@ static struct srv_participant *begin_with_two(struct fixture *f) {
     while (next_frame_of(f, other).width > 100) { /* encoded before stream.configure */
     }
     settle();
-    pthread_mutex_lock(&gate.mutex);
-    gate.passes = gate.cancelled = 0;
-    pthread_mutex_unlock(&gate.mutex);
+    close_gate();
     return other;
 }
 
@@ -497,10 +500,8 @@ static struct srv_participant *begin_with_a_long_frame(struct fixture *f, bool h
     update_as(f, other, 2);
     next_frame_of(f, other);
     settle();
-    pthread_mutex_lock(&gate.mutex);
-    gate.passes = 0;
-    unsigned entered = gate.entered;
-    pthread_mutex_unlock(&gate.mutex);
+    close_gate();
+    unsigned entered = gate_count(&gate.entered);
     update(f, 3);
     gate_await(&gate.entered, entered + 1);
     update_as(f, other, 4);
@@ -550,37 +551,29 @@ static void expect_no_preemption(struct fixture *f, struct srv_participant *othe
     assert_int_equal(next_frame_of(f, other).seq, 4);
     next_frame(f);
     settle();
-    pthread_mutex_lock(&gate.mutex);
-    gate.passes = 0;
-    unsigned entered = gate.entered, preempting = seen.preempting;
-    pthread_mutex_unlock(&gate.mutex);
+    close_gate();
+    const unsigned entered = gate_count(&gate.entered), past = gate_count(&seen.preempting);
     update(f, 5); /* a long frame again */
     gate_await(&gate.entered, entered + 1);
     update_as(f, other, 6);
     settle_rate();
-    assert_int_equal(gate_count(&seen.preempting), preempting);
+    assert_int_equal(gate_count(&seen.preempting), past);
     gate_let_through(2);
     assert_int_equal(next_frame_of(f, other).seq, 6);
     srv_hub_leave(f->render.hub, &other, srv_clock_ms());
 }
 
 static void a_preemption_worker_whose_render_fails_is_not_used_again(void **state) {
-    struct fixture *f = *state;
     seen.fails_preempting = true;
-    struct srv_participant *other = begin_with_a_long_frame(f, true);
+    struct srv_participant *other = begin_with_a_long_frame(*state, true);
     gate_await(&seen.preempting, 1);
-    expect_no_preemption(f, other);
-    assert_int_equal(gate_count(&seen.preempting), 1);
+    expect_no_preemption(*state, other);
     seen.fails_preempting = false;
 }
 
 static void a_preemption_worker_without_a_renderer_is_not_used(void **state) {
-    struct fixture *f = *state;
     seen.preempting_backend = "missing";
-    struct srv_participant *other = begin_with_a_long_frame(f, true);
-    settle_rate();
-    expect_no_preemption(f, other);
-    assert_int_equal(gate_count(&seen.preempting), 0);
+    expect_no_preemption(*state, begin_with_a_long_frame(*state, true));
     seen.preempting_backend = NULL;
 }
 
