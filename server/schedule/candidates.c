@@ -8,6 +8,7 @@
 
 #include "schedule/state.h"
 
+#define SHARE_PART 0.5        /* of an interval: a participant may share a frame so early */
 enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
 
 static bool is_window_open(const struct srv_hub *hub, const struct srv_participant *p) {
@@ -70,26 +71,40 @@ static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
     return waiting->waited_ms + (waiting->ready_ms > 0 ? now_ms - waiting->ready_ms : 0);
 }
 
+static struct srv_demand demand_of(const struct srv_schedule *schedule, const struct srv_session *s,
+                                   const struct srv_participant *p, double now_ms) {
+    const struct srv_participant_schedule *plan = p->schedule;
+    struct srv_demand demand = { .wants_frame = wants_frame(schedule->hub, s, p) };
+    if (!demand.wants_frame)
+        return demand;
+    demand.is_newer = is_newer(s, p);
+    demand.is_progressive = p->settings.progressive;
+    demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
+    for (int step = 0; step < SRV_STEPS; step++)
+        demand.is_slow[step] = is_slow(s, p, (enum srv_frame_step)step);
+    demand.has_slow_slot = has_slow_slot(schedule, s);
+    demand.max_fps = p->settings.max_fps;
+    demand.next_frame_ms = plan->next_frame_ms;
+    demand.behind_ms = plan->behind_ms;
+    demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
+    demand.sharp_ms = sharp_ms(s, p);
+    demand.waited_ms = waited_ms(&plan->waiting, now_ms);
+    demand.spent_ms = plan->waiting.spent_ms;
+    return demand;
+}
+
 struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
                                         const struct srv_session *s,
                                         const struct srv_participant *p, double now_ms) {
-    const struct srv_participant_schedule *plan = p->schedule;
-    struct srv_demand demand = { .wants_frame = wants_frame(schedule->hub, s, p) };
-    if (demand.wants_frame) {
-        demand.is_newer = is_newer(s, p);
-        demand.is_progressive = p->settings.progressive;
-        demand.needs_intermediate = !demand.is_newer && needs_intermediate(s, p);
-        for (int step = 0; step < SRV_STEPS; step++)
-            demand.is_slow[step] = is_slow(s, p, (enum srv_frame_step)step);
-        demand.has_slow_slot = has_slow_slot(schedule, s);
-        demand.max_fps = p->settings.max_fps;
-        demand.next_frame_ms = plan->next_frame_ms;
-        demand.behind_ms = plan->behind_ms;
-        demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
-        demand.sharp_ms = sharp_ms(s, p);
-        demand.waited_ms = waited_ms(&plan->waiting, now_ms);
-        demand.spent_ms = plan->waiting.spent_ms;
-    }
+    const struct srv_demand demand = demand_of(schedule, s, p, now_ms);
+    return srv_decide_request(&demand, now_ms);
+}
+
+struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedule,
+                                              const struct srv_session *s,
+                                              const struct srv_participant *p, double now_ms) {
+    struct srv_demand demand = demand_of(schedule, s, p, now_ms);
+    demand.next_frame_ms -= SHARE_PART * 1000.0 / p->settings.max_fps;
     return srv_decide_request(&demand, now_ms);
 }
 
@@ -147,7 +162,7 @@ static unsigned count_moving(const struct srv_schedule *schedule, const struct s
 
 double srv_moving_budget_ms(const struct srv_schedule *schedule, const struct srv_session *s,
                             int max_fps, double now_ms) {
-    return srv_quality_budget_ms(max_fps) / count_moving(schedule, s, now_ms);
+    return srv_quality_budget_ms(max_fps, count_moving(schedule, s, now_ms));
 }
 
 double srv_moving_frame_ms(const struct srv_schedule *schedule, const struct srv_session *s,

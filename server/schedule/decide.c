@@ -112,7 +112,7 @@ double srv_decide_quiet_ms(bool has_motion, double last_motion_ms, double now_ms
 bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms) {
     double left_ms = running_ms > drawn_ms ? running_ms - drawn_ms : drawn_ms;
     double known_ms = isfinite(left_ms) ? left_ms : drawn_ms;
-    return expected_ms <= fmin(left_ms, fmax(SRV_QUALITY_BUDGET_MIN_MS, known_ms * SHORT_PART));
+    return expected_ms <= fmin(left_ms, fmax(SRV_QUALITY_ROUND_MS, known_ms * SHORT_PART));
 }
 
 int srv_decide_preemption(const struct srv_candidate *candidates, int count, double *wait_ms) {

@@ -103,7 +103,7 @@ double srv_decide_quiet_ms(bool has_motion, double last_motion_ms, double now_ms
 
 /* True if a moving frame is short enough to preempt the running job. It must not take longer than
  * the rest of that job: the shortest remaining work goes first. It must also not take longer than
- * SRV_QUALITY_BUDGET_MIN_MS or a tenth of that rest, whichever is larger. expected_ms: time of the
+ * SRV_QUALITY_ROUND_MS or a tenth of that rest, whichever is larger. expected_ms: time of the
  * frame, INFINITY = unknown; running_ms: expected time of the running job; drawn_ms: how long it
  * was drawn. A job that takes longer than expected counts as half done. */
 bool srv_decide_is_short(double expected_ms, double running_ms, double drawn_ms);

@@ -14,9 +14,6 @@
 
 #include "schedule/state.h"
 
-enum { PAUSE_SLOTS = 2 }; /* slots without a frame, after which new slots begin */
-#define ROUNDING 1e-6     /* of a time that is the start of a slot, in slots */
-
 static struct srv_detail detail_of(const struct srv_render_job *job) {
     return (struct srv_detail){ .mip_level = job->mip_level,
                                 .size = { job->view.size[0], job->view.size[1] } };
@@ -124,15 +121,13 @@ static struct srv_render_target target_of(const struct srv_participant *p,
                                                 (job->is_sharp && srv_policy_is_final(p, &e)) };
 }
 
-/* Returns when the next frame is due after one at now_ms. For each frame rate time is cut into
- * slots, the same for all participants of a session, and each slot has one frame. So participants
- * with the same rate ask together, whenever they joined, and our own delay is not added to every
- * frame. The first frame after a pause is in the middle of its slot: changes that come as often as
- * frames are due do not wait. */
-static double next_frame_ms(const struct srv_session *s, int max_fps, double now_ms) {
-    double slot_ms = 1000.0 / max_fps, slots_ms = s->schedule->slots_ms;
-    double at = (now_ms - slots_ms) / slot_ms + ROUNDING;
-    return slots_ms + (floor(at) + 1) * slot_ms;
+/* Returns the time before which the frame rate allows no further frame, after a frame at now_ms.
+ * Each frame adds an interval. Up to one interval that was not used counts, so that changes which
+ * come as often as frames are allowed do not wait, however irregularly they come (the generic cell
+ * rate algorithm, ITU-T I.371). */
+static double next_frame_ms(double next_ms, int max_fps, double now_ms) {
+    double interval_ms = 1000.0 / max_fps;
+    return fmax(next_ms, now_ms - interval_ms) + interval_ms;
 }
 
 static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
@@ -145,7 +140,7 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .mip_level = job->mip_level,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
-        .is_shared = job->budget_ms < srv_quality_budget_ms(p->settings.max_fps) * 0.99,
+        .is_shared = job->budget_ms < srv_quality_budget_ms(p->settings.max_fps, 1) * 0.99,
     };
 }
 
@@ -164,7 +159,7 @@ static void add_target(struct srv_schedule *schedule, struct srv_session *s,
     plan->waiting.ready_ms = 0;
     if (job->step == SRV_STEP_MOVING)
         plan->waiting.waited_ms = plan->waiting.spent_ms = 0;
-    plan->next_frame_ms = next_frame_ms(s, p->settings.max_fps, now_ms);
+    plan->next_frame_ms = next_frame_ms(plan->next_frame_ms, p->settings.max_fps, now_ms);
 }
 
 /* Collects the participants of the session that want the same frame as the chosen one. */
@@ -174,7 +169,7 @@ static uint32_t find_recipients(const struct srv_schedule *schedule,
     struct srv_session *s = choice->participant->session;
     uint32_t count = 0;
     for (struct srv_participant *p = s->participants; p; p = p->next) {
-        const struct srv_frame_request other = srv_request_of(schedule, s, p, now_ms);
+        const struct srv_frame_request other = srv_request_to_share(schedule, s, p, now_ms);
         if (other.is_wanted && other.step == choice->request.step &&
             other.is_slow_to_encode == choice->request.is_slow_to_encode &&
             has_same_size(s, choice->participant, p))
@@ -248,8 +243,6 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     choose_detail(schedule, s, job, first, max_fps, now_ms);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
-    if (now_ms - plan->newest_ms > PAUSE_SLOTS * 1000.0 / max_fps)
-        plan->slots_ms = now_ms - 500.0 / max_fps;
     for (uint32_t i = 0; i < count; i++)
         add_target(schedule, s, recipients[i], job, now_ms);
     plan->clock_ms = srv_fair_start(&first->schedule->account, plan->clock_ms);

@@ -36,8 +36,10 @@ void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality
     }
 }
 
-double srv_quality_budget_ms(int max_fps) {
-    return fmax(1000.0 / max_fps, SRV_QUALITY_BUDGET_MIN_MS);
+double srv_quality_budget_ms(int max_fps, unsigned moving) {
+    double interval_ms = 1000.0 / max_fps;
+    return fmin(fmax(interval_ms, SRV_QUALITY_BUDGET_MS),
+                fmax(interval_ms, SRV_QUALITY_ROUND_MS) / moving);
 }
 
 static double megapixels(const uint32_t size[2]) {
@@ -290,7 +292,7 @@ void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
         struct srv_detail whole = { .mip_level = mip_level, .size = { full[0], full[1] } };
         fit->failures = 0;
         if (mip_level > 0 &&
-            srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MIN_MS * RAISE)
+            srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }
 }

@@ -11,8 +11,10 @@
 
 #include "sp/renderer.h"
 
-/* 15 frames per second: detail is not reduced to be faster than this. */
-#define SRV_QUALITY_BUDGET_MIN_MS 66.0
+/* Detail is not reduced to be faster than 30 frames per second. */
+#define SRV_QUALITY_BUDGET_MS (1000.0 / 30)
+/* While several views move, each gets less detail only if one frame of each takes longer. */
+#define SRV_QUALITY_ROUND_MS (1000.0 / 15)
 /* A sharp frame that takes longer has an intermediate one before it. */
 #define SRV_QUALITY_INTERMEDIATE_MS 250.0
 
@@ -63,8 +65,9 @@ void srv_quality_init(struct srv_quality *quality);
  * frame of each level outweighs. */
 void srv_quality_init_from(struct srv_quality *quality, const struct srv_quality *other);
 
-/* Returns the longest time that a frame should take while the view moves. */
-double srv_quality_budget_ms(int max_fps);
+/* Returns the longest time that a frame should take while `moving` views move, this one included;
+ * moving > 0. */
+double srv_quality_budget_ms(int max_fps, unsigned moving);
 
 /* Chooses the detail of the next frame of a moving view. */
 void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,

@@ -49,7 +49,6 @@ struct srv_session_schedule {
     uint64_t newest_order;           /* of its newest job */
     double newest_ms;                /* when that was made */
     double moved_ms;                 /* when its last moving frame began; 0 = never */
-    double slots_ms;                 /* start of a slot of every frame rate */
     struct srv_fair_account account; /* by the scheduler's clock */
     double clock_ms;                 /* of its participants' accounts */
     struct srv_quality quality;
@@ -88,6 +87,13 @@ struct srv_choice { /* a participant, and what it gets */
 struct srv_frame_request srv_request_of(const struct srv_schedule *schedule,
                                         const struct srv_session *session,
                                         const struct srv_participant *participant, double now_ms);
+/* What the participant takes of a frame that is drawn now for another one: as above, up to half an
+ * interval before its frame rate allows it. So participants of equal rates share all frames,
+ * whenever they joined. */
+struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedule,
+                                              const struct srv_session *session,
+                                              const struct srv_participant *participant,
+                                              double now_ms);
 /* Chooses the participant that is served next; NULL = none. Lowers *wait_ms to when there may be
  * one.
  */

@@ -2,6 +2,7 @@
  *
  * How frames are encoded for a participant, and the notification that tells it.
  */
+#include <math.h>
 #include <string.h>
 
 #include "protocol/rpc.h"
@@ -118,7 +119,9 @@ char *srv_policy_text(struct srv_participant *p, double now_ms, size_t *size) {
     ok = proto_json_set(params, "final", encode(p, &final, &full)) && ok;
     ok = proto_json_set(params, "why", reasons(p, &moving, is_known)) && ok;
     if (is_known) {
-        ok = proto_json_set_number(params, "budget_ms", p->policy.moving.budget_ms) && ok;
+        ok = proto_json_set_number(params, "budget_ms",
+                                   round(p->policy.moving.budget_ms * 10) / 10) &&
+             ok;
         ok = proto_json_set_number(params, "sharp_ms", p->policy.moving.sharp_ms) && ok;
     }
     p->policy.reported = p->policy.moving;

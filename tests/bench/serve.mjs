@@ -19,8 +19,8 @@ import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 import { soak } from './serve/soak.mjs';
 
-const PARTS = ['overhead', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
-const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'kbytes_frame',
+const PARTS = ['overhead', 'motion', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'work_ms', 'wait_p50_ms', 'wait_p95_ms', 'kbytes_frame',
   'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
 const WANTED_FPS = 10; // frames per second that each user needs when the most users are counted
@@ -62,6 +62,35 @@ async function overhead() {
     client.drive(20);
     measured('overhead', 'from a change to its JPEG of quality 60, null backend', await watch(daemon, [client], seconds), { px });
     client.end();
+    await daemon.stop();
+  }
+}
+
+/** Measures hand to picture: each client sends sixty changes per second, or the next one when a frame arrives. `work` is the time of
+ * rendering and encoding; `wait` is the rest of the latency. */
+async function motion() {
+  for (const backend of ['null', 'cpu'])
+    for (const [n, fps] of [[1, 30], [1, 60], [1, 120], [1, 0], [8, 60]]) {
+      const daemon = await start(backend);
+      const clients = [];
+      while (clients.length < n) clients.push(await Client.open(daemon, await daemon.session(512)));
+      for (const client of clients) {
+        client.configure({ max_fps: fps || 120 });
+        if (fps) client.drive(1000 / 60);
+        else client.lockstep();
+      }
+      measured('motion', `${backend}, ${fps ? `60 changes per second, max_fps ${fps}` : 'a change per frame, max_fps 120'}`, await watch(daemon, clients, seconds));
+      clients.forEach((client) => client.end());
+      await daemon.stop();
+    }
+}
+
+/** Measures scripts that request one image after the other. */
+async function loop() {
+  for (const backend of ['null', 'cpu']) {
+    const daemon = await start(backend);
+    for (const parallel of [1, 2, 4]) measured('loop', `${backend}, POST /render, JPEG`, await daemon.loop(512, parallel, seconds));
+    daemon.hangUp();
     await daemon.stop();
   }
 }
@@ -273,7 +302,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
+    await { overhead, motion, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
     if (options.out) save();
   }
 }

@@ -12,13 +12,13 @@ import { Panels } from './panels.js';
 import { Paths } from './paths.js';
 import { People } from './people.js';
 import { Presets } from './presets.js';
-import { Screen, decodeImage } from './screen.js';
+import { Screen, decodeImage, refreshRate } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
+import { Warp } from './warp.js';
 
 const RESIZE_MS = 120;
 const LIST_MS = 500;
-const MAX_FPS = 30; // the daemon lowers the detail of a moving view to reach this rate
 
 const base = new URL('.', location.href).href;
 const place = `splatd:${new URL(base).pathname}`;
@@ -94,6 +94,7 @@ const connection = new Connection({
 });
 const participants = new Participants();
 const viewer = new Viewer({ connection, viewport: () => screen.viewport });
+const warp = new Warp(element('warp'), screen);
 const status = new StatusLine(element('status'), () => screen.size);
 const help = () => (element('help').open ? element('help').close() : element('help').showModal());
 const panels = new Panels(viewer, { help });
@@ -139,6 +140,8 @@ const order = new FrameOrder({
     Object.assign(drawn, { frame: frame.frame, seq: frame.seq, width: frame.width, height: frame.height,
       isFinal: frame.isFinal, isLossless: frame.isLossless, isVideo: frame.isVideo, count: drawn.count + 1 });
     status.drew(frame, viewer.updates.show(frame.seq));
+    warp.drew(viewer.rigOf(frame.seq));
+    showWarp();
     notice.hide('render');
     if (!hasPicture) {
       hasPicture = true;
@@ -152,6 +155,7 @@ connection.on('frame', (frame) => order.put(frame));
 
 // The frame size follows the window, at most every RESIZE_MS; the last size is always sent.
 let configured = '';
+let maxFps = 60;
 let resizeTimer = null;
 configure = () => {
   keyframes.show();
@@ -167,12 +171,17 @@ async function sendConfigure() {
   configured = String(size);
   try {
     const name = recall('name');
-    await connection.call('stream.configure', { size, max_fps: MAX_FPS, ...(name ? { name } : {}), ...wantedFormat() });
+    await connection.call('stream.configure', { size, max_fps: maxFps, ...(name ? { name } : {}), ...wantedFormat() });
   } catch (error) {
     if (connection.isLive) report(new Error(`the daemon refused the frame size: ${error.message}`));
   }
   if (String(screen.size) !== configured) configure();
 }
+
+refreshRate().then(async (hertz) => {
+  maxFps = hertz;
+  if (connection.isLive) await connection.call('stream.configure', { max_fps: maxFps }).catch((error) => connection.isLive && report(error));
+});
 
 // While the view moves: images, or video if browser and daemon support it. The choice belongs to this window.
 
@@ -204,6 +213,18 @@ lossless.checked = recall('lossless') === 'yes';
 lossless.addEventListener('change', async () => {
   remember('lossless', lossless.checked ? 'yes' : 'no');
   if (connection.isLive) await connection.call('stream.configure', { lossless: lossless.checked }).catch((error) => connection.isLive && report(error));
+});
+
+// While the user is ahead of the pictures.
+
+const showWarp = () => warp.show(viewer.rig, viewer.ahead, viewer.view?.background ?? [0, 0, 0, 1]);
+viewer.on('camera', showWarp);
+const warping = element('warping');
+warping.checked = recall('warping') !== 'no';
+warp.isOn = warping.checked;
+warping.addEventListener('change', () => {
+  remember('warping', warping.checked ? 'yes' : 'no');
+  warp.isOn = warping.checked;
 });
 
 // Connection.
@@ -445,6 +466,7 @@ Object.defineProperty(window, 'splatd', {
     get isLossless() { return drawn.isLossless; },
     get sent() { return viewer.updates.sent; },
     get isIdle() { return viewer.updates.isIdle; },
+    get isWarped() { return warp.isVisible; },
     get camera() { return structuredClone(viewer.camera); },
     get canControl() { return viewer.canControl; },
     get people() { return participants.people; },

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The current view, the camera as a rig, and the actions on them. Every change is sent as a patch through the update queue.
-// Events: view (the view changed), refused Error.
+// Events: view (the view changed), camera (the user moved it), refused Error.
 import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
@@ -30,13 +30,17 @@ export class Viewer extends Emitter {
   #home = null;
   #isSwitching = false;
   #canControl = true;
+  #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet; 0 = before the first one
 
   constructor({ connection, viewport }) {
     super();
     this.#connection = connection;
     this.#viewport = viewport;
     this.updates = new UpdateQueue({
-      send: (params) => connection.call('view.update', params),
+      send: (params) => {
+        this.#rigs.set(params.seq, this.#rig);
+        return connection.call('view.update', params);
+      },
       schedule,
       now: () => performance.now(),
       done: (patch) => patch.volume && this.#reload(),
@@ -55,6 +59,10 @@ export class Viewer extends Emitter {
     if (!this.#view || !this.#isSwitching) return this.#view;
     return { volume: this.#view.volume, background: this.#view.background };
   }
+  /** The camera as the client moves it (core/camera.js); null without a view. */
+  get rig() { return this.#rig; }
+  /** How many updates no drawn frame shows yet, the waiting one included. */
+  get ahead() { return this.updates.sent - this.updates.drawn + Number(this.updates.isWaiting); }
   get orientation() { return this.#rig?.orientation ?? null; }
   /** The daemon's description of the volume, or null without a list of volumes. */
   get volume() { return this.#connection.volumes.find((v) => v.id === this.#view?.volume) ?? null; }
@@ -63,6 +71,13 @@ export class Viewer extends Emitter {
   /** The size of the canvas in CSS px; points in the functions below are relative to it. */
   get viewport() { return this.#viewport(); }
   get canControl() { return this.#canControl; }
+
+  /** A frame that shows `seq` was drawn. Returns its camera, or null if it is unknown. */
+  rigOf(seq) {
+    const rig = this.#rigs.get(seq) ?? null;
+    for (const key of this.#rigs.keys()) if (key < seq) this.#rigs.delete(key);
+    return rig;
+  }
 
   /** Takes a complete view from the daemon. A default view fits a square, so a narrow window needs more distance. */
   take(view, isDefault = this.#isSwitching) {
@@ -73,6 +88,7 @@ export class Viewer extends Emitter {
     } catch {
       this.#rig = null;
     }
+    if (this.updates.sent === 0) this.#rigs.set(0, this.#rig);
     this.#measure();
     const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport()) : this.#rig;
     if (rig !== this.#rig) this.#move(rig);
@@ -118,6 +134,7 @@ export class Viewer extends Emitter {
 
   /** Call when the stream opens. */
   resume() {
+    this.#rigs = new Map([[0, this.#rig]]);
     this.updates.open();
   }
 
@@ -176,6 +193,7 @@ export class Viewer extends Emitter {
     const camera = cameraFromRig(rig);
     this.#view = { ...this.#view, camera: { ...this.#view.camera, ...camera } };
     this.updates.put({ camera }, { time });
+    this.emit('camera', rig);
   }
 
   /** Orbits for a drag between two points of the viewport that started with orientation `start`. */

@@ -20,7 +20,7 @@ export class UpdateQueue {
    * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
    * reports an accepted update, fail(error, patch) a refused one. At most `limit` updates are unanswered.
    */
-  constructor({ send, schedule, now, done = () => {}, fail, limit = 4 }) {
+  constructor({ send, schedule, now, done = () => {}, fail, limit = 32 }) {
     this.#send = send;
     this.#schedule = schedule;
     this.#now = now;
@@ -35,6 +35,8 @@ export class UpdateQueue {
   get drawn() { return this.#drawn; }
   /** The number of unanswered updates. */
   get unanswered() { return this.#flying.size; }
+  /** True if a patch waits to be sent. */
+  get isWaiting() { return this.#waiting !== null; }
   /** True if no update waits and none is unanswered. */
   get isIdle() { return !this.#waiting && this.#flying.size === 0; }
 

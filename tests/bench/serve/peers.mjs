@@ -76,15 +76,46 @@ export class Daemon {
   }
 
   async ask(method, target, body) {
+    const { headers, bytes } = await this.send(method, target.startsWith('/') ? target : `/api/v1/${target}`, body);
+    return headers['content-type']?.includes('json') ? JSON.parse(bytes) : bytes;
+  }
+
+  async send(method, target, body) {
     const request = (this.secure ? https : http).request({
-      host: '127.0.0.1', port: this.port, path: target.startsWith('/') ? target : `/api/v1/${target}`, method, agent: agents[this.secure],
+      host: '127.0.0.1', port: this.port, path: target, method, agent: agents[this.secure],
       headers: { Authorization: `Bearer ${this.token}`, 'Content-Type': 'application/json' },
     });
     request.end(body && JSON.stringify(body));
     const [answer] = await once(request, 'response');
     const bytes = Buffer.concat(await answer.toArray());
     if (answer.statusCode >= 400) throw new Error(`${method} ${target}: ${answer.statusCode} ${bytes}`);
-    return answer.headers['content-type']?.includes('json') ? JSON.parse(bytes) : bytes;
+    return { headers: answer.headers, bytes };
+  }
+
+  /** Requests one image after the other over kept-alive connections, `parallel` at a time, each of another view. Returns what
+   * watch() returns; `wait` is the time beside rendering and encoding. */
+  async loop(px, parallel, seconds) {
+    const [latencies, works, cpu, begin] = [[], [], this.cpuMs(), performance.now()];
+    const end = begin + 1000 * seconds;
+    const [x, y, z] = this.views[0].camera.position;
+    const one = async (first) => {
+      for (let i = first; performance.now() < end; i += parallel) {
+        const sent = performance.now();
+        const view = { ...this.views[0], size: [px, px], camera: { ...this.views[0].camera, position: [x + 0.01 * i, y, z] } };
+        const { headers } = await this.send('POST', '/api/v1/render?format=jpeg', view);
+        latencies.push(performance.now() - sent);
+        works.push(Number(headers['x-render-time']) + Number(headers['x-encode-time']));
+      }
+    };
+    await Promise.all(Array.from({ length: parallel }, (_, i) => one(i)));
+    const took = (performance.now() - begin) / 1000;
+    const waits = latencies.map((ms, i) => ms - works[i]);
+    return {
+      clients: parallel, side: px, fps_mean: round(latencies.length / took), work_ms: round(share(works, 0.5), 2),
+      wait_p50_ms: round(share(waits, 0.5), 2), wait_p95_ms: round(share(waits, 0.95), 2),
+      p50_ms: round(share(latencies, 0.5)), p95_ms: round(share(latencies, 0.95)), p99_ms: round(share(latencies, 0.99)),
+      cpu_share: round((this.cpuMs() - cpu) / 1000 / took, 2),
+    };
   }
 
   /** Returns a metric without labels. */
@@ -151,11 +182,15 @@ export class Client {
     this.renderUs += data.readUInt32LE(20);
     this.codecs[data[4]] = (this.codecs[data[4]] ?? 0) + 1;
     if (this.sent.has(seq)) {
-      this.latencies.push(performance.now() - this.sent.get(seq));
+      const latency = performance.now() - this.sent.get(seq);
+      this.latencies.push(latency);
+      this.works.push((data.readUInt32LE(20) + data.readUInt32LE(24)) / 1000);
+      this.waits.push(latency - this.works.at(-1));
       for (const key of this.sent.keys()) if (key <= seq) this.sent.delete(key);
     }
     if (delay === 0) this.tell('stream.ack', { frame });
     else if (delay < Infinity) setTimeout(() => this.tell('stream.ack', { frame }), delay);
+    this.onFrame?.();
   }
 
   #hear(data) {
@@ -187,17 +222,30 @@ export class Client {
     this.update({ camera: { position, target: [tx, ty, tz] } });
   }
 
-  /** Repeats an action; by default it rotates the camera. */
+  /** Repeats an action; by default it rotates the camera. Timers have a resolution of 1 ms, so each one runs to the next multiple
+   * of the period. */
   drive(period = UPDATE_MS, step = () => this.turn()) {
-    this.timer = setInterval(step, period);
+    let due = performance.now();
+    const repeat = () => {
+      due = Math.max(due + period, performance.now() - period);
+      this.timer = setTimeout(repeat, due - performance.now());
+      step();
+    };
+    this.timer = setTimeout(repeat, period);
+  }
+
+  /** Rotates the camera whenever a frame arrives. */
+  lockstep() {
+    this.onFrame = () => this.turn();
+    this.turn();
   }
 
   reset() {
-    Object.assign(this, { frames: 0, bytes: 0, pixels: 0, renderUs: 0, codecs: {}, coarse: [], latencies: [] });
+    Object.assign(this, { frames: 0, bytes: 0, pixels: 0, renderUs: 0, codecs: {}, coarse: [], latencies: [], works: [], waits: [] });
   }
 
   end() {
-    clearInterval(this.timer);
+    clearTimeout(this.timer);
     this.socket.terminate();
   }
 }
@@ -213,10 +261,12 @@ export async function watch(daemon, clients, seconds, warm = Math.min(1, seconds
   const spent = daemon.cpuMs() - cpu;
   const total = (what) => sum(clients.map((client) => client[what]));
   const fps = clients.map((client) => client.frames / took);
-  const latencies = clients.flatMap((client) => client.latencies);
+  const all = (what) => clients.flatMap((client) => client[what]);
+  const [latencies, works, waits] = ['latencies', 'works', 'waits'].map(all);
   return {
     clients: clients.length, side: round(Math.sqrt(total('pixels') / total('frames')), 0), coarse: round(mean(clients.flatMap((c) => c.coarse)), 2),
     fps_min: round(Math.min(...fps)), fps_mean: round(mean(fps)),
+    work_ms: round(share(works, 0.5)), wait_p50_ms: round(share(waits, 0.5)), wait_p95_ms: round(share(waits, 0.95)),
     p50_ms: round(share(latencies, 0.5)), p95_ms: round(share(latencies, 0.95)), p99_ms: round(share(latencies, 0.99)),
     kbytes_frame: round(total('bytes') / total('frames') / 1000), rss_mib: round(daemon.rssMib()),
     cpu_share: round(spent / 1000 / took, 2), cpu_ms_frame: round(spent / total('frames'), 2), render_share: round(total('renderUs') / 1e6 / took, 3),

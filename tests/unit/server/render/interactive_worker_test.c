@@ -301,7 +301,7 @@ static void a_moving_frame_over_its_budget_is_cancelled_but_not_two_in_a_row(voi
     gate_await(&gate.entered, 3);
     if (seen.mip_level <= mip_level)
         assert_compare(seen.size[0] * seen.size[1], <, pixels);
-    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MS;
     while (srv_clock_ms() < long_ago_ms)
         update(f, ++seq);
     assert_int_equal(gate_count(&gate.cancelled), 1);
@@ -458,7 +458,7 @@ static void of_two_frames_in_flight_one_is_always_finished(void **state) {
     gate_await(&gate.entered, entered + 2);
     while (gate_count(&gate.cancelled) == 0)
         update(f, ++seq); /* both are outdated, the first is over its budget */
-    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MIN_MS;
+    double long_ago_ms = srv_clock_ms() + 2.5 * SRV_QUALITY_BUDGET_MS;
     while (srv_clock_ms() < long_ago_ms) {
         update(f, ++seq);
         srv_render_pool_tick(f->render.render_pool);

@@ -21,7 +21,7 @@ struct machine {
 };
 
 static const uint32_t full[2] = { 1024, 1024 };
-#define BUDGET SRV_QUALITY_BUDGET_MIN_MS
+#define BUDGET SRV_QUALITY_ROUND_MS
 
 static double time_on(const struct machine *m, const struct srv_detail *d) {
     double mpx = (double)d->size[0] * d->size[1] * 1e-6;
@@ -64,11 +64,19 @@ static double rest(struct srv_quality *quality, const struct machine *m) {
     return ms;
 }
 
-static void the_budget_is_for_fifteen_frames_per_second_or_fewer(void **state) {
+static void the_budget_is_for_thirty_frames_per_second_or_fewer(void **state) {
     (void)state;
-    assert_compare(srv_quality_budget_ms(120), ==, SRV_QUALITY_BUDGET_MIN_MS);
-    assert_compare(srv_quality_budget_ms(30), ==, SRV_QUALITY_BUDGET_MIN_MS);
-    assert_compare(srv_quality_budget_ms(5), ==, 200);
+    assert_compare(srv_quality_budget_ms(120, 1), ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget_ms(30, 1), ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget_ms(5, 1), ==, 200);
+}
+
+/* They share a round of fifteen frames per second each. */
+static void several_moving_views_share_a_round(void **state) {
+    (void)state;
+    assert_compare(srv_quality_budget_ms(60, 2), ==, SRV_QUALITY_BUDGET_MS);
+    assert_compare(srv_quality_budget_ms(60, 4), ==, SRV_QUALITY_ROUND_MS / 4);
+    assert_compare(srv_quality_budget_ms(10, 4), ==, 25);
 }
 
 static void frames_within_the_budget_keep_all_detail(void **state) {
@@ -336,7 +344,8 @@ static void tiny_frames_have_a_size(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_budget_is_for_fifteen_frames_per_second_or_fewer),
+        cmocka_unit_test(the_budget_is_for_thirty_frames_per_second_or_fewer),
+        cmocka_unit_test(several_moving_views_share_a_round),
         cmocka_unit_test(frames_within_the_budget_keep_all_detail),
         cmocka_unit_test(detail_settles_on_any_machine),
         cmocka_unit_test(jitter_does_not_flicker),

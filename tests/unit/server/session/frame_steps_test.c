@@ -150,7 +150,7 @@ static void moving_frames_are_cancelled_late_and_never_twice_in_a_row(void **sta
     hub_ack(f, p, hub_drain(f, p, 1005).frame, 1006);
     hub_update(f, p, 1, 2000);
     assert_true(hub_next_job(f, 2000, &job));
-    assert_compare(job.cancellable_from_ms, ==, 2000 + 2 * SRV_QUALITY_BUDGET_MIN_MS);
+    assert_compare(job.cancellable_from_ms, ==, 2000 + 2 * SRV_QUALITY_BUDGET_MS);
     uint32_t before = job.view.size[0];
     hub_update(f, p, 2, 2140);
     assert_int_equal(f->why, SRV_INTERRUPT_NEWER_VIEW);

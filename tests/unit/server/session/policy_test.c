@@ -54,7 +54,7 @@ static void the_policy_is_reported_with_its_reasons(void **state) {
     take_policy(f, p, now_ms, policy);
     assert_non_null(strstr(policy, "\"why\":[\"quality\",\"unknown_time\"]"));
     assert_non_null(strstr(policy, "\"size\":[256,256]"));
-    /* A sharp frame takes 800 ms and the budget is 66 ms. The policy is sent at most twice per
+    /* A sharp frame takes 800 ms and the budget is 33.3 ms. The policy is sent at most twice per
      * second. */
     unsigned reports = 0;
     for (unsigned i = 1; i <= 9; i++) {
@@ -70,7 +70,7 @@ static void the_policy_is_reported_with_its_reasons(void **state) {
     }
     assert_in_range(reports, 1, 4);
     assert_non_null(strstr(policy, "\"why\":[\"quality\",\"time\"]"));
-    assert_non_null(strstr(policy, "\"budget_ms\":66"));
+    assert_non_null(strstr(policy, "\"budget_ms\":33.3"));
     assert_null(strstr(policy, "\"sharp_ms\":0,"));
     srv_hub_leave(f->hub, &p, now_ms);
 }

@@ -1,0 +1,50 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { orbit, pan, pointOnPlane, project, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
+import { cssTransform, homography } from '../../../clients/web/core/warp.js';
+
+const VIEWPORT = { width: 800, height: 500 };
+const POINTS = [[0, 0], [800, 0], [0, 500], [800, 500], [400, 250], [123, 321]];
+const CAMERAS = [
+  { projection: 'perspective', position: [3, 4, 10], target: [1, 0, 2], up: [0, 1, 0], fov_y: 40 },
+  { projection: 'orthographic', position: [3, 4, 10], target: [1, 0, 2], up: [0, 1, 0], height: 7 },
+];
+const MOVES = {
+  none: (rig) => rig,
+  orbit: (rig) => orbit(rig, 0.2, -0.1, 0.3),
+  pan: (rig) => pan(rig, [60, -20], VIEWPORT),
+  zoom: (rig) => zoom(rig, 0.8, [200, 300], VIEWPORT, { nearest: 0.1, farthest: 100 }),
+  all: (rig) => orbit(pan(zoom(rig, 1.2, [500, 100], VIEWPORT, { nearest: 0.1, farthest: 100 }), [-30, 10], VIEWPORT), -0.3, 0.2, 0),
+};
+
+const apply = (map, [x, y]) => {
+  const [u, v, w] = map.map(([a, b, c]) => a * x + b * y + c);
+  return [u / w, v / w];
+};
+
+for (const camera of CAMERAS)
+  for (const [name, move] of Object.entries(MOVES))
+    test(`${camera.projection}, ${name}: points of the target's plane appear where the new camera sees them`, () => {
+      const from = rigFromCamera(camera);
+      const to = move(from);
+      const map = homography(from, to, VIEWPORT);
+      for (const point of POINTS) {
+        const wanted = project(to, pointOnPlane(from, point, VIEWPORT), VIEWPORT);
+        const got = apply(map, point);
+        for (const i of [0, 1]) assert.ok(Math.abs(got[i] - wanted[i]) < 1e-6, `${point}: ${got} instead of ${wanted}`);
+      }
+    });
+
+test('a camera that sees the plane edge-on or from behind gives no warp', () => {
+  for (const camera of CAMERAS) {
+    const from = rigFromCamera(camera);
+    for (const angle of [1.4, Math.PI]) assert.equal(homography(from, orbit(from, angle, 0, 0), VIEWPORT), null);
+    assert.ok(homography(from, orbit(from, 0.5, 0, 0), VIEWPORT));
+  }
+  assert.equal(homography(rigFromCamera(CAMERAS[0]), rigFromCamera(CAMERAS[1]), VIEWPORT), null, 'another projection');
+});
+
+test('the CSS transform has the columns of the matrix', () => {
+  assert.equal(cssTransform([[2, 4, 6], [8, 10, 12], [14, 16, 2]]), 'matrix3d(1, 4, 0, 7, 2, 5, 0, 8, 0, 0, 1, 0, 3, 6, 0, 1)');
+});
