@@ -4,7 +4,7 @@
 // rendering, hostile client behaviours, idle connections, and hours of clients that connect and disconnect.
 //
 //   node tests/bench/serve.mjs [--bin DIR] [--only PARTS] [--seconds N] [--rounds N] [--minutes N] [--volume V]
-//     [--large V --large V] [--out FILE.csv]
+//     [--large V --large V] [--behaviour TEXT] [--out FILE.csv]
 //
 // The clients share the machine with the daemon, so every figure includes their work. Prints one line per measurement; COLUMNS
 // and SOAK_COLUMNS are the columns of the file. `soak` is measured alone because it has other columns.
@@ -32,6 +32,7 @@ const { values: options } = parseArgs({
     rounds: { type: 'string', default: '3' },
     minutes: { type: 'string', default: '20' },
     volume: { type: 'string', default: 'demo:engine?size=128' },
+    behaviour: { type: 'string', default: '' }, // only behaviours whose names contain it
     large: { type: 'string', multiple: true, default: ['demo:phantom?size=256', 'demo:vessels?size=256'] }, // volumes of the hostile clients
     out: { type: 'string' },
     help: { type: 'boolean' },
@@ -199,10 +200,11 @@ async function beside(kinds, args) {
   const victim = await Client.open(daemon, session);
   victim.drive();
   const alone = () => watch(daemon, [victim], 0.3 * seconds);
-  const found = Object.fromEntries(Object.keys(kinds).map((kind) => [kind, []]));
+  const names = Object.keys(kinds).filter((kind) => kind.includes(options.behaviour));
+  const found = Object.fromEntries(names.map((kind) => [kind, []]));
   let before = await alone();
   for (let i = 0; i < Number(options.rounds); i++)
-    for (const kind of Object.keys(kinds)) {
+    for (const kind of names) {
       const seen = await besideOne(daemon, session, victim, kind);
       const after = await alone();
       found[kind].push({ ...seen, change: 100 * (2 * seen.fps_mean / (before.fps_mean + after.fps_mean) - 1),
