@@ -19,6 +19,8 @@ enum {
     MESSAGES_BUDGET = 64, /* messages per srv_ws_write() */
 };
 #define CLOSE_MS 2000.0 /* to send queued messages after the decision to close */
+#define TRIP_MS 5000.0  /* at least, between measurements of the round trip, */
+#define TRIP_FIRST_MS 100.0 /* and after the first one, when much else begins */
 
 struct out_frame { /* a frame being sent: WebSocket header, frame header, then the image */
     uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
@@ -37,6 +39,10 @@ struct srv_ws {
     unsigned fragments; /* of the message being received */
     struct out_frame frame;
     double now_ms, heard_ms, pinged_ms, progress_ms, close_ms;
+    double trip_ms;        /* when the last measurement of the round trip began */
+    uint8_t trip;          /* its number, the ping's payload */
+    bool is_trip_measured; /* its pong arrived */
+    bool has_sent_frame;   /* since then */
     bool end_of_file, broken, closing;
     bool is_behind; /* the last srv_ws_write() reached its limit with messages left */
     bool is_ended;  /* its end is counted in the metrics */
@@ -144,9 +150,39 @@ static void on_frame_start(wslay_event_context_ptr context,
                      ws->now_ms);
 }
 
+static void ping(struct srv_ws *ws, const uint8_t *payload, size_t size) {
+    const struct wslay_event_msg out = { .opcode = WSLAY_PING,
+                                         .msg = payload,
+                                         .msg_length = size };
+    ws->pinged_ms = ws->now_ms;
+    if (wslay_event_queue_msg(ws->context, &out) != 0)
+        ws->broken = true;
+}
+
+/* The network is idle: a ping measures the round trip without any queue. */
+static void measure_trip(struct srv_ws *ws) {
+    ws->trip++;
+    ws->trip_ms = ws->now_ms;
+    ws->is_trip_measured = ws->has_sent_frame = false;
+    ping(ws, &ws->trip, 1);
+}
+
+static double trip_due_ms(const struct srv_ws *ws) {
+    return ws->trip_ms + (ws->trip == 1 ? TRIP_FIRST_MS : TRIP_MS);
+}
+
+static void on_pong(struct srv_ws *ws, const struct wslay_event_on_msg_recv_arg *message) {
+    if (ws->is_trip_measured || message->msg_length != 1 || message->msg[0] != ws->trip)
+        return;
+    ws->is_trip_measured = true;
+    srv_hub_ponged(ws->options.hub, ws->participant, ws->now_ms - ws->trip_ms, ws->now_ms);
+}
+
 static void on_message(wslay_event_context_ptr context,
                        const struct wslay_event_on_msg_recv_arg *message, void *user) {
     struct srv_ws *ws = user;
+    if (!ws->closing && message->opcode == WSLAY_PONG)
+        on_pong(ws, message);
     if (ws->closing || wslay_is_ctrl_frame(message->opcode))
         return; /* wslay answers pings itself */
     if (message->opcode != WSLAY_TEXT_FRAME) {
@@ -195,10 +231,12 @@ struct srv_ws *srv_ws_create(const struct srv_ws_options *options, double now_ms
                                        options->token, options->user, now_ms, err);
     else
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a stream");
-    if (ws->participant)
-        srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
-    else
+    if (!ws->participant) {
         srv_ws_destroy(&ws, now_ms);
+        return NULL;
+    }
+    srv_metrics_add(options->metrics, SRV_COUNT_JOINED, 1);
+    measure_trip(ws);
     return ws;
 }
 
@@ -284,6 +322,7 @@ static void begin_frame(struct srv_ws *ws, struct srv_message *message) {
     frame->sent = 0;
     frame->blob = message->blob;
     frame->since_ms = srv_clock_ms();
+    ws->has_sent_frame = true;
 }
 
 static void end_frame(struct srv_ws *ws) {
@@ -387,10 +426,9 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
         count_end(ws, SRV_COUNT_END_SILENT);
         ws->broken = true;
     } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {
-        struct wslay_event_msg out = { .opcode = WSLAY_PING };
-        ws->pinged_ms = now_ms;
-        if (wslay_event_queue_msg(ws->context, &out) != 0)
-            ws->broken = true;
+        ping(ws, NULL, 0);
+    } else if (ws->has_sent_frame && now_ms >= trip_due_ms(ws) && oldest_ms == 0 && !is_sending(ws)) {
+        measure_trip(ws);
     }
 }
 
@@ -402,6 +440,8 @@ double srv_ws_deadline_ms(const struct srv_ws *ws) {
     double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
     double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
                          ws->heard_ms + 3 * ws->options.ping_ms);
+    if (ws->has_sent_frame)
+        due_ms = fmin(due_ms, trip_due_ms(ws));
     if (is_sending(ws))
         due_ms = fmin(due_ms, ws->progress_ms + ws->options.stall_ms);
     if (oldest_ms > 0)

@@ -11,21 +11,28 @@
 #define SHARE_PART 0.5        /* of an interval: a participant may share a frame so early */
 enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
 
-static bool is_window_open(const struct srv_hub *hub, const struct srv_participant *p) {
+/* Returns when the participant's next frame may begin; INFINITY = after the next event. */
+static double opens_ms(const struct srv_schedule *schedule, const struct srv_session *s,
+                       const struct srv_participant *p, double now_ms) {
     const struct srv_delivery *d = &p->delivery;
-    unsigned waiting = p->schedule->jobs + (d->outbox.blob ? 1 : 0);
-    if (p->settings.video != SP_VIDEO_CODEC_COUNT && d->outbox.blob)
-        return false; /* a newer frame must not replace a video frame that waits */
-    return srv_window_is_open(&d->window, waiting, p->settings.max_fps,
-                              hub->options.stream_bytes) &&
-           d->window.count + waiting < SRV_WINDOW_MAX;
+    if (srv_policy_video(p) != SP_VIDEO_CODEC_COUNT && d->outbox.blob)
+        return INFINITY; /* a newer frame must not replace a video frame that waits */
+    const struct srv_window_demand demand = {
+        .waiting = p->schedule->jobs + (d->outbox.blob ? 1 : 0),
+        .lead_ms = s->stats.render_ms + s->stats.encode_ms,
+        .max_fps = p->settings.max_fps,
+        .bytes_max = schedule->hub->options.stream_bytes,
+    };
+    return srv_window_opens_ms(&d->window, &demand, now_ms);
 }
 
-static bool wants_frame(const struct srv_hub *hub, const struct srv_session *s,
-                        const struct srv_participant *p) {
+/* Would the participant take a frame now or later, if nothing else happens? */
+static bool wants_frame(const struct srv_schedule *schedule, const struct srv_session *s,
+                        const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
     bool has_all = plan->newest.version >= s->shared.version && plan->newest.step == SRV_STEP_FINAL;
-    return !has_all && plan->failed_version != s->shared.version && is_window_open(hub, p);
+    return !has_all && plan->failed_version != s->shared.version &&
+           opens_ms(schedule, s, p, now_ms) < INFINITY;
 }
 
 static bool is_newer(const struct srv_session *s, const struct srv_participant *p) {
@@ -74,7 +81,7 @@ static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
 static struct srv_demand demand_of(const struct srv_schedule *schedule, const struct srv_session *s,
                                    const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
-    struct srv_demand demand = { .wants_frame = wants_frame(schedule->hub, s, p) };
+    struct srv_demand demand = { .wants_frame = wants_frame(schedule, s, p, now_ms) };
     if (!demand.wants_frame)
         return demand;
     demand.is_newer = is_newer(s, p);
@@ -85,6 +92,7 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.has_slow_slot = has_slow_slot(schedule, s);
     demand.max_fps = p->settings.max_fps;
     demand.next_frame_ms = plan->next_frame_ms;
+    demand.opens_ms = opens_ms(schedule, s, p, now_ms);
     demand.behind_ms = plan->behind_ms;
     demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.sharp_ms = sharp_ms(s, p);
@@ -104,7 +112,9 @@ struct srv_frame_request srv_request_to_share(const struct srv_schedule *schedul
                                               const struct srv_session *s,
                                               const struct srv_participant *p, double now_ms) {
     struct srv_demand demand = demand_of(schedule, s, p, now_ms);
-    demand.next_frame_ms -= SHARE_PART * 1000.0 / p->settings.max_fps;
+    double early_ms = SHARE_PART * 1000.0 / p->settings.max_fps;
+    demand.next_frame_ms -= early_ms;
+    demand.opens_ms -= early_ms;
     return srv_decide_request(&demand, now_ms);
 }
 
@@ -121,7 +131,8 @@ static void note_waiting(struct srv_waiting *waiting, const struct srv_frame_req
 bool srv_has_motion(const struct srv_schedule *schedule) {
     for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
         for (const struct srv_participant *p = s->participants; p; p = p->next)
-            if (p->settings.progressive && is_newer(s, p) && wants_frame(schedule->hub, s, p) &&
+            if (p->settings.progressive && is_newer(s, p) &&
+                wants_frame(schedule, s, p, schedule->now_ms) &&
                 p->schedule->next_frame_ms - schedule->now_ms <= SRV_QUIET_MS)
                 return true;
     return false;
@@ -134,7 +145,7 @@ static bool is_at_rest(const struct srv_schedule *schedule, const struct srv_ses
     bool rests =
         plan->jobs == 0 && (plan->moved_ms == 0 || now_ms - plan->moved_ms >= SRV_MOVING_MS);
     for (const struct srv_participant *p = s->participants; p && rests; p = p->next)
-        rests = !wants_frame(schedule->hub, s, p);
+        rests = !wants_frame(schedule, s, p, now_ms);
     return rests;
 }
 

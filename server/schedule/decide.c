@@ -30,7 +30,8 @@ struct srv_frame_request srv_decide_request(const struct srv_demand *d, double n
     struct srv_frame_request request = { .in_ms = INFINITY };
     if (!d->wants_frame)
         return request;
-    double rest_ms = d->rest_at_ms - now_ms, in_ms = d->next_frame_ms - now_ms;
+    double rest_ms = d->rest_at_ms - now_ms;
+    double in_ms = fmax(d->next_frame_ms, d->opens_ms) - now_ms;
     if (!d->is_newer)
         in_ms = fmax(in_ms, rest_ms);
     if (in_ms > 0) {

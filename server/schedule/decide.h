@@ -42,7 +42,8 @@ struct srv_demand {
     bool is_slow[SRV_STEPS]; /* the frame of this step is slow to encode */
     bool has_slow_slot;      /* another slow frame may be encoded now */
     int max_fps;
-    double next_frame_ms; /* the frame rate allows no frame before */
+    double next_frame_ms; /* the frame rate allows no frame before, */
+    double opens_ms;      /* nor does the network */
     double behind_ms;     /* time since which the view is newer than its last job */
     double rest_at_ms;    /* time at which the view is at rest, unless it changes */
     double sharp_ms;      /* expected time of a sharp frame; 0 = not known */

@@ -10,6 +10,24 @@ static struct srv_participant *target_of(const struct srv_schedule *schedule,
                                     job->targets[i].participant);
 }
 
+/* Tells the rate control how large a moving frame became. */
+static void learn(struct srv_participant *p, const struct srv_render_job *job,
+                  const struct srv_render_target *target, const struct proto_frame_header *header,
+                  size_t bytes) {
+    bool is_video = proto_codec_is_video(header->codec);
+    if (job->step != SRV_STEP_MOVING || (is_video && header->flags & PROTO_FRAME_KEY))
+        return;
+    const struct srv_rate_frame frame = {
+        .is_video = is_video,
+        .is_lossless = !is_video && sp_image_format_info(target->format)->is_lossless,
+        .quality = target->quality,
+        .size = { header->width, header->height },
+        .full_size = { job->full[0], job->full[1] },
+        .bytes = bytes,
+    };
+    srv_rate_control_learn(&p->delivery.rate_control, &frame);
+}
+
 static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv_render_job *job,
                 const struct srv_render_target *target, const struct proto_frame_header *header,
                 struct srv_blob *blob) {
@@ -20,6 +38,7 @@ static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv
     full.payload_bytes = (uint32_t)blob->size;
     bool replaces = outbox->blob != NULL;
     bool is_put = srv_outbox_put(outbox, job->order, &full, blob);
+    learn(p, job, target, &full, blob->size);
     if (is_put)
         srv_hub_notify(hub, p, 0);
     if (!is_put || replaces)
@@ -45,6 +64,12 @@ void srv_schedule_deliver(struct srv_schedule *schedule, const struct srv_render
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
 
+/* Does it still ask for the video of its target? */
+static bool is_video_asked(const struct srv_participant *p,
+                           const struct srv_render_target *target) {
+    return target->video == p->settings.video || target->video == p->settings.slow_video;
+}
+
 static void set_refused(struct srv_hub *hub, struct srv_participant *p, bool is_refused) {
     if (p->delivery.is_video_refused != is_refused)
         srv_hub_notify(hub, p, SRV_NOTIFY_POLICY);
@@ -56,7 +81,7 @@ void srv_schedule_refuse_video(struct srv_schedule *schedule, const struct srv_r
     pthread_mutex_lock(&schedule->hub->mutex);
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = target_of(schedule, job, i);
-        if (p && set >> i & 1 && p->settings.video == job->targets[i].video)
+        if (p && set >> i & 1 && is_video_asked(p, &job->targets[i]))
             set_refused(schedule->hub, p, true);
     }
     pthread_mutex_unlock(&schedule->hub->mutex);
@@ -93,7 +118,7 @@ enum srv_video_need srv_schedule_video_need(struct srv_schedule *schedule,
     struct srv_participant *p = target_of(schedule, job, i);
     if (!p)
         srv_hub_count_drop(schedule->hub, SRV_COUNT_DROP_LEFT);
-    if (p && p->settings.video == job->targets[i].video)
+    if (p && is_video_asked(p, &job->targets[i]))
         set_refused(schedule->hub, p, false);
     bool is_later = p && job->order > p->delivery.outbox.order;
     if (is_later && p->delivery.outbox.blob) {

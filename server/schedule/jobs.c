@@ -35,12 +35,15 @@ struct srv_participant *srv_schedule_participant(struct srv_session *s, uint64_t
     return NULL;
 }
 
+/* Do frames of this step have the same size for both participants? */
 static bool has_same_size(const struct srv_session *s, const struct srv_participant *a,
-                          const struct srv_participant *b) {
+                          const struct srv_participant *b, enum srv_frame_step step) {
     uint32_t size[2][2];
     srv_hub_size(s, a, size[0]);
     srv_hub_size(s, b, size[1]);
-    return size[0][0] == size[1][0] && size[0][1] == size[1][1];
+    return size[0][0] == size[1][0] && size[0][1] == size[1][1] &&
+           (step != SRV_STEP_MOVING || srv_rate_control_step(&a->delivery.rate_control).side ==
+                                           srv_rate_control_step(&b->delivery.rate_control).side);
 }
 
 /* Accounts. */
@@ -88,9 +91,13 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
     const uint32_t *full = job->full;
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
     job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps, now_ms);
-    if (job->step == SRV_STEP_MOVING)
+    if (job->step == SRV_STEP_MOVING) {
+        uint32_t most[2];
         srv_quality_moving(quality, full, job->budget_ms, &detail);
-    else if (job->step == SRV_STEP_INTERMEDIATE)
+        srv_rate_control_size(&first->delivery.rate_control, full, most);
+        for (int i = 0; i < 2; i++)
+            detail.size[i] = detail.size[i] < most[i] ? detail.size[i] : most[i];
+    } else if (job->step == SRV_STEP_INTERMEDIATE)
         srv_quality_intermediate(quality, full, &first->schedule->newest.detail, &detail);
     job->mip_level = detail.mip_level;
     memcpy(job->view.size, detail.size, sizeof detail.size);
@@ -141,6 +148,8 @@ static struct srv_moving_detail moving_detail_of(const struct srv_session *s,
         .budget_ms = job->budget_ms,
         .sharp_ms = srv_quality_expected_ms(&s->schedule->quality, &sharp),
         .is_shared = job->budget_ms < srv_quality_budget_ms(p->settings.max_fps, 1) * 0.99,
+        .rate_step = p->delivery.rate_control.step,
+        .is_video = p->delivery.rate_control.is_video,
     };
 }
 
@@ -172,7 +181,7 @@ static uint32_t find_recipients(const struct srv_schedule *schedule,
         const struct srv_frame_request other = srv_request_to_share(schedule, s, p, now_ms);
         if (other.is_wanted && other.step == choice->request.step &&
             other.is_slow_to_encode == choice->request.is_slow_to_encode &&
-            has_same_size(s, choice->participant, p))
+            has_same_size(s, choice->participant, p, other.step))
             recipients[count++] = p;
     }
     assert(count > 0);

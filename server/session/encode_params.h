@@ -50,6 +50,8 @@ struct srv_moving_detail {
     double budget_ms;      /* time that the frame had */
     double sharp_ms;       /* expected time of a sharp frame; 0 = not known */
     bool is_shared;        /* other sessions moved too and took their part of the time */
+    unsigned rate_step;    /* of the rate control (session/rate_control.h) */
+    bool is_video;         /* the rate control replaces images by video */
 };
 struct srv_policy {
     struct srv_moving_detail moving;   /* of the last moving frame */

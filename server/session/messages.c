@@ -45,6 +45,9 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
     ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window)) && ok;
+    ok = proto_json_set_number(params, "bandwidth",
+                               srv_window_rate(&to->delivery.window) * 1000) &&
+         ok;
     ok = proto_json_set_integer(params, "window",
                                 srv_window_frames(&to->delivery.window, to->settings.max_fps)) &&
          ok;
@@ -151,7 +154,7 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
     } else if (p->session) {
         if (frames && p->delivery.outbox.blob && p->delivery.window.count < SRV_WINDOW_MAX) {
             take_frame(hub, p, now_ms, message);
-            if (p->settings.video != SP_VIDEO_CODEC_COUNT) /* the next frame waits for that */
+            if (srv_policy_video(p) != SP_VIDEO_CODEC_COUNT) /* the next frame waits for that */
                 srv_hub_emit(hub, SRV_WINDOW_CHANGED, p->session, p, now_ms);
             kind = SRV_MESSAGE_FRAME;
         } else if ((message->text = srv_hub_take_notification(hub, p, now_ms, &message->size))) {
@@ -167,4 +170,10 @@ double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *p)
     double oldest = srv_window_oldest_ms(&p->delivery.window);
     pthread_mutex_unlock(&hub->mutex);
     return oldest;
+}
+
+void srv_hub_ponged(struct srv_hub *hub, struct srv_participant *p, double rtt_ms, double now_ms) {
+    pthread_mutex_lock(&hub->mutex);
+    srv_window_ponged(&p->delivery.window, rtt_ms, now_ms);
+    pthread_mutex_unlock(&hub->mutex);
 }

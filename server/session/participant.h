@@ -52,6 +52,9 @@ enum srv_message_kind srv_hub_next_message(struct srv_hub *hub, struct srv_parti
                                            bool frames, double now_ms, struct srv_message *message);
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
 double srv_hub_oldest_unacked_ms(struct srv_hub *hub, struct srv_participant *participant);
+/* The client answered a ping after rtt_ms. No frame was unacknowledged when it was sent. */
+void srv_hub_ponged(struct srv_hub *hub, struct srv_participant *participant, double rtt_ms,
+                    double now_ms);
 uint64_t srv_participant_id(const struct srv_participant *participant);
 
 #endif

@@ -70,11 +70,12 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
     p->identity.role = role;
     snprintf(p->identity.token, sizeof p->identity.token, "%s", token);
     p->settings.format = SP_IMAGE_JPEG;
-    p->settings.video = SP_VIDEO_CODEC_COUNT;
+    p->settings.video = p->settings.slow_video = SP_VIDEO_CODEC_COUNT;
     p->settings.quality = QUALITY_DEFAULT;
     p->settings.progressive = true;
     p->pending.stats_ms = now_ms;
     srv_window_init(&p->delivery.window);
+    srv_rate_control_init(&p->delivery.rate_control);
     srv_outbox_init(&p->delivery.outbox);
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);

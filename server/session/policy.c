@@ -8,22 +8,26 @@
 #include "protocol/rpc.h"
 #include "session/session.h"
 
-enum { QUALITY_MOVING = 60 };
 #define TELL_MS 500.0
 
 static bool has_quality(const struct srv_encoding *e) { /* the format beside video is JPEG */
     return !sp_image_format_info(e->format)->is_lossless;
 }
 
+enum sp_video_codec srv_policy_video(const struct srv_participant *p) {
+    return p->delivery.rate_control.is_video ? p->settings.slow_video : p->settings.video;
+}
+
 struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_frame_step step) {
     bool moving = step == SRV_STEP_MOVING, final = step == SRV_STEP_FINAL;
     struct srv_encoding e = {
         .format = final && p->settings.lossless ? SP_IMAGE_PNG : p->settings.format,
-        .video = final ? SP_VIDEO_CODEC_COUNT : p->settings.video,
+        .video = final ? SP_VIDEO_CODEC_COUNT : srv_policy_video(p),
         .quality = p->settings.quality,
     };
-    if (moving && has_quality(&e) && e.quality > QUALITY_MOVING)
-        e.quality = QUALITY_MOVING;
+    int most = srv_rate_control_step(&p->delivery.rate_control).quality;
+    if (moving && has_quality(&e) && e.quality > most)
+        e.quality = most;
     e.chroma = sp_chroma_at(p->settings.chroma, e.quality);
     return e;
 }
@@ -39,7 +43,7 @@ bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encod
 static bool is_same(const struct srv_moving_detail *a, const struct srv_moving_detail *b) {
     return a->full_size[0] == b->full_size[0] && a->full_size[1] == b->full_size[1] &&
            a->size[0] == b->size[0] && a->size[1] == b->size[1] && a->mip_level == b->mip_level &&
-           a->is_shared == b->is_shared;
+           a->is_shared == b->is_shared && a->rate_step == b->rate_step && a->is_video == b->is_video;
 }
 
 void srv_policy_update(struct srv_hub *hub, struct srv_participant *p,
@@ -86,14 +90,19 @@ static proto_json *encode(const struct srv_participant *p, const struct srv_enco
 static proto_json *reasons(const struct srv_participant *p, const struct srv_encoding *moving,
                            bool is_known) {
     const struct srv_moving_detail *m = &p->policy.moving;
-    bool is_less = is_known && (m->mip_level > 0 || m->size[0] != m->full_size[0] ||
-                                m->size[1] != m->full_size[1]);
+    const struct srv_rate_control *rate = &p->delivery.rate_control;
+    uint32_t most[2];
+    srv_rate_control_size(rate, m->full_size, most);
+    bool is_less =
+        is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
     proto_json *list = proto_json_array();
     bool ok = list != NULL;
     if (moving->video != SP_VIDEO_CODEC_COUNT && p->delivery.is_video_refused)
         ok = proto_json_append_string(list, "video_pixels") && ok;
     if (moving->quality < p->settings.quality)
         ok = proto_json_append_string(list, "quality") && ok;
+    if (rate->step > 0 || rate->is_video)
+        ok = proto_json_append_string(list, "bandwidth") && ok;
     if (is_less)
         ok = proto_json_append_string(list, m->sharp_ms > 0 ? "time" : "unknown_time") && ok;
     if (is_less && m->is_shared)

@@ -18,6 +18,7 @@
 #include "session/encode_params.h"
 #include "session/hub.h"
 #include "session/participant.h"
+#include "session/rate_control.h"
 #include "session/window.h"
 #include "sp/renderer.h"
 
@@ -65,6 +66,7 @@ struct srv_pending {
 struct srv_stream_settings { /* of stream.configure */
     enum sp_image_format format;
     enum sp_video_codec video; /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
+    enum sp_video_codec slow_video; /* the same, where the network is too slow for images */
     enum sp_chroma chroma;     /* of its JPEGs */
     int quality;               /* [1, 100] */
     int wanted_fps;            /* frames per second that the client asked for */
@@ -78,6 +80,7 @@ struct srv_delivery {
     uint32_t seq;   /* newest view.update of this client */
     uint32_t frame; /* number of the newest frame sent */
     struct srv_window window;
+    struct srv_rate_control rate_control;
     struct srv_outbox outbox;
     struct srv_video_mark mark; /* the video frame that it can take next; epoch 0 = a key frame */
     bool is_video_refused;      /* no encoder is free: it gets images instead of video */
@@ -332,6 +335,8 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
 
 /* Stream policy (policy.c). */
 
+/* Returns the video codec of its moving frames; SP_VIDEO_CODEC_COUNT = images. */
+enum sp_video_codec srv_policy_video(const struct srv_participant *participant);
 /* What a participant gets: the encoding of its frames of one step. */
 struct srv_encoding srv_policy_encoding(const struct srv_participant *participant,
                                         enum srv_frame_step step);

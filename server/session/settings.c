@@ -12,7 +12,7 @@ enum { FORMATS_MAX = 16 }; /* that a client may list */
 
 struct stream_settings {
     enum sp_image_format format;
-    enum sp_video_codec video;
+    enum sp_video_codec video, slow_video;
     enum sp_chroma chroma;
     int64_t quality, max_fps, size[2];
     bool progressive, lossless;
@@ -89,12 +89,21 @@ static bool grant_format(const char *name, struct stream_settings *s) {
                                       : still == SP_IMAGE_FORMAT_COUNT || still == SP_IMAGE_EXR)
         return false;
     s->video = video;
+    s->slow_video = SP_VIDEO_CODEC_COUNT;
     s->format = still;
     return true;
 }
 
+/* A video format after an image format replaces it where the network is too slow for images. */
+static void grant_slow_video(const char *name, struct stream_settings *s) {
+    enum sp_video_codec video = sp_video_codec_find(name);
+    if (s->video == SP_VIDEO_CODEC_COUNT && s->slow_video == SP_VIDEO_CODEC_COUNT &&
+        video != SP_VIDEO_CODEC_COUNT && sp_video_is_available(video))
+        s->slow_video = video;
+}
+
 /* Reads a name or a list of names in order of preference: grants the first that is available, else
- * JPEG. */
+ * JPEG; and video for a slow network if that is an image format. */
 static bool read_format(struct srv_call *call, const proto_json *format,
                         struct stream_settings *s) {
     const char *name = proto_json_string(format);
@@ -108,6 +117,8 @@ static bool read_format(struct srv_call *call, const proto_json *format,
         name = proto_json_string(proto_json_at(format, i));
         if (!name)
             return srv_call_refuse(call, PROTO_RPC_PARAMS, "/format", "must be a list of names");
+        if (granted)
+            grant_slow_video(name, s);
         granted = granted || grant_format(name, s);
     }
     return !is_list || granted || grant_format("jpeg", s);
@@ -177,6 +188,7 @@ bool srv_call_configure(struct srv_call *call) {
     struct srv_participant *p = call->participant;
     struct stream_settings s = { .format = p->settings.format,
                                  .video = p->settings.video,
+                                 .slow_video = p->settings.slow_video,
                                  .chroma = p->settings.chroma,
                                  .quality = p->settings.quality,
                                  .max_fps = p->settings.wanted_fps,
@@ -186,11 +198,13 @@ bool srv_call_configure(struct srv_call *call) {
     if (!srv_call_knows(call, known) || !read_settings(call, &s))
         return false;
     bool changed = s.format != p->settings.format || s.video != p->settings.video ||
+                   s.slow_video != p->settings.slow_video ||
                    s.quality != p->settings.quality || s.chroma != p->settings.chroma ||
                    s.size[0] != p->settings.size[0] || s.size[1] != p->settings.size[1] ||
                    s.progressive != p->settings.progressive || s.lossless != p->settings.lossless;
     p->settings.format = s.format;
     p->settings.video = s.video;
+    p->settings.slow_video = s.slow_video;
     p->settings.chroma = s.chroma;
     p->settings.quality = (int)s.quality;
     p->settings.wanted_fps = (int)s.max_fps;
@@ -202,6 +216,7 @@ bool srv_call_configure(struct srv_call *call) {
     set_name(call, s.name);
     if (changed) {
         p->delivery.is_video_refused = false;
+        srv_rate_control_forget(&p->delivery.rate_control);
         srv_hub_emit(call->hub, SRV_IMAGE_CHANGED, p->session, p, call->now_ms);
         srv_hub_notify(call->hub, p, SRV_NOTIFY_POLICY);
     }

@@ -5,75 +5,152 @@
 #include <math.h>
 #include <string.h>
 
-#define EPOCH_MS 10000.0
+#define BASE_EPOCH_MS 10000.0
+#define RATE_EPOCH_MS 1000.0
+enum { RATE_EPOCH_ACKS = 8 };
+#define TRIP_MIN_MS 0.5 /* shorter times are not measured */
+#define EARLY_MS 3.0    /* a frame may wait so long for the link: it must not idle by jitter */
+#define LATE_MS 10.0    /* an acknowledgement may be so late, and an interval between frames */
 
 void srv_window_init(struct srv_window *window) {
     memset(window, 0, sizeof *window);
 }
 
+static struct srv_window_frame *at(struct srv_window *window, unsigned i) {
+    return &window->inflight[(window->head + i) % SRV_WINDOW_MAX];
+}
+
+static double send_ms(const struct srv_window *window, double bytes) {
+    double rate = srv_window_rate(window);
+    return rate > 0 ? bytes / rate : 0;
+}
+
+/* Expects when the link has carried the frame. */
+static void expect(struct srv_window *window, struct srv_window_frame *f) {
+    window->free_ms = fmax(window->free_ms, f->sent_ms) + send_ms(window, (double)f->bytes);
+    f->due_ms = window->free_ms + srv_window_rtt_ms(window);
+}
+
 void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, double now_ms) {
     bool alone = window->count == 0;
     assert(window->count < SRV_WINDOW_MAX && frame > window->last_frame);
-    window->inflight[(window->head + window->count++) % SRV_WINDOW_MAX] = (struct srv_window_frame){
-        .frame = frame, .bytes = bytes, .sent_ms = now_ms, .alone = alone
-    };
+    struct srv_window_frame *f = at(window, window->count++);
+    *f = (struct srv_window_frame){ .frame = frame,
+                                    .bytes = bytes,
+                                    .sent_ms = now_ms,
+                                    .alone = alone,
+                                    .acked = window->acked_bytes,
+                                    .acked_ms = alone ? now_ms : window->last_ack_ms,
+                                    .before_ms = alone ? now_ms : window->last_sent_ms };
+    expect(window, f);
     window->bytes += bytes;
     window->last_frame = frame;
+    window->frame_bytes += ((double)bytes - window->frame_bytes) / (window->frame_bytes > 0 ? 4 : 1);
 }
 
-static void measure(struct srv_window *window, const struct srv_window_frame *frame,
-                    double now_ms) {
-    double sent_ms = frame->sent_ms, rtt = fmax(now_ms - sent_ms, 0.01);
-    if (frame->alone && now_ms - window->epoch_ms > EPOCH_MS) {
-        window->rtt_ms[1] = now_ms - window->epoch_ms > 2 * EPOCH_MS ? 0 : window->rtt_ms[0];
-        window->rtt_ms[0] = 0;
-        window->epoch_ms = now_ms;
+/* `is_new_epoch`: the older measurements may be dropped. */
+static void measure_base(struct srv_window *window, double rtt_ms, bool may_drop, double now_ms) {
+    double age_ms = now_ms - window->base_epoch_ms;
+    if (may_drop && age_ms > BASE_EPOCH_MS) {
+        window->base_ms[1] = age_ms > 2 * BASE_EPOCH_MS ? 0 : window->base_ms[0];
+        window->base_ms[0] = 0;
+        window->base_epoch_ms = now_ms;
     }
-    if (window->rtt_ms[0] == 0 || rtt < window->rtt_ms[0])
-        window->rtt_ms[0] = rtt;
-    /* Time without an unacknowledged frame says nothing about the client. */
-    double interval = fmax(now_ms - fmax(window->last_ack_ms, sent_ms), 0);
-    window->interval_ms = window->interval_ms == 0
-                              ? interval
-                              : window->interval_ms + (interval - window->interval_ms) / 8;
-    window->last_ack_ms = now_ms;
+    if (window->base_ms[0] == 0 || rtt_ms < window->base_ms[0])
+        window->base_ms[0] = fmax(rtt_ms, 0.01);
+}
+
+/* `is_base_known`: it is not this frame's own round trip. */
+static void measure_rate(struct srv_window *window, const struct srv_window_frame *f,
+                         bool is_base_known, double now_ms) {
+    double bytes = (double)(window->acked_bytes - f->acked);
+    double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
+    double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
+    if (is_base_known)
+        rate = fmax(rate, (double)f->bytes / fmax(now_ms - f->sent_ms - srv_window_rtt_ms(window),
+                                                  TRIP_MIN_MS));
+    if (window->rate_acks++ == RATE_EPOCH_ACKS || now_ms - window->rate_epoch_ms > RATE_EPOCH_MS) {
+        window->rate[1] = window->rate[0];
+        window->rate[0] = 0;
+        window->rate_acks = 0;
+        window->rate_epoch_ms = now_ms;
+    }
+    window->rate[0] = fmax(window->rate[0], rate);
+}
+
+/* The frames before the unacknowledged ones had passed the link by `passed_ms`. */
+static void expect_again(struct srv_window *window, double passed_ms) {
+    window->free_ms = passed_ms;
+    for (unsigned i = 0; i < window->count; i++)
+        expect(window, at(window, i));
 }
 
 bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) {
     if (frame == 0 || frame > window->last_frame)
         return false;
-    while (window->count > 0 && window->inflight[window->head].frame <= frame) {
-        struct srv_window_frame *oldest = &window->inflight[window->head];
-        measure(window, oldest, now_ms);
+    bool is_new = false;
+    while (window->count > 0 && at(window, 0)->frame <= frame) {
+        struct srv_window_frame *oldest = at(window, 0);
+        double rtt_ms = now_ms - oldest->sent_ms;
+        bool is_shorter = rtt_ms < srv_window_rtt_ms(window);
+        window->acked_bytes += oldest->bytes;
         window->bytes -= oldest->bytes;
-        window->acked = oldest->frame;
+        if (!window->has_pong || is_shorter)
+            measure_base(window, rtt_ms, oldest->alone && !window->has_pong, now_ms);
+        measure_rate(window, oldest, window->has_pong && !is_shorter, now_ms);
+        window->last_sent_ms = oldest->sent_ms;
         window->head = (window->head + 1) % SRV_WINDOW_MAX;
         window->count--;
+        is_new = true;
+    }
+    if (is_new) {
+        window->last_ack_ms = now_ms;
+        expect_again(window, now_ms - srv_window_rtt_ms(window));
     }
     return true;
 }
 
-double srv_window_rtt_ms(const struct srv_window *window) {
-    if (window->rtt_ms[1] == 0)
-        return window->rtt_ms[0];
-    return window->rtt_ms[0] == 0 ? window->rtt_ms[1] : fmin(window->rtt_ms[0], window->rtt_ms[1]);
+void srv_window_ponged(struct srv_window *window, double rtt_ms, double now_ms) {
+    if (!window->has_pong)
+        window->base_ms[0] = window->base_ms[1] = 0;
+    window->has_pong = true;
+    measure_base(window, rtt_ms, true, now_ms);
 }
 
-unsigned srv_window_frames(const struct srv_window *window, double max_fps) {
-    double rtt = srv_window_rtt_ms(window);
-    if (rtt == 0)
-        return SRV_WINDOW_FIRST;
-    double interval = fmax(1000.0 / max_fps, window->interval_ms);
-    double frames = ceil(rtt / interval) + 1;
-    return (unsigned)fmin(fmax(frames, SRV_WINDOW_FIRST), SRV_WINDOW_MAX);
+static bool is_late(const struct srv_window *window, int max_fps, double now_ms) {
+    return window->count > 0 &&
+           now_ms > window->inflight[window->head].due_ms + LATE_MS + 1000.0 / max_fps;
 }
 
-bool srv_window_is_open(const struct srv_window *window, unsigned waiting, double max_fps,
-                        size_t bytes_max) {
-    unsigned all = window->count + waiting;
+double srv_window_opens_ms(const struct srv_window *window, const struct srv_window_demand *demand,
+                           double now_ms) {
+    unsigned all = window->count + demand->waiting;
     if (all == 0)
-        return true;
-    return all < srv_window_frames(window, max_fps) && window->bytes < bytes_max;
+        return now_ms;
+    if (all >= SRV_WINDOW_MAX || window->bytes >= demand->bytes_max ||
+        is_late(window, demand->max_fps, now_ms))
+        return INFINITY;
+    if (srv_window_rate(window) == 0)
+        return all < SRV_WINDOW_FIRST ? now_ms : INFINITY;
+    double free_ms = fmax(window->free_ms, now_ms) +
+                     send_ms(window, demand->waiting * window->frame_bytes);
+    return free_ms - demand->lead_ms - EARLY_MS;
+}
+
+double srv_window_rtt_ms(const struct srv_window *window) {
+    if (window->base_ms[1] == 0)
+        return window->base_ms[0];
+    return window->base_ms[0] == 0 ? window->base_ms[1]
+                                   : fmin(window->base_ms[0], window->base_ms[1]);
+}
+
+double srv_window_rate(const struct srv_window *window) {
+    return fmax(window->rate[0], window->rate[1]);
+}
+
+unsigned srv_window_frames(const struct srv_window *window, int max_fps) {
+    double interval_ms = fmax(1000.0 / max_fps, send_ms(window, window->frame_bytes));
+    return (unsigned)fmin(ceil(srv_window_rtt_ms(window) / interval_ms) + 1, SRV_WINDOW_MAX);
 }
 
 double srv_window_oldest_ms(const struct srv_window *window) {

@@ -1,7 +1,25 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The congestion window of one client's stream: how many frames may be unacknowledged. Pure: no
- * clock, no lock.
+ * The congestion window of one client's stream: when the next frame may begin, so that no queue
+ * builds up on the way to the client. Pure: no clock, no lock.
+ *
+ *             lead                bytes / rate        base
+ *   begin ───────────► sent ═══════════════════► ───────────────► acknowledged
+ *           drawn,           on the slowest link      the way there
+ *           encoded                                   and back
+ *
+ * The next frame begins when it would find the link free: `lead` before the frames on the way have
+ * passed it. Each acknowledgement corrects the time at which they are expected to have passed. A
+ * client whose acknowledgements are late gets no frame until the next one arrives.
+ *
+ *   base  The round trip of a message without bytes: the shortest pong, or acknowledgement if that
+ *         was shorter, of the last 10 to 20 seconds in which no queue could delay it.
+ *   rate  What the link carries. Two measurements never exceed it, apart from jitter: a frame's
+ *         bytes over its round trip beyond base, exact if no other frame was before it; and the
+ *         bytes acknowledged while the frame was on its way over that time, or over the time in
+ *         which they were sent if that was longer, exact if the link was busy (Cardwell et al.,
+ *         BBR, 2016). The largest of the last 8 to 16 frames counts, or of
+ *         the last 1 to 2 seconds.
  */
 #ifndef SRV_SESSION_WINDOW_H
 #define SRV_SESSION_WINDOW_H
@@ -16,28 +34,30 @@ struct srv_window_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
-    bool alone; /* no other frame was unacknowledged */
+    double due_ms;       /* when its acknowledgement is expected */
+    bool alone;          /* no other frame was unacknowledged */
+    uint64_t acked;      /* bytes acknowledged before it was sent, */
+    double acked_ms;     /* and when; when it was sent, if it was alone */
+    double before_ms;    /* when the last of these was sent; as above, if it was alone */
 };
 
-/*   server  ──1──2──3──4──►  client        window = round trip / time between frames + 1
- *           ◄──ack 1──2────
- *
- * The round trip is the smallest one of the last 10 to 20 seconds, from handing a frame to the
- * socket to its acknowledgement, so that a queue that we caused ourselves does not count. It is
- * dropped only for frames that were sent alone, which happens whenever the view rests. The time
- * between frames is what the client achieves, never shorter than the granted rate allows. While the
- * window is the bottleneck, the mean time between acknowledgements is round trip / window: so the
- * window grows by one per round trip, until the network, the client or the granted rate is the
- * bottleneck. */
 struct srv_window {
     struct srv_window_frame inflight[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
     unsigned head, count;                             /* head: the oldest */
     size_t bytes;                                     /* of the unacknowledged frames */
-    double rtt_ms[2];           /* smallest in the current and the previous 10 s; 0 = none */
-    double epoch_ms;            /* start of the current 10 s */
-    double interval_ms;         /* mean time between acknowledgements; 0 = none yet */
-    double last_ack_ms;         /* 0 = none yet */
-    uint32_t last_frame, acked; /* newest sent, newest acknowledged; 0 = none */
+    double base_ms[2];     /* shortest in the current and the previous 10 s; 0 = none */
+    double base_epoch_ms;  /* start of the current 10 s */
+    bool has_pong;         /* base is that of a message without bytes */
+    double rate[2]; /* bytes per ms, largest of the current and the previous 8 frames or second; 0 =
+                       none */
+    unsigned rate_acks;   /* frames of the current 8 */
+    double rate_epoch_ms; /* start of the current second */
+    double free_ms;        /* when the frames on the way have passed the link */
+    double frame_bytes;    /* mean of the last frames; 0 = none */
+    uint64_t acked_bytes;  /* so far */
+    double last_ack_ms;    /* 0 = none yet, */
+    double last_sent_ms;   /* and when the acknowledged frame was sent */
+    uint32_t last_frame;   /* newest sent; 0 = none */
 };
 
 void srv_window_init(struct srv_window *window);
@@ -49,17 +69,27 @@ void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, do
  * harmless. */
 bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms);
 
-/* Returns how many frames may be unacknowledged at a granted rate, [SRV_WINDOW_FIRST,
- * SRV_WINDOW_MAX]. */
-unsigned srv_window_frames(const struct srv_window *window, double max_fps);
+/* A ping was answered after rtt_ms. No frame was unacknowledged when it was sent. */
+void srv_window_ponged(struct srv_window *window, double rtt_ms, double now_ms);
+
+struct srv_window_demand { /* for one more frame */
+    unsigned waiting;      /* frames that are being made or wait for the socket */
+    double lead_ms;        /* expected time to draw and encode it */
+    int max_fps;
+    size_t bytes_max; /* of unacknowledged frames */
+};
+/* Returns when the frame may begin: a time up to now_ms = now; INFINITY = after the next
+ * acknowledgement. One frame is always allowed, however large. */
+double srv_window_opens_ms(const struct srv_window *window, const struct srv_window_demand *demand,
+                           double now_ms);
 
 /* Returns the measured round trip, ms; 0 = not known yet. */
 double srv_window_rtt_ms(const struct srv_window *window);
-
-/* True if one more frame may be made while `waiting` frames are being made or wait for the socket.
- * One frame is always allowed, however large. */
-bool srv_window_is_open(const struct srv_window *window, unsigned waiting, double max_fps,
-                        size_t bytes_max);
+/* Returns what the link carries, bytes per ms; 0 = not known yet. */
+double srv_window_rate(const struct srv_window *window);
+/* Returns how many frames of the present size are on the way at once while frames are sent as fast as
+ * the link and the granted rate allow, [1, SRV_WINDOW_MAX]. */
+unsigned srv_window_frames(const struct srv_window *window, int max_fps);
 
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */
 double srv_window_oldest_ms(const struct srv_window *window);

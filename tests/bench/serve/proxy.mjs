@@ -4,7 +4,8 @@
 //   client ──► delay ──► daemon          up:   the delay alone
 //          ◄── delay ◄── rate, queue ◄── down: each packet leaves when the one before has left; the queue is bounded
 //
-// A stall stands for a lost packet: all later packets wait until it was sent again, one round trip later.
+// A stall stands for a lost packet: it arrives one round trip later, when it was sent again, and the later packets are delivered
+// after it. They use the link meanwhile.
 import { once } from 'node:events';
 import net from 'node:net';
 
@@ -16,6 +17,7 @@ class Link {
   #from; #to; #delayMs; #bytesPerMs; #stallMs; #stalls; #random;
   #queue = [];
   #freeMs = 0; // when the newest packet has left the bottleneck
+  #lastMs = 0; // when it arrives
   #timer = null;
 
   constructor(from, to, { delayMs, bytesPerMs = Infinity, stalls = 0, stallMs = 0, random }) {
@@ -31,8 +33,9 @@ class Link {
       const packet = data.subarray(at, at + PACKET);
       const now = performance.now();
       this.#freeMs = Math.max(this.#freeMs, now) + packet.length / this.#bytesPerMs;
-      if (this.#random() < this.#stalls) this.#freeMs += this.#stallMs;
-      this.#queue.push({ packet, dueMs: this.#freeMs + this.#delayMs });
+      const stallMs = this.#random() < this.#stalls ? this.#stallMs : 0;
+      this.#lastMs = Math.max(this.#lastMs, this.#freeMs + this.#delayMs + stallMs);
+      this.#queue.push({ packet, dueMs: this.#lastMs });
     }
     const fullMs = this.#freeMs - performance.now() - QUEUE_BYTES / this.#bytesPerMs;
     if (fullMs > 0) {
@@ -43,7 +46,7 @@ class Link {
   }
 
   #end() {
-    this.#queue.push({ packet: null, dueMs: Math.max(this.#freeMs, performance.now()) + this.#delayMs });
+    this.#queue.push({ packet: null, dueMs: Math.max(this.#lastMs, performance.now() + this.#delayMs) });
     this.#arm();
   }
 

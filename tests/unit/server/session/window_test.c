@@ -2,6 +2,7 @@
  *
  * The window and the outbox, driven by a simulated clock.
  */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -16,64 +17,113 @@
 #include "support/compare.h"
 
 #define CAP ((size_t)1 << 30)
+#define FRAME 1000 /* bytes */
 
-/* Simulates a client with a round trip of `rtt_ms` that needs `serial_ms` per frame, and a server
- * that needs `make_ms` per frame. Returns the frames acknowledged in the last of `seconds`, and the
- * size of the window in *frames. */
-static unsigned simulate(struct srv_window *window, double rtt_ms, double serial_ms, double make_ms,
-                         double max_fps, int seconds, unsigned *frames) {
-    enum { QUEUE = 256 };
-    double due[QUEUE], free_ms = 0, next_ms = 0;
-    unsigned head = 0, tail = 0, last_second = 0;
-    uint32_t frame = 0, acked = 0;
-    srv_window_init(window);
-    for (double now = 1; now < seconds * 1000.0; now += 0.25) {
-        while (head != tail && due[head % QUEUE] <= now) {
-            assert_true(srv_window_acked(window, ++acked, now));
-            last_second += now >= (seconds - 1) * 1000.0;
-            head++;
-        }
-        if (now < next_ms || !srv_window_is_open(window, 0, max_fps, CAP))
-            continue;
-        next_ms = now + (make_ms > 1000 / max_fps ? make_ms : 1000 / max_fps);
-        srv_window_sent(window, ++frame, 1000, now);
-        double arrives = now + rtt_ms / 2;
-        free_ms = (arrives > free_ms ? arrives : free_ms) + serial_ms;
-        due[tail++ % QUEUE] = free_ms + rtt_ms / 2;
-    }
-    *frames = srv_window_frames(window, max_fps);
-    return last_second;
+static bool is_open(const struct srv_window *window, unsigned waiting, int max_fps,
+                    size_t bytes_max, double now_ms) {
+    const struct srv_window_demand demand = { .waiting = waiting,
+                                              .max_fps = max_fps,
+                                              .bytes_max = bytes_max };
+    return srv_window_opens_ms(window, &demand, now_ms) <= now_ms;
 }
 
-static void the_window_holds_the_rate_at_any_round_trip(void **state) {
+struct network {
+    double rtt_ms, bytes_per_ms, make_ms; /* make_ms: the server needs it per frame */
+    double jitter_ms;                     /* of every second acknowledgement */
+    double pause_at_ms, pause_ms;         /* nothing is delivered meanwhile */
+};
+
+struct seen { /* in the last second */
+    unsigned frames;
+    double worst_ms; /* from sending to the acknowledgement */
+};
+
+/* Simulates a client on a network. */
+static struct seen simulate(struct srv_window *window, const struct network *n, int max_fps,
+                            int seconds) {
+    enum { QUEUE = 256 };
+    double due[QUEUE], sent[QUEUE], free_ms = 0, next_ms = 0;
+    unsigned head = 0, tail = 0;
+    uint32_t frame = 0, acked = 0;
+    struct seen seen = { 0 };
+    srv_window_init(window);
+    srv_window_ponged(window, n->rtt_ms, 1);
+    for (double now = 1; now < seconds * 1000.0; now += 0.25) {
+        bool is_last = now >= (seconds - 1) * 1000.0;
+        while (head != tail && due[head % QUEUE] <= now) {
+            double took_ms = now - sent[head++ % QUEUE];
+            assert_true(srv_window_acked(window, ++acked, now));
+            seen.frames += is_last;
+            seen.worst_ms = is_last && took_ms > seen.worst_ms ? took_ms : seen.worst_ms;
+        }
+        if (now < next_ms || !is_open(window, 0, max_fps, CAP, now))
+            continue;
+        next_ms = now + (n->make_ms > 1000.0 / max_fps ? n->make_ms : 1000.0 / max_fps);
+        srv_window_sent(window, ++frame, FRAME, now);
+        sent[tail % QUEUE] = now;
+        free_ms = (now > free_ms ? now : free_ms) + FRAME / n->bytes_per_ms;
+        if (now >= n->pause_at_ms && now < n->pause_at_ms + n->pause_ms)
+            free_ms = n->pause_at_ms + n->pause_ms;
+        due[tail++ % QUEUE] = free_ms + n->rtt_ms + (frame % 2 ? n->jitter_ms : 0);
+    }
+    return seen;
+}
+
+static void the_rate_is_held_at_any_round_trip(void **state) {
     (void)state;
     struct srv_window window;
-    unsigned frames;
     static const double round_trips[] = { 1, 20, 50, 100, 250, 500 };
     for (size_t i = 0; i < sizeof round_trips / sizeof *round_trips; i++) {
-        unsigned fps = simulate(&window, round_trips[i], 0, 1, 30, 30, &frames);
-        assert_in_range(fps, 28, 31);
-        assert_in_range(frames, 2, (unsigned)(round_trips[i] / 33.3) + 2);
-        assert_compare(srv_window_rtt_ms(&window), >=, round_trips[i] - 1);
-        assert_compare(srv_window_rtt_ms(&window), <=, round_trips[i] + 1);
+        const struct network fast = { .rtt_ms = round_trips[i], .bytes_per_ms = 1e5, .make_ms = 1 };
+        const struct seen seen = simulate(&window, &fast, 60, 10);
+        assert_in_range(seen.frames, 58, 61);
+        assert_compare(seen.worst_ms, <=, round_trips[i] + 1);
+        assert_in_range(srv_window_frames(&window, 60), 2, (unsigned)(round_trips[i] / 16.6) + 2);
+        assert_compare(srv_window_rtt_ms(&window), ==, round_trips[i]);
     }
 }
 
-static void a_slow_client_is_not_flooded(void **state) {
+static void a_slow_link_is_busy_and_has_no_queue(void **state) {
     (void)state;
     struct srv_window window;
-    unsigned frames;
-    unsigned fps = simulate(&window, 10, 100, 1, 60, 30, &frames);
-    assert_in_range(fps, 9, 11);
-    assert_in_range(frames, 2, 3);
-    /* A distant and slow client: the frames in flight cover little more than the round trip. */
-    fps = simulate(&window, 400, 100, 1, 60, 40, &frames);
-    assert_in_range(fps, 8, 11);
-    assert_in_range(frames, 5, 8);
-    /* A slow server needs no window. */
-    fps = simulate(&window, 50, 0, 200, 60, 30, &frames);
-    assert_in_range(fps, 4, 5);
-    assert_in_range(frames, 2, 4);
+    static const double round_trips[] = { 1, 20, 100, 400 };
+    for (size_t i = 0; i < sizeof round_trips / sizeof *round_trips; i++)
+        for (int late = 0; late < 2; late++) {
+            /* 25 ms per frame: 40 per second. Frames wait for the link for 3 ms, and longer by the
+             * jitter. */
+            const struct network slow = { .rtt_ms = round_trips[i],
+                                          .bytes_per_ms = FRAME / 25.0,
+                                          .make_ms = 1,
+                                          .jitter_ms = late ? 4 : 0 };
+            const struct seen seen = simulate(&window, &slow, 60, 10);
+            assert_in_range(seen.frames, 36, 41);
+            assert_compare(seen.worst_ms, <=, slow.rtt_ms + 25 + 3 + 1 + 3 * slow.jitter_ms);
+            assert_compare(srv_window_rate(&window), >=, slow.bytes_per_ms * 0.95);
+            assert_compare(srv_window_rate(&window), <=, slow.bytes_per_ms * (late ? 1.25 : 1.05));
+        }
+}
+
+static void a_slow_server_does_not_hide_what_the_link_carries(void **state) {
+    (void)state;
+    struct srv_window window;
+    const struct network n = { .rtt_ms = 50, .bytes_per_ms = FRAME / 10.0, .make_ms = 200 };
+    const struct seen seen = simulate(&window, &n, 60, 10);
+    assert_in_range(seen.frames, 4, 5);
+    assert_compare(srv_window_rate(&window), >=, FRAME / 10.5);
+    assert_compare(srv_window_rate(&window), <=, FRAME / 9.5);
+}
+
+static void a_pause_of_the_network_builds_no_queue(void **state) {
+    (void)state;
+    struct srv_window window;
+    const struct network n = { .rtt_ms = 20,
+                               .bytes_per_ms = 1e5,
+                               .make_ms = 1,
+                               .pause_at_ms = 8000,
+                               .pause_ms = 900 };
+    const struct seen seen = simulate(&window, &n, 60, 9);
+    /* Some frames are on their way when it begins; then none is sent until it ends. */
+    assert_in_range(seen.frames, 8, 16);
 }
 
 static void a_client_that_never_acknowledges_gets_two_frames(void **state) {
@@ -82,7 +132,7 @@ static void a_client_that_never_acknowledges_gets_two_frames(void **state) {
     srv_window_init(&window);
     uint32_t sent = 0;
     for (double now = 1; now < 60000; now += 10)
-        if (srv_window_is_open(&window, 0, 30, CAP))
+        if (is_open(&window, 0, 30, CAP, now))
             srv_window_sent(&window, ++sent, 100, now);
     assert_int_equal(sent, SRV_WINDOW_FIRST);
     assert_compare(srv_window_oldest_ms(&window), ==, 1);
@@ -99,13 +149,38 @@ static void bytes_are_limited_but_one_frame_is_always_sent(void **state) {
     (void)state;
     struct srv_window window;
     srv_window_init(&window);
-    assert_true(srv_window_is_open(&window, 0, 30, 10));
+    assert_true(is_open(&window, 0, 30, 10, 1));
     srv_window_sent(&window, 1, 1000, 1);
-    assert_false(srv_window_is_open(&window, 0, 30, 10));
-    assert_true(srv_window_is_open(&window, 0, 30, 1001));
-    assert_false(srv_window_is_open(&window, 1, 30, 1001));
+    assert_false(is_open(&window, 0, 30, 10, 1));
+    assert_true(is_open(&window, 0, 30, 1001, 1));
+    assert_false(is_open(&window, 1, 30, 1001, 1));
     srv_window_acked(&window, 1, 2);
-    assert_true(srv_window_is_open(&window, 0, 30, 10));
+    assert_true(is_open(&window, 0, 30, 10, 2));
+}
+
+/* It begins so early that it is ready when the link is free. */
+static void the_next_frame_is_drawn_while_the_last_one_is_sent(void **state) {
+    (void)state;
+    struct srv_window window;
+    srv_window_init(&window);
+    srv_window_ponged(&window, 20, 1);
+    srv_window_sent(&window, 1, FRAME, 100);
+    srv_window_acked(&window, 1, 160); /* 40 ms beyond the round trip */
+    assert_compare(srv_window_rate(&window), ==, FRAME / 40.0);
+    srv_window_sent(&window, 2, FRAME, 200);
+    struct srv_window_demand demand = { .lead_ms = 0, .max_fps = 60, .bytes_max = CAP };
+    const double idle_ms = srv_window_opens_ms(&window, &demand, 200);
+    assert_compare(idle_ms, >, 230);
+    assert_compare(idle_ms, <=, 240);
+    demand.lead_ms = 15;
+    assert_compare(srv_window_opens_ms(&window, &demand, 200), ==, idle_ms - 15);
+    demand.waiting = 1; /* a frame that is being drawn comes before it */
+    assert_compare(srv_window_opens_ms(&window, &demand, 200), ==, idle_ms - 15 + 40);
+    /* The acknowledgement is late: nothing before it comes. */
+    demand.waiting = 0;
+    assert_compare(srv_window_opens_ms(&window, &demand, 300), ==, (double)INFINITY);
+    assert_true(srv_window_acked(&window, 2, 310));
+    assert_compare(srv_window_opens_ms(&window, &demand, 310), <=, 310);
 }
 
 static void an_old_round_trip_is_dropped(void **state) {
@@ -157,8 +232,11 @@ static void the_outbox_keeps_the_newest(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(the_window_holds_the_rate_at_any_round_trip),
-        cmocka_unit_test(a_slow_client_is_not_flooded),
+        cmocka_unit_test(the_rate_is_held_at_any_round_trip),
+        cmocka_unit_test(a_slow_link_is_busy_and_has_no_queue),
+        cmocka_unit_test(a_slow_server_does_not_hide_what_the_link_carries),
+        cmocka_unit_test(a_pause_of_the_network_builds_no_queue),
+        cmocka_unit_test(the_next_frame_is_drawn_while_the_last_one_is_sent),
         cmocka_unit_test(a_client_that_never_acknowledges_gets_two_frames),
         cmocka_unit_test(bytes_are_limited_but_one_frame_is_always_sent),
         cmocka_unit_test(an_old_round_trip_is_dropped),

@@ -1,0 +1,65 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Rate control: how small the moving frames of one client must be for its network. Pure: no clock,
+ * no lock.
+ *
+ * A frame of full quality is wanted as long as the link carries 30 of them per second. Otherwise:
+ *
+ *   1. video, if the client takes it: about a tenth of the bytes of images. It already replaces
+ *      images that take longer to send than video takes to encode.
+ *   2. less quality and a smaller frame, in steps
+ *
+ * Quality comes back when the next finer step needs three quarters of the rate at most, and images
+ * when they need half of the time at which video begins, so that neither flickers.
+ */
+#ifndef SRV_SESSION_RATE_CONTROL_H
+#define SRV_SESSION_RATE_CONTROL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SRV_RATE_SIDES = 8, SRV_RATE_QUALITY_MAX = 60 };
+
+struct srv_rate_step {
+    unsigned side; /* of the frame, in eighths of the full one, [2, 8] */
+    int quality;   /* at most, [1, SRV_RATE_QUALITY_MAX] */
+};
+
+struct srv_rate_control {
+    unsigned step;
+    bool is_video;   /* video replaces images */
+    double bytes[2]; /* expected of a frame of full size at the best quality: image, video; 0 = not
+                        known */
+};
+
+void srv_rate_control_init(struct srv_rate_control *control);
+
+struct srv_rate_step srv_rate_control_step(const struct srv_rate_control *control);
+/* Gets the largest size of a frame in this step, px, [1, full]. */
+void srv_rate_control_size(const struct srv_rate_control *control, const uint32_t full[2],
+                           uint32_t size[2]);
+
+struct srv_rate_frame { /* a moving frame that was encoded */
+    bool is_video;      /* a delta frame; key frames say nothing about the next one */
+    bool is_lossless;
+    int quality;
+    uint32_t size[2], full_size[2]; /* px */
+    size_t bytes;
+};
+void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame);
+
+/* The client asked for other frames: drops what is known of their bytes, and keeps the step. */
+void srv_rate_control_forget(struct srv_rate_control *control);
+
+struct srv_rate_demand {
+    double bytes_per_ms; /* that the link carries; 0 = not known */
+    double interval_ms;  /* the shortest time between frames that the client asked for */
+    bool takes_video;    /* in place of images */
+    bool is_video_refused; /* no encoder is free: it gets images all the same */
+};
+/* Chooses how the next frames are encoded. */
+void srv_rate_control_update(struct srv_rate_control *control,
+                             const struct srv_rate_demand *demand);
+
+#endif
