@@ -440,7 +440,7 @@ double srv_ws_deadline_ms(const struct srv_ws *ws) {
     double oldest_ms = srv_hub_oldest_unacked_ms(ws->options.hub, ws->participant);
     double due_ms = fmin(fmax(ws->heard_ms, ws->pinged_ms) + ws->options.ping_ms,
                          ws->heard_ms + 3 * ws->options.ping_ms);
-    if (ws->has_sent_frame)
+    if (ws->has_sent_frame && oldest_ms == 0 && !is_sending(ws))
         due_ms = fmin(due_ms, trip_due_ms(ws));
     if (is_sending(ws))
         due_ms = fmin(due_ms, ws->progress_ms + ws->options.stall_ms);

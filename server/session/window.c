@@ -127,11 +127,12 @@ double srv_window_opens_ms(const struct srv_window *window, const struct srv_win
     unsigned all = window->count + demand->waiting;
     if (all == 0)
         return now_ms;
-    if (all >= SRV_WINDOW_MAX || window->bytes >= demand->bytes_max ||
-        is_late(window, demand->max_fps, now_ms))
+    if (all >= SRV_WINDOW_MAX || window->bytes >= demand->bytes_max)
         return INFINITY;
     if (srv_window_rate(window) == 0)
         return all < SRV_WINDOW_FIRST ? now_ms : INFINITY;
+    if (is_late(window, demand->max_fps, now_ms))
+        return INFINITY;
     double free_ms = fmax(window->free_ms, now_ms) +
                      send_ms(window, demand->waiting * window->frame_bytes);
     return free_ms - demand->lead_ms - EARLY_MS;

@@ -10,7 +10,8 @@
  *
  * The next frame begins when it would find the link free: `lead` before the frames on the way have
  * passed it. Each acknowledgement corrects the time at which they are expected to have passed. A
- * client whose acknowledgements are late gets no frame until the next one arrives.
+ * client whose acknowledgements are late gets no frame until the next one arrives. One that
+ * acknowledges a frame only after work on it counts as a slow link.
  *
  *   base  The round trip of a message without bytes: the shortest pong, or acknowledgement if that
  *         was shorter, of the last 10 to 20 seconds in which no queue could delay it.

@@ -80,13 +80,15 @@ static void the_step_does_not_flicker(void **state) {
     (void)state;
     struct srv_rate_control control;
     srv_rate_control_init(&control);
+    unsigned changes = 0;
     run(&control, 800, 50, false, 0);
-    const unsigned step = control.step;
-    assert_compare(step, >, 0);
-    for (int i = 0; i < 50; i++) { /* a tenth of noise in what the link carries */
-        run(&control, i % 2 ? 800 : 880, 1, false, 0);
-        assert_int_equal(control.step, step);
+    for (int i = 0; i < 50; i++) { /* noise in what the link carries */
+        const unsigned step = control.step;
+        run(&control, i % 2 ? 800 : 900, 1, false, 0);
+        assert_compare(control.step, >, 0);
+        changes += control.step != step;
     }
+    assert_compare(changes, <=, 1);
     run(&control, 1e5, 50, false, 0);
     assert_int_equal(control.step, 0);
 }

@@ -35,7 +35,7 @@ struct network {
 
 struct seen { /* in the last second */
     unsigned frames;
-    double worst_ms; /* from sending to the acknowledgement */
+    double worst_ms, mean_ms; /* from sending to the acknowledgement */
 };
 
 /* Simulates a client on a network. */
@@ -55,6 +55,7 @@ static struct seen simulate(struct srv_window *window, const struct network *n, 
             assert_true(srv_window_acked(window, ++acked, now));
             seen.frames += is_last;
             seen.worst_ms = is_last && took_ms > seen.worst_ms ? took_ms : seen.worst_ms;
+            seen.mean_ms += is_last ? (took_ms - seen.mean_ms) / seen.frames : 0;
         }
         if (now < next_ms || !is_open(window, 0, max_fps, CAP, now))
             continue;
@@ -98,6 +99,7 @@ static void a_slow_link_is_busy_and_has_no_queue(void **state) {
             const struct seen seen = simulate(&window, &slow, 60, 10);
             assert_in_range(seen.frames, 36, 41);
             assert_compare(seen.worst_ms, <=, slow.rtt_ms + 25 + 3 + 1 + 3 * slow.jitter_ms);
+            assert_compare(seen.mean_ms, <=, slow.rtt_ms + 25 + 3 + 2 + 2 * slow.jitter_ms);
             assert_compare(srv_window_rate(&window), >=, slow.bytes_per_ms * 0.95);
             assert_compare(srv_window_rate(&window), <=, slow.bytes_per_ms * (late ? 1.25 : 1.05));
         }
