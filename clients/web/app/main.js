@@ -4,7 +4,9 @@ import { Participants } from '../core/participants.js';
 import { Connection } from '../core/connection.js';
 import { FrameOrder } from '../core/order.js';
 import { VideoStream, videoFormats } from '../core/video.js';
+import { nextFrame, refreshRate } from './animation.js';
 import { Banner, Notice } from './banner.js';
+import { decodeImage } from './decoder.js';
 import { showNumber } from './fields.js';
 import { attachInput } from './input.js';
 import { Keyframes } from './keyframes.js';
@@ -12,7 +14,7 @@ import { Panels } from './panels.js';
 import { Paths } from './paths.js';
 import { People } from './people.js';
 import { Presets } from './presets.js';
-import { Screen, decodeImage, refreshRate } from './screen.js';
+import { Screen } from './screen.js';
 import { StatusLine } from './status.js';
 import { Viewer } from './viewer.js';
 import { Warp } from './warp.js';
@@ -129,11 +131,13 @@ const video = new VideoStream({
   askKey: () => connection.notify('stream.key', {}),
   giveUp: (error) => {
     report(new Error(`this browser cannot decode the video, images are used instead: ${error.message}`));
+    remember('moving', 'jpeg');
     setMoving('jpeg');
   },
 });
 const order = new FrameOrder({
   decode: (frame) => (frame.isVideo ? video.decode(frame) : decodeImage(frame)),
+  schedule: nextFrame,
   draw: (image, frame) => {
     screen.draw(image);
     drawn.videos += Number(frame.isVideo);
@@ -186,29 +190,38 @@ refreshRate().then(async (hertz) => {
 // While the view moves: images, or video if browser and daemon support it. The choice belongs to this window.
 
 const moving = element('moving');
-const VIDEO_NAMES = { vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
+const AUTO = 'auto'; // images, and video where the network is too slow for them
+const MOVING_NAMES = { [AUTO]: 'automatic', vp9: 'video, VP9', vp8: 'video, VP8', h264: 'video, H.264' };
+const CHEAPEST_FIRST = ['vp8', 'h264', 'vp9']; // in memory and CPU time of the daemon
 const lossless = element('lossless'); // for a view at rest
-const wantedFormat = () => ({ ...(moving.value === 'jpeg' ? {} : { format: [moving.value, 'jpeg'] }), lossless: lossless.checked });
+let videos = [];
+const formatOf = (choice) => (choice === AUTO ? ['jpeg', ...CHEAPEST_FIRST.filter((name) => videos.includes(name))] : [choice, 'jpeg']);
+const wantedFormat = () => ({ format: formatOf(moving.value), lossless: lossless.checked });
 videoFormats(window.VideoDecoder).then((names) => {
-  for (const name of names) moving.add(new Option(VIDEO_NAMES[name], name));
+  videos = names;
+  if (names.length === 0) return;
+  moving.add(new Option(MOVING_NAMES[AUTO], AUTO), 0);
+  for (const name of names) moving.add(new Option(MOVING_NAMES[name], name));
   const known = recall('moving');
-  if (names.includes(known)) setMoving(known);
+  setMoving([...moving.options].some(({ value }) => value === known) ? known : AUTO);
 });
-async function setMoving(format) {
-  moving.value = format;
-  remember('moving', format);
+async function setMoving(choice) {
+  moving.value = choice;
   if (!connection.isLive) return;
   try {
-    const granted = await connection.call('stream.configure', { format: [format, 'jpeg'] });
-    if (granted.format !== moving.value && granted.format === 'jpeg') {
+    const granted = await connection.call('stream.configure', { format: formatOf(choice) });
+    if (granted.format === 'jpeg' && videos.includes(choice) && choice === moving.value) {
       moving.value = 'jpeg';
-      notice.show(`The daemon has no ${VIDEO_NAMES[format] ?? format}: images are used instead.`);
+      notice.show(`The daemon has no ${MOVING_NAMES[choice]}: images are used instead.`);
     }
   } catch (error) {
     if (connection.isLive) report(error);
   }
 }
-moving.addEventListener('change', () => setMoving(moving.value));
+moving.addEventListener('change', () => {
+  remember('moving', moving.value);
+  setMoving(moving.value);
+});
 lossless.checked = recall('lossless') === 'yes';
 lossless.addEventListener('change', async () => {
   remember('lossless', lossless.checked ? 'yes' : 'no');

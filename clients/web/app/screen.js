@@ -94,28 +94,3 @@ export class Screen {
     this.#context.drawImage(image, (width - wide) / 2, 0, wide, height);
   }
 }
-
-/** Limits of the frame rate that the page asks for. A slower animation is due to a busy machine rather than to its display. */
-const FPS_MIN = 60;
-const FPS_MAX = 120;
-const REFRESH_SAMPLES = 21;
-
-/** Measures the refresh rate of the display in Hz, within [FPS_MIN, FPS_MAX]. In a hidden tab it resolves when the tab is visible. */
-export function refreshRate() {
-  return new Promise((resolve) => {
-    const intervals = [];
-    let before = 0;
-    const next = (now) => {
-      if (before) intervals.push(now - before);
-      before = now;
-      if (intervals.length < REFRESH_SAMPLES) requestAnimationFrame(next);
-      else resolve(Math.round(Math.min(FPS_MAX, Math.max(FPS_MIN, 1000 / intervals.sort((a, b) => a - b)[REFRESH_SAMPLES >> 1]))));
-    };
-    requestAnimationFrame(next);
-  });
-}
-
-/** Decodes the payload of a frame off the main thread; resolves to an ImageBitmap. */
-export function decodeImage({ payload, type }) {
-  return createImageBitmap(new Blob([payload], { type }));
-}

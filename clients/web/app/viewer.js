@@ -8,18 +8,7 @@ import { Emitter } from '../core/emitter.js';
 import { applyPatch, patchBetween } from '../core/merge.js';
 import { UpdateQueue } from '../core/update_queue.js';
 import { drag } from '../core/trackball.js';
-
-/** Runs at the next animation frame, or soon in a hidden tab, which has no animation frames. */
-function schedule(then) {
-  let isDone = false;
-  const once = () => {
-    if (isDone) return;
-    isDone = true;
-    then();
-  };
-  requestAnimationFrame(once);
-  setTimeout(once, 100);
-}
+import { nextFrame } from './animation.js';
 
 export class Viewer extends Emitter {
   #connection; #viewport;
@@ -41,7 +30,7 @@ export class Viewer extends Emitter {
         this.#rigs.set(params.seq, this.#rig);
         return connection.call('view.update', params);
       },
-      schedule,
+      schedule: nextFrame,
       now: () => performance.now(),
       done: (patch) => patch.volume && this.#reload(),
       fail: (error, patch) => this.#refused(error, patch),

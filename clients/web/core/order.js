@@ -1,18 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws frames in order. Frames decode in parallel and may finish in any order. An older frame is never drawn over a newer
-// one. Every frame is acknowledged exactly once, whether it was drawn, superseded or undecodable.
+// Draws frames in order. Frames decode in parallel and may finish in any order; at the next animation frame the newest one is
+// drawn. An older frame is never drawn over a newer one.
+//
+// A frame is acknowledged when it arrives, so that decoding does not look like a slow network. But a decoder that is behind
+// delays acknowledgements, so that the daemon sends no more than it can decode.
+
+const DECODING_MAX = 3;
 
 export class FrameOrder {
-  #decode; #draw; #ack; #fail;
+  #decode; #schedule; #draw; #ack; #fail;
   #epoch = 0;
   #newest = -1;
+  #decoding = 0;
+  #owed = null; // the newest frame that is not acknowledged
+  #next = null; // {image, frame, done}: drawn at the next animation frame
 
   /**
-   * decode(frame) → Promise of an image (with an optional close()), or of null; draw(image, frame) is synchronous;
-   * ack(frame); fail(error, frame).
+   * decode(frame) → Promise of an image (with an optional close()), or of null; schedule(f) calls f at the next animation frame;
+   * draw(image, frame) is synchronous; ack(frame) acknowledges all frames up to this one; fail(error, frame).
    */
-  constructor({ decode, draw, ack, fail }) {
+  constructor({ decode, schedule, draw, ack, fail }) {
     this.#decode = decode;
+    this.#schedule = schedule;
     this.#draw = draw;
     this.#ack = ack;
     this.#fail = fail;
@@ -22,26 +31,54 @@ export class FrameOrder {
   reset() {
     this.#epoch += 1;
     this.#newest = -1;
+    this.#owed = null;
+    this.#drop();
   }
 
   /** Takes one frame header with its payload. Resolves to true once the frame is drawn, or to false if it is not. */
   async put(frame) {
     const epoch = this.#epoch;
+    this.#decoding += 1;
+    this.#owed = frame;
+    this.#acknowledge();
     let image = null;
-    let drawn = false;
     try {
       image = await this.#decode(frame);
-      if (image && epoch === this.#epoch && frame.frame > this.#newest) {
-        this.#newest = frame.frame;
-        this.#draw(image, frame);
-        drawn = true;
-      }
     } catch (error) {
       if (epoch === this.#epoch) this.#fail(error, frame);
-    } finally {
-      image?.close?.();
     }
-    if (epoch === this.#epoch) this.#ack(frame);
-    return drawn;
+    this.#decoding -= 1;
+    this.#acknowledge();
+    if (image && epoch === this.#epoch && frame.frame > this.#newest) return this.#show(image, frame);
+    image?.close?.();
+    return false;
+  }
+
+  #acknowledge() {
+    if (!this.#owed || this.#decoding > DECODING_MAX) return;
+    this.#ack(this.#owed);
+    this.#owed = null;
+  }
+
+  #show(image, frame) {
+    this.#newest = frame.frame;
+    if (this.#next) this.#drop();
+    else this.#schedule(() => this.#drawNext());
+    return new Promise((done) => { this.#next = { image, frame, done }; });
+  }
+
+  #drawNext() {
+    const next = this.#next;
+    this.#next = null;
+    if (!next) return;
+    this.#draw(next.image, next.frame);
+    next.image.close?.();
+    next.done(true);
+  }
+
+  #drop() {
+    this.#next?.image.close?.();
+    this.#next?.done(false);
+    this.#next = null;
   }
 }

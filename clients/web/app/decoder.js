@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Decodes images in a worker, so that neither input nor acknowledgements wait for it.
+const calls = new Map(); // by id: {resolve, reject}
+let worker = null;
+let ids = 0;
+
+function start() {
+  worker = new Worker(new URL('decode_worker.js', import.meta.url));
+  worker.onmessage = ({ data: { id, image, error } }) => {
+    const { resolve, reject } = calls.get(id);
+    calls.delete(id);
+    if (image) resolve(image);
+    else reject(new Error(error));
+  };
+  worker.onerror = ({ message }) => {
+    for (const { reject } of calls.values()) reject(new Error(message || 'the worker that decodes images failed'));
+    calls.clear();
+  };
+}
+
+/** Decodes the payload of a frame, which this takes over. Resolves to an ImageBitmap. */
+export function decodeImage({ payload, type }) {
+  if (!worker) start();
+  const id = ++ids;
+  return new Promise((resolve, reject) => {
+    calls.set(id, { resolve, reject });
+    worker.postMessage({ id, payload, type }, [payload.buffer]);
+  });
+}
