@@ -5,7 +5,7 @@
 #include <string.h>
 
 #define SEND_MS (1000.0 / 30) /* quality is not reduced for more frames per second */
-#define VIDEO_MS 10.0         /* an image that takes longer to send is replaced by video */
+#define VIDEO_MS 20.0         /* an image that takes longer to send is replaced by video */
 #define RAISE 0.75
 #define IMAGES_AGAIN 0.5
 #define DECAY 0.75 /* weight of the past with each new frame */

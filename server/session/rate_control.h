@@ -6,7 +6,7 @@
  * A frame of full quality is wanted as long as the link carries 30 of them per second. Otherwise:
  *
  *   1. video, if the client takes it: about a tenth of the bytes of images. It already replaces
- *      images that take longer to send than video takes to encode.
+ *      images that take more than 20 ms to send: encoding and decoding video takes longer, too.
  *   2. less quality and a smaller frame, in steps
  *
  * Quality comes back when the next finer step needs three quarters of the rate at most, and images

@@ -3,6 +3,7 @@
 // changes and a lost stream. A failed decoder requests a key frame; if none ever works, the page falls back to images.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { startProxy } from '../../bench/serve/proxy.mjs';
 import { compare } from '../../support/compare.mjs';
 import { coarseDifference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
@@ -128,6 +129,22 @@ test('when no decoder works, the page falls back to images and says so', async (
     (s) => document.getElementById('moving').value === 'jpeg' && s.isIdle && s.seq === s.sent));
   assert.match((await page.evaluate(() => window.splatd.errors)).join(), /cannot decode the video, images are used instead/);
   assert.equal(await page.evaluate(() => window.splatd.videos), 0);
+});
+
+test('automatic: video on a slow network', async (context) => {
+  const { port } = new URL(moving.url);
+  const proxy = await startProxy(Number(port), { rttMs: 20, mbit: 1.5 });
+  context.after(() => proxy.close());
+  const { page, context: own } = await openPage(browser, { viewport: { width: 900, height: 600 } });
+  context.after(() => own.close());
+  await page.goto(moving.url.replace(`:${port}/`, `:${proxy.port}/`));
+  await firstFrame(page);
+  await until(page, 'the choice of formats', () => document.getElementById('moving').value === 'auto');
+  await drag(page, [400, 420], [700, 180], { steps: 60 });
+  await lastAsVideo(page);
+  const about = await page.evaluate(() => [...document.querySelectorAll('#status [title]')].map(({ title }) => title).join());
+  assert.match(about, /the network is too slow for more/);
+  assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
 });
 
 test('without WebCodecs the only format is JPEG', async (context) => {

@@ -99,12 +99,12 @@ static void video_replaces_images_where_it_wins(void **state) {
     srv_rate_control_init(&control);
     run(&control, 5000, 20, true, 0); /* 8 ms per image */
     assert_false(control.is_video);
-    run(&control, 3000, 20, true, 0); /* 13 ms */
+    run(&control, 1500, 20, true, 0); /* 27 ms */
     assert_true(control.is_video);
     assert_int_equal(control.step, 0);
-    run(&control, 5000, 20, true, 0);
+    run(&control, 2500, 20, true, 0);
     assert_true(control.is_video); /* not back at once */
-    run(&control, 9000, 20, true, 0);
+    run(&control, 5000, 20, true, 0);
     assert_false(control.is_video);
     run(&control, 50, 50, true, 0); /* even video is too large */
     assert_true(control.is_video);
