@@ -18,8 +18,8 @@ enum {
     PIECE_BYTES = 512,    /* per recv: wslay handles all frames of a piece before it reads again */
     MESSAGES_BUDGET = 64, /* messages per srv_ws_write() */
 };
-#define CLOSE_MS 2000.0 /* to send queued messages after the decision to close */
-#define TRIP_MS 5000.0  /* at least, between measurements of the round trip, */
+#define CLOSE_MS 2000.0     /* to send queued messages after the decision to close */
+#define TRIP_MS 5000.0      /* at least, between measurements of the round trip, */
 #define TRIP_FIRST_MS 100.0 /* and after the first one, when much else begins */
 
 struct out_frame { /* a frame being sent: WebSocket header, frame header, then the image */
@@ -151,9 +151,7 @@ static void on_frame_start(wslay_event_context_ptr context,
 }
 
 static void ping(struct srv_ws *ws, const uint8_t *payload, size_t size) {
-    const struct wslay_event_msg out = { .opcode = WSLAY_PING,
-                                         .msg = payload,
-                                         .msg_length = size };
+    const struct wslay_event_msg out = { .opcode = WSLAY_PING, .msg = payload, .msg_length = size };
     ws->pinged_ms = ws->now_ms;
     if (wslay_event_queue_msg(ws->context, &out) != 0)
         ws->broken = true;
@@ -427,7 +425,8 @@ void srv_ws_tick(struct srv_ws *ws, double now_ms) {
         ws->broken = true;
     } else if (now_ms - fmax(ws->heard_ms, ws->pinged_ms) > ws->options.ping_ms) {
         ping(ws, NULL, 0);
-    } else if (ws->has_sent_frame && now_ms >= trip_due_ms(ws) && oldest_ms == 0 && !is_sending(ws)) {
+    } else if (ws->has_sent_frame && now_ms >= trip_due_ms(ws) && oldest_ms == 0 &&
+               !is_sending(ws)) {
         measure_trip(ws);
     }
 }

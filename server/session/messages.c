@@ -45,8 +45,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
     ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window)) && ok;
-    ok = proto_json_set_number(params, "bandwidth",
-                               srv_window_rate(&to->delivery.window) * 1000) &&
+    ok = proto_json_set_number(params, "bandwidth", srv_window_rate(&to->delivery.window) * 1000) &&
          ok;
     ok = proto_json_set_integer(params, "window",
                                 srv_window_frames(&to->delivery.window, to->settings.max_fps)) &&

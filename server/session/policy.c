@@ -43,7 +43,8 @@ bool srv_policy_is_final(const struct srv_participant *p, const struct srv_encod
 static bool is_same(const struct srv_moving_detail *a, const struct srv_moving_detail *b) {
     return a->full_size[0] == b->full_size[0] && a->full_size[1] == b->full_size[1] &&
            a->size[0] == b->size[0] && a->size[1] == b->size[1] && a->mip_level == b->mip_level &&
-           a->is_shared == b->is_shared && a->rate_step == b->rate_step && a->is_video == b->is_video;
+           a->is_shared == b->is_shared && a->rate_step == b->rate_step &&
+           a->is_video == b->is_video;
 }
 
 void srv_policy_update(struct srv_hub *hub, struct srv_participant *p,
@@ -93,8 +94,7 @@ static proto_json *reasons(const struct srv_participant *p, const struct srv_enc
     const struct srv_rate_control *rate = &p->delivery.rate_control;
     uint32_t most[2];
     srv_rate_control_size(rate, m->full_size, most);
-    bool is_less =
-        is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
+    bool is_less = is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
     proto_json *list = proto_json_array();
     bool ok = list != NULL;
     if (moving->video != SP_VIDEO_CODEC_COUNT && p->delivery.is_video_refused)

@@ -11,8 +11,15 @@
 #define DECAY 0.75 /* weight of the past with each new frame */
 
 static const struct srv_rate_step steps[] = {
-    { 8, SRV_RATE_QUALITY_MAX }, { 8, 40 }, { 7, 40 }, { 6, 40 }, { 5, 40 }, { 4, 40 },
-    { 4, 25 },                   { 3, 25 }, { 2, 25 },
+    { 8, SRV_RATE_QUALITY_MAX },
+    { 8, 40 },
+    { 7, 40 },
+    { 6, 40 },
+    { 5, 40 },
+    { 4, 40 },
+    { 4, 25 },
+    { 3, 25 },
+    { 2, 25 },
 };
 enum { STEPS = sizeof steps / sizeof *steps };
 
@@ -78,8 +85,8 @@ void srv_rate_control_update(struct srv_rate_control *control,
         return;
     double image_ms = control->bytes[false] / demand->bytes_per_ms;
     if (image_ms > 0)
-        control->is_video = demand->takes_video &&
-                            image_ms > (control->is_video ? IMAGES_AGAIN : 1) * VIDEO_MS;
+        control->is_video =
+            demand->takes_video && image_ms > (control->is_video ? IMAGES_AGAIN : 1) * VIDEO_MS;
     double full_ms =
         control->bytes[control->is_video && !demand->is_video_refused] / demand->bytes_per_ms;
     if (full_ms == 0)

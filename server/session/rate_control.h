@@ -53,9 +53,9 @@ void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_r
 void srv_rate_control_forget(struct srv_rate_control *control);
 
 struct srv_rate_demand {
-    double bytes_per_ms; /* that the link carries; 0 = not known */
-    double interval_ms;  /* the shortest time between frames that the client asked for */
-    bool takes_video;    /* in place of images */
+    double bytes_per_ms;   /* that the link carries; 0 = not known */
+    double interval_ms;    /* the shortest time between frames that the client asked for */
+    bool takes_video;      /* in place of images */
     bool is_video_refused; /* no encoder is free: it gets images all the same */
 };
 /* Chooses how the next frames are encoded. */

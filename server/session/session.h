@@ -65,15 +65,15 @@ struct srv_pending {
 
 struct srv_stream_settings { /* of stream.configure */
     enum sp_image_format format;
-    enum sp_video_codec video; /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
+    enum sp_video_codec video;      /* while the view moves; SP_VIDEO_CODEC_COUNT = none */
     enum sp_video_codec slow_video; /* the same, where the network is too slow for images */
-    enum sp_chroma chroma;     /* of its JPEGs */
-    int quality;               /* [1, 100] */
-    int wanted_fps;            /* frames per second that the client asked for */
-    int max_fps;               /* the part of that which the session's owner may have */
-    bool progressive;          /* wants frames of less detail while the view moves */
-    bool lossless;             /* wants PNG at rest */
-    uint32_t size[2];          /* px; 0 = the view's */
+    enum sp_chroma chroma;          /* of its JPEGs */
+    int quality;                    /* [1, 100] */
+    int wanted_fps;                 /* frames per second that the client asked for */
+    int max_fps;                    /* the part of that which the session's owner may have */
+    bool progressive;               /* wants frames of less detail while the view moves */
+    bool lossless;                  /* wants PNG at rest */
+    uint32_t size[2];               /* px; 0 = the view's */
 };
 
 struct srv_delivery {

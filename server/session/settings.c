@@ -198,10 +198,10 @@ bool srv_call_configure(struct srv_call *call) {
     if (!srv_call_knows(call, known) || !read_settings(call, &s))
         return false;
     bool changed = s.format != p->settings.format || s.video != p->settings.video ||
-                   s.slow_video != p->settings.slow_video ||
-                   s.quality != p->settings.quality || s.chroma != p->settings.chroma ||
-                   s.size[0] != p->settings.size[0] || s.size[1] != p->settings.size[1] ||
-                   s.progressive != p->settings.progressive || s.lossless != p->settings.lossless;
+                   s.slow_video != p->settings.slow_video || s.quality != p->settings.quality ||
+                   s.chroma != p->settings.chroma || s.size[0] != p->settings.size[0] ||
+                   s.size[1] != p->settings.size[1] || s.progressive != p->settings.progressive ||
+                   s.lossless != p->settings.lossless;
     p->settings.format = s.format;
     p->settings.video = s.video;
     p->settings.slow_video = s.slow_video;

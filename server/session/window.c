@@ -45,7 +45,8 @@ void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, do
     expect(window, f);
     window->bytes += bytes;
     window->last_frame = frame;
-    window->frame_bytes += ((double)bytes - window->frame_bytes) / (window->frame_bytes > 0 ? 4 : 1);
+    window->frame_bytes +=
+        ((double)bytes - window->frame_bytes) / (window->frame_bytes > 0 ? 4 : 1);
 }
 
 /* `is_new_epoch`: the older measurements may be dropped. */
@@ -67,8 +68,8 @@ static void measure_rate(struct srv_window *window, const struct srv_window_fram
     double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
     double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
     if (is_base_known)
-        rate = fmax(rate, (double)f->bytes / fmax(now_ms - f->sent_ms - srv_window_rtt_ms(window),
-                                                  TRIP_MIN_MS));
+        rate = fmax(rate, (double)f->bytes /
+                              fmax(now_ms - f->sent_ms - srv_window_rtt_ms(window), TRIP_MIN_MS));
     if (window->rate_acks++ == RATE_EPOCH_ACKS || now_ms - window->rate_epoch_ms > RATE_EPOCH_MS) {
         window->rate[1] = window->rate[0];
         window->rate[0] = 0;
@@ -133,8 +134,8 @@ double srv_window_opens_ms(const struct srv_window *window, const struct srv_win
         return all < SRV_WINDOW_FIRST ? now_ms : INFINITY;
     if (is_late(window, demand->max_fps, now_ms))
         return INFINITY;
-    double free_ms = fmax(window->free_ms, now_ms) +
-                     send_ms(window, demand->waiting * window->frame_bytes);
+    double free_ms =
+        fmax(window->free_ms, now_ms) + send_ms(window, demand->waiting * window->frame_bytes);
     return free_ms - demand->lead_ms - EARLY_MS;
 }
 

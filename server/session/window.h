@@ -35,30 +35,30 @@ struct srv_window_frame {
     uint32_t frame;
     size_t bytes;
     double sent_ms;
-    double due_ms;       /* when its acknowledgement is expected */
-    bool alone;          /* no other frame was unacknowledged */
-    uint64_t acked;      /* bytes acknowledged before it was sent, */
-    double acked_ms;     /* and when; when it was sent, if it was alone */
-    double before_ms;    /* when the last of these was sent; as above, if it was alone */
+    double due_ms;    /* when its acknowledgement is expected */
+    bool alone;       /* no other frame was unacknowledged */
+    uint64_t acked;   /* bytes acknowledged before it was sent, */
+    double acked_ms;  /* and when; when it was sent, if it was alone */
+    double before_ms; /* when the last of these was sent; as above, if it was alone */
 };
 
 struct srv_window {
     struct srv_window_frame inflight[SRV_WINDOW_MAX]; /* ring of unacknowledged frames */
     unsigned head, count;                             /* head: the oldest */
     size_t bytes;                                     /* of the unacknowledged frames */
-    double base_ms[2];     /* shortest in the current and the previous 10 s; 0 = none */
-    double base_epoch_ms;  /* start of the current 10 s */
-    bool has_pong;         /* base is that of a message without bytes */
+    double base_ms[2];    /* shortest in the current and the previous 10 s; 0 = none */
+    double base_epoch_ms; /* start of the current 10 s */
+    bool has_pong;        /* base is that of a message without bytes */
     double rate[2]; /* bytes per ms, largest of the current and the previous 8 frames or second; 0 =
                        none */
     unsigned rate_acks;   /* frames of the current 8 */
     double rate_epoch_ms; /* start of the current second */
-    double free_ms;        /* when the frames on the way have passed the link */
-    double frame_bytes;    /* mean of the last frames; 0 = none */
-    uint64_t acked_bytes;  /* so far */
-    double last_ack_ms;    /* 0 = none yet, */
-    double last_sent_ms;   /* and when the acknowledged frame was sent */
-    uint32_t last_frame;   /* newest sent; 0 = none */
+    double free_ms;       /* when the frames on the way have passed the link */
+    double frame_bytes;   /* mean of the last frames; 0 = none */
+    uint64_t acked_bytes; /* so far */
+    double last_ack_ms;   /* 0 = none yet, */
+    double last_sent_ms;  /* and when the acknowledged frame was sent */
+    uint32_t last_frame;  /* newest sent; 0 = none */
 };
 
 void srv_window_init(struct srv_window *window);
@@ -88,8 +88,8 @@ double srv_window_opens_ms(const struct srv_window *window, const struct srv_win
 double srv_window_rtt_ms(const struct srv_window *window);
 /* Returns what the link carries, bytes per ms; 0 = not known yet. */
 double srv_window_rate(const struct srv_window *window);
-/* Returns how many frames of the present size are on the way at once while frames are sent as fast as
- * the link and the granted rate allow, [1, SRV_WINDOW_MAX]. */
+/* Returns how many frames of the present size are on the way at once while frames are sent as fast
+ * as the link and the granted rate allow, [1, SRV_WINDOW_MAX]. */
 unsigned srv_window_frames(const struct srv_window *window, int max_fps);
 
 /* Returns when the oldest unacknowledged frame was sent, ms; 0 = there is none. */

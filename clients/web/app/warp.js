@@ -1,15 +1,23 @@
 // SPDX-License-Identifier: Apache-2.0
 // Hides latency: while the user is ahead of the picture by more than one update, a copy of the last picture is warped to the
 // newest camera and shown above the canvas. The next picture replaces it. The canvas itself never changes.
+//
+// A browser that draws without a GPU may need longer for the warped picture than it saves. So the time between animation frames
+// is measured, and warping pauses for a while where it makes them slow.
 import { cssTransform, homography } from '../core/warp.js';
 
 const AHEAD_MIN = 2; // updates
+const SLOW_MS = 22; // between animation frames, on average over
+const SLOW_FRAMES = 12;
+const PAUSE_MS = 20000;
 
 export class Warp {
   #layer; #canvas; #screen;
   #isOn = true;
   #shown = null; // camera of the picture
   #isCopied = false;
+  #times = []; // of the last animation frames with a warped picture
+  #pausedUntil = 0;
 
   /** layer: the element above the canvas; screen: the Screen. */
   constructor(layer, screen) {
@@ -34,13 +42,31 @@ export class Warp {
 
   /** Shows the picture as `rig` would see it; `ahead`: updates that no picture shows yet. */
   show(rig, ahead, background) {
-    const map = this.#isOn && ahead >= AHEAD_MIN && rig && this.#shown && homography(this.#shown, rig, this.#screen.viewport);
+    const isPossible = this.#isOn && performance.now() >= this.#pausedUntil;
+    const map = isPossible && ahead >= AHEAD_MIN && rig && this.#shown && homography(this.#shown, rig, this.#screen.viewport);
     if (map) {
       if (!this.#isCopied) this.#screen.copyTo(this.#canvas);
       this.#isCopied = true;
       this.#canvas.style.transform = cssTransform(map);
       this.#layer.style.background = `rgb(${background.slice(0, 3).map((c) => Math.round(255 * c)).join(' ')})`;
     }
+    if (map && this.#layer.hidden) this.#watch();
     this.#layer.hidden = !map;
+  }
+
+  /** Measures animation frames until the layer is hidden again. */
+  #watch() {
+    this.#times = [];
+    const next = (now) => {
+      if (this.#layer.hidden) return;
+      this.#times.push(now);
+      if (this.#times.length > SLOW_FRAMES && now - this.#times.shift() > SLOW_MS * SLOW_FRAMES) {
+        this.#pausedUntil = performance.now() + PAUSE_MS;
+        this.#layer.hidden = true;
+      } else {
+        requestAnimationFrame(next);
+      }
+    };
+    requestAnimationFrame(next);
   }
 }

@@ -9,9 +9,15 @@ let browser;
 before(async () => { browser = await launch(); });
 after(async () => { await browser?.close(); });
 
-async function setUp(context) {
+/** Opens the page in a browser whose animation frames seem to come every `frameMs`. */
+async function setUp(context, frameMs = 16) {
   const daemon = await MockDaemon.start();
   const opened = await openPage(browser);
+  await opened.page.addInitScript(`(() => {
+    const real = window.requestAnimationFrame.bind(window);
+    let time = 0;
+    window.requestAnimationFrame = (then) => real(() => then(time += ${frameMs}));
+  })()`);
   context.after(async () => {
     await opened.context.close();
     await daemon.kill().catch(() => {});
@@ -73,4 +79,14 @@ test('the prediction can be switched off, and the choice survives a reload', asy
   await dragUnseen(it, 3);
   await until(page, 'a warp', (s) => s.isWarped);
   await page.mouse.up();
+});
+
+test('a browser for which the warp is too much work pauses it', async (context) => {
+  const it = await setUp(context, 40);
+  await dragUnseen(it, 20);
+  await until(it.page, 'the end of the warp', (s) => !s.isWarped);
+  await it.page.mouse.move(600, 300);
+  await until(it.page, 'the answer', (s) => s.isIdle);
+  assert.equal(await it.page.evaluate(() => window.splatd.isWarped), false);
+  await it.page.mouse.up();
 });

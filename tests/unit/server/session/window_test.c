@@ -118,11 +118,9 @@ static void a_slow_server_does_not_hide_what_the_link_carries(void **state) {
 static void a_pause_of_the_network_builds_no_queue(void **state) {
     (void)state;
     struct srv_window window;
-    const struct network n = { .rtt_ms = 20,
-                               .bytes_per_ms = 1e5,
-                               .make_ms = 1,
-                               .pause_at_ms = 8000,
-                               .pause_ms = 900 };
+    const struct network n = {
+        .rtt_ms = 20, .bytes_per_ms = 1e5, .make_ms = 1, .pause_at_ms = 8000, .pause_ms = 900
+    };
     const struct seen seen = simulate(&window, &n, 60, 9);
     /* Some frames are on their way when it begins; then none is sent until it ends. */
     assert_in_range(seen.frames, 8, 16);
