@@ -19,11 +19,11 @@ cores; each step prints what runs and how long it took.
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
-                  adaptive, detail, edits, cancel, scaling, gl, serve, codecs, tls, soak. soak is left
-                  out unless named: 20 minutes of clients that come and go. On software GL the part gl
-                  draws two views of a scene and leaves out, saying so, what takes longer than
-                  --software-limit; serve, soak and tls need node, serve and soak also what
-                  deploy/test.sh installs in tests/node_modules
+                  adaptive, detail, edits, cancel, scaling, gl, serve, latency, network, codecs, tls,
+                  soak. soak is left out unless named: 20 minutes of clients that come and go. On
+                  software GL the part gl draws two views of a scene and leaves out, saying so, what
+                  takes longer than --software-limit; serve to soak, except codecs, need node, and all
+                  of these but tls what deploy/test.sh installs in tests/node_modules
   --software-limit S  seconds (default 30): with more of them heavier scenes are drawn as well
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)

@@ -9,6 +9,7 @@ write. The speed headline is also printed.
 import csv
 import math
 import os
+import re
 import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
@@ -33,6 +34,7 @@ GOAL, GOAL_SPARSE, SPARSE = 5, 10, ('engine', 'bonsai', 'lobster', 'aneurism')
 GOAL_FPS = {'head-full': 40}  # at 512 px, two threads, unshaded
 GOAL_ADAPTIVE_DB, GOAL_DETAIL_DB, GOAL_EDIT, GOAL_CANCEL_MS, GOAL_BYTES = 45, 40, 0.90, 5, 2
 # Goals of the daemon; GOAL_DISTURBED and GOAL_GROWTH are percentages.
+GOAL_WAIT_MS, GOAL_REQUEST_MS = (4, 14), 3  # beside rendering and encoding: median and p95; p95
 GOAL_OVERHEAD_MS, GOAL_USER_FPS, GOAL_VIEWER_MIB, GOAL_SESSION_MIB, GOAL_DISTURBED, GOAL_GROWTH, GOAL_ECHO_MS = 5, 10, 2, 16, 5, 5, 200
 # The daemon keeps a few connections above its limit open while it tells their clients that it is full.
 IDLE_SLACK = 0.1
@@ -348,6 +350,39 @@ def serve(folder):
     return '\n'.join(text for text in texts if text)
 
 
+def motion_goal(row):
+    """Changes that come faster than the frames that the client asked for have to wait for that."""
+    if re.search(r'max_fps 30$', row['what']):
+        return '–'
+    return met(row['wait_p50_ms'] <= GOAL_WAIT_MS[0] and row['wait_p95_ms'] <= GOAL_WAIT_MS[1])
+
+
+def latency(folder):
+    rows = read(folder, 'latency.csv')
+    motion = [[r['what'], f'{r["clients"]:.0f}', *(short(r[k]) for k in ('fps_mean', 'work_ms', 'p50_ms', 'p95_ms', 'wait_p50_ms', 'wait_p95_ms')), motion_goal(r)]
+              for r in rows if r['part'] == 'motion']
+    loop = [[r['what'], f'{r["clients"]:.0f}', *(short(r[k]) for k in ('fps_mean', 'work_ms', 'wait_p50_ms', 'wait_p95_ms')),
+             met(r['wait_p95_ms'] <= GOAL_REQUEST_MS) if r['clients'] == 1 else '–'] for r in rows if r['part'] == 'loop']
+    return '\n'.join(text for text in (
+        table(['backend, changes', 'sessions', 'fps', 'work ms', 'p50 ms', 'p95 ms', 'wait p50 ms', 'wait p95 ms', f'goal: wait ≤ {GOAL_WAIT_MS[0]} and {GOAL_WAIT_MS[1]} ms'], motion),
+        table(['backend', 'parallel requests', 'images per second', 'work ms', 'wait p50 ms', 'wait p95 ms', f'goal: wait p95 ≤ {GOAL_REQUEST_MS} ms'], loop)) if text)
+
+
+def network(folder):
+    """Rows: rate, stalls and format; columns: round trips."""
+    rows = read(folder, 'network.csv')
+    trips = sorted({r['rtt_ms'] for r in rows})
+    lines = []
+    for key in dict.fromkeys((r['mbit'], r['stalls_percent'], r['format']) for r in rows):
+        cells = [f'{key[0]:g}', f'{key[1]:g} %', key[2]]
+        for trip in trips:
+            r = find(rows, rtt_ms=trip, mbit=key[0], stalls_percent=key[1], format=key[2])
+            missed = ' ✗' if r and r['p50_ms'] > r['allowed_ms'] else ''
+            cells.append(f'{short(r["fps_mean"], 2)} fps, {r["p50_ms"]:.0f} ms of {r["allowed_ms"]:.0f}{missed}' if r else '–')
+        lines.append(cells)
+    return table(['Mbit/s', 'stalls', 'format', *(f'round trip {trip:g} ms' for trip in trips)], lines)
+
+
 def codecs(folder):
     rows = read(folder, 'codecs.csv')
     lines = []
@@ -381,7 +416,7 @@ FILES = [
     ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
-    ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'),
+    ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
     ('soak.csv', 'the daemon with clients that come and go'), ('codecs.csv', 'bytes and time per image format and video codec'),
     ('tls.csv', 'the TLS acceptor'), ('machine.csv', 'the machine and the commits'),
 ]
@@ -400,6 +435,10 @@ SECTIONS = [
     ('The GPU backend', gpu, ''),
     ('The daemon', serve, 'Measured by `serve.mjs`. Its clients share the machine with the daemon, so their work is part of every figure. Latency is the time '
      'from a change of the view to its image.'),
+    ('From hand to picture', latency, 'Measured by `serve.mjs` over loopback at 512². Work is rendering and encoding; wait is the rest of the time from a change of the view to its image: '
+     'pacing, scheduling, transport and the client. The second table is a script that requests one image after the other.'),
+    ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls: per cell frames per second, '
+     'the median time from a change to its image, and what is allowed: the round trip, two frame times, and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip.'),
     ('Codecs', codecs, 'The camera turns by 2° per frame. CPU time is the sum over all threads. Qualities are nominal: the loss of image quality is not compared.'),
     ('Files', files, ''),
 ]

@@ -174,6 +174,31 @@ class Report(unittest.TestCase):
     def serve(self, part, what, **more):
         return {'part': part, 'what': what, 'volume': 'demo:engine', 'clients': 1, 'px': 512, 'side': 512, 'coarse': 0, 'fps_min': 30, 'fps_mean': 30, **more}
 
+    def test_latency(self):
+        def motion(fps, wait, **more):
+            return self.serve('motion', f'null, 60 changes per second, max_fps {fps}', work_ms=2, p50_ms=wait + 2, p95_ms=15, wait_p50_ms=wait, wait_p95_ms=13, **more)
+        request = {'work_ms': 12, 'wait_p50_ms': 1}
+        self.write('latency.csv', SERVE_COLUMNS, motion(60, 4), motion(120, 4.1), motion(30, 33), motion(60, 4, clients=8),
+                   self.serve('loop', 'cpu', wait_p95_ms=3, **request), self.serve('loop', 'null', wait_p95_ms=3.1, **request),
+                   self.serve('loop', 'cpu', wait_p95_ms=30, **{**request, 'clients': 4}))
+        text = report.latency(self.folder.name)
+        self.assertIn('| null, 60 changes per second, max_fps 60 | 1 | 30 | 2 | 6 | 15 | 4 | 13 | met |', text)
+        self.assertIn('| null, 60 changes per second, max_fps 60 | 8 | 30 | 2 | 6 | 15 | 4 | 13 | met |', text)
+        self.assertIn('max_fps 120 | 1 | 30 | 2 | 6.1 | 15 | 4.1 | 13 | **missed** |', text)
+        self.assertIn('max_fps 30 | 1 | 30 | 2 | 35 | 15 | 33 | 13 | – |', text)
+        self.assertIn('| cpu | 1 | 30 | 12 | 1 | 3 | met |', text)
+        self.assertIn('| null | 1 | 30 | 12 | 1 | 3.1 | **missed** |', text)
+        self.assertIn('| cpu | 4 | 30 | 12 | 1 | 30 | – |', text)
+
+    def test_network(self):
+        columns = ['rtt_ms', 'mbit', 'stalls_percent', 'format', 'fps_mean', 'p50_ms', 'allowed_ms']
+        cell = {'rtt_ms': 0, 'mbit': 2, 'stalls_percent': 1, 'format': 'auto', 'fps_mean': 59.6, 'p50_ms': 21, 'allowed_ms': 38}
+        self.write('network.csv', columns, cell, {**cell, 'rtt_ms': 50, 'p50_ms': 99, 'allowed_ms': 88}, {**cell, 'mbit': 10})
+        text = report.network(self.folder.name)
+        self.assertIn('| Mbit/s | stalls | format | round trip 0 ms | round trip 50 ms |', text)
+        self.assertIn('| 2 | 1 % | auto | 60 fps, 21 ms of 38 | 60 fps, 99 ms of 88 ✗ |', text)
+        self.assertIn('| 10 | 1 % | auto | 60 fps, 21 ms of 38 | – |', text)
+
     def test_codecs(self):
         columns = ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms']
         vp9 = {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9}

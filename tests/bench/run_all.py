@@ -22,7 +22,7 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
@@ -437,14 +437,14 @@ def keep_table(run, name, text):
         run.write(name, text.splitlines()[0].split(','), csv.DictReader(text.splitlines()))
 
 
-def measure_serve(run, name, label, *options):
-    """name: the table, which does not change if serve.mjs fails."""
+def measure_serve(run, name, label, *options, program='serve.mjs'):
+    """name: the table, which does not change if the program fails."""
     why = missing('node', 'openssl', os.path.join(ROOT, 'tests/node_modules/ws'), os.path.join(run.o.bin, 'splatd'))
     if why:
         run.skip(1, f'{label}; {why} (deploy/test.sh installs what is in tests/node_modules)')
         return
     made, failures = os.path.join(run.work, name), len(run.failed)
-    run.program(label, ['node', os.path.join(ROOT, 'tests/bench/serve.mjs'), '--bin', run.o.bin, '--out', made, *options])
+    run.program(label, ['node', os.path.join(ROOT, 'tests/bench', program), '--bin', run.o.bin, '--out', made, *options])
     if len(run.failed) == failures:
         with open(made, encoding='utf-8') as f:
             keep_table(run, name, f.read())
@@ -503,7 +503,8 @@ def write_machine(run):
         with open(path, encoding='utf-8', newline='') as f:
             then = {row['key']: row['value'] for row in csv.DictReader(f)}
         then.update({key: value for key, value in now.items() if key == 'gpu backend'})
-        then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}, load {now["load at the start"]}' for part in run.o.only})
+        where = '' if then.get('cpu') == now['cpu'] else f', on {now["cpu"]}, {now["instruction set"]}'
+        then.update({f'{part}, measured again': f'{now["commit"]}, {now["date"]}, load {now["load at the start"]}{where}' for part in run.o.only})
         now = then
     run.write('machine.csv', ['key', 'value'], [{'key': k, 'value': v} for k, v in now.items()])
 
@@ -546,6 +547,10 @@ def main():
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
             'serve': (1, lambda: measure_serve(run, 'serve.csv', 'the cost of the daemon and of other clients',
                                                *(('--seconds', '1', '--rounds', '1') if options.quick else ()))),
+            'latency': (1, lambda: measure_serve(run, 'latency.csv', 'from a change to its image', '--only', 'motion,loop',
+                                                 *(('--seconds', '1') if options.quick else ()))),
+            'network': (1, lambda: measure_serve(run, 'network.csv', 'slow and distant networks',
+                                                 *(('--seconds', '1', '--rtt', '50', '--mbit', '2', '--stalls', '1') if options.quick else ()), program='network.mjs')),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
             'soak': (1, lambda: measure_serve(run, 'soak.csv', 'clients that connect and disconnect', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),
