@@ -190,7 +190,7 @@ export class Client {
     }
     if (delay === 0) this.tell('stream.ack', { frame });
     else if (delay < Infinity) setTimeout(() => this.tell('stream.ack', { frame }), delay);
-    this.onFrame?.();
+    this.onFrame?.(seq);
   }
 
   #hear(data) {
@@ -234,9 +234,9 @@ export class Client {
     this.timer = setTimeout(repeat, period);
   }
 
-  /** Rotates the camera whenever a frame arrives. */
+  /** Rotates the camera whenever a frame of the last change arrives. */
   lockstep() {
-    this.onFrame = () => this.turn();
+    this.onFrame = (seq) => seq === this.seq && this.turn();
     this.turn();
   }
 
