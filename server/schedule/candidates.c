@@ -19,7 +19,7 @@ static double opens_ms(const struct srv_schedule *schedule, const struct srv_ses
         return INFINITY; /* a newer frame must not replace a video frame that waits */
     const struct srv_window_demand demand = {
         .waiting = p->schedule->jobs + (d->outbox.blob ? 1 : 0),
-        .lead_ms = s->stats.render_ms + s->stats.encode_ms,
+        .lead_ms = fmin(s->stats.render_ms + s->stats.encode_ms, SRV_QUALITY_ROUND_MS),
         .max_fps = p->settings.max_fps,
         .bytes_max = schedule->hub->options.stream_bytes,
     };

@@ -51,9 +51,11 @@ static double part_of_size(double pixels) {
     return pow(pixels, 0.75);
 }
 
-static double part_of_step(unsigned step) {
+static double part_of_step(const struct srv_rate_control *control, unsigned step) {
     double side = (double)steps[step].side / SRV_RATE_SIDES;
-    return part_of_quality(steps[step].quality) * part_of_size(side * side);
+    double part = part_of_size(side * side);
+    bool is_lossless = control->is_lossless && !control->is_video;
+    return is_lossless ? part : part * part_of_quality(steps[step].quality);
 }
 
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame) {
@@ -61,14 +63,16 @@ void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_r
     double part = part_of_size(pixels / ((double)frame->full_size[0] * frame->full_size[1]));
     if (!frame->is_lossless)
         part *= part_of_quality(frame->quality);
+    if (!frame->is_video)
+        control->is_lossless = frame->is_lossless;
     double *mean = &control->bytes[frame->is_video], bytes = (double)frame->bytes / part;
     *mean = *mean == 0 ? bytes : DECAY * *mean + (1 - DECAY) * bytes;
 }
 
 /* Returns the first step whose frames need at most limit_ms, else the last one. */
-static unsigned finest(double full_ms, double limit_ms) {
+static unsigned finest(const struct srv_rate_control *control, double full_ms, double limit_ms) {
     unsigned step = 0;
-    while (step + 1 < STEPS && full_ms * part_of_step(step) > limit_ms)
+    while (step + 1 < STEPS && full_ms * part_of_step(control, step) > limit_ms)
         step++;
     return step;
 }
@@ -91,7 +95,7 @@ void srv_rate_control_update(struct srv_rate_control *control,
         control->bytes[control->is_video && !demand->is_video_refused] / demand->bytes_per_ms;
     if (full_ms == 0)
         return;
-    unsigned best = finest(full_ms, limit_ms * RAISE);
-    if (best < control->step || full_ms * part_of_step(control->step) > limit_ms)
+    unsigned best = finest(control, full_ms, limit_ms * RAISE);
+    if (best < control->step || full_ms * part_of_step(control, control->step) > limit_ms)
         control->step = best;
 }

@@ -28,9 +28,10 @@ struct srv_rate_step {
 
 struct srv_rate_control {
     unsigned step;
-    bool is_video;   /* video replaces images */
-    double bytes[2]; /* expected of a frame of full size at the best quality: image, video; 0 = not
-                        known */
+    bool is_video;    /* video replaces images */
+    bool is_lossless; /* the images are: only their size counts */
+    double bytes[2];  /* expected of a frame of full size at the best quality: image, video; 0 = not
+                         known */
 };
 
 void srv_rate_control_init(struct srv_rate_control *control);

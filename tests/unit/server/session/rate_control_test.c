@@ -113,6 +113,27 @@ static void video_replaces_images_where_it_wins(void **state) {
     assert_false(control.is_video);
 }
 
+static void lossless_images_become_smaller(void **state) {
+    (void)state;
+    struct srv_rate_control control;
+    srv_rate_control_init(&control);
+    double send_ms = 0;
+    for (int i = 0; i < 100; i++) {
+        const struct srv_rate_demand demand = { .bytes_per_ms = 3000, .interval_ms = 1000.0 / 60 };
+        srv_rate_control_update(&control, &demand);
+        const double side = srv_rate_control_step(&control).side / 8.0;
+        struct srv_rate_frame frame = { .is_lossless = true,
+                                        .quality = 90,
+                                        .full_size = { SIDE, SIDE },
+                                        .bytes = (size_t)(250000 * pow(side, 1.5)) };
+        srv_rate_control_size(&control, full, frame.size);
+        srv_rate_control_learn(&control, &frame);
+        send_ms = (double)frame.bytes / demand.bytes_per_ms;
+    }
+    assert_compare(send_ms, <=, 1000.0 / 30);
+    assert_compare(send_ms, >=, 1000.0 / 30 / 2);
+}
+
 static void refused_video_is_counted_as_images(void **state) {
     (void)state;
     struct srv_rate_control control;
@@ -134,6 +155,7 @@ int main(void) {
         cmocka_unit_test(frames_fit_a_slow_network),
         cmocka_unit_test(the_step_does_not_flicker),
         cmocka_unit_test(video_replaces_images_where_it_wins),
+        cmocka_unit_test(lossless_images_become_smaller),
         cmocka_unit_test(refused_video_is_counted_as_images),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
