@@ -185,7 +185,7 @@ class Report(unittest.TestCase):
         self.assertIn('| null, 60 changes per second, max_fps 60 | 1 | 30 | 2 | 6 | 15 | 4 | 13 | met |', text)
         self.assertIn('| null, 60 changes per second, max_fps 60 | 8 | 30 | 2 | 6 | 15 | 4 | 13 | met |', text)
         self.assertIn('max_fps 120 | 1 | 30 | 2 | 6.1 | 15 | 4.1 | 13 | **missed** |', text)
-        self.assertIn('max_fps 30 | 1 | 30 | 2 | 35 | 15 | 33 | 13 | – |', text)
+        self.assertIn('max_fps 30 | 1 | 30 | 2 | 35 | 15 | 33 | 13 | – (max_fps) |', text)
         self.assertIn('| cpu | 1 | 30 | 12 | 1 | 3 | met |', text)
         self.assertIn('| null | 1 | 30 | 12 | 1 | 3.1 | **missed** |', text)
         self.assertIn('| cpu | 4 | 30 | 12 | 1 | 30 | – |', text)
