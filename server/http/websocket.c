@@ -19,8 +19,8 @@ enum {
     MESSAGES_BUDGET = 64, /* messages per srv_ws_write() */
 };
 #define CLOSE_MS 2000.0     /* to send queued messages after the decision to close */
-#define TRIP_MS 5000.0      /* at least, between measurements of the round trip, */
-#define TRIP_FIRST_MS 100.0 /* and after the first one, when much else begins */
+#define TRIP_MS 5000.0      /* at least, between measurements of the round trip */
+#define TRIP_FIRST_MS 100.0 /* between the first one, while much else begins, and the second */
 
 struct out_frame { /* a frame being sent: WebSocket header, frame header, then the image */
     uint8_t head[10 + PROTO_FRAME_HEADER_BYTES];
@@ -42,7 +42,7 @@ struct srv_ws {
     double trip_ms;        /* when the last measurement of the round trip began */
     uint8_t trip;          /* its number, the ping's payload */
     bool is_trip_measured; /* its pong arrived */
-    bool has_sent_frame;   /* since then */
+    bool has_sent_frame;   /* since the last measurement of the round trip */
     bool end_of_file, broken, closing;
     bool is_behind; /* the last srv_ws_write() reached its limit with messages left */
     bool is_ended;  /* its end is counted in the metrics */

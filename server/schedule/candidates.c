@@ -8,6 +8,7 @@
 
 #include "schedule/state.h"
 
+#define POLL_MS 1.0           /* at least, until the network is asked again whether it is free */
 #define SHARE_PART 0.5        /* of an interval: a participant may share a frame so early */
 enum { SLOW_JOBS_ALONE = 2 }; /* of the only participant: one is drawn, one encoded */
 
@@ -23,7 +24,8 @@ static double opens_ms(const struct srv_schedule *schedule, const struct srv_ses
         .max_fps = p->settings.max_fps,
         .bytes_max = schedule->hub->options.stream_bytes,
     };
-    return srv_window_opens_ms(&d->window, &demand, now_ms);
+    double at_ms = srv_window_opens_ms(&d->window, &demand, now_ms);
+    return at_ms > now_ms ? fmax(at_ms, now_ms + POLL_MS) : at_ms;
 }
 
 /* Would the participant take a frame now or later, if nothing else happens? */
@@ -133,7 +135,9 @@ bool srv_has_motion(const struct srv_schedule *schedule) {
         for (const struct srv_participant *p = s->participants; p; p = p->next)
             if (p->settings.progressive && is_newer(s, p) &&
                 wants_frame(schedule, s, p, schedule->now_ms) &&
-                p->schedule->next_frame_ms - schedule->now_ms <= SRV_QUIET_MS)
+                fmax(p->schedule->next_frame_ms, opens_ms(schedule, s, p, schedule->now_ms)) -
+                        schedule->now_ms <=
+                    SRV_QUIET_MS)
                 return true;
     return false;
 }

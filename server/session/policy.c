@@ -15,7 +15,20 @@ static bool has_quality(const struct srv_encoding *e) { /* the format beside vid
 }
 
 enum sp_video_codec srv_policy_video(const struct srv_participant *p) {
-    return p->delivery.rate_control.is_video ? p->settings.slow_video : p->settings.video;
+    bool is_slow =
+        p->delivery.rate_control.is_video && p->settings.slow_video != SP_VIDEO_CODEC_COUNT;
+    return is_slow ? p->settings.slow_video : p->settings.video;
+}
+
+void srv_policy_update_rate(struct srv_participant *p) {
+    const struct srv_rate_demand demand = {
+        .bytes_per_ms = srv_window_rate(&p->delivery.window),
+        .interval_ms = 1000.0 / p->settings.max_fps,
+        .takes_video = p->settings.slow_video != SP_VIDEO_CODEC_COUNT,
+        .quality = p->settings.quality,
+        .is_video_refused = p->delivery.is_video_refused,
+    };
+    srv_rate_control_update(&p->delivery.rate_control, &demand);
 }
 
 struct srv_encoding srv_policy_encoding(const struct srv_participant *p, enum srv_frame_step step) {
@@ -92,8 +105,9 @@ static proto_json *reasons(const struct srv_participant *p, const struct srv_enc
                            bool is_known) {
     const struct srv_moving_detail *m = &p->policy.moving;
     const struct srv_rate_control *rate = &p->delivery.rate_control;
+    const struct srv_rate_control then = { .step = m->rate_step };
     uint32_t most[2];
-    srv_rate_control_size(rate, m->full_size, most);
+    srv_rate_control_size(&then, m->full_size, most);
     bool is_less = is_known && (m->mip_level > 0 || m->size[0] < most[0] || m->size[1] < most[1]);
     proto_json *list = proto_json_array();
     bool ok = list != NULL;

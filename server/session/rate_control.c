@@ -25,10 +25,14 @@ enum { STEPS = sizeof steps / sizeof *steps };
 
 void srv_rate_control_init(struct srv_rate_control *control) {
     memset(control, 0, sizeof *control);
+    control->quality = SRV_RATE_QUALITY_MAX;
 }
 
 struct srv_rate_step srv_rate_control_step(const struct srv_rate_control *control) {
-    return steps[control->step];
+    struct srv_rate_step step = steps[control->step];
+    if (step.quality > control->quality)
+        step.quality = control->quality;
+    return step;
 }
 
 void srv_rate_control_size(const struct srv_rate_control *control, const uint32_t full[2],
@@ -55,7 +59,8 @@ static double part_of_step(const struct srv_rate_control *control, unsigned step
     double side = (double)steps[step].side / SRV_RATE_SIDES;
     double part = part_of_size(side * side);
     bool is_lossless = control->is_lossless && !control->is_video;
-    return is_lossless ? part : part * part_of_quality(steps[step].quality);
+    int quality = steps[step].quality < control->quality ? steps[step].quality : control->quality;
+    return is_lossless ? part : part * part_of_quality(quality);
 }
 
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame) {
@@ -79,18 +84,23 @@ static unsigned finest(const struct srv_rate_control *control, double full_ms, d
 
 void srv_rate_control_forget(struct srv_rate_control *control) {
     control->bytes[false] = control->bytes[true] = 0;
+    control->is_video = false;
+}
+
+static bool is_video_better(const struct srv_rate_control *control, double bytes_per_ms) {
+    double quality = control->is_lossless ? 1 : part_of_quality(control->quality);
+    double image_ms = control->bytes[false] * quality / bytes_per_ms;
+    return image_ms > (control->is_video ? IMAGES_AGAIN : 1) * VIDEO_MS;
 }
 
 void srv_rate_control_update(struct srv_rate_control *control,
                              const struct srv_rate_demand *demand) {
     double limit_ms = fmax(SEND_MS, demand->interval_ms);
-    control->is_video = control->is_video && demand->takes_video;
+    control->quality =
+        demand->quality < SRV_RATE_QUALITY_MAX ? demand->quality : SRV_RATE_QUALITY_MAX;
     if (demand->bytes_per_ms <= 0)
         return;
-    double image_ms = control->bytes[false] / demand->bytes_per_ms;
-    if (image_ms > 0)
-        control->is_video =
-            demand->takes_video && image_ms > (control->is_video ? IMAGES_AGAIN : 1) * VIDEO_MS;
+    control->is_video = demand->takes_video && is_video_better(control, demand->bytes_per_ms);
     double full_ms =
         control->bytes[control->is_video && !demand->is_video_refused] / demand->bytes_per_ms;
     if (full_ms == 0)

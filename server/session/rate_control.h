@@ -3,7 +3,8 @@
  * Rate control: how small the moving frames of one client must be for its network. Pure: no clock,
  * no lock.
  *
- * A frame of full quality is wanted as long as the link carries 30 of them per second. Otherwise:
+ * A frame of full quality is wanted as long as the link carries 30 of them per second, or as many
+ * as the client asked for if that is less. Otherwise:
  *
  *   1. video, if the client takes it: about a tenth of the bytes of images. It already replaces
  *      images that take more than 20 ms to send: encoding and decoding video takes longer, too.
@@ -30,6 +31,7 @@ struct srv_rate_control {
     unsigned step;
     bool is_video;    /* video replaces images */
     bool is_lossless; /* the images are: only their size counts */
+    int quality;      /* the best of a moving frame, [1, SRV_RATE_QUALITY_MAX] */
     double bytes[2];  /* expected of a frame of full size at the best quality: image, video; 0 = not
                          known */
 };
@@ -50,13 +52,15 @@ struct srv_rate_frame { /* a moving frame that was encoded */
 };
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame);
 
-/* The client asked for other frames: drops what is known of their bytes, and keeps the step. */
+/* The client asked for other frames: drops what is known of their bytes, and keeps the step. Images
+ * come first again. */
 void srv_rate_control_forget(struct srv_rate_control *control);
 
 struct srv_rate_demand {
     double bytes_per_ms;   /* that the link carries; 0 = not known */
     double interval_ms;    /* the shortest time between frames that the client asked for */
     bool takes_video;      /* in place of images */
+    int quality;           /* granted, [1, 100] */
     bool is_video_refused; /* no encoder is free: it gets images all the same */
 };
 /* Chooses how the next frames are encoded. */

@@ -79,13 +79,7 @@ static bool stream_ack(struct srv_call *call) {
         frame > UINT32_MAX || !srv_window_acked(&p->delivery.window, (uint32_t)frame, call->now_ms))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/frame",
                                "must be the number of a frame that was sent");
-    const struct srv_rate_demand demand = {
-        .bytes_per_ms = srv_window_rate(&p->delivery.window),
-        .interval_ms = 1000.0 / p->settings.max_fps,
-        .takes_video = p->settings.slow_video != SP_VIDEO_CODEC_COUNT,
-        .is_video_refused = p->delivery.is_video_refused,
-    };
-    srv_rate_control_update(&p->delivery.rate_control, &demand);
+    srv_policy_update_rate(p);
     if (sent_ms > 0)
         srv_metrics_time(call->hub->options.metrics, SRV_TIME_ROUND_TRIP, call->now_ms - sent_ms);
     srv_hub_emit(call->hub, SRV_WINDOW_CHANGED, p->session, p, call->now_ms);

@@ -335,6 +335,8 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
 
 /* Stream policy (policy.c). */
 
+/* Follows the measured network and the settings; call when either changes. */
+void srv_policy_update_rate(struct srv_participant *participant);
 /* Returns the video codec of its moving frames; SP_VIDEO_CODEC_COUNT = images. */
 enum sp_video_codec srv_policy_video(const struct srv_participant *participant);
 /* What a participant gets: the encoding of its frames of one step. */

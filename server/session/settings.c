@@ -217,6 +217,7 @@ bool srv_call_configure(struct srv_call *call) {
     if (changed) {
         p->delivery.is_video_refused = false;
         srv_rate_control_forget(&p->delivery.rate_control);
+        srv_policy_update_rate(p);
         srv_hub_emit(call->hub, SRV_IMAGE_CHANGED, p->session, p, call->now_ms);
         srv_hub_notify(call->hub, p, SRV_NOTIFY_POLICY);
     }

@@ -49,7 +49,7 @@ void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, do
         ((double)bytes - window->frame_bytes) / (window->frame_bytes > 0 ? 4 : 1);
 }
 
-/* `is_new_epoch`: the older measurements may be dropped. */
+/* `may_drop`: older measurements are dropped when their time is over. */
 static void measure_base(struct srv_window *window, double rtt_ms, bool may_drop, double now_ms) {
     double age_ms = now_ms - window->base_epoch_ms;
     if (may_drop && age_ms > BASE_EPOCH_MS) {
@@ -61,19 +61,18 @@ static void measure_base(struct srv_window *window, double rtt_ms, bool may_drop
         window->base_ms[0] = fmax(rtt_ms, 0.01);
 }
 
-/* `is_base_known`: it is not this frame's own round trip. */
 static void measure_rate(struct srv_window *window, const struct srv_window_frame *f,
-                         bool is_base_known, double now_ms) {
+                         double now_ms) {
     double bytes = (double)(window->acked_bytes - f->acked);
     double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
     double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
-    if (is_base_known)
+    if (window->is_base_exact)
         rate = fmax(rate, (double)f->bytes /
                               fmax(now_ms - f->sent_ms - srv_window_rtt_ms(window), TRIP_MIN_MS));
     if (window->rate_acks++ == RATE_EPOCH_ACKS || now_ms - window->rate_epoch_ms > RATE_EPOCH_MS) {
         window->rate[1] = window->rate[0];
         window->rate[0] = 0;
-        window->rate_acks = 0;
+        window->rate_acks = 1;
         window->rate_epoch_ms = now_ms;
     }
     window->rate[0] = fmax(window->rate[0], rate);
@@ -93,12 +92,14 @@ bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) 
     while (window->count > 0 && at(window, 0)->frame <= frame) {
         struct srv_window_frame *oldest = at(window, 0);
         double rtt_ms = now_ms - oldest->sent_ms;
-        bool is_shorter = rtt_ms < srv_window_rtt_ms(window);
+        bool has_pong = window->is_base_exact, is_shorter = rtt_ms < srv_window_rtt_ms(window);
         window->acked_bytes += oldest->bytes;
         window->bytes -= oldest->bytes;
-        if (!window->has_pong || is_shorter)
-            measure_base(window, rtt_ms, oldest->alone && !window->has_pong, now_ms);
-        measure_rate(window, oldest, window->has_pong && !is_shorter, now_ms);
+        if (!has_pong || is_shorter) {
+            window->is_base_exact = false;
+            measure_base(window, rtt_ms, oldest->alone && !has_pong, now_ms);
+        }
+        measure_rate(window, oldest, now_ms);
         window->last_sent_ms = oldest->sent_ms;
         window->head = (window->head + 1) % SRV_WINDOW_MAX;
         window->count--;
@@ -112,9 +113,9 @@ bool srv_window_acked(struct srv_window *window, uint32_t frame, double now_ms) 
 }
 
 void srv_window_ponged(struct srv_window *window, double rtt_ms, double now_ms) {
-    if (!window->has_pong)
+    if (!window->is_base_exact)
         window->base_ms[0] = window->base_ms[1] = 0;
-    window->has_pong = true;
+    window->is_base_exact = true;
     measure_base(window, rtt_ms, true, now_ms);
 }
 

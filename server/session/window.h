@@ -13,14 +13,15 @@
  * client whose acknowledgements are late gets no frame until the next one arrives. One that
  * acknowledges a frame only after work on it counts as a slow link.
  *
- *   base  The round trip of a message without bytes: the shortest pong, or acknowledgement if that
- *         was shorter, of the last 10 to 20 seconds in which no queue could delay it.
- *   rate  What the link carries. Two measurements never exceed it, apart from jitter: a frame's
- *         bytes over its round trip beyond base, exact if no other frame was before it; and the
- *         bytes acknowledged while the frame was on its way over that time, or over the time in
- *         which they were sent if that was longer, exact if the link was busy (Cardwell et al.,
- *         BBR, 2016). The largest of the last 8 to 16 frames counts, or of
- *         the last 1 to 2 seconds.
+ *   base  The round trip of a message without bytes: the shortest pong of the last 10 to 20 seconds
+ *         before the newest one. An acknowledgement that takes less time shows that the pong was
+ *         late; it replaces the pong until the next one.
+ *   rate  What the link carries. Two measurements estimate it; neither exceeds it while base is
+ *         right, apart from jitter. The first is a frame's bytes over its round trip beyond base,
+ *         exact if no other frame was before it. The second is the bytes acknowledged while the
+ *         frame was on its way over that time, or over the time in which they were sent if that was
+ *         longer, exact if the link was busy (Cardwell et al., BBR, 2016). The largest of the last
+ *         8 to 16 frames counts, or of the last 1 to 2 seconds, whichever is shorter.
  */
 #ifndef SRV_SESSION_WINDOW_H
 #define SRV_SESSION_WINDOW_H
@@ -37,9 +38,9 @@ struct srv_window_frame {
     double sent_ms;
     double due_ms;    /* when its acknowledgement is expected */
     bool alone;       /* no other frame was unacknowledged */
-    uint64_t acked;   /* bytes acknowledged before it was sent, */
-    double acked_ms;  /* and when; when it was sent, if it was alone */
-    double before_ms; /* when the last of these was sent; as above, if it was alone */
+    uint64_t acked;   /* bytes acknowledged before it was sent */
+    double acked_ms;  /* time of the last acknowledgement before it was sent; sent_ms if alone */
+    double before_ms; /* when the frame of that acknowledgement was sent; sent_ms if alone */
 };
 
 struct srv_window {
@@ -48,7 +49,7 @@ struct srv_window {
     size_t bytes;                                     /* of the unacknowledged frames */
     double base_ms[2];    /* shortest in the current and the previous 10 s; 0 = none */
     double base_epoch_ms; /* start of the current 10 s */
-    bool has_pong;        /* base is that of a message without bytes */
+    bool is_base_exact;   /* it is that of a pong */
     double rate[2]; /* bytes per ms, largest of the current and the previous 8 frames or second; 0 =
                        none */
     unsigned rate_acks;   /* frames of the current 8 */
@@ -56,8 +57,8 @@ struct srv_window {
     double free_ms;       /* when the frames on the way have passed the link */
     double frame_bytes;   /* mean of the last frames; 0 = none */
     uint64_t acked_bytes; /* so far */
-    double last_ack_ms;   /* 0 = none yet, */
-    double last_sent_ms;  /* and when the acknowledged frame was sent */
+    double last_ack_ms;   /* time of the newest acknowledgement; 0 = none yet */
+    double last_sent_ms;  /* when the newest acknowledged frame was sent */
     uint32_t last_frame;  /* newest sent; 0 = none */
 };
 

@@ -1,25 +1,30 @@
 // SPDX-License-Identifier: Apache-2.0
-// Decodes images in a worker, so that neither input nor acknowledgements wait for it.
+// Decodes images in a worker, so that neither input nor acknowledgements wait for it. Where the worker fails, the page decodes.
 const calls = new Map(); // by id: {resolve, reject}
 let worker = null;
+let hasFailed = false;
 let ids = 0;
 
 function start() {
   worker = new Worker(new URL('decode_worker.js', import.meta.url));
   worker.onmessage = ({ data: { id, image, error } }) => {
-    const { resolve, reject } = calls.get(id);
+    const call = calls.get(id);
     calls.delete(id);
-    if (image) resolve(image);
-    else reject(new Error(error));
+    if (image) call.resolve(image);
+    else call.reject(new Error(error));
   };
-  worker.onerror = ({ message }) => {
-    for (const { reject } of calls.values()) reject(new Error(message || 'the worker that decodes images failed'));
+  worker.onerror = () => {
+    worker.onmessage = null;
+    worker.terminate();
+    hasFailed = true;
+    for (const { reject } of calls.values()) reject(new Error('the worker that decodes images failed'));
     calls.clear();
   };
 }
 
 /** Decodes the payload of a frame, which this takes over. Resolves to an ImageBitmap. */
 export function decodeImage({ payload, type }) {
+  if (hasFailed) return createImageBitmap(new Blob([payload], { type }));
   if (!worker) start();
   const id = ++ids;
   return new Promise((resolve, reject) => {

@@ -173,6 +173,7 @@ async function sendConfigure() {
   const { size } = screen;
   if (!connection.isLive || String(size) === configured) return;
   configured = String(size);
+  await knowsFormats;
   try {
     const name = recall('name');
     await connection.call('stream.configure', { size, max_fps: maxFps, ...(name ? { name } : {}), ...wantedFormat() });
@@ -183,6 +184,7 @@ async function sendConfigure() {
 }
 
 refreshRate().then(async (hertz) => {
+  if (hertz === maxFps) return;
   maxFps = hertz;
   if (connection.isLive) await connection.call('stream.configure', { max_fps: maxFps }).catch((error) => connection.isLive && report(error));
 });
@@ -197,13 +199,13 @@ const lossless = element('lossless'); // for a view at rest
 let videos = [];
 const formatOf = (choice) => (choice === AUTO ? ['jpeg', ...CHEAPEST_FIRST.filter((name) => videos.includes(name))] : [choice, 'jpeg']);
 const wantedFormat = () => ({ format: formatOf(moving.value), lossless: lossless.checked });
-videoFormats(window.VideoDecoder).then((names) => {
+const knowsFormats = videoFormats(window.VideoDecoder).then((names) => {
   videos = names;
   if (names.length === 0) return;
   moving.add(new Option(MOVING_NAMES[AUTO], AUTO), 0);
   for (const name of names) moving.add(new Option(MOVING_NAMES[name], name));
   const known = recall('moving');
-  setMoving([...moving.options].some(({ value }) => value === known) ? known : AUTO);
+  moving.value = [...moving.options].some(({ value }) => value === known) ? known : AUTO;
 });
 async function setMoving(choice) {
   moving.value = choice;
@@ -306,6 +308,7 @@ function showRefused(error) {
 
 connection.on('state', (change) => {
   last = change;
+  if (change.state !== 'live') warp.hide();
   if (change.state === 'live') {
     order.reset();
     video.reset();
@@ -357,6 +360,7 @@ connection.on('notification', ({ method, params }) => {
       refreshList();
       break;
     case 'render.error':
+      warp.hide();
       notice.show(`The picture could not be rendered: ${params.message ?? 'no reason given'}`
         + `${params.pointer ? ` (${params.pointer})` : ''}`, 'render');
       break;

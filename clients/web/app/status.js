@@ -95,7 +95,7 @@ export class StatusLine {
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
     set('detail', frame ? `${detailPercent(frame, this.#wanted(), this.#stats.coarse)} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
-    set('bytes', frame ? kilobytes(frame.payload.byteLength) : '');
+    set('bytes', frame ? kilobytes(frame.bytes) : '');
     set('render', frame ? `${((frame.renderUs + frame.encodeUs) / 1000).toFixed(0)} ms` : '');
     set('backend', this.#stats.backend ?? '');
     set('splats', shortNumber(this.#stats.splats));

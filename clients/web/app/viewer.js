@@ -77,7 +77,7 @@ export class Viewer extends Emitter {
     } catch {
       this.#rig = null;
     }
-    if (this.updates.sent === 0) this.#rigs.set(0, this.#rig);
+    this.#rigs.set(this.updates.sent, this.#rig); // frames of this view carry the seq of this client's last update
     this.#measure();
     const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport()) : this.#rig;
     if (rig !== this.#rig) this.#move(rig);

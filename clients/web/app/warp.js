@@ -7,8 +7,9 @@
 import { cssTransform, homography } from '../core/warp.js';
 
 const AHEAD_MIN = 2; // updates
-const SLOW_MS = 22; // between animation frames, on average over
+const SLOW_MS = 22; // between animation frames, on average over SLOW_FRAMES
 const SLOW_FRAMES = 12;
+const GAP_MS = 200; // a longer time between two of them says nothing: the tab was hidden
 const PAUSE_MS = 20000;
 
 export class Warp {
@@ -17,6 +18,7 @@ export class Warp {
   #shown = null; // camera of the picture
   #isCopied = false;
   #times = []; // of the last animation frames with a warped picture
+  #watching = 0; // the request of the next one
   #pausedUntil = 0;
 
   /** layer: the element above the canvas; screen: the Screen. */
@@ -31,6 +33,11 @@ export class Warp {
 
   set isOn(isOn) {
     this.#isOn = isOn;
+    this.#layer.hidden = true;
+  }
+
+  /** Shows the canvas: nothing is moving, or no picture will come. */
+  hide() {
     this.#layer.hidden = true;
   }
 
@@ -57,16 +64,18 @@ export class Warp {
   /** Measures animation frames until the layer is hidden again. */
   #watch() {
     this.#times = [];
+    cancelAnimationFrame(this.#watching);
     const next = (now) => {
       if (this.#layer.hidden) return;
+      if (now - this.#times.at(-1) > GAP_MS) this.#times = [];
       this.#times.push(now);
       if (this.#times.length > SLOW_FRAMES && now - this.#times.shift() > SLOW_MS * SLOW_FRAMES) {
         this.#pausedUntil = performance.now() + PAUSE_MS;
         this.#layer.hidden = true;
       } else {
-        requestAnimationFrame(next);
+        this.#watching = requestAnimationFrame(next);
       }
     };
-    requestAnimationFrame(next);
+    this.#watching = requestAnimationFrame(next);
   }
 }

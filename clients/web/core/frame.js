@@ -17,7 +17,7 @@ export class FrameError extends Error {
 
 /**
  * Decodes one binary message (ArrayBuffer). Returns {codec, type, isVideo, flags, isKey, isFinal, isLossless, frame, seq,
- * width, height, renderUs, encodeUs, payload}; `payload` is a view into the message. Throws FrameError.
+ * width, height, bytes, renderUs, encodeUs, payload}; `payload` is a view into the message. Throws FrameError.
  */
 export function decodeFrame(buffer) {
   if (buffer.byteLength < HEADER_BYTES) {
@@ -51,6 +51,7 @@ export function decodeFrame(buffer) {
     frame: view.getUint32(8, true),
     seq: view.getUint32(12, true),
     width, height,
+    bytes: payloadBytes, // also after `payload` was given away
     renderUs: view.getUint32(20, true),
     encodeUs: view.getUint32(24, true),
     payload: new Uint8Array(buffer, headerBytes, payloadBytes),

@@ -31,6 +31,7 @@ export class FrameOrder {
   reset() {
     this.#epoch += 1;
     this.#newest = -1;
+    this.#decoding = 0;
     this.#owed = null;
     this.#drop();
   }
@@ -47,8 +48,10 @@ export class FrameOrder {
     } catch (error) {
       if (epoch === this.#epoch) this.#fail(error, frame);
     }
-    this.#decoding -= 1;
-    this.#acknowledge();
+    if (epoch === this.#epoch) {
+      this.#decoding -= 1;
+      this.#acknowledge();
+    }
     if (image && epoch === this.#epoch && frame.frame > this.#newest) return this.#show(image, frame);
     image?.close?.();
     return false;
@@ -71,9 +74,12 @@ export class FrameOrder {
     const next = this.#next;
     this.#next = null;
     if (!next) return;
-    this.#draw(next.image, next.frame);
-    next.image.close?.();
-    next.done(true);
+    try {
+      this.#draw(next.image, next.frame);
+    } finally {
+      next.image.close?.();
+      next.done(true);
+    }
   }
 
   #drop() {

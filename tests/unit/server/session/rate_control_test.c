@@ -31,7 +31,8 @@ static double run(struct srv_rate_control *control, double bytes_per_ms, int fra
     for (int i = 0; i < frames; i++) {
         const struct srv_rate_demand demand = { .bytes_per_ms = bytes_per_ms,
                                                 .interval_ms = 1000.0 / 60,
-                                                .takes_video = takes_video };
+                                                .takes_video = takes_video,
+                                                .quality = 90 };
         srv_rate_control_update(control, &demand);
         const struct srv_rate_step step = srv_rate_control_step(control);
         struct srv_rate_frame frame = { .is_video = control->is_video,
@@ -119,7 +120,9 @@ static void lossless_images_become_smaller(void **state) {
     srv_rate_control_init(&control);
     double send_ms = 0;
     for (int i = 0; i < 100; i++) {
-        const struct srv_rate_demand demand = { .bytes_per_ms = 3000, .interval_ms = 1000.0 / 60 };
+        const struct srv_rate_demand demand = { .bytes_per_ms = 3000,
+                                                .interval_ms = 1000.0 / 60,
+                                                .quality = 90 };
         srv_rate_control_update(&control, &demand);
         const double side = srv_rate_control_step(&control).side / 8.0;
         struct srv_rate_frame frame = { .is_lossless = true,
@@ -134,6 +137,38 @@ static void lossless_images_become_smaller(void **state) {
     assert_compare(send_ms, >=, 1000.0 / 30 / 2);
 }
 
+/* A lower quality that the client asked for counts before anything else is reduced. */
+static void the_granted_quality_counts(void **state) {
+    (void)state;
+    struct srv_rate_control control;
+    srv_rate_control_init(&control);
+    struct srv_rate_demand demand = { .bytes_per_ms = 1000, .interval_ms = 16, .quality = 90 };
+    const struct srv_rate_frame frame = {
+        .quality = 60, .size = { SIDE, SIDE }, .full_size = { SIDE, SIDE }, .bytes = 40000
+    };
+    srv_rate_control_learn(&control, &frame); /* 40 ms at quality 60 */
+    demand.quality = 20;                      /* about 28 ms */
+    srv_rate_control_update(&control, &demand);
+    assert_int_equal(control.step, 0);
+    assert_int_equal(srv_rate_control_step(&control).quality, 20);
+    demand.quality = 90;
+    srv_rate_control_update(&control, &demand);
+    assert_compare(control.step, >, 0);
+}
+
+static void other_frames_begin_as_images(void **state) {
+    (void)state;
+    struct srv_rate_control control;
+    srv_rate_control_init(&control);
+    run(&control, 600, 20, true, 0);
+    assert_true(control.is_video);
+    srv_rate_control_forget(&control);
+    assert_false(control.is_video);
+    run(&control, 1e5, 20, true, 0); /* and stay so if the network became fast */
+    assert_false(control.is_video);
+    assert_int_equal(control.step, 0);
+}
+
 static void refused_video_is_counted_as_images(void **state) {
     (void)state;
     struct srv_rate_control control;
@@ -141,9 +176,11 @@ static void refused_video_is_counted_as_images(void **state) {
     run(&control, 600, 20, true, 0);
     assert_true(control.is_video);
     assert_int_equal(control.step, 0);
-    const struct srv_rate_demand refused = {
-        .bytes_per_ms = 600, .interval_ms = 16, .takes_video = true, .is_video_refused = true
-    };
+    const struct srv_rate_demand refused = { .bytes_per_ms = 600,
+                                             .interval_ms = 16,
+                                             .takes_video = true,
+                                             .quality = 90,
+                                             .is_video_refused = true };
     srv_rate_control_update(&control, &refused);
     assert_true(control.is_video); /* it is asked for again and again */
     assert_compare(control.step, >, 0);
@@ -156,6 +193,8 @@ int main(void) {
         cmocka_unit_test(the_step_does_not_flicker),
         cmocka_unit_test(video_replaces_images_where_it_wins),
         cmocka_unit_test(lossless_images_become_smaller),
+        cmocka_unit_test(the_granted_quality_counts),
+        cmocka_unit_test(other_frames_begin_as_images),
         cmocka_unit_test(refused_video_is_counted_as_images),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

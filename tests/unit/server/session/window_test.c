@@ -30,7 +30,7 @@ static bool is_open(const struct srv_window *window, unsigned waiting, int max_f
 struct network {
     double rtt_ms, bytes_per_ms, make_ms; /* make_ms: the server needs it per frame */
     double jitter_ms;                     /* of every second acknowledgement */
-    double pause_at_ms, pause_ms;         /* nothing is delivered meanwhile */
+    double pause_at_ms, pause_ms; /* nothing that is sent meanwhile is delivered before its end */
 };
 
 struct seen { /* in the last second */
@@ -124,6 +124,26 @@ static void a_pause_of_the_network_builds_no_queue(void **state) {
     const struct seen seen = simulate(&window, &n, 60, 9);
     /* Some frames are on their way when it begins; then none is sent until it ends. */
     assert_in_range(seen.frames, 8, 16);
+}
+
+/* The first pong comes late, when much else begins. What acknowledgements show then is not taken
+ * for a fast link. */
+static void a_late_pong_does_not_hide_a_slow_link(void **state) {
+    (void)state;
+    struct srv_window window;
+    srv_window_init(&window);
+    srv_window_ponged(&window, 300, 1);
+    double now = 1;
+    for (uint32_t frame = 1; frame <= 30; frame++, now += 200) { /* 20 ms, 250 bytes per ms */
+        srv_window_sent(&window, frame, 20000 + frame * 10, now);
+        srv_window_acked(&window, frame, now + 20 + (20000 + frame * 10) / 250.0);
+        assert_compare(srv_window_rate(&window), <=, 250.0);
+    }
+    srv_window_ponged(&window, 20, now);
+    srv_window_sent(&window, 31, 20000, now);
+    srv_window_acked(&window, 31, now + 20 + 80);
+    assert_compare(srv_window_rate(&window), >=, 249.0);
+    assert_compare(srv_window_rate(&window), <=, 251.0);
 }
 
 static void a_client_that_never_acknowledges_gets_two_frames(void **state) {
@@ -236,6 +256,7 @@ int main(void) {
         cmocka_unit_test(a_slow_link_is_busy_and_has_no_queue),
         cmocka_unit_test(a_slow_server_does_not_hide_what_the_link_carries),
         cmocka_unit_test(a_pause_of_the_network_builds_no_queue),
+        cmocka_unit_test(a_late_pong_does_not_hide_a_slow_link),
         cmocka_unit_test(the_next_frame_is_drawn_while_the_last_one_is_sent),
         cmocka_unit_test(a_client_that_never_acknowledges_gets_two_frames),
         cmocka_unit_test(bytes_are_limited_but_one_frame_is_always_sent),
