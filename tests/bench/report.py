@@ -441,7 +441,7 @@ SECTIONS = [
      'on average. The second table is a script that requests one image after the other.'),
     ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls: per cell frames per second, '
      'the median time from a change to its image, and what is allowed: the round trip, two frame times, and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms and '
-     'seven packets per frame a frame is stalled most of the time.'),
+     'seven packets per frame most frames arrive late.'),
     ('Codecs', codecs, 'The camera turns by 2° per frame. CPU time is the sum over all threads. Qualities are nominal: the loss of image quality is not compared.'),
     ('Files', files, ''),
 ]

@@ -119,12 +119,16 @@ test('the frames on the way to a distant client fill its round trip', async () =
   const stream = await Stream.open(daemon.streamUrl(session).replace(/:\d+\//, `:${proxy.port}/`), { session });
   await stream.call('stream.configure', { max_fps: 120, progressive: false, size: [16, 16] });
   let seq = 0;
+  const before = new Map(); // frames that had arrived when an update was sent, by seq
   const drag = setInterval(() => {
     seq += 1;
+    before.set(seq, stream.frames.length);
     stream.notify('view.update', { seq, patch: turned(session.view, seq) });
   }, 8);
-  const { rtt_ms: rtt } = (await stream.note('stream.stats', (stats) => stats.window > 4)).params;
+  // While an update is on its way there and its frame back, frames of earlier updates arrive.
+  await stream.frame((frame, at) => frame.seq > 0 && at - before.get(frame.seq) > 8, 'frames on their way');
   clearInterval(drag);
+  const { rtt_ms: rtt } = (await stream.note('stream.stats', (stats) => stats.rtt_ms > 0)).params;
   compare(rtt, '>=', 400);
   await stream.end();
   proxy.close();

@@ -3,7 +3,7 @@
 
 const REASONS = {
   quality: () => 'lower quality is faster',
-  bandwidth: () => 'the network is too slow for more',
+  bandwidth: () => 'the network is too slow for larger images',
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
       ? `full detail would take ${Math.round(sharp)} ms of a budget of ${Math.round(budget)} ms` : 'full detail would take too long'),

@@ -2,7 +2,9 @@
 // A TCP proxy that behaves like a slow and distant network: a delay, a rate, and stalls.
 //
 //   client ──► delay ──► daemon          up:   the delay alone
-//          ◄── delay ◄── rate, queue ◄── down: each packet leaves when the one before has left; the queue is bounded
+//          ◄── delay ◄── rate, queue ◄── down: each packet leaves when the one before has left
+//
+// The queue is bounded, apart from the buffers of the kernel.
 //
 // A stall stands for a lost packet: it arrives one round trip later, when it was sent again, and the later packets are delivered
 // after it. They use the link meanwhile.

@@ -25,7 +25,7 @@ test('every field of the header is read', () => {
   const { payload, ...frame } = decodeFrame(message());
   assert.deepEqual(frame, {
     codec: 1, type: 'image/jpeg', isVideo: false, flags: 3, isKey: true, isFinal: true, isLossless: false,
-    frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, renderUs: 10000, encodeUs: 1000,
+    frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, bytes: 3, renderUs: 10000, encodeUs: 1000,
   });
   assert.deepEqual([...payload], [0xff, 0xd8, 0xff]);
 });

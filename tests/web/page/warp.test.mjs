@@ -16,7 +16,12 @@ async function setUp(context, frameMs = 16) {
   await opened.page.addInitScript(`(() => {
     const real = window.requestAnimationFrame.bind(window);
     let time = 0;
-    window.requestAnimationFrame = (then) => real(() => then(time += ${frameMs}));
+    let last = 0; // all callbacks of a frame get the same time
+    window.requestAnimationFrame = (then) => real((now) => {
+      if (now !== last) time += ${frameMs};
+      last = now;
+      then(time);
+    });
   })()`);
   context.after(async () => {
     await opened.context.close();
