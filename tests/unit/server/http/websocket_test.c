@@ -15,6 +15,7 @@
 #include <cmocka.h>
 
 #include "http/websocket.h"
+#include "session/session.h"
 #include "support/compare.h"
 #include "support/fake_memory.h"
 #include "unit/server/session/hub_fixture.h"
@@ -490,6 +491,62 @@ static void a_silent_client_gets_two_pings_and_is_lost(void **state) {
     assert_true(srv_ws_is_lost(s->ws));
 }
 
+/* Appends a masked pong from the client; the mask is zero. */
+static void send_pong(struct wire *wire, uint8_t payload) {
+    const uint8_t pong[] = { 0x8a, 0x81, 0, 0, 0, 0, payload };
+    assert_compare(wire->in_size + sizeof pong, <=, CAPACITY);
+    memcpy(wire->in + wire->in_size, pong, sizeof pong);
+    wire->in_size += sizeof pong;
+}
+
+/* Returns the newest ping among the sent frames: its payload, 0 = there was none. */
+static uint8_t find_ping(const struct wire *wire) {
+    struct sent sent;
+    uint8_t payload = 0;
+    for (size_t at = 0; next_sent(wire, &at, &sent);)
+        if (sent.first == 0x89)
+            payload = sent.size == 1 ? sent.bytes[0] : 0;
+    return payload;
+}
+
+static double round_trip(const struct stream *s) {
+    struct fixture *f = s->fixture;
+    return srv_window_rtt_ms(&srv_hub_find_active(f->hub, f->id)->participants->delivery.window);
+}
+
+static void the_round_trip_is_measured_while_no_image_is_on_its_way(void **state) {
+    struct stream *s = *state;
+    run(s, 10);
+    const uint8_t first = find_ping(&s->wire); /* of time 0, when it joined */
+    assert_int_equal(first, 1);
+    send_pong(&s->wire, 77); /* nobody asked */
+    run(s, 20);
+    assert_compare(round_trip(s), ==, 0);
+    send_pong(&s->wire, first);
+    run(s, 30);
+    assert_compare(round_trip(s), ==, 30);
+    send_pong(&s->wire, first); /* again */
+    run(s, 31);
+    assert_compare(round_trip(s), ==, 30);
+    struct srv_blob *blob = deliver(s, 100, 40);
+    run(s, 40);
+    s->wire.out_size = 0;
+    tick(s, 300); /* the image is not acknowledged */
+    run(s, 300);
+    assert_int_equal(find_ping(&s->wire), 0);
+    static const char ack[] =
+        "{\"jsonrpc\":\"2.0\",\"method\":\"stream.ack\",\"params\":{\"frame\":1}}";
+    send_text(&s->wire, ack, sizeof ack - 1);
+    run(s, 400);
+    tick(s, 500);
+    run(s, 500);
+    assert_int_equal(find_ping(&s->wire), 2);
+    send_pong(&s->wire, 2);
+    run(s, 512);
+    assert_compare(round_trip(s), ==, 12);
+    srv_blob_unref(&blob);
+}
+
 static void messages_delay_the_ping_and_a_flood_is_due_at_once(void **state) {
     struct stream *s = *state;
     run(s, 10);
@@ -589,6 +646,7 @@ int main(void) {
         WITH_STREAM(a_close_waits_for_the_image_before_it),
         WITH_STREAM(a_protocol_error_does_not_corrupt_an_image),
         WITH_STREAM(a_silent_client_gets_two_pings_and_is_lost),
+        WITH_STREAM(the_round_trip_is_measured_while_no_image_is_on_its_way),
         WITH_STREAM(messages_delay_the_ping_and_a_flood_is_due_at_once),
         WITH_STREAM(an_image_without_acknowledgement_has_a_deadline),
         WITH_STREAM(bytes_that_the_socket_does_not_take_have_a_deadline),

@@ -12,6 +12,8 @@
 
 #include <cmocka.h>
 
+#include "session/session.h"
+#include "support/compare.h"
 #include "unit/server/session/hub_fixture.h"
 
 /* Takes all messages of a participant; policy = the last stream.policy among them, or "". */
@@ -95,11 +97,45 @@ static void png_has_no_quality_to_reduce(void **state) {
     srv_hub_leave(f->hub, &p, 9000);
 }
 
+/* The client takes video where the network is too slow for images, and only there. */
+static void a_slow_network_is_a_reason(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    char policy[512];
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    hub_send(f, p, "stream.configure", "{\"format\":[\"jpeg\",\"vp8\",\"vp9\"]}", 0);
+    take_policy(f, p, 0, policy);
+    assert_non_null(strstr(policy, "\"moving\":{\"format\":\"jpeg\",\"quality\":60"));
+    p->delivery.rate_control.is_video = true;
+    p->delivery.rate_control.step = 3;
+    hub_update(f, p, 1, 5000);
+    assert_true(hub_next_job(f, 5001, &job));
+    assert_int_equal(job.targets[0].video, SP_VIDEO_VP8);
+    assert_int_equal(job.targets[0].quality, 40);
+    assert_compare(job.view.size[0], <=, 512 * 6 / 8);
+    size_t size;
+    char *text =
+        srv_policy_text(p, 5001, &size); /* before an acknowledgement measures the network */
+    assert_non_null(strstr(text, "\"format\":\"vp8\",\"quality\":40"));
+    assert_non_null(strstr(text, "\"bandwidth\""));
+    free(text);
+    hub_finish(f, &job, 5);
+    take_policy(f, p, 5002, policy);
+    /* Other formats: what was chosen for the last ones is void at once. */
+    hub_send(f, p, "stream.configure", "{\"format\":[\"vp9\",\"jpeg\"]}", 5010);
+    hub_update(f, p, 2, 5100);
+    assert_true(hub_next_job(f, 5101, &job));
+    assert_int_equal(job.targets[0].video, SP_VIDEO_VP9);
+    hub_finish(f, &job, 5);
+    srv_hub_leave(f->hub, &p, 5200);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
         TEST(the_policy_is_reported_with_its_reasons),
         TEST(png_has_no_quality_to_reduce),
+        TEST(a_slow_network_is_a_reason),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
