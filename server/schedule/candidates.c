@@ -28,13 +28,12 @@ static double opens_ms(const struct srv_schedule *schedule, const struct srv_ses
     return at_ms > now_ms ? fmax(at_ms, now_ms + POLL_MS) : at_ms;
 }
 
-/* Would the participant take a frame now or later, if nothing else happens? */
-static bool wants_frame(const struct srv_schedule *schedule, const struct srv_session *s,
-                        const struct srv_participant *p, double now_ms) {
+/* Would the participant take a frame when its network is free, at opens_ms? */
+static bool wants_frame(const struct srv_session *s, const struct srv_participant *p,
+                        double opens_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
     bool has_all = plan->newest.version >= s->shared.version && plan->newest.step == SRV_STEP_FINAL;
-    return !has_all && plan->failed_version != s->shared.version &&
-           opens_ms(schedule, s, p, now_ms) < INFINITY;
+    return !has_all && plan->failed_version != s->shared.version && opens_ms < INFINITY;
 }
 
 static bool is_newer(const struct srv_session *s, const struct srv_participant *p) {
@@ -83,7 +82,8 @@ static double waited_ms(const struct srv_waiting *waiting, double now_ms) {
 static struct srv_demand demand_of(const struct srv_schedule *schedule, const struct srv_session *s,
                                    const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
-    struct srv_demand demand = { .wants_frame = wants_frame(schedule, s, p, now_ms) };
+    struct srv_demand demand = { .opens_ms = opens_ms(schedule, s, p, now_ms) };
+    demand.wants_frame = wants_frame(s, p, demand.opens_ms);
     if (!demand.wants_frame)
         return demand;
     demand.is_newer = is_newer(s, p);
@@ -94,7 +94,6 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.has_slow_slot = has_slow_slot(schedule, s);
     demand.max_fps = p->settings.max_fps;
     demand.next_frame_ms = plan->next_frame_ms;
-    demand.opens_ms = opens_ms(schedule, s, p, now_ms);
     demand.behind_ms = plan->behind_ms;
     demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.sharp_ms = sharp_ms(s, p);
@@ -130,14 +129,19 @@ static void note_waiting(struct srv_waiting *waiting, const struct srv_frame_req
     waiting->ready_ms = waits ? now_ms : 0;
 }
 
+static bool moves_soon(const struct srv_schedule *schedule, const struct srv_session *s,
+                       const struct srv_participant *p) {
+    if (!p->settings.progressive || !is_newer(s, p))
+        return false;
+    double at_ms = opens_ms(schedule, s, p, schedule->now_ms);
+    return wants_frame(s, p, at_ms) &&
+           fmax(p->schedule->next_frame_ms, at_ms) - schedule->now_ms <= SRV_QUIET_MS;
+}
+
 bool srv_has_motion(const struct srv_schedule *schedule) {
     for (const struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy)
         for (const struct srv_participant *p = s->participants; p; p = p->next)
-            if (p->settings.progressive && is_newer(s, p) &&
-                wants_frame(schedule, s, p, schedule->now_ms) &&
-                fmax(p->schedule->next_frame_ms, opens_ms(schedule, s, p, schedule->now_ms)) -
-                        schedule->now_ms <=
-                    SRV_QUIET_MS)
+            if (moves_soon(schedule, s, p))
                 return true;
     return false;
 }
@@ -149,7 +153,7 @@ static bool is_at_rest(const struct srv_schedule *schedule, const struct srv_ses
     bool rests =
         plan->jobs == 0 && (plan->moved_ms == 0 || now_ms - plan->moved_ms >= SRV_MOVING_MS);
     for (const struct srv_participant *p = s->participants; p && rests; p = p->next)
-        rests = !wants_frame(schedule, s, p, now_ms);
+        rests = !wants_frame(s, p, opens_ms(schedule, s, p, now_ms));
     return rests;
 }
 

@@ -28,11 +28,15 @@ void srv_rate_control_init(struct srv_rate_control *control) {
     control->quality = SRV_RATE_QUALITY_MAX;
 }
 
-struct srv_rate_step srv_rate_control_step(const struct srv_rate_control *control) {
-    struct srv_rate_step step = steps[control->step];
+static struct srv_rate_step step_at(const struct srv_rate_control *control, unsigned i) {
+    struct srv_rate_step step = steps[i];
     if (step.quality > control->quality)
         step.quality = control->quality;
     return step;
+}
+
+struct srv_rate_step srv_rate_control_step(const struct srv_rate_control *control) {
+    return step_at(control, control->step);
 }
 
 void srv_rate_control_size(const struct srv_rate_control *control, const uint32_t full[2],
@@ -55,12 +59,12 @@ static double part_of_size(double pixels) {
     return pow(pixels, 0.75);
 }
 
-static double part_of_step(const struct srv_rate_control *control, unsigned step) {
-    double side = (double)steps[step].side / SRV_RATE_SIDES;
+static double part_of_step(const struct srv_rate_control *control, unsigned i) {
+    const struct srv_rate_step step = step_at(control, i);
+    double side = (double)step.side / SRV_RATE_SIDES;
     double part = part_of_size(side * side);
     bool is_lossless = control->is_lossless && !control->is_video;
-    int quality = steps[step].quality < control->quality ? steps[step].quality : control->quality;
-    return is_lossless ? part : part * part_of_quality(quality);
+    return is_lossless ? part : part * part_of_quality(step.quality);
 }
 
 void srv_rate_control_learn(struct srv_rate_control *control, const struct srv_rate_frame *frame) {

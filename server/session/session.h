@@ -70,7 +70,7 @@ struct srv_stream_settings { /* of stream.configure */
     enum sp_chroma chroma;          /* of its JPEGs */
     int quality;                    /* [1, 100] */
     int wanted_fps;                 /* frames per second that the client asked for */
-    int max_fps;                    /* the part of that which the session's owner may have */
+    int max_fps;                    /* as granted: at most the quota of the session's owner */
     bool progressive;               /* wants frames of less detail while the view moves */
     bool lossless;                  /* wants PNG at rest */
     uint32_t size[2];               /* px; 0 = the view's */

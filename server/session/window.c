@@ -8,9 +8,8 @@
 #define BASE_EPOCH_MS 10000.0
 #define RATE_EPOCH_MS 1000.0
 enum { RATE_EPOCH_ACKS = 8 };
-#define TRIP_MIN_MS                                                                                \
-    2.0              /* shorter times are jitter: a small frame says little about a fast link      \
-                      */
+/* Shorter times are jitter: a small frame says little about a fast link. */
+#define TRIP_MIN_MS 2.0
 #define EARLY_MS 3.0 /* a frame may wait so long for the link: it must not idle by jitter */
 #define LATE_MS 10.0 /* an acknowledgement may be so late, and an interval between frames */
 

@@ -439,8 +439,8 @@ SECTIONS = [
     ('From hand to picture', latency, 'Measured by `serve.mjs` over loopback at 512². Work is rendering and encoding; wait is the rest of the time from a change of the view to its image: '
      'pacing, scheduling, transport and the client. A renderer that is busy all the time begins a frame when the last one ends; by then the newest of 60 changes per second is 8 ms old '
      'on average. The second table is a script that requests one image after the other.'),
-    ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls: per cell frames per second, '
-     'the median time from a change to its image, and what is allowed: the round trip, two frame times, and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms and '
+    ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls. Each cell has the frames per second, '
+     'the median time from a change to its image, and the goal for it. The goal is the sum of the round trip, two frame times and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms and '
      'seven packets per frame most frames arrive late.'),
     ('Codecs', codecs, 'The camera turns by 2° per frame. CPU time is the sum over all threads. Qualities are nominal: the loss of image quality is not compared.'),
     ('Files', files, ''),

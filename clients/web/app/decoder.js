@@ -22,7 +22,7 @@ function start() {
   };
 }
 
-/** Decodes the payload of a frame, which this takes over. Resolves to an ImageBitmap. */
+/** Decodes the payload of a frame and resolves to an ImageBitmap. The payload moves to the worker and is empty afterwards. */
 export function decodeImage({ payload, type }) {
   if (hasFailed) return createImageBitmap(new Blob([payload], { type }));
   if (!worker) start();

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * When the frame rate of a participant allows a frame, in virtual time.
+ * The frame rate of a participant, in virtual time: how many frames it gets, and when.
  */
 #include <math.h>
 #include <setjmp.h>
