@@ -10,6 +10,15 @@ import { UpdateQueue } from '../core/update_queue.js';
 import { drag } from '../core/trackball.js';
 import { nextFrame } from './animation.js';
 
+/** The camera of a view as a rig; null if there is no view or its camera cannot be moved. */
+function rigOfView(view) {
+  try {
+    return rigFromCamera(view.camera);
+  } catch {
+    return null;
+  }
+}
+
 export class Viewer extends Emitter {
   #connection; #viewport;
   #view = null;
@@ -72,11 +81,7 @@ export class Viewer extends Emitter {
   take(view, isDefault = this.#isSwitching) {
     this.#view = view;
     this.#isSwitching = false;
-    try {
-      this.#rig = rigFromCamera(view.camera);
-    } catch {
-      this.#rig = null;
-    }
+    this.#rig = rigOfView(view);
     this.#rigs.set(this.updates.sent, this.#rig); // frames of this view carry the seq of this client's last update
     this.#measure();
     const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport()) : this.#rig;
@@ -119,11 +124,11 @@ export class Viewer extends Emitter {
       this.#canControl = true;
     }
     if (view && (isNew || this.updates.isIdle || !this.#view)) this.take(view, isDefault);
+    this.#rigs = new Map([[0, rigOfView(view)]]); // the next stream starts with the daemon's view
   }
 
   /** Call when the stream opens. */
   resume() {
-    this.#rigs = new Map([[0, this.#rig]]);
     this.updates.open();
   }
 
