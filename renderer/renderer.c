@@ -258,9 +258,24 @@ static bool check_support(const struct sp_backend *backend, const struct sp_view
     return true;
 }
 
+/* True unless the view needs sheets of interpolated values and no backend may draw them. */
+static bool check_sheets(const struct sp_renderer *r, const struct sp_view *v,
+                         struct sp_error *err) {
+    const struct sp_backend *backend = atomic_load(&r->backend);
+    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order != SP_TF_POST ||
+        backend->capabilities.interpolated_sheets || (r->is_auto && !r->wanted.require_gpu))
+        return true;
+    return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
+                   "the %s backend does not classify sheets after interpolation: use order "
+                   "\"pre\", or compositing.mode \"slab\"",
+                   backend->entry.name);
+}
+
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err) {
-    return sp_view_validate(view, err) && check_support(atomic_load(&renderer->backend), view, err);
+    return sp_view_validate(view, err) &&
+           check_support(atomic_load(&renderer->backend), view, err) &&
+           check_sheets(renderer, view, err);
 }
 
 /* Starts the backend after this one, unless it runs already. False if no other backend starts, or

@@ -308,10 +308,11 @@ static bool check_compositing(const struct sp_view *view, struct sp_error *err) 
         !check_choice(c->attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation", err) ||
         !check_range(c->slab, 0.05, 64, err, "/compositing/slab"))
         return false;
-    if (view->transfer_function.order == SP_TF_POST && c->mode != SP_COMPOSITE_SLAB)
-        return sp_fail(err, SP_ERR_INVALID, "/transfer_function/order",
-                       "\"post\" needs compositing.mode \"slab\": change both at once, or go back "
-                       "to \"pre\"");
+    if (view->transfer_function.order == SP_TF_POST && c->mode == SP_COMPOSITE_SPLAT)
+        return sp_fail(
+            err, SP_ERR_INVALID, "/transfer_function/order",
+            "\"post\" needs compositing.mode \"sheet\" or \"slab\": change both at once, or "
+            "go back to \"pre\"");
     return true;
 }
 

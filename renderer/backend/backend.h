@@ -29,6 +29,9 @@ struct sp_capabilities {
     uint32_t projections, filters, kernels, compositings, attenuations;
     uint32_t orders, shadings, primitives, levels_of_detail;
     bool gradient_axis; /* transfer_function.gradient */
+    /* Sheets that are classified after interpolation. Without it render() fails with
+     * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
+    bool interpolated_sheets;
     bool clip_box, clip_planes;
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))

@@ -58,6 +58,12 @@
 #define sp_postconv_close_sum SP_ISA_NAME(sp_postconv_close_sum)
 #define sp_postconv_check_cells SP_ISA_NAME(sp_postconv_check_cells)
 #define sp_postconv_resolve SP_ISA_NAME(sp_postconv_resolve)
+/* resample/ */
+#define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
+#define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
+#define sp_resample_sample SP_ISA_NAME(sp_resample_sample)
+#define sp_resample_find_slope SP_ISA_NAME(sp_resample_find_slope)
+#define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
 
 #else
 #define SP_ISA_TEXT "scalar"

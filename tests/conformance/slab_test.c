@@ -53,18 +53,33 @@ static const struct choice {
     enum sp_filter_mode filter;
     bool half;   /* a clip plane removes the far half */
     bool graded; /* a rectilinear grid: layers of different thickness */
+    enum sp_tf_order order;
 } choices[] = {
-    { "sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false },
-    { "splats", SP_COMPOSITE_SPLAT, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false },
-    { "slabs", SP_COMPOSITE_SLAB, 0.6, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false },
-    { "cubic sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_CUBIC, SP_FILTER_EWA, false, false },
-    { "cubic slabs", SP_COMPOSITE_SLAB, 0.8, SP_KERNEL_CUBIC, SP_FILTER_EWA, false, false },
-    { "swan slabs", SP_COMPOSITE_SLAB, 2, SP_KERNEL_GAUSSIAN, SP_FILTER_SWAN, false, false },
-    { "cut sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, false },
-    { "cut slabs", SP_COMPOSITE_SLAB, 1.3, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, false },
-    { "cut cubic slabs", SP_COMPOSITE_SLAB, 1, SP_KERNEL_CUBIC, SP_FILTER_EWA, true, false },
-    { "graded sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, true },
-    { "cut graded slabs", SP_COMPOSITE_SLAB, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, true },
+    { "sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false, SP_TF_PRE },
+    { "interpolated sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false,
+      SP_TF_POST },
+    { "cut interpolated sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true,
+      false, SP_TF_POST },
+    { "graded interpolated sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false,
+      true, SP_TF_POST },
+    { "splats", SP_COMPOSITE_SPLAT, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false, SP_TF_PRE },
+    { "slabs", SP_COMPOSITE_SLAB, 0.6, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, false, SP_TF_PRE },
+    { "cubic sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_CUBIC, SP_FILTER_EWA, false, false,
+      SP_TF_PRE },
+    { "cubic slabs", SP_COMPOSITE_SLAB, 0.8, SP_KERNEL_CUBIC, SP_FILTER_EWA, false, false,
+      SP_TF_PRE },
+    { "swan slabs", SP_COMPOSITE_SLAB, 2, SP_KERNEL_GAUSSIAN, SP_FILTER_SWAN, false, false,
+      SP_TF_PRE },
+    { "cut sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, false,
+      SP_TF_PRE },
+    { "cut slabs", SP_COMPOSITE_SLAB, 1.3, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, false,
+      SP_TF_PRE },
+    { "cut cubic slabs", SP_COMPOSITE_SLAB, 1, SP_KERNEL_CUBIC, SP_FILTER_EWA, true, false,
+      SP_TF_PRE },
+    { "graded sheets", SP_COMPOSITE_SHEET, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, false, true,
+      SP_TF_PRE },
+    { "cut graded slabs", SP_COMPOSITE_SLAB, 1, SP_KERNEL_GAUSSIAN, SP_FILTER_EWA, true, true,
+      SP_TF_PRE },
 };
 
 static double one(const void *user, double x, double y, double z) {
@@ -136,6 +151,7 @@ static bool build(struct test_scene *scene, const struct slab *s, bool ortho) {
 static bool choose(struct test_scene *scene, const struct slab *s, const struct choice *choice) {
     struct sp_view *view = &scene->view;
     view->compositing.mode = choice->compositing;
+    view->transfer_function.order = choice->order;
     view->compositing.slab = choice->slab;
     view->filter.kernel = choice->kernel;
     view->filter.mode = choice->filter;

@@ -42,8 +42,9 @@ RENDERER = {
     'splat': {'base', 'volume', 'frame', 'classify'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'backend'},
+    'resample': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'resample'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'resample', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'session', 'schedule', 'render', 'paths', 'http', '.']

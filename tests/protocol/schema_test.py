@@ -154,7 +154,7 @@ def check_bounds(tool, validator, schema):
             if 'c_max' in patch.get('filter', {}):
                 patch['filter']['c_min'] = 5e-324  # below any c_max
             if patch.get('transfer_function', {}).get('order') == 'post':
-                patch['compositing'] = {'mode': 'slab'}  # post requires it
+                patch['compositing'] = {'mode': 'slab'}  # single splats are refused with post
             if patch.get('camera', {}).keys() & {'position', 'target', 'up'}:
                 # Only the type matters here; the examples cover degenerate cameras.
                 if isinstance(value, (int, float)) and not isinstance(value, bool):

@@ -28,6 +28,8 @@ const patchAt = (pointer, value) => names(pointer).reduceRight((inner, name) => 
 /** True if the choice affects the image beside the others. The daemon stores and ignores a choice without effect. */
 export function matters(view, pointer) {
   const mode = valueAt(view, '/filter/mode');
+  const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
+  if (isInterpolated && pointer.startsWith('/filter/')) return false;
   switch (pointer) {
     case '/filter/kernel': return mode !== 'none';
     case '/filter/sigma':
@@ -38,13 +40,13 @@ export function matters(view, pointer) {
   }
 }
 
-/** The merge patch for a choice. Post-classification and slabs are switched on and off together. */
+/** The merge patch for a choice. Single splats and post-classification exclude each other: the newer choice wins. */
 export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
-  if (pointer === '/transfer_function/order' && value === 'post') {
-    return { ...patch, ...patchAt('/compositing/mode', 'slab') };
+  if (pointer === '/transfer_function/order' && value === 'post' && valueAt(view, '/compositing/mode') === 'splat') {
+    return { ...patch, ...patchAt('/compositing/mode', 'sheet') };
   }
-  if (pointer === '/compositing/mode' && value !== 'slab' && valueAt(view, '/transfer_function/order') === 'post') {
+  if (pointer === '/compositing/mode' && value === 'splat' && valueAt(view, '/transfer_function/order') === 'post') {
     return { ...patch, ...patchAt('/transfer_function/order', 'pre') };
   }
   return patch;

@@ -28,6 +28,7 @@ static void read_device(char *text, size_t size) {
 static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
     sp_classify_cache_evict(&state->cache, NULL);
+    sp_samples_evict(&state->samples, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -42,7 +43,7 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
     sp_arena_init(&state->arena);
     sp_cubic_table_init(&state->cubic);
     sp_postconv_tables_init(&state->postconv);
-    state->cache.limit_bytes = options->memory_bytes;
+    state->memory_bytes = options->memory_bytes;
     if (cpu_kernels_init(&state->kernels, options->isa, err))
         state->pool = sp_pool_create(options->threads, err);
     if (!state->pool) {
@@ -71,11 +72,13 @@ static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct s
 static void cpu_evict(void *pointer, const struct sp_volume *volume) {
     struct cpu_state *state = pointer;
     sp_classify_cache_evict(&state->cache, volume);
+    sp_samples_evict(&state->samples, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
     const struct cpu_state *state = pointer;
-    return sp_classify_cache_bytes(&state->cache, volume);
+    return sp_classify_cache_bytes(&state->cache, volume) +
+           sp_samples_bytes(&state->samples, volume);
 }
 
 static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
@@ -106,6 +109,7 @@ const struct sp_backend cpu_backend = {
                       .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),
                       .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF),
                       .gradient_axis = true,
+                      .interpolated_sheets = true,
                       .clip_box = true,
                       .clip_planes = true },
     .create = cpu_create,

@@ -31,15 +31,73 @@ static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err)
     return sp_postconv_draw(&input, &postconv, err);
 }
 
-bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+/* What the other cache leaves of the memory. */
+static uint64_t rest_of(const struct cpu_state *state, uint64_t used) {
+    return used < state->memory_bytes ? state->memory_bytes - used : 0;
+}
+
+static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job *job,
+                           struct sp_error *err) {
+    struct sp_camera_transform camera;
+    struct sp_shade shade;
+    bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
+    uint64_t classified = sp_classify_cache_bytes(&state->cache, NULL);
+    sp_camera_transform_init(&camera, &job->view->camera, job->view->size);
+    if (is_lit)
+        sp_shade_init(&shade, &camera, &job->view->shading);
+    struct sp_resample_input input = { .view = job->view,
+                                       .volume = job->volume,
+                                       .frame = job->frame,
+                                       .interrupt = sp_job_interrupt(job),
+                                       .camera = &camera,
+                                       .shade = is_lit ? &shade : NULL,
+                                       .cache = &state->samples,
+                                       .bytes_max = rest_of(state, classified),
+                                       .mip_level = job->mip_level,
+                                       .draw_tile = state->kernels.resample_tile,
+                                       .pool = state->pool,
+                                       .arena = &state->arena };
+    return sp_resample_draw(&input, err);
+}
+
+static bool draw_classified(struct cpu_state *state, const struct sp_backend_job *job,
+                            struct sp_error *err) {
     struct cpu_frame frame;
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     bool can_be_fast = state->kernels.has_fast_path && sp_postconv_can_draw(job->view, grid);
     bool is_drawn = false;
-    sp_arena_reset(&state->arena);
+    state->cache.limit_bytes = rest_of(state, sp_samples_bytes(&state->samples, NULL));
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
         return false;
     return is_drawn || cpu_general_draw(&frame, err);
+}
+
+static bool draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+    sp_arena_reset(&state->arena);
+    return sp_resample_draws(job->view) ? draw_resampled(state, job, err)
+                                        : draw_classified(state, job, err);
+}
+
+/* Evicts the cache that the view does not need. False if it is empty. */
+static bool free_other_cache(struct cpu_state *state, const struct sp_view *view) {
+    bool is_resampled = sp_resample_draws(view);
+    uint64_t bytes = is_resampled ? sp_classify_cache_bytes(&state->cache, NULL)
+                                  : sp_samples_bytes(&state->samples, NULL);
+    if (is_resampled)
+        sp_classify_cache_evict(&state->cache, NULL);
+    else
+        sp_samples_evict(&state->samples, NULL);
+    return bytes > 0;
+}
+
+bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+    struct sp_error why = { 0 };
+    bool is_drawn = draw(state, job, &why);
+    if (!is_drawn && why.code == SP_ERR_BUDGET && free_other_cache(state, job->view))
+        is_drawn = draw(state, job, &why);
+    if (!is_drawn && err)
+        *err = why;
+    return is_drawn;
 }

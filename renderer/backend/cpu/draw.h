@@ -1,19 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One frame on the CPU, by one of two paths:
+ * One frame on the CPU, by one of three paths:
  *
- *   frame.c     camera, mip levels, classified lists                       every frame
+ *   resample/   sheets that are classified after interpolation             sp_resample_draws()
  *   postconv/   fast path: sheets, tile by tile, without footprints        see cpu_draw()
  *   general.c   general path: every footprint is set up, binned and added  all other frames
+ *
+ * The last two share frame.c: camera, mip levels, classified lists.
  */
 #ifndef SP_BACKEND_CPU_DRAW_H
 #define SP_BACKEND_CPU_DRAW_H
 
 #include "backend/cpu/frame.h"
 
-/* Draws every pixel and fills the stats.
+/* Draws every pixel and fills the stats. Sheets that are classified after interpolation are
+ * resampled.
  *
- * The fast path is taken if all of these hold; otherwise the general path draws the frame:
+ * Other frames take the fast path if all of these hold, or else the general path:
  *   1. the instruction set uses it (cpu_kernels.has_fast_path: every set except scalar);
  *   2. sp_postconv_can_draw(): sheets of Gaussians with a cutoff of at least 3, classified before
  *      splatting, on an evenly spaced grid, with nothing clipped;

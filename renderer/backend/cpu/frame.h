@@ -18,6 +18,8 @@ struct cpu_state {
     struct sp_arena arena; /* of one frame */
     struct cpu_kernels kernels;
     struct sp_classify_cache cache;
+    struct sp_samples_cache samples; /* of resampled sheets */
+    uint64_t memory_bytes;           /* of both caches */
     struct sp_cubic_table cubic;
     struct sp_postconv_tables postconv;
     char device[SP_DEVICE_NAME];

@@ -506,6 +506,11 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     slot->y = slot->end = 0;
     slot->splats = slot->fragments = 0;
     memset(slot->stage_ms, 0, sizeof slot->stage_ms);
+    if (job->view->compositing.mode == SP_COMPOSITE_SHEET &&
+        job->view->transfer_function.order == SP_TF_POST)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
+                       "the GPU backend does not draw sheets of interpolated values: use the cpu "
+                       "backend, or compositing.mode \"slab\"");
     gl_memory_begin(s);
     bool ok = draw(s, slot, job, s->begun == 0, err);
     s->begun += ok;

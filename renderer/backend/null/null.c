@@ -155,6 +155,7 @@ const struct sp_backend null_backend = {
                       .primitives = SP_CAN_ALL,
                       .levels_of_detail = SP_CAN_ALL,
                       .gradient_axis = true,
+                      .interpolated_sheets = true,
                       .clip_box = true,
                       .clip_planes = true },
     .create = null_create,

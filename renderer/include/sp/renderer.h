@@ -104,7 +104,7 @@ struct sp_render_options {
     enum sp_pixel_format format; /* 0 = SP_RGBA8 */
     /* [0, SP_MIP_LEVEL_MAX]: draw 2^n × 2^n × 2^n voxels as one, averaged after classification:
      * blurred, and up to 8^n times faster. 0 = full detail. The level that was drawn is in
-     * sp_frame_stats.mip_level: post-classification stops at 1. */
+     * sp_frame_stats.mip_level: post-classification stops at 1, but sheets do not. */
     unsigned mip_level;
     /* Set it to true from any thread to stop the frame with SP_ERR_CANCELLED; it is polled a few
      * hundred times per frame. Must live until the frame is finished. NULL = never. */

@@ -48,7 +48,7 @@ enum sp_compositing {
 };
 /* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
-enum sp_tf_order { SP_TF_PRE, SP_TF_POST }; /* classify voxels, or classify pixels of a slab */
+enum sp_tf_order { SP_TF_PRE, SP_TF_POST }; /* classify voxels, or pixels */
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
 enum sp_primitive {
@@ -85,7 +85,7 @@ struct sp_gradient_point {
  * point hold beyond the ends. */
 struct sp_transfer_function {                    /* "/transfer_function" */
     double reference_length;                     /* world units, > 0 [smallest spacing] */
-    enum sp_tf_order order;                      /* "post" needs compositing "slab" [pre] */
+    enum sp_tf_order order;                      /* "post" needs "sheet" or "slab" [pre] */
     uint32_t point_count;                        /* [1, SP_TF_POINTS_MAX] */
     struct sp_tf_point points[SP_TF_POINTS_MAX]; /* [from the histogram] */
     uint32_t gradient_count; /* [0, SP_GRADIENT_POINTS_MAX]; 0 = magnitude has no influence [0] */

@@ -28,6 +28,8 @@ test('a choice is idle when other choices make it irrelevant', () => {
   assert.deepEqual(idle({ ...slabs, filter: { mode: 'reconstruction' } }), ['/filter/lowpass']);
   assert.deepEqual(idle({ ...slabs, filter: { mode: 'none' } }), ['/filter/kernel', '/filter/sigma', '/filter/cutoff', '/filter/lowpass']);
   assert.deepEqual(idle({ filter: { mode: 'swan' }, compositing: { mode: 'splat' } }), ['/compositing/slab']);
+  assert.deepEqual(idle({ transfer_function: { order: 'post' } }), ['/filter/mode', '/filter/kernel', '/filter/sigma', '/filter/cutoff',
+    '/filter/lowpass', '/compositing/slab'], 'sheets of interpolated values have no filter');
 });
 
 test('a choice gives a patch of one field', () => {
@@ -37,14 +39,14 @@ test('a choice gives a patch of one field', () => {
   assert.deepEqual(choose(slabs, '/transfer_function/order', 'pre'), { transfer_function: { order: 'pre' } });
 });
 
-test('post-classification and slab mode are set and unset in the same patch', () => {
-  assert.deepEqual(choose({}, '/transfer_function/order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'slab' } });
-  for (const mode of ['sheet', 'splat']) {
-    const after = applyPatch(slabs, choose(slabs, '/compositing/mode', mode));
-    assert.deepEqual([after.compositing.mode, after.transfer_function.order], [mode, 'pre']);
-    assert.deepEqual(after.transfer_function.points, [], 'other fields do not change');
-  }
-  assert.deepEqual(choose(slabs, '/compositing/mode', 'slab'), { compositing: { mode: 'slab' } });
+test('of single splats and post-classification, the newer choice ends the other in the same patch', () => {
+  assert.deepEqual(choose({}, '/transfer_function/order', 'post'), { transfer_function: { order: 'post' } });
+  const splats = { compositing: { mode: 'splat' } };
+  assert.deepEqual(choose(splats, '/transfer_function/order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'sheet' } });
+  const after = applyPatch(slabs, choose(slabs, '/compositing/mode', 'splat'));
+  assert.deepEqual([after.compositing.mode, after.transfer_function.order], ['splat', 'pre']);
+  assert.deepEqual(after.transfer_function.points, [], 'other fields do not change');
+  for (const mode of ['sheet', 'slab']) assert.deepEqual(choose(slabs, '/compositing/mode', mode), { compositing: { mode } });
 });
 
 test('a gradient axis that hides flat regions is recognised; another axis of the view is not', () => {

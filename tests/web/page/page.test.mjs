@@ -233,10 +233,11 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
   await choose('#compositing', 'sheet');
   compare(difference(plain, await pixels(page)), '<', 0.001, 'the first image again');
   await choose('#order', 'post');
-  assert.equal(await page.inputValue('#compositing'), 'slab');
+  assert.equal(await page.inputValue('#compositing'), 'sheet');
   await shot(page, 'post');
-  await choose('#compositing', 'sheet');
+  await choose('#compositing', 'splat');
   assert.equal(await page.inputValue('#order'), 'pre');
+  await choose('#compositing', 'sheet');
   const lit = ({ width, height, at }) => {
     let count = 0;
     for (let y = 0; y < height; y += 4) for (let x = 0; x < width; x += 4) if (Math.max(...at(x, y).slice(0, 3)) > 40) count += 1;

@@ -49,7 +49,7 @@ async function setUp(context, options) {
 const enabled = (page) => page.evaluate(() => Object.fromEntries(['kernel', 'sigma', 'cutoff', 'lowpass', 'slab', 'order']
   .map((id) => [id, !document.getElementById(id).disabled])));
 
-test('each choice sends a patch of one field; slab mode and post-classification change together', async (context) => {
+test('each choice sends a patch of one field; single splats and post-classification end each other', async (context) => {
   const it = await setUp(context);
   const { page } = it;
   const choose = (id, value) => it.patch(() => page.selectOption(id, value));
@@ -57,9 +57,9 @@ test('each choice sends a patch of one field; slab mode and post-classification 
   assert.deepEqual(await choose('#kernel', 'cubic'), { filter: { kernel: 'cubic' } });
   assert.deepEqual(await choose('#attenuation', 'linear'), { compositing: { attenuation: 'linear' } });
   assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' } });
-  assert.deepEqual(await choose('#order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'slab' } });
-  assert.equal(await page.inputValue('#compositing'), 'slab');
-  assert.deepEqual(await choose('#compositing', 'sheet'), { compositing: { mode: 'sheet' }, transfer_function: { order: 'pre' } });
+  assert.deepEqual(await choose('#order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'sheet' } });
+  assert.equal(await page.inputValue('#compositing'), 'sheet');
+  assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' }, transfer_function: { order: 'pre' } });
   assert.equal(await page.inputValue('#order'), 'pre');
   assert.deepEqual(it.said, []);
 });

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The transfer function for intervals of a ray (Engel, Kraus and Ertl 2001): between two samples
+ * the value changes linearly, so its mean optical depth and colour are a difference of integrals.
+ *
+ *   mean of f over [a, b] = (F(b) − F(a))/(b − a)        F = ∫ f
+ *
+ * Samples are stored as 16-bit *levels*, evenly spaced over the values that matter.
+ */
+#ifndef SP_RESAMPLE_CURVE_H
+#define SP_RESAMPLE_CURVE_H
+
+#include "classify/transfer.h"
+
+enum {
+    CURVE_BINS = 4096,
+    CURVE_LEVEL_MIN = 1024, /* the level of the smallest value that matters */
+    CURVE_LEVEL_MAX = 31744,
+    CURVE_LEVEL_NONE = 0 /* of a sample that is not finite: below all bins, transparent */
+};
+
+struct sp_curve {
+    double base, levels_per_unit; /* level = CURVE_LEVEL_MIN + (value − base)·levels_per_unit */
+    /* bin = level·bins_per_level + first_bin. Bin 0 is transparent, and so is what lies below. */
+    float bins_per_level, first_bin;
+    float above[4];   /* what values above all bins add per bin; 0 = they are transparent */
+    float visible[2]; /* levels: outside of them everything is transparent */
+    /* ∫ up to the start of each bin of red, green and blue times depth, and of depth [bins]. */
+    float (*integral)[4]; /* [CURVE_BINS + 2] */
+    const struct sp_transfer_function *tf;
+};
+
+enum { CURVE_BYTES = (CURVE_BINS + 2) * 4 * (int)sizeof(float) };
+
+/* Fills the curve for a volume with values in `range`. `integral`: CURVE_BYTES of memory, 16-byte
+ * aligned, which must live as long as the curve; so must tf. */
+void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf,
+                   const double range[2], float (*integral)[4]);
+
+/* True if the transfer function shows any value of [low, high], which may be empty. */
+bool sp_curve_shows(const struct sp_transfer_function *tf, double low, double high);
+/* True if it shows all of them, but for single values. */
+bool sp_curve_shows_all(const struct sp_transfer_function *tf, double low, double high);
+
+#endif

@@ -1,0 +1,212 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Composites the interval of the rays between two sheets.
+ *
+ *   sheet   0      1      2      3         the value half way is that of the polynomial of
+ *           ·──────·──┬───·──────·         degree 3 through four sheets; in each half the value
+ *                  └half┘                  changes linearly, and the curve's integral classifies it
+ */
+#include "frame/resolve.h"
+#include "resample/fetch.h"
+#include "resample/kernels.h"
+#include "splat/exp2.h"
+
+/* SP_WIDE rays in one interval. */
+struct interval {
+    sp_wide value[3]; /* at its start, in its middle and at its end [levels] */
+    float width;      /* s from sheet to sheet */
+    sp_wide length;   /* of the ray inside, reference lengths */
+    sp_wide light;    /* transmittance */
+    sp_wide color[3]; /* premultiplied */
+};
+
+/* 1 − opacity over the length, for a mean optical depth per reference length. */
+static inline sp_wide transmit(const struct sp_resample *r, sp_wide depth, sp_wide length) {
+    if (r->is_linear)
+        return sp_wide_max(1 - depth * length, sp_wide_all(0));
+    return sp_wide_exp2(depth * length * -SP_LOG2E);
+}
+
+/* The depth of an opacity that is multiplied by `scale`. */
+static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
+    sp_wide opacity = scale * (1 - sp_wide_exp2(depth * -SP_LOG2E));
+    return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
+}
+
+/* Adds the mean of the half from value[k] to value[k + 1] to the sum of both halves. */
+static inline void add_half(const struct sp_curve *curve, const struct interval *in, int k,
+                            sp_wide total[4]) {
+    const sp_wide zero = sp_wide_all(0), top = sp_wide_all(CURVE_BINS);
+    sp_wide a = in->value[k] * curve->bins_per_level + curve->first_bin;
+    sp_wide b = in->value[k + 1] * curve->bins_per_level + curve->first_bin;
+    sp_wide low = sp_wide_min(a, b), high = sp_wide_max(a, b);
+    sp_wide_int i = sp_wide_to_int(sp_wide_min(sp_wide_max(low, zero), top));
+    sp_wide_int j = sp_wide_to_int(sp_wide_min(sp_wide_max(high, zero), top));
+    j = sp_wide_int_max(j, i + 1);
+    int32_t first[SP_WIDE], last[SP_WIDE];
+    sp_wide sum[4];
+    sp_wide_int_store(first, i);
+    sp_wide_int_store(last, j);
+    sp_fetch_difference((const float(*)[4])curve->integral, last, first, sum);
+    /* The half is as wide as the whole bins whose integral was taken, so that quantisation cancels,
+     * and what lies below all bins, which is transparent, or above them. */
+    sp_wide above = sp_wide_max(high - top, zero) - sp_wide_max(low - top, zero);
+    sp_wide share = 0.5f / (sp_wide_from_int(j - i) + sp_wide_max(-low, zero) + above);
+    for (int c = 0; c < 4; c++)
+        total[c] += share * (sum[c] + above * curve->above[c]);
+}
+
+static inline void classify(const struct sp_resample *r, struct interval *in,
+                            const sp_wide *scale) {
+    sp_wide sum[4] = { 0 };
+    add_half(&r->curve, in, 0, sum);
+    add_half(&r->curve, in, 1, sum);
+    sp_wide depth = scale ? scale_depth(sum[3], *scale) : sum[3];
+    in->light = transmit(r, depth, in->length);
+    sp_wide weight = (1 - in->light) / sp_wide_max(sum[3], sp_wide_all(1e-20f));
+    for (int c = 0; c < 3; c++)
+        in->color[c] = weight * sum[c];
+}
+
+/* The gradient in the middle of the interval [gradient_unit]. */
+static inline void find_gradient(const struct sp_resample_open_tile *t,
+                                 struct sp_resample_block *block, int number, int begin,
+                                 const sp_wide v[4], float width, sp_wide gradient[3]) {
+    sp_wide slope[3];
+    sp_resample_find_slope(t, block, number, begin);
+    sp_resample_find_slope(t, block, number + 1, begin);
+    for (int a = 0; a < 2; a++)
+        slope[a] = 0.5f * (sp_wide_load(block->slope[number & 3][a] + begin) +
+                           sp_wide_load(block->slope[(number + 1) & 3][a] + begin));
+    /* Along the ray, per slice; what remains of it is along the slices' axis. */
+    sp_wide along = ((v[2] - v[1]) * (27 / 24.0f) - (v[3] - v[0]) * (1 / 24.0f)) * (1 / width);
+    slope[2] = along - sp_wide_load(block->du + begin) * slope[0] -
+               sp_wide_load(block->dv + begin) * slope[1];
+    if (t->is_backwards)
+        slope[2] = -slope[2];
+    for (int w = 0; w < 3; w++) {
+        gradient[w] = sp_wide_all(0);
+        for (int a = 0; a < 3; a++)
+            gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
+    }
+}
+
+static inline sp_wide length_of(const sp_wide v[3]) {
+    return sp_wide_sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+/* The scale of the opacity at the gradient's magnitude. */
+static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_wide magnitude) {
+    sp_wide scale;
+    for (int i = 0; i < SP_WIDE; i++)
+        scale[i] = (float)sp_transfer_function_scale(tf, (double)magnitude[i]);
+    return scale;
+}
+
+/* Unit vectors to the eye, in camera space, from SP_WIDE pixels of a row. */
+static inline void find_eye(const struct sp_camera_transform *camera, float x, float y,
+                            sp_wide to_eye[3]) {
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    float inverse = 1 / (float)camera->scale;
+    to_eye[0] = to_eye[1] = zero;
+    to_eye[2] = -one;
+    if (camera->projection == SP_ORTHOGRAPHIC)
+        return;
+    sp_wide column = sp_wide_from_int(sp_wide_int_count() & (RESAMPLE_BLOCK - 1));
+    sp_wide row = sp_wide_from_int(sp_wide_int_count() >> 3);
+    sp_wide right = (column + (x - (float)camera->centre[0])) * inverse;
+    sp_wide down = (row + (y - (float)camera->centre[1])) * inverse;
+    sp_wide scale = -one / sp_wide_sqrt(right * right + down * down + 1);
+    to_eye[0] = right * scale;
+    to_eye[1] = down * scale;
+    to_eye[2] = scale;
+}
+
+/* Lights the interval's colour by its gradient. */
+static inline void shade(const struct sp_resample *r, struct interval *in,
+                         const sp_wide gradient[3], sp_wide magnitude, float x, float y) {
+    const sp_wide tiny = sp_wide_all(1e-20f);
+    sp_wide world[3], to_eye[3], color[3], opacity = 1 - in->light;
+    sp_wide inverse = sp_wide_keep(sp_wide_lt(tiny, magnitude), 1 / sp_wide_max(magnitude, tiny));
+    for (int c = 0; c < 3; c++) {
+        world[c] = gradient[c] * inverse;
+        color[c] = in->color[c] / sp_wide_max(opacity, tiny);
+    }
+    find_eye(r->camera, x, y, to_eye);
+    sp_shade_direction(r->shade, world, to_eye, color);
+    for (int c = 0; c < 3; c++)
+        in->color[c] = sp_wide_keep(sp_wide_lt(tiny, opacity), color[c] * opacity);
+}
+
+/* Cuts the interval [s, s + step] to the part of the rays inside all half spaces. */
+static inline void cut(const struct sp_resample_block *block, int begin, float s,
+                       struct interval *in) {
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    sp_wide from = (sp_wide_load(block->begin + begin) - s) * (1 / in->width);
+    sp_wide to = (sp_wide_load(block->end + begin) - s) * (1 / in->width);
+    from = sp_wide_min(sp_wide_max(from, zero), one);
+    to = sp_wide_max(sp_wide_min(to, one), from);
+    sp_wide first = in->value[0], change = in->value[2] - first;
+    sp_wide bend = in->value[1] - (first + 0.5f * change), middle = 0.5f * (from + to);
+    in->value[0] = first + from * change + 4 * from * (1 - from) * bend;
+    in->value[1] = first + middle * change + 4 * middle * (1 - middle) * bend;
+    in->value[2] = first + to * change + 4 * to * (1 - to) * bend;
+    in->length *= to - from;
+}
+
+/* Composites the interval behind what SP_WIDE pixels have. */
+static inline void add_interval(const struct sp_resample_open_tile *t,
+                                struct sp_resample_block *block, int number, int begin,
+                                const sp_wide v[4], struct interval *in, const int at[2]) {
+    const struct sp_resample *r = t->r;
+    sp_wide gradient[3] = { 0 }, magnitude = sp_wide_all(0), scale = magnitude;
+    bool is_scaled = r->view->transfer_function.gradient_count > 0;
+    if (r->needs_gradient) {
+        find_gradient(t, block, number, begin, v, in->width, gradient);
+        magnitude = length_of(gradient);
+    }
+    if (is_scaled)
+        scale = gradient_scale(&r->view->transfer_function, magnitude * r->gradient_unit);
+    classify(r, in, is_scaled ? &scale : NULL);
+    if (r->shade)
+        shade(r, in, gradient, magnitude, (float)(t->x + at[0] + begin % RESAMPLE_BLOCK) + 0.5f,
+              (float)(t->y + at[1] + begin / RESAMPLE_BLOCK) + 0.5f);
+    sp_wide light = sp_wide_load(block->light + begin);
+    for (int c = 0; c < 3; c++) {
+        float *color = block->color[c] + begin;
+        sp_wide_store(color, sp_wide_load(color) + light * in->color[c]);
+    }
+    sp_wide_store(block->light + begin, light * in->light);
+}
+
+bool sp_resample_integrate(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                           int number, const int at[2]) {
+    const float *visible = t->r->curve.visible;
+    float s = sp_resample_sheet_s(t, number), e = sp_resample_sheet_s(t, number + 1);
+    bool is_whole = block->inside[0] <= s && e <= block->inside[1], is_alive = false;
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
+        if (!sp_wide_any(sp_wide_lt(dark, sp_wide_load(block->light + i))))
+            continue;
+        is_alive = true;
+        sp_wide v[4];
+        for (int k = 0; k < 4; k++)
+            v[k] = sp_wide_load(block->value[(number - 1 + k) & 3] + i);
+        struct interval in;
+        in.value[0] = v[1];
+        in.value[1] = (v[1] + v[2]) * (9 / 16.0f) - (v[0] + v[3]) * (1 / 16.0f);
+        in.value[1] = sp_wide_max(in.value[1], sp_wide_all(t->r->lowest)); /* it overshoots */
+        in.value[2] = v[2];
+        sp_wide low = sp_wide_min(sp_wide_min(v[1], v[2]), in.value[1]);
+        sp_wide high = sp_wide_max(sp_wide_max(v[1], v[2]), in.value[1]);
+        if (!sp_wide_any(sp_wide_lt(sp_wide_all(visible[0]), high) &
+                         sp_wide_lt(low, sp_wide_all(visible[1]))))
+            continue;
+        in.width = e - s;
+        in.length = sp_wide_load(block->length + i) * in.width;
+        if (!is_whole)
+            cut(block, i, s, &in);
+        add_interval(t, block, number, i, v, &in, at);
+    }
+    return is_alive;
+}

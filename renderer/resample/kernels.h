@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the kernels of this stage share: a tile that is being drawn.
+ */
+#ifndef SP_RESAMPLE_KERNELS_H
+#define SP_RESAMPLE_KERNELS_H
+
+#include <math.h>
+
+#include "base/wide.h"
+#include "resample/resample.h"
+
+/* A cell: the samples of a slice that are refined at once. */
+enum { RESAMPLE_CELL_ACROSS = SP_WIDE > 8 ? 16 : 8, RESAMPLE_CELL_DOWN = 8 };
+
+struct sp_resample_open_tile {
+    const struct sp_resample *r;
+    struct sp_resample_scratch *scratch;
+    int x, y, width, height; /* px of the image */
+    const void *voxels;      /* of the samples, perhaps turned */
+    int axis[3];             /* of the volume: u, v, and the slices' axis */
+    size_t stride[3];        /* of these axes [samples] */
+    int dims[3];
+    bool is_backwards; /* rays cross the slices from the last to the first */
+    float reference;   /* slice coordinate at s = 0 */
+    int sheets_per_slice;
+    const struct sp_resample_axis *map[3]; /* of these axes; NULL = evenly spaced */
+    uint64_t alive;                        /* blocks with a pixel that is not opaque */
+};
+
+/* Refines what the blocks of `need` see of slice coordinate z, a multiple of ½, into *sheet. */
+void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
+                        uint64_t need, float z);
+
+/* Reads sheet `number` at the pixels of a block. */
+void sp_resample_sample(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                        int number);
+
+/* Computes the gradient along u and v on sheet `number` [levels per sample] for SP_WIDE pixels of a
+ * block from `begin` on, unless it is known. The sheet is one of the last three. */
+void sp_resample_find_slope(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                            int number, int begin);
+
+/* Adds the interval between sheets number and number + 1 to a block's pixels. Their values and
+ * those of the neighbouring sheets have been read. Returns false if all pixels are opaque. */
+bool sp_resample_integrate(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                           int number, const int block_at[2]);
+
+/* The slice that sheet `number` lies on, a multiple of ½; the first sheets lie before the volume.
+ */
+static inline float sp_resample_slice(const struct sp_resample_open_tile *t, int number) {
+    float ahead = (float)number / (float)t->sheets_per_slice - 2;
+    return t->is_backwards ? (float)(t->dims[2] - 1) - ahead : ahead;
+}
+
+/* The coordinate of slice z. Beyond the volume slices are so far apart that the first interval
+ * holds the outer half of the volume's last cell. */
+static inline float sp_resample_place(const struct sp_resample_open_tile *t, float z) {
+    const struct sp_resample_axis *map = t->map[2];
+    int last = t->dims[2] - 1, i = (int)floorf(z);
+    if (!map)
+        return z;
+    if (z < 0 || last == 0)
+        return map->place[0] + z * (map->widest > 1 ? map->widest : 1);
+    if (i >= last)
+        return map->place[last] + (z - (float)last) * (map->widest > 1 ? map->widest : 1);
+    return map->place[i] + (z - (float)i) * (map->place[i + 1] - map->place[i]);
+}
+
+/* s of slice z. */
+static inline float sp_resample_s(const struct sp_resample_open_tile *t, float z) {
+    float s = sp_resample_place(t, z) - t->reference;
+    return t->is_backwards ? -s : s;
+}
+
+/* s of a sheet. */
+static inline float sp_resample_sheet_s(const struct sp_resample_open_tile *t, int number) {
+    return sp_resample_s(t, sp_resample_slice(t, number));
+}
+
+/* The sample index at a coordinate of axis 0 or 1 of the tile, kept inside the slice. */
+static inline float sp_resample_index(const struct sp_resample_open_tile *t, int a, float x) {
+    const struct sp_resample_axis *map = t->map[a];
+    float last = (float)(t->dims[a] - 1);
+    if (map) {
+        x = (x - map->first) * map->steps_per_place;
+        x = x < 0 ? 0 : x > (float)map->steps ? (float)map->steps : x;
+        int i = x < (float)map->steps ? (int)x : map->steps - 1;
+        x = map->index[i] + (x - (float)i) * (map->index[i + 1] - map->index[i]);
+    }
+    return x < 0 ? 0 : x > last ? last : x;
+}
+
+/* Fills min and max with the samples that a block's pixels see on a sheet, per axis. */
+static inline void sp_resample_extent(const struct sp_resample_open_tile *t,
+                                      const struct sp_resample_block *block, float s, float min[2],
+                                      float max[2]) {
+    for (int a = 0; a < 2; a++) {
+        float low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < 4; i++) {
+            float at = block->corner[i][a] + s * block->corner[i][a + 2];
+            low = at < low ? at : low;
+            high = at > high ? at : high;
+        }
+        min[a] = sp_resample_index(t, a, low);
+        max[a] = sp_resample_index(t, a, high);
+    }
+}
+
+#endif

@@ -1,0 +1,144 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Resampled sheets: sharp, post-classified images of dense volumes (README.md).
+ *
+ *   samples ──► refine ──► sample ──► integrate        one tile: the slices front to back
+ *               2 × 2      a value    an interval of the ray between two slices
+ *               per slice  per pixel  by the integral of the transfer function
+ *
+ * The ray of a pixel crosses slice z of the volume's major axis at
+ *
+ *   (u + s·du, v + s·dv)   with   s = ±(z − z_ref)   rising along the ray [slices]
+ *
+ * exactly, in perspective too. All coordinates are in samples of the mip level that is drawn; those
+ * of a rectilinear axis are distances over the mean spacing.
+ */
+#ifndef SP_RESAMPLE_RESAMPLE_H
+#define SP_RESAMPLE_RESAMPLE_H
+
+#include "base/arena.h"
+#include "base/interrupt.h"
+#include "base/isa.h"
+#include "base/parallel_for.h"
+#include "resample/curve.h"
+#include "resample/levels.h"
+#include "sp/frame.h"
+#include "splat/shade.h"
+
+enum {
+    RESAMPLE_BLOCK = 8,      /* px: a tile is drawn in blocks of 8 × 8 pixels */
+    RESAMPLE_PIXELS = 64,    /* of a block */
+    RESAMPLE_ACROSS_MAX = 8, /* blocks of a tile per axis */
+    RESAMPLE_BLOCKS = 64,    /* of a tile: the bits of a mask */
+    RESAMPLE_TILE = 64,      /* px */
+    RESAMPLE_BATCH = 4,      /* sheets that are drawn together */
+    RESAMPLE_SHEETS = 6,     /* of a batch, and the two before, for gradients */
+    RESAMPLE_HALVES_MAX = 6 + 1 + SP_CLIP_PLANES_MAX
+};
+
+/* The half space normal·(sample coordinates) >= offset. */
+struct sp_resample_half {
+    double normal[3], offset;
+};
+
+/* Where the samples of an axis lie. Its coordinate is the distance along the axis over the mean
+ * spacing of the level, so that rays are straight: sample i of an even axis is at i. */
+struct sp_resample_axis {
+    const float *place;           /* [dims]: coordinate of each sample; NULL = evenly spaced */
+    const float *index;           /* [steps + 1]: sample index at evenly spaced coordinates */
+    float first, steps_per_place; /* of that table */
+    int steps;
+    float narrowest, widest; /* distances between samples */
+};
+
+/* One frame. All pointers are borrowed and valid until the frame is finished. */
+struct sp_resample {
+    const struct sp_view *view;
+    struct sp_frame *frame;
+    struct sp_interrupt interrupt;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade; /* NULL = not lit */
+    const struct sp_samples *samples;
+    const struct sp_samples_class *class;
+    struct sp_curve curve;
+    struct sp_resample_axis axes[3];
+    bool is_linear;           /* SP_ATTENUATION_LINEAR */
+    bool needs_gradient;      /* lit, or the transfer function has a gradient axis */
+    int columns, rows;        /* of tiles */
+    size_t refined_max;       /* refined samples that a sheet has memory for */
+    double eye[3];            /* samples; perspective */
+    double ray[3];            /* direction of the ray through the image's centre [samples] */
+    double right[3], down[3]; /* its change per pixel; orthographic: of the ray's start */
+    double start[3];          /* orthographic: a point of the centre's ray [samples] */
+    double metric[6];     /* of sample coordinates: xx, yy, zz, yz, xz, xy [reference length²] */
+    float to_world[3][3]; /* gradient in levels per sample → gradient_unit, so that no product of
+                             two overflows */
+    float gradient_unit;  /* data unit per world unit */
+    float lowest;         /* level below which no value lies */
+    uint32_t half_count;
+    struct sp_resample_half halves[RESAMPLE_HALVES_MAX]; /* the volume, near plane and clipping */
+};
+
+/* A block of pixels while its tile is drawn. */
+struct sp_resample_block {
+    _Alignas(64) float u[RESAMPLE_PIXELS], v[RESAMPLE_PIXELS]; /* at s = 0 [samples] */
+    float du[RESAMPLE_PIXELS], dv[RESAMPLE_PIXELS];            /* per slice */
+    float length[RESAMPLE_PIXELS]; /* of the ray per slice, reference lengths */
+    float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
+    float light[RESAMPLE_PIXELS];                       /* transmittance so far */
+    float color[3][RESAMPLE_PIXELS];                    /* premultiplied */
+    float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */
+    float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
+    uint64_t has_slope[4];                              /* bit per pixel */
+    float corner[4][4];                                 /* u, v, du, dv of the corners */
+    float inside[2];                                    /* s between which all rays are inside */
+    float span[2];                                      /* s between which some ray is inside */
+};
+
+/* A slice with twice the samples per axis. */
+struct sp_resample_sheet {
+    int16_t *refined;
+    int width;     /* samples per row */
+    int origin[2]; /* slice sample at refined sample (0, 0) */
+    int last[2];   /* the last refined column and row that have a next one */
+    float s;       /* where it lies on the rays */
+};
+
+/* What a worker needs for one tile. */
+struct sp_resample_scratch {
+    struct sp_resample_block blocks[RESAMPLE_BLOCKS];
+    struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
+    uint8_t *is_refined;                              /* by cell of the newest sheet */
+    uint64_t *active; /* by interval between slices: the blocks that may see something in it */
+    bool is_too_wide; /* a block sees more of a sheet than there is memory for */
+    uint64_t refined, sampled; /* slice samples; pixels of sheets */
+};
+
+/* Draws one tile into the frame. */
+typedef void sp_resample_tile_fn(const struct sp_resample *resample,
+                                 struct sp_resample_scratch *scratch, uint32_t tile);
+sp_resample_tile_fn sp_resample_tile;
+
+/* What a frame is made from. */
+struct sp_resample_input {
+    const struct sp_view *view;
+    struct sp_volume *volume;
+    struct sp_frame *frame;
+    struct sp_interrupt interrupt;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade;   /* NULL = not lit */
+    struct sp_samples_cache *cache; /* mip levels and ranges */
+    uint64_t bytes_max;             /* of the cache */
+    unsigned mip_level;             /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile; /* sp_resample_tile() of an instruction set */
+    struct sp_pool *pool;
+    struct sp_arena *arena;
+};
+
+/* True if this stage draws the view: sheets that are classified after interpolation. */
+bool sp_resample_draws(const struct sp_view *view);
+
+/* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *err);
+
+#endif

@@ -1,0 +1,163 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which intervals between slices the transfer function may show. A surface is thinner than a
+ * region, so this halves the work or better. Regions that show nothing, and those that show
+ * everything, need only their own range.
+ */
+#include "resample/visible.h"
+
+#include <math.h>
+#include <stdatomic.h>
+
+#include "resample/ranges.h"
+#include "volume/sample.h"
+
+enum {
+    PLANES = SAMPLES_REGION + 3, /* slices of a region, and one more at both ends */
+    ROW = 8,                     /* PLANES, rounded up */
+    ALL = (1 << SAMPLES_REGION) - 1
+};
+
+struct plane_range {
+    float own[2], wide[2]; /* of the region's samples; of those up to one farther */
+};
+
+#define READ(type)                                                                                 \
+    for (int i = 0; i < PLANES; i++)                                                               \
+    row[i] = (float)((const type *)s->voxels)[line + at[i]]
+
+/* Reads a row of samples. Those that are not finite become NaN. */
+static void read_row(const struct sp_samples *s, size_t line, const size_t at[PLANES],
+                     float row[ROW]) {
+    switch (s->type) {
+    case SP_UINT8:
+        READ(uint8_t);
+        break;
+    case SP_INT8:
+        READ(int8_t);
+        break;
+    case SP_UINT16:
+        READ(uint16_t);
+        break;
+    case SP_INT16:
+        READ(int16_t);
+        break;
+    default:
+        for (int i = 0; i < PLANES; i++) {
+            float value = (float)sp_sample(s->voxels, s->type, line + at[i]);
+            row[i] = fabsf(value) < INFINITY ? value : NAN;
+        }
+    }
+    row[PLANES] = NAN;
+}
+
+/* Lane by lane; NaN changes nothing. */
+static void add_row(const float row[ROW], float low[ROW], float high[ROW]) {
+    for (int i = 0; i < ROW; i++) {
+        low[i] = row[i] < low[i] ? row[i] : low[i];
+        high[i] = row[i] > high[i] ? row[i] : high[i];
+    }
+}
+
+static void reduce(const float low[ROW], const float high[ROW], int first, int last, float out[2]) {
+    out[0] = INFINITY;
+    out[1] = -INFINITY;
+    for (int i = first; i <= last; i++) {
+        out[0] = low[i] < out[0] ? low[i] : out[0];
+        out[1] = high[i] > out[1] ? high[i] : out[1];
+    }
+}
+
+/* The ranges of the slices of a region. Samples at the border of the volume repeat beyond it. */
+static void find_planes(const struct sp_samples *s, unsigned slices, const uint32_t region[3],
+                        struct plane_range planes[PLANES]) {
+    const size_t strides[3] = { 1, s->dims[0], (size_t)s->dims[0] * s->dims[1] };
+    const unsigned axis[3] = { slices == 0 ? 1 : 0, slices == 2 ? 1 : 2, slices };
+    size_t at[3][PLANES];
+    for (int a = 0; a < 3; a++)
+        for (uint32_t i = 0; i < PLANES; i++) {
+            uint32_t k = region[axis[a]] * SAMPLES_REGION + i, last = s->dims[axis[a]] - 1;
+            k = k > 0 ? k - 1 : 0;
+            at[a][i] = (k < last ? k : last) * strides[axis[a]];
+        }
+    for (int p = 0; p < PLANES; p++) {
+        float row[ROW], own[2][ROW], wide[2][ROW];
+        for (int i = 0; i < ROW; i++) {
+            own[0][i] = wide[0][i] = INFINITY;
+            own[1][i] = wide[1][i] = -INFINITY;
+        }
+        for (int j = 0; j < PLANES; j++) {
+            read_row(s, at[2][p] + at[1][j], at[0], row);
+            add_row(row, wide[0], wide[1]);
+            if (j >= 1 && j < PLANES - 1)
+                add_row(row, own[0], own[1]);
+        }
+        reduce(own[0], own[1], 1, PLANES - 2, planes[p].own);
+        reduce(wide[0], wide[1], 0, PLANES - 1, planes[p].wide);
+    }
+}
+
+static unsigned find_intervals(const struct sp_samples *s, const struct sp_samples_class *class,
+                               const uint32_t region[3]) {
+    struct plane_range planes[PLANES];
+    unsigned visible = 0;
+    find_planes(s, class->axis, region, planes);
+    for (int k = 0; k < SAMPLES_REGION; k++) {
+        float own[2], wide[2] = { INFINITY, -INFINITY }, range[2];
+        own[0] = fminf(planes[k + 1].own[0], planes[k + 2].own[0]);
+        own[1] = fmaxf(planes[k + 1].own[1], planes[k + 2].own[1]);
+        for (int p = k; p < k + 4; p++) {
+            wide[0] = fminf(wide[0], planes[p].wide[0]);
+            wide[1] = fmaxf(wide[1], planes[p].wide[1]);
+        }
+        sp_ranges_widen(own, wide, range);
+        if (sp_curve_shows(&class->tf, (double)range[0], (double)range[1]))
+            visible |= 1u << k;
+    }
+    return visible;
+}
+
+struct search {
+    const struct sp_samples *samples;
+    struct sp_samples_class *class;
+    const struct sp_interrupt *interrupt;
+    _Atomic uint64_t visible_count;
+};
+
+static unsigned find_region(const struct sp_samples *s, const struct sp_samples_class *class,
+                            const uint32_t region[3]) {
+    size_t at = ((size_t)region[2] * s->regions[1] + region[1]) * s->regions[0] + region[0];
+    double low = (double)s->range[at][0], high = (double)s->range[at][1];
+    if (!sp_curve_shows(&class->tf, low, high))
+        return 0;
+    /* Planes are read as floats, which do not hold every value of the larger types. */
+    bool is_rounded = s->type == SP_INT32 || s->type == SP_FLOAT64;
+    if (is_rounded || !isfinite(low) || !isfinite(high) ||
+        sp_curve_shows_all(&class->tf, low, high))
+        return ALL;
+    return find_intervals(s, class, region);
+}
+
+static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    struct search *search = user;
+    const struct sp_samples *s = search->samples;
+    uint64_t count = 0;
+    (void)worker;
+    for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(search->interrupt); i++)
+        for (uint32_t x = 0; x < s->regions[0]; x++) {
+            const uint32_t region[3] = { x, (uint32_t)(i % s->regions[1]),
+                                         (uint32_t)(i / s->regions[1]) };
+            unsigned visible = find_region(s, search->class, region);
+            search->class->visible[i * s->regions[0] + x] = (uint8_t)visible;
+            count += visible != 0;
+        }
+    atomic_fetch_add(&search->visible_count, count);
+}
+
+bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
+                     struct sp_pool *pool, const struct sp_interrupt *interrupt) {
+    struct search search = { .samples = samples, .class = class, .interrupt = interrupt };
+    sp_parallel_for(pool, (size_t)samples->regions[1] * samples->regions[2], 8, find_rows, &search);
+    class->visible_count = atomic_load(&search.visible_count);
+    return !sp_interrupt_is_cancelled(interrupt);
+}

@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The ground truth for sheets that are classified after interpolation: the volume rendering
+ * integral along the ray of each pixel's centre through the interpolated field, by brute force in
+ * double precision. It shares no code with the renderer.
+ *
+ * Field: along each axis, half way between two samples, the polynomial of degree 5 through the six
+ * nearest samples; between these values and the samples, linear. The volume ends half a cell beyond
+ * the outermost samples, whose values hold there. Values are kept inside the range of the samples.
+ *
+ * Extinction and colour: the transfer function at the field's value and at the length of its
+ * gradient, which is a central difference over half a sample to each side. A point that a clip
+ * plane or the clip box removes has no extinction.
+ *
+ * Samples must be finite, and attenuation exponential.
+ */
+#ifndef TESTS_SUPPORT_INTERPOLATED_H
+#define TESTS_SUPPORT_INTERPOLATED_H
+
+#include "support/image.h"
+#include "support/scene.h"
+
+/* Renders the scene over its background with `steps` steps per smallest spacing. False when out of
+ * memory. */
+bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image);
+
+#endif
