@@ -395,6 +395,21 @@ def codecs(folder):
     return text and f'{rows[0]["scene"]} at {rows[0]["size"]:.0f}².\n\n{text}'
 
 
+def exact(folder):
+    rows = read(folder, 'exact.csv')
+    methods = list(dict.fromkeys(r['method'] for r in rows))
+    fields = list(dict.fromkeys(r['field'] for r in rows))
+    lines = []
+    for method in methods:
+        own = {r['field']: r for r in rows if r['method'] == method}
+        rises = [r for r in own.values() if r['rise_px'] != '']
+        lines.append([method, *(f'{own[f]["psnr_db"]:.1f} dB, {short(own[f]["ms"], 2)} ms' if f in own else '–' for f in fields),
+                      *(f'{r["rise_px"]:.2f} of {r["exact_rise_px"]:.2f} px' for r in rises[:1])])
+    text = table(['method', *fields, 'edge of the shell'], lines)
+    has_image = os.path.exists(os.path.join(folder, 'exact.png'))
+    return text and text + ('\n![exact; sheets, per voxel; sheets, per pixel; VTK](exact.png)\n' if has_image else '')
+
+
 def headline(folder):
     """Lines for the project's README: two threads, 512², unshaded."""
     rows = read(folder, 'scenes.csv')
@@ -414,7 +429,7 @@ def headline(folder):
 FILES = [
     ('scenes.csv', 'every scene at every size, thread count and shading: this renderer, VTK, the scalar reference'),
     ('profile.csv', 'time per stage'), ('limit.csv', 'the highest rate of adding footprints, per instruction set; memory bandwidth'),
-    ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
+    ('exact.csv', 'images of analytic fields against the exact image'), ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
     ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
@@ -431,6 +446,9 @@ SECTIONS = [
     ('Speed', scenes, 'Frames per second with two threads, and in brackets the ratio to VTK\'s CPU ray caster in the same run. Medians over an orbit. '
      'The last column compares 512², unshaded, with the frame rates that Chen et al. 2004 and Botha and Post 2003 print for their own graphics cards.'),
     ('Goals of the renderer', goals, ''),
+    ('Against exact images', exact, 'Measured by `exact.py`: analytic fields on 64³ samples, 256², two threads, unshaded. The exact image integrates the formula of the field itself, so '
+     'that neither renderer is judged by its own interpolation. The edge of the shell rises from 10 to 90 % over the given distance; nearer to the exact one is better. The image '
+     'shows, from left to right, exact, sheets per voxel, sheets per pixel and VTK at sample distance 1.'),
     ('Where the time goes', profile, '512², two threads, unshaded: share of each stage. The limit is the time to set up and add every footprint on its own, '
      'at the best rates of `limit.csv`. Above 100 % means faster than this limit: the fast path does not draw every footprint.'),
     ('The GPU backend', gpu, ''),

@@ -199,6 +199,15 @@ class Report(unittest.TestCase):
         self.assertIn('| 2 | 1 % | auto | 60 fps, 21 ms of 38 | 60 fps, 99 ms of 88 ✗ |', text)
         self.assertIn('| 10 | 1 % | auto | 60 fps, 21 ms of 38 | – |', text)
 
+    def test_exact(self):
+        columns = ['field', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms']
+        shell = {'field': 'shell', 'method': 'sheets', 'psnr_db': 58.71, 'rise_px': 5.4, 'exact_rise_px': 5.43, 'ms': 5.99}
+        self.write('exact.csv', columns, shell, {**shell, 'field': 'tubes', 'rise_px': '', 'exact_rise_px': ''}, {**shell, 'method': 'VTK', 'psnr_db': 37.4})
+        text = report.exact(self.folder.name)
+        self.assertIn('| method | shell | tubes | edge of the shell |', text)
+        self.assertIn('| sheets | 58.7 dB, 6 ms | 58.7 dB, 6 ms | 5.40 of 5.43 px |', text)
+        self.assertIn('| VTK | 37.4 dB, 6 ms | – | 5.40 of 5.43 px |', text)
+
     def test_codecs(self):
         columns = ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms']
         vp9 = {'scene': 'a.nrrd', 'size': 1024, 'codec': 'vp9', 'quality': 60, 'key_bytes': 12345, 'bytes': 2109, 'ms': 11.1, 'cpu_ms': 9}

@@ -22,7 +22,7 @@ import time
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
@@ -456,6 +456,20 @@ def measure_codecs(run):
     keep_table(run, 'codecs.csv', run.program('codecs', command + ([v for v in volumes if v] or ['demo:engine'])))
 
 
+def measure_exact(run):
+    why = missing('/usr/bin/python3') or (subprocess.run(['/usr/bin/python3', '-c', 'import numpy'], capture_output=True, check=False).returncode
+                                          and 'python3-numpy is not installed')
+    if why:
+        run.skip(1, f'the exact images; {why}')
+        return
+    made = os.path.join(run.work, 'exact.csv')
+    sheet = [] if run.o.quick else ['--sheet', os.path.join(run.o.out, 'exact.png')]
+    if run.program('against exact images', ['/usr/bin/python3', os.path.join(ROOT, 'tests/bench/exact.py'), '--bin', run.o.bin, '--out', made,
+                                            '--vtk-bench', run.o.vtk_bench, *sheet]):
+        with open(made, encoding='utf-8') as f:
+            keep_table(run, 'exact.csv', f.read())
+
+
 def measure_tls(run):
     why = missing('node', 'openssl', os.path.join(run.o.bin, 'splat-tls-echo'))
     if why:
@@ -539,6 +553,7 @@ def main():
         work = {  # part: (steps, what to call)
             'limit': (2 * len(run.isas), lambda: measure_limit(run)),
             'scenes': (2 * len(corners) + 2 + peers, lambda: measure_scenes(run, corners, min(options.views, 6))),
+            'exact': (1, lambda: measure_exact(run)),
             'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
             'edits': (3, lambda: measure_edits(run)),
