@@ -179,9 +179,12 @@ static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_in
 }
 
 static void init_metric(struct sp_resample *r, const struct coordinates *c) {
+    const double most = 1e15; /* reference lengths per sample: what is visible is opaque */
     double unit = r->view->transfer_function.reference_length;
     struct sp_mat3 turned = sp_mat3_transpose(&c->from);
     struct sp_mat3 m = sp_mat3_multiply(&turned, &c->from);
+    for (int a = 0; a < 3; a++) /* so that squares fit a float */
+        unit = fmax(unit, sqrt(m.m[a][a]) / most);
     static const int pair[6][2] = { { 0, 0 }, { 1, 1 }, { 2, 2 }, { 1, 2 }, { 0, 2 }, { 0, 1 } };
     for (int i = 0; i < 6; i++)
         r->metric[i] = m.m[pair[i][0]][pair[i][1]] / (unit * unit);
