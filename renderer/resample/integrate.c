@@ -72,14 +72,17 @@ static inline void classify(const struct sp_resample *r, struct interval *in,
 static inline void find_gradient(const struct sp_resample_open_tile *t,
                                  struct sp_resample_block *block, int number, int begin,
                                  const sp_wide v[4], float width, sp_wide gradient[3]) {
-    sp_wide slope[3];
-    sp_resample_find_slope(t, block, number, begin);
-    sp_resample_find_slope(t, block, number + 1, begin);
-    for (int a = 0; a < 2; a++)
-        slope[a] = 0.5f * (sp_wide_load(block->slope[number & 3][a] + begin) +
-                           sp_wide_load(block->slope[(number + 1) & 3][a] + begin));
-    /* Along the ray, per slice; what remains of it is along the slices' axis. */
-    sp_wide along = ((v[2] - v[1]) * (27 / 24.0f) - (v[3] - v[0]) * (1 / 24.0f)) * (1 / width);
+    static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
+    sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
+    for (int k = 0; k < 4; k++) {
+        int n = number - 1 + k;
+        sp_resample_find_slope(t, block, n, begin);
+        for (int a = 0; a < 2; a++)
+            slope[a] += share[k] * sp_wide_load(block->slope[n & 3][a] + begin);
+    }
+    /* Along the ray, per slice; what remains of it is along the slices' axis. All three are
+     * differences over one sample, so that none of them is blurred more than the others. */
+    sp_wide along = (v[2] - v[1]) * (1 / width);
     slope[2] = along - sp_wide_load(block->du + begin) * slope[0] -
                sp_wide_load(block->dv + begin) * slope[1];
     if (t->is_backwards)

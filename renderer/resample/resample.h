@@ -32,7 +32,7 @@ enum {
     RESAMPLE_BLOCKS = 64,    /* of a tile: the bits of a mask */
     RESAMPLE_TILE = 64,      /* px */
     RESAMPLE_BATCH = 4,      /* sheets that are drawn together */
-    RESAMPLE_SHEETS = 6,     /* of a batch, and the two before, for gradients */
+    RESAMPLE_SHEETS = 7,     /* of a batch, and the three before, for gradients */
     RESAMPLE_HALVES_MAX = 6 + 1 + SP_CLIP_PLANES_MAX
 };
 

@@ -138,7 +138,7 @@ static const struct row rows[] = {
     { "left-handed", test_scene_left_handed, 75.6 },
     { "sheared", test_scene_sheared, 74.6 },
     { "inside", test_scene_inside, 41.8 },
-    { "lit shell", test_scene_lit_shell, 55.1 },
+    { "lit shell", test_scene_lit_shell, 64.1 },
     { "layers", test_scene_layers, 34.0 },
     { "near shell", test_scene_near_shell, 52.2 },
     { "rectilinear blobs", test_scene_rectilinear_blobs, 69.1 },
@@ -146,9 +146,9 @@ static const struct row rows[] = {
     { "clip box", test_scene_clip_box, 68.4 },
     { "clip edge", test_scene_clip_edge, 70.7 },
     { "clip corner", test_scene_clip_corner, 69.6 },
-    { "gradient axis", test_scene_gradient_axis, 53.6 },
+    { "gradient axis", test_scene_gradient_axis, 54.5 },
     { "post peak", test_scene_post_peak, 59.8 },
-    { "post lit", test_scene_post_lit, 58.5 },
+    { "post lit", test_scene_post_lit, 60.4 },
 };
 
 static bool check_row(const struct row *row) {
