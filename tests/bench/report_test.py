@@ -200,13 +200,19 @@ class Report(unittest.TestCase):
         self.assertIn('| 10 | 1 % | auto | 60 fps, 21 ms of 38 | – |', text)
 
     def test_exact(self):
-        columns = ['field', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms']
-        shell = {'field': 'shell', 'method': 'sheets', 'psnr_db': 58.71, 'rise_px': 5.4, 'exact_rise_px': 5.43, 'ms': 5.99}
-        self.write('exact.csv', columns, shell, {**shell, 'field': 'tubes', 'rise_px': '', 'exact_rise_px': ''}, {**shell, 'method': 'VTK', 'psnr_db': 37.4})
+        columns = ['field', 'shading', 'method', 'psnr_db', 'rise_px', 'exact_rise_px', 'ms']
+        shell = {'field': 'shell', 'shading': 'none', 'method': 'sheets', 'psnr_db': 58.71, 'rise_px': 5.4, 'exact_rise_px': 5.43, 'ms': 5.99}
+        tubes = {**shell, 'field': 'tubes', 'rise_px': '', 'exact_rise_px': ''}
+        self.write('exact.csv', columns, shell, tubes, {**shell, 'method': 'VTK', 'psnr_db': 37.4}, {**tubes, 'method': 'new'},
+                   {**tubes, 'shading': 'phong', 'psnr_db': 41.23, 'ms': 12.34})
         text = report.exact(self.folder.name)
         self.assertIn('| method | shell | tubes | edge of the shell |', text)
         self.assertIn('| sheets | 58.7 dB, 6 ms | 58.7 dB, 6 ms | 5.40 of 5.43 px |', text)
         self.assertIn('| VTK | 37.4 dB, 6 ms | – | 5.40 of 5.43 px |', text)
+        self.assertIn('| new | – | 58.7 dB, 6 ms | – |', text)
+        self.assertIn('| method | tubes |\n', text)
+        self.assertIn('| sheets | 41.2 dB, 12 ms |\n', text)
+        self.assertLess(text.index('Unshaded:'), text.index('Shaded:'))
 
     def test_codecs(self):
         columns = ['scene', 'size', 'codec', 'quality', 'key_bytes', 'bytes', 'ms', 'cpu_ms']
