@@ -12,6 +12,7 @@
 static const struct sp_demo_maker *const makers[] = {
     &sp_demo_phantom,      &sp_demo_engine,   &sp_demo_vessels, &sp_demo_marschner_lobb,
     &sp_demo_checkerboard, &sp_demo_hydrogen, &sp_demo_galaxy,  &sp_demo_sparse,
+    &sp_demo_turbulence,   &sp_demo_noise,
 };
 enum { MAKERS = sizeof makers / sizeof makers[0] };
 

@@ -40,6 +40,8 @@ extern const struct sp_demo_maker sp_demo_phantom, sp_demo_marschner_lobb, sp_de
     sp_demo_hydrogen;
 /* procedural_engine.c, procedural_vessels.c, procedural_galaxy.c and procedural_sparse.c */
 extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels, sp_demo_galaxy, sp_demo_sparse;
+/* procedural_dense.c */
+extern const struct sp_demo_maker sp_demo_turbulence, sp_demo_noise;
 
 /* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
  * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as

@@ -52,6 +52,8 @@ static void every_demo_has_the_documented_size_type_and_range(void **state) {
         { "hydrogen", { 128, 128, 128 }, SP_UINT8, 0, 255 },
         { "galaxy", { 96, 96, 48 }, SP_UINT16, 0, 4000 },
         { "sparse", { 256, 256, 256 }, SP_UINT8, 0, 255 },
+        { "turbulence", { 128, 128, 128 }, SP_FLOAT32, 0, 1 },
+        { "noise", { 128, 128, 128 }, SP_UINT8, 20, 190 },
     };
     size_t count = sizeof expected / sizeof expected[0];
     assert_null(sp_demo_at(count));
