@@ -9,7 +9,7 @@ Usage: deploy/bench.sh [OPTION...]
 
 Builds the release preset, measures every scene of the bench beside VTK and the scalar
 reference, the GPU backend on a GPU or else on software GL, the daemon with its clients, the
-codecs and TLS, and writes CSV files and a page made from them. About 50 minutes on two idle
+codecs and TLS, and writes CSV files and a page made from them. About 70 minutes on two idle
 cores; each step prints what runs and how long it took.
 
   --quick         a few minutes: 4 views, 512 px, two threads, small volumes; not for the page

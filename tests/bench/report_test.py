@@ -53,14 +53,15 @@ class Report(unittest.TestCase):
         self.write('scenes.csv', run_all.SCENE_COLUMNS, self.scene('engine', 'splatd', 99), self.scene('engine', 'vtk', 10),
                    self.scene('engine', 'scalar', 11), self.scene('head-full', 'splatd', 45), self.scene('head-full', 'vtk', 9),
                    self.scene('engine', 'splatd', 40, size=1024), self.scene('engine', 'vtk', 4, size=1024),
-                   self.scene('engine', 'splatd', 50, shading='phong'))
+                   self.scene('engine', 'splatd', 50, shading='phong'), self.scene('noise', 'splatd', 0.5), self.scene('noise', 'vtk', 1))
         text, headline = self.make()
+        self.assertEqual(self.line(text, '| noise')[2:7], ['0.5 (0.5×)', '–', '–', '–', '–'])
         engine, head = self.line(text, '| engine'), self.line(text, '| head-full')
         self.assertEqual(engine[2:7], ['99 (9.9×)', '50', '40 (10.0×)', '–', '10×: **missed**'])
         self.assertEqual(engine[7], '30× Chen, 12× Botha')
         self.assertEqual(head[2], '45 (5.0×)')
         self.assertEqual(head[6], '5×: met, 40 fps: met')
-        self.assertIn('5.0 to 9.9 times VTK', headline)
+        self.assertIn('0.5 to 9.9 times VTK', headline)
         self.assertIn('engine, 0.50 million splats: 99 frames per second, 9.9 times VTK', headline)
         xml.dom.minidom.parse(os.path.join(self.folder.name, 'scenes.svg'))
 
@@ -254,6 +255,24 @@ class Report(unittest.TestCase):
         self.addCleanup(os.rmdir, run.work)
         run.say = lambda text: None
         return run
+
+    def load_scenes(self, quick):
+        run = self.a_run()
+        run.o, said = types.SimpleNamespace(scenes=self.folder.name, data=self.folder.name, quick=quick), []
+        run.say = said.append
+        run.load_scenes()
+        return run, said
+
+    def test_scenes_that_take_long_are_measured_by_some_parts(self):
+        run, said = self.load_scenes(quick=False)
+        self.assertEqual(set(run.scenes), {'checkerboard', 'sparse'})
+        self.assertEqual(set(run.scenes_of('scenes')), {'checkerboard', 'sparse', 'turbulence', 'noise'})
+        self.assertEqual(set(run.scenes_of('edits')), set(run.scenes))
+        self.assertEqual(set(run_all.demos(run.scenes_of('scenes'))), set(run.scenes_of('scenes')))
+        self.assertTrue(any(text.startswith('skipped: bonsai-soft; no bonsai_256') for text in said))
+        run, said = self.load_scenes(quick=True)
+        self.assertEqual(set(run.scenes_of('scenes')), {'checkerboard', 'sparse'})
+        self.assertIn('skipped: noise; its frames take long (--quick)', said)
 
     def test_a_program_that_takes_too_long_is_stopped(self):
         run = self.a_run()

@@ -24,7 +24,6 @@ ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
 PARTS = ('limit', 'scenes', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
-DEMOS = ('checkerboard', 'sparse')
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
 
@@ -124,7 +123,7 @@ class Run:
 
     def scene_copy(self, name, change):
         """Writes a changed scene file to the work folder."""
-        scene = json.loads(json.dumps(self.scenes[name]))
+        scene = json.loads(json.dumps(self.all_scenes[name]))
         change(scene)
         path = os.path.join(self.work, scene['name'] + f'-{len(os.listdir(self.work))}.json')
         with open(path, 'w', encoding='utf-8') as f:
@@ -132,8 +131,9 @@ class Run:
         return path
 
     def load_scenes(self):
-        """Returns the scenes by name; reports and omits scenes whose files are missing."""
-        self.scenes = {}
+        """Reads the scenes by name; reports and omits scenes whose files are missing. A scene whose "parts" name some is measured by
+        these parts alone, and not with --quick: its frames take long."""
+        self.all_scenes = {}
         real = sorted(glob.glob(os.path.join(self.o.scenes, '*.json')))
         if not real:
             self.say(f'skipped: the real scenes; no *.json in {self.o.scenes} (--scenes DIR)')
@@ -141,10 +141,16 @@ class Run:
             with open(path, encoding='utf-8') as f:
                 scene = json.load(f)
             volume = scene['volume']
-            if volume.startswith('demo:') or find(self.o.data, volume):
-                self.scenes[scene['name']] = scene
+            if self.o.quick and 'parts' in scene:
+                self.say(f'skipped: {scene["name"]}; its frames take long (--quick)')
+            elif volume.startswith('demo:') or find(self.o.data, volume):
+                self.all_scenes[scene['name']] = scene
             else:
                 self.say(f'skipped: {scene["name"]}; no {volume} below {self.o.data} (--data DIR)')
+        self.scenes = {name: scene for name, scene in self.all_scenes.items() if 'parts' not in scene}
+
+    def scenes_of(self, part):
+        return {name: scene for name, scene in self.all_scenes.items() if part in scene.get('parts', PARTS)}
 
     def files(self, views, names=None):
         """Returns scene files with evenly chosen cameras."""
@@ -163,23 +169,27 @@ def find(folder, name):
     return hits[0] if hits else None
 
 
+def demos(scenes):
+    return [name for name, scene in scenes.items() if scene['volume'].startswith('demo:')]
+
+
 def flat(row, **more):
     return {**row, **more}
 
 
 class Peer:
-    """Runs VTK on copies of the scenes, with built-in volumes saved as files."""
+    """Runs VTK on copies of the scenes of the part "scenes", with built-in volumes saved as files."""
 
     def __init__(self, run):
-        self.run, self.script = run, run.o.vtk_bench
+        self.run, self.script, self.scenes = run, run.o.vtk_bench, run.scenes_of('scenes')
         self.data = os.path.join(run.work, 'volumes')
         if not self.script:
             return
         os.mkdir(self.data)
-        for name in (n for n in DEMOS if n in run.scenes):
+        for name in demos(self.scenes):
             run.bench(f'saving the volume of {name} for VTK', '--save-volume', self.data + '/', '--views', 1, '--warm', 0,
                       '--size', 16, *run.files(1, [name]))
-        for scene in run.scenes.values():
+        for scene in self.scenes.values():
             found = find(run.o.data, scene['volume'])
             if found and not os.path.exists(os.path.join(self.data, scene['volume'])):
                 os.symlink(found, os.path.join(self.data, scene['volume']))
@@ -189,7 +199,7 @@ class Peer:
             scene['cameras'] = chosen(scene['cameras'], views)
             if scene['volume'].startswith('demo:'):
                 scene['volume'] = scene['name'] + '.nrrd'
-        files = [self.run.scene_copy(name, change) for name in self.run.scenes]
+        files = [self.run.scene_copy(name, change) for name in self.scenes]
         command = ['xvfb-run', '-a', '-s', '-screen 0 1280x1280x24', '/usr/bin/python3', self.script, '--data', self.data,
                    '--size', str(size), '--threads', str(threads), '--views', str(views), '--warm', '1']
         if shading == 'phong':
@@ -206,14 +216,15 @@ SCENE_COLUMNS = ['scene', 'size', 'threads', 'shading', 'renderer', 'isa', 'view
 
 
 def measure_scenes(run, corners, scalar_views):
-    """Measures every scene at every corner: this renderer, VTK, and at the first corner the scalar reference."""
+    """Measures every scene at every corner: this renderer, VTK, and at the first corner the scalar reference, which leaves out scenes
+    whose frames take long."""
     rows, stages = [], []
     peer = Peer(run)
     for size, threads in corners:
         for shading in ('none', 'phong'):
             common = ('--size', size, '--threads', threads, '--shading', shading)
             label = describe(size, threads, shading)
-            for row in run.bench(f'splatd, {label}', *common, *run.files(run.o.views)):
+            for row in run.bench(f'splatd, {label}', *common, *run.files(run.o.views, peer.scenes)):
                 rows.append(flat(row, renderer='splatd'))
                 if (size, threads) == corners[0]:
                     stages.append(row)
@@ -548,7 +559,7 @@ def main():
         if os.cpu_count() < 2:
             run.say('skipped: two threads; this machine has one core')
             corners = [c for c in corners if c[1] == 1] or [(512, 1)]
-        peers = sum(1 for n in DEMOS if n in run.scenes) + 2 * len(corners) if options.vtk_bench else 0
+        peers = len(demos(run.scenes_of('scenes'))) + 2 * len(corners) if options.vtk_bench else 0
         levels = len({z for _, z in zooms(run)})
         work = {  # part: (steps, what to call)
             'limit': (2 * len(run.isas), lambda: measure_limit(run)),
