@@ -37,7 +37,7 @@ void sp_resample_sample(const struct sp_resample_open_tile *t, struct sp_resampl
                         int number);
 
 /* Computes the gradient along u and v on sheet `number` [levels per sample] for SP_WIDE pixels of a
- * block from `begin` on, unless it is known. The sheet is one of the last three. */
+ * block from `begin` on, unless it is known. The sheet is one of the last four. */
 void sp_resample_find_slope(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                             int number, int begin);
 

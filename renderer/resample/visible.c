@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Which intervals between slices the transfer function may show. A surface is thinner than a
- * region, so this halves the work or better. Regions that show nothing, and those that show
- * everything, need only their own range.
+ * region, so most of its regions have intervals that show nothing. Regions that show nothing at
+ * all, and those that show everything, need only their own range.
  */
 #include "resample/visible.h"
 

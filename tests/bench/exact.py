@@ -5,9 +5,9 @@
   exact.py --bin DIR [--vtk-bench FILE] --out FILE.csv [--images DIR] [--sheet FILE.png] [--fields F...]
            [--threads N]
 
-A field is a formula on 64³ samples. Its exact image is the volume rendering integral of the formula itself along the ray of
-each pixel's centre, in steps of an eighth of a voxel. The same samples, camera and transfer function go to every mode of
-splat-bench and, where it is installed, to VTK's ray caster. Prints one line per image: PSNR [dB] over the three channels of
+A field is a formula. Its exact image is the volume rendering integral of the formula itself. It is computed for one ray per
+pixel, through the pixel's centre, in steps of an eighth of a voxel. Every mode of splat-bench draws the field from 64³ samples.
+VTK's ray caster draws the same samples, if VTK is installed. All use the same camera and transfer function. Prints one line per image: PSNR [dB] over the three channels of
 8 bits, the distance over which the shell's edge rises from 10 to 90 % [px], and milliseconds per frame of the same run: the
 median of VIEWS frames after WARM others, in turns of TURN degrees, with the same number of threads for all. Needs numpy, and
 VTK for its own rows.
