@@ -90,6 +90,8 @@ static const struct proto_field shading_fields[] = {
     { "diffuse", PROTO_FIELD_DOUBLE, AT(shading.diffuse) },
     { "specular", PROTO_FIELD_DOUBLE, AT(shading.specular) },
     { "exponent", PROTO_FIELD_DOUBLE, AT(shading.exponent) },
+    { "occlusion", PROTO_FIELD_DOUBLE, AT(shading.occlusion) },
+    { "shadow", PROTO_FIELD_DOUBLE, AT(shading.shadow) },
     { "lights", PROTO_FIELD_LIST, AT(shading.lights), .group = &light,
       .count_offset = offsetof(struct sp_view, shading.light_count),
       .item_bytes = sizeof(struct sp_light), .item_max = SP_LIGHTS_MAX },

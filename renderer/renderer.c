@@ -10,6 +10,7 @@
 
 #include "backend/backend.h"
 #include "base/clock.h"
+#include "light/light.h"
 #include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/probe.h"
@@ -271,11 +272,28 @@ static bool check_sheets(const struct sp_renderer *r, const struct sp_view *v,
                    backend->entry.name);
 }
 
+/* True unless the view needs ambient occlusion or a shadow and no backend may draw it. */
+static bool check_light(const struct sp_renderer *r, const struct sp_view *v,
+                        struct sp_error *err) {
+    const struct sp_backend *backend = atomic_load(&r->backend);
+    const char *pointer = v->shading.occlusion > 0 ? "/shading/occlusion" : "/shading/shadow";
+    if (!sp_light_is_wanted(v))
+        return true;
+    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order != SP_TF_POST)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
+                       "ambient occlusion and shadows need compositing.mode \"sheet\" and "
+                       "transfer_function.order \"post\": use both, or set them to 0");
+    return backend->capabilities.light || (r->is_auto && !r->wanted.require_gpu) ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
+                   "the %s backend draws neither ambient occlusion nor shadows: set them to 0",
+                   backend->entry.name);
+}
+
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err) {
     return sp_view_validate(view, err) &&
            check_support(atomic_load(&renderer->backend), view, err) &&
-           check_sheets(renderer, view, err);
+           check_sheets(renderer, view, err) && check_light(renderer, view, err);
 }
 
 /* Starts the backend after this one, unless it runs already. False if no other backend starts, or

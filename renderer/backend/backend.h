@@ -32,6 +32,7 @@ struct sp_capabilities {
     /* Sheets that are classified after interpolation. Without it render() fails with
      * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
     bool interpolated_sheets;
+    bool light; /* shading.occlusion and shading.shadow on such sheets; the same holds */
     bool clip_box, clip_planes;
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))

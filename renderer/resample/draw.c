@@ -197,6 +197,18 @@ static void init_metric(struct sp_resample *r, const struct coordinates *c) {
     r->gradient_unit = (float)(largest / r->curve.levels_per_unit);
 }
 
+/* Surfaces change the value by at least this share of the transfer function's span per sample. */
+static const double surface = 0.08;
+
+static void init_light(struct sp_resample *r, unsigned level) {
+    const struct sp_transfer_function *tf = &r->view->transfer_function;
+    double span = tf->points[tf->point_count - 1].value - tf->points[0].value;
+    float size = ldexpf(1, (int)level); /* coordinate on level 0 = (coordinate + ½)·size − ½ */
+    r->light_scale = size * r->light->per_sample;
+    r->light_first = (size - 1) / 2 * r->light->per_sample + r->light->first;
+    r->light_firmness = (float)fmin(1 / (surface * span * r->curve.levels_per_unit), 1e6);
+}
+
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;
@@ -271,6 +283,7 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
         .interrupt = input->interrupt,
         .camera = input->camera,
         .shade = input->shade,
+        .light = input->light,
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
@@ -292,6 +305,8 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r.axes[a], input, r.samples, a, level))
             return fail_memory(input->arena, err);
+    if (r.light)
+        init_light(&r, level);
     struct coordinates coordinates;
     init_coordinates(&coordinates, &info->grid, level);
     add_halves(&r, &coordinates, &info->grid);

@@ -7,6 +7,7 @@
  *                  └half┘                  changes linearly, and the curve's integral classifies it
  */
 #include "frame/resolve.h"
+#include "light/read.h"
 #include "resample/fetch.h"
 #include "resample/kernels.h"
 #include "splat/exp2.h"
@@ -15,6 +16,7 @@
 struct interval {
     sp_wide value[3]; /* at its start, in its middle and at its end [levels] */
     float width;      /* s from sheet to sheet */
+    float middle;     /* s half way */
     sp_wide length;   /* of the ray inside, reference lengths */
     sp_wide light;    /* transmittance */
     sp_wide color[3]; /* premultiplied */
@@ -125,10 +127,50 @@ static inline void find_eye(const struct sp_camera_transform *camera, float x, f
     to_eye[2] = scale;
 }
 
+/* The shares of ambient light and of the first light that arrive at the middle of an interval. They
+ * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
+ * is no surface. */
+static inline void find_share(const struct sp_resample_open_tile *t,
+                              const struct sp_resample_block *block, int begin, float s,
+                              const sp_wide world[3], sp_wide magnitude, const sp_wide to_eye[3],
+                              sp_wide share[2]) {
+    const struct sp_resample *r = t->r;
+    const struct sp_light_field *light = r->light;
+    const float to_front = 0.75f, off_surface = 0.5f; /* cells */
+    const sp_wide zero = sp_wide_all(0);
+    sp_wide at[3], move[3], side = zero, firm = magnitude * r->light_firmness;
+    firm = sp_wide_min(firm * firm, sp_wide_all(1)) * off_surface;
+    at[t->axis[0]] = sp_wide_load(block->u + begin) + s * sp_wide_load(block->du + begin);
+    at[t->axis[1]] = sp_wide_load(block->v + begin) + s * sp_wide_load(block->dv + begin);
+    at[t->axis[2]] = sp_wide_all(t->is_backwards ? t->reference - s : t->reference + s);
+    for (int k = 0; k < 3; k++) {
+        const float *w = r->shade->to_camera[k];
+        side += to_eye[k] * (w[0] * world[0] + w[1] * world[1] + w[2] * world[2]);
+    }
+    side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
+    for (int c = 0; c < 3; c++) {
+        move[c] = side * world[c];
+        for (int k = 0; k < 3; k++)
+            move[c] += r->shade->to_camera[k][c] * to_eye[k] * to_front;
+    }
+    for (int a = 0; a < 3; a++) {
+        const float *o = light->offset[a];
+        at[a] = at[a] * r->light_scale + r->light_first + o[0] * move[0] + o[1] * move[1] +
+                o[2] * move[2];
+    }
+    sp_light_read(light, at, share);
+    share[0] = 1 - light->occlusion * (1 - share[0] * (1 / 255.0f));
+    share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
+}
+
 /* Lights the interval's colour by its gradient. */
-static inline void shade(const struct sp_resample *r, struct interval *in,
-                         const sp_wide gradient[3], sp_wide magnitude, float x, float y) {
+static inline void shade(const struct sp_resample_open_tile *t,
+                         const struct sp_resample_block *block, int begin, struct interval *in,
+                         const sp_wide gradient[3], sp_wide magnitude, const int at[2]) {
+    const struct sp_resample *r = t->r;
     const sp_wide tiny = sp_wide_all(1e-20f);
+    float x = (float)(t->x + at[0] + begin % RESAMPLE_BLOCK) + 0.5f;
+    float y = (float)(t->y + at[1] + begin / RESAMPLE_BLOCK) + 0.5f;
     sp_wide world[3], to_eye[3], color[3], opacity = 1 - in->light;
     sp_wide inverse = sp_wide_keep(sp_wide_lt(tiny, magnitude), 1 / sp_wide_max(magnitude, tiny));
     for (int c = 0; c < 3; c++) {
@@ -136,7 +178,13 @@ static inline void shade(const struct sp_resample *r, struct interval *in,
         color[c] = in->color[c] / sp_wide_max(opacity, tiny);
     }
     find_eye(r->camera, x, y, to_eye);
-    sp_shade_direction(r->shade, world, to_eye, color);
+    if (r->light) {
+        sp_wide share[2];
+        find_share(t, block, begin, in->middle, world, magnitude, to_eye, share);
+        sp_shade_occluded(r->shade, world, to_eye, share, color);
+    } else {
+        sp_shade_direction(r->shade, world, to_eye, color);
+    }
     for (int c = 0; c < 3; c++)
         in->color[c] = sp_wide_keep(sp_wide_lt(tiny, opacity), color[c] * opacity);
 }
@@ -172,8 +220,7 @@ static inline void add_interval(const struct sp_resample_open_tile *t,
         scale = gradient_scale(&r->view->transfer_function, magnitude * r->gradient_unit);
     classify(r, in, is_scaled ? &scale : NULL);
     if (r->shade)
-        shade(r, in, gradient, magnitude, (float)(t->x + at[0] + begin % RESAMPLE_BLOCK) + 0.5f,
-              (float)(t->y + at[1] + begin / RESAMPLE_BLOCK) + 0.5f);
+        shade(t, block, begin, in, gradient, magnitude, at);
     sp_wide light = sp_wide_load(block->light + begin);
     for (int c = 0; c < 3; c++) {
         float *color = block->color[c] + begin;
@@ -206,6 +253,7 @@ bool sp_resample_integrate(const struct sp_resample_open_tile *t, struct sp_resa
                          sp_wide_lt(low, sp_wide_all(visible[1]))))
             continue;
         in.width = e - s;
+        in.middle = 0.5f * (s + e);
         in.length = sp_wide_load(block->length + i) * in.width;
         if (!is_whole)
             cut(block, i, s, &in);

@@ -20,6 +20,7 @@
 #include "base/interrupt.h"
 #include "base/isa.h"
 #include "base/parallel_for.h"
+#include "light/light.h"
 #include "resample/curve.h"
 #include "resample/levels.h"
 #include "sp/frame.h"
@@ -57,7 +58,10 @@ struct sp_resample {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade; /* NULL = not lit */
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    float light_scale, light_first; /* cell coordinate = coordinate · light_scale + light_first */
+    float light_firmness; /* gradients from 1/firmness on are those of surfaces [gradient_unit] */
     const struct sp_samples *samples;
     const struct sp_samples_class *class;
     struct sp_curve curve;
@@ -126,11 +130,12 @@ struct sp_resample_input {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;   /* NULL = not lit */
-    struct sp_samples_cache *cache; /* mip levels and ranges */
-    uint64_t bytes_max;             /* of the cache */
-    unsigned mip_level;             /* no finer level is drawn */
-    sp_resample_tile_fn *draw_tile; /* sp_resample_tile() of an instruction set */
+    const struct sp_shade *shade;       /* NULL = not lit */
+    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    struct sp_samples_cache *cache;     /* mip levels and ranges */
+    uint64_t bytes_max;                 /* of the cache */
+    unsigned mip_level;                 /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };

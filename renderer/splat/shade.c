@@ -34,8 +34,10 @@ static inline sp_wide highlight(float exponent, const sp_wide n[3], const sp_wid
     return sp_wide_keep(shines, sp_wide_exp2(exponent * sp_wide_log2(square) * 0.5f));
 }
 
-void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
-                        const sp_wide to_eye[3], sp_wide color[3]) {
+/* `share`: of ambient and diffuse light, and of the first light, that arrives; NULL = all of it. */
+static inline void shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+                                   const sp_wide to_eye[3], const sp_wide *share,
+                                   sp_wide color[3]) {
     const sp_wide one = sp_wide_all(1), zero = sp_wide_all(0);
     sp_wide n[3], lit[3], shine[3] = { zero, zero, zero };
     for (int r = 0; r < 3; r++) {
@@ -55,13 +57,27 @@ void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
         }
         sp_wide facing = sp_wide_select(has_side, sp_wide_abs(dot(n, l)), one);
         sp_wide glint = sp_wide_keep(has_side, highlight(shade->exponent, n, h));
+        if (share && i == 0) {
+            facing *= share[1];
+            glint *= share[1];
+        }
         for (int c = 0; c < 3; c++) {
             lit[c] += shade->diffuse * facing * strength[c];
             shine[c] += shade->specular * glint * strength[c];
         }
     }
     for (int c = 0; c < 3; c++)
-        color[c] = color[c] * lit[c] + shine[c];
+        color[c] = color[c] * (share ? lit[c] * share[0] : lit[c]) + shine[c];
+}
+
+void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+                        const sp_wide to_eye[3], sp_wide color[3]) {
+    shade_direction(shade, world, to_eye, NULL, color);
+}
+
+void sp_shade_occluded(const struct sp_shade *shade, const sp_wide world[3],
+                       const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]) {
+    shade_direction(shade, world, to_eye, share, color);
 }
 
 /* A symmetric matrix: xx, yy, zz, xy, xz, yz. */

@@ -49,7 +49,12 @@ void sp_shade_init(struct sp_shade *shade, const struct sp_camera_transform *cam
 void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
                         const sp_wide to_eye[3], sp_wide color[3]);
 
-/* The same with packed gradients. */
+/* The same where only a share of the light arrives: share[0] of the ambient and the diffuse light,
+ * share[1] of the first light. */
+void sp_shade_occluded(const struct sp_shade *shade, const sp_wide world[3],
+                       const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]);
+
+/* The same with packed gradients, where all light arrives. */
 void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
                     const sp_wide to_eye[3], sp_wide color[3]);
 

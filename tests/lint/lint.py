@@ -40,11 +40,12 @@ RENDERER = {
     'import': {'base', 'volume', 'frame'},
     'classify': {'base', 'volume', 'frame'},
     'splat': {'base', 'volume', 'frame', 'classify'},
+    'light': {'base', 'volume', 'frame', 'classify', 'splat'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'resample': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'resample'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'postconv', 'resample', 'backend'},
+    'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'session', 'schedule', 'render', 'paths', 'http', '.']

@@ -9,7 +9,7 @@ import schemathesis
 BEYOND_SCHEMA = re.compile(
     r'(/keyframes/\d+)?(/view)?(/volume|/size(/[01])?|/camera(/position|/target|/up)?|/filter/c_m(in|ax)'
     r'|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)|/clip/box(/\d/\d)?|/clip/planes/\d/normal'
-    r'|/shading/lights/\d/direction|/primitive(/type)?)|/from|/uri|/path|/frames|/keyframes/\d+(/(time|frame))?')
+    r'|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/from|/uri|/path|/frames|/keyframes/\d+(/(time|frame))?')
 
 
 @schemathesis.check

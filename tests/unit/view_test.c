@@ -196,6 +196,8 @@ static void ranges_are_checked(void **state) {
     REFUSED(filter.mode, (enum sp_filter_mode)17, "/filter/mode");
     REFUSED(compositing.slab, 0, "/compositing/slab");
     REFUSED(shading.exponent, 0.5, "/shading/exponent");
+    REFUSED(shading.occlusion, 1.1, "/shading/occlusion");
+    REFUSED(shading.shadow, -0.1, "/shading/shadow");
     REFUSED(shading.ambient, 5, "/shading/ambient");
     REFUSED(shading.light_count, 9, "/shading/lights");
     REFUSED(shading.lights[0].color[2], 4.5f, "/shading/lights/0/color/2");

@@ -78,6 +78,9 @@ const RULES = {
   },
   shading: (a, b, u) => {
     const blended = blendAny(a, b, u);
+    for (const name of ['occlusion', 'shadow']) { // not from or to 0: the frames between may be of a mode that draws neither
+      if (name in a && !(a[name] > 0 && b[name] > 0)) blended[name] = a[name];
+    }
     if (a.lights?.length !== b.lights?.length) return blended;
     return { ...blended, lights: a.lights?.map((light, i) => ({
       ...blended.lights[i],

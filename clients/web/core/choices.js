@@ -12,6 +12,8 @@ const DEFAULTS = Object.freeze({
   '/compositing/attenuation': 'exponential',
   '/compositing/slab': 1,
   '/transfer_function/order': 'pre',
+  '/shading/occlusion': 0,
+  '/shading/shadow': 0,
 });
 
 export const isChoice = (pointer) => Object.hasOwn(DEFAULTS, pointer);
@@ -31,6 +33,8 @@ export function matters(view, pointer) {
   const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
   if (isInterpolated && pointer.startsWith('/filter/')) return false;
   switch (pointer) {
+    case '/shading/occlusion':
+    case '/shading/shadow': return view.shading?.mode !== 'none';
     case '/filter/kernel': return mode !== 'none';
     case '/filter/sigma':
     case '/filter/cutoff': return mode !== 'none' && valueAt(view, '/filter/kernel') === 'gaussian';
@@ -40,9 +44,20 @@ export function matters(view, pointer) {
   }
 }
 
-/** The merge patch for a choice. Single splats and post-classification exclude each other: the newer choice wins. */
+const OCCLUSIONS = ['/shading/occlusion', '/shading/shadow'];
+
+/** The merge patch for a choice. Single splats and post-classification exclude each other, and ambient occlusion and shadows need
+    sheets that are classified by pixel: the newer choice wins. */
 export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
+  if (OCCLUSIONS.includes(pointer) && value > 0) {
+    return { ...patch, ...patchAt('/compositing/mode', 'sheet'), ...patchAt('/transfer_function/order', 'post') };
+  }
+  const isOccluded = OCCLUSIONS.some((other) => valueAt(view, other) > 0);
+  if (isOccluded && ((pointer === '/compositing/mode' && value !== 'sheet') || (pointer === '/transfer_function/order' && value === 'pre'))) {
+    const plain = choose({ ...view, shading: { ...view.shading, occlusion: 0, shadow: 0 } }, pointer, value);
+    return { ...plain, shading: { occlusion: 0, shadow: 0 } };
+  }
   if (pointer === '/transfer_function/order' && value === 'post' && valueAt(view, '/compositing/mode') === 'splat') {
     return { ...patch, ...patchAt('/compositing/mode', 'sheet') };
   }

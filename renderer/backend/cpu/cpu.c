@@ -29,6 +29,7 @@ static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
     sp_classify_cache_evict(&state->cache, NULL);
     sp_samples_evict(&state->samples, NULL);
+    sp_light_evict(&state->light, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -73,12 +74,13 @@ static void cpu_evict(void *pointer, const struct sp_volume *volume) {
     struct cpu_state *state = pointer;
     sp_classify_cache_evict(&state->cache, volume);
     sp_samples_evict(&state->samples, volume);
+    sp_light_evict(&state->light, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
     const struct cpu_state *state = pointer;
     return sp_classify_cache_bytes(&state->cache, volume) +
-           sp_samples_bytes(&state->samples, volume);
+           sp_samples_bytes(&state->samples, volume) + sp_light_bytes(&state->light, volume);
 }
 
 static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
@@ -110,6 +112,7 @@ const struct sp_backend cpu_backend = {
                       .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF),
                       .gradient_axis = true,
                       .interpolated_sheets = true,
+                      .light = true,
                       .clip_box = true,
                       .clip_planes = true },
     .create = cpu_create,

@@ -36,28 +36,57 @@ static uint64_t rest_of(const struct cpu_state *state, uint64_t used) {
     return used < state->memory_bytes ? state->memory_bytes - used : 0;
 }
 
+/* What is made once for a transfer function counts as classification. */
+static void add_light_time(struct sp_frame_stats *stats, const struct sp_light_field *light,
+                           double ms) {
+    if (light->is_made)
+        stats->stages[0].ms += ms;
+    else
+        stats->stages[stats->stage_count++] = (struct sp_stage_time){ "light", ms };
+}
+
 static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job *job,
                            struct sp_error *err) {
     struct sp_camera_transform camera;
     struct sp_shade shade;
+    struct sp_light_field light;
     bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
-    uint64_t classified = sp_classify_cache_bytes(&state->cache, NULL);
+    bool has_light = sp_light_is_wanted(job->view);
+    uint64_t used = sp_classify_cache_bytes(&state->cache, NULL);
     sp_camera_transform_init(&camera, &job->view->camera, job->view->size);
     if (is_lit)
         sp_shade_init(&shade, &camera, &job->view->shading);
+    const struct sp_light_job light_job = {
+        .volume = job->volume,
+        .view = job->view,
+        .direction = is_lit && shade.light_count ? shade.lights[0].world : NULL,
+        .bytes_max = rest_of(state, used + sp_samples_bytes(&state->samples, NULL)),
+        .pool = state->pool,
+        .interrupt = sp_job_interrupt(job)
+    };
+    double begin = sp_job_clock_ms(job);
+    if (has_light && !sp_light_get(&state->light, &light_job, &light, err))
+        return false;
+    double light_ms = sp_job_clock_ms(job) - begin;
+    used += sp_light_bytes(&state->light, NULL);
     struct sp_resample_input input = { .view = job->view,
                                        .volume = job->volume,
                                        .frame = job->frame,
                                        .interrupt = sp_job_interrupt(job),
                                        .camera = &camera,
                                        .shade = is_lit ? &shade : NULL,
+                                       .light = has_light ? &light : NULL,
                                        .cache = &state->samples,
-                                       .bytes_max = rest_of(state, classified),
+                                       .bytes_max = rest_of(state, used),
                                        .mip_level = job->mip_level,
                                        .draw_tile = state->kernels.resample_tile,
                                        .pool = state->pool,
                                        .arena = &state->arena };
-    return sp_resample_draw(&input, err);
+    if (!sp_resample_draw(&input, err))
+        return false;
+    if (has_light)
+        add_light_time(&job->frame->stats, &light, light_ms);
+    return true;
 }
 
 static bool draw_classified(struct cpu_state *state, const struct sp_backend_job *job,
@@ -66,7 +95,8 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     bool can_be_fast = state->kernels.has_fast_path && sp_postconv_can_draw(job->view, grid);
     bool is_drawn = false;
-    state->cache.limit_bytes = rest_of(state, sp_samples_bytes(&state->samples, NULL));
+    state->cache.limit_bytes = rest_of(state, sp_samples_bytes(&state->samples, NULL) +
+                                                  sp_light_bytes(&state->light, NULL));
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
@@ -80,11 +110,15 @@ static bool draw(struct cpu_state *state, const struct sp_backend_job *job, stru
                                         : draw_classified(state, job, err);
 }
 
-/* Evicts the cache that the view does not need. False if it is empty. */
+/* Evicts the caches that the view does not need. False if they are empty. */
 static bool free_other_cache(struct cpu_state *state, const struct sp_view *view) {
     bool is_resampled = sp_resample_draws(view);
+    bool needs_light = is_resampled && sp_light_is_wanted(view);
     uint64_t bytes = is_resampled ? sp_classify_cache_bytes(&state->cache, NULL)
                                   : sp_samples_bytes(&state->samples, NULL);
+    bytes += needs_light ? 0 : sp_light_bytes(&state->light, NULL);
+    if (!needs_light)
+        sp_light_evict(&state->light, NULL);
     if (is_resampled)
         sp_classify_cache_evict(&state->cache, NULL);
     else

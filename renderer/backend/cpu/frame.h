@@ -19,6 +19,7 @@ struct cpu_state {
     struct cpu_kernels kernels;
     struct sp_classify_cache cache;
     struct sp_samples_cache samples; /* of resampled sheets */
+    struct sp_light_cache light;     /* of lit ones */
     uint64_t memory_bytes;           /* of both caches */
     struct sp_cubic_table cubic;
     struct sp_postconv_tables postconv;

@@ -8,6 +8,7 @@
 
 #include "backend/gl/memory.h"
 #include "base/clock.h"
+#include "light/light.h"
 #include "sp/log.h"
 #include "splat/cubic.h"
 
@@ -506,6 +507,9 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     slot->y = slot->end = 0;
     slot->splats = slot->fragments = 0;
     memset(slot->stage_ms, 0, sizeof slot->stage_ms);
+    if (sp_light_is_wanted(job->view))
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "/shading",
+                       "this backend draws neither ambient occlusion nor shadows");
     if (job->view->compositing.mode == SP_COMPOSITE_SHEET &&
         job->view->transfer_function.order == SP_TF_POST)
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",

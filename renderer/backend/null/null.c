@@ -156,6 +156,7 @@ const struct sp_backend null_backend = {
                       .levels_of_detail = SP_CAN_ALL,
                       .gradient_axis = true,
                       .interpolated_sheets = true,
+                      .light = true,
                       .clip_box = true,
                       .clip_planes = true },
     .create = null_create,

@@ -27,8 +27,8 @@ enum sp_pixel_format {
 enum { SP_STAGES_MAX = 8, SP_DEVICE_NAME = 128 };
 
 struct sp_stage_time {
-    const char *name; /* constant: "classify", "splat", "bin", "tile", "resolve"; on a GPU also
-                         "read" */
+    const char *name; /* constant: "classify", "light", "splat", "bin", "tile", "resolve"; on a GPU
+                         also "read" */
     double ms;        /* wall-clock time of the stage, >= 0 */
 };
 

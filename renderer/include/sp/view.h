@@ -118,7 +118,11 @@ struct sp_shading {                    /* "/shading" */
     enum sp_shading_mode mode;         /* [phong] */
     double ambient, diffuse, specular; /* weights, [0, 4]; 0 = none [0.25, 0.8, 0.25] */
     double exponent;                   /* of the highlight (Blinn 1977), [1, 1024] [24] */
-    uint32_t light_count;              /* [0, SP_LIGHTS_MAX]; 0 = ambient light alone [1] */
+    /* Strength of ambient occlusion and of the shadow of the first light, [0, 1]; 0 = none [0].
+     * They need mode phong, and are drawn with compositing.mode sheet and transfer_function.order
+     * post; renderer/light/README.md. With mode none they have no effect. */
+    double occlusion, shadow;
+    uint32_t light_count; /* [0, SP_LIGHTS_MAX]; 0 = ambient light alone [1] */
     struct sp_light lights[SP_LIGHTS_MAX];
 };
 

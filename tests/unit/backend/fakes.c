@@ -105,7 +105,7 @@ static uint64_t fake_memory(const void *state, const struct sp_volume *volume) {
 
 #define ALL_BUT_PLANES                                                                             \
     SP_CAN_ALL, SP_CAN_ALL, SP_CAN_ALL, SP_CAN_ALL, SP_CAN_ALL, SP_CAN_ALL, SP_CAN_ALL,            \
-        SP_CAN_ALL, SP_CAN_ALL, true, true, true
+        SP_CAN_ALL, SP_CAN_ALL, true, true, true, true
 #define FAKE(fake)                                                                                 \
     .create = fake##_create, .destroy = fake_destroy, .info = fake_info, .render = fake_render,    \
     .evict = fake_evict, .memory = fake_memory

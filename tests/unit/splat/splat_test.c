@@ -382,6 +382,8 @@ static void shading_follows_its_formula(void **state) {
                                   0.7,
                                   0.4,
                                   12,
+                                  0,
+                                  0,
                                   2,
                                   { { { 0.5, 0.5, 2 }, SP_LIGHT_CAMERA, { 1, 0.5f, 0.25f } },
                                     { { -3, 1, 0 }, SP_LIGHT_WORLD, { 0.3f, 0.3f, 0.3f } } } };

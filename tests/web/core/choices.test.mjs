@@ -77,3 +77,18 @@ test('sliders: ends are exact, both directions agree, and values outside the ran
   assert.equal(quadratic(0).of(5), 0, 'a volume with a single value');
   assert.equal(quadratic(0).at(0.5), 0);
 });
+
+test('ambient occlusion and shadows bring sheets that are classified by pixel; other modes end them', () => {
+  const off = { compositing: { mode: 'slab' }, transfer_function: { order: 'pre' }, shading: { mode: 'phong', occlusion: 0, shadow: 0 } };
+  const on = applyPatch(off, choose(off, '/shading/occlusion', 0.5));
+  assert.deepEqual(on, { compositing: { mode: 'sheet' }, transfer_function: { order: 'post' }, shading: { mode: 'phong', occlusion: 0.5, shadow: 0 } });
+  for (const [pointer, value] of [['/compositing/mode', 'slab'], ['/compositing/mode', 'splat'], ['/transfer_function/order', 'pre']]) {
+    const after = applyPatch(on, choose(on, pointer, value));
+    assert.deepEqual(after.shading, { mode: 'phong', occlusion: 0, shadow: 0 });
+    assert.equal(valueAt(after, pointer), value);
+  }
+  assert.deepEqual(choose(on, '/shading/occlusion', 0), { shading: { occlusion: 0 } });
+  assert.deepEqual(choose(on, '/shading/shadow', 1).shading, { shadow: 1 });
+  assert.equal(matters(on, '/shading/shadow'), true);
+  assert.equal(matters({ ...on, shading: { mode: 'none' } }, '/shading/shadow'), false);
+});

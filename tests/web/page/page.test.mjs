@@ -206,6 +206,20 @@ test('background, shading and filter change the image', async (context) => {
   await page.locator('#shading').setChecked(!wasShaded);
   await rest(page);
   compare(difference(before_, await pixels(page)), '>', 0.001, 'shading');
+  await page.locator('#shading').setChecked(true);
+  await rest(page);
+  for (const id of ['#occlusion', '#shadow']) {
+    await changes(page, async () => {
+      await page.focus(id);
+      await page.keyboard.press('End');
+    });
+    assert.equal(await page.inputValue(id), '1');
+  }
+  await shot(page, 'occlusion');
+  assert.equal(await page.inputValue('#order'), 'post');
+  await page.selectOption('#order', 'pre');
+  await rest(page);
+  assert.equal(await page.inputValue('#shadow'), '0', 'voxels that are classified cast no shadow');
   await page.selectOption('#filter', 'reconstruction');
   await rest(page);
   assert.equal(await page.inputValue('#filter'), 'reconstruction');
