@@ -43,7 +43,7 @@ static const struct proto_group gradient = GROUP(gradient_fields);
 
 static const struct proto_field transfer_fields[] = {
     { "reference_length", PROTO_FIELD_DOUBLE, AT(transfer_function.reference_length) },
-    { "order", PROTO_FIELD_ENUM, AT(transfer_function.order), NAMES("pre", "post") },
+    { "order", PROTO_FIELD_ENUM, AT(transfer_function.order), NAMES("pre", "post", "auto") },
     { "points", PROTO_FIELD_LIST, AT(transfer_function.points), .group = &point,
       .count_offset = offsetof(struct sp_view, transfer_function.point_count),
       .item_bytes = sizeof(struct sp_tf_point), .item_max = SP_TF_POINTS_MAX },

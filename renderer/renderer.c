@@ -11,6 +11,7 @@
 #include "backend/backend.h"
 #include "base/clock.h"
 #include "light/light.h"
+#include "resample/resample.h"
 #include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/probe.h"
@@ -221,7 +222,7 @@ static bool check_support(const struct sp_backend *backend, const struct sp_view
     static const char *const kernels[] = { "gaussian", "cubic", NULL };
     static const char *const compositings[] = { "splat", "sheet", "slab", NULL };
     static const char *const attenuations[] = { "exponential", "linear", NULL };
-    static const char *const orders[] = { "pre", "post", NULL };
+    static const char *const orders[] = { "pre", "post", "auto", NULL };
     static const char *const shadings[] = { "none", "phong", NULL };
     static const char *const primitives[] = { "volume", "surface", "shell", "vector", NULL };
     static const char *const lods[] = { "auto", "off", NULL };
@@ -279,14 +280,33 @@ static bool check_light(const struct sp_renderer *r, const struct sp_view *v,
     const char *pointer = v->shading.occlusion > 0 ? "/shading/occlusion" : "/shading/shadow";
     if (!sp_light_is_wanted(v))
         return true;
-    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order != SP_TF_POST)
+    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order == SP_TF_PRE)
         return sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
                        "ambient occlusion and shadows need compositing.mode \"sheet\" and "
-                       "transfer_function.order \"post\": use both, or set them to 0");
+                       "transfer_function.order \"auto\" or \"post\": use both, or set them to 0");
     return backend->capabilities.light || (r->is_auto && !r->wanted.require_gpu) ||
            sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
                    "the %s backend draws neither ambient occlusion nor shadows: set them to 0",
                    backend->entry.name);
+}
+
+/* The order that "auto" stands for. Interpolated sheets are sharper and need no filter. A view that
+ * chooses a filter is drawn with it. Means of classified voxels are closer to the truth than means
+ * of values, so coarse frames use them, and views whose voxels are much smaller than pixels. They
+ * are not used for smaller differences, so that a smaller frame looks like a larger one. */
+static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct sp_volume *volume,
+                                     const struct sp_view *v, unsigned mip_level) {
+    const struct sp_backend *backend = atomic_load(&r->backend);
+    struct sp_camera_transform camera;
+    if (v->transfer_function.order != SP_TF_AUTO)
+        return v->transfer_function.order;
+    if (sp_light_is_wanted(v)) /* check_light() has found sheets */
+        return SP_TF_POST;
+    if (v->compositing.mode != SP_COMPOSITE_SHEET || !backend->capabilities.interpolated_sheets ||
+        !sp_view_has_default_filter(v) || mip_level > 0)
+        return SP_TF_PRE;
+    sp_camera_transform_init(&camera, &v->camera, v->size);
+    return sp_resample_level(&sp_volume_info(volume)->grid, &camera) < 2 ? SP_TF_POST : SP_TF_PRE;
 }
 
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
@@ -432,6 +452,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
     struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
+    f->view.transfer_function.order = choose_order(renderer, volume, view, o->mip_level);
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
                                       .view = &f->view,
                                       .mip_level = o->mip_level,

@@ -116,7 +116,7 @@ static void init_transfer_function(struct sp_transfer_function *tf,
         { 2, 1.0f, { 1.00f, 1.00f, 1.00f }, 0.80f },
     };
     double low = info->range[0], span = info->range[1] - low;
-    *tf = (struct sp_transfer_function){ .reference_length = smallest, .order = SP_TF_PRE };
+    *tf = (struct sp_transfer_function){ .reference_length = smallest, .order = SP_TF_AUTO };
     if (!(span > 0) || !isfinite(span)) { /* one value alone, or no middle: show what there is */
         tf->point_count = 1;
         tf->points[0] = (struct sp_tf_point){ low, { 0.95f, 0.78f, 0.60f }, 0.1f };
@@ -136,19 +136,28 @@ static void init_transfer_function(struct sp_transfer_function *tf,
     }
 }
 
+static const struct sp_filter default_filter = { .mode = SP_FILTER_ADAPTIVE,
+                                                 .kernel = SP_KERNEL_GAUSSIAN,
+                                                 .sigma = 0.7,
+                                                 .cutoff = 3,
+                                                 .lowpass = 1,
+                                                 .c_min = 0.07,
+                                                 .c_max = NAN };
+
+bool sp_view_has_default_filter(const struct sp_view *view) {
+    const struct sp_filter *a = &view->filter, *b = &default_filter;
+    return a->mode == b->mode && a->kernel == b->kernel && a->sigma == b->sigma &&
+           a->cutoff == b->cutoff && a->lowpass == b->lowpass && a->c_min == b->c_min &&
+           isnan(a->c_max);
+}
+
 void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id) {
     const struct sp_grid *grid = &info->grid;
     double smallest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
     *view = (struct sp_view){
         .size = { 512, 512 },
         .background = { 0, 0, 0, 1 },
-        .filter = { .mode = SP_FILTER_ADAPTIVE,
-                    .kernel = SP_KERNEL_GAUSSIAN,
-                    .sigma = 0.7,
-                    .cutoff = 3,
-                    .lowpass = 1,
-                    .c_min = 0.07,
-                    .c_max = NAN },
+        .filter = default_filter,
         .compositing = { SP_COMPOSITE_SHEET, SP_ATTENUATION_EXPONENTIAL, 1 },
         .shading = { .mode = SP_SHADING_PHONG,
                      .ambient = 0.25,
@@ -244,7 +253,7 @@ static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
 
 static bool check_transfer_function(const struct sp_transfer_function *tf, struct sp_error *err) {
     if (!check_positive(tf->reference_length, "/transfer_function/reference_length", err) ||
-        !check_choice(tf->order, SP_TF_POST, "/transfer_function/order", err) ||
+        !check_choice(tf->order, SP_TF_AUTO, "/transfer_function/order", err) ||
         !check_range(tf->point_count, 1, SP_TF_POINTS_MAX, err, "/transfer_function/points") ||
         !check_range(tf->gradient_count, 0, SP_GRADIENT_POINTS_MAX, err,
                      "/transfer_function/gradient"))
@@ -312,7 +321,7 @@ static bool check_compositing(const struct sp_view *view, struct sp_error *err) 
         return sp_fail(
             err, SP_ERR_INVALID, "/transfer_function/order",
             "\"post\" needs compositing.mode \"sheet\" or \"slab\": change both at once, or "
-            "go back to \"pre\"");
+            "go back to \"auto\"");
     return true;
 }
 

@@ -25,6 +25,7 @@ struct check {
 /* Sets up view number `way`; false if the backend does not support it. */
 static bool choose_way(int way, const struct sp_capabilities *can, struct sp_view *view) {
     view->size[0] = view->size[1] = SIDE;
+    view->transfer_function.order = SP_TF_PRE;
     if (way == 0)
         return true;
     view->compositing.mode = SP_COMPOSITE_SLAB;

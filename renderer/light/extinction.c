@@ -36,6 +36,7 @@ struct extinction {
     struct integral *integral;
     unsigned per_cell;   /* positions per cell and axis; the last one belongs to the next cell */
     uint32_t *sample[3]; /* sample at each position along the axes, owned */
+    float *ranges;       /* per worker: two rows of samples, owned */
     struct half halves[6 + SP_CLIP_PLANES_MAX];
     int half_count;
 };
@@ -228,12 +229,11 @@ static void find_row(const struct extinction *x, uint32_t j, uint32_t k, float *
 static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct extinction *x = user;
     const uint32_t *cells = x->slot->dims;
-    float *range = malloc(2 * sizeof *range * x->info->grid.dims[0]);
-    (void)worker;
-    for (size_t r = begin; range && r < end && !sp_interrupt_is_cancelled(x->interrupt); r++)
+    size_t length = x->info->grid.dims[0];
+    float *range = x->ranges + worker * 2 * length;
+    for (size_t r = begin; r < end && !sp_interrupt_is_cancelled(x->interrupt); r++)
         find_row(x, (uint32_t)(r % (cells[1] - 2)) + 1, (uint32_t)(r / (cells[1] - 2)) + 1, range,
-                 range + x->info->grid.dims[0]);
-    free(range);
+                 range + length);
 }
 
 /* The samples at evenly spaced coordinates. */
@@ -303,7 +303,9 @@ bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *j
     memset(slot->extinction, 0,
            sizeof *slot->extinction * slot->dims[0] * slot->dims[1] * slot->dims[2]);
     x.integral = malloc(sizeof *x.integral);
-    bool ok = x.integral && find_positions(&x);
+    size_t floats = 2 * (size_t)x.info->grid.dims[0] * sp_pool_threads(job->pool);
+    x.ranges = malloc(floats * sizeof *x.ranges);
+    bool ok = x.integral && x.ranges && find_positions(&x);
     if (ok) {
         init_integral(x.integral, &slot->tf);
         find_halves(&x);
@@ -311,6 +313,7 @@ bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *j
                         &x);
     }
     free(x.integral);
+    free(x.ranges);
     for (int a = 0; a < 3; a++)
         free(x.sample[a]);
     if (!ok)

@@ -3,8 +3,7 @@
  * Ambient occlusion and soft shadows from a coarse grid of extinction (README.md).
  *
  *   volume ─► extinction ─┬► sweeps along fixed directions ─► openness ──────┬─► field ─► integrate
- *             per cell    └► one sweep away from the light ─► transmittance ─┘   8 bits each per
- * cell
+ *             per cell    └► sweeps away from the light ────► transmittance ─┘   3 × 8 bits
  *
  * A cell holds side³ samples. One layer of empty cells surrounds the volume, so that light arrives
  * from outside. Cell (i, j, k) has its centre at cell coordinate (i, j, k):

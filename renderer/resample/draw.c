@@ -23,15 +23,11 @@ static const double narrowest = 0.7;
  */
 static const double most_seen = 200;
 
-/* The finest level whose samples are wide enough. */
-static unsigned choose_level(const struct sp_resample_input *input) {
-    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
-    const struct sp_camera_transform *camera = input->camera;
+unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera) {
     double width = 1, distance = 1, far = 1, finest = INFINITY, radius = 0;
-    unsigned level = input->mip_level, longest = 1;
+    unsigned level = 0;
     for (int a = 0; a < 3; a++) {
         width *= cbrt(grid->spacing[a]);
-        longest = grid->dims[a] > longest ? grid->dims[a] : longest;
         finest = fmin(finest, grid->spacing[a]);
         radius += grid->spacing[a] * grid->dims[a] / 2;
     }
@@ -46,10 +42,21 @@ static unsigned choose_level(const struct sp_resample_input *input) {
     }
     width *= camera->scale / distance;
     double seen = RESAMPLE_BLOCK * far / camera->scale / finest;
-    if (input->view->level_of_detail == SP_LOD_AUTO)
-        while (level + 1 < SAMPLES_LEVELS &&
-               (ldexp(width, (int)level) < narrowest || ldexp(seen, -(int)level) > most_seen))
-            level++;
+    while (level + 1 < SAMPLES_LEVELS &&
+           (ldexp(width, (int)level) < narrowest || ldexp(seen, -(int)level) > most_seen))
+        level++;
+    return level;
+}
+
+static unsigned choose_level(const struct sp_resample_input *input) {
+    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+    unsigned level = input->mip_level, longest = 1;
+    for (int a = 0; a < 3; a++)
+        longest = grid->dims[a] > longest ? grid->dims[a] : longest;
+    if (input->view->level_of_detail == SP_LOD_AUTO) {
+        unsigned finest = sp_resample_level(grid, input->camera);
+        level = level > finest ? level : finest;
+    }
     while (level > 0 && longest >> level == 0)
         level--;
     return level < SAMPLES_LEVELS ? level : SAMPLES_LEVELS - 1;
@@ -114,7 +121,8 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
     for (uint32_t i = 0; i < clip->plane_count; i++) {
         struct sp_vec3 normal = sp_vec3_from(clip->planes[i].normal);
         double largest = fmax(fabs(normal.v[0]), fmax(fabs(normal.v[1]), fabs(normal.v[2])));
-        normal = sp_vec3_scale(normal, 1 / largest); /* squares of components may overflow */
+        for (int a = 0; a < 3; a++) /* squares of components, or 1 / largest, may overflow */
+            normal.v[a] /= largest;
         double length = sp_vec3_length(normal);
         add_half(r, c, sp_vec3_scale(normal, 1 / length),
                  clip->planes[i].offset / largest / length);

@@ -143,6 +143,9 @@ struct sp_resample_input {
 /* True if this stage draws the view: sheets that are classified after interpolation. */
 bool sp_resample_draws(const struct sp_view *view);
 
+/* The finest mip level whose samples are wide enough in the image; 0 = the volume's own samples. */
+unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera);
+
 /* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *err);
 

@@ -9,7 +9,7 @@ import tempfile
 import unittest
 
 PROGRAM, LIMIT = sys.argv.pop(1), sys.argv.pop(1)
-KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'in_flight', 'size', 'mode', 'compositing', 'shading', 'lod', 'views',
+KEYS = {'coarse', 'scene', 'backend', 'device', 'isa', 'threads', 'in_flight', 'size', 'mode', 'compositing', 'order', 'shading', 'lod', 'views',
         'splats', 'visible_voxels', 'fragments', 'median_ms', 'p95_ms', 'mean_ms', 'cpu_ms', 'fps', 'splats_per_second',
         'stages', 'rest_ms', 'cold_classify_ms', 'allocations', 'voxels', 'bytes', 'derived_bytes', 'derived_per_voxel', 'peak_rss'}
 
@@ -37,12 +37,13 @@ class CommandLine(unittest.TestCase):
         small = self.scene('small.json', name='small', volume='demo:hydrogen?size=24',
                            view={'size': [40, 30], 'shading': {'mode': 'none'}})
         absent = self.scene('absent.json', name='absent', volume='nowhere.nrrd')
-        first, second = self.lines(run('--backend', 'cpu', '--threads', '2', '--views', '3', '--warm', '1', '--size', '32', small,
+        first, second = self.lines(run('--backend', 'cpu', '--order', 'pre', '--threads', '2', '--views', '3', '--warm', '1', '--size', '32', small,
                                        absent))
         self.assertEqual(set(first), KEYS)
         self.assertEqual((first['scene'], first['backend'], first['threads'], first['size'], first['views']),
                          ('small', 'cpu', 2, 32, 3))
         self.assertEqual((first['mode'], first['compositing'], first['shading']), ('adaptive', 'sheet', 'none'))
+        self.assertEqual(first['order'], 'pre')
         self.assertLessEqual({'classify', 'splat', 'tile'}, set(first['stages']))
         self.assertGreater(first['visible_voxels'], 0)
         self.assertGreaterEqual(first['visible_voxels'], first['splats'])
@@ -58,7 +59,7 @@ class CommandLine(unittest.TestCase):
         self.assertIn('nowhere.nrrd', second['skipped'])
 
     def test_software_gl_is_labelled(self):
-        options = ('--volume', 'demo:phantom?size=16', '--size', '32', '--views', '2', '--warm', '0')
+        options = ('--volume', 'demo:phantom?size=16', '--order', 'pre', '--size', '32', '--views', '2', '--warm', '0')
         done = run('--backend', 'gl-software', *options)
         if done.returncode:
             self.assertIn('gl-software', done.stderr)
@@ -75,7 +76,7 @@ class CommandLine(unittest.TestCase):
     def test_edits_of_the_transfer_function(self):
         points = [{'value': v, 'color': [1, 1, 1], 'opacity': o} for v, o in ((0.195, 0), (0.35, 0.2), (0.9, 0.4))]
         path = self.scene('e.json', volume='demo:phantom?size=16', view={'transfer_function': {'points': points}})
-        options = ('--size', '16', '--views', '3', '--warm', '0', path)
+        options = ('--order', 'pre', '--size', '16', '--views', '3', '--warm', '0', path)
         plain, colour, opacity, moved = (self.lines(run('--edit', edit, *options))[0]
                                          for edit in ('none', 'colour', 'opacity', 'range'))
         self.assertEqual(colour['visible_voxels'], plain['visible_voxels'])
@@ -88,14 +89,14 @@ class CommandLine(unittest.TestCase):
         path = self.scene('c.json', volume='demo:phantom?size=16', cameras=cameras)
         line, = self.lines(run('--mode', 'ewa', '--shading', 'phong', '--size', '16', '--warm', '0', path))
         self.assertEqual((line['views'], line['mode'], line['shading']), (5, 'ewa', 'phong'))
-        coarser, = self.lines(run('--coarse', '1', '--size', '16', '--warm', '0', path))
+        coarser, = self.lines(run('--coarse', '1', '--mode', 'ewa', '--size', '16', '--warm', '0', path))
         self.assertEqual((line['coarse'], coarser['coarse']), (0, 1))
         self.assertLess(coarser['splats'], line['splats'])
         line, = self.lines(run('--views', '2', '--size', '16', '--backend', 'null', path))
         self.assertEqual((line['views'], line['backend']), (2, 'null'))
 
     def test_against_another_setting(self):
-        options = ('--volume', 'demo:sparse?size=16', '--size', '24', '--views', '3', '--warm', '1')
+        options = ('--volume', 'demo:sparse?size=16', '--order', 'pre', '--size', '24', '--views', '3', '--warm', '1')
         same, = self.lines(run('--mode', 'ewa', '--against', 'mode=ewa', *options))
         self.assertEqual(same['against']['setting'], 'mode=ewa')
         self.assertEqual((same['against']['psnr_db'], same['against']['psnr_worst_db']), (999, 999))

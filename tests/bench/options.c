@@ -27,6 +27,7 @@ static const char usage[] =
     "                      supports it; times are then the total divided by the frames\n"
     "  --mode M            filter: adaptive, ewa, reconstruction, lowpass, ...\n"
     "  --compositing C     sheet, ...\n"
+    "  --order O           transfer function per voxel or pixel: pre, post, auto\n"
     "  --shading S         none, phong\n"
     "  --lod L             level of detail: auto, off; default from the scene\n"
     "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
@@ -34,7 +35,8 @@ static const char usage[] =
     "                      transfer function before each frame; default none\n"
     "  --cold              evicts cached data of the volume before each frame\n"
     "  --against KEY=VALUE alternates with the same setting except for that option (mode,\n"
-    "                      compositing, shading, lod, coarse or edit); compares times and images\n"
+    "                      compositing, order, shading, lod, coarse or edit); compares\n"
+    "                      times and images\n"
     "  --cancel N          then starts N frames, cancels each at a random moment, and prints\n"
     "                      how long the call takes to return\n"
     "  --data DIR          folder that contains the volumes of the scenes\n"
@@ -76,6 +78,7 @@ static bool parse_setting(struct bench_setting *s, const char *name, const char 
         const char **to;
     } texts[] = { { "mode", &s->overrides.mode },
                   { "compositing", &s->overrides.compositing },
+                  { "order", &s->overrides.order },
                   { "shading", &s->overrides.shading },
                   { "lod", &s->overrides.lod } };
     *known = true;
@@ -144,7 +147,7 @@ static bool parse_against(struct bench_options *o) {
     if (!known)
         fprintf(stderr,
                 "splat-bench: --against: \"%s\" is not KEY=VALUE with one of mode, compositing, "
-                "shading, lod, coarse, edit\n",
+                "order, shading, lod, coarse, edit\n",
                 o->against_text);
     return ok;
 }
@@ -161,6 +164,7 @@ enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **
         { "in-flight", required_argument, NULL, LONG_ONLY },
         { "mode", required_argument, NULL, LONG_ONLY },
         { "compositing", required_argument, NULL, LONG_ONLY },
+        { "order", required_argument, NULL, LONG_ONLY },
         { "shading", required_argument, NULL, LONG_ONLY },
         { "lod", required_argument, NULL, LONG_ONLY },
         { "coarse", required_argument, NULL, LONG_ONLY },

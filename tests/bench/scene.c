@@ -81,6 +81,7 @@ bool bench_view_override(struct sp_view *view, const struct bench_overrides *o,
                          struct sp_error *err) {
     const char *const fields[][3] = { { "filter", "mode", o->mode },
                                       { "compositing", "mode", o->compositing },
+                                      { "transfer_function", "order", o->order },
                                       { "shading", "mode", o->shading },
                                       { "quality", "level_of_detail", o->lod } };
     char text[256];

@@ -98,9 +98,11 @@ static void encode_view(proto_json *j, const struct sp_view *view) {
     static const char *const modes[] = { "adaptive", "ewa",  "reconstruction",
                                          "lowpass",  "swan", "none" };
     static const char *const compositings[] = { "splat", "sheet", "slab" };
+    static const char *const orders[] = { "pre", "post", "auto" };
     proto_json_set_integer(j, "size", view->size[0]);
     proto_json_set_string(j, "mode", modes[view->filter.mode]);
     proto_json_set_string(j, "compositing", compositings[view->compositing.mode]);
+    proto_json_set_string(j, "order", orders[view->transfer_function.order]);
     proto_json_set_string(j, "shading", view->shading.mode == SP_SHADING_PHONG ? "phong" : "none");
     proto_json_set_string(j, "lod", view->level_of_detail == SP_LOD_OFF ? "off" : "auto");
 }

@@ -56,6 +56,7 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
     for (int n = 0; n < VIEWS; n++) {
         struct sp_view view;
         sp_view_init(&view, sp_volume_info(volume), "v");
+        view.transfer_function.order = SP_TF_PRE;
         view.size[0] = view.size[1] = size;
         set_lighting(&view, lighting);
         quality_turn(&view, n);

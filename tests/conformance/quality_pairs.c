@@ -31,6 +31,7 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
     for (int n = 0; n < VIEWS; n++) {
         struct sp_view view;
         sp_view_init(&view, sp_volume_info(volume), "v");
+        view.transfer_function.order = SP_TF_PRE;
         view.size[0] = view.size[1] = size;
         view.shading.mode = SP_SHADING_NONE;
         for (uint32_t i = 0; i < view.transfer_function.point_count; i++)

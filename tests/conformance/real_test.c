@@ -192,6 +192,7 @@ static void run_band(struct run *run, const struct band *band) {
         return;
     }
     sp_view_init(&view, sp_volume_info(volume), "real");
+    view.transfer_function.order = SP_TF_PRE;
     int scene = band->scene ? apply_scene(band, &view, &visible) : 1;
     view.size[0] = view.size[1] = SIDE;
     if (scene > 0) {

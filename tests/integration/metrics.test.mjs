@@ -79,7 +79,9 @@ test('requests, frames and streams are counted', async (t) => {
   for (let i = 1; i <= 10; i += 1) await stream.update(turned(session.view, i), i);
   await stream.final(10);
   const got = [...stream.frames, ...watching.frames];
-  const during = await until((v) => rise(v, 'splatd_stage_seconds_count,stage=round_trip') >= 4, 'round trips');
+  const bytes = got.reduce((sum, f) => sum + f.headerBytes + f.bytes, 0);
+  const during = await until((v) => rise(v, 'splatd_stage_seconds_count,stage=round_trip') >= 4
+    && rise(v, 'splatd_stream_bytes_total,direction=out') > bytes, 'round trips and the bytes of all frames');
   assert.equal(during.splatd_sessions, 1);
   assert.equal(during['splatd_participants,role=control'], 1);
   assert.equal(during['splatd_participants,role=view'], 1);
@@ -87,11 +89,10 @@ test('requests, frames and streams are counted', async (t) => {
   assert.equal(rise(during, 'splatd_http_requests_total,status=1xx'), 2);
   for (const stage of ['queue', 'render', 'readback', 'encode', 'send']) {
     compare(rise(during, `splatd_stage_seconds_count,stage=${stage}`), '>=', 3, stage);
-    compare(rise(during, `splatd_stage_seconds_sum,stage=${stage}`), '>', 0, stage);
+    // Sheets per pixel have no readback of their own: each tile writes its pixels.
+    if (stage !== 'readback') compare(rise(during, `splatd_stage_seconds_sum,stage=${stage}`), '>', 0, stage);
   }
   compare(rise(during, 'splatd_frames_total'), '>=', got.length);
-  const bytes = got.reduce((sum, f) => sum + f.headerBytes + f.bytes, 0);
-  compare(rise(during, 'splatd_stream_bytes_total,direction=out'), '>', bytes);
   compare(rise(during, 'splatd_stream_bytes_total,direction=in'), '>', 0);
   await stream.end();
   await watching.end();

@@ -45,7 +45,7 @@ const WRONG = [
   [{ clip: { planes: Array(9).fill({ normal: [0, 0, 1], offset: 0 }) } }, '/clip/planes', /has 9 items; the limit is 8/],
   [box([0, 0.6, 0], [1, 0.4, 1]), '/clip/box/0/1', /above the upper corner/],
   [box([0, 0, 0], [1, 1, 1.01]), '/clip/box/1/2', /outside \[0, 1\]/],
-  [{ transfer_function: { order: 'after' } }, '/transfer_function/order', /"pre" or "post"/],
+  [{ transfer_function: { order: 'after' } }, '/transfer_function/order', /"post" or "auto"/],
   [{ transfer_function: { order: 'post' }, compositing: { mode: 'splat' } }, '/transfer_function/order', /compositing\.mode "sheet" or "slab"/],
 ];
 
@@ -87,14 +87,14 @@ test('single splats with post-classification are refused with a remedy, and the 
   const { view } = await stream.call('view.get');
   assert.deepEqual([view.transfer_function.order, view.compositing.mode], ['post', 'slab']);
   await assert.rejects(stream.update({ compositing: { mode: 'splat' } }), (error) => error.code === -32000
-    && error.data.pointer === '/transfer_function/order' && /"slab".*both at once.*"pre"/.test(error.message));
+    && error.data.pointer === '/transfer_function/order' && /"slab".*both at once.*"auto"/.test(error.message));
   assert.deepEqual((await stream.call('view.get')).view, view, 'a refused patch changes nothing');
-  await stream.update({ compositing: { mode: 'splat' }, transfer_function: { order: 'pre' } });
+  await stream.update({ compositing: { mode: 'splat' }, transfer_function: { order: 'auto' } });
   await stream.update({ compositing: null });
   await stream.update({ transfer_function: { order: 'post' } });
   await stream.update({ compositing: null, transfer_function: { order: null } }, 9);
   const last = (await stream.call('view.get')).view;
-  assert.deepEqual([last.transfer_function.order, last.compositing], ['pre', { mode: 'sheet', attenuation: 'exponential', slab: 1 }]);
+  assert.deepEqual([last.transfer_function.order, last.compositing], ['auto', { mode: 'sheet', attenuation: 'exponential', slab: 1 }]);
   await stream.final(9);
   await stream.end();
 });

@@ -207,7 +207,7 @@ static void ranges_are_checked(void **state) {
     REFUSED(clip.planes[0].normal[2], 0, "/clip/planes/0/normal");
     REFUSED(clip.plane_count, 9, "/clip/planes");
     REFUSED(primitive, (enum sp_primitive)9, "/primitive/type");
-    REFUSED(transfer_function.order, (enum sp_tf_order)2, "/transfer_function/order");
+    REFUSED(transfer_function.order, (enum sp_tf_order)3, "/transfer_function/order");
     struct sp_view crossed = view;
     crossed.clip.box[0][0] = 0.8;
     crossed.clip.box[1][0] = 0.2;

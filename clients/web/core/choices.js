@@ -11,7 +11,7 @@ const DEFAULTS = Object.freeze({
   '/compositing/mode': 'sheet',
   '/compositing/attenuation': 'exponential',
   '/compositing/slab': 1,
-  '/transfer_function/order': 'pre',
+  '/transfer_function/order': 'auto',
   '/shading/occlusion': 0,
   '/shading/shadow': 0,
 });
@@ -51,7 +51,7 @@ const OCCLUSIONS = ['/shading/occlusion', '/shading/shadow'];
 export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
   if (OCCLUSIONS.includes(pointer) && value > 0) {
-    return { ...patch, ...patchAt('/compositing/mode', 'sheet'), ...patchAt('/transfer_function/order', 'post') };
+    return { ...patch, ...patchAt('/compositing/mode', 'sheet'), ...patchAt('/transfer_function/order', 'auto') };
   }
   const isOccluded = OCCLUSIONS.some((other) => valueAt(view, other) > 0);
   if (isOccluded && ((pointer === '/compositing/mode' && value !== 'sheet') || (pointer === '/transfer_function/order' && value === 'pre'))) {
@@ -62,7 +62,7 @@ export function choose(view, pointer, value) {
     return { ...patch, ...patchAt('/compositing/mode', 'sheet') };
   }
   if (pointer === '/compositing/mode' && value === 'splat' && valueAt(view, '/transfer_function/order') === 'post') {
-    return { ...patch, ...patchAt('/transfer_function/order', 'pre') };
+    return { ...patch, ...patchAt('/transfer_function/order', 'auto') };
   }
   return patch;
 }

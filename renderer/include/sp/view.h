@@ -48,7 +48,12 @@ enum sp_compositing {
 };
 /* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
-enum sp_tf_order { SP_TF_PRE, SP_TF_POST }; /* classify voxels, or pixels */
+enum sp_tf_order {
+    SP_TF_PRE,  /* classify voxels */
+    SP_TF_POST, /* classify pixels */
+    SP_TF_AUTO  /* post for sheets with the default filter, if voxels are at least 0.35 px wide and
+                   the backend interpolates sheets; else, and for mip levels, pre */
+};
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
 enum sp_primitive {
@@ -85,7 +90,7 @@ struct sp_gradient_point {
  * point hold beyond the ends. */
 struct sp_transfer_function {                    /* "/transfer_function" */
     double reference_length;                     /* world units, > 0 [smallest spacing] */
-    enum sp_tf_order order;                      /* "post" needs "sheet" or "slab" [pre] */
+    enum sp_tf_order order;                      /* "post" needs "sheet" or "slab" [auto] */
     uint32_t point_count;                        /* [1, SP_TF_POINTS_MAX] */
     struct sp_tf_point points[SP_TF_POINTS_MAX]; /* [from the histogram] */
     uint32_t gradient_count; /* [0, SP_GRADIENT_POINTS_MAX]; 0 = magnitude has no influence [0] */
@@ -153,6 +158,9 @@ struct sp_view {
 /* Fills *view with the defaults for a volume: the camera frames it, and the transfer function comes
  * from its histogram. `id` is copied to view->volume. Thread-safe; never fails. */
 SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
+
+/* True if all of view->filter is as sp_view_init() sets it. Thread-safe. */
+SP_API bool sp_view_has_default_filter(const struct sp_view *view);
 
 /* Checks every range above and the camera. On failure the code is SP_ERR_INVALID and err->place the
  * JSON pointer of the field. What a backend supports is checked by the renderer

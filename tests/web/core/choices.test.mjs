@@ -44,7 +44,7 @@ test('of single splats and post-classification, the newer choice ends the other 
   const splats = { compositing: { mode: 'splat' } };
   assert.deepEqual(choose(splats, '/transfer_function/order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'sheet' } });
   const after = applyPatch(slabs, choose(slabs, '/compositing/mode', 'splat'));
-  assert.deepEqual([after.compositing.mode, after.transfer_function.order], ['splat', 'pre']);
+  assert.deepEqual([after.compositing.mode, after.transfer_function.order], ['splat', 'auto']);
   assert.deepEqual(after.transfer_function.points, [], 'other fields do not change');
   for (const mode of ['sheet', 'slab']) assert.deepEqual(choose(slabs, '/compositing/mode', mode), { compositing: { mode } });
 });
@@ -81,7 +81,7 @@ test('sliders: ends are exact, both directions agree, and values outside the ran
 test('ambient occlusion and shadows bring sheets that are classified by pixel; other modes end them', () => {
   const off = { compositing: { mode: 'slab' }, transfer_function: { order: 'pre' }, shading: { mode: 'phong', occlusion: 0, shadow: 0 } };
   const on = applyPatch(off, choose(off, '/shading/occlusion', 0.5));
-  assert.deepEqual(on, { compositing: { mode: 'sheet' }, transfer_function: { order: 'post' }, shading: { mode: 'phong', occlusion: 0.5, shadow: 0 } });
+  assert.deepEqual(on, { compositing: { mode: 'sheet' }, transfer_function: { order: 'auto' }, shading: { mode: 'phong', occlusion: 0.5, shadow: 0 } });
   for (const [pointer, value] of [['/compositing/mode', 'slab'], ['/compositing/mode', 'splat'], ['/transfer_function/order', 'pre']]) {
     const after = applyPatch(on, choose(on, pointer, value));
     assert.deepEqual(after.shading, { mode: 'phong', occlusion: 0, shadow: 0 });

@@ -59,8 +59,8 @@ test('each choice sends a patch of one field; single splats and post-classificat
   assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' } });
   assert.deepEqual(await choose('#order', 'post'), { transfer_function: { order: 'post' }, compositing: { mode: 'sheet' } });
   assert.equal(await page.inputValue('#compositing'), 'sheet');
-  assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' }, transfer_function: { order: 'pre' } });
-  assert.equal(await page.inputValue('#order'), 'pre');
+  assert.deepEqual(await choose('#compositing', 'splat'), { compositing: { mode: 'splat' }, transfer_function: { order: 'auto' } });
+  assert.equal(await page.inputValue('#order'), 'auto');
   assert.deepEqual(it.said, []);
 });
 

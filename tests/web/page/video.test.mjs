@@ -9,7 +9,7 @@ import { coarseDifference, drag, launch, openPage, firstFrame, pixels, rest, sho
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
-const VOLUMES = ['--volume', 'demo:phantom?size=48'];
+const VOLUMES = ['--volume', 'demo:engine?size=48'];
 let browser;
 let moving; // a daemon whose views never come to rest, so that frames stay video
 before(async () => {

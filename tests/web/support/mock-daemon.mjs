@@ -23,7 +23,7 @@ export const defaultView = (id) => ({
   volume: id, size: [512, 512], background: [0, 0, 0, 1],
   camera: { projection: 'perspective', position: [31.5, 31.5, 300], target: [31.5, 31.5, 31], up: [0, 1, 0], fov_y: 30, height: 64, near: 0.1 },
   transfer_function: {
-    reference_length: 1, order: 'pre', gradient: [],
+    reference_length: 1, order: 'auto', gradient: [],
     points: [{ value: 60, color: [1, 0.9, 0.8], opacity: 0 }, { value: 200, color: [1, 1, 1], opacity: 0.5 }],
   },
   filter: { mode: 'adaptive', kernel: 'gaussian', sigma: 0.7, cutoff: 3, lowpass: 1, c_min: 0.07, c_max: null },

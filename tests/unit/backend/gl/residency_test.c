@@ -76,6 +76,7 @@ static void volumes_without_eviction_are_not_confused(void **state) {
         struct sp_volume *volume = make_volume(SP_UINT8, voxels);
         struct sp_view view;
         sp_view_init(&view, sp_volume_info(volume), "v");
+        view.transfer_function.order = SP_TF_PRE;
         view.size[0] = view.size[1] = SIZE;
         check(*state, volume, &view);
         sp_volume_unref(&volume);
@@ -94,6 +95,7 @@ static void a_curve_is_not_reused_for_another_range(void **state) {
         struct sp_volume *volume = make_volume(SP_INT16, voxels);
         struct sp_view view;
         sp_view_init(&view, sp_volume_info(volume), "v");
+        view.transfer_function.order = SP_TF_PRE;
         first = v == 0 ? view.transfer_function : first;
         view.transfer_function = first;
         view.transfer_function.order = SP_TF_POST;

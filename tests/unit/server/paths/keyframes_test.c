@@ -251,7 +251,7 @@ static void names_change_at_the_next_key(void **state) {
     for (uint32_t f = 0; f <= 100; f++) {
         struct sp_view view = frame_of(keyframes, f);
         bool is_late = f >= 40;
-        assert_int_equal(view.transfer_function.order, is_late ? SP_TF_POST : SP_TF_PRE);
+        assert_int_equal(view.transfer_function.order, is_late ? SP_TF_POST : SP_TF_AUTO);
         assert_int_equal(view.compositing.mode, is_late ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET);
         assert_near(view.compositing.slab, is_late ? 3 : 1 + 2 * f / 40.0);
         assert_int_equal(view.camera.projection, is_late ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE);
