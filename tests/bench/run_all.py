@@ -20,9 +20,11 @@ import sys
 import tempfile
 import time
 
+from peer import Peer, chosen, demos, describe, find
+
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -109,8 +111,10 @@ class Run:
         self.done += steps
         self.say('skipped: ' + text)
 
-    def bench(self, label, *arguments, backend='cpu', limit=None):
-        command = [os.path.join(self.o.bin, 'splat-bench'), '--backend', backend, '--data', self.o.data, *map(str, arguments)]
+    def bench(self, label, *arguments, backend='cpu', order='pre', limit=None):
+        """Runs splat-bench. All parts but "pixels" classify per voxel, as the papers do."""
+        command = [os.path.join(self.o.bin, 'splat-bench'), '--backend', backend, '--order', order, '--data', self.o.data,
+                   *map(str, arguments)]
         return self.call(label, command, limit)
 
     def write(self, name, columns, rows):
@@ -159,56 +163,8 @@ class Run:
         return [self.scene_copy(name, thin) for name in names or self.scenes]
 
 
-def chosen(cameras, count):
-    count = min(count, len(cameras))
-    return [cameras[i * len(cameras) // count] for i in range(count)]
-
-
-def find(folder, name):
-    hits = glob.glob(os.path.join(folder, '**', name), recursive=True)
-    return hits[0] if hits else None
-
-
-def demos(scenes):
-    return [name for name, scene in scenes.items() if scene['volume'].startswith('demo:')]
-
-
 def flat(row, **more):
     return {**row, **more}
-
-
-class Peer:
-    """Runs VTK on copies of the scenes of the part "scenes", with built-in volumes saved as files."""
-
-    def __init__(self, run):
-        self.run, self.script, self.scenes = run, run.o.vtk_bench, run.scenes_of('scenes')
-        self.data = os.path.join(run.work, 'volumes')
-        if not self.script:
-            return
-        os.mkdir(self.data)
-        for name in demos(self.scenes):
-            run.bench(f'saving the volume of {name} for VTK', '--save-volume', self.data + '/', '--views', 1, '--warm', 0,
-                      '--size', 16, *run.files(1, [name]))
-        for scene in self.scenes.values():
-            found = find(run.o.data, scene['volume'])
-            if found and not os.path.exists(os.path.join(self.data, scene['volume'])):
-                os.symlink(found, os.path.join(self.data, scene['volume']))
-
-    def measure(self, size, threads, shading, views):
-        def change(scene):
-            scene['cameras'] = chosen(scene['cameras'], views)
-            if scene['volume'].startswith('demo:'):
-                scene['volume'] = scene['name'] + '.nrrd'
-        files = [self.run.scene_copy(name, change) for name in self.scenes]
-        command = ['xvfb-run', '-a', '-s', '-screen 0 1280x1280x24', '/usr/bin/python3', self.script, '--data', self.data,
-                   '--size', str(size), '--threads', str(threads), '--views', str(views), '--warm', '1']
-        if shading == 'phong':
-            command.append('--shade')
-        return self.run.call(f'VTK, {describe(size, threads, shading)}, {views} views', command + files)
-
-
-def describe(size, threads, shading):
-    return f'{size} px, {threads} thread{"s" if threads > 1 else ""}, {"shaded" if shading == "phong" else "not shaded"}'
 
 
 SCENE_COLUMNS = ['scene', 'size', 'threads', 'shading', 'renderer', 'isa', 'views', 'visible_voxels', 'splats', 'fragments',
@@ -237,6 +193,21 @@ def measure_scenes(run, corners, scalar_views):
                     rows.append(flat(row, renderer='scalar'))
             run.write('scenes.csv', SCENE_COLUMNS, rows)
     write_profile(run, stages)
+
+
+def measure_pixels(run, sizes):
+    """Sheets that are classified per pixel, which most views get by default, beside VTK."""
+    rows = []
+    peer = Peer(run)
+    views = min(run.o.views, run.o.peer_views)
+    for size in sizes:
+        for shading in ('none', 'phong'):
+            label = describe(size, 2, shading)
+            rows += [flat(row, renderer='splatd') for row in run.bench(f'sheets per pixel, {label}', '--size', size, '--threads', 2,
+                                                                       '--shading', shading, *run.files(views, peer.scenes), order='post')]
+            if peer.script:
+                rows += [flat(row, renderer='vtk', isa='', shading=shading) for row in peer.measure(size, 2, shading, views)]
+            run.write('pixels.csv', SCENE_COLUMNS, rows)
 
 
 def write_profile(run, rows):
@@ -561,9 +532,12 @@ def main():
             corners = [c for c in corners if c[1] == 1] or [(512, 1)]
         peers = len(demos(run.scenes_of('scenes'))) + 2 * len(corners) if options.vtk_bench else 0
         levels = len({z for _, z in zooms(run)})
+        sizes = (512,) if options.quick else (512, 1024)
         work = {  # part: (steps, what to call)
             'limit': (2 * len(run.isas), lambda: measure_limit(run)),
             'scenes': (2 * len(corners) + 2 + peers, lambda: measure_scenes(run, corners, min(options.views, 6))),
+            'pixels': (2 * len(sizes) + (len(demos(run.scenes_of('scenes'))) + 2 * len(sizes) if options.vtk_bench else 0),
+                       lambda: measure_pixels(run, sizes)),
             'exact': (1, lambda: measure_exact(run)),
             'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
