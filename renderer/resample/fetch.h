@@ -41,68 +41,98 @@ SP_FETCH_NARROW(sp_fetch_uint16, uint16_t, LOAD_16, epu16)
 SP_FETCH_NARROW(sp_fetch_int16, int16_t, LOAD_16, epi16)
 #undef SP_FETCH_NARROW
 
-/* The 32 bits at each of the places, which need no alignment. */
-static inline int32_t sp_fetch_word(const int16_t *place) {
-    int32_t word;
-    memcpy(&word, place, sizeof word);
-    return word;
-}
-
-/* Two neighbouring 16-bit values per lane, the first in the low half. */
-static inline sp_wide_int sp_fetch_pairs(const int16_t *from, const int32_t index[SP_WIDE]) {
+/* Two neighbouring 16-bit values per lane, the first in the low half. The places need no alignment.
+ * With AVX2, separate loads are faster than a gather on most processors. */
+static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index) {
 #if defined SP_WIDE_AVX512
-    return (sp_wide_int){ sp_fetch_word(from + index[0]),  sp_fetch_word(from + index[1]),
-                          sp_fetch_word(from + index[2]),  sp_fetch_word(from + index[3]),
-                          sp_fetch_word(from + index[4]),  sp_fetch_word(from + index[5]),
-                          sp_fetch_word(from + index[6]),  sp_fetch_word(from + index[7]),
-                          sp_fetch_word(from + index[8]),  sp_fetch_word(from + index[9]),
-                          sp_fetch_word(from + index[10]), sp_fetch_word(from + index[11]),
-                          sp_fetch_word(from + index[12]), sp_fetch_word(from + index[13]),
-                          sp_fetch_word(from + index[14]), sp_fetch_word(from + index[15]) };
-#elif defined SP_WIDE_AVX2
-    return (sp_wide_int){ sp_fetch_word(from + index[0]), sp_fetch_word(from + index[1]),
-                          sp_fetch_word(from + index[2]), sp_fetch_word(from + index[3]),
-                          sp_fetch_word(from + index[4]), sp_fetch_word(from + index[5]),
-                          sp_fetch_word(from + index[6]), sp_fetch_word(from + index[7]) };
+    return (sp_wide_int)_mm512_i32gather_epi32((__m512i)index, from, 2);
 #else
-    return (sp_wide_int){ sp_fetch_word(from + index[0]), sp_fetch_word(from + index[1]),
-                          sp_fetch_word(from + index[2]), sp_fetch_word(from + index[3]) };
+    int32_t at[SP_WIDE];
+    sp_wide_int pairs;
+    sp_wide_int_store(at, index);
+    for (int i = 0; i < SP_WIDE; i++) {
+        int32_t pair;
+        memcpy(&pair, from + at[i], sizeof pair);
+        pairs[i] = pair;
+    }
+    return pairs;
 #endif
 }
 
-/* The entries of the table at index[0], index[4], …, one after the other. */
-static inline sp_wide sp_fetch_quads(const float (*table)[4], const int32_t *index) {
+/* The sum of two differences between entries of a table, each times its share:
+ *
+ *   out[c] = share[0]·(table[at[1]][c] − table[at[0]][c]) + share[1]·(table[at[2]][c] −
+ * table[at[1]][c])
+ */
 #if defined SP_WIDE_AVX512
-    __m512 all = _mm512_castps128_ps512(_mm_load_ps(table[index[0]]));
-    all = _mm512_insertf32x4(all, _mm_load_ps(table[index[4]]), 1);
-    all = _mm512_insertf32x4(all, _mm_load_ps(table[index[8]]), 2);
-    return (sp_wide)_mm512_insertf32x4(all, _mm_load_ps(table[index[12]]), 3);
-#elif defined SP_WIDE_AVX2
-    return (sp_wide)_mm256_insertf128_ps(_mm256_castps128_ps256(_mm_load_ps(table[index[0]])),
-                                         _mm_load_ps(table[index[4]]), 1);
+static inline void sp_fetch_differences(const float (*table)[4], const sp_wide_int at[3],
+                                        const sp_wide share[2], sp_wide out[4]) {
+    const __m512i even =
+        _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+    const __m512i odd = _mm512_or_si512(even, _mm512_set1_epi32(1));
+    __m512 sum[2][2]; /* [half of the entry][half of the lanes]: component 0 or 2, then 1 or 3, per
+                         lane */
+    for (int h = 0; h < 2; h++) {
+        const __m512i twice =
+            _mm512_add_epi32(_mm512_srli_epi32(even, 2), _mm512_set1_epi32(8 * h));
+        __m512 parts[2] = { _mm512_permutexvar_ps(twice, (__m512)share[0]),
+                            _mm512_permutexvar_ps(twice, (__m512)share[1]) };
+        __m256i place[3];
+        for (int k = 0; k < 3; k++)
+            place[k] = _mm256_slli_epi32(h ? _mm512_extracti64x4_epi64((__m512i)at[k], 1)
+                                           : _mm512_castsi512_si256((__m512i)at[k]),
+                                         1);
+        for (int c = 0; c < 2; c++) {
+            __m512 entry[3];
+            for (int k = 0; k < 3; k++)
+                entry[k] =
+                    _mm512_castpd_ps(_mm512_i32gather_pd(place[k], (const char *)table + 8 * c, 8));
+            sum[c][h] = _mm512_mul_ps(parts[0], _mm512_sub_ps(entry[1], entry[0]));
+            sum[c][h] = _mm512_fmadd_ps(parts[1], _mm512_sub_ps(entry[2], entry[1]), sum[c][h]);
+        }
+    }
+    for (int c = 0; c < 2; c++) {
+        out[2 * c] = (sp_wide)_mm512_permutex2var_ps(sum[c][0], even, sum[c][1]);
+        out[2 * c + 1] = (sp_wide)_mm512_permutex2var_ps(sum[c][0], odd, sum[c][1]);
+    }
+}
 #else
-    return sp_wide_load(table[index[0]]);
-#endif
+#if defined SP_WIDE_AVX2
+/* Lanes 0 and 4 of each array, four times each; the entries of the table there. */
+static inline sp_wide sp_fetch_spread(const float *share) {
+    return (sp_wide)_mm256_set_m128(_mm_set1_ps(share[4]), _mm_set1_ps(share[0]));
 }
 
-/* In each group of four lanes: lanes i, j, k and l of that group; SP_WIDE + n is lane n of b. */
-#if defined SP_WIDE_AVX512
-#define SHUFFLE(a, b, i, j, k, l)                                                                  \
-    __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4, i + 8, j + 8, k + 8,     \
-                            l + 8, i + 12, j + 12, k + 12, l + 12)
-#elif defined SP_WIDE_AVX2
+static inline sp_wide sp_fetch_entries(const float (*table)[4], const int32_t *index) {
+    return (sp_wide)_mm256_set_m128(_mm_load_ps(table[index[4]]), _mm_load_ps(table[index[0]]));
+}
 #define SHUFFLE(a, b, i, j, k, l)                                                                  \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
 #else
+static inline sp_wide sp_fetch_spread(const float *share) {
+    return sp_wide_all(share[0]);
+}
+
+static inline sp_wide sp_fetch_entries(const float (*table)[4], const int32_t *index) {
+    return sp_wide_load(table[index[0]]);
+}
 #define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #endif
 
-/* table[high] − table[low], entry by entry: out[c] has component c of each lane. */
-static inline void sp_fetch_difference(const float (*table)[4], const int32_t high[SP_WIDE],
-                                       const int32_t low[SP_WIDE], sp_wide out[4]) {
-    sp_wide row[4]; /* row k: lanes k, k + 4, …, so that the transposed lanes are in order */
-    for (int k = 0; k < 4; k++)
-        row[k] = sp_fetch_quads(table, high + k) - sp_fetch_quads(table, low + k);
+static inline void sp_fetch_differences(const float (*table)[4], const sp_wide_int at[3],
+                                        const sp_wide share[2], sp_wide out[4]) {
+    int32_t place[3][SP_WIDE];
+    float part[2][SP_WIDE];
+    sp_wide row[4]; /* row k: lanes k and k + 4, so that the transposed lanes are in order */
+    for (int k = 0; k < 3; k++)
+        sp_wide_int_store(place[k], at[k]);
+    for (int k = 0; k < 2; k++)
+        sp_wide_store(part[k], share[k]);
+    for (int k = 0; k < 4; k++) {
+        sp_wide middle = sp_fetch_entries(table, place[1] + k);
+        row[k] = sp_fetch_spread(part[0] + k) * (middle - sp_fetch_entries(table, place[0] + k));
+        row[k] += sp_fetch_spread(part[1] + k) * (sp_fetch_entries(table, place[2] + k) - middle);
+    }
     sp_wide a = SHUFFLE(row[0], row[1], 0, SP_WIDE, 1, SP_WIDE + 1);
     sp_wide b = SHUFFLE(row[0], row[1], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
     sp_wide c = SHUFFLE(row[2], row[3], 0, SP_WIDE, 1, SP_WIDE + 1);
@@ -111,7 +141,8 @@ static inline void sp_fetch_difference(const float (*table)[4], const int32_t hi
     out[1] = SHUFFLE(a, c, 2, 3, SP_WIDE + 2, SP_WIDE + 3);
     out[2] = SHUFFLE(b, d, 0, 1, SP_WIDE, SP_WIDE + 1);
     out[3] = SHUFFLE(b, d, 2, 3, SP_WIDE + 2, SP_WIDE + 3);
-#undef SHUFFLE
 }
+#undef SHUFFLE
+#endif
 
 #endif

@@ -35,34 +35,41 @@ static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
     return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
 }
 
-/* Adds the mean of the half from value[k] to value[k + 1] to the sum of both halves. */
-static inline void add_half(const struct sp_curve *curve, const struct interval *in, int k,
-                            sp_wide total[4]) {
-    const sp_wide zero = sp_wide_all(0), top = sp_wide_all(CURVE_BINS);
-    sp_wide a = in->value[k] * curve->bins_per_level + curve->first_bin;
-    sp_wide b = in->value[k + 1] * curve->bins_per_level + curve->first_bin;
-    sp_wide low = sp_wide_min(a, b), high = sp_wide_max(a, b);
-    sp_wide_int i = sp_wide_to_int(sp_wide_min(sp_wide_max(low, zero), top));
-    sp_wide_int j = sp_wide_to_int(sp_wide_min(sp_wide_max(high, zero), top));
-    j = sp_wide_int_max(j, i + 1);
-    int32_t first[SP_WIDE], last[SP_WIDE];
-    sp_wide sum[4];
-    sp_wide_int_store(first, i);
-    sp_wide_int_store(last, j);
-    sp_fetch_difference((const float(*)[4])curve->integral, last, first, sum);
-    /* The half is as wide as the whole bins whose integral was taken, so that quantisation cancels,
-     * and what lies below all bins, which is transparent, or above them. */
-    sp_wide above = sp_wide_max(high - top, zero) - sp_wide_max(low - top, zero);
-    sp_wide share = 0.5f / (sp_wide_from_int(j - i) + sp_wide_max(-low, zero) + above);
+/* The mean of the curve over the interval: over its first half, where the value goes from
+ * value[0] to value[1], and over its second one. */
+static inline void find_mean(const struct sp_curve *curve, const struct interval *in,
+                             sp_wide mean[4]) {
+    const sp_wide zero = sp_wide_all(0), top = sp_wide_all(CURVE_BINS), one = sp_wide_all(1);
+    sp_wide at[3], beyond[3], above[2], share[2];
+    sp_wide_int bin[3];
+    for (int k = 0; k < 3; k++) {
+        sp_wide x = in->value[k] * curve->bins_per_level + curve->first_bin;
+        sp_wide inside = sp_wide_min(sp_wide_max(x, zero), top);
+        beyond[k] = x - inside;
+        bin[k] = sp_wide_to_int(inside);
+        at[k] = sp_wide_from_int(bin[k]);
+    }
+    for (int k = 0; k < 2; k++) { /* a half is at least one bin wide */
+        sp_wide_mask is_equal = ~(sp_wide_lt(at[k], at[k + 1]) | sp_wide_lt(at[k + 1], at[k]));
+        at[k + 1] += sp_wide_keep(is_equal, one);
+        bin[k + 1] = sp_wide_to_int(at[k + 1]);
+        /* It is as wide as the whole bins whose integral is taken, so that quantisation cancels,
+         * and what lies below all bins, which is transparent, or above them. */
+        sp_wide width = at[k + 1] - at[k];
+        share[k] = 0.5f / (sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]));
+        above[k] = sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero);
+        above[k] = share[k] * sp_wide_abs(above[k]);
+        share[k] = sp_wide_select(sp_wide_lt(width, zero), -share[k], share[k]);
+    }
+    sp_fetch_differences((const float(*)[4])curve->integral, bin, share, mean);
     for (int c = 0; c < 4; c++)
-        total[c] += share * (sum[c] + above * curve->above[c]);
+        mean[c] += (above[0] + above[1]) * curve->above[c];
 }
 
 static inline void classify(const struct sp_resample *r, struct interval *in,
                             const sp_wide *scale) {
-    sp_wide sum[4] = { 0 };
-    add_half(&r->curve, in, 0, sum);
-    add_half(&r->curve, in, 1, sum);
+    sp_wide sum[4];
+    find_mean(&r->curve, in, sum);
     sp_wide depth = scale ? scale_depth(sum[3], *scale) : sum[3];
     in->light = transmit(r, depth, in->length);
     sp_wide weight = (1 - in->light) / sp_wide_max(sum[3], sp_wide_all(1e-20f));

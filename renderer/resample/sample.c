@@ -8,7 +8,7 @@
 
 /* Where SP_WIDE pixels lie on a refined sheet. */
 struct place {
-    int32_t index[SP_WIDE];
+    sp_wide_int index;
     sp_wide part[2]; /* towards the next refined sample, [0, 1) */
 };
 
@@ -35,7 +35,7 @@ static inline void find_place(const struct sp_resample_open_tile *t,
     sp_wide_int column = sp_wide_to_int(u), row = sp_wide_to_int(v);
     place->part[0] = u - sp_wide_from_int(column);
     place->part[1] = v - sp_wide_from_int(row);
-    sp_wide_int_store(place->index, row * sheet->width + column);
+    place->index = row * sheet->width + column;
 }
 
 /* The value at the place, moved by `offset` refined samples. */
