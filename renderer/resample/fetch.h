@@ -7,39 +7,51 @@
 
 #include "base/wide.h"
 
-/* SP_WIDE neighbouring integers of a narrow type, as floats. */
+/* SP_WIDE_SHORT neighbouring integers of a narrow type. Those with a sign are raised by the largest
+ * power of two, so that their order stays. */
+static inline sp_wide_short sp_fetch_uint16(const uint16_t *p) {
+    return sp_wide_short_load(p);
+}
+
+static inline sp_wide_short sp_fetch_int16(const int16_t *p) {
+    return sp_wide_short_load((const uint16_t *)p) ^ 0x8000;
+}
+
+static inline sp_wide_short sp_fetch_uint8(const uint8_t *p) {
 #if defined SP_WIDE_AVX512
-#define WIDEN(x, narrow) (sp_wide) _mm512_cvtepi32_ps(_mm512_cvt##narrow##_epi32(x))
-#define LOAD_8(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
-#define LOAD_16(p) _mm256_loadu_si256((const __m256i *)(const void *)(p))
+    return (sp_wide_short)_mm512_cvtepu8_epi16(
+        _mm256_loadu_si256((const __m256i *)(const void *)p));
 #elif defined SP_WIDE_AVX2
-#define WIDEN(x, narrow) (sp_wide) _mm256_cvtepi32_ps(_mm256_cvt##narrow##_epi32(x))
-#define LOAD_8(p) _mm_loadl_epi64((const __m128i *)(const void *)(p))
-#define LOAD_16(p) _mm_loadu_si128((const __m128i *)(const void *)(p))
+    return (sp_wide_short)_mm256_cvtepu8_epi16(_mm_loadu_si128((const __m128i *)(const void *)p));
 #elif defined SP_WIDE_SSE41
-#define WIDEN(x, narrow) (sp_wide) _mm_cvtepi32_ps(_mm_cvt##narrow##_epi32(x))
-#define LOAD_8(p) _mm_loadu_si32(p)
-#define LOAD_16(p) _mm_loadl_epi64((const __m128i *)(const void *)(p))
-#endif
-#if defined WIDEN
-#define SP_FETCH_NARROW(name, type, load, narrow)                                                  \
-    static inline sp_wide name(const type *p) {                                                    \
-        return WIDEN(load(p), narrow);                                                             \
-    }
+    return (sp_wide_short)_mm_cvtepu8_epi16(_mm_loadl_epi64((const __m128i *)(const void *)p));
 #else
-#define SP_FETCH_NARROW(name, type, load, narrow)                                                  \
-    static inline sp_wide name(const type *p) {                                                    \
-        sp_wide x;                                                                                 \
-        for (int i = 0; i < SP_WIDE; i++)                                                          \
-            x[i] = (float)p[i];                                                                    \
-        return x;                                                                                  \
+    sp_wide_short x;
+    for (int i = 0; i < SP_WIDE_SHORT; i++)
+        x[i] = p[i];
+    return x;
+#endif
+}
+
+static inline sp_wide_short sp_fetch_int8(const int8_t *p) {
+    return sp_fetch_uint8((const uint8_t *)p) ^ 0x80;
+}
+
+/* Writes the first SP_WIDE lanes, or eight if that is more, of a and of b in turns. */
+static inline void sp_fetch_alternate(sp_wide_short a, sp_wide_short b, uint16_t *out) {
+#if defined SP_WIDE_AVX512
+    static const uint16_t order[32] = { 0,  32, 1,  33, 2,  34, 3,  35, 4,  36, 5,
+                                        37, 6,  38, 7,  39, 8,  40, 9,  41, 10, 42,
+                                        11, 43, 12, 44, 13, 45, 14, 46, 15, 47 };
+    __m512i turns = _mm512_permutex2var_epi16((__m512i)a, _mm512_loadu_si512(order), (__m512i)b);
+    _mm512_storeu_si512(out, turns);
+#else
+    for (int i = 0; i < 8; i++) {
+        out[2 * i] = a[i];
+        out[2 * i + 1] = b[i];
     }
 #endif
-SP_FETCH_NARROW(sp_fetch_uint8, uint8_t, LOAD_8, epu8)
-SP_FETCH_NARROW(sp_fetch_int8, int8_t, LOAD_8, epi8)
-SP_FETCH_NARROW(sp_fetch_uint16, uint16_t, LOAD_16, epu16)
-SP_FETCH_NARROW(sp_fetch_int16, int16_t, LOAD_16, epi16)
-#undef SP_FETCH_NARROW
+}
 
 /* Two neighbouring 16-bit values per lane, the first in the low half. The places need no alignment.
  * With AVX2, separate loads are faster than a gather on most processors. */

@@ -7,6 +7,11 @@
  *
  * so samples keep their values and thin structures keep their contrast. A sheet half way between
  * two slices is made from six slices in the same way.
+ *
+ *   read            filter across       filter down
+ *   13 rows  ──►    13 rows      ──►    16 rows          of a cell of 8 rows, in 16-bit integers
+ *
+ * While a cell is filtered, levels are raised by RAISED, so that no overshoot is negative.
  */
 #include <math.h>
 #include <string.h>
@@ -20,142 +25,209 @@ enum {
     DOWN = RESAMPLE_CELL_DOWN,
     TAPS = 6,
     ROWS = DOWN + TAPS - 1,
-    ROW = ACROSS == 8 ? 16 : 32 /* ACROSS + TAPS − 1 and what the last vector reads */
+    READ = (ACROSS + TAPS - 1 + SP_WIDE_SHORT - 1) / SP_WIDE_SHORT * SP_WIDE_SHORT,
+    ROW = READ + SP_WIDE_SHORT, /* what vectors read that begin up to five samples later */
+    RAISED = 8192
 };
 
-static const float tap[3] = { 150 / 256.0f, -25 / 256.0f, 3 / 256.0f };
-
-struct blend { /* the slices that a sheet is made from */
+struct source { /* the slices that a sheet is made from */
     int count;
     size_t slice[TAPS]; /* where the slices begin [samples] */
-    float share[TAPS];
-    float weight[TAPS]; /* share times the levels per unit */
-    float start;        /* level of value 0 */
+    /* Of narrow integers x, raised as by sp_fetch_…(): level = start + ((x − low) << shift)·scale.
+     */
+    uint16_t low, high; /* values are moved into this range */
+    uint16_t scale;     /* ·65536 */
+    uint16_t start;     /* raised by RAISED */
+    int shift;
 };
 
 static inline int clamp(int i, int count) {
     return i < 0 ? 0 : i >= count ? count - 1 : i;
 }
 
-static void init_blend(const struct sp_resample_open_tile *t, float z, struct blend *blend) {
-    const struct sp_curve *curve = &t->r->curve;
-    int whole = (int)floorf(z), first = z > (float)whole ? whole - 2 : whole;
-    blend->count = z > (float)whole ? TAPS : 1;
-    blend->start = (float)(CURVE_LEVEL_MIN - curve->base * curve->levels_per_unit);
-    for (int k = 0; k < blend->count; k++) {
-        blend->share[k] = blend->count == 1 ? 1 : tap[k < 3 ? 2 - k : k - 3];
-        blend->slice[k] = (size_t)clamp(first + k, t->dims[2]) * t->stride[2];
-        blend->weight[k] = blend->share[k] * (float)curve->levels_per_unit;
-    }
+/* Values beyond the range of the levels are moved into it. */
+static void init_integers(const struct sp_curve *curve, enum sp_type type, struct source *source) {
+    const bool has_sign = type == SP_INT8 || type == SP_INT16;
+    const double largest = type == SP_UINT8 || type == SP_INT8 ? 255 : 65535;
+    const double zero = has_sign ? (largest + 1) / 2 : 0;
+    const double levels = CURVE_LEVEL_MAX - CURVE_LEVEL_MIN;
+    double low = floor(curve->base + zero), high = ceil(low + 1 + levels / curve->levels_per_unit);
+    low = fmin(fmax(low, 0), largest - 1);
+    high = fmin(fmax(high, low + 1), largest);
+    while (ldexp(high - low, source->shift + 1) < 65536)
+        source->shift++;
+    double scale = ldexp(curve->levels_per_unit, 16 - source->shift);
+    source->low = (uint16_t)low;
+    source->high = (uint16_t)high;
+    source->scale = (uint16_t)lrint(fmin(scale, 65535));
+    double level = CURVE_LEVEL_MIN + (low - zero - curve->base) * curve->levels_per_unit;
+    source->start = (uint16_t)lrint(RAISED + level + 0.5); /* scaling rounds down */
 }
 
-/* Reads ROW samples of narrow integers. `at`: their places in the line; NULL = one after the
+static void init_source(const struct sp_resample_open_tile *t, float z, struct source *source) {
+    int whole = (int)floorf(z), first = z > (float)whole ? whole - 2 : whole;
+    *source = (struct source){ .count = z > (float)whole ? TAPS : 1 };
+    for (int k = 0; k < source->count; k++)
+        source->slice[k] = (size_t)clamp(first + k, t->dims[2]) * t->stride[2];
+    init_integers(&t->r->curve, t->r->samples->type, source);
+}
+
+/* The value between the third and the fourth of six samples. Halves of sums of two stay integers of
+ * 16 bits: 150/128 − 25/128 + 3/128 = 1. */
+static inline sp_wide_short between(const sp_wide_short x[TAPS]) {
+    sp_wide_short inner = sp_wide_short_average(x[2], x[3]);
+    sp_wide_short outer = sp_wide_short_average(x[1], x[4]);
+    sp_wide_short outmost = sp_wide_short_average(x[0], x[5]);
+    return inner + sp_wide_short_scale(inner, sp_wide_short_all(22 * 512)) -
+           sp_wide_short_scale(outer, sp_wide_short_all(25 * 512)) +
+           sp_wide_short_scale(outmost, sp_wide_short_all(3 * 512));
+}
+
+static inline sp_wide_short to_level(const struct source *source, sp_wide_short x) {
+    x = sp_wide_short_min(x, sp_wide_short_all(source->high));
+    x = (sp_wide_short_max(x, sp_wide_short_all(source->low)) - source->low) << source->shift;
+    return sp_wide_short_scale(x, sp_wide_short_all(source->scale)) + source->start;
+}
+
+/* Reads READ samples of narrow integers. `at`: their places in the line; NULL = one after the
  * other. */
-#define READ(type, fetch)                                                                          \
+#define READ_ROW(type, fetch)                                                                      \
     do {                                                                                           \
         const type *from[TAPS] = { NULL };                                                         \
-        type parts[TAPS][ROW];                                                                     \
-        for (int k = 0; k < blend->count; k++) {                                                   \
-            from[k] = (const type *)t->voxels + line + blend->slice[k];                            \
-            for (int i = 0; at && i < ROW; i++)                                                    \
+        type parts[TAPS][READ];                                                                    \
+        for (int k = 0; k < source->count; k++) {                                                  \
+            from[k] = (const type *)t->voxels + line + source->slice[k];                           \
+            for (int i = 0; at && i < READ; i++)                                                   \
                 parts[k][i] = from[k][at[i]];                                                      \
             from[k] = at ? parts[k] : from[k];                                                     \
         }                                                                                          \
-        for (int i = 0; i < ROW; i += SP_WIDE) {                                                   \
-            sp_wide sum = blend->weight[0] * fetch(from[0] + i) + blend->start;                    \
-            for (int k = 1; k < blend->count; k++)                                                 \
-                sum += blend->weight[k] * fetch(from[k] + i);                                      \
-            sp_wide_store(out + i, sum);                                                           \
+        for (int i = 0; i < READ; i += SP_WIDE_SHORT) {                                            \
+            sp_wide_short x[TAPS];                                                                 \
+            for (int k = 0; k < source->count; k++)                                                \
+                x[k] = to_level(source, fetch(from[k] + i));                                       \
+            sp_wide_short_store(out + i, source->count == 1 ? x[0] : between(x));                  \
         }                                                                                          \
     } while (0)
 
-/* The same for types that a float may not hold exactly. Samples that are not finite become
- * CURVE_LEVEL_NONE. */
-static void read_wide(const struct sp_resample_open_tile *t, const struct blend *blend, size_t line,
-                      const ptrdiff_t *at, float *out) {
+/* The raised level of a value of any type. Values that are not finite have CURVE_LEVEL_NONE. */
+static uint16_t level_of(const struct sp_curve *curve, double x) {
+    double level = (x - curve->base) * curve->levels_per_unit + CURVE_LEVEL_MIN + 0.5;
+    if (!isfinite(x))
+        return RAISED + CURVE_LEVEL_NONE;
+    return (uint16_t)(RAISED + fmin(fmax(level, CURVE_LEVEL_MIN), CURVE_LEVEL_MAX));
+}
+
+/* The same of SP_WIDE floats, which is exact enough if the curve's numbers are floats. */
+static inline sp_wide_int levels_of(const struct sp_curve *curve, sp_wide x) {
+    const sp_wide low = sp_wide_all(CURVE_LEVEL_MIN), high = sp_wide_all(CURVE_LEVEL_MAX);
+    sp_wide level = (x - (float)curve->base) * (float)curve->levels_per_unit + CURVE_LEVEL_MIN;
+    level = sp_wide_min(sp_wide_max(level + 0.5f, low), high);
+    sp_wide_mask is_finite = sp_wide_lt(sp_wide_abs(x), sp_wide_all(INFINITY));
+    return sp_wide_to_int(sp_wide_select(is_finite, level, sp_wide_all(CURVE_LEVEL_NONE))) + RAISED;
+}
+
+static bool is_float_exact(const struct sp_curve *curve, enum sp_type type) {
+    const double most = 1e37;
+    return type == SP_FLOAT32 && fabs(curve->base) < most && curve->levels_per_unit < most &&
+           curve->levels_per_unit > 1 / most;
+}
+
+static void read_wide(const struct sp_resample_open_tile *t, const struct source *source,
+                      size_t line, const ptrdiff_t *at, uint16_t *out) {
     const struct sp_curve *curve = &t->r->curve;
-    for (int i = 0; i < ROW; i++) {
-        out[i] = 0;
-        for (int k = 0; k < blend->count; k++) {
-            size_t place = line + blend->slice[k] + (size_t)(at ? at[i] : i);
-            double x = sp_sample(t->voxels, t->r->samples->type, place);
-            double level = (x - curve->base) * curve->levels_per_unit + CURVE_LEVEL_MIN;
-            if (isfinite(x)) /* far beyond all levels, a float would lose what is near them */
-                out[i] += blend->share[k] * (float)fmin(fmax(level, -1e6), 1e6);
+    enum sp_type type = t->r->samples->type;
+    uint16_t levels[TAPS][READ];
+    for (int k = 0; k < source->count; k++) {
+        size_t place = line + source->slice[k];
+        const float *from = (const float *)t->voxels + place;
+        if (at || !is_float_exact(curve, type)) {
+            for (int i = 0; i < READ; i++)
+                levels[k][i] =
+                    level_of(curve, sp_sample(t->voxels, type, place + (size_t)(at ? at[i] : i)));
+            continue;
+        }
+        for (int i = 0; i < READ; i += SP_WIDE) {
+            sp_wide_int level = levels_of(curve, sp_wide_load(from + i));
+            for (int l = 0; l < SP_WIDE; l++)
+                levels[k][i + l] = (uint16_t)level[l];
         }
     }
-}
-
-static void read_row(const struct sp_resample_open_tile *t, const struct blend *blend, size_t line,
-                     const ptrdiff_t *at, float out[ROW]) {
-    switch (t->r->samples->type) {
-    case SP_UINT8:
-        READ(uint8_t, sp_fetch_uint8);
-        break;
-    case SP_INT8:
-        READ(int8_t, sp_fetch_int8);
-        break;
-    case SP_UINT16:
-        READ(uint16_t, sp_fetch_uint16);
-        break;
-    case SP_INT16:
-        READ(int16_t, sp_fetch_int16);
-        break;
-    default:
-        read_wide(t, blend, line, at, out);
+    for (int i = 0; i < READ; i += SP_WIDE_SHORT) {
+        sp_wide_short x[TAPS];
+        for (int k = 0; k < source->count; k++)
+            x[k] = sp_wide_short_load(levels[k] + i);
+        sp_wide_short_store(out + i, source->count == 1 ? x[0] : between(x));
     }
 }
 
-/* Reads the rows around the cell at (u, v), in levels. */
-static void read_rows(const struct sp_resample_open_tile *t, const struct blend *blend, int u,
-                      int v, float rows[ROWS][ROW]) {
-    ptrdiff_t at[ROW];
-    bool is_run = t->stride[0] == 1 && u >= 2 && u - 2 + ROW <= t->dims[0];
-    for (int i = 0; i < ROW && !is_run; i++)
+static void read_row(const struct sp_resample_open_tile *t, const struct source *source,
+                     size_t line, const ptrdiff_t *at, uint16_t out[READ]) {
+    switch (t->r->samples->type) {
+    case SP_UINT8:
+        READ_ROW(uint8_t, sp_fetch_uint8);
+        break;
+    case SP_INT8:
+        READ_ROW(int8_t, sp_fetch_int8);
+        break;
+    case SP_UINT16:
+        READ_ROW(uint16_t, sp_fetch_uint16);
+        break;
+    case SP_INT16:
+        READ_ROW(int16_t, sp_fetch_int16);
+        break;
+    default:
+        read_wide(t, source, line, at, out);
+    }
+}
+
+/* Reads the rows around the cell at (u, v), in raised levels. */
+static void read_rows(const struct sp_resample_open_tile *t, const struct source *source, int u,
+                      int v, uint16_t rows[ROWS][ROW]) {
+    ptrdiff_t at[READ];
+    bool is_run = t->stride[0] == 1 && u >= 2 && u - 2 + READ <= t->dims[0];
+    for (int i = 0; i < READ && !is_run; i++)
         at[i] = (ptrdiff_t)((size_t)clamp(u - 2 + i, t->dims[0]) * t->stride[0]);
     for (int j = 0; j < ROWS; j++) {
         size_t line = (size_t)clamp(v - 2 + j, t->dims[1]) * t->stride[1];
         if (is_run)
-            read_row(t, blend, line + (size_t)(u - 2), NULL, rows[j]);
+            read_row(t, source, line + (size_t)(u - 2), NULL, rows[j]);
         else
-            read_row(t, blend, line, at, rows[j]);
+            read_row(t, source, line, at, rows[j]);
     }
 }
 
-/* The value between p[2·step] and p[3·step]. */
-static inline sp_wide between(const float *p, int step) {
-    sp_wide sum = (sp_wide_load(p + 2 * step) + sp_wide_load(p + 3 * step)) * tap[0];
-    sum += (sp_wide_load(p + step) + sp_wide_load(p + 4 * step)) * tap[1];
-    return sum + (sp_wide_load(p) + sp_wide_load(p + 5 * step)) * tap[2];
+/* Doubles the samples of a row: the cell's own and those between them, in turns. */
+static inline void filter_across(const uint16_t row[ROW], uint16_t out[2 * ACROSS]) {
+    sp_wide_short x[TAPS];
+    for (int k = 0; k < TAPS; k++)
+        x[k] = sp_wide_short_load(row + k);
+    sp_fetch_alternate(x[2], between(x), out);
 }
 
-static inline sp_wide_int to_level(sp_wide x, float lowest) {
-    x = sp_wide_max(x, sp_wide_all(lowest));
-    return sp_wide_to_int(sp_wide_min(x, sp_wide_all(CURVE_LEVEL_MAX)) + 0.5f);
-}
-
-/* Writes a row of refined samples: two 16-bit levels per lane. */
-static inline void write_row(const float *row, float lowest, int16_t *out) {
-    for (int i = 0; i < ACROSS; i += SP_WIDE) {
-        sp_wide_int pair = to_level(sp_wide_load(row + 2 + i), lowest);
-        pair |= to_level(between(row + i, 1), lowest) << 16;
-        memcpy(out + 2 * i, &pair, sizeof pair);
-    }
+static inline void write_levels(sp_wide_short x, sp_wide_short lowest, uint16_t *out) {
+    x = sp_wide_short_min(sp_wide_short_max(x, lowest),
+                          sp_wide_short_all(RAISED + CURVE_LEVEL_MAX));
+    sp_wide_short_store(out, x - RAISED);
 }
 
 static void refine_cell(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
-                        const struct blend *blend, int u, int v) {
-    _Alignas(64) float rows[ROWS][ROW], filtered[DOWN][ROW];
-    read_rows(t, blend, u, v, rows);
-    int16_t *out = sheet->refined + (ptrdiff_t)(2 * (v - sheet->origin[1])) * sheet->width +
-                   2 * (u - sheet->origin[0]);
-    for (int j = 0; j < DOWN; j++)
-        for (int i = 0; i < ROW; i += SP_WIDE)
-            sp_wide_store(filtered[j] + i, between(rows[j] + i, ROW));
-    for (int j = 0; j < DOWN; j++, out += 2 * sheet->width) {
-        write_row(rows[j + 2], t->r->lowest, out);
-        write_row(filtered[j], t->r->lowest, out + sheet->width);
-    }
+                        const struct source *source, int u, int v) {
+    _Alignas(64) uint16_t rows[ROWS][ROW], wide[ROWS][2 * ACROSS];
+    const sp_wide_short lowest = sp_wide_short_all(RAISED + (int)t->r->lowest);
+    read_rows(t, source, u, v, rows);
+    for (int j = 0; j < ROWS; j++)
+        filter_across(rows[j], wide[j]);
+    uint16_t *out = (uint16_t *)sheet->refined +
+                    (ptrdiff_t)(2 * (v - sheet->origin[1])) * sheet->width +
+                    2 * (u - sheet->origin[0]);
+    for (int j = 0; j < DOWN; j++, out += 2 * sheet->width)
+        for (int i = 0; i < 2 * ACROSS; i += SP_WIDE_SHORT) {
+            sp_wide_short x[TAPS];
+            for (int k = 0; k < TAPS; k++)
+                x[k] = sp_wide_short_load(wide[j + k] + i);
+            write_levels(x[2], lowest, out + i);
+            write_levels(between(x), lowest, out + sheet->width + i);
+        }
     t->scratch->refined += ACROSS * DOWN;
 }
 
@@ -175,10 +247,10 @@ static void find_cells(const struct sp_resample_open_tile *t, const struct sp_re
 void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                         uint64_t need, float z) {
     uint8_t *is_refined = t->scratch->is_refined;
-    struct blend blend;
+    struct source source;
     int from[2] = { INT32_MAX, INT32_MAX }, to[2] = { INT32_MIN, INT32_MIN };
     int first[2], last[2];
-    init_blend(t, z, &blend);
+    init_source(t, z, &source);
     for (uint64_t left = need; left; left &= left - 1) {
         find_cells(t, &t->scratch->blocks[__builtin_ctzll(left)], sheet->s, first, last);
         for (int a = 0; a < 2; a++) {
@@ -199,7 +271,7 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
             for (int i = first[0]; i <= last[0]; i++) {
                 uint8_t *done = &is_refined[(j - from[1]) * across + i - from[0]];
                 if (!*done)
-                    refine_cell(t, sheet, &blend, i * ACROSS, j * DOWN);
+                    refine_cell(t, sheet, &source, i * ACROSS, j * DOWN);
                 *done = 1;
             }
     }
