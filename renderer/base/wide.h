@@ -291,6 +291,14 @@ static inline float sp_wide_sum(sp_wide a) {
     return lane[0];
 }
 
+/* The largest lane. */
+static inline float sp_wide_largest(sp_wide a) {
+    float largest = a[0];
+    for (int i = 1; i < SP_WIDE; i++)
+        largest = a[i] > largest ? a[i] : largest;
+    return largest;
+}
+
 /* Vectors of 16-bit integers without sign. */
 enum { SP_WIDE_SHORT = 2 * SP_WIDE };
 typedef uint16_t sp_wide_short __attribute__((vector_size(SP_WIDE_SHORT * 2)));

@@ -91,19 +91,27 @@ static inline float sp_resample_index(const struct sp_resample_open_tile *t, int
     return x < 0 ? 0 : x > last ? last : x;
 }
 
-/* Fills min and max with the samples that a block's pixels see on a sheet, per axis. */
-static inline void sp_resample_extent(const struct sp_resample_open_tile *t,
-                                      const struct sp_resample_block *block, float s, float min[2],
-                                      float max[2]) {
+/* Fills min and max with the samples that SP_WIDE blocks from `begin` on see at s, per axis. */
+static inline void sp_resample_extents(const struct sp_resample_open_tile *t, int begin, sp_wide s,
+                                       sp_wide min[2], sp_wide max[2]) {
+    const struct sp_resample_bounds *bounds = &t->scratch->bounds;
+    const sp_wide zero = sp_wide_all(0);
     for (int a = 0; a < 2; a++) {
-        float low = INFINITY, high = -INFINITY;
+        min[a] = sp_wide_all(INFINITY);
+        max[a] = -min[a];
         for (int i = 0; i < 4; i++) {
-            float at = block->corner[i][a] + s * block->corner[i][a + 2];
-            low = at < low ? at : low;
-            high = at > high ? at : high;
+            sp_wide change = sp_wide_load(bounds->corner[a + 2][i] + begin);
+            sp_wide at = sp_wide_load(bounds->corner[a][i] + begin) + s * change;
+            min[a] = sp_wide_min(min[a], at);
+            max[a] = sp_wide_max(max[a], at);
         }
-        min[a] = sp_resample_index(t, a, low);
-        max[a] = sp_resample_index(t, a, high);
+        for (int i = 0; t->map[a] && i < SP_WIDE; i++) {
+            min[a][i] = sp_resample_index(t, a, min[a][i]);
+            max[a][i] = sp_resample_index(t, a, max[a][i]);
+        }
+        const sp_wide last = sp_wide_all((float)(t->dims[a] - 1));
+        min[a] = sp_wide_min(sp_wide_max(min[a], zero), last);
+        max[a] = sp_wide_min(sp_wide_max(max[a], zero), last);
     }
 }
 

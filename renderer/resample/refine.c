@@ -231,16 +231,29 @@ static void refine_cell(const struct sp_resample_open_tile *t, struct sp_resampl
     t->scratch->refined += ACROSS * DOWN;
 }
 
-/* The cells that a block sees: first and last, per axis. Gradients look half a sample farther, and
- * interpolation one refined sample. */
-static void find_cells(const struct sp_resample_open_tile *t, const struct sp_resample_block *block,
-                       float s, int first[2], int last[2]) {
+/* The cells that each block sees: first and last, per axis. */
+struct cells {
+    int32_t first[2][RESAMPLE_BLOCKS], last[2][RESAMPLE_BLOCKS];
+};
+
+/* Finds them for the blocks of `need`. Gradients look half a sample farther, and interpolation one
+ * refined sample. */
+static void find_cells(const struct sp_resample_open_tile *t, uint64_t need, float s,
+                       struct cells *cells) {
     static const float size[2] = { ACROSS, DOWN };
-    float min[2], max[2], margin = t->r->needs_gradient ? 1 : 0.5f;
-    sp_resample_extent(t, block, s, min, max);
-    for (int a = 0; a < 2; a++) {
-        first[a] = (int)floorf((min[a] - (t->r->needs_gradient ? 0.5f : 0)) / size[a]);
-        last[a] = (int)floorf((max[a] + margin) / size[a]);
+    const float before = t->r->needs_gradient ? 0.5f : 0, behind = before + 0.5f;
+    const uint64_t group = SP_WIDE < RESAMPLE_BLOCKS ? (UINT64_C(1) << SP_WIDE) - 1 : UINT64_MAX;
+    for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE) {
+        sp_wide min[2], max[2];
+        if (!(need >> b & group))
+            continue;
+        sp_resample_extents(t, b, sp_wide_all(s), min, max);
+        for (int a = 0; a < 2; a++) {
+            sp_wide first = sp_wide_floor((min[a] - before) * (1 / size[a]));
+            sp_wide last = sp_wide_floor((max[a] + behind) * (1 / size[a]));
+            sp_wide_int_store(cells->first[a] + b, sp_wide_to_int(first));
+            sp_wide_int_store(cells->last[a] + b, sp_wide_to_int(last));
+        }
     }
 }
 
@@ -248,14 +261,15 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
                         uint64_t need, float z) {
     uint8_t *is_refined = t->scratch->is_refined;
     struct source source;
+    struct cells cells;
     int from[2] = { INT32_MAX, INT32_MAX }, to[2] = { INT32_MIN, INT32_MIN };
-    int first[2], last[2];
     init_source(t, z, &source);
+    find_cells(t, need, sheet->s, &cells);
     for (uint64_t left = need; left; left &= left - 1) {
-        find_cells(t, &t->scratch->blocks[__builtin_ctzll(left)], sheet->s, first, last);
+        int b = __builtin_ctzll(left);
         for (int a = 0; a < 2; a++) {
-            from[a] = first[a] < from[a] ? first[a] : from[a];
-            to[a] = last[a] > to[a] ? last[a] : to[a];
+            from[a] = cells.first[a][b] < from[a] ? cells.first[a][b] : from[a];
+            to[a] = cells.last[a][b] > to[a] ? cells.last[a][b] : to[a];
         }
     }
     int across = to[0] - from[0] + 1, down = to[1] - from[1] + 1;
@@ -266,9 +280,9 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
     sheet->last[1] = 2 * DOWN * down - 2;
     memset(is_refined, 0, (size_t)across * (size_t)down);
     for (uint64_t left = need; left; left &= left - 1) {
-        find_cells(t, &t->scratch->blocks[__builtin_ctzll(left)], sheet->s, first, last);
-        for (int j = first[1]; j <= last[1]; j++)
-            for (int i = first[0]; i <= last[0]; i++) {
+        int b = __builtin_ctzll(left);
+        for (int j = cells.first[1][b]; j <= cells.last[1][b]; j++)
+            for (int i = cells.first[0][b]; i <= cells.last[0][b]; i++) {
                 uint8_t *done = &is_refined[(j - from[1]) * across + i - from[0]];
                 if (!*done)
                     refine_cell(t, sheet, &source, i * ACROSS, j * DOWN);

@@ -94,9 +94,13 @@ struct sp_resample_block {
     float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */
     float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
     uint64_t has_slope[4];                              /* bit per pixel */
-    float corner[4][4];                                 /* u, v, du, dv of the corners */
     float inside[2];                                    /* s between which all rays are inside */
-    float span[2];                                      /* s between which some ray is inside */
+};
+
+/* Where the rays of a tile's blocks are. */
+struct sp_resample_bounds {
+    _Alignas(64) float corner[4][4][RESAMPLE_BLOCKS]; /* [u, v, du, dv][corner] */
+    float span[2][RESAMPLE_BLOCKS];                   /* s between which some ray is inside */
 };
 
 /* A slice with twice the samples per axis. */
@@ -111,6 +115,7 @@ struct sp_resample_sheet {
 /* What a worker needs for one tile. */
 struct sp_resample_scratch {
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];
+    struct sp_resample_bounds bounds;
     struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
     uint8_t *is_refined;                              /* by cell of the newest sheet */
     uint64_t *active; /* by interval between slices: the blocks that may see something in it */

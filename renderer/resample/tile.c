@@ -161,79 +161,143 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct rays
     sp_wide_store(block->begin + i, begin);
     sp_wide_store(block->end + i, end);
     sp_wide_store(block->length + i, sp_wide_sqrt(square));
+    sp_wide_store(block->light + i, sp_wide_all(1));
+    for (int c = 0; c < 3; c++)
+        sp_wide_store(block->color[c] + i, sp_wide_all(0));
 }
 
 /* Returns false if no ray of the block meets the volume. */
-static bool init_block(const struct sp_resample_open_tile *t, const struct rays *rays,
-                       struct sp_resample_block *block, const int at[2]) {
+static bool init_block(const struct sp_resample_open_tile *t, const struct rays *rays, int b,
+                       const int at[2]) {
     static const int corners[4] = { 0, RESAMPLE_BLOCK - 1, RESAMPLE_PIXELS - RESAMPLE_BLOCK,
                                     RESAMPLE_PIXELS - 1 };
-    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE)
+    struct sp_resample_block *block = &t->scratch->blocks[b];
+    struct sp_resample_bounds *bounds = &t->scratch->bounds;
+    const sp_wide far = sp_wide_all(INFINITY);
+    sp_wide inside[2] = { -far, far }, span[2] = { far, -far };
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         init_pixels(t, rays, block, at, i);
-    block->inside[0] = -INFINITY;
-    block->inside[1] = INFINITY;
-    block->span[0] = INFINITY;
-    block->span[1] = -INFINITY;
-    for (int i = 0; i < RESAMPLE_PIXELS; i++) {
-        float begin = block->begin[i], end = block->end[i];
-        block->light[i] = 1;
-        for (int c = 0; c < 3; c++)
-            block->color[c][i] = 0;
-        block->inside[0] = begin > block->inside[0] ? begin : block->inside[0];
-        block->inside[1] = end < block->inside[1] ? end : block->inside[1];
-        if (begin < end) {
-            block->span[0] = begin < block->span[0] ? begin : block->span[0];
-            block->span[1] = end > block->span[1] ? end : block->span[1];
+        sp_wide begin = sp_wide_load(block->begin + i), end = sp_wide_load(block->end + i);
+        sp_wide_mask meets = sp_wide_lt(begin, end);
+        inside[0] = sp_wide_max(inside[0], begin);
+        inside[1] = sp_wide_min(inside[1], end);
+        span[0] = sp_wide_select(meets, sp_wide_min(span[0], begin), span[0]);
+        span[1] = sp_wide_select(meets, sp_wide_max(span[1], end), span[1]);
+    }
+    block->inside[0] = sp_wide_largest(inside[0]);
+    block->inside[1] = -sp_wide_largest(-inside[1]);
+    bounds->span[0][b] = -sp_wide_largest(-span[0]);
+    bounds->span[1][b] = sp_wide_largest(span[1]);
+    const float *parts[4] = { block->u, block->v, block->du, block->dv };
+    for (int k = 0; k < 4; k++)
+        for (int i = 0; i < 4; i++)
+            bounds->corner[k][i][b] = parts[k][corners[i]];
+    return bounds->span[0][b] < bounds->span[1][b];
+}
+
+/* A slab of regions: those between two slices of the tile's axis. */
+struct slab {
+    float s[2];             /* between which rays are in it */
+    const uint8_t *visible; /* of its regions */
+    size_t stride[2];       /* of regions along u and v */
+};
+
+/* The regions of a slab that blocks see: first and last, per axis. */
+struct regions {
+    int32_t first[2][RESAMPLE_BLOCKS], last[2][RESAMPLE_BLOCKS];
+};
+
+static void init_slab(const struct sp_resample_open_tile *t, int number, struct slab *slab) {
+    const uint32_t *regions = t->r->samples->regions;
+    const size_t strides[3] = { 1, regions[0], (size_t)regions[0] * regions[1] };
+    float near = (float)(number * SAMPLES_REGION), far = near + SAMPLES_REGION;
+    if (number == 0)
+        near = -1;
+    if (number + 1 == (int)regions[t->axis[2]])
+        far = (float)t->dims[2];
+    slab->s[0] = sp_resample_s(t, t->is_backwards ? far : near);
+    slab->s[1] = sp_resample_s(t, t->is_backwards ? near : far);
+    slab->visible = t->r->class->visible + (size_t)number * strides[t->axis[2]];
+    for (int a = 0; a < 2; a++)
+        slab->stride[a] = strides[t->axis[a]];
+}
+
+/* The intervals in which some of the regions first to last may show something, as bits. */
+static unsigned look(const struct slab *slab, const int first[2], const int last[2]) {
+    unsigned seen = 0;
+    for (int j = first[1]; j <= last[1]; j++)
+        for (int i = first[0]; i <= last[0]; i++)
+            seen |= slab->visible[(size_t)i * slab->stride[0] + (size_t)j * slab->stride[1]];
+    return seen;
+}
+
+/* Finds what each of the blocks sees of a slab. Returns those that see any of it. */
+static uint64_t find_regions(const struct sp_resample_open_tile *t, const struct slab *slab,
+                             uint64_t blocks, struct regions *regions) {
+    const struct sp_resample_bounds *bounds = &t->scratch->bounds;
+    uint64_t meet = 0;
+    for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE) {
+        sp_wide s[2], min[2][2], max[2][2];
+        if (!(blocks >> b & (UINT64_C(1) << SP_WIDE) - 1))
+            continue;
+        s[0] = sp_wide_max(sp_wide_load(bounds->span[0] + b), sp_wide_all(slab->s[0]));
+        s[1] = sp_wide_min(sp_wide_load(bounds->span[1] + b), sp_wide_all(slab->s[1]));
+        meet |= (uint64_t)sp_wide_mask_bits(sp_wide_lt(s[0], s[1])) << b;
+        for (int k = 0; k < 2; k++)
+            sp_resample_extents(t, b, s[k], min[k], max[k]);
+        for (int a = 0; a < 2; a++) {
+            const float size = 1.0f / SAMPLES_REGION;
+            const sp_wide last = sp_wide_all((float)t->r->samples->regions[t->axis[a]] - 1);
+            sp_wide low = sp_wide_min(min[0][a], min[1][a]) * size;
+            sp_wide high = sp_wide_max(max[0][a], max[1][a]) * size;
+            sp_wide_int_store(regions->first[a] + b, sp_wide_to_int(sp_wide_min(low, last)));
+            sp_wide_int_store(regions->last[a] + b, sp_wide_to_int(sp_wide_min(high, last)));
         }
     }
-    for (int i = 0; i < 4; i++) {
-        block->corner[i][0] = block->u[corners[i]];
-        block->corner[i][1] = block->v[corners[i]];
-        block->corner[i][2] = block->du[corners[i]];
-        block->corner[i][3] = block->dv[corners[i]];
-    }
-    return block->span[0] < block->span[1];
+    return meet & blocks;
 }
 
-static uint32_t region_at(float sample, uint32_t regions) {
-    if (!(sample > 0))
-        return 0;
-    uint32_t i = (uint32_t)sample / SAMPLES_REGION;
-    return i < regions ? i : regions - 1;
+/* Does any of the blocks see a visible region? Looks at all that lie between theirs. */
+static bool is_any_visible(const struct slab *slab, uint64_t blocks,
+                           const struct regions *regions) {
+    int first[2] = { INT32_MAX, INT32_MAX }, last[2] = { -1, -1 };
+    for (uint64_t left = blocks; left; left &= left - 1) {
+        int b = __builtin_ctzll(left);
+        for (int a = 0; a < 2; a++) {
+            first[a] = regions->first[a][b] < first[a] ? regions->first[a][b] : first[a];
+            last[a] = regions->last[a][b] > last[a] ? regions->last[a][b] : last[a];
+        }
+    }
+    return look(slab, first, last);
 }
 
-/* The intervals of slab `slab` of regions in which the block may see something, as bits. */
-static unsigned sees(const struct sp_resample_open_tile *t, const struct sp_resample_block *block,
-                     uint32_t slab) {
-    const struct sp_samples *samples = t->r->samples;
-    const uint32_t *regions = samples->regions;
-    float near = (float)(slab * SAMPLES_REGION), far = near + SAMPLES_REGION;
-    if (slab == 0)
-        near = -1;
-    if (slab + 1 == regions[t->axis[2]])
-        far = (float)t->dims[2];
-    float s[2] = { sp_resample_s(t, t->is_backwards ? far : near),
-                   sp_resample_s(t, t->is_backwards ? near : far) };
-    if (s[1] <= block->span[0] || s[0] >= block->span[1])
-        return 0;
-    s[0] = fmaxf(s[0], block->span[0]);
-    s[1] = fminf(s[1], block->span[1]);
-    float min[2][2], max[2][2];
-    uint32_t low[2], high[2];
-    for (int k = 0; k < 2; k++)
-        sp_resample_extent(t, block, s[k], min[k], max[k]);
-    for (int a = 0; a < 2; a++) {
-        low[a] = region_at(fminf(min[0][a], min[1][a]), regions[t->axis[a]]);
-        high[a] = region_at(fmaxf(max[0][a], max[1][a]), regions[t->axis[a]]);
+/* Fills `active` and returns the blocks that may see something. */
+static uint64_t find_active(const struct sp_resample_open_tile *t) {
+    /* The bits of regions are for the axis of most tiles. */
+    const bool is_other = (unsigned)t->axis[2] != t->r->class->axis;
+    struct regions regions;
+    struct slab slab;
+    uint64_t any = 0;
+    for (int n = 0; n < (int)t->r->samples->regions[t->axis[2]]; n++) {
+        uint64_t *active = t->scratch->active + (size_t)n * SAMPLES_REGION;
+        memset(active, 0, SAMPLES_REGION * sizeof *active);
+        init_slab(t, n, &slab);
+        uint64_t left = find_regions(t, &slab, t->alive, &regions);
+        if (!is_any_visible(&slab, left, &regions))
+            continue;
+        for (; left; left &= left - 1) {
+            int b = __builtin_ctzll(left);
+            const int first[2] = { regions.first[0][b], regions.first[1][b] };
+            const int last[2] = { regions.last[0][b], regions.last[1][b] };
+            unsigned seen = look(&slab, first, last);
+            if (seen && is_other)
+                seen = ALL_INTERVALS;
+            for (int k = 0; k < SAMPLES_REGION; k++)
+                active[k] |= (uint64_t)(seen >> k & 1) << b;
+            any |= (uint64_t)(seen != 0) << b;
+        }
     }
-    const size_t strides[3] = { 1, regions[0], (size_t)regions[0] * regions[1] };
-    const uint8_t *visible = t->r->class->visible + slab * strides[t->axis[2]];
-    unsigned seen = 0;
-    for (uint32_t j = low[1]; j <= high[1]; j++)
-        for (uint32_t i = low[0]; i <= high[0]; i++)
-            seen |= visible[i * strides[t->axis[0]] + j * strides[t->axis[1]]];
-    /* The bits are for the axis of most tiles. */
-    return seen && (unsigned)t->axis[2] != t->r->class->axis ? ALL_INTERVALS : seen;
+    return any;
 }
 
 /* Interval n lies between sheets n and n + 1. */
@@ -318,63 +382,28 @@ static void resolve(const struct sp_resample_open_tile *t, uint64_t drawn) {
     }
 }
 
-/* The corners and the span of a set of blocks. */
-static void join_blocks(const struct sp_resample_open_tile *t, uint64_t set,
-                        struct sp_resample_block *all) {
-    const struct sp_resample_block *blocks = t->scratch->blocks;
-    int first[2] = { RESAMPLE_ACROSS_MAX, RESAMPLE_ACROSS_MAX }, last[2] = { 0, 0 };
-    all->span[0] = INFINITY;
-    all->span[1] = -INFINITY;
-    for (uint64_t left = set; left; left &= left - 1) {
-        int b = __builtin_ctzll(left);
-        const int at[2] = { b % RESAMPLE_ACROSS_MAX, b / RESAMPLE_ACROSS_MAX };
-        for (int a = 0; a < 2; a++) {
-            first[a] = at[a] < first[a] ? at[a] : first[a];
-            last[a] = at[a] > last[a] ? at[a] : last[a];
-        }
-        all->span[0] = fminf(all->span[0], blocks[b].span[0]);
-        all->span[1] = fmaxf(all->span[1], blocks[b].span[1]);
-    }
-    for (int i = 0; set && i < 4; i++) {
-        int b = (i & 1 ? last[0] : first[0]) + (i & 2 ? last[1] : first[1]) * RESAMPLE_ACROSS_MAX;
-        memcpy(all->corner[i], blocks[b].corner[i], sizeof all->corner[i]);
-    }
-}
-
-/* Fills `active` and returns the blocks that may see something. */
-static uint64_t find_active(const struct sp_resample_open_tile *t) {
-    struct sp_resample_block all;
-    uint64_t any = 0;
-    join_blocks(t, t->alive, &all);
-    for (uint32_t s = 0; s < t->r->samples->regions[t->axis[2]]; s++) {
-        uint64_t *active = t->scratch->active + (size_t)s * SAMPLES_REGION;
-        memset(active, 0, SAMPLES_REGION * sizeof *active);
-        for (uint64_t left = sees(t, &all, s) ? t->alive : 0; left; left &= left - 1) {
-            unsigned seen = sees(t, &t->scratch->blocks[__builtin_ctzll(left)], s);
-            for (int k = 0; k < SAMPLES_REGION; k++)
-                active[k] |= seen >> k & 1 ? left & -left : 0;
-            any |= seen ? left & -left : 0;
-        }
-    }
-    return any;
-}
-
 /* Does the memory hold what a set of blocks sees of a sheet? The extent of straight rays is largest
  * at one of their ends. */
 static bool fits(const struct sp_resample_open_tile *t, uint64_t set) {
-    struct sp_resample_block all;
-    size_t refined = 1;
-    join_blocks(t, set, &all);
+    const struct sp_resample_bounds *bounds = &t->scratch->bounds;
     float margin = t->map[2] ? 3 * t->map[2]->widest : 3; /* sheets are read beyond the span */
+    float span[2] = { INFINITY, -INFINITY };
+    size_t refined = 1;
+    for (uint64_t left = set; left; left &= left - 1) {
+        span[0] = fminf(span[0], bounds->span[0][__builtin_ctzll(left)] - margin);
+        span[1] = fmaxf(span[1], bounds->span[1][__builtin_ctzll(left)] + margin);
+    }
     for (int a = 0; a < 2; a++) {
         float extent = 0;
         for (int k = 0; k < 2; k++) {
-            float s = all.span[k] + (k ? margin : -margin), low = INFINITY, high = -INFINITY;
-            for (int i = 0; i < 4; i++) {
-                float at = all.corner[i][a] + s * all.corner[i][a + 2];
-                low = fminf(low, at);
-                high = fmaxf(high, at);
-            }
+            float low = INFINITY, high = -INFINITY;
+            for (uint64_t left = set; left; left &= left - 1)
+                for (int i = 0; i < 4; i++) {
+                    int b = __builtin_ctzll(left);
+                    float at = bounds->corner[a][i][b] + span[k] * bounds->corner[a + 2][i][b];
+                    low = fminf(low, at);
+                    high = fmaxf(high, at);
+                }
             extent = fmaxf(extent, t->map[a] ? (high - low) / t->map[a]->narrowest : high - low);
         }
         refined *= 2 * (size_t)(fminf(extent, (float)t->dims[a]) + 4 * RESAMPLE_CELL_ACROSS);
@@ -426,7 +455,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
     for (int v = 0; v < t.height; v += RESAMPLE_BLOCK)
         for (int u = 0; u < t.width; u += RESAMPLE_BLOCK) {
             int b = v / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + u / RESAMPLE_BLOCK;
-            if (init_block(&t, &rays, &scratch->blocks[b], (const int[2]){ u, v }))
+            if (init_block(&t, &rays, b, (const int[2]){ u, v }))
                 t.alive |= UINT64_C(1) << b;
         }
     uint64_t drawn = find_active(&t);
