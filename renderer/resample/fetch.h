@@ -71,84 +71,84 @@ static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index)
 #endif
 }
 
-/* The sum of two differences between entries of a table, each times its share:
- *
- *   out[c] = share[0]·(table[at[1]][c] − table[at[0]][c]) + share[1]·(table[at[2]][c] −
- * table[at[1]][c])
- */
+/* Entries of a table of four components, one per lane, in an order that sp_fetch_sum() knows. */
+struct sp_entries {
+    sp_wide part[4];
+};
+
 #if defined SP_WIDE_AVX512
-static inline void sp_fetch_differences(const float (*table)[4], const sp_wide_int at[3],
-                                        const sp_wide share[2], sp_wide out[4]) {
+/* part[2·h + c]: components 2c and 2c + 1, in turns, of lanes 8h to 8h + 7. */
+static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
+    __m512i twice = _mm512_slli_epi32((__m512i)index, 1);
+    __m256i half[2] = { _mm512_castsi512_si256(twice), _mm512_extracti64x4_epi64(twice, 1) };
+    struct sp_entries entries;
+    for (int k = 0; k < 4; k++) {
+        const char *from = (const char *)table + 8 * (k & 1);
+        entries.part[k] = (sp_wide)_mm512_i32gather_pd(half[k >> 1], from, 8);
+    }
+    return entries;
+}
+
+/* The share of each lane of half h, twice. */
+static inline sp_wide sp_fetch_spread(sp_wide share, int h) {
+    const __m512i twice = _mm512_setr_epi32(0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7);
+    __m512i order = _mm512_add_epi32(twice, _mm512_set1_epi32(8 * h));
+    return (sp_wide)_mm512_permutexvar_ps(order, (__m512)share);
+}
+
+static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
     const __m512i even =
         _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
     const __m512i odd = _mm512_or_si512(even, _mm512_set1_epi32(1));
-    __m512 sum[2][2]; /* [half of the entry][half of the lanes]: component 0 or 2, then 1 or 3, per
-                         lane */
-    for (int h = 0; h < 2; h++) {
-        const __m512i twice =
-            _mm512_add_epi32(_mm512_srli_epi32(even, 2), _mm512_set1_epi32(8 * h));
-        __m512 parts[2] = { _mm512_permutexvar_ps(twice, (__m512)share[0]),
-                            _mm512_permutexvar_ps(twice, (__m512)share[1]) };
-        __m256i place[3];
-        for (int k = 0; k < 3; k++)
-            place[k] = _mm256_slli_epi32(h ? _mm512_extracti64x4_epi64((__m512i)at[k], 1)
-                                           : _mm512_castsi512_si256((__m512i)at[k]),
-                                         1);
-        for (int c = 0; c < 2; c++) {
-            __m512 entry[3];
-            for (int k = 0; k < 3; k++)
-                entry[k] =
-                    _mm512_castpd_ps(_mm512_i32gather_pd(place[k], (const char *)table + 8 * c, 8));
-            sum[c][h] = _mm512_mul_ps(parts[0], _mm512_sub_ps(entry[1], entry[0]));
-            sum[c][h] = _mm512_fmadd_ps(parts[1], _mm512_sub_ps(entry[2], entry[1]), sum[c][h]);
-        }
-    }
-    for (int c = 0; c < 2; c++) {
-        out[2 * c] = (sp_wide)_mm512_permutex2var_ps(sum[c][0], even, sum[c][1]);
-        out[2 * c + 1] = (sp_wide)_mm512_permutex2var_ps(sum[c][0], odd, sum[c][1]);
+    for (int c = 0; c < 4; c++) {
+        __m512i order = c & 1 ? odd : even;
+        out[c] = (sp_wide)_mm512_permutex2var_ps((__m512)part[c >> 1], order,
+                                                 (__m512)part[2 + (c >> 1)]);
     }
 }
 #else
+/* part[k]: the components of lane k, and those of lane k + 4 where there are eight. */
 #if defined SP_WIDE_AVX2
-/* Lanes 0 and 4 of each array, four times each; the entries of the table there. */
-static inline sp_wide sp_fetch_spread(const float *share) {
-    return (sp_wide)_mm256_set_m128(_mm_set1_ps(share[4]), _mm_set1_ps(share[0]));
-}
-
-static inline sp_wide sp_fetch_entries(const float (*table)[4], const int32_t *index) {
-    return (sp_wide)_mm256_set_m128(_mm_load_ps(table[index[4]]), _mm_load_ps(table[index[0]]));
-}
 #define SHUFFLE(a, b, i, j, k, l)                                                                  \
     __builtin_shufflevector(a, b, i, j, k, l, i + 4, j + 4, k + 4, l + 4)
 #else
-static inline sp_wide sp_fetch_spread(const float *share) {
-    return sp_wide_all(share[0]);
-}
-
-static inline sp_wide sp_fetch_entries(const float (*table)[4], const int32_t *index) {
-    return sp_wide_load(table[index[0]]);
-}
 #define SHUFFLE(a, b, i, j, k, l) __builtin_shufflevector(a, b, i, j, k, l)
 #endif
 
-static inline void sp_fetch_differences(const float (*table)[4], const sp_wide_int at[3],
-                                        const sp_wide share[2], sp_wide out[4]) {
-    int32_t place[3][SP_WIDE];
-    float part[2][SP_WIDE];
-    sp_wide row[4]; /* row k: lanes k and k + 4, so that the transposed lanes are in order */
-    for (int k = 0; k < 3; k++)
-        sp_wide_int_store(place[k], at[k]);
-    for (int k = 0; k < 2; k++)
-        sp_wide_store(part[k], share[k]);
+static inline struct sp_entries sp_fetch_entries(const float (*table)[4], sp_wide_int index) {
+    struct sp_entries entries;
+    int32_t at[SP_WIDE];
+    sp_wide_int_store(at, index);
     for (int k = 0; k < 4; k++) {
-        sp_wide middle = sp_fetch_entries(table, place[1] + k);
-        row[k] = sp_fetch_spread(part[0] + k) * (middle - sp_fetch_entries(table, place[0] + k));
-        row[k] += sp_fetch_spread(part[1] + k) * (sp_fetch_entries(table, place[2] + k) - middle);
+#if defined SP_WIDE_AVX2
+        __m128 low = _mm_load_ps(table[at[k]]), high = _mm_load_ps(table[at[k + 4]]);
+        entries.part[k] = (sp_wide)_mm256_set_m128(high, low);
+#else
+        entries.part[k] = sp_wide_load(table[at[k]]);
+#endif
     }
-    sp_wide a = SHUFFLE(row[0], row[1], 0, SP_WIDE, 1, SP_WIDE + 1);
-    sp_wide b = SHUFFLE(row[0], row[1], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
-    sp_wide c = SHUFFLE(row[2], row[3], 0, SP_WIDE, 1, SP_WIDE + 1);
-    sp_wide d = SHUFFLE(row[2], row[3], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
+    return entries;
+}
+
+/* The share of lane k, and that of lane k + 4, four times. */
+static inline sp_wide sp_fetch_spread(sp_wide share, int k) {
+    switch (k) {
+    case 0:
+        return SHUFFLE(share, share, 0, 0, 0, 0);
+    case 1:
+        return SHUFFLE(share, share, 1, 1, 1, 1);
+    case 2:
+        return SHUFFLE(share, share, 2, 2, 2, 2);
+    default:
+        return SHUFFLE(share, share, 3, 3, 3, 3);
+    }
+}
+
+static inline void sp_fetch_components(const sp_wide part[4], sp_wide out[4]) {
+    sp_wide a = SHUFFLE(part[0], part[1], 0, SP_WIDE, 1, SP_WIDE + 1);
+    sp_wide b = SHUFFLE(part[0], part[1], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
+    sp_wide c = SHUFFLE(part[2], part[3], 0, SP_WIDE, 1, SP_WIDE + 1);
+    sp_wide d = SHUFFLE(part[2], part[3], 2, SP_WIDE + 2, 3, SP_WIDE + 3);
     out[0] = SHUFFLE(a, c, 0, 1, SP_WIDE, SP_WIDE + 1);
     out[1] = SHUFFLE(a, c, 2, 3, SP_WIDE + 2, SP_WIDE + 3);
     out[2] = SHUFFLE(b, d, 0, 1, SP_WIDE, SP_WIDE + 1);
@@ -156,5 +156,18 @@ static inline void sp_fetch_differences(const float (*table)[4], const sp_wide_i
 }
 #undef SHUFFLE
 #endif
+
+/* out[c] = share[0]·(entries[1] − entries[0]) + share[1]·(entries[2] − entries[1]), component c. */
+static inline void sp_fetch_sum(const struct sp_entries entries[3], const sp_wide share[2],
+                                sp_wide out[4]) {
+    sp_wide sum[4];
+    for (int k = 0; k < 4; k++) {
+        int lanes = SP_WIDE > 8 ? k >> 1 : k;
+        sp_wide middle = entries[1].part[k];
+        sum[k] = sp_fetch_spread(share[0], lanes) * (middle - entries[0].part[k]) +
+                 sp_fetch_spread(share[1], lanes) * (entries[2].part[k] - middle);
+    }
+    sp_fetch_components(sum, out);
+}
 
 #endif

@@ -8,18 +8,35 @@
  */
 #include "frame/resolve.h"
 #include "light/read.h"
-#include "resample/fetch.h"
-#include "resample/kernels.h"
+#include "resample/sample.h"
 #include "splat/exp2.h"
 
-/* SP_WIDE rays in one interval. */
+enum { PARTS = RESAMPLE_PIXELS / SP_WIDE };
+
+/* SP_WIDE rays of a block in one interval. */
 struct interval {
-    sp_wide value[3]; /* at its start, in its middle and at its end [levels] */
-    float width;      /* s from sheet to sheet */
-    float middle;     /* s half way */
-    sp_wide length;   /* of the ray inside, reference lengths */
-    sp_wide light;    /* transmittance */
-    sp_wide color[3]; /* premultiplied */
+    int begin;           /* first pixel */
+    sp_wide sheet[4];    /* values on the sheet before it, at its start, at its end and behind it */
+    sp_wide value[3];    /* at its start, in its middle and at its end [levels] */
+    sp_wide length;      /* of the ray inside, reference lengths */
+    sp_wide gradient[3]; /* in its middle [gradient_unit] */
+    sp_wide magnitude;   /* of the gradient */
+    sp_wide mean[4];     /* of the curve over it */
+    sp_wide light;       /* transmittance */
+    sp_wide color[3];    /* premultiplied */
+};
+
+/* The interval behind sheet `number` of all rays of a block that may see something in it. Each step
+ * is done for all rays before the next one, so that their latencies overlap. */
+struct work {
+    const struct sp_resample_open_tile *t;
+    struct sp_resample_block *block;
+    int number;
+    bool is_cut; /* it does not reach from sheet to sheet */
+    float start; /* s of the first sheet */
+    float width; /* s from sheet to sheet */
+    int count;
+    struct interval parts[PARTS];
 };
 
 /* 1 − opacity over the length, for a mean optical depth per reference length. */
@@ -36,75 +53,100 @@ static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
 }
 
 /* The mean of the curve over the interval: over its first half, where the value goes from
- * value[0] to value[1], and over its second one. */
-static inline void find_mean(const struct sp_curve *curve, const struct interval *in,
-                             sp_wide mean[4]) {
+ * value[0] to value[1], and over its second one. Where the last interval of these rays ended here,
+ * the entry of the curve is known. */
+static inline void find_mean(const struct work *work, struct interval *in) {
+    const struct sp_curve *curve = &work->t->r->curve;
+    struct sp_resample_block *block = work->block;
+    const int begin = in->begin;
+    const float(*table)[4] = (const float(*)[4])curve->integral;
     const sp_wide zero = sp_wide_all(0), top = sp_wide_all(CURVE_BINS), one = sp_wide_all(1);
-    sp_wide at[3], beyond[3], above[2], share[2];
-    sp_wide_int bin[3];
+    struct sp_entries entries[3];
+    sp_wide bin[3], beyond[3], share[2], above = zero;
     for (int k = 0; k < 3; k++) {
         sp_wide x = in->value[k] * curve->bins_per_level + curve->first_bin;
         sp_wide inside = sp_wide_min(sp_wide_max(x, zero), top);
         beyond[k] = x - inside;
-        bin[k] = sp_wide_to_int(inside);
-        at[k] = sp_wide_from_int(bin[k]);
+        bin[k] = sp_wide_from_int(sp_wide_to_int(inside));
     }
-    for (int k = 0; k < 2; k++) { /* a half is at least one bin wide */
-        sp_wide_mask is_equal = ~(sp_wide_lt(at[k], at[k + 1]) | sp_wide_lt(at[k + 1], at[k]));
-        at[k + 1] += sp_wide_keep(is_equal, one);
-        bin[k + 1] = sp_wide_to_int(at[k + 1]);
-        /* It is as wide as the whole bins whose integral is taken, so that quantisation cancels,
-         * and what lies below all bins, which is transparent, or above them. */
-        sp_wide width = at[k + 1] - at[k];
-        share[k] = 0.5f / (sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]));
-        above[k] = sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero);
-        above[k] = share[k] * sp_wide_abs(above[k]);
+    if (block->entry_sheet[begin] == work->number && !work->is_cut) {
+        bin[0] = sp_wide_load(block->entry_bin + begin);
+        for (int k = 0; k < 4; k++)
+            entries[0].part[k] = sp_wide_load(block->entry[k] + begin);
+    } else {
+        entries[0] = sp_fetch_entries(table, sp_wide_to_int(bin[0]));
+    }
+    for (int k = 0; k < 2; k++) {
+        /* A half is at least one bin wide. It is as wide as the whole bins whose integral is taken,
+         * so that quantisation cancels, and what lies below all bins, which is transparent, or
+         * above them. */
+        sp_wide_mask is_different = sp_wide_lt(bin[k], bin[k + 1]) | sp_wide_lt(bin[k + 1], bin[k]);
+        bin[k + 1] = sp_wide_select(is_different, bin[k + 1], bin[k] + one);
+        sp_wide width = bin[k + 1] - bin[k];
+        sp_wide all = sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]);
+        share[k] = 0.5f * sp_wide_inverse(all);
+        above +=
+            share[k] * sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
         share[k] = sp_wide_select(sp_wide_lt(width, zero), -share[k], share[k]);
+        entries[k + 1] = sp_fetch_entries(table, sp_wide_to_int(bin[k + 1]));
     }
-    sp_fetch_differences((const float(*)[4])curve->integral, bin, share, mean);
+    sp_fetch_sum(entries, share, in->mean);
     for (int c = 0; c < 4; c++)
-        mean[c] += (above[0] + above[1]) * curve->above[c];
-}
-
-static inline void classify(const struct sp_resample *r, struct interval *in,
-                            const sp_wide *scale) {
-    sp_wide sum[4];
-    find_mean(&r->curve, in, sum);
-    sp_wide depth = scale ? scale_depth(sum[3], *scale) : sum[3];
-    in->light = transmit(r, depth, in->length);
-    sp_wide weight = (1 - in->light) / sp_wide_max(sum[3], sp_wide_all(1e-20f));
-    for (int c = 0; c < 3; c++)
-        in->color[c] = weight * sum[c];
-}
-
-/* The gradient in the middle of the interval [gradient_unit]. */
-static inline void find_gradient(const struct sp_resample_open_tile *t,
-                                 struct sp_resample_block *block, int number, int begin,
-                                 const sp_wide v[4], float width, sp_wide gradient[3]) {
-    static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
-    sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
-    for (int k = 0; k < 4; k++) {
-        int n = number - 1 + k;
-        sp_resample_find_slope(t, block, n, begin);
-        for (int a = 0; a < 2; a++)
-            slope[a] += share[k] * sp_wide_load(block->slope[n & 3][a] + begin);
-    }
-    /* Along the ray, per slice; what remains of it is along the slices' axis. All three are
-     * differences over one sample, so that none of them is blurred more than the others. */
-    sp_wide along = (v[2] - v[1]) * (1 / width);
-    slope[2] = along - sp_wide_load(block->du + begin) * slope[0] -
-               sp_wide_load(block->dv + begin) * slope[1];
-    if (t->is_backwards)
-        slope[2] = -slope[2];
-    for (int w = 0; w < 3; w++) {
-        gradient[w] = sp_wide_all(0);
-        for (int a = 0; a < 3; a++)
-            gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
-    }
+        in->mean[c] += above * curve->above[c];
+    sp_wide_store(block->entry_bin + begin, bin[2]);
+    for (int k = 0; k < 4; k++)
+        sp_wide_store(block->entry[k] + begin, entries[2].part[k]);
+    block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
 }
 
 static inline sp_wide length_of(const sp_wide v[3]) {
     return sp_wide_sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
+static inline struct sp_rays load_rays(const struct sp_resample_block *block, int begin) {
+    return (struct sp_rays){ sp_wide_load(block->u + begin), sp_wide_load(block->v + begin),
+                             sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
+}
+
+/* The gradient along u and v on sheet `number` [levels per sample]. */
+static inline void find_slope(const struct work *work, const struct sp_rays *rays, int begin,
+                              int number, sp_wide slope[2]) {
+    struct sp_resample_block *block = work->block;
+    const uint64_t bit = UINT64_C(1) << begin;
+    const int slot = number & 3;
+    if (!(block->has_slope[slot] & bit)) {
+        sp_sample_slopes(work->t, rays, number, slope);
+        for (int a = 0; a < 2; a++)
+            sp_wide_store(block->slope[slot][a] + begin, slope[a]);
+        block->has_slope[slot] |= bit;
+    }
+    for (int a = 0; a < 2; a++)
+        slope[a] = sp_wide_load(block->slope[slot][a] + begin);
+}
+
+static inline void find_gradient(const struct work *work, struct interval *in) {
+    static const float share[4] = { -1 / 16.0f, 9 / 16.0f, 9 / 16.0f, -1 / 16.0f };
+    const struct sp_resample_open_tile *t = work->t;
+    struct sp_rays rays = load_rays(work->block, in->begin);
+    sp_wide slope[3] = { sp_wide_all(0), sp_wide_all(0) };
+    for (int k = 0; k < 4; k++) {
+        sp_wide along[2];
+        find_slope(work, &rays, in->begin, work->number - 1 + k, along);
+        for (int a = 0; a < 2; a++)
+            slope[a] += share[k] * along[a];
+    }
+    /* Along the ray, per slice; what remains of it is along the slices' axis. All three are
+     * differences over one sample, so that none of them is blurred more than the others. */
+    slope[2] =
+        (in->sheet[2] - in->sheet[1]) * (1 / work->width) - rays.du * slope[0] - rays.dv * slope[1];
+    if (t->is_backwards)
+        slope[2] = -slope[2];
+    for (int w = 0; w < 3; w++) {
+        in->gradient[w] = sp_wide_all(0);
+        for (int a = 0; a < 3; a++)
+            in->gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
+    }
+    in->magnitude = length_of(in->gradient);
 }
 
 /* The scale of the opacity at the gradient's magnitude. */
@@ -137,18 +179,17 @@ static inline void find_eye(const struct sp_camera_transform *camera, float x, f
 /* The shares of ambient light and of the first light that arrive at the middle of an interval. They
  * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
  * is no surface. */
-static inline void find_share(const struct sp_resample_open_tile *t,
-                              const struct sp_resample_block *block, int begin, float s,
-                              const sp_wide world[3], sp_wide magnitude, const sp_wide to_eye[3],
-                              sp_wide share[2]) {
+static inline void find_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
+                              float s, const sp_wide world[3], sp_wide magnitude,
+                              const sp_wide to_eye[3], sp_wide share[2]) {
     const struct sp_resample *r = t->r;
     const struct sp_light_field *light = r->light;
     const float to_front = 0.75f, off_surface = 0.5f; /* cells */
     const sp_wide zero = sp_wide_all(0);
     sp_wide at[3], move[3], side = zero, firm = magnitude * r->light_firmness;
     firm = sp_wide_min(firm * firm, sp_wide_all(1)) * off_surface;
-    at[t->axis[0]] = sp_wide_load(block->u + begin) + s * sp_wide_load(block->du + begin);
-    at[t->axis[1]] = sp_wide_load(block->v + begin) + s * sp_wide_load(block->dv + begin);
+    at[t->axis[0]] = rays->u + s * rays->du;
+    at[t->axis[1]] = rays->v + s * rays->dv;
     at[t->axis[2]] = sp_wide_all(t->is_backwards ? t->reference - s : t->reference + s);
     for (int k = 0; k < 3; k++) {
         const float *w = r->shade->to_camera[k];
@@ -170,24 +211,26 @@ static inline void find_share(const struct sp_resample_open_tile *t,
     share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
 }
 
-/* Lights the interval's colour by its gradient. */
-static inline void shade(const struct sp_resample_open_tile *t,
-                         const struct sp_resample_block *block, int begin, struct interval *in,
-                         const sp_wide gradient[3], sp_wide magnitude, const int at[2]) {
+/* Lights the interval's colour by its gradient. `at`: the block's place in the tile. */
+static inline void shade(const struct work *work, const int at[2], struct interval *in) {
+    const struct sp_resample_open_tile *t = work->t;
     const struct sp_resample *r = t->r;
     const sp_wide tiny = sp_wide_all(1e-20f);
-    float x = (float)(t->x + at[0] + begin % RESAMPLE_BLOCK) + 0.5f;
-    float y = (float)(t->y + at[1] + begin / RESAMPLE_BLOCK) + 0.5f;
+    float x = (float)(t->x + at[0] + in->begin % RESAMPLE_BLOCK) + 0.5f;
+    float y = (float)(t->y + at[1] + in->begin / RESAMPLE_BLOCK) + 0.5f;
     sp_wide world[3], to_eye[3], color[3], opacity = 1 - in->light;
-    sp_wide inverse = sp_wide_keep(sp_wide_lt(tiny, magnitude), 1 / sp_wide_max(magnitude, tiny));
+    sp_wide is_steep = sp_wide_keep(sp_wide_lt(tiny, in->magnitude), sp_wide_all(1));
+    sp_wide inverse = is_steep * sp_wide_inverse(sp_wide_max(in->magnitude, tiny));
+    sp_wide shown = sp_wide_inverse(sp_wide_max(opacity, tiny));
     for (int c = 0; c < 3; c++) {
-        world[c] = gradient[c] * inverse;
-        color[c] = in->color[c] / sp_wide_max(opacity, tiny);
+        world[c] = in->gradient[c] * inverse;
+        color[c] = in->color[c] * shown;
     }
     find_eye(r->camera, x, y, to_eye);
     if (r->light) {
+        struct sp_rays rays = load_rays(work->block, in->begin);
         sp_wide share[2];
-        find_share(t, block, begin, in->middle, world, magnitude, to_eye, share);
+        find_share(t, &rays, work->start + 0.5f * work->width, world, in->magnitude, to_eye, share);
         sp_shade_occluded(r->shade, world, to_eye, share, color);
     } else {
         sp_shade_direction(r->shade, world, to_eye, color);
@@ -196,12 +239,13 @@ static inline void shade(const struct sp_resample_open_tile *t,
         in->color[c] = sp_wide_keep(sp_wide_lt(tiny, opacity), color[c] * opacity);
 }
 
-/* Cuts the interval [s, s + step] to the part of the rays inside all half spaces. */
-static inline void cut(const struct sp_resample_block *block, int begin, float s,
-                       struct interval *in) {
+/* Cuts the interval to the part of the rays inside all half spaces. */
+static inline void cut(const struct work *work, struct interval *in) {
+    const struct sp_resample_block *block = work->block;
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
-    sp_wide from = (sp_wide_load(block->begin + begin) - s) * (1 / in->width);
-    sp_wide to = (sp_wide_load(block->end + begin) - s) * (1 / in->width);
+    const float scale = 1 / work->width;
+    sp_wide from = (sp_wide_load(block->begin + in->begin) - work->start) * scale;
+    sp_wide to = (sp_wide_load(block->end + in->begin) - work->start) * scale;
     from = sp_wide_min(sp_wide_max(from, zero), one);
     to = sp_wide_max(sp_wide_min(to, one), from);
     sp_wide first = in->value[0], change = in->value[2] - first;
@@ -212,59 +256,111 @@ static inline void cut(const struct sp_resample_block *block, int begin, float s
     in->length *= to - from;
 }
 
-/* Composites the interval behind what SP_WIDE pixels have. */
-static inline void add_interval(const struct sp_resample_open_tile *t,
-                                struct sp_resample_block *block, int number, int begin,
-                                const sp_wide v[4], struct interval *in, const int at[2]) {
-    const struct sp_resample *r = t->r;
-    sp_wide gradient[3] = { 0 }, magnitude = sp_wide_all(0), scale = magnitude;
-    bool is_scaled = r->view->transfer_function.gradient_count > 0;
-    if (r->needs_gradient) {
-        find_gradient(t, block, number, begin, v, in->width, gradient);
-        magnitude = length_of(gradient);
-    }
-    if (is_scaled)
-        scale = gradient_scale(&r->view->transfer_function, magnitude * r->gradient_unit);
-    classify(r, in, is_scaled ? &scale : NULL);
-    if (r->shade)
-        shade(t, block, begin, in, gradient, magnitude, at);
-    sp_wide light = sp_wide_load(block->light + begin);
-    for (int c = 0; c < 3; c++) {
-        float *color = block->color[c] + begin;
-        sp_wide_store(color, sp_wide_load(color) + light * in->color[c]);
-    }
-    sp_wide_store(block->light + begin, light * in->light);
+/* Reads the values of the rays from pixel `begin` on; false if they show nothing. */
+static inline bool read_interval(const struct work *work, int begin, struct interval *in) {
+    const struct sp_resample_block *block = work->block;
+    const struct sp_resample *r = work->t->r;
+    in->begin = begin;
+    for (int k = 0; k < 4; k++)
+        in->sheet[k] = sp_wide_load(block->value[(work->number - 1 + k) & 3] + begin);
+    in->value[0] = in->sheet[1];
+    in->value[1] =
+        (in->sheet[1] + in->sheet[2]) * (9 / 16.0f) - (in->sheet[0] + in->sheet[3]) * (1 / 16.0f);
+    in->value[1] = sp_wide_max(in->value[1], sp_wide_all(r->lowest)); /* it overshoots */
+    in->value[2] = in->sheet[2];
+    in->length = sp_wide_load(block->length + begin) * work->width;
+    sp_wide low = sp_wide_min(sp_wide_min(in->value[0], in->value[2]), in->value[1]);
+    sp_wide high = sp_wide_max(sp_wide_max(in->value[0], in->value[2]), in->value[1]);
+    return sp_wide_any(sp_wide_lt(sp_wide_all(r->curve.visible[0]), high) &
+                       sp_wide_lt(low, sp_wide_all(r->curve.visible[1])));
 }
 
-bool sp_resample_integrate(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                           int number, const int at[2]) {
-    const float *visible = t->r->curve.visible;
-    float s = sp_resample_sheet_s(t, number), e = sp_resample_sheet_s(t, number + 1);
-    bool is_whole = block->inside[0] <= s && e <= block->inside[1], is_alive = false;
+/* Returns false if all pixels are opaque. */
+static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                             int number, struct work *work) {
+    const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
+    float end = sp_resample_sheet_s(t, number + 1);
+    bool is_alive = false;
+    work->t = t;
+    work->block = block;
+    work->number = number;
+    work->start = sp_resample_sheet_s(t, number);
+    work->width = end - work->start;
+    work->is_cut = !(block->inside[0] <= work->start && end <= block->inside[1]);
+    work->count = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
         if (!sp_wide_any(sp_wide_lt(dark, sp_wide_load(block->light + i))))
             continue;
         is_alive = true;
-        sp_wide v[4];
-        for (int k = 0; k < 4; k++)
-            v[k] = sp_wide_load(block->value[(number - 1 + k) & 3] + i);
-        struct interval in;
-        in.value[0] = v[1];
-        in.value[1] = (v[1] + v[2]) * (9 / 16.0f) - (v[0] + v[3]) * (1 / 16.0f);
-        in.value[1] = sp_wide_max(in.value[1], sp_wide_all(t->r->lowest)); /* it overshoots */
-        in.value[2] = v[2];
-        sp_wide low = sp_wide_min(sp_wide_min(v[1], v[2]), in.value[1]);
-        sp_wide high = sp_wide_max(sp_wide_max(v[1], v[2]), in.value[1]);
-        if (!sp_wide_any(sp_wide_lt(sp_wide_all(visible[0]), high) &
-                         sp_wide_lt(low, sp_wide_all(visible[1]))))
-            continue;
-        in.width = e - s;
-        in.middle = 0.5f * (s + e);
-        in.length = sp_wide_load(block->length + i) * in.width;
-        if (!is_whole)
-            cut(block, i, s, &in);
-        add_interval(t, block, number, i, v, &in, at);
+        work->count += read_interval(work, i, &work->parts[work->count]) ? 1 : 0;
     }
     return is_alive;
+}
+
+static inline void classify(const struct sp_resample *r, struct interval *in) {
+    const struct sp_transfer_function *tf = &r->view->transfer_function;
+    sp_wide depth = in->mean[3];
+    sp_wide inverse = sp_wide_inverse(sp_wide_max(depth, sp_wide_all(1e-20f)));
+    if (tf->gradient_count > 0)
+        depth = scale_depth(depth, gradient_scale(tf, in->magnitude * r->gradient_unit));
+    in->light = transmit(r, depth, in->length);
+    sp_wide weight = (1 - in->light) * inverse;
+    for (int c = 0; c < 3; c++)
+        in->color[c] = weight * in->mean[c];
+}
+
+/* Adds the interval behind what the rays have met. */
+static inline void composite(struct sp_resample_block *block, const struct interval *in) {
+    sp_wide light = sp_wide_load(block->light + in->begin);
+    for (int c = 0; c < 3; c++) {
+        float *color = block->color[c] + in->begin;
+        sp_wide_store(color, sp_wide_load(color) + light * in->color[c]);
+    }
+    sp_wide_store(block->light + in->begin, light * in->light);
+}
+
+/* Returns false if all pixels are opaque. `at`: the block's place in the tile. */
+static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                         int number, const int at[2]) {
+    const struct sp_resample *r = t->r;
+    struct work work;
+    bool is_alive = open_work(t, block, number, &work);
+    for (int k = 0; work.is_cut && k < work.count; k++)
+        cut(&work, &work.parts[k]);
+    for (int k = 0; r->needs_gradient && k < work.count; k++)
+        find_gradient(&work, &work.parts[k]);
+    for (int k = 0; k < work.count; k++)
+        find_mean(&work, &work.parts[k]);
+    for (int k = 0; k < work.count; k++)
+        classify(r, &work.parts[k]);
+    for (int k = 0; r->shade && k < work.count; k++)
+        shade(&work, at, &work.parts[k]);
+    for (int k = 0; k < work.count; k++)
+        composite(block, &work.parts[k]);
+    return is_alive;
+}
+
+static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                       int number) {
+    float *value = block->value[number & 3];
+    block->has_slope[number & 3] = 0;
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        struct sp_rays rays = load_rays(block, i);
+        sp_wide_store(value + i, sp_sample_values(t, &rays, number));
+    }
+    t->scratch->sampled += RESAMPLE_PIXELS;
+}
+
+bool sp_resample_integrate(const struct sp_resample_open_tile *t,
+                           const struct sp_resample_batch *batch, int b) {
+    const int at[2] = { b % RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK,
+                        b / RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK };
+    struct sp_resample_block *block = &t->scratch->blocks[b];
+    for (int n = batch->first; n <= batch->last; n++) {
+        if (batch->need[n - batch->first] >> b & 1)
+            read_sheet(t, block, n);
+        if (batch->now[n - batch->first] >> b & 1 && !add_interval(t, block, n - 2, at))
+            return false;
+    }
+    return true;
 }

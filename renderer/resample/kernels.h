@@ -32,19 +32,17 @@ struct sp_resample_open_tile {
 void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                         uint64_t need, float z);
 
-/* Reads sheet `number` at the pixels of a block. */
-void sp_resample_sample(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                        int number);
+/* Sheets that are drawn together. */
+struct sp_resample_batch {
+    int first, last;
+    uint64_t need[RESAMPLE_BATCH]; /* by sheet: blocks that read it */
+    uint64_t now[RESAMPLE_BATCH];  /* by sheet n: blocks that composite interval n − 2 */
+};
 
-/* Computes the gradient along u and v on sheet `number` [levels per sample] for SP_WIDE pixels of a
- * block from `begin` on, unless it is known. The sheet is one of the last four. */
-void sp_resample_find_slope(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                            int number, int begin);
-
-/* Adds the interval between sheets number and number + 1 to a block's pixels. Their values and
- * those of the neighbouring sheets have been read. Returns false if all pixels are opaque. */
-bool sp_resample_integrate(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                           int number, const int block_at[2]);
+/* Reads the sheets of a batch at the pixels of block b, and composites the intervals behind its
+ * pixels: interval n lies between sheets n and n + 1. Returns false if all pixels are opaque. */
+bool sp_resample_integrate(const struct sp_resample_open_tile *t,
+                           const struct sp_resample_batch *batch, int b);
 
 /* The slice that sheet `number` lies on, a multiple of ½; the first sheets lie before the volume.
  */

@@ -240,9 +240,9 @@ struct cells {
  * refined sample. */
 static void find_cells(const struct sp_resample_open_tile *t, uint64_t need, float s,
                        struct cells *cells) {
-    static const float size[2] = { ACROSS, DOWN };
+    static const float size[2] = { (float)ACROSS, (float)DOWN };
     const float before = t->r->needs_gradient ? 0.5f : 0, behind = before + 0.5f;
-    const uint64_t group = SP_WIDE < RESAMPLE_BLOCKS ? (UINT64_C(1) << SP_WIDE) - 1 : UINT64_MAX;
+    const uint64_t group = (UINT64_C(1) << SP_WIDE) - 1;
     for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE) {
         sp_wide min[2], max[2];
         if (!(need >> b & group))
@@ -276,8 +276,13 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
     sheet->width = 2 * ACROSS * across + 16; /* not a power of two, which would crowd the cache */
     sheet->origin[0] = from[0] * ACROSS;
     sheet->origin[1] = from[1] * DOWN;
-    sheet->last[0] = 2 * ACROSS * across - 2;
-    sheet->last[1] = 2 * DOWN * down - 2;
+    const int size[2] = { 2 * (int)ACROSS * across, 2 * (int)DOWN * down };
+    for (int a = 0; a < 2; a++) {
+        float shift = -2.0f * (float)sheet->origin[a], border = 2.0f * (float)(t->dims[a] - 1);
+        sheet->shift[a] = shift;
+        sheet->first[a] = fmaxf(shift, 0);
+        sheet->last[a] = fminf(border + shift, (float)size[a] - 2);
+    }
     memset(is_refined, 0, (size_t)across * (size_t)down);
     for (uint64_t left = need; left; left &= left - 1) {
         int b = __builtin_ctzll(left);

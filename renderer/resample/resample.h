@@ -94,7 +94,11 @@ struct sp_resample_block {
     float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */
     float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
     uint64_t has_slope[4];                              /* bit per pixel */
-    float inside[2];                                    /* s between which all rays are inside */
+    /* The curve's integral where the last interval ended, in an order that the kernel knows. */
+    float entry[4][RESAMPLE_PIXELS];
+    float entry_bin[RESAMPLE_PIXELS];
+    int entry_sheet[RESAMPLE_PIXELS]; /* on which sheet; by first pixel of a vector */
+    float inside[2];                  /* s between which all rays are inside */
 };
 
 /* Where the rays of a tile's blocks are. */
@@ -108,8 +112,9 @@ struct sp_resample_sheet {
     int16_t *refined;
     int width;     /* samples per row */
     int origin[2]; /* slice sample at refined sample (0, 0) */
-    int last[2];   /* the last refined column and row that have a next one */
-    float s;       /* where it lies on the rays */
+    /* coordinate on the sheet = 2·sample + shift, inside [first, last] */
+    float shift[2], first[2], last[2];
+    float s; /* where it lies on the rays */
 };
 
 /* What a worker needs for one tile. */

@@ -11,11 +11,6 @@
 
 enum { ALL_INTERVALS = (1 << SAMPLES_REGION) - 1 };
 
-struct batch {
-    uint64_t need[RESAMPLE_BATCH]; /* by sheet: blocks that sample it */
-    uint64_t now[RESAMPLE_BATCH];  /* by sheet n: blocks that composite interval n − 2 */
-};
-
 /* Rays that go farther than this from slice to slice need a sheet between them: in samples, and in
  * distances of slices. */
 static const double steep = 1.3;
@@ -162,6 +157,7 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct rays
     sp_wide_store(block->end + i, end);
     sp_wide_store(block->length + i, sp_wide_sqrt(square));
     sp_wide_store(block->light + i, sp_wide_all(1));
+    block->entry_sheet[i] = -1;
     for (int c = 0; c < 3; c++)
         sp_wide_store(block->color[c] + i, sp_wide_all(0));
 }
@@ -238,7 +234,7 @@ static uint64_t find_regions(const struct sp_resample_open_tile *t, const struct
     uint64_t meet = 0;
     for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE) {
         sp_wide s[2], min[2][2], max[2][2];
-        if (!(blocks >> b & (UINT64_C(1) << SP_WIDE) - 1))
+        if (!(blocks >> b & ((UINT64_C(1) << SP_WIDE) - 1)))
             continue;
         s[0] = sp_wide_max(sp_wide_load(bounds->span[0] + b), sp_wide_all(slab->s[0]));
         s[1] = sp_wide_min(sp_wide_load(bounds->span[1] + b), sp_wide_all(slab->s[1]));
@@ -315,45 +311,37 @@ static uint64_t need_of(const struct sp_resample_open_tile *t, int n, int count)
                        active_at(t, n, count) | active_at(t, n + 1, count));
 }
 
-/* Draws sheets `first` to `last` in a block: interval n − 2 can be composited when sheet n is
- * there. */
-static void draw_block(struct sp_resample_open_tile *t, int b, int first, int last,
-                       const struct batch *batch) {
-    const int at[2] = { b % RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK,
-                        b / RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK };
-    struct sp_resample_block *block = &t->scratch->blocks[b];
-    for (int n = first; n <= last; n++) {
-        if (batch->need[n - first] >> b & 1)
-            sp_resample_sample(t, block, n);
-        if (batch->now[n - first] >> b & 1 && !sp_resample_integrate(t, block, n - 2, at)) {
-            t->alive &= ~(UINT64_C(1) << b);
-            return;
-        }
+/* Refines the sheets of a batch where blocks need them. Returns these blocks. */
+static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
+                              struct sp_resample_batch *batch) {
+    uint64_t any = 0;
+    for (int n = batch->first; n <= batch->last; n++) {
+        struct sp_resample_sheet *sheet = &t->scratch->sheets[n % RESAMPLE_SHEETS];
+        uint64_t need = need_of(t, n, count);
+        batch->need[n - batch->first] = need;
+        batch->now[n - batch->first] = t->alive & active_at(t, n - 2, count);
+        any |= need;
+        sheet->s = sp_resample_sheet_s(t, n);
+        if (need)
+            sp_resample_refine(t, sheet, need, sp_resample_slice(t, n));
     }
+    return any;
 }
 
 /* Sheets from two slices before the first one to two slices behind the last one, which equal it. A
  * few are drawn at a time in each block, whose state then stays in the nearest cache. */
 static void draw_sheets(struct sp_resample_open_tile *t) {
     int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
+    struct sp_resample_batch batch;
     for (int first = 0; first <= count + 1 && t->alive; first += RESAMPLE_BATCH) {
-        int last = first + RESAMPLE_BATCH - 1 < count + 1 ? first + RESAMPLE_BATCH - 1 : count + 1;
-        struct batch batch;
-        uint64_t any = 0;
+        batch.first = first;
+        batch.last =
+            first + RESAMPLE_BATCH - 1 < count + 1 ? first + RESAMPLE_BATCH - 1 : count + 1;
         if (sp_interrupt_is_cancelled(&t->r->interrupt))
             return;
-        for (int n = first; n <= last; n++) {
-            struct sp_resample_sheet *sheet = &t->scratch->sheets[n % RESAMPLE_SHEETS];
-            uint64_t need = need_of(t, n, count);
-            batch.need[n - first] = need;
-            batch.now[n - first] = t->alive & active_at(t, n - 2, count);
-            any |= need;
-            sheet->s = sp_resample_sheet_s(t, n);
-            if (need)
-                sp_resample_refine(t, sheet, need, sp_resample_slice(t, n));
-        }
-        for (uint64_t left = any; left; left &= left - 1)
-            draw_block(t, __builtin_ctzll(left), first, last, &batch);
+        for (uint64_t left = refine_sheets(t, count, &batch); left; left &= left - 1)
+            if (!sp_resample_integrate(t, &batch, __builtin_ctzll(left)))
+                t->alive &= ~(left & -left);
     }
 }
 
