@@ -309,9 +309,10 @@ static inline float sp_wide_largest(sp_wide a) {
     return largest;
 }
 
-/* Vectors of 16-bit integers without sign. */
-enum { SP_WIDE_SHORT = 2 * SP_WIDE };
+/* Vectors of 16-bit integers without sign: as wide as sp_wide, and half as wide or 16 bytes. */
+enum { SP_WIDE_SHORT = 2 * SP_WIDE, SP_WIDE_SHORT_HALF = SP_WIDE > 8 ? SP_WIDE : 8 };
 typedef uint16_t sp_wide_short __attribute__((vector_size(SP_WIDE_SHORT * 2)));
+typedef uint16_t sp_wide_short_half __attribute__((vector_size(SP_WIDE_SHORT_HALF * 2)));
 
 static inline sp_wide_short sp_wide_short_all(int x) {
     return (uint16_t)x - (sp_wide_short){ 0 };
@@ -323,36 +324,59 @@ static inline sp_wide_short sp_wide_short_load(const uint16_t *p) {
     return a;
 }
 
+static inline sp_wide_short_half sp_wide_short_half_load(const uint16_t *p) {
+    sp_wide_short_half a;
+    memcpy(&a, p, sizeof a);
+    return a;
+}
+
 static inline void sp_wide_short_store(uint16_t *p, sp_wide_short a) {
     memcpy(p, &a, sizeof a);
 }
 
-/* a·b/65536, rounded down; (a + b)/2, rounded up; the smaller one; the larger one. */
+/* Functions of two vectors, lane by lane. */
 #if defined SP_WIDE_AVX512
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm512_##name##_epu16((__m512i)a, (__m512i)b)
+#define SP_WIDE_SHORT_HALF_CALL(name)                                                              \
+    (sp_wide_short_half) _mm256_##name##_epu16((__m256i)a, (__m256i)b)
 #elif defined SP_WIDE_AVX2
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm256_##name##_epu16((__m256i)a, (__m256i)b)
 #elif defined SP_WIDE_SSE41
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm_##name##_epu16((__m128i)a, (__m128i)b)
 #endif
+#if defined SP_WIDE_SHORT_CALL && !defined SP_WIDE_SHORT_HALF_CALL
+#define SP_WIDE_SHORT_HALF_CALL(name)                                                              \
+    (sp_wide_short_half) _mm_##name##_epu16((__m128i)a, (__m128i)b)
+#endif
 #if defined SP_WIDE_SHORT_CALL
 #define SP_WIDE_SHORT_FUNCTION(function, name, formula)                                            \
-    static inline sp_wide_short function(sp_wide_short a, sp_wide_short b) {                       \
+    static inline sp_wide_short sp_wide_short_##function(sp_wide_short a, sp_wide_short b) {       \
         return SP_WIDE_SHORT_CALL(name);                                                           \
+    }                                                                                              \
+    static inline sp_wide_short_half sp_wide_short_half_##function(sp_wide_short_half a,           \
+                                                                   sp_wide_short_half b) {         \
+        return SP_WIDE_SHORT_HALF_CALL(name);                                                      \
     }
 #else
 #define SP_WIDE_SHORT_FUNCTION(function, name, formula)                                            \
-    static inline sp_wide_short function(sp_wide_short a, sp_wide_short b) {                       \
+    static inline sp_wide_short sp_wide_short_##function(sp_wide_short a, sp_wide_short b) {       \
         for (int i = 0; i < SP_WIDE_SHORT; i++)                                                    \
+            a[i] = (uint16_t)(formula);                                                            \
+        return a;                                                                                  \
+    }                                                                                              \
+    static inline sp_wide_short_half sp_wide_short_half_##function(sp_wide_short_half a,           \
+                                                                   sp_wide_short_half b) {         \
+        for (int i = 0; i < SP_WIDE_SHORT_HALF; i++)                                               \
             a[i] = (uint16_t)(formula);                                                            \
         return a;                                                                                  \
     }
 #endif
-SP_WIDE_SHORT_FUNCTION(sp_wide_short_scale, mulhi, (uint32_t)a[i] * b[i] >> 16)
-SP_WIDE_SHORT_FUNCTION(sp_wide_short_average, avg, ((uint32_t)a[i] + b[i] + 1) >> 1)
-SP_WIDE_SHORT_FUNCTION(sp_wide_short_min, min, a[i] < b[i] ? a[i] : b[i])
-SP_WIDE_SHORT_FUNCTION(sp_wide_short_max, max, a[i] > b[i] ? a[i] : b[i])
+SP_WIDE_SHORT_FUNCTION(scale, mulhi, (uint32_t)a[i] * b[i] >> 16)      /* a·b/65536, down */
+SP_WIDE_SHORT_FUNCTION(average, avg, ((uint32_t)a[i] + b[i] + 1) >> 1) /* (a + b)/2, up */
+SP_WIDE_SHORT_FUNCTION(min, min, a[i] < b[i] ? a[i] : b[i])
+SP_WIDE_SHORT_FUNCTION(max, max, a[i] > b[i] ? a[i] : b[i])
 #undef SP_WIDE_SHORT_FUNCTION
 #undef SP_WIDE_SHORT_CALL
+#undef SP_WIDE_SHORT_HALF_CALL
 
 #endif

@@ -37,19 +37,21 @@ static inline sp_wide_short sp_fetch_int8(const int8_t *p) {
     return sp_fetch_uint8((const uint8_t *)p) ^ 0x80;
 }
 
-/* Writes the first SP_WIDE lanes, or eight if that is more, of a and of b in turns. */
-static inline void sp_fetch_alternate(sp_wide_short a, sp_wide_short b, uint16_t *out) {
+/* Writes the lanes of a and of b in turns. */
+static inline void sp_fetch_alternate(sp_wide_short_half a, sp_wide_short_half b, uint16_t *out) {
 #if defined SP_WIDE_AVX512
     static const uint16_t order[32] = { 0,  32, 1,  33, 2,  34, 3,  35, 4,  36, 5,
                                         37, 6,  38, 7,  39, 8,  40, 9,  41, 10, 42,
                                         11, 43, 12, 44, 13, 45, 14, 46, 15, 47 };
-    __m512i turns = _mm512_permutex2var_epi16((__m512i)a, _mm512_loadu_si512(order), (__m512i)b);
+    __m512i turns =
+        _mm512_permutex2var_epi16(_mm512_castsi256_si512((__m256i)a), _mm512_loadu_si512(order),
+                                  _mm512_castsi256_si512((__m256i)b));
     _mm512_storeu_si512(out, turns);
 #else
-    for (int i = 0; i < 8; i++) {
-        out[2 * i] = a[i];
-        out[2 * i + 1] = b[i];
-    }
+    sp_wide_short_half low = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+    sp_wide_short_half high = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
+    memcpy(out, &low, sizeof low);
+    memcpy(out + 8, &high, sizeof high);
 #endif
 }
 

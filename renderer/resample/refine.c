@@ -25,20 +25,28 @@ enum {
     DOWN = RESAMPLE_CELL_DOWN,
     TAPS = 6,
     ROWS = DOWN + TAPS - 1,
-    READ = (ACROSS + TAPS - 1 + SP_WIDE_SHORT - 1) / SP_WIDE_SHORT * SP_WIDE_SHORT,
-    ROW = READ + SP_WIDE_SHORT, /* what vectors read that begin up to five samples later */
+    USED = ACROSS + TAPS - 1, /* samples of a row */
+    READ = (USED + SP_WIDE_SHORT - 1) / SP_WIDE_SHORT * SP_WIDE_SHORT,
     RAISED = 8192
 };
 
 struct source { /* the slices that a sheet is made from */
     int count;
-    size_t slice[TAPS]; /* where the slices begin [samples] */
+    ptrdiff_t slice[TAPS]; /* where the slices begin [samples] */
     /* Of narrow integers x, raised as by sp_fetch_…(): level = start + ((x − low) << shift)·scale.
      */
     uint16_t low, high; /* values are moved into this range */
     uint16_t scale;     /* ·65536 */
     uint16_t start;     /* raised by RAISED */
     int shift;
+};
+
+/* The samples around a cell. */
+struct rows {
+    ptrdiff_t line[ROWS]; /* where they begin [samples] */
+    int first;            /* column at which a row is read; < 0: each of `column` on its own */
+    int left, right;      /* samples of a row that repeat the slice's first one and its last one */
+    ptrdiff_t column[READ];
 };
 
 static inline int clamp(int i, int count) {
@@ -68,19 +76,51 @@ static void init_source(const struct sp_resample_open_tile *t, float z, struct s
     int whole = (int)floorf(z), first = z > (float)whole ? whole - 2 : whole;
     *source = (struct source){ .count = z > (float)whole ? TAPS : 1 };
     for (int k = 0; k < source->count; k++)
-        source->slice[k] = (size_t)clamp(first + k, t->dims[2]) * t->stride[2];
+        source->slice[k] = (ptrdiff_t)((size_t)clamp(first + k, t->dims[2]) * t->stride[2]);
     init_integers(&t->r->curve, t->r->samples->type, source);
+}
+
+static void init_rows(const struct sp_resample_open_tile *t, int u, int v, struct rows *rows) {
+    int first = u - 2, last_first = t->dims[0] - READ;
+    for (int j = 0; j < ROWS; j++)
+        rows->line[j] = (ptrdiff_t)((size_t)clamp(v - 2 + j, t->dims[1]) * t->stride[1]);
+    rows->left = first < 0 ? -first : 0;
+    rows->right = first + USED > t->dims[0] ? first + USED - t->dims[0] : 0;
+    rows->first = first < 0 ? 0 : first < last_first ? first : last_first;
+    if (t->stride[0] == 1 && last_first >= 0 && rows->left < USED && rows->right < USED)
+        return;
+    rows->first = -1;
+    for (int i = 0; i < READ; i++)
+        rows->column[i] = (ptrdiff_t)((size_t)clamp(first + i, t->dims[0]) * t->stride[0]);
+}
+
+/* Moves a row that was read at rows->first to its place, and repeats the samples at its ends. */
+static void move_row(const struct rows *rows, int u, uint16_t row[READ]) {
+    uint16_t moved[USED];
+    for (int i = 0; i < USED; i++) {
+        int k = i < rows->left ? rows->left : i < USED - rows->right ? i : USED - rows->right - 1;
+        moved[i] = row[u - 2 + k - rows->first];
+    }
+    memcpy(row, moved, sizeof moved);
 }
 
 /* The value between the third and the fourth of six samples. Halves of sums of two stay integers of
  * 16 bits: 150/128 − 25/128 + 3/128 = 1. */
+#define BETWEEN(type, x)                                                                           \
+    type##_average(x[2], x[3]) + type##_scale(type##_average(x[2], x[3]), inner) -                 \
+        type##_scale(type##_average(x[1], x[4]), outer) +                                          \
+        type##_scale(type##_average(x[0], x[5]), outmost)
+
 static inline sp_wide_short between(const sp_wide_short x[TAPS]) {
-    sp_wide_short inner = sp_wide_short_average(x[2], x[3]);
-    sp_wide_short outer = sp_wide_short_average(x[1], x[4]);
-    sp_wide_short outmost = sp_wide_short_average(x[0], x[5]);
-    return inner + sp_wide_short_scale(inner, sp_wide_short_all(22 * 512)) -
-           sp_wide_short_scale(outer, sp_wide_short_all(25 * 512)) +
-           sp_wide_short_scale(outmost, sp_wide_short_all(3 * 512));
+    const sp_wide_short zero = { 0 }, inner = zero + 22 * 512, outer = zero + 25 * 512,
+                        outmost = zero + 3 * 512;
+    return BETWEEN(sp_wide_short, x);
+}
+
+static inline sp_wide_short_half between_half(const sp_wide_short_half x[TAPS]) {
+    const sp_wide_short_half zero = { 0 }, inner = zero + 22 * 512, outer = zero + 25 * 512,
+                             outmost = zero + 3 * 512;
+    return BETWEEN(sp_wide_short_half, x);
 }
 
 static inline sp_wide_short to_level(const struct source *source, sp_wide_short x) {
@@ -89,25 +129,18 @@ static inline sp_wide_short to_level(const struct source *source, sp_wide_short 
     return sp_wide_short_scale(x, sp_wide_short_all(source->scale)) + source->start;
 }
 
-/* Reads READ samples of narrow integers. `at`: their places in the line; NULL = one after the
- * other. */
-#define READ_ROW(type, fetch)                                                                      \
-    do {                                                                                           \
-        const type *from[TAPS] = { NULL };                                                         \
-        type parts[TAPS][READ];                                                                    \
-        for (int k = 0; k < source->count; k++) {                                                  \
-            from[k] = (const type *)t->voxels + line + source->slice[k];                           \
-            for (int i = 0; at && i < READ; i++)                                                   \
-                parts[k][i] = from[k][at[i]];                                                      \
-            from[k] = at ? parts[k] : from[k];                                                     \
-        }                                                                                          \
-        for (int i = 0; i < READ; i += SP_WIDE_SHORT) {                                            \
-            sp_wide_short x[TAPS];                                                                 \
-            for (int k = 0; k < source->count; k++)                                                \
-                x[k] = to_level(source, fetch(from[k] + i));                                       \
-            sp_wide_short_store(out + i, source->count == 1 ? x[0] : between(x));                  \
-        }                                                                                          \
-    } while (0)
+/* Reads rows of narrow integers. */
+#define READ_ROWS(type, fetch)                                                                     \
+    for (int j = 0; j < ROWS; j++) {                                                               \
+        const type *from = (const type *)t->voxels + slice + rows->line[j];                        \
+        type parts[READ];                                                                          \
+        for (int i = 0; rows->first < 0 && i < READ; i++)                                          \
+            parts[i] = from[rows->column[i]];                                                      \
+        from = rows->first < 0 ? parts : from + rows->first;                                       \
+        for (int i = 0; i < READ; i += SP_WIDE_SHORT)                                              \
+            sp_wide_short_store(out[j] + i, to_level(source, fetch(from + i)));                    \
+    }                                                                                              \
+    break
 
 /* The raised level of a value of any type. Values that are not finite have CURVE_LEVEL_NONE. */
 static uint16_t level_of(const struct sp_curve *curve, double x) {
@@ -132,76 +165,72 @@ static bool is_float_exact(const struct sp_curve *curve, enum sp_type type) {
            curve->levels_per_unit > 1 / most;
 }
 
-static void read_wide(const struct sp_resample_open_tile *t, const struct source *source,
-                      size_t line, const ptrdiff_t *at, uint16_t *out) {
+static void read_wide_rows(const struct sp_resample_open_tile *t, const struct rows *rows,
+                           ptrdiff_t slice, uint16_t out[ROWS][READ]) {
     const struct sp_curve *curve = &t->r->curve;
     enum sp_type type = t->r->samples->type;
-    uint16_t levels[TAPS][READ];
-    for (int k = 0; k < source->count; k++) {
-        size_t place = line + source->slice[k];
-        const float *from = (const float *)t->voxels + place;
-        if (at || !is_float_exact(curve, type)) {
-            for (int i = 0; i < READ; i++)
-                levels[k][i] =
-                    level_of(curve, sp_sample(t->voxels, type, place + (size_t)(at ? at[i] : i)));
-            continue;
+    const bool is_exact = is_float_exact(curve, type) && rows->first >= 0;
+    for (int j = 0; j < ROWS; j++) {
+        ptrdiff_t place = slice + rows->line[j];
+        for (int i = 0; !is_exact && i < READ; i++) {
+            ptrdiff_t column = rows->first < 0 ? rows->column[i] : rows->first + i;
+            out[j][i] = level_of(curve, sp_sample(t->voxels, type, (size_t)(place + column)));
         }
-        for (int i = 0; i < READ; i += SP_WIDE) {
+        for (int i = 0; is_exact && i < READ; i += SP_WIDE) {
+            const float *from = (const float *)t->voxels + place + rows->first;
             sp_wide_int level = levels_of(curve, sp_wide_load(from + i));
             for (int l = 0; l < SP_WIDE; l++)
-                levels[k][i + l] = (uint16_t)level[l];
+                out[j][i + l] = (uint16_t)level[l];
         }
     }
-    for (int i = 0; i < READ; i += SP_WIDE_SHORT) {
-        sp_wide_short x[TAPS];
-        for (int k = 0; k < source->count; k++)
-            x[k] = sp_wide_short_load(levels[k] + i);
-        sp_wide_short_store(out + i, source->count == 1 ? x[0] : between(x));
-    }
 }
 
-static void read_row(const struct sp_resample_open_tile *t, const struct source *source,
-                     size_t line, const ptrdiff_t *at, uint16_t out[READ]) {
+/* Reads the samples around the cell at column u from a slice, in raised levels. */
+static void read_rows(const struct sp_resample_open_tile *t, const struct source *source,
+                      const struct rows *rows, ptrdiff_t slice, int u, uint16_t out[ROWS][READ]) {
     switch (t->r->samples->type) {
     case SP_UINT8:
-        READ_ROW(uint8_t, sp_fetch_uint8);
-        break;
+        READ_ROWS(uint8_t, sp_fetch_uint8);
     case SP_INT8:
-        READ_ROW(int8_t, sp_fetch_int8);
-        break;
+        READ_ROWS(int8_t, sp_fetch_int8);
     case SP_UINT16:
-        READ_ROW(uint16_t, sp_fetch_uint16);
-        break;
+        READ_ROWS(uint16_t, sp_fetch_uint16);
     case SP_INT16:
-        READ_ROW(int16_t, sp_fetch_int16);
-        break;
+        READ_ROWS(int16_t, sp_fetch_int16);
     default:
-        read_wide(t, source, line, at, out);
+        read_wide_rows(t, rows, slice, out);
     }
+    for (int j = 0; rows->first >= 0 && rows->first != u - 2 && j < ROWS; j++)
+        move_row(rows, u, out[j]);
 }
 
-/* Reads the rows around the cell at (u, v), in raised levels. */
-static void read_rows(const struct sp_resample_open_tile *t, const struct source *source, int u,
-                      int v, uint16_t rows[ROWS][ROW]) {
-    ptrdiff_t at[READ];
-    bool is_run = t->stride[0] == 1 && u >= 2 && u - 2 + READ <= t->dims[0];
-    for (int i = 0; i < READ && !is_run; i++)
-        at[i] = (ptrdiff_t)((size_t)clamp(u - 2 + i, t->dims[0]) * t->stride[0]);
-    for (int j = 0; j < ROWS; j++) {
-        size_t line = (size_t)clamp(v - 2 + j, t->dims[1]) * t->stride[1];
-        if (is_run)
-            read_row(t, source, line + (size_t)(u - 2), NULL, rows[j]);
-        else
-            read_row(t, source, line, at, rows[j]);
+/* Reads them for a sheet that may lie between two slices. */
+static void read_source(const struct sp_resample_open_tile *t, const struct source *source, int u,
+                        int v, uint16_t out[ROWS][READ]) {
+    _Alignas(64) uint16_t slices[TAPS][ROWS][READ];
+    struct rows rows;
+    init_rows(t, u, v, &rows);
+    if (source->count == 1) {
+        read_rows(t, source, &rows, source->slice[0], u, out);
+        return;
     }
+    for (int k = 0; k < TAPS; k++)
+        read_rows(t, source, &rows, source->slice[k], u, slices[k]);
+    for (int j = 0; j < ROWS; j++)
+        for (int i = 0; i < READ; i += SP_WIDE_SHORT) {
+            sp_wide_short x[TAPS];
+            for (int k = 0; k < TAPS; k++)
+                x[k] = sp_wide_short_load(slices[k][j] + i);
+            sp_wide_short_store(out[j] + i, between(x));
+        }
 }
 
 /* Doubles the samples of a row: the cell's own and those between them, in turns. */
-static inline void filter_across(const uint16_t row[ROW], uint16_t out[2 * ACROSS]) {
-    sp_wide_short x[TAPS];
+static inline void filter_across(const uint16_t row[READ], uint16_t out[2 * ACROSS]) {
+    sp_wide_short_half x[TAPS];
     for (int k = 0; k < TAPS; k++)
-        x[k] = sp_wide_short_load(row + k);
-    sp_fetch_alternate(x[2], between(x), out);
+        x[k] = sp_wide_short_half_load(row + k);
+    sp_fetch_alternate(x[2], between_half(x), out);
 }
 
 static inline void write_levels(sp_wide_short x, sp_wide_short lowest, uint16_t *out) {
@@ -212,9 +241,9 @@ static inline void write_levels(sp_wide_short x, sp_wide_short lowest, uint16_t 
 
 static void refine_cell(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                         const struct source *source, int u, int v) {
-    _Alignas(64) uint16_t rows[ROWS][ROW], wide[ROWS][2 * ACROSS];
+    _Alignas(64) uint16_t rows[ROWS][READ], wide[ROWS][2 * ACROSS];
     const sp_wide_short lowest = sp_wide_short_all(RAISED + (int)t->r->lowest);
-    read_rows(t, source, u, v, rows);
+    read_source(t, source, u, v, rows);
     for (int j = 0; j < ROWS; j++)
         filter_across(rows[j], wide[j]);
     uint16_t *out = (uint16_t *)sheet->refined +
