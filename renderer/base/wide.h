@@ -111,6 +111,10 @@ static inline sp_wide_mask sp_wide_le(sp_wide a, sp_wide b) {
     return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_LE_OQ);
 }
 
+static inline sp_wide_mask sp_wide_eq(sp_wide a, sp_wide b) {
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_EQ_OQ);
+}
+
 static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
     return _mm512_cmplt_epi32_mask((__m512i)a, (__m512i)b);
 }
@@ -121,6 +125,10 @@ static inline sp_wide_mask sp_wide_lt(sp_wide a, sp_wide b) {
 
 static inline sp_wide_mask sp_wide_le(sp_wide a, sp_wide b) {
     return a <= b;
+}
+
+static inline sp_wide_mask sp_wide_eq(sp_wide a, sp_wide b) {
+    return a == b;
 }
 
 static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
@@ -225,6 +233,11 @@ static inline sp_wide_int sp_wide_int_max(sp_wide_int a, sp_wide_int b) {
 
 static inline sp_wide sp_wide_abs(sp_wide a) {
     return (sp_wide)((sp_wide_int)a & 0x7fffffff);
+}
+
+/* a ≥ 0 with the sign of b. */
+static inline sp_wide sp_wide_copysign(sp_wide a, sp_wide b) {
+    return (sp_wide)((sp_wide_bits)a | ((sp_wide_bits)b & 0x80000000u));
 }
 
 /* a·b + c; rounded once if the instruction set has FMA. */

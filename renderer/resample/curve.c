@@ -104,6 +104,7 @@ void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf
     curve->visible[0] = (float)level;
     for (int c = 0; c < 4; c++)
         curve->above[c] = (c < 3 ? ends[1].color[c] : 1) * ends[1].depth;
+    curve->has_above = ends[1].depth > 0;
     curve->visible[1] = ends[1].depth > 0
                             ? INFINITY
                             : (float)(CURVE_LEVEL_MIN + (to - low) * curve->levels_per_unit);

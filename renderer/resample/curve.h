@@ -23,7 +23,8 @@ struct sp_curve {
     double base, levels_per_unit; /* level = CURVE_LEVEL_MIN + (value − base)·levels_per_unit */
     /* bin = level·bins_per_level + first_bin. Bin 0 is transparent, and so is what lies below. */
     float bins_per_level, first_bin;
-    float above[4];   /* what values above all bins add per bin; 0 = they are transparent */
+    float above[4];   /* what values above all bins add per bin */
+    bool has_above;   /* false: they are transparent */
     float visible[2]; /* levels: outside of them everything is transparent */
     /* ∫ up to the start of each bin of red, green and blue times depth, and of depth [bins]. */
     float (*integral)[4]; /* [CURVE_BINS + 2] */

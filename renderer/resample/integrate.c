@@ -52,51 +52,67 @@ static inline sp_wide scale_depth(sp_wide depth, sp_wide scale) {
     return sp_wide_log2(sp_wide_max(1 - opacity, sp_wide_all(1e-30f))) * (-1 / SP_LOG2E);
 }
 
+/* The bin of a value, and how far the value lies below all bins or above them. */
+static inline sp_wide find_bin(const struct sp_curve *curve, sp_wide value, sp_wide *beyond) {
+    sp_wide x = value * curve->bins_per_level + curve->first_bin;
+    sp_wide inside = sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(CURVE_BINS));
+    *beyond = x - inside;
+    return sp_wide_floor(inside);
+}
+
+/* The curve's entries where the interval begins. Where the last one of these rays ended here, they
+ * are known. */
+static inline sp_wide begin_mean(const struct work *work, int begin, sp_wide bin,
+                                 struct sp_entries *entries) {
+    const struct sp_resample_block *block = work->block;
+    if (block->entry_sheet[begin] == work->number && !work->is_cut) {
+        for (int k = 0; k < 4; k++)
+            entries->part[k] = sp_wide_load(block->entry[k] + begin);
+        return sp_wide_load(block->entry_bin + begin);
+    }
+    *entries = sp_fetch_entries((const float(*)[4])work->t->r->curve.integral, sp_wide_to_int(bin));
+    return bin;
+}
+
+static inline void end_mean(const struct work *work, int begin, sp_wide bin,
+                            const struct sp_entries *entries) {
+    struct sp_resample_block *block = work->block;
+    sp_wide_store(block->entry_bin + begin, bin);
+    for (int k = 0; k < 4; k++)
+        sp_wide_store(block->entry[k] + begin, entries->part[k]);
+    block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
+}
+
 /* The mean of the curve over the interval: over its first half, where the value goes from
- * value[0] to value[1], and over its second one. Where the last interval of these rays ended here,
- * the entry of the curve is known. */
+ * value[0] to value[1], and over its second one. */
 static inline void find_mean(const struct work *work, struct interval *in) {
     const struct sp_curve *curve = &work->t->r->curve;
-    struct sp_resample_block *block = work->block;
-    const int begin = in->begin;
-    const float(*table)[4] = (const float(*)[4])curve->integral;
-    const sp_wide zero = sp_wide_all(0), top = sp_wide_all(CURVE_BINS), one = sp_wide_all(1);
+    const sp_wide zero = sp_wide_all(0);
     struct sp_entries entries[3];
     sp_wide bin[3], beyond[3], share[2], above = zero;
-    for (int k = 0; k < 3; k++) {
-        sp_wide x = in->value[k] * curve->bins_per_level + curve->first_bin;
-        sp_wide inside = sp_wide_min(sp_wide_max(x, zero), top);
-        beyond[k] = x - inside;
-        bin[k] = sp_wide_from_int(sp_wide_to_int(inside));
-    }
-    if (block->entry_sheet[begin] == work->number && !work->is_cut) {
-        bin[0] = sp_wide_load(block->entry_bin + begin);
-        for (int k = 0; k < 4; k++)
-            entries[0].part[k] = sp_wide_load(block->entry[k] + begin);
-    } else {
-        entries[0] = sp_fetch_entries(table, sp_wide_to_int(bin[0]));
-    }
+    for (int k = 0; k < 3; k++)
+        bin[k] = find_bin(curve, in->value[k], &beyond[k]);
+    bin[0] = begin_mean(work, in->begin, bin[0], &entries[0]);
     for (int k = 0; k < 2; k++) {
         /* A half is at least one bin wide. It is as wide as the whole bins whose integral is taken,
          * so that quantisation cancels, and what lies below all bins, which is transparent, or
          * above them. */
-        sp_wide_mask is_different = sp_wide_lt(bin[k], bin[k + 1]) | sp_wide_lt(bin[k + 1], bin[k]);
-        bin[k + 1] = sp_wide_select(is_different, bin[k + 1], bin[k] + one);
+        sp_wide_mask is_equal = sp_wide_eq(bin[k], bin[k + 1]);
+        bin[k + 1] = sp_wide_select(is_equal, bin[k] + 1.0f, bin[k + 1]);
+        entries[k + 1] =
+            sp_fetch_entries((const float(*)[4])curve->integral, sp_wide_to_int(bin[k + 1]));
         sp_wide width = bin[k + 1] - bin[k];
         sp_wide all = sp_wide_abs(width) + sp_wide_abs(beyond[k + 1] - beyond[k]);
         share[k] = 0.5f * sp_wide_inverse(all);
-        above +=
-            share[k] * sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
-        share[k] = sp_wide_select(sp_wide_lt(width, zero), -share[k], share[k]);
-        entries[k + 1] = sp_fetch_entries(table, sp_wide_to_int(bin[k + 1]));
+        if (curve->has_above)
+            above += share[k] *
+                     sp_wide_abs(sp_wide_max(beyond[k + 1], zero) - sp_wide_max(beyond[k], zero));
+        share[k] = sp_wide_copysign(share[k], width);
     }
     sp_fetch_sum(entries, share, in->mean);
-    for (int c = 0; c < 4; c++)
+    for (int c = 0; curve->has_above && c < 4; c++)
         in->mean[c] += above * curve->above[c];
-    sp_wide_store(block->entry_bin + begin, bin[2]);
-    for (int k = 0; k < 4; k++)
-        sp_wide_store(block->entry[k] + begin, entries[2].part[k]);
-    block->entry_sheet[begin] = work->is_cut ? -1 : work->number + 1;
+    end_mean(work, in->begin, bin[2], &entries[2]);
 }
 
 static inline sp_wide length_of(const sp_wide v[3]) {

@@ -30,15 +30,18 @@ enum {
     RAISED = 8192
 };
 
-struct source { /* the slices that a sheet is made from */
-    int count;
-    ptrdiff_t slice[TAPS]; /* where the slices begin [samples] */
-    /* Of narrow integers x, raised as by sp_fetch_…(): level = start + ((x − low) << shift)·scale.
-     */
+/* Narrow integers x, raised as by sp_fetch_…(), to levels: start + ((x − low) << shift)·scale. */
+struct scaling {
     uint16_t low, high; /* values are moved into this range */
     uint16_t scale;     /* ·65536 */
     uint16_t start;     /* raised by RAISED */
     int shift;
+};
+
+struct source { /* the slices that a sheet is made from */
+    int count;
+    ptrdiff_t slice[TAPS]; /* where the slices begin [samples] */
+    struct scaling scaling;
 };
 
 /* The samples around a cell. */
@@ -54,7 +57,7 @@ static inline int clamp(int i, int count) {
 }
 
 /* Values beyond the range of the levels are moved into it. */
-static void init_integers(const struct sp_curve *curve, enum sp_type type, struct source *source) {
+static void init_scaling(const struct sp_curve *curve, enum sp_type type, struct scaling *s) {
     const bool has_sign = type == SP_INT8 || type == SP_INT16;
     const double largest = type == SP_UINT8 || type == SP_INT8 ? 255 : 65535;
     const double zero = has_sign ? (largest + 1) / 2 : 0;
@@ -62,14 +65,12 @@ static void init_integers(const struct sp_curve *curve, enum sp_type type, struc
     double low = floor(curve->base + zero), high = ceil(low + 1 + levels / curve->levels_per_unit);
     low = fmin(fmax(low, 0), largest - 1);
     high = fmin(fmax(high, low + 1), largest);
-    while (ldexp(high - low, source->shift + 1) < 65536)
-        source->shift++;
-    double scale = ldexp(curve->levels_per_unit, 16 - source->shift);
-    source->low = (uint16_t)low;
-    source->high = (uint16_t)high;
-    source->scale = (uint16_t)lrint(fmin(scale, 65535));
+    *s = (struct scaling){ .low = (uint16_t)low, .high = (uint16_t)high };
+    while ((high - low) * (double)(2 << s->shift) < 65536)
+        s->shift++;
+    s->scale = (uint16_t)fmin(rint(curve->levels_per_unit * (65536 >> s->shift)), 65535);
     double level = CURVE_LEVEL_MIN + (low - zero - curve->base) * curve->levels_per_unit;
-    source->start = (uint16_t)lrint(RAISED + level + 0.5); /* scaling rounds down */
+    s->start = (uint16_t)rint(RAISED + level + 0.5); /* scaling rounds down */
 }
 
 static void init_source(const struct sp_resample_open_tile *t, float z, struct source *source) {
@@ -77,7 +78,7 @@ static void init_source(const struct sp_resample_open_tile *t, float z, struct s
     *source = (struct source){ .count = z > (float)whole ? TAPS : 1 };
     for (int k = 0; k < source->count; k++)
         source->slice[k] = (ptrdiff_t)((size_t)clamp(first + k, t->dims[2]) * t->stride[2]);
-    init_integers(&t->r->curve, t->r->samples->type, source);
+    init_scaling(&t->r->curve, t->r->samples->type, &source->scaling);
 }
 
 static void init_rows(const struct sp_resample_open_tile *t, int u, int v, struct rows *rows) {
@@ -123,10 +124,10 @@ static inline sp_wide_short_half between_half(const sp_wide_short_half x[TAPS]) 
     return BETWEEN(sp_wide_short_half, x);
 }
 
-static inline sp_wide_short to_level(const struct source *source, sp_wide_short x) {
-    x = sp_wide_short_min(x, sp_wide_short_all(source->high));
-    x = (sp_wide_short_max(x, sp_wide_short_all(source->low)) - source->low) << source->shift;
-    return sp_wide_short_scale(x, sp_wide_short_all(source->scale)) + source->start;
+static inline sp_wide_short to_level(const struct scaling *s, sp_wide_short x) {
+    x = sp_wide_short_max(sp_wide_short_min(x, sp_wide_short_all(s->high)),
+                          sp_wide_short_all(s->low));
+    return sp_wide_short_scale((x - s->low) << s->shift, sp_wide_short_all(s->scale)) + s->start;
 }
 
 /* Reads rows of narrow integers. */
@@ -138,7 +139,7 @@ static inline sp_wide_short to_level(const struct source *source, sp_wide_short 
             parts[i] = from[rows->column[i]];                                                      \
         from = rows->first < 0 ? parts : from + rows->first;                                       \
         for (int i = 0; i < READ; i += SP_WIDE_SHORT)                                              \
-            sp_wide_short_store(out[j] + i, to_level(source, fetch(from + i)));                    \
+            sp_wide_short_store(out[j] + i, to_level(&scaling, fetch(from + i)));                  \
     }                                                                                              \
     break
 
@@ -188,6 +189,7 @@ static void read_wide_rows(const struct sp_resample_open_tile *t, const struct r
 /* Reads the samples around the cell at column u from a slice, in raised levels. */
 static void read_rows(const struct sp_resample_open_tile *t, const struct source *source,
                       const struct rows *rows, ptrdiff_t slice, int u, uint16_t out[ROWS][READ]) {
+    const struct scaling scaling = source->scaling; /* nothing that is written changes a copy */
     switch (t->r->samples->type) {
     case SP_UINT8:
         READ_ROWS(uint8_t, sp_fetch_uint8);

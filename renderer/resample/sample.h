@@ -36,10 +36,10 @@ static inline void find_place(const struct sp_resample_open_tile *t,
                               struct place *place) {
     sp_wide u = coordinate(t, 0, rays->u, rays->du, sheet);
     sp_wide v = coordinate(t, 1, rays->v, rays->dv, sheet);
-    sp_wide_int column = sp_wide_to_int(u), row = sp_wide_to_int(v);
-    place->part[0] = u - sp_wide_from_int(column);
-    place->part[1] = v - sp_wide_from_int(row);
-    place->index = row * sheet->width + column;
+    sp_wide column = sp_wide_floor(u), row = sp_wide_floor(v);
+    place->part[0] = u - column;
+    place->part[1] = v - row;
+    place->index = sp_wide_to_int(sp_wide_fma(row, sp_wide_all((float)sheet->width), column));
 }
 
 /* The value at the place, moved by `offset` refined samples. */
