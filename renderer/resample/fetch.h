@@ -73,6 +73,24 @@ static inline sp_wide_int sp_fetch_pairs(const int16_t *from, sp_wide_int index)
 #endif
 }
 
+/* Four neighbouring 16-bit values per lane: out[0] has the first two, out[1] the others. */
+static inline void sp_fetch_quads(const int16_t *from, sp_wide_int index, sp_wide_int out[2]) {
+#if defined SP_WIDE_AVX512
+    const __m512i even =
+        _mm512_setr_epi32(0, 2, 4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24, 26, 28, 30);
+    const __m512i odd = _mm512_or_si512(even, _mm512_set1_epi32(1));
+    __m256i half[2] = { _mm512_castsi512_si256((__m512i)index),
+                        _mm512_extracti64x4_epi64((__m512i)index, 1) };
+    __m512i low = _mm512_i32gather_epi64(half[0], from, 2);
+    __m512i high = _mm512_i32gather_epi64(half[1], from, 2);
+    out[0] = (sp_wide_int)_mm512_permutex2var_epi32(low, even, high);
+    out[1] = (sp_wide_int)_mm512_permutex2var_epi32(low, odd, high);
+#else
+    out[0] = sp_fetch_pairs(from, index);
+    out[1] = sp_fetch_pairs(from + 2, index);
+#endif
+}
+
 /* Entries of a table of four components, one per lane, in an order that sp_fetch_sum() knows. */
 struct sp_entries {
     sp_wide part[4];

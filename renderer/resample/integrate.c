@@ -115,10 +115,6 @@ static inline void find_mean(const struct work *work, struct interval *in) {
     end_mean(work, in->begin, bin[2], &entries[2]);
 }
 
-static inline sp_wide length_of(const sp_wide v[3]) {
-    return sp_wide_sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-}
-
 static inline struct sp_rays load_rays(const struct sp_resample_block *block, int begin) {
     return (struct sp_rays){ sp_wide_load(block->u + begin), sp_wide_load(block->v + begin),
                              sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
@@ -162,7 +158,8 @@ static inline void find_gradient(const struct work *work, struct interval *in) {
         for (int a = 0; a < 3; a++)
             in->gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
     }
-    in->magnitude = length_of(in->gradient);
+    const sp_wide *g = in->gradient;
+    in->magnitude = sp_wide_sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
 }
 
 /* The scale of the opacity at the gradient's magnitude. */
@@ -186,7 +183,7 @@ static inline void find_eye(const struct sp_camera_transform *camera, float x, f
     sp_wide row = sp_wide_from_int(sp_wide_int_count() >> 3);
     sp_wide right = (column + (x - (float)camera->centre[0])) * inverse;
     sp_wide down = (row + (y - (float)camera->centre[1])) * inverse;
-    sp_wide scale = -one / sp_wide_sqrt(right * right + down * down + 1);
+    sp_wide scale = -sp_wide_inverse_sqrt(right * right + down * down + 1);
     to_eye[0] = right * scale;
     to_eye[1] = down * scale;
     to_eye[2] = scale;

@@ -42,16 +42,20 @@ static inline void find_place(const struct sp_resample_open_tile *t,
     place->index = sp_wide_to_int(sp_wide_fma(row, sp_wide_all((float)sheet->width), column));
 }
 
-/* The value at the place, moved by `offset` refined samples. */
-static inline sp_wide value_at(const int16_t *refined, const struct place *place, int width,
-                               int offset) {
-    sp_wide_int above = sp_fetch_pairs(refined + offset, place->index);
-    sp_wide_int below = sp_fetch_pairs(refined + offset + width, place->index);
-    sp_wide left = sp_wide_from_int(above << 16 >> 16), right = sp_wide_from_int(above >> 16);
-    sp_wide top = left + place->part[0] * (right - left);
-    left = sp_wide_from_int(below << 16 >> 16);
-    right = sp_wide_from_int(below >> 16);
-    return top + place->part[1] * (left + place->part[0] * (right - left) - top);
+static inline sp_wide first_of(sp_wide_int pair) {
+    return sp_wide_from_int(pair << 16 >> 16);
+}
+
+static inline sp_wide second_of(sp_wide_int pair) {
+    return sp_wide_from_int(pair >> 16);
+}
+
+static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide part) {
+    return a + part * (b - a);
+}
+
+static inline sp_wide mix_pair(sp_wide_int pair, sp_wide part) {
+    return mix(first_of(pair), second_of(pair), part);
 }
 
 /* The values at which rays cross sheet `number`. */
@@ -60,7 +64,9 @@ static inline sp_wide sp_sample_values(const struct sp_resample_open_tile *t,
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
     struct place place;
     find_place(t, sheet, rays, &place);
-    return value_at(sheet->refined, &place, sheet->width, 0);
+    sp_wide_int above = sp_fetch_pairs(sheet->refined, place.index);
+    sp_wide_int below = sp_fetch_pairs(sheet->refined + sheet->width, place.index);
+    return mix(mix_pair(above, place.part[0]), mix_pair(below, place.part[0]), place.part[1]);
 }
 
 /* Gradients per sample → per unit of the coordinate. */
@@ -74,17 +80,27 @@ static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide
     }
 }
 
-/* Their gradients along u and v [levels per sample]. The sheet is one of the last seven. */
+/* Their gradients along u and v [levels per sample]: differences of values one sample apart, from
+ * refined samples 0 to 3 of rows 1 and 2 and samples 1 and 2 of rows 0 and 3. */
 static inline void sp_sample_slopes(const struct sp_resample_open_tile *t,
                                     const struct sp_rays *rays, int number, sp_wide slope[2]) {
     const struct sp_resample_sheet *sheet = &t->scratch->sheets[number % RESAMPLE_SHEETS];
+    const int16_t *from = sheet->refined;
     const int width = sheet->width;
     struct place place;
+    sp_wide_int quad[2];
+    sp_wide across[2], value[4];
     find_place(t, sheet, rays, &place);
-    slope[0] =
-        value_at(sheet->refined, &place, width, 1) - value_at(sheet->refined, &place, width, -1);
-    slope[1] = value_at(sheet->refined, &place, width, width) -
-               value_at(sheet->refined, &place, width, -width);
+    const sp_wide u = place.part[0], v = place.part[1];
+    value[0] = mix_pair(sp_fetch_pairs(from - width, place.index), u);
+    for (int k = 0; k < 2; k++) {
+        sp_fetch_quads(from + k * width - 1, place.index, quad);
+        across[k] = mix_pair(quad[1], u) - mix_pair(quad[0], u);
+        value[k + 1] = mix(second_of(quad[0]), first_of(quad[1]), u);
+    }
+    value[3] = mix_pair(sp_fetch_pairs(from + 2 * width, place.index), u);
+    slope[0] = mix(across[0], across[1], v);
+    slope[1] = mix(value[2], value[3], v) - mix(value[0], value[1], v);
     rescale(t, 0, rays->u, rays->du, sheet->s, &slope[0]);
     rescale(t, 1, rays->v, rays->dv, sheet->s, &slope[1]);
 }

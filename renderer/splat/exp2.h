@@ -68,7 +68,7 @@ static inline float sp_log2(float x) {
 static inline sp_wide sp_wide_log2(sp_wide x) {
     sp_wide_int bits = (sp_wide_int)x, power = (bits - 0x3f3504f3) >> 23;
     sp_wide m = (sp_wide)(bits - (sp_wide_int)((sp_wide_bits)power << 23));
-    sp_wide s = (m - 1) / (m + 1), t = s * s;
+    sp_wide s = (m - 1) * sp_wide_inverse(m + 1), t = s * s;
     return sp_wide_from_int(power) +
            s * (2.88539008f + t * (0.961796694f + t * (0.577078016f + t * 0.412198583f)));
 }

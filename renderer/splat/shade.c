@@ -30,7 +30,8 @@ static inline sp_wide highlight(float exponent, const sp_wide n[3], const sp_wid
     sp_wide length2 = dot(h, h), along = sp_wide_abs(dot(n, h));
     sp_wide_mask shines =
         sp_wide_lt(sp_wide_all(1e-12f), length2) & sp_wide_lt(sp_wide_all(1e-6f), along);
-    sp_wide square = sp_wide_select(shines, along * along / length2, sp_wide_all(1));
+    sp_wide inverse = sp_wide_inverse(sp_wide_max(length2, sp_wide_all(1e-12f)));
+    sp_wide square = sp_wide_select(shines, along * along * inverse, sp_wide_all(1));
     return sp_wide_keep(shines, sp_wide_exp2(exponent * sp_wide_log2(square) * 0.5f));
 }
 
