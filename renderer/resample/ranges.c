@@ -1,11 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The range of values in each region. Lines of samples are read once per slab of regions; minima
- * and maxima are taken along the lines first, then across them.
+ * The range of values in each region. Lines of samples are read once per slab of regions. Minima
+ * and maxima are taken across lines first, sample by sample, and along them last: vectors of
+ * samples do most of it.
  */
 #include "resample/ranges.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "volume/sample.h"
 
@@ -21,40 +23,45 @@ static const float overshoot = 0.25f;
 /* Regions beside each other along the first axis. */
 enum { RUN = 64, RUN_SAMPLES = RUN * SAMPLES_REGION + 3 };
 
-struct run_range {
-    float low[RUN], high[RUN];
+/* Smallest and largest value per sample of a run, from the sample before it on. */
+struct line {
+    float low[RUN_SAMPLES], high[RUN_SAMPLES];
 };
 
-struct row { /* the ranges of a run on row y of samples, over all lines of a slab of regions */
-    struct run_range own, wide;
+struct row { /* row y of samples, over all lines of a slab of regions */
+    struct line own, wide;
 };
 
-static void empty(struct run_range *range) {
-    for (int i = 0; i < RUN; i++) {
-        range->low[i] = INFINITY;
-        range->high[i] = -INFINITY;
+static void empty(struct line *line) {
+    for (int i = 0; i < RUN_SAMPLES; i++) {
+        line->low[i] = INFINITY;
+        line->high[i] = -INFINITY;
     }
 }
 
-static void join(struct run_range *range, const struct run_range *other) {
-    for (int i = 0; i < RUN; i++) {
-        range->low[i] = other->low[i] < range->low[i] ? other->low[i] : range->low[i];
-        range->high[i] = other->high[i] > range->high[i] ? other->high[i] : range->high[i];
+static void join(struct line *line, const struct line *other) {
+    for (int i = 0; i < RUN_SAMPLES; i++) {
+        line->low[i] = other->low[i] < line->low[i] ? other->low[i] : line->low[i];
+        line->high[i] = other->high[i] > line->high[i] ? other->high[i] : line->high[i];
     }
 }
 
 #define READ(type)                                                                                 \
-    for (uint32_t i = begin; i < end; i++)                                                         \
-    low[i + 1 - first] = high[i + 1 - first] = (float)((const type *)line)[i]
+    do {                                                                                           \
+        const type *x = (const type *)from + begin;                                                \
+        for (int i = 0; i < count; i++)                                                            \
+            low[i] = (float)x[i];                                                                  \
+        memcpy(high, low, (size_t)count * sizeof *low);                                            \
+    } while (0)
 
 /* Beyond this a margin would overflow. */
-static const double largest = 1e37;
+static const float largest = 1e37f;
 
 /* The range of a sample as floats: (−∞, −∞) if it is not finite, (−∞, ∞) if it is too large. */
 static void read_sample(double x, float *low, float *high) {
     *low = -INFINITY;
     *high = isfinite(x) ? INFINITY : -INFINITY;
-    if (!(fabs(x) <= largest))
+    if (!(fabs(x) <= (double)largest))
         return;
     *low = *high = (float)x;
     if ((double)*low > x)
@@ -65,15 +72,15 @@ static void read_sample(double x, float *low, float *high) {
 
 /* Reads line (y, z) from sample first − 1 on; beyond its ends samples are (∞, −∞). */
 static void read_line(const struct sp_samples *s, uint32_t first, uint32_t y, uint32_t z,
-                      float low[RUN_SAMPLES], float high[RUN_SAMPLES]) {
+                      struct line *line) {
     uint64_t at = ((uint64_t)z * s->dims[1] + y) * s->dims[0];
-    const void *line = (const char *)s->voxels + at * sp_type_size(s->type);
+    const void *from = (const char *)s->voxels + at * sp_type_size(s->type);
     uint32_t begin = first > 0 ? first - 1 : 0, end = first - 1 + RUN_SAMPLES;
     end = end < s->dims[0] ? end : s->dims[0];
-    for (int i = 0; i < RUN_SAMPLES; i++) {
-        low[i] = INFINITY;
-        high[i] = -INFINITY;
-    }
+    float *low = line->low + (begin + 1 - first), *high = line->high + (begin + 1 - first);
+    int count = (int)(end - begin);
+    if (count < RUN_SAMPLES)
+        empty(line);
     switch (s->type) {
     case SP_UINT8:
         READ(uint8_t);
@@ -87,10 +94,16 @@ static void read_line(const struct sp_samples *s, uint32_t first, uint32_t y, ui
     case SP_INT16:
         READ(int16_t);
         break;
+    case SP_FLOAT32:
+        for (int i = 0; i < count; i++) {
+            float x = ((const float *)from)[begin + (uint32_t)i];
+            low[i] = fabsf(x) <= largest ? x : -INFINITY;
+            high[i] = fabsf(x) <= largest ? x : fabsf(x) < INFINITY ? INFINITY : -INFINITY;
+        }
+        break;
     default:
-        for (uint32_t i = begin; i < end; i++)
-            read_sample(sp_sample(s->voxels, s->type, at + i), &low[i + 1 - first],
-                        &high[i + 1 - first]);
+        for (int i = 0; i < count; i++)
+            read_sample(sp_sample(s->voxels, s->type, at + begin + (uint32_t)i), &low[i], &high[i]);
     }
 }
 
@@ -100,18 +113,6 @@ static inline float least(float a, float b) {
 
 static inline float most(float a, float b) {
     return a > b ? a : b;
-}
-
-/* The ranges of the regions on a line: of their own samples, and with one more at both ends. */
-static void find_line_ranges(const float low[RUN_SAMPLES], const float high[RUN_SAMPLES],
-                             struct run_range *own, struct run_range *wide) {
-    for (int i = 0; i < RUN; i++) {
-        const float *l = low + i * SAMPLES_REGION, *h = high + i * SAMPLES_REGION;
-        own->low[i] = least(least(least(l[1], l[2]), least(l[3], l[4])), l[5]);
-        own->high[i] = most(most(most(h[1], h[2]), most(h[3], h[4])), h[5]);
-        wide->low[i] = least(own->low[i], least(l[0], l[6]));
-        wide->high[i] = most(own->high[i], most(h[0], h[6]));
-    }
 }
 
 /* Is line i among a region's own, which lie between its first and its last slice? */
@@ -130,16 +131,14 @@ static uint32_t first_near(uint32_t region) {
 
 static void find_row(const struct sp_samples *s, uint32_t first, uint32_t y, uint32_t slab,
                      struct row *row) {
-    float low[RUN_SAMPLES], high[RUN_SAMPLES];
-    struct row line;
+    struct line line;
     empty(&row->own);
     empty(&row->wide);
     for (uint32_t z = first_near(slab); z < s->dims[2] && is_near(z, slab); z++) {
-        read_line(s, first, y, z, low, high);
-        find_line_ranges(low, high, &line.own, &line.wide);
+        read_line(s, first, y, z, &line);
         if (is_own(z, slab))
-            join(&row->own, &line.own);
-        join(&row->wide, &line.wide);
+            join(&row->own, &line);
+        join(&row->wide, &line);
     }
 }
 
@@ -155,10 +154,19 @@ void sp_ranges_widen(const float own[2], const float wide[2], float range[2]) {
     range[1] = is_finite ? most(own[1], wide[0]) + margin : INFINITY;
 }
 
-static void write_ranges(const struct row *rows, uint32_t count, float (*range)[2]) {
+/* Writes the ranges of `count` regions beside each other. */
+static void write_ranges(const struct row *row, uint32_t count, float (*range)[2]) {
     for (uint32_t i = 0; i < count; i++) {
-        const float own[2] = { rows->own.low[i], rows->own.high[i] };
-        const float wide[2] = { rows->wide.low[i], rows->wide.high[i] };
+        const uint32_t at = i * SAMPLES_REGION;
+        float own[2] = { INFINITY, -INFINITY }, wide[2] = { INFINITY, -INFINITY };
+        for (uint32_t k = 0; k < SAMPLES_REGION + 3; k++) {
+            wide[0] = least(wide[0], row->wide.low[at + k]);
+            wide[1] = most(wide[1], row->wide.high[at + k]);
+        }
+        for (uint32_t k = 1; k < SAMPLES_REGION + 2; k++) {
+            own[0] = least(own[0], row->own.low[at + k]);
+            own[1] = most(own[1], row->own.high[at + k]);
+        }
         sp_ranges_widen(own, wide, range[i]);
     }
 }
