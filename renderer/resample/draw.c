@@ -217,6 +217,13 @@ static void init_light(struct sp_resample *r, unsigned level) {
     r->light_firmness = (float)fmin(1 / (surface * span * r->curve.levels_per_unit), 1e6);
 }
 
+/* Gradients from one sample to the next one that rounded samples and levels may have. */
+static float find_rounding(enum sp_type type, const struct sp_curve *curve) {
+    const double levels = 4; /* what refining rounds, and linear interpolation of it */
+    bool is_real = type == SP_FLOAT32 || type == SP_FLOAT64;
+    return (float)fmax(levels, is_real ? 0 : 0.5 * curve->levels_per_unit);
+}
+
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;
@@ -309,6 +316,7 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
     if (!r.samples)
         return false;
     r.curve = r.class->curve;
+    r.rounding = find_rounding(info->type, &r.curve);
     r.lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r.axes[a], input, r.samples, a, level))

@@ -224,6 +224,37 @@ static inline void find_share(const struct sp_resample_open_tile *t, const struc
     share[1] = 1 - light->shadow * (1 - share[1] * (1 / 255.0f));
 }
 
+/* The unit normal of the interval [world space]; zero if there is none. Behind a surface gradients
+ * are small: noise, ringing of the interpolation and rounding would give the material there any
+ * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
+ * shorter than 0.8 of it, or than rounding, is mixed with it. */
+static inline void find_normal(const struct work *work, const struct interval *in,
+                               sp_wide world[3]) {
+    const float share = 0.8f, rounding = work->t->r->rounding;
+    struct sp_resample_block *block = work->block;
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
+    sp_wide past[3], along = zero, past_square = zero, square = zero;
+    const sp_wide decay = sp_wide_exp2(sp_wide_all(-2 * work->width));
+    for (int c = 0; c < 3; c++) {
+        past[c] = sp_wide_load(block->normal[c] + in->begin) * decay;
+        along += past[c] * in->gradient[c];
+        past_square += past[c] * past[c];
+    }
+    sp_wide least = past_square * (share * share) + rounding * rounding;
+    sp_wide firm = sp_wide_min(in->magnitude * in->magnitude * sp_wide_inverse(least), one);
+    firm = sp_wide_keep(sp_wide_lt(in->light, one), firm);
+    sp_wide rest = sp_wide_copysign(one - firm, along); /* surfaces have two sides */
+    for (int c = 0; c < 3; c++) {
+        world[c] = firm * in->gradient[c] + rest * past[c];
+        sp_wide_store(block->normal[c] + in->begin, world[c]);
+        square += world[c] * world[c];
+    }
+    sp_wide inverse =
+        sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));
+    for (int c = 0; c < 3; c++)
+        world[c] *= inverse;
+}
+
 /* Lights the interval's colour by its gradient. `at`: the block's place in the tile. */
 static inline void shade(const struct work *work, const int at[2], struct interval *in) {
     const struct sp_resample_open_tile *t = work->t;
@@ -232,13 +263,10 @@ static inline void shade(const struct work *work, const int at[2], struct interv
     float x = (float)(t->x + at[0] + in->begin % RESAMPLE_BLOCK) + 0.5f;
     float y = (float)(t->y + at[1] + in->begin / RESAMPLE_BLOCK) + 0.5f;
     sp_wide world[3], to_eye[3], color[3], opacity = 1 - in->light;
-    sp_wide is_steep = sp_wide_keep(sp_wide_lt(tiny, in->magnitude), sp_wide_all(1));
-    sp_wide inverse = is_steep * sp_wide_inverse(sp_wide_max(in->magnitude, tiny));
     sp_wide shown = sp_wide_inverse(sp_wide_max(opacity, tiny));
-    for (int c = 0; c < 3; c++) {
-        world[c] = in->gradient[c] * inverse;
+    find_normal(work, in, world);
+    for (int c = 0; c < 3; c++)
         color[c] = in->color[c] * shown;
-    }
     find_eye(r->camera, x, y, to_eye);
     if (r->light) {
         struct sp_rays rays = load_rays(work->block, in->begin);

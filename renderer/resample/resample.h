@@ -78,6 +78,7 @@ struct sp_resample {
     float to_world[3][3]; /* gradient in levels per sample → gradient_unit, so that no product of
                              two overflows */
     float gradient_unit;  /* data unit per world unit */
+    float rounding;       /* gradients below are those of rounded samples [gradient_unit] */
     float lowest;         /* level below which no value lies */
     uint32_t half_count;
     struct sp_resample_half halves[RESAMPLE_HALVES_MAX]; /* the volume, near plane and clipping */
@@ -94,6 +95,7 @@ struct sp_resample_block {
     float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */
     float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
     uint64_t has_slope[4];                              /* bit per pixel */
+    float normal[3][RESAMPLE_PIXELS]; /* gradient of the surface that was met last */
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];

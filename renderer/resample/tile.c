@@ -158,8 +158,10 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct rays
     sp_wide_store(block->length + i, sp_wide_sqrt(square));
     sp_wide_store(block->light + i, sp_wide_all(1));
     block->entry_sheet[i] = -1;
-    for (int c = 0; c < 3; c++)
+    for (int c = 0; c < 3; c++) {
         sp_wide_store(block->color[c] + i, sp_wide_all(0));
+        sp_wide_store(block->normal[c] + i, sp_wide_all(0));
+    }
 }
 
 /* Returns false if no ray of the block meets the volume. */
