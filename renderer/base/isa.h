@@ -61,6 +61,7 @@
 #define sp_postconv_resolve SP_ISA_NAME(sp_postconv_resolve)
 /* resample/ */
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
+#define sp_ranges_find SP_ISA_NAME(sp_ranges_find)
 #define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
 #define sp_resample_sample SP_ISA_NAME(sp_resample_sample)
 #define sp_resample_find_slope SP_ISA_NAME(sp_resample_find_slope)

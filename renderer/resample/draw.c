@@ -310,6 +310,7 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
                                   .axis = sp_slices_major_axis(input->camera, &info->grid),
                                   .tf = &view->transfer_function,
                                   .bytes_max = input->bytes_max,
+                                  .find_ranges = input->find_ranges,
                                   .pool = input->pool,
                                   .interrupt = input->interrupt };
     r.samples = sp_samples_get(input->cache, &job, &r.class, err);

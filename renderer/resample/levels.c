@@ -204,7 +204,8 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
         made.voxels = made.owned;
         sp_parallel_for(job->pool, (size_t)made.dims[1] * made.dims[2], 16, average_rows, &average);
     }
-    sp_ranges_find(&made, job->pool, &job->interrupt);
+    sp_ranges_find_fn *find = job->find_ranges ? job->find_ranges : sp_ranges_find;
+    find(&made, job->pool, &job->interrupt);
     if (sp_interrupt_is_cancelled(&job->interrupt)) {
         finish_samples(&made);
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

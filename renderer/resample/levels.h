@@ -11,6 +11,7 @@
 #ifndef SP_RESAMPLE_LEVELS_H
 #define SP_RESAMPLE_LEVELS_H
 
+#include "resample/ranges.h"
 #include "resample/samples.h"
 
 enum { SAMPLES_LEVELS = 8, SAMPLES_SLOTS = 8 };
@@ -29,7 +30,8 @@ struct sp_samples_job {
     unsigned level;
     unsigned axis; /* of the slices that frames show; for axis 0 `turned` makes reading faster */
     const struct sp_transfer_function *tf;
-    uint64_t bytes_max; /* of the cache */
+    uint64_t bytes_max;             /* of the cache */
+    sp_ranges_find_fn *find_ranges; /* of an instruction set; NULL = the reference */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };

@@ -16,10 +16,6 @@ struct ranges {
     const struct sp_interrupt *interrupt;
 };
 
-/* Interpolation overshoots. It hardly ever exceeds the samples around a cell by more than this
- * share of the range of those one sample farther; what does may be missing from the image. */
-static const float overshoot = 0.25f;
-
 /* Regions beside each other along the first axis. */
 enum { RUN = 64, RUN_SAMPLES = RUN * SAMPLES_REGION + 3 };
 
@@ -136,22 +132,9 @@ static void find_row(const struct sp_samples *s, uint32_t first, uint32_t y, uin
     empty(&row->wide);
     for (uint32_t z = first_near(slab); z < s->dims[2] && is_near(z, slab); z++) {
         read_line(s, first, y, z, &line);
-        if (is_own(z, slab))
-            join(&row->own, &line);
-        join(&row->wide, &line);
+        join(is_own(z, slab) ? &row->own : &row->wide, &line);
     }
-}
-
-void sp_ranges_widen(const float own[2], const float wide[2], float range[2]) {
-    range[0] = INFINITY;
-    range[1] = -INFINITY;
-    if (!(wide[1] > -INFINITY))
-        return;
-    float margin = overshoot * (wide[1] - wide[0]);
-    bool is_finite = margin < INFINITY;
-    /* A region without finite samples of its own is reached from beside it. */
-    range[0] = is_finite ? least(own[0], wide[1]) - margin : -INFINITY;
-    range[1] = is_finite ? most(own[1], wide[0]) + margin : INFINITY;
+    join(&row->wide, &row->own);
 }
 
 /* Writes the ranges of `count` regions beside each other. */

@@ -313,7 +313,7 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
         float shift = -2.0f * (float)sheet->origin[a], border = 2.0f * (float)(t->dims[a] - 1);
         sheet->shift[a] = shift;
         sheet->first[a] = fmaxf(shift, 0);
-        sheet->last[a] = fminf(border + shift, (float)size[a] - 2);
+        sheet->last[a] = fminf(border + shift, (float)size[a] - 1.002f); /* which has a next one */
     }
     memset(is_refined, 0, (size_t)across * (size_t)down);
     for (uint64_t left = need; left; left &= left - 1) {

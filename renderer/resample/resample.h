@@ -23,6 +23,7 @@
 #include "light/light.h"
 #include "resample/curve.h"
 #include "resample/levels.h"
+#include "resample/ranges.h"
 #include "sp/frame.h"
 #include "splat/shade.h"
 
@@ -148,6 +149,7 @@ struct sp_resample_input {
     uint64_t bytes_max;                 /* of the cache */
     unsigned mip_level;                 /* no finer level is drawn */
     sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
+    sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };

@@ -80,6 +80,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
                                        .bytes_max = rest_of(state, used),
                                        .mip_level = job->mip_level,
                                        .draw_tile = state->kernels.resample_tile,
+                                       .find_ranges = state->kernels.ranges_find,
                                        .pool = state->pool,
                                        .arena = &state->arena };
     if (!sp_resample_draw(&input, err))

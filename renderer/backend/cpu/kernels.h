@@ -29,6 +29,7 @@ struct cpu_kernels {
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
     sp_postconv_tile_fn *postconv_tile;                                     /* sp_postconv_tile() */
     sp_resample_tile_fn *resample_tile;                                     /* sp_resample_tile() */
+    sp_ranges_find_fn *ranges_find;                                         /* sp_ranges_find() */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

@@ -24,6 +24,7 @@ const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
                                        .tile_close = sp_tile_close,
                                        .postconv_tile = sp_postconv_tile,
                                        .resample_tile = sp_resample_tile,
+                                       .ranges_find = sp_ranges_find,
 #ifdef SP_ISA
                                        .has_fast_path = true,
 #endif
