@@ -30,6 +30,7 @@ struct sp_samples_job {
     unsigned axis; /* of the slices that frames show; for axis 0 `turned` makes reading faster */
     const struct sp_transfer_function *tf;
     uint64_t bytes_max; /* of the cache */
+    bool keeps_layout;  /* `turned` is not made */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };

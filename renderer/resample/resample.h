@@ -136,6 +136,7 @@ struct sp_resample_input {
     uint64_t bytes_max;                 /* of the cache */
     unsigned mip_level;                 /* no finer level is drawn */
     sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
+    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };
