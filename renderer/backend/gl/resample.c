@@ -36,9 +36,10 @@ static bool open_program(struct gl_state *s, enum gl_samples_kind kind, bool has
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
              "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define SQUARE %du\n"
-             "#define HALVES %d\n#define MAGNITUDES %d\n",
+             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n",
              kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed, has_gradient,
-             (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX);
+             (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX,
+             INTERVALS_MOST);
     if (!own->program && !own->is_refused)
         own->program = gl_program_open("frame shade resample 30_resample", defines, &why);
     own->is_refused = !own->program;

@@ -16,7 +16,7 @@ layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
 
 const uint PIXELS = TILE * TILE;
 const int RAW = 768, REFINED = 1032; // samples around those that are refined; words of these
-const int BINS = 4096;
+const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1;
 const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
@@ -26,6 +26,7 @@ shared float raw[RAW];         // (width + 5) × (height + 5)
 shared float between_rows[RAW]; // (width + 5) × height
 shared uint refined[REFINED];   // width × 2·height: two 16-bit levels per word
 shared uint seen[PIXELS];      // by slab of regions: the intervals in which the block may see something
+shared uint intervals[ACTIVE];    // the same by interval between sheets, from the first one of the dispatch on
 shared int span[2];            // s between which some ray is inside, as integers that rise with it
 shared int live_at;            // the newest sheet at which some pixel was not opaque
 
@@ -135,11 +136,33 @@ uint find_seen(uint slab) {
     return bits != 0u && uint(slices) != regions.w ? ALL : bits;
 }
 
-bool is_active(int n, int first_slab) {
-    if (n < range.x || n >= range.y || n < 1 || n >= (dims.z + 2) * per_slice)
-        return false;
-    int i = interval_at(n);
-    return (seen[i / REGION - first_slab] >> (i % REGION) & 1u) != 0u;
+// Fills `intervals`. Every thread must call it.
+void find_active() {
+    int stop = min(range.y, (dims.z + 2) * per_slice), first = max(range.x, 1);
+    int first_slab = min(interval_at(first), interval_at(stop - 1)) / REGION;
+    int slabs = max(interval_at(first), interval_at(stop - 1)) / REGION - first_slab + 1;
+    if (int(thread) < ACTIVE)
+        intervals[thread] = 0u;
+    if (int(thread) < slabs)
+        seen[thread] = find_seen(uint(first_slab) + thread);
+    barrier();
+    for (int n = first + int(thread); n < stop; n += int(PIXELS)) {
+        int i = interval_at(n), bit = n - range.x;
+        if ((seen[i / REGION - first_slab] >> (i % REGION) & 1u) != 0u)
+            atomicOr(intervals[bit / 32], 1u << (bit % 32));
+    }
+    barrier();
+}
+
+// The first active interval from n on; range.y = there is none.
+int find_next(int n) {
+    for (int bit = n - range.x, word; bit < INTERVALS; bit = 32 * word + 32) {
+        word = bit / 32;
+        uint left = intervals[word] >> (bit % 32);
+        if (left != 0u)
+            return range.x + bit + findLSB(left);
+    }
+    return range.y;
 }
 
 // The value half way between the third and the fourth of six neighbours.
@@ -347,26 +370,22 @@ void add_counts(uint refined_count, uint sheets) {
 }
 
 void draw() {
-    int first_slab = min(interval_at(range.x), interval_at(range.y - 1)) / REGION;
-    int slabs = max(interval_at(range.x), interval_at(range.y - 1)) / REGION - first_slab + 1;
-    if (int(thread) < slabs)
-        seen[thread] = find_seen(uint(first_slab) + thread);
-    barrier();
-    vec3 value[4] = vec3[4](vec3(0), vec3(0), vec3(0), vec3(0));
+    vec3 value[4] = vec3[4](vec3(0), vec3(0), vec3(0), vec3(0)); // of sheets n − 3 to n
     uint refined_count = 0u, sheets = 0u;
+    find_active();
     is_live = true;
-    int count_of = (dims.z + 2) * per_slice, stop = min(range.y, count_of) + 1;
-    for (int n = max(range.x, 1) - 1; n <= stop && is_live; n++) {
-        bool is_last = is_active(n - 2, first_slab); // of the intervals that need the sheet
+    for (int next = find_next(range.x), n = next - 1; next < range.y && is_live; n++) {
         value[0] = value[1];
         value[1] = value[2];
         value[2] = value[3];
-        if (is_last || is_active(n - 1, first_slab) || is_active(n, first_slab) || is_active(n + 1, first_slab)) {
-            read_sheet(n, value[3], refined_count);
-            sheets++;
-        }
-        if (is_last && pixel.x > TRANSMITTANCE_MIN)
-            integrate(n - 2, value);
+        read_sheet(n, value[3], refined_count);
+        sheets++;
+        if (n < next + 2)
+            continue;
+        if (pixel.x > TRANSMITTANCE_MIN)
+            integrate(next, value);
+        next = find_next(next + 1);
+        n = max(n, next - 2); // sheets next − 1 to next + 2 are needed
     }
     if (thread == 0u && sheets > 0u)
         add_counts(refined_count, sheets);
