@@ -2,51 +2,15 @@
 #include "backend/gl/resample.h"
 
 #include <epoxy/gl.h>
-#include <stdio.h>
 #include <string.h>
 
-#include "backend/gl/band.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample_constants.h"
 
 enum {
-    INTERVALS_MOST = 200,    /* per dispatch: a thread per slab of four looks for what is visible */
     INTERVALS_SOFTWARE = 32, /* llvmpipe ends loops after 65535 rounds; a sheet takes up to 900 */
-    INTERVALS_LEAST = 16,    /* three more sheets are read at the beginning of each dispatch */
-    WORK_FIRST = 1 << 17,    /* blocks × intervals per dispatch */
-    WORK_LEAST = 1 << 12,
-    WORK_MOST = 1 << 22
+    INTERVALS_LEAST = 16     /* three more sheets are read at the beginning of each dispatch */
 };
-
-static const double long_ms = 25, short_ms = 5; /* of a dispatch */
-
-static bool open_program(struct gl_state *s, enum gl_samples_kind kind, bool has_gradient,
-                         unsigned *program, struct sp_error *err) {
-    static const struct {
-        int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
-    } kinds[GL_SAMPLES_KINDS] = {
-        [GL_SAMPLES_UINT8] = { 0, 1, 0 },  [GL_SAMPLES_INT8] = { 0, 1, 1 },
-        [GL_SAMPLES_UINT16] = { 0, 2, 0 }, [GL_SAMPLES_INT16] = { 0, 2, 1 },
-        [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
-        [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
-    };
-    struct gl_resample_program *own = &s->resample.programs[kind][has_gradient];
-    struct sp_error why = { .text = "it failed before; the log has the reason" };
-    char defines[256];
-    snprintf(defines, sizeof defines,
-             "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
-             "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define SQUARE %du\n"
-             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n",
-             kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed, has_gradient,
-             (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX,
-             INTERVALS_MOST);
-    if (!own->program && !own->is_refused)
-        own->program = gl_program_open("frame shade resample 30_resample", defines, &why);
-    own->is_refused = !own->program;
-    *program = own->program;
-    return own->program || sp_fail(err, SP_ERR_UNSUPPORTED, "",
-                                   "%s has no program for this view: %s", s->device, why.text);
-}
 
 static bool upload_constants(struct gl_resample_frame *f, const struct gl_band *band,
                              struct sp_error *err) {
@@ -98,7 +62,8 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     if (!sp_resample_prepare(&input, &f->resample, err) ||
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
         !upload_constants(f, band, err) ||
-        !open_program(s, f->data.kind, f->resample.needs_gradient, &f->program, err))
+        !(f->program = gl_resample_open(&s->resample, f->data.kind, f->resample.needs_gradient,
+                                        s->device, err)))
         return false;
     band->slot->is_resampled = true;
     band->slot->mip_level = job->frame->stats.mip_level;
@@ -111,7 +76,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
 static void divide(struct gl_resample_frame *f, struct gl_band *band) {
     const struct gl_state *s = band->state;
     bool is_software = gl_context_info(s->context)->software;
-    int most = is_software ? INTERVALS_SOFTWARE : INTERVALS_MOST;
+    int most = is_software ? INTERVALS_SOFTWARE : GL_RESAMPLE_INTERVALS;
     uint32_t rows = gl_band_rows(band), work = s->resample.work;
     f->rows = work / INTERVALS_LEAST / band->columns;
     f->rows = f->rows < 1 ? 1 : f->rows < rows ? f->rows : rows;
@@ -188,25 +153,4 @@ bool gl_resample_draw(const struct gl_resample_frame *f, struct gl_band *band,
             return false;
     }
     return true;
-}
-
-void gl_resample_adapt(struct gl_resample *resample, double longest_ms) {
-    uint32_t work = resample->work;
-    if (longest_ms > long_ms)
-        work /= 2;
-    else if (longest_ms < short_ms)
-        work *= 2;
-    resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MOST ? work : WORK_MOST;
-}
-
-void gl_resample_init(struct gl_resample *resample) {
-    resample->work = WORK_FIRST;
-}
-
-void gl_resample_finish(struct gl_resample *resample) {
-    struct gl_resample_program *programs = &resample->programs[0][0];
-    for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
-        glDeleteProgram(programs[i].program);
-    gl_buffer_finish(&resample->constants);
-    *resample = (struct gl_resample){ .work = resample->work };
 }

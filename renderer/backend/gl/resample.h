@@ -12,18 +12,8 @@
 #ifndef GL_RESAMPLE_H
 #define GL_RESAMPLE_H
 
+#include "backend/gl/band.h"
 #include "backend/gl/resample_data.h"
-
-struct gl_resample {
-    struct gl_resample_program {
-        unsigned program;            /* 0 = not compiled */
-        bool is_refused;             /* by the driver: not compiled again */
-    } programs[GL_SAMPLES_KINDS][2]; /* by kind, with gradients */
-    struct gl_buffer constants;
-    uint32_t work; /* blocks times intervals per dispatch */
-};
-
-struct gl_band;
 
 /* One frame. */
 struct gl_resample_frame {
@@ -50,11 +40,5 @@ bool gl_resample_plan(struct gl_resample_frame *frame, struct gl_band *band, str
 /* Draws a band that was started. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_resample_draw(const struct gl_resample_frame *frame, struct gl_band *band,
                       struct sp_error *err);
-
-/* Adapts the size of dispatches to the longest one of a band. */
-void gl_resample_adapt(struct gl_resample *resample, double longest_ms);
-
-void gl_resample_init(struct gl_resample *resample);
-void gl_resample_finish(struct gl_resample *resample);
 
 #endif

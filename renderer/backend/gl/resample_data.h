@@ -7,21 +7,9 @@
 #ifndef GL_RESAMPLE_DATA_H
 #define GL_RESAMPLE_DATA_H
 
+#include "backend/gl/resample_programs.h"
 #include "backend/gl/residency.h"
 #include "resample/prepare.h"
-
-/* The programs of shaders/30_resample.glsl by what they read. GL_SAMPLES_LEVELS: levels that the
- * processor has made, of 64-bit reals and of numbers that a float does not hold. */
-enum gl_samples_kind {
-    GL_SAMPLES_UINT8,
-    GL_SAMPLES_INT8,
-    GL_SAMPLES_UINT16,
-    GL_SAMPLES_INT16,
-    GL_SAMPLES_INT32,
-    GL_SAMPLES_FLOAT32,
-    GL_SAMPLES_LEVELS,
-    GL_SAMPLES_KINDS
-};
 
 struct gl_resample_data {
     enum gl_samples_kind kind;

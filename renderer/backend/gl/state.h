@@ -27,10 +27,11 @@
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/readback.h"
-#include "backend/gl/resample.h"
+#include "backend/gl/resample_programs.h"
 #include "backend/gl/timer.h"
 #include "backend/gl/upload.h"
 #include "backend/gl/workload.h"
+#include "resample/levels.h"
 
 /* The measured stages of a frame, in order. */
 enum gl_stage {

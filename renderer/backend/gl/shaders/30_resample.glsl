@@ -382,8 +382,7 @@ void draw() {
         sheets++;
         if (n < next + 2)
             continue;
-        if (pixel.x > TRANSMITTANCE_MIN)
-            integrate(next, value);
+        integrate(next, value); // also where it is dark: an end per pixel would change the image more
         next = find_next(next + 1);
         n = max(n, next - 2); // sheets next − 1 to next + 2 are needed
     }

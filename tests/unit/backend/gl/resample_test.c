@@ -379,7 +379,8 @@ static void thin_volumes(void **state) {
             scene.view.shading.mode = SP_SHADING_PHONG;
             scene.view.size[0] = scene.view.size[1] = 24;
             scene.view.camera.fov_y = 60;
-            test_scene_orbit(&scene, NULL, side == 0 ? 80 : 10, side == 1 ? 75 : 12, i < 2 ? 2.5 : 9);
+            test_scene_orbit(&scene, NULL, side == 0 ? 80 : 10, side == 1 ? 75 : 12,
+                             i < 2 ? 2.5 : 9);
             snprintf(what, sizeof what, "thin %zu, side %d", i, side);
             check(rig, what, &(struct shot){ &scene.view, volume, 0, NULL });
             sp_volume_unref(&volume);
