@@ -323,7 +323,7 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     double longest[GL_STAGES] = { 0 };
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
     if (slot->is_resampled) {
-        gl_resample_adapt(&s->resample, longest_dispatch(longest));
+        gl_resample_adapt(&s->resample, longest_dispatch(longest), s->workload.limits.dispatch_ms);
         add_counts(slot, &head);
         slot->y = slot->end;
         return true;

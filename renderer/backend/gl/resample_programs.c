@@ -9,7 +9,8 @@
 
 enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 22 };
 
-static const double long_ms = 25, short_ms = 5; /* of a dispatch */
+/* Short: below 1/5 of the limit, so that twice as much is not long. */
+static const double shortness = 5;
 
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
                           bool has_gradient, const char *device, struct sp_error *err) {
@@ -40,11 +41,11 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
     return own->program;
 }
 
-void gl_resample_adapt(struct gl_resample *resample, double longest_ms) {
+void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms) {
     uint32_t work = resample->work;
-    if (longest_ms > long_ms)
+    if (longest_ms > limit_ms)
         work /= 2;
-    else if (longest_ms < short_ms)
+    else if (longest_ms < limit_ms / shortness)
         work *= 2;
     resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MOST ? work : WORK_MOST;
 }

@@ -37,8 +37,9 @@ struct gl_resample {
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
                           bool has_gradient, const char *device, struct sp_error *err);
 
-/* Adapts the size of dispatches to the longest one of a band. */
-void gl_resample_adapt(struct gl_resample *resample, double longest_ms);
+/* Adapts the size of dispatches to the longest one of a band. limit_ms: a longer one is too long;
+ * INFINITY = none is. */
+void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms);
 
 void gl_resample_init(struct gl_resample *resample);
 void gl_resample_finish(struct gl_resample *resample);

@@ -123,12 +123,12 @@ uint find_seen(uint slab) {
     uvec2 most = uvec2(regions[axis_of(0)], regions[axis_of(1)]) - 1u;
     uvec2 first = min(uvec2(min(low[0], low[1])) / uint(REGION), most);
     uvec2 end = min(uvec2(max(high[0], high[1])) / uint(REGION), most);
-    uvec3 strides = uvec3(1u, regions.x, regions.x * regions.y);
+    uvec3 by_axis = uvec3(1u, regions.x, regions.x * regions.y);
     uint bits = 0u, count = end.x - first.x + 1u, i = first.x, j = first.y;
     if (count * (end.y - first.y + 1u) > REGIONS_MOST)
         return ALL;
     while (j <= end.y) {
-        uint region = i * strides[axis_of(0)] + j * strides[axis_of(1)] + slab * strides[slices];
+        uint region = i * by_axis[axis_of(0)] + j * by_axis[axis_of(1)] + slab * by_axis[slices];
         bits |= visible[region / 4u] >> (8u * (region % 4u)) & ALL;
         j += i == end.x ? 1u : 0u;
         i = i == end.x ? first.x : i + 1u;
@@ -172,15 +172,17 @@ float between(float a, float b, float c, float d, float e, float f) {
 
 // The level of a slice, or half way between two slices.
 float read(ivec2 p, float z) {
+    const float share[6] = float[6](TAP2, TAP1, TAP0, TAP0, TAP1, TAP2);
     int whole = int(floor(z));
+    bool is_between = z > float(whole);
     p = clamp(p, ivec2(0), last.xy);
     uint line = uint(p.x) * strides.x + uint(p.y) * strides.y;
-    if (z == float(whole))
-        return level_of(line + uint(clamp(whole, 0, last.z)) * strides.z);
-    float own[6];
-    for (int k = 0; k < 6; k++)
-        own[k] = level_of(line + uint(clamp(whole - 2 + k, 0, last.z)) * strides.z);
-    return between(own[0], own[1], own[2], own[3], own[4], own[5]);
+    float sum = 0.0;
+    for (int k = is_between ? -2 : 0; k <= (is_between ? 3 : 0); k++) {
+        float level = level_of(line + uint(clamp(whole + k, 0, last.z)) * strides.z);
+        sum += is_between ? share[k + 2] * level : level;
+    }
+    return sum;
 }
 
 uint to_word(float even, float odd) {

@@ -65,8 +65,8 @@ void open_axis(int w, bool backwards, int sheets) {
     per_slice = sheets;
     dims = ivec3(axes[axis_of(0)].rows.x, axes[axis_of(1)].rows.x, axes[w].rows.x);
     last = dims - 1;
-    uvec3 all = uvec3(1u, axes[0].rows.x, axes[0].rows.x * axes[1].rows.x);
-    strides = uvec3(all[axis_of(0)], all[axis_of(1)], all[w]);
+    uvec3 by_axis = uvec3(1u, axes[0].rows.x, axes[0].rows.x * axes[1].rows.x);
+    strides = uvec3(by_axis[axis_of(0)], by_axis[axis_of(1)], by_axis[w]);
 }
 
 // The slice that a sheet lies on, a multiple of ½; the first sheets lie before the volume.

@@ -22,6 +22,7 @@
 #include "support/compare.h"
 #include "support/data.h"
 #include "support/image.h"
+#include "support/render.h"
 #include "support/sanitized.h"
 #include "support/scene.h"
 
@@ -231,21 +232,21 @@ static void every_type_of_samples(void **state) {
         { SP_FLOAT32, 1000, 1001, true },   { SP_FLOAT32, 0, 1e-33, false },
         { SP_FLOAT32, -3e38, 3e38, false }, { SP_FLOAT64, 1e9, 1e9 + 1, true },
     };
-    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++)
-        for (int is_lit = 0; is_lit < 2; is_lit++) {
-            struct sp_volume *volume =
-                make_ball(cases[i].type, cases[i].low, cases[i].high, cases[i].has_holes, is_lit);
-            struct sp_view view;
-            char what[40];
-            make_view(&view, volume, cases[i].low, cases[i].high);
-            view.shading.mode = is_lit ? SP_SHADING_PHONG : SP_SHADING_NONE;
-            snprintf(what, sizeof what, "type %d, case %zu, lit %d", (int)cases[i].type, i, is_lit);
-            check(rig, what, &(struct shot){ &view, volume, 0, NULL });
-            for (int b = 0; b < BACKENDS; b++)
-                rig->backends[b]->evict(rig->states[b], volume);
-            assert_compare(rig->backends[GL]->memory(rig->states[GL], volume), ==, 0);
-            sp_volume_unref(&volume);
-        }
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        int is_lit = i % 2;
+        struct sp_volume *volume =
+            make_ball(cases[i].type, cases[i].low, cases[i].high, cases[i].has_holes, is_lit);
+        struct sp_view view;
+        char what[40];
+        make_view(&view, volume, cases[i].low, cases[i].high);
+        view.shading.mode = is_lit ? SP_SHADING_PHONG : SP_SHADING_NONE;
+        snprintf(what, sizeof what, "type %d, case %zu, lit %d", (int)cases[i].type, i, is_lit);
+        check(rig, what, &(struct shot){ &view, volume, 0, NULL });
+        for (int b = 0; b < BACKENDS; b++)
+            rig->backends[b]->evict(rig->states[b], volume);
+        assert_compare(rig->backends[GL]->memory(rig->states[GL], volume), ==, 0);
+        sp_volume_unref(&volume);
+    }
     report(rig);
 }
 
@@ -416,17 +417,20 @@ static void dispatches_stay_short(void **state) {
     struct gl_resample resample;
     gl_resample_init(&resample);
     uint32_t first = resample.work;
-    gl_resample_adapt(&resample, 10);
+    gl_resample_adapt(&resample, 10, 25);
     assert_int_equal(resample.work, first);
-    gl_resample_adapt(&resample, 30);
+    gl_resample_adapt(&resample, 30, 25);
     assert_int_equal(resample.work, first / 2);
-    gl_resample_adapt(&resample, 1);
+    gl_resample_adapt(&resample, 1, 25);
     assert_int_equal(resample.work, first);
     for (int i = 0; i < 40; i++)
-        gl_resample_adapt(&resample, 100);
+        gl_resample_adapt(&resample, 100, 25);
     assert_in_range(resample.work, 1, first);
     for (int i = 0; i < 40; i++)
-        gl_resample_adapt(&resample, 0);
+        gl_resample_adapt(&resample, 0, 25);
+    assert_in_range(resample.work, first, (uint32_t)1 << 24);
+    gl_resample_init(&resample);
+    gl_resample_adapt(&resample, 1000, INFINITY); /* software GL */
     assert_in_range(resample.work, first, (uint32_t)1 << 24);
 }
 
@@ -511,6 +515,34 @@ static void a_cancelled_frame_leaves_nothing_behind(void **state) {
     report(rig);
 }
 
+static void auto_chooses_interpolated_values(void **state) {
+    struct rig *rig = *state;
+    struct sp_renderer_options options = { .backend = "gl-software", .threads = 1 };
+    struct sp_error err;
+    struct sp_renderer *renderer = sp_renderer_create(&options, &err);
+    struct sp_volume *volume = make_ball(SP_UINT8, 0, 255, false, false);
+    struct sp_frame *frames[2];
+    struct sp_view view;
+    assert_non_null(renderer);
+    make_view(&view, volume, 0, 255);
+    for (int i = 0; i < 2; i++) {
+        view.transfer_function.order = i ? SP_TF_AUTO : SP_TF_POST;
+        frames[i] = sp_renderer_render(renderer, volume, &view, rig->pool, NULL, &err);
+        if (!frames[i])
+            fail_msg("%s", err.text);
+    }
+    assert_true(test_frames_equal(frames[0], frames[1]));
+    for (int i = 0; i < 2; i++)
+        sp_frame_unref(&frames[i]);
+    view.shading.mode = SP_SHADING_PHONG; /* light is refused, not drawn without it */
+    view.shading.shadow = 0.5f;
+    assert_null(sp_renderer_render(renderer, volume, &view, rig->pool, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+    assert_string_equal(err.place, "/shading/shadow");
+    sp_renderer_destroy(&renderer);
+    sp_volume_unref(&volume);
+}
+
 static void light_is_refused(void **state) {
     struct rig *rig = *state;
     struct sp_volume *volume = make_ball(SP_UINT8, 0, 255, false, false);
@@ -548,6 +580,7 @@ int main(void) {
         ON(what_is_resident_is_not_uploaded_again),
         ON(a_frame_that_does_not_fit_is_refused),
         ON(a_cancelled_frame_leaves_nothing_behind),
+        ON(auto_chooses_interpolated_values),
         ON(light_is_refused),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
