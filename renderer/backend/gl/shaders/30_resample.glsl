@@ -15,7 +15,7 @@ layout(location = 0) uniform uvec4 band;  // width of the image, first row and l
 layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
 
 const uint PIXELS = TILE * TILE;
-const int RAW = 768, REFINED = 1032; // samples around those that are refined; words of these
+const int RAW = 512, REFINED = 640; // samples around those that are refined; words of these
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1;
 const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
