@@ -176,6 +176,51 @@ static void auto_chooses_interpolated_values(void **state) {
     sp_volume_unref(&volume);
 }
 
+static double small_ball(const void *user, double x, double y, double z) {
+    (void)user;
+    x -= 64, y -= 64, z -= 32;
+    return fmax(0, 60000 - 6000 * sqrt(x * x + y * y + z * z));
+}
+
+/* The samples take more video memory than there is, the visible voxels much less. */
+static void auto_is_pre_if_the_samples_do_not_fit(void **state) {
+    struct resample_rig *rig = *state;
+    struct sp_renderer_options options = { .backend = "gl-software",
+                                           .threads = 1,
+                                           .video_bytes = (uint64_t)7 << 18 };
+    struct sp_error err;
+    struct sp_renderer *renderer = sp_renderer_create(&options, &err);
+    struct test_scene scene;
+    test_view_init(&scene.view);
+    test_scene_points(&scene, (const double[][5]){ { 20000, 1, 0, 0, 0 }, { 60000, 1, 1, 0, 0.3 } },
+                      2);
+    assert_true(test_scene_voxels(&scene, "ball", (uint32_t[]){ 128, 128, 64 },
+                                  (double[]){ 1, 1, 1 }, SP_UINT16, small_ball, NULL));
+    struct sp_volume *volume = test_scene_volume(&scene, NULL);
+    assert_non_null(volume);
+    assert_non_null(renderer);
+    test_scene_orbit(&scene, NULL, 30, 20, 60);
+    scene.view.size[0] = scene.view.size[1] = 24;
+    scene.view.filter.mode = SP_FILTER_ADAPTIVE;
+    scene.view.compositing.mode = SP_COMPOSITE_SHEET;
+    scene.view.transfer_function.order = SP_TF_POST;
+    assert_null(sp_renderer_render(renderer, volume, &scene.view, rig->pool, NULL, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    struct sp_frame *frames[2];
+    for (int i = 0; i < 2; i++) {
+        scene.view.transfer_function.order = i ? SP_TF_AUTO : SP_TF_PRE;
+        frames[i] = sp_renderer_render(renderer, volume, &scene.view, rig->pool, NULL, &err);
+        if (!frames[i])
+            fail_msg("%s", err.text);
+    }
+    assert_true(test_frames_equal(frames[0], frames[1]));
+    for (int i = 0; i < 2; i++)
+        sp_frame_unref(&frames[i]);
+    sp_renderer_destroy(&renderer);
+    sp_volume_unref(&volume);
+    test_scene_finish(&scene);
+}
+
 static void light_is_refused(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
