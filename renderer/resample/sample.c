@@ -18,8 +18,9 @@ static inline sp_wide coordinate(const struct sp_resample_open_tile *t, int a, c
                                  const float *change, const struct sp_resample_sheet *sheet) {
     float shift = -2.0f * (float)sheet->origin[a], border = shift + 2.0f * (float)(t->dims[a] - 1);
     const sp_wide first = sp_wide_all(shift > 0 ? shift : 0);
-    const sp_wide last =
-        sp_wide_all(border < (float)sheet->last[a] ? border : (float)sheet->last[a]);
+    /* The last column has a next one, so places up to the next one are inside the sheet. */
+    float inside = (float)sheet->last[a] + 0.998f;
+    const sp_wide last = sp_wide_all(border < inside ? border : inside);
     sp_wide x = sp_wide_fma(sp_wide_load(change), sp_wide_all(sheet->s), sp_wide_load(at));
     for (int i = 0; t->map[a] && i < SP_WIDE; i++)
         x[i] = sp_resample_index(t, a, x[i]);
