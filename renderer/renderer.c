@@ -21,6 +21,7 @@ struct inflight {
     struct sp_backend_job job; /* with references to volume and frame */
     struct sp_view view;
     bool is_begun;       /* the backend works on it */
+    bool may_be_pre;     /* order "auto" chose post, and pre is possible, too */
     struct sp_error why; /* why the backend's begin() failed; SP_OK = it did not fail */
     double ms, cpu_ms;   /* spent in sp_renderer_begin() */
 };
@@ -399,6 +400,16 @@ static bool draw_once(struct sp_renderer *r, struct inflight *f, struct sp_error
     return ok;
 }
 
+/* Order "auto" becomes pre for a frame that does not fit the memory as post; false = it does not.
+ * Lists of visible voxels may be much smaller than the volume's samples. */
+static bool choose_pre(struct inflight *f, const struct sp_error *why) {
+    if (!f->may_be_pre || (why->code != SP_ERR_MEMORY && why->code != SP_ERR_BUDGET))
+        return false;
+    f->view.transfer_function.order = SP_TF_PRE;
+    f->may_be_pre = false;
+    return true;
+}
+
 /* Draws the frame. A backend that fails is tried again, so that no frame is lost if its device
  * comes back, and replaced after three failures in a row. Failures that are due to the view or to
  * memory do not count. */
@@ -408,6 +419,8 @@ static bool draw(struct sp_renderer *r, struct inflight *f, struct sp_error *err
         bool again = why.code == SP_ERR_BACKEND;
         if (is_beyond_backend(&why) && draw_on_fallback(r, f, &why))
             return true;
+        if (choose_pre(f, &why))
+            continue;
         if (again) {
             sp_log(SP_LOG_WARN, "backend %s failed: %s", r->info.backend, why.text);
             again = ++r->failures < FAILURES_MAX || fail_over(r, &why);
@@ -453,6 +466,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
     f->view.transfer_function.order = choose_order(renderer, volume, view, o->mip_level);
+    f->may_be_pre = view->transfer_function.order == SP_TF_AUTO &&
+                    f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
                                       .view = &f->view,
                                       .mip_level = o->mip_level,

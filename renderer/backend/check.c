@@ -9,7 +9,7 @@ enum { SIDE = 64 }; /* px */
 
 /* The settings that are compared. Together they run every stage except the sorting of single
  * splats. */
-enum { WAYS = 2 };
+enum { WAYS = 3 };
 
 struct drawing {
     const struct sp_backend *backend;
@@ -28,8 +28,10 @@ static bool choose_way(int way, const struct sp_capabilities *can, struct sp_vie
     view->transfer_function.order = SP_TF_PRE;
     if (way == 0)
         return true;
-    view->compositing.mode = SP_COMPOSITE_SLAB;
     view->transfer_function.order = SP_TF_POST;
+    if (way == 1)
+        return can->interpolated_sheets && can->orders & SP_CAN(SP_TF_POST);
+    view->compositing.mode = SP_COMPOSITE_SLAB;
     view->filter.mode = SP_FILTER_EWA;
     return can->compositings & SP_CAN(SP_COMPOSITE_SLAB) && can->orders & SP_CAN(SP_TF_POST) &&
            can->filters & SP_CAN(SP_FILTER_EWA);

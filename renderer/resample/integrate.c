@@ -242,12 +242,13 @@ static inline void find_normal(const struct work *work, const struct interval *i
     }
     sp_wide least = past_square * (share * share) + rounding * rounding;
     sp_wide firm = sp_wide_min(in->magnitude * in->magnitude * sp_wide_inverse(least), one);
-    firm = sp_wide_keep(sp_wide_lt(in->light, one), firm);
     sp_wide rest = sp_wide_copysign(one - firm, along); /* surfaces have two sides */
+    sp_wide_mask is_visible = sp_wide_lt(in->light, one);
     for (int c = 0; c < 3; c++) {
+        float *normal = block->normal[c] + in->begin;
         world[c] = firm * in->gradient[c] + rest * past[c];
-        sp_wide_store(block->normal[c] + in->begin, world[c]);
         square += world[c] * world[c];
+        sp_wide_store(normal, sp_wide_select(is_visible, world[c], sp_wide_load(normal)));
     }
     sp_wide inverse =
         sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));

@@ -211,6 +211,7 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     }
     *s = made;
+    s->made = ++cache->clock;
     return true;
 }
 
@@ -300,6 +301,7 @@ static bool fill_class(struct sp_samples_class *class, struct sp_samples *s,
     }
     class->tf = *job->tf;
     class->axis = job->axis;
+    class->made = ++cache->clock;
     sp_curve_init(&class->curve, &class->tf, sp_volume_info(job->volume)->range,
                   class->curve.integral);
     return sp_visible_find(s, class, job->pool, &job->interrupt) ||
@@ -321,7 +323,7 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
         return NULL;
     found->used = ++cache->clock;
     *class = found;
-    if (job->axis == 0 && !s->turned)
+    if (job->axis == 0 && !job->keeps_layout && !s->turned)
         turn(s, job, cache);
     return s;
 }

@@ -32,6 +32,7 @@ struct sp_samples_job {
     const struct sp_transfer_function *tf;
     uint64_t bytes_max;             /* of the cache */
     sp_ranges_find_fn *find_ranges; /* of an instruction set; NULL = the reference */
+    bool keeps_layout;              /* `turned` is not made */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };

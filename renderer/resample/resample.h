@@ -150,6 +150,7 @@ struct sp_resample_input {
     unsigned mip_level;                 /* no finer level is drawn */
     sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
     sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
+    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };

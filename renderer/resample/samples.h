@@ -26,6 +26,7 @@ struct sp_samples_class {
     uint8_t *visible;
     uint64_t visible_count; /* regions with a bit */
     uint64_t used;          /* when it was asked for last; 0 = it is not filled */
+    uint64_t made;          /* number of these contents, which no others of the cache have */
 };
 
 struct sp_samples {
@@ -34,6 +35,7 @@ struct sp_samples {
     void *turned; /* the same samples with axis 0 last, owned; NULL = there was no memory or no need
                    */
     enum sp_type type; /* as in the volume */
+    uint64_t made;     /* number of these samples, which no others of the cache have */
     uint32_t dims[3];
     uint32_t regions[3]; /* per axis, at least 1 */
     float (*range)[2];   /* by region, first axis fastest: smallest and largest value, data unit;

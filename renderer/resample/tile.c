@@ -8,97 +8,28 @@
 
 #include "frame/resolve.h"
 #include "resample/kernels.h"
+#include "resample/rays.h"
 
 enum { ALL_INTERVALS = (1 << SAMPLES_REGION) - 1 };
 
-/* Rays that go farther than this from slice to slice need a sheet between them: in samples, and in
- * distances of slices. */
-static const double steep = 1.3;
-
-/* u, v, du and dv of the ray through the tile's centre, in double precision, and how they change
- * from pixel to pixel: (x·right + y·down)/(1 + x·fall[0] + y·fall[1]). */
-struct rays {
-    double at[2], change[2];
-    double right[2], down[2], fall[2];
-    double lever; /* perspective: slices from the eye to s = 0; orthographic: 1 */
-    double centre[2];
-};
-
-/* The direction of the ray (x, y) px from the image's centre [samples per unit of depth]. */
-static void find_direction(const struct sp_resample *r, double x, double y, double out[3]) {
-    for (int a = 0; a < 3; a++)
-        out[a] = r->ray[a] + x * r->right[a] + y * r->down[a];
-}
-
-static void choose_axis(struct sp_resample_open_tile *t, const double direction[3]) {
-    const struct sp_samples *samples = t->r->samples;
-    /* The axis to which the ray has the smallest angle, in world space. */
-    int best = 0;
-    for (int a = 1; a < 3; a++)
-        if (fabs(direction[a]) * sqrt(t->r->metric[a]) >=
-            fabs(direction[best]) * sqrt(t->r->metric[best]))
-            best = a;
+/* Finds the rays of the tile, and sets what it needs of its slices. */
+static void init_rays(struct sp_resample_open_tile *t, struct sp_resample_rays *rays) {
+    const struct sp_resample *r = t->r;
+    const struct sp_samples *samples = r->samples;
     const size_t strides[3] = { 1, samples->dims[0], (size_t)samples->dims[0] * samples->dims[1] };
     const size_t turned[3] = { 1, samples->dims[1], (size_t)samples->dims[1] * samples->dims[2] };
-    t->axis[0] = best == 0 ? 1 : 0;
-    t->axis[1] = best == 2 ? 1 : 2;
-    t->axis[2] = best;
-    bool is_turned = best == 0 && samples->turned;
+    sp_resample_rays_init(rays, r, (const int[4]){ t->x, t->y, t->width, t->height });
+    bool is_turned = rays->axis[2] == 0 && samples->turned;
     t->voxels = is_turned ? samples->turned : samples->voxels;
     for (int a = 0; a < 3; a++) {
+        t->axis[a] = rays->axis[a];
         t->stride[a] = is_turned ? turned[a] : strides[t->axis[a]];
         t->dims[a] = (int)samples->dims[t->axis[a]];
-        t->map[a] = t->r->axes[t->axis[a]].place ? &t->r->axes[t->axis[a]] : NULL;
+        t->map[a] = r->axes[t->axis[a]].place ? &r->axes[t->axis[a]] : NULL;
     }
-    t->is_backwards = direction[best] < 0;
-    t->reference = sp_resample_place(t, 0.5f * (float)(t->dims[2] - 1));
-}
-
-/* 1/cos of the angle between the ray and the slices' axis, in world space. */
-static double slant(const struct sp_resample *r, const double direction[3], int axis) {
-    const double *m = r->metric, *d = direction;
-    double square = m[0] * d[0] * d[0] + m[1] * d[1] * d[1] + m[2] * d[2] * d[2] +
-                    2 * (m[3] * d[1] * d[2] + m[4] * d[0] * d[2] + m[5] * d[0] * d[1]);
-    return sqrt(square / (m[axis] * d[axis] * d[axis]));
-}
-
-static void init_rays(struct sp_resample_open_tile *t, struct rays *rays) {
-    const struct sp_resample *r = t->r;
-    bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
-    double direction[3], centre[3];
-    rays->centre[0] = t->x + 0.5 * t->width;
-    rays->centre[1] = t->y + 0.5 * t->height;
-    double x = rays->centre[0] - r->camera->centre[0], y = rays->centre[1] - r->camera->centre[1];
-    memcpy(direction, r->ray, sizeof direction);
-    if (is_perspective)
-        find_direction(r, x, y, direction);
-    /* One axis for the whole image, so that there are no seams; but its own axis for a tile whose
-     * rays would hardly cross those slices. */
-    choose_axis(t, r->ray);
-    if (slant(r, direction, t->axis[2]) > 2.5 || direction[t->axis[2]] * r->ray[t->axis[2]] <= 0)
-        choose_axis(t, direction);
-    const int *axis = t->axis;
-    double forward = direction[axis[2]], sign = t->is_backwards ? -1 : 1;
-    for (int a = 0; a < 3; a++)
-        centre[a] = is_perspective ? r->eye[a] : r->start[a] + x * r->right[a] + y * r->down[a];
-    double ahead = (double)t->reference - centre[axis[2]]; /* slices from the start to s = 0 */
-    for (int a = 0; a < 2; a++) {
-        rays->change[a] = direction[axis[a]] / forward;
-        rays->at[a] = centre[axis[a]] + ahead * rays->change[a];
-        rays->right[a] = r->right[axis[a]] - r->right[axis[2]] * rays->change[a];
-        rays->down[a] = r->down[axis[a]] - r->down[axis[2]] * rays->change[a];
-        if (is_perspective) {
-            rays->right[a] /= forward;
-            rays->down[a] /= forward;
-        }
-        rays->change[a] *= sign;
-    }
-    rays->fall[0] = is_perspective ? r->right[axis[2]] / forward : 0;
-    rays->fall[1] = is_perspective ? r->down[axis[2]] / forward : 0;
-    rays->lever = is_perspective ? ahead : 1;
-    double speed = sqrt(1 + rays->change[0] * rays->change[0] + rays->change[1] * rays->change[1]);
-    bool is_steep = speed > steep || slant(r, direction, axis[2]) > steep;
-    t->sheets_per_slice = is_steep ? 2 : 1;
+    t->is_backwards = rays->is_backwards;
+    t->reference = rays->reference;
+    t->sheets_per_slice = rays->sheets_per_slice;
 }
 
 /* Keeps the part of SP_WIDE rays inside a half space. */
@@ -120,7 +51,7 @@ static inline void cut_rays(const struct sp_resample_open_tile *t,
     *end = sp_wide_select(is_outside, -far, *end);
 }
 
-static void init_pixels(const struct sp_resample_open_tile *t, const struct rays *rays,
+static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
                         struct sp_resample_block *block, const int at[2], int i) {
     const struct sp_resample *r = t->r;
     const double *m = r->metric;
@@ -165,8 +96,8 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct rays
 }
 
 /* Returns false if no ray of the block meets the volume. */
-static bool init_block(const struct sp_resample_open_tile *t, const struct rays *rays, int b,
-                       const int at[2]) {
+static bool init_block(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
+                       int b, const int at[2]) {
     static const int corners[4] = { 0, RESAMPLE_BLOCK - 1, RESAMPLE_PIXELS - RESAMPLE_BLOCK,
                                     RESAMPLE_PIXELS - 1 };
     struct sp_resample_block *block = &t->scratch->blocks[b];
@@ -433,12 +364,11 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                                        .y = y,
                                        .width = right < side ? right : side,
                                        .height = below < side ? below : side };
-    struct rays rays;
+    struct sp_resample_rays rays;
     if (right <= 0 || below <= 0)
         return;
     init_rays(&t, &rays);
-    if (fabs(rays.fall[0]) * t.width + fabs(rays.fall[1]) * t.height > 1.7 &&
-        side > RESAMPLE_BLOCK) {
+    if (rays.is_too_wide && side > RESAMPLE_BLOCK) {
         for (int i = 0; i < 4; i++)
             draw_square(r, scratch, x + (i & 1) * side / 2, y + (i >> 1) * side / 2, side / 2);
         return;

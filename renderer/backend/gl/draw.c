@@ -6,7 +6,9 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "backend/gl/band.h"
 #include "backend/gl/memory.h"
+#include "backend/gl/resample.h"
 #include "base/clock.h"
 #include "light/light.h"
 #include "sp/log.h"
@@ -14,22 +16,15 @@
 
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
-    HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t),
-    BEHIND = 2,      /* long batches or passes that may be queued on the GPU */
-    BEHIND_MOST = 8, /* short ones */
-    CHUNKS_SHARE = 8 /* memory for records over memory for their chunks */
+    CHUNKS_SHARE = 8     /* memory for records over memory for their chunks */
 };
 
 struct draw {
-    struct gl_state *state;
-    const struct sp_backend_job *job;
-    struct gl_slot *slot;
+    struct gl_band band;
+    bool is_resampled;
+    struct gl_resample_frame resampled; /* if is_resampled; else: */
     struct gl_frame frame;
-    unsigned compositor;     /* program */
-    uint32_t columns;        /* of tiles */
-    uint32_t y, end;         /* rows of the band [px] */
-    void *sent[BEHIND_MOST]; /* fences */
-    unsigned sent_count;
+    unsigned compositor; /* program */
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -37,52 +32,17 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "data");
 }
 
-static uint32_t tile_rows(const struct draw *d) {
-    return gl_divide_up(d->end - d->y, GL_TILE);
-}
-
-static uint32_t band_tiles(const struct draw *d) {
-    return d->columns * tile_rows(d);
-}
-
-static uint32_t band_pixels(const struct draw *d) {
-    return d->job->frame->width * (d->end - d->y);
-}
-
-static uint32_t pixel_bytes(const struct sp_frame *frame) {
-    return frame->format == SP_RGBAF32 ? 16 : 4;
-}
-
-/* Orders what shaders wrote before later shaders and buffer clears. */
-static void storage_barrier(void) {
-    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
-}
-
 /* Returns how many batches or passes may be queued on the GPU: together they have at most as many
  * pairs as one may have. */
 static unsigned queued_max(const struct draw *d) {
-    const struct gl_workload *workload = &d->state->workload;
+    const struct gl_workload *workload = &d->band.state->workload;
     uint64_t n = gl_workload_limits(workload).pairs / workload->pairs;
-    return n < BEHIND ? BEHIND : n < BEHIND_MOST ? (unsigned)n : BEHIND_MOST;
-}
-
-/* Ends a batch or a pass with a fence, and waits for an earlier one, so that a cancelled frame
- * leaves little queued work. */
-static bool follow(struct draw *d, struct sp_error *err) {
-    void **last = &d->sent[d->sent_count++ % queued_max(d)];
-    if (!gl_fence_wait(last, d->job->cancel, err))
-        return false;
-    gl_fence_set(last);
-    return true;
-}
-
-static void drop_fences(struct draw *d) {
-    for (int i = 0; i < BEHIND_MOST; i++)
-        gl_fence_drop(&d->sent[i]);
+    return n < GL_QUEUED_MIN ? GL_QUEUED_MIN : n < GL_QUEUED_MAX ? (unsigned)n : GL_QUEUED_MAX;
 }
 
 static struct gl_bins_space space_of(const struct draw *d, const struct gl_batch *batch) {
-    return (struct gl_bins_space){ d->columns, d->y, d->end, tile_rows(d), batch->layers };
+    return (struct gl_bins_space){ d->band.columns, d->band.y, d->band.end, gl_band_rows(&d->band),
+                                   batch->layers };
 }
 
 static void use(const struct draw *d, unsigned program, const struct gl_batch *batch) {
@@ -92,9 +52,9 @@ static void use(const struct draw *d, unsigned program, const struct gl_batch *b
 }
 
 static void project(struct draw *d, const struct gl_batch *batch) {
-    struct gl_state *s = d->state;
+    struct gl_state *s = d->band.state;
     use(d, s->project, batch);
-    glUniform2ui(4, (GLuint)s->workload.pairs, d->slot->pieces.splat_rounds);
+    glUniform2ui(4, (GLuint)s->workload.pairs, d->band.slot->pieces.splat_rounds);
     gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
@@ -116,19 +76,19 @@ static void project(struct draw *d, const struct gl_batch *batch) {
             glDispatchCompute(n, 1, 1);
         }
     }
-    storage_barrier();
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_SPLAT);
+    gl_band_barrier();
+    gl_timer_stamp(&d->band.slot->timer, GL_STAGE_SPLAT);
 }
 
 static void bin(struct draw *d, const struct gl_batch *batch) {
-    struct gl_state *s = d->state;
+    struct gl_state *s = d->band.state;
     const struct gl_bins_space space = space_of(d, batch);
     gl_bins_sort(&s->bins, &space, &s->buffers.spans, batch->records, (uint32_t)s->workload.pairs);
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
+    gl_timer_stamp(&d->band.slot->timer, GL_STAGE_BIN);
     if (d->frame.compositing != SP_COMPOSITE_SPLAT)
         return;
-    gl_bins_order(&s->bins, &space, (uint32_t)s->workload.pairs, d->slot->pieces.bin_pairs);
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_BIN);
+    gl_bins_order(&s->bins, &space, (uint32_t)s->workload.pairs, d->band.slot->pieces.bin_pairs);
+    gl_timer_stamp(&d->band.slot->timer, GL_STAGE_BIN);
 }
 
 /* The choices that a compositor is compiled for. */
@@ -174,10 +134,11 @@ static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
 }
 
 static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_error *err) {
-    struct gl_state *s = d->state;
+    struct gl_state *s = d->band.state;
     const struct gl_frame *f = &d->frame;
     use(d, d->compositor, batch);
-    glUniform3ui(1, d->job->frame->width, (GLuint)s->workload.pairs, d->slot->pieces.pass_pairs);
+    glUniform3ui(1, d->band.job->frame->width, (GLuint)s->workload.pairs,
+                 d->band.slot->pieces.pass_pairs);
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
@@ -191,56 +152,22 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     gl_buffer_bind(&s->bins.counts, 7);
     for (uint32_t pass = 0; pass < s->workload.passes; pass++) {
         glUniform4ui(2, batch->resumes, batch->stays_open, pass, s->workload.passes);
-        glDispatchCompute(d->columns, tile_rows(d), 1);
-        storage_barrier();
-        gl_timer_stamp(&d->slot->timer, GL_STAGE_TILE);
-        if (!follow(d, err))
+        glDispatchCompute(d->band.columns, gl_band_rows(&d->band), 1);
+        gl_band_barrier();
+        gl_timer_stamp(&d->band.slot->timer, GL_STAGE_TILE);
+        if (!gl_band_follow(&d->band, err))
             return false;
     }
     return true;
 }
 
-static void resolve(struct draw *d) {
-    struct gl_state *s = d->state;
-    glUseProgram(s->resolve);
-    glUniform2ui(0, band_pixels(d), d->job->frame->format == SP_RGBAF32);
-    glUniform4fv(1, 1, d->job->view->background);
-    gl_buffer_bind(&s->buffers.image, 1);
-    gl_buffer_bind(&s->buffers.pixels, 2);
-    glDispatchCompute(gl_divide_up(band_pixels(d), GL_GROUP), 1, 1);
-    storage_barrier(); /* pixels stay bound: the next program may have a block there */
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_RESOLVE);
-}
-
-static void start_band(const struct draw *d) {
-    static const float clear_pixel[4] = { 1, 0, 0, 0 };
-    glBindBuffer(GL_SHADER_STORAGE_BUFFER, d->state->buffers.image.name);
-    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
-                         (GLsizeiptr)band_pixels(d) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
-                         GL_FLOAT, clear_pixel);
-    gl_bins_clear_head(&d->state->bins);
-}
-
-/* Starts the readback of the band's counters and pixels. */
-static bool send_back(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->state;
-    struct gl_readback *readback = &d->slot->readback;
-    gl_readback_begin(readback);
-    gl_readback_copy(readback, &s->bins.counts, HEAD_BYTES);
-    gl_readback_copy(readback, &s->buffers.pixels,
-                     (uint64_t)band_pixels(d) * pixel_bytes(d->job->frame));
-    gl_timer_stamp(&d->slot->timer, GL_STAGE_READ);
-    gl_readback_send(readback);
-    return gl_check("drawn", err);
-}
-
 /* Reserves memory for the largest batch and for a band. */
 static bool reserve(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->state;
-    uint64_t most = s->block_bytes, records = 1, bins = 1, pixels = band_pixels(d);
-    for (uint32_t i = 0; i < d->state->partition.batch_count; i++) {
-        const struct gl_batch *b = &d->state->partition.batches[i];
-        uint64_t own = (uint64_t)band_tiles(d) * b->layers;
+    struct gl_state *s = d->band.state;
+    uint64_t most = s->block_bytes, records = 1, bins = 1;
+    for (uint32_t i = 0; i < d->band.state->partition.batch_count; i++) {
+        const struct gl_batch *b = &d->band.state->partition.batches[i];
+        uint64_t own = (uint64_t)gl_band_tiles(&d->band) * b->layers;
         records = b->records > records ? b->records : records;
         bins = own > bins ? own : bins;
     }
@@ -252,42 +179,39 @@ static bool reserve(struct draw *d, struct sp_error *err) {
     } wanted[] = {
         { &s->buffers.records, "splats", records * 16 * d->frame.stride, GL_USE_SCRATCH },
         { &s->buffers.spans, "tiles of splats", records * GL_SPAN_BYTES, GL_USE_SCRATCH },
-        { &s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, GL_USE_SCRATCH },
-        { &s->buffers.pixels, "pixels", pixels * pixel_bytes(d->job->frame), GL_USE_SCRATCH },
     };
     for (size_t i = 0; i < sizeof wanted / sizeof wanted[0]; i++)
         if (!gl_buffer_reserve(wanted[i].buffer, wanted[i].what, wanted[i].bytes, most,
                                wanted[i].usage, err))
             return false;
-    return gl_bins_reserve(&s->bins, bins, s->workload.pairs, most, err) &&
-           gl_readback_reserve(&d->slot->readback, HEAD_BYTES + pixels * pixel_bytes(d->job->frame),
-                               err);
+    return gl_band_reserve(&d->band, err) &&
+           gl_bins_reserve(&s->bins, bins, s->workload.pairs, most, err);
 }
 
 /* Returns the number of layers per batch that the bins can hold. */
 static uint32_t layers_of_batch(const struct draw *d) {
-    uint32_t capacity = gl_workload_limits(&d->state->workload).bins / band_tiles(d);
+    uint32_t capacity = gl_workload_limits(&d->band.state->workload).bins / gl_band_tiles(&d->band);
     capacity = capacity < 1 ? 1 : capacity;
-    return capacity < d->state->workload.layers ? capacity : d->state->workload.layers;
+    return capacity < d->band.state->workload.layers ? capacity : d->band.state->workload.layers;
 }
 
 /* Returns the costs of a pair and a record of the frame. */
 static struct gl_costs costs_of(const struct draw *d) {
     const struct gl_frame *f = &d->frame;
-    struct gl_costs costs = { .columns = d->columns,
+    struct gl_costs costs = { .columns = d->band.columns,
                               .pair_rounds = f->compositing == SP_COMPOSITE_SLAB ? 3 : 1, /* Φ */
                               .pair_loads = gl_frame_ewa(f)->clip.count,
                               .record_bytes = 16 * f->stride,
-                              .block_bytes = d->state->block_bytes };
+                              .block_bytes = d->band.state->block_bytes };
     if (f->is_post) /* closing a layer searches for a value and a magnitude */
-        costs.pair_loads += 9 + d->job->view->transfer_function.gradient_count;
+        costs.pair_loads += 9 + d->band.job->view->transfer_function.gradient_count;
     return costs;
 }
 
 /* Makes the batches of the band. */
 static bool cut(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->state;
-    if (!gl_partition_make(&s->partition, layers_of_batch(d), d->slot->pieces.records, err))
+    struct gl_state *s = d->band.state;
+    if (!gl_partition_make(&s->partition, layers_of_batch(d), d->band.slot->pieces.records, err))
         return false;
     uint64_t enough = gl_workload_limits(&s->workload).record_bytes / CHUNKS_SHARE;
     return reserve(d, err) &&
@@ -296,13 +220,13 @@ static bool cut(struct draw *d, struct sp_error *err) {
 }
 
 static bool draw_batches(struct draw *d, struct sp_error *err) {
-    for (uint32_t i = 0; i < d->state->partition.batch_count; i++) {
-        const struct gl_batch *batch = &d->state->partition.batches[i];
-        if (sp_job_is_cancelled(d->job))
+    for (uint32_t i = 0; i < d->band.state->partition.batch_count; i++) {
+        const struct gl_batch *batch = &d->band.state->partition.batches[i];
+        if (sp_job_is_cancelled(d->band.job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         const struct gl_bins_space space = space_of(d, batch);
-        gl_bins_clear(&d->state->bins, &space);
-        gl_upload_batch(&d->state->upload, &d->state->partition, batch);
+        gl_bins_clear(&d->band.state->bins, &space);
+        gl_upload_batch(&d->band.state->upload, &d->band.state->partition, batch);
         project(d, batch);
         bin(d, batch);
         if (!composite(d, batch, err))
@@ -319,19 +243,19 @@ static uint32_t most_layers(const struct gl_partition *partition) {
     return most;
 }
 
-/* Plans the rows and batches of the band that begins at d->y. */
+/* Plans the rows and batches of the band that begins at d->band.y. */
 static bool plan_band(struct draw *d, struct sp_error *err) {
-    const struct gl_state *s = d->state;
+    const struct gl_state *s = d->band.state;
     const struct gl_costs costs = costs_of(d);
-    uint32_t left = d->job->frame->height - d->y;
-    uint32_t rows = gl_workload_limits(&s->workload).tiles / d->columns;
+    uint32_t rows = gl_workload_limits(&s->workload).tiles / d->band.columns;
     rows = rows < 1 ? 1 : rows < s->workload.rows ? rows : s->workload.rows;
-    d->end = d->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
-    d->slot->pieces = gl_workload_plan(&s->workload, &costs);
+    gl_band_end(&d->band, rows);
+    d->band.slot->pieces = gl_workload_plan(&s->workload, &costs);
     if (!cut(d, err))
         return false;
-    d->slot->pieces.layers = most_layers(&s->partition);
-    d->slot->pieces.rows = tile_rows(d);
+    d->band.slot->pieces.layers = most_layers(&s->partition);
+    d->band.slot->pieces.rows = gl_band_rows(&d->band);
+    d->band.queued_max = queued_max(d);
     return true;
 }
 
@@ -341,12 +265,12 @@ static bool is_out_of_memory(const struct sp_error *why) {
 
 /* Plans the band in smaller and smaller pieces until they fit into memory. */
 static bool plan_smaller(struct draw *d, struct sp_error *why) {
-    struct gl_state *s = d->state;
+    struct gl_state *s = d->band.state;
     unsigned halvings = s->workload.halvings;
     bool ok = plan_band(d, why);
     while (!ok && is_out_of_memory(why) && gl_workload_halve(&s->workload)) {
         gl_memory_release(s);
-        gl_readback_finish(&d->slot->readback);
+        gl_readback_finish(&d->band.slot->readback);
         ok = plan_band(d, why);
     }
     if (!ok)
@@ -359,7 +283,7 @@ static bool plan_smaller(struct draw *d, struct sp_error *why) {
 static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
     struct sp_error why = { .code = SP_OK };
     if (plan_smaller(d, &why) ||
-        (is_out_of_memory(&why) && gl_residency_drop_samples(&d->state->residency) &&
+        (is_out_of_memory(&why) && gl_residency_drop_samples(&d->band.state->residency) &&
          plan_smaller(d, &why)))
         return true;
     return sp_fail(err, why.code, why.place, "%s", why.text);
@@ -367,28 +291,10 @@ static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
 
 /* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
-    gl_timer_start(&d->slot->timer);
-    start_band(d);
-    if (!draw_batches(d, err))
-        return false;
-    resolve(d);
-    d->slot->y = d->y;
-    d->slot->end = d->end;
-    return send_back(d, err);
-}
-
-/* Copies the readback into the image. */
-static bool take_pixels(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
-                        struct sp_error *err) {
-    size_t row = (size_t)frame->width * pixel_bytes(frame);
-    const unsigned char *from = gl_readback_read(&slot->readback, err);
-    if (!from)
-        return false;
-    memcpy(head, from, sizeof *head);
-    for (uint32_t y = slot->y; y < slot->end; y++)
-        memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
-               from + HEAD_BYTES + (y - slot->y) * row, row);
-    return gl_readback_close(&slot->readback, err);
+    gl_band_start(&d->band);
+    return (d->is_resampled ? gl_resample_draw(&d->resampled, &d->band, err)
+                            : draw_batches(d, err)) &&
+           gl_band_send(&d->band, err);
 }
 
 static double longest_dispatch(const double longest[GL_STAGES]) {
@@ -396,6 +302,11 @@ static double longest_dispatch(const double longest[GL_STAGES]) {
     for (int i = 0; i < GL_STAGES; i++)
         ms = i != GL_STAGE_READ && longest[i] > ms ? longest[i] : ms;
     return ms;
+}
+
+static void add_counts(struct gl_slot *slot, const struct gl_bins_head *head) {
+    slot->splats += head->splats;
+    slot->fragments += (uint64_t)head->carry << 32 | head->fragments;
 }
 
 /* Waits for the submitted band. If it did not fit, it was not drawn and the next attempt gets other
@@ -406,11 +317,17 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     if (!gl_fence_wait(&slot->readback.fence, job->cancel, err))
         return false;
     double start_ms = sp_clock_ms();
-    if (!take_pixels(slot, job->frame, &head, err))
+    if (!gl_band_take(slot, job->frame, &head, err))
         return false;
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
     double longest[GL_STAGES] = { 0 };
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
+    if (slot->is_resampled) {
+        gl_resample_adapt(&s->resample, longest_dispatch(longest), s->workload.limits.dispatch_ms);
+        add_counts(slot, &head);
+        slot->y = slot->end;
+        return true;
+    }
     gl_workload_adapt(&s->workload, &slot->pieces, longest_dispatch(longest));
     bool fits = gl_workload_fits(&slot->pieces, &head);
     slot->y = slot->end = fits ? slot->end : slot->y;
@@ -418,8 +335,7 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     if (!fits)
         return gl_workload_retry(&s->workload, &slot->pieces, &head, err);
     gl_workload_grow(&s->workload, &slot->pieces, &head);
-    slot->splats += head.splats;
-    slot->fragments += (uint64_t)head.carry << 32 | head.fragments;
+    add_counts(slot, &head);
     return true;
 }
 
@@ -438,52 +354,73 @@ static void write_stats(const struct gl_slot *slot, struct sp_frame_stats *stats
 static bool write_curve(struct draw *d, struct sp_error *err) {
     const struct gl_frame *f = &d->frame;
     return !f->is_post ||
-           gl_curve_update(&d->state->curve, d->job->volume, f->lists[f->finest]->base,
-                           &d->job->view->transfer_function, f->thickness * gl_frame_ewa(f)->unit,
-                           err);
+           gl_curve_update(&d->band.state->curve, d->band.job->volume, f->lists[f->finest]->base,
+                           &d->band.job->view->transfer_function,
+                           f->thickness * gl_frame_ewa(f)->unit, err);
 }
 
 static bool plan_frame(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->state;
+    struct gl_state *s = d->band.state;
+    d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
+    if (d->is_resampled)
+        return gl_resample_begin(&d->resampled, &d->band, err);
     const struct gl_frame *f = &d->frame;
     const struct gl_sources from = { &s->cache, &s->residency, s->pool, &s->arena, &s->partition };
     sp_arena_reset(&s->arena);
-    if (!gl_frame_begin(&d->frame, d->job, &from, err) ||
+    uint64_t used = sp_samples_bytes(&s->samples, NULL);
+    s->cache.limit_bytes = used < s->memory_bytes ? s->memory_bytes - used : 0;
+    if (!gl_frame_begin(&d->frame, d->band.job, &from, err) ||
         !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
-        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->job->view, err)))
+        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->band.job->view, err)))
         return false;
-    d->columns = gl_divide_up(d->job->frame->width, GL_TILE);
-    d->slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
-    d->slot->mip_level = f->mip_level;
-    d->slot->visible = f->mip_level ? f->lists[f->finest]->count : f->visible;
+    d->band.slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
+    d->band.slot->mip_level = f->mip_level;
+    d->band.slot->visible = f->mip_level ? f->lists[f->finest]->count : f->visible;
     return true;
+}
+
+/* Returns how many batches or passes the band has. */
+static uint64_t count_dispatches(const struct draw *d) {
+    const struct gl_state *s = d->band.state;
+    return d->is_resampled ? d->resampled.dispatches
+                           : (uint64_t)s->partition.batch_count * s->workload.passes;
 }
 
 /* Draws the bands from the slot's y on and submits the last one. Does nothing if that requires
  * waiting and may_wait is false. */
 static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
-    struct gl_slot *slot = d->slot;
-    uint32_t height = d->job->frame->height;
+    struct gl_slot *slot = d->band.slot;
+    uint32_t height = d->band.job->frame->height;
     bool ok = true;
     do {
-        d->y = slot->y;
-        if (!plan_in_capacity(d, err))
+        d->band.y = slot->y;
+        if (!(d->is_resampled ? gl_resample_plan(&d->resampled, &d->band, err)
+                              : plan_in_capacity(d, err)))
             return false;
-        if (!may_wait &&
-            (d->end < height ||
-             (uint64_t)d->state->partition.batch_count * d->state->workload.passes > queued_max(d)))
+        if (!may_wait && (d->band.end < height || count_dispatches(d) > d->band.queued_max))
             return true;
-        ok = draw_band(d, err) && (d->end == height || take_band(d->state, slot, d->job, err));
+        ok = draw_band(d, err) &&
+             (d->band.end == height || take_band(d->band.state, slot, d->band.job, err));
     } while (ok && slot->end < height);
     return ok;
 }
 
 static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                      bool may_wait, struct sp_error *err) {
-    struct draw d = { .state = s, .job = job, .slot = slot };
+    struct draw d = { .band = { .state = s, .job = job, .slot = slot },
+                      .is_resampled = sp_resample_draws(job->view) };
+    slot->is_resampled = d.is_resampled;
     bool ok = plan_frame(&d, err) && hand_over(&d, may_wait, err);
-    drop_fences(&d);
+    gl_band_drop_fences(&d.band);
     return ok;
+}
+
+/* Evicts the processor's cache that the view does not need. */
+static void evict_other_cache(struct gl_state *s, const struct sp_view *view) {
+    if (sp_resample_draws(view))
+        sp_classify_cache_evict(&s->cache, NULL);
+    else
+        sp_samples_evict(&s->samples, NULL);
 }
 
 /* Draws the frame. If memory is short, tries again without the scratch memory of earlier frames;
@@ -497,6 +434,7 @@ static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backe
     if (!is_out_of_memory(&why))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     gl_memory_release(s);
+    evict_other_cache(s, job->view);
     s->residency.tries_again = false;
     return try_draw(s, slot, job, may_wait, err);
 }
@@ -510,11 +448,6 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     if (sp_light_is_wanted(job->view))
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/shading",
                        "this backend draws neither ambient occlusion nor shadows");
-    if (job->view->compositing.mode == SP_COMPOSITE_SHEET &&
-        job->view->transfer_function.order == SP_TF_POST)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
-                       "the GPU backend does not draw sheets of interpolated values: use the cpu "
-                       "backend, or compositing.mode \"slab\"");
     gl_memory_begin(s);
     bool ok = draw(s, slot, job, s->begun == 0, err);
     s->begun += ok;
@@ -572,6 +505,7 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
     gl_memory_limit(s);
     gl_workload_init(&s->workload);
+    gl_resample_init(&s->resample);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_timer_init(&s->slots[i].timer);
     return open_programs(s, err) && write_cubic(s, err);
@@ -590,6 +524,7 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);
+    gl_resample_finish(&s->resample);
     gl_buffer_finish(&s->curve.buffer);
     for (int i = 0; i < GL_IN_FLIGHT; i++) {
         gl_readback_finish(&s->slots[i].readback);

@@ -161,12 +161,10 @@ static void make_parts(struct gl_frame *f, const struct sp_view *view) {
             make_part(f, view, part / 2, part % 2);
 }
 
-static void write_constants(struct gl_frame *f, const struct gl_partition *partition,
+void gl_frame_write_shading(struct gl_constants *c, const struct sp_camera_transform *camera,
                             const struct sp_view *view) {
-    struct gl_constants *c = &f->constants;
-    bool is_lit = view->shading.mode == SP_SHADING_PHONG;
     struct sp_shade shade;
-    sp_shade_init(&shade, &f->camera, &view->shading);
+    sp_shade_init(&shade, camera, &view->shading);
     for (int r = 0; r < 3; r++)
         memcpy(c->to_camera[r], shade.to_camera[r], sizeof shade.to_camera[r]);
     memcpy(c->phong, (float[]){ shade.ambient, shade.diffuse, shade.specular, shade.exponent },
@@ -179,8 +177,17 @@ static void write_constants(struct gl_frame *f, const struct gl_partition *parti
         memcpy(c->lights[i].color, shade.lights[i].color, sizeof(float[3]));
     }
     c->choice[0] = view->camera.projection == SP_PERSPECTIVE;
-    c->choice[1] = is_lit;
+    c->choice[1] = view->shading.mode == SP_SHADING_PHONG;
     c->choice[2] = (uint32_t)shade.light_count;
+    c->lens[0] = (float)camera->scale;
+    c->lens[1] = (float)camera->centre[0];
+    c->lens[2] = (float)camera->centre[1];
+}
+
+static void write_constants(struct gl_frame *f, const struct gl_partition *partition,
+                            const struct sp_view *view) {
+    struct gl_constants *c = &f->constants;
+    gl_frame_write_shading(c, &f->camera, view);
     c->choice[3] = partition->sheet_count;
     c->image_info[0] = view->size[0];
     c->image_info[1] = view->size[1];
@@ -190,9 +197,6 @@ static void write_constants(struct gl_frame *f, const struct gl_partition *parti
     c->compose[1] = f->is_post;
     c->slabs[0] = (float)((double)partition->nearest * f->thickness);
     c->slabs[1] = (float)f->thickness;
-    c->lens[0] = (float)f->camera.scale;
-    c->lens[1] = gl_frame_ewa(f)->centre[0];
-    c->lens[2] = gl_frame_ewa(f)->centre[1];
 }
 
 /* Returns the view's slab thickness, or more if a kernel would lie in more than SP_SLOTS_MAX slabs.

@@ -63,6 +63,10 @@ struct gl_sources {
     struct gl_partition *partition;
 };
 
+/* Writes what shading needs: everything up to the lights, except what describes layers. */
+void gl_frame_write_shading(struct gl_constants *constants,
+                            const struct sp_camera_transform *camera, const struct sp_view *view);
+
 /* Prepares a frame and its layers. A context must be
  * current. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_frame_begin(struct gl_frame *frame, const struct sp_backend_job *job,

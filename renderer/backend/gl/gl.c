@@ -37,6 +37,7 @@ static void gl_destroy(void *pointer) {
     struct gl_state *state = pointer;
     stop(state);
     sp_classify_cache_evict(&state->cache, NULL);
+    sp_samples_evict(&state->samples, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     gl_partition_finish(&state->partition);
@@ -47,7 +48,7 @@ static void gl_destroy(void *pointer) {
  * the old GL names, so gl_draw_finish() clears them first. */
 static bool init(struct gl_state *state, struct sp_error *err) {
     const struct sp_backend_options budget = { .video_bytes = state->video_bytes,
-                                               .memory_bytes = state->cache.limit_bytes };
+                                               .memory_bytes = state->memory_bytes };
     if (!gl_context_bind(state->context, err))
         return false;
     state->residency.limit_bytes = gl_video_budget(gl_context_info(state->context), &budget);
@@ -98,7 +99,7 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
     gl_partition_init(&state->partition);
     state->options = (struct gl_options){ .gpu = options->gpu, .software = software };
     state->video_bytes = options->video_bytes;
-    state->cache.limit_bytes = options->memory_bytes;
+    state->memory_bytes = state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
     if (state->pool)
         return state;
@@ -198,11 +199,13 @@ static void gl_evict(void *pointer, const struct sp_volume *volume) {
         gl_context_unbind(state->context);
     }
     sp_classify_cache_evict(&state->cache, volume);
+    sp_samples_evict(&state->samples, volume);
 }
 
 static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     const struct gl_state *state = pointer;
-    uint64_t bytes = sp_classify_cache_bytes(&state->cache, volume);
+    uint64_t bytes =
+        sp_classify_cache_bytes(&state->cache, volume) + sp_samples_bytes(&state->samples, volume);
     if (state->context)
         bytes += gl_residency_bytes(&state->residency, volume);
     if (state->context && !volume)
@@ -210,7 +213,7 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     return bytes;
 }
 
-/* The same as the CPU backend. */
+/* The same as the CPU backend, except light. */
 #define CAPABILITIES                                                                               \
     {                                                                                              \
         .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC), .filters = SP_CAN_ALL,    \
@@ -218,7 +221,7 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
         .orders = SP_CAN_ALL, .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),      \
         .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),                                                 \
         .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true,       \
-        .clip_box = true, .clip_planes = true                                                      \
+        .interpolated_sheets = true, .clip_box = true, .clip_planes = true                         \
     }
 
 extern const struct sp_backend gl_backend, gl_software_backend;

@@ -59,10 +59,11 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         bytes += buffers[i].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
-           s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
-           s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
-           s->residency.classify.firsts.bytes + s->residency.classify.points.bytes +
-           s->residency.classify.cell_bounds.ends.bytes + of_slots(s);
+           s->curve.buffer.bytes + s->resample.constants.bytes + s->upload.constants.bytes +
+           s->upload.chunks.bytes + s->residency.classify.listed.bytes +
+           s->residency.classify.counts.bytes + s->residency.classify.firsts.bytes +
+           s->residency.classify.points.bytes + s->residency.classify.cell_bounds.ends.bytes +
+           of_slots(s);
 }
 
 /* The buffers of scratch memory; ends with NULL. */

@@ -197,6 +197,11 @@ void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
     voxels->refusals += voxels->refusals < DOUBLINGS;
 }
 
+static void empty_item(struct gl_resident *item) {
+    gl_buffer_finish(&item->buffer);
+    *item = (struct gl_resident){ 0 };
+}
+
 static bool fail_budget(const struct gl_residency *residency, const char *what, uint64_t bytes,
                         struct sp_error *err) {
     return sp_fail(err, SP_ERR_BUDGET, "",
@@ -228,6 +233,33 @@ static struct gl_voxels *oldest_voxels(struct gl_residency *residency) {
     return oldest;
 }
 
+static struct gl_resident *oldest_item(struct gl_residency *residency) {
+    struct gl_resident *oldest = NULL;
+    for (int i = 0; i < GL_RESIDENTS; i++) {
+        struct gl_resident *item = &residency->items[i];
+        if (item->volume && item->used <= residency->frame &&
+            (!oldest || item->used < oldest->used))
+            oldest = item;
+    }
+    return oldest;
+}
+
+/* Evicts the least recently used data that this frame does not use; false = there is none. */
+static bool evict_oldest(struct gl_residency *residency) {
+    struct gl_visible_list *list = oldest_list(residency);
+    struct gl_voxels *voxels = oldest_voxels(residency);
+    struct gl_resident *item = oldest_item(residency);
+    uint64_t ages[3] = { list ? list->used : UINT64_MAX, voxels ? voxels->used : UINT64_MAX,
+                         item ? item->used : UINT64_MAX };
+    if (item && ages[2] <= ages[0] && ages[2] <= ages[1])
+        empty_item(item);
+    else if (list && ages[0] < ages[1])
+        empty(list);
+    else if (voxels)
+        gl_voxels_drop(voxels);
+    return list || voxels || item;
+}
+
 /* Frees memory for `more` bytes: evicts the least recently used data, but nothing that this frame
  * uses. */
 static bool trim(struct gl_residency *residency, const char *what, uint64_t more,
@@ -235,16 +267,9 @@ static bool trim(struct gl_residency *residency, const char *what, uint64_t more
     more += residency->beside_bytes;
     if (more > residency->limit_bytes)
         return fail_budget(residency, what, more, err);
-    while (gl_residency_bytes(residency, NULL) + more > residency->limit_bytes) {
-        struct gl_visible_list *list = oldest_list(residency);
-        struct gl_voxels *voxels = oldest_voxels(residency);
-        if (!list && !voxels)
+    while (gl_residency_bytes(residency, NULL) + more > residency->limit_bytes)
+        if (!evict_oldest(residency))
             return fail_budget(residency, what, gl_residency_bytes(residency, NULL) + more, err);
-        if (!voxels || (list && list->used < voxels->used))
-            empty(list);
-        else
-            gl_voxels_drop(voxels);
-    }
     return true;
 }
 
@@ -364,6 +389,38 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
     return list;
 }
 
+/* Returns an empty item in place of the least recently used one. */
+static struct gl_resident *take_item(struct gl_residency *residency) {
+    struct gl_resident *oldest = &residency->items[0];
+    for (int i = 1; i < GL_RESIDENTS; i++)
+        if (residency->items[i].used < oldest->used)
+            oldest = &residency->items[i];
+    empty_item(oldest);
+    return oldest;
+}
+
+struct gl_resident *gl_residency_find(struct gl_residency *residency,
+                                      const struct sp_volume *volume, enum gl_resident_kind kind,
+                                      uint64_t made, uint64_t bytes, const char *what,
+                                      struct sp_error *err) {
+    struct gl_resident *item = NULL;
+    for (int i = 0; i < GL_RESIDENTS && !item; i++)
+        if (residency->items[i].volume == volume && residency->items[i].kind == kind &&
+            residency->items[i].made == made)
+            item = &residency->items[i];
+    if (!item) {
+        item = take_item(residency);
+        *item = (struct gl_resident){ .volume = volume, .kind = kind, .made = made };
+    }
+    item->used = ++residency->clock;
+    if (item->is_filled || item->buffer.bytes >= bytes ||
+        (trim(residency, "the samples and the render buffers take", bytes, err) &&
+         gl_buffer_reserve(&item->buffer, what, bytes, residency->block_bytes, GL_USE_KEPT, err)))
+        return item;
+    empty_item(item);
+    return NULL;
+}
+
 void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
         if (!volume || residency->list[i].volume == volume)
@@ -371,11 +428,16 @@ void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *
     for (int i = 0; i < GL_VOLUMES; i++)
         if (!volume || residency->voxels[i].volume == volume)
             empty_voxels(&residency->voxels[i]);
+    for (int i = 0; i < GL_RESIDENTS; i++)
+        if (!volume || residency->items[i].volume == volume)
+            empty_item(&residency->items[i]);
 }
 
 void gl_residency_lose(struct gl_residency *residency) {
     for (int i = 0; i < GL_LISTS; i++)
         residency->list[i] = (struct gl_visible_list){ 0 };
+    for (int i = 0; i < GL_RESIDENTS; i++)
+        residency->items[i] = (struct gl_resident){ 0 };
     for (int i = 0; i < GL_VOLUMES; i++) {
         sp_volume_unref(&residency->voxels[i].volume);
         residency->voxels[i] = (struct gl_voxels){ 0 };
@@ -390,6 +452,9 @@ uint64_t gl_residency_bytes(const struct gl_residency *residency, const struct s
     for (int i = 0; i < GL_VOLUMES; i++)
         if (!volume || residency->voxels[i].volume == volume)
             bytes += gl_voxels_bytes(&residency->voxels[i]);
+    for (int i = 0; i < GL_RESIDENTS; i++)
+        if (!volume || residency->items[i].volume == volume)
+            bytes += residency->items[i].buffer.bytes;
     return bytes;
 }
 

@@ -19,10 +19,30 @@
 enum {
     GL_LISTS = 32, /* of all volumes and levels */
     GL_VOLUMES = 16,
+    GL_RESIDENTS = 48,
     GL_REFUSED_FRAMES = 64
 };
 
+/* One buffer of what resampled sheets read (resample_data.h). */
+enum gl_resident_kind {
+    GL_RESIDENT_SAMPLES,
+    GL_RESIDENT_LEVELS,
+    GL_RESIDENT_VISIBLE,
+    GL_RESIDENT_INTEGRAL,
+    GL_RESIDENT_PLACES
+};
+
+struct gl_resident {
+    const struct sp_volume *volume; /* not a reference; NULL = empty */
+    enum gl_resident_kind kind;
+    uint64_t made; /* number of the contents; no others of this kind have it */
+    uint64_t used; /* clock of the last use */
+    bool is_filled;
+    struct gl_buffer buffer;
+};
+
 struct gl_residency {
+    struct gl_resident items[GL_RESIDENTS];
     struct gl_visible_list list[GL_LISTS];
     struct gl_voxels voxels[GL_VOLUMES];
     struct gl_classify classify;
@@ -78,6 +98,14 @@ void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why);
 const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
                                                const struct gl_list_source *source,
                                                struct sp_error *err);
+
+/* Returns the item with these contents, valid until the next frame begins. If it is not filled, it
+ * is new: its buffer holds `bytes`, and the caller fills it and sets is_filled. `what` as in "the
+ * samples". NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY. */
+struct gl_resident *gl_residency_find(struct gl_residency *residency,
+                                      const struct sp_volume *volume, enum gl_resident_kind kind,
+                                      uint64_t made, uint64_t bytes, const char *what,
+                                      struct sp_error *err);
 
 /* Evicts data of other frames until everything and beside_bytes fit. SP_ERR_BUDGET. */
 bool gl_residency_trim(struct gl_residency *residency, struct sp_error *err);

@@ -27,9 +27,11 @@
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/readback.h"
+#include "backend/gl/resample_programs.h"
 #include "backend/gl/timer.h"
 #include "backend/gl/upload.h"
 #include "backend/gl/workload.h"
+#include "resample/levels.h"
 
 /* The measured stages of a frame, in order. */
 enum gl_stage {
@@ -55,7 +57,8 @@ struct gl_slot {
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned mip_level;
-    uint64_t frames; /* number of frames that used this slot */
+    bool is_resampled; /* the frame is (resample.h), so that there are no pieces */
+    uint64_t frames;   /* number of frames that used this slot */
 };
 
 struct gl_state {
@@ -64,7 +67,9 @@ struct gl_state {
     struct gl_context *context; /* NULL = lost; the next frame creates another */
     struct sp_pool *pool;       /* classifies, and fills uploads */
     struct sp_arena arena;
+    uint64_t memory_bytes; /* the same: budget of the two caches of the processor */
     struct sp_classify_cache cache;
+    struct sp_samples_cache samples;
     struct gl_residency residency;
     struct gl_slot slots[GL_IN_FLIGHT];
     unsigned oldest, begun; /* slots in use: `begun` of them from `oldest` on, cyclically */
@@ -72,6 +77,7 @@ struct gl_state {
     struct gl_curve curve;
     struct gl_partition partition;
     struct gl_upload upload;
+    struct gl_resample resample;
     unsigned project, resolve; /* programs */
     /* Programs of the compositor, compiled when a view first needs them. program 0 = not compiled,
      * or refused by the driver, which is not tried again. By compositing, kernel (Gaussian, cubic,

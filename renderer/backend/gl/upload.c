@@ -17,6 +17,19 @@ static void send(struct gl_upload *upload, const struct gl_buffer *to, uint64_t 
     upload->bytes += bytes;
 }
 
+static void send_shading(struct gl_upload *upload, const struct gl_constants *c) {
+    send(upload, &upload->constants, 0, c,
+         offsetof(struct gl_constants, lights) + c->choice[2] * sizeof c->lights[0]);
+}
+
+bool gl_upload_shading(struct gl_upload *upload, const struct gl_constants *c, uint64_t most,
+                       struct sp_error *err) {
+    bool ok = reserve(&upload->constants, "constants", sizeof *c, most, &upload->sheets_made, err);
+    if (ok)
+        send_shading(upload, c);
+    return ok;
+}
+
 bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
                      const struct gl_partition *partition, uint64_t most, struct sp_error *err) {
     const struct gl_constants *c = &f->constants;
@@ -24,9 +37,8 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
     if (!reserve(&upload->constants, "constants", sizeof *c + sheets, most, &upload->sheets_made,
                  err))
         return false;
-    uint32_t lights = c->choice[2], planes = c->image_info[3];
-    send(upload, &upload->constants, 0, c,
-         offsetof(struct gl_constants, lights) + lights * sizeof c->lights[0]);
+    uint32_t planes = c->image_info[3];
+    send_shading(upload, c);
     for (unsigned part = 0; f->parts >> part; part++) {
         if (!(f->parts >> part & 1))
             continue;

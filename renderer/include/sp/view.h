@@ -51,8 +51,9 @@ enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
 enum sp_tf_order {
     SP_TF_PRE,  /* classify voxels */
     SP_TF_POST, /* classify pixels */
-    SP_TF_AUTO  /* post for sheets with the default filter, if voxels are at least 0.35 px wide and
-                   the backend interpolates sheets; else, and for mip levels, pre */
+    SP_TF_AUTO  /* post for sheets with the default filter, if voxels are at least 0.35 px wide, and
+                   the backend interpolates sheets and has the memory for it; else, and for mip
+                   levels, pre */
 };
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };

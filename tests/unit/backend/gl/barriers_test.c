@@ -291,6 +291,8 @@ static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
     view->shading.mode = k / 6 % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
     if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2)
         view->transfer_function.order = SP_TF_POST;
+    if (view->compositing.mode == SP_COMPOSITE_SHEET)
+        view->transfer_function.order = k % 4 < 2 ? SP_TF_PRE : SP_TF_POST;
     view->level_of_detail = k % 5 ? SP_LOD_AUTO : SP_LOD_OFF;
     if (k > 18) /* another list of visible voxels */
         view->transfer_function.points[1].opacity *= 0.9f;

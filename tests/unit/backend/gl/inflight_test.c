@@ -20,7 +20,7 @@
 #include "support/data.h"
 #include "support/image.h"
 
-enum { SIZE = 40, SHOTS = 6 };
+enum { SIZE = 40, SHOTS = 7 };
 
 /* A view, and its image when it is drawn alone. */
 struct shot {
@@ -226,6 +226,8 @@ static void describe_shots(struct rig *rig) {
     }
     rig->shots[5].view.shading.mode = SP_SHADING_PHONG;
     rig->shots[5].view.camera.position[0] *= 1.5;
+    rig->shots[6].view.transfer_function.order = SP_TF_POST; /* interpolated values */
+    rig->shots[6].view.shading.mode = SP_SHADING_PHONG;
 }
 
 static void draw_alone(struct rig *rig, struct shot *shot) {

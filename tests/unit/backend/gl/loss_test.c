@@ -116,6 +116,8 @@ static void make_view(const struct scene *scene, int i, struct sp_view *view) {
     sp_view_init(view, sp_volume_info(scene->volumes[i]), "v");
     view->size[0] = view->size[1] = SIZE;
     view->shading.mode = SP_SHADING_PHONG;
+    if (i == 1) /* the other volume is drawn as sheets of interpolated values */
+        view->transfer_function.order = SP_TF_PRE;
 }
 
 static void copy_pixels(const struct sp_frame *frame, unsigned char pixels[SIZE][SIZE][4]) {

@@ -97,6 +97,21 @@ static void a_compositor_that_does_not_compile_disables_only_its_views(void **st
     assert_compare(driver.lines, >=, 3);
 }
 
+static void the_same_holds_for_interpolated_values(void **state) {
+    struct rig *rig = *state;
+    struct sp_error err = { .code = SP_OK };
+    driver.broken = "#define SAMPLES_INTEGER";
+    for (int i = 0; i < 2; i++) {
+        rig->view.transfer_function.order = SP_TF_POST;
+        assert_int_equal(draw(rig, SP_COMPOSITE_SHEET, &err), SP_ERR_UNSUPPORTED);
+        assert_non_null(strstr(err.text, "has no program for this view"));
+        rig->view.transfer_function.order = SP_TF_PRE;
+        assert_int_equal(draw(rig, SP_COMPOSITE_SHEET, &err), SP_OK);
+    }
+    assert_int_equal(driver.shaders, 1);
+    assert_true(driver.has_last);
+}
+
 static void another_frame_in_flight_is_not_lost(void **state) {
     struct rig *rig = *state;
     struct sp_error err;
@@ -158,6 +173,7 @@ int main(void) {
     { #name, name, begin, NULL, &rig }
     const struct CMUnitTest tests[] = {
         TEST(a_compositor_that_does_not_compile_disables_only_its_views),
+        TEST(the_same_holds_for_interpolated_values),
         TEST(another_frame_in_flight_is_not_lost),
         TEST(a_shader_that_all_views_need_fails_the_start),
     };

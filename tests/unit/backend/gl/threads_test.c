@@ -47,6 +47,7 @@ static bool draw(struct sp_renderer *renderer, struct sp_volume *volume, struct 
     bool ok = pool != NULL;
     for (int i = 0; ok && i < FRAMES; i++) {
         view.camera.position[i % 3] += 5;
+        view.transfer_function.order = i % 2 ? SP_TF_POST : SP_TF_PRE;
         struct sp_frame *frame = sp_renderer_render(renderer, volume, &view, pool, NULL, NULL);
         ok = frame != NULL;
         for (int y = 0; ok && y < SIZE; y++)

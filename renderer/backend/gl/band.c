@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/band.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+enum { HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t) };
+
+static uint32_t count_pixels(const struct gl_band *band) {
+    return band->job->frame->width * (band->end - band->y);
+}
+
+static uint32_t pixel_bytes(const struct sp_frame *frame) {
+    return frame->format == SP_RGBAF32 ? 16 : 4;
+}
+
+void gl_band_end(struct gl_band *band, uint32_t rows) {
+    uint32_t left = band->job->frame->height - band->y;
+    band->end = band->y + (rows * GL_TILE < left ? rows * GL_TILE : left);
+}
+
+bool gl_band_reserve(struct gl_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    uint64_t most = s->block_bytes, pixels = count_pixels(band);
+    uint64_t bytes = pixels * pixel_bytes(band->job->frame);
+    return gl_buffer_reserve(&s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, most,
+                             GL_USE_SCRATCH, err) &&
+           gl_buffer_reserve(&s->buffers.pixels, "pixels", bytes, most, GL_USE_SCRATCH, err) &&
+           gl_readback_reserve(&band->slot->readback, HEAD_BYTES + bytes, err);
+}
+
+void gl_band_start(const struct gl_band *band) {
+    static const float clear_pixel[4] = { 1, 0, 0, 0 };
+    gl_timer_start(&band->slot->timer);
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
+    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
+                         (GLsizeiptr)count_pixels(band) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
+                         GL_FLOAT, clear_pixel);
+    gl_bins_clear_head(&band->state->bins);
+}
+
+void gl_band_barrier(void) {
+    glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
+}
+
+bool gl_band_follow(struct gl_band *band, struct sp_error *err) {
+    void **last = &band->sent[band->sent_count++ % band->queued_max];
+    if (!gl_fence_wait(last, band->job->cancel, err))
+        return false;
+    gl_fence_set(last);
+    return true;
+}
+
+void gl_band_drop_fences(struct gl_band *band) {
+    for (int i = 0; i < GL_QUEUED_MAX; i++)
+        gl_fence_drop(&band->sent[i]);
+}
+
+static void resolve(const struct gl_band *band) {
+    struct gl_state *s = band->state;
+    glUseProgram(s->resolve);
+    glUniform2ui(0, count_pixels(band), band->job->frame->format == SP_RGBAF32);
+    glUniform4fv(1, 1, band->job->view->background);
+    gl_buffer_bind(&s->buffers.image, 1);
+    gl_buffer_bind(&s->buffers.pixels, 2);
+    glDispatchCompute(gl_divide_up(count_pixels(band), GL_GROUP), 1, 1);
+    gl_band_barrier(); /* pixels stay bound: the next program may have a block there */
+    gl_timer_stamp(&band->slot->timer, GL_STAGE_RESOLVE);
+}
+
+bool gl_band_send(const struct gl_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    struct gl_slot *slot = band->slot;
+    resolve(band);
+    slot->y = band->y;
+    slot->end = band->end;
+    gl_readback_begin(&slot->readback);
+    gl_readback_copy(&slot->readback, &s->bins.counts, HEAD_BYTES);
+    gl_readback_copy(&slot->readback, &s->buffers.pixels,
+                     (uint64_t)count_pixels(band) * pixel_bytes(band->job->frame));
+    gl_timer_stamp(&slot->timer, GL_STAGE_READ);
+    gl_readback_send(&slot->readback);
+    return gl_check("drawn", err);
+}
+
+bool gl_band_take(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
+                  struct sp_error *err) {
+    size_t row = (size_t)frame->width * pixel_bytes(frame);
+    const unsigned char *from = gl_readback_read(&slot->readback, err);
+    if (!from)
+        return false;
+    memcpy(head, from, sizeof *head);
+    for (uint32_t y = slot->y; y < slot->end; y++)
+        memcpy((unsigned char *)frame->pixels + (size_t)y * frame->stride_bytes,
+               from + HEAD_BYTES + (y - slot->y) * row, row);
+    return gl_readback_close(&slot->readback, err);
+}

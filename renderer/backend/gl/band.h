@@ -1,0 +1,61 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A band: the rows of tiles of a frame that are drawn, resolved and read back together.
+ *
+ *   reserve ─► start ─► dispatches, each followed by gl_band_follow() ─► send ─► … ─► take
+ */
+#ifndef GL_BAND_H
+#define GL_BAND_H
+
+#include "backend/gl/state.h"
+
+enum {
+    GL_QUEUED_MIN = 2, /* long dispatches that may be queued on the GPU */
+    GL_QUEUED_MAX = 8  /* short ones */
+};
+
+struct gl_band {
+    struct gl_state *state;
+    const struct sp_backend_job *job;
+    struct gl_slot *slot;
+    uint32_t columns;          /* of tiles */
+    uint32_t y, end;           /* rows [px] */
+    unsigned queued_max;       /* dispatches that may be queued, at most GL_QUEUED_MAX */
+    void *sent[GL_QUEUED_MAX]; /* fences */
+    unsigned sent_count;
+};
+
+static inline uint32_t gl_band_rows(const struct gl_band *band) {
+    return gl_divide_up(band->end - band->y, GL_TILE);
+}
+
+static inline uint32_t gl_band_tiles(const struct gl_band *band) {
+    return band->columns * gl_band_rows(band);
+}
+
+/* Lets the band that begins at y end after at most `rows` rows of tiles. */
+void gl_band_end(struct gl_band *band, uint32_t rows);
+
+/* Reserves memory for the pixels. SP_ERR_MEMORY, SP_ERR_BUDGET. A context must be current, here and
+ * below. */
+bool gl_band_reserve(struct gl_band *band, struct sp_error *err);
+
+/* Clears the pixels and the counters, and starts the timer. */
+void gl_band_start(const struct gl_band *band);
+
+/* Orders what shaders wrote before later shaders and buffer clears. */
+void gl_band_barrier(void);
+
+/* Ends a batch or a pass with a fence, and waits for an earlier one, so that a cancelled frame
+ * leaves little queued work. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+bool gl_band_follow(struct gl_band *band, struct sp_error *err);
+void gl_band_drop_fences(struct gl_band *band);
+
+/* Resolves the pixels and starts the readback of them and the counters. */
+bool gl_band_send(const struct gl_band *band, struct sp_error *err);
+
+/* Copies the slot's readback into the frame and *head. */
+bool gl_band_take(struct gl_slot *slot, struct sp_frame *frame, struct gl_bins_head *head,
+                  struct sp_error *err);
+
+#endif

@@ -1,0 +1,156 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/resample.h"
+
+#include <epoxy/gl.h>
+#include <string.h>
+
+#include "backend/gl/memory.h"
+#include "backend/gl/resample_constants.h"
+
+enum {
+    INTERVALS_SOFTWARE = 32, /* llvmpipe ends loops after 65535 rounds; a sheet takes up to 900 */
+    INTERVALS_LEAST = 16     /* three more sheets are read at the beginning of each dispatch */
+};
+
+static bool upload_constants(struct gl_resample_frame *f, const struct gl_band *band,
+                             struct sp_error *err) {
+    struct gl_state *s = band->state;
+    struct gl_resample_constants constants;
+    struct gl_resample_squares squares;
+    struct gl_constants *shading = sp_arena_alloc(&s->arena, "constants", 1, sizeof *shading);
+    gl_resample_constants_init(&constants, &f->resample);
+    if (!gl_resample_squares_init(&squares, &f->resample, &s->arena) || !shading)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", s->arena.failed);
+    memset(shading, 0, sizeof *shading);
+    gl_frame_write_shading(shading, &f->camera, band->job->view);
+    f->intervals = squares.intervals;
+    uint64_t bytes = squares.count * sizeof squares.squares[0];
+    if (!gl_upload_shading(&s->upload, shading, s->block_bytes, err) ||
+        !gl_buffer_reserve(&s->resample.constants, "constants", sizeof constants + bytes,
+                           s->block_bytes, GL_USE_STREAM, err))
+        return false;
+    gl_buffer_update(&s->resample.constants, 0, &constants, sizeof constants);
+    gl_buffer_update(&s->resample.constants, sizeof constants, squares.squares, bytes);
+    s->upload.bytes += sizeof constants + bytes;
+    return true;
+}
+
+bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
+                       struct sp_error *err) {
+    struct gl_state *s = band->state;
+    const struct sp_backend_job *job = band->job;
+    double start_ms = sp_job_clock_ms(job);
+    bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
+    uint64_t used = sp_classify_cache_bytes(&s->cache, NULL);
+    sp_arena_reset(&s->arena);
+    sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
+    sp_shade_init(&f->shade, &f->camera, &job->view->shading);
+    const struct sp_resample_input input = { .view = job->view,
+                                             .volume = job->volume,
+                                             .frame = job->frame,
+                                             .interrupt = sp_job_interrupt(job),
+                                             .camera = &f->camera,
+                                             .shade = is_lit ? &f->shade : NULL,
+                                             .cache = &s->samples,
+                                             .bytes_max = used < s->memory_bytes
+                                                              ? s->memory_bytes - used
+                                                              : 0,
+                                             .mip_level = job->mip_level,
+                                             .keeps_layout = true,
+                                             .pool = s->pool,
+                                             .arena = &s->arena };
+    if (!sp_resample_prepare(&input, &f->resample, err) ||
+        !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
+        !upload_constants(f, band, err) ||
+        !(f->program = gl_resample_open(&s->resample, f->data.kind, f->resample.needs_gradient,
+                                        s->device, err)))
+        return false;
+    band->slot->is_resampled = true;
+    band->slot->mip_level = job->frame->stats.mip_level;
+    band->slot->visible = job->frame->stats.visible_voxels;
+    band->slot->stage_ms[GL_STAGE_CLASSIFY] += sp_job_clock_ms(job) - start_ms;
+    return true;
+}
+
+/* Divides the band into dispatches. */
+static void divide(struct gl_resample_frame *f, struct gl_band *band) {
+    const struct gl_state *s = band->state;
+    bool is_software = gl_context_info(s->context)->software;
+    int most = is_software ? INTERVALS_SOFTWARE : GL_RESAMPLE_INTERVALS;
+    uint32_t rows = gl_band_rows(band), work = s->resample.work;
+    f->rows = work / INTERVALS_LEAST / band->columns;
+    f->rows = f->rows < 1 ? 1 : f->rows < rows ? f->rows : rows;
+    uint32_t at_once = work / (f->rows * band->columns);
+    f->intervals_at_once = at_once < INTERVALS_LEAST  ? INTERVALS_LEAST
+                           : at_once < (uint32_t)most ? (int)at_once
+                                                      : most;
+    f->dispatches = gl_divide_up(rows, f->rows) *
+                    gl_divide_up((uint32_t)f->intervals, (uint32_t)f->intervals_at_once);
+    band->queued_max = GL_QUEUED_MAX;
+}
+
+static bool plan(struct gl_resample_frame *f, struct gl_band *band, uint32_t rows,
+                 struct sp_error *err) {
+    struct gl_state *s = band->state;
+    gl_band_end(band, rows);
+    divide(f, band);
+    return gl_band_reserve(band, err) && gl_bins_reserve(&s->bins, 1, 1, s->block_bytes, err) &&
+           gl_memory_fit(s, err);
+}
+
+bool gl_resample_plan(struct gl_resample_frame *f, struct gl_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    uint32_t rows = gl_workload_limits(&s->workload).tiles / band->columns;
+    struct sp_error why = { .code = SP_OK };
+    rows = rows < 1 ? 1 : rows;
+    bool ok = plan(f, band, rows, &why);
+    while (!ok && rows > 1 && (why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET)) {
+        rows = rows < gl_band_rows(band) ? rows / 2 : (gl_band_rows(band) + 1) / 2;
+        gl_memory_release(s);
+        gl_readback_finish(&band->slot->readback);
+        ok = plan(f, band, rows, &why);
+    }
+    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
+}
+
+static void bind(const struct gl_resample_frame *f, const struct gl_state *s) {
+    const struct gl_buffer *none = &s->resample.constants;
+    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->resample.constants, 1);
+    gl_buffer_bind(f->data.samples, 2);
+    gl_buffer_bind(f->data.visible, 3);
+    gl_buffer_bind(&s->buffers.image, 4);
+    gl_buffer_bind(f->data.integral, 5);
+    gl_buffer_bind(f->data.places ? f->data.places : none, 6);
+    gl_buffer_bind(&s->bins.counts, 7);
+}
+
+/* Draws `rows` rows of blocks from row y on, front to back. */
+static bool draw_rows(const struct gl_resample_frame *f, struct gl_band *band, uint32_t y,
+                      uint32_t rows, struct sp_error *err) {
+    for (int first = 0; first < f->intervals; first += f->intervals_at_once) {
+        if (sp_job_is_cancelled(band->job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        glUniform4ui(0, band->job->frame->width, band->y, band->end, y);
+        glUniform2i(1, first, first + f->intervals_at_once);
+        glDispatchCompute(band->columns, rows, 1);
+        gl_band_barrier();
+        gl_timer_stamp(&band->slot->timer, GL_STAGE_TILE);
+        if (!gl_band_follow(band, err))
+            return false;
+    }
+    return true;
+}
+
+bool gl_resample_draw(const struct gl_resample_frame *f, struct gl_band *band,
+                      struct sp_error *err) {
+    uint32_t rows = gl_band_rows(band);
+    glUseProgram(f->program);
+    bind(f, band->state);
+    for (uint32_t row = 0, n; row < rows; row += n) {
+        n = rows - row < f->rows ? rows - row : f->rows;
+        if (!draw_rows(f, band, band->y + row * GL_TILE, n, err))
+            return false;
+    }
+    return true;
+}

@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What resampled sheets read of a volume and a transfer function, on the GPU. The samples of the
+ * finest level are those that the lists of voxels are made from. What differs per level, per
+ * transfer function or per axis is an item of the residency.
+ */
+#ifndef GL_RESAMPLE_DATA_H
+#define GL_RESAMPLE_DATA_H
+
+#include "backend/gl/resample_programs.h"
+#include "backend/gl/residency.h"
+#include "resample/prepare.h"
+
+struct gl_resample_data {
+    enum gl_samples_kind kind;
+    const struct gl_buffer *samples;
+    const struct gl_buffer *visible;  /* samples_class.visible */
+    const struct gl_buffer *integral; /* curve.integral */
+    const struct gl_buffer *places;   /* tables of rectilinear axes, after each other: place[dims]
+                                         and index[steps + 1] per axis; NULL = none is */
+};
+
+/* Uploads what is not resident. The buffers are valid until the next frame begins. SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. */
+bool gl_resample_data_get(struct gl_resample_data *data, struct gl_residency *residency,
+                          struct sp_volume *volume, const struct sp_resample *resample,
+                          struct sp_pool *pool, struct sp_error *err);
+
+#endif

@@ -1,0 +1,63 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/resample_programs.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+
+#include "backend/gl/program.h"
+#include "resample/resample.h"
+
+enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 22 };
+
+/* Short: below 1/5 of the limit, so that twice as much is not long. */
+static const double shortness = 5;
+
+unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
+                          bool has_gradient, const char *device, struct sp_error *err) {
+    static const struct {
+        int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
+    } kinds[GL_SAMPLES_KINDS] = {
+        [GL_SAMPLES_UINT8] = { 0, 1, 0 },  [GL_SAMPLES_INT8] = { 0, 1, 1 },
+        [GL_SAMPLES_UINT16] = { 0, 2, 0 }, [GL_SAMPLES_INT16] = { 0, 2, 1 },
+        [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
+        [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
+    };
+    struct gl_resample_program *own = &resample->programs[kind][has_gradient];
+    struct sp_error why = { .text = "it failed before; the log has the reason" };
+    char defines[256];
+    snprintf(defines, sizeof defines,
+             "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
+             "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define SQUARE %du\n"
+             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n",
+             kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed, has_gradient,
+             (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX,
+             GL_RESAMPLE_INTERVALS);
+    if (!own->program && !own->is_refused)
+        own->program = gl_program_open("frame shade resample 30_resample", defines, &why);
+    own->is_refused = !own->program;
+    if (own->is_refused)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no program for this view: %s", device,
+                why.text);
+    return own->program;
+}
+
+void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms) {
+    uint32_t work = resample->work;
+    if (longest_ms > limit_ms)
+        work /= 2;
+    else if (longest_ms < limit_ms / shortness)
+        work *= 2;
+    resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MOST ? work : WORK_MOST;
+}
+
+void gl_resample_init(struct gl_resample *resample) {
+    resample->work = WORK_FIRST;
+}
+
+void gl_resample_finish(struct gl_resample *resample) {
+    struct gl_resample_program *programs = &resample->programs[0][0];
+    for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
+        glDeleteProgram(programs[i].program);
+    gl_buffer_finish(&resample->constants);
+    *resample = (struct gl_resample){ .work = resample->work };
+}

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What resampled sheets (resample.h) keep from frame to frame, besides data of volumes.
+ */
+#ifndef GL_RESAMPLE_PROGRAMS_H
+#define GL_RESAMPLE_PROGRAMS_H
+
+#include "backend/gl/buffer.h"
+
+/* The programs of shaders/30_resample.glsl by what they read. GL_SAMPLES_LEVELS: levels that the
+ * processor has made, of 64-bit reals and of numbers that a float does not hold. */
+enum gl_samples_kind {
+    GL_SAMPLES_UINT8,
+    GL_SAMPLES_INT8,
+    GL_SAMPLES_UINT16,
+    GL_SAMPLES_INT16,
+    GL_SAMPLES_INT32,
+    GL_SAMPLES_FLOAT32,
+    GL_SAMPLES_LEVELS,
+    GL_SAMPLES_KINDS
+};
+
+/* Intervals per dispatch, at most: a thread per slab of four slices looks for what is visible. */
+enum { GL_RESAMPLE_INTERVALS = 200 };
+
+struct gl_resample {
+    struct gl_resample_program {
+        unsigned program;            /* 0 = not compiled */
+        bool is_refused;             /* by the driver: not compiled again */
+    } programs[GL_SAMPLES_KINDS][2]; /* by kind, with gradients */
+    struct gl_buffer constants;
+    uint32_t work; /* blocks times intervals per dispatch */
+};
+
+/* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
+ * context must be current, here and below. */
+unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
+                          bool has_gradient, const char *device, struct sp_error *err);
+
+/* Adapts the size of dispatches to the longest one of a band. limit_ms: a longer one is too long;
+ * INFINITY = none is. */
+void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms);
+
+void gl_resample_init(struct gl_resample *resample);
+void gl_resample_finish(struct gl_resample *resample);
+
+#endif

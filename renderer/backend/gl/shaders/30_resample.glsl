@@ -1,0 +1,448 @@
+// SPDX-License-Identifier: Apache-2.0
+// Sheets of interpolated values (resample/README.md), front to back: a work group draws a block of 8 × 8 px in a range of
+// intervals between sheets. For each sheet that it needs, the group refines the samples that its pixels see in shared
+// memory: raw ─► between rows ─► refined. Blocks that see too many are drawn in parts.
+
+layout(local_size_x = TILE, local_size_y = TILE) in;
+// By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface.
+layout(std430, binding = 4) buffer Image { vec4 image[]; };
+layout(std430, binding = 5) readonly buffer Integral { vec4 integral[]; };
+layout(std430, binding = 7) coherent buffer Counts {
+    uint splats;           // refined samples
+    uint fragments, carry; // pixels of sheets: low and high word
+};
+
+layout(location = 0) uniform uvec4 band;  // width of the image, first row and last + 1 of the band, first row of the dispatch [px]
+layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
+
+const uint PIXELS = TILE * TILE;
+const int RAW = 512, REFINED = 640; // samples around those that are refined; words of these
+const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1;
+const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
+const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
+const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
+
+shared vec4 rays[PIXELS];      // u, v, du, dv
+shared float raw[RAW];         // (width + 5) × (height + 5)
+shared float between_rows[RAW]; // (width + 5) × height
+shared uint refined[REFINED];   // width × 2·height: two 16-bit levels per word
+shared uint seen[PIXELS];      // by slab of regions: the intervals in which the block may see something
+shared uint intervals[ACTIVE];    // the same by interval between sheets, from the first one of the dispatch on
+shared int span[2];            // s between which some ray is inside, as integers that rise with it
+shared int live_at;            // the newest sheet at which some pixel was not opaque
+
+uint thread;
+vec4 pixel; // transmittance and premultiplied colour
+vec3 normal; // gradient of the surface that was met last
+vec2 at;    // the pixel's centre
+vec4 ray;   // u, v, du, dv
+bool is_live; // some pixel of the block was not opaque at the last sheet
+float begin, end, ray_length; // s inside all half spaces; length per slice
+
+int ordinal(float x) {
+    int bits = floatBitsToInt(x);
+    return bits ^ (bits >> 31 & 0x7fffffff);
+}
+
+float from_ordinal(int x) {
+    return intBitsToFloat(x ^ (x >> 31 & 0x7fffffff));
+}
+
+// The square of the block at `corner` px.
+Square find_square(uvec2 corner) {
+    uint i = corner.y / SQUARE * size.x + corner.x / SQUARE;
+    for (uint half_side = SQUARE / 2u; squares[i].kind.x != 0; half_side /= 2u) {
+        uvec2 part = corner / half_side & 1u;
+        i = uint(squares[i].kind.x) + part.x + 2u * part.y;
+    }
+    return squares[i];
+}
+
+void cut_ray() {
+    begin = -1e9;
+    end = 1e9;
+    for (int i = 0; i < base.z; i++) {
+        vec3 n = turn(halves[i].xyz);
+        float rise = dot(n.xy, ray.zw) + (is_backwards ? -n.z : n.z);
+        float gap = gaps[i][slices] - dot(n.xy, ray.xy), s = gap / rise;
+        if (rise > 0.0)
+            begin = max(begin, s);
+        else if (rise < 0.0)
+            end = min(end, s);
+        else if (gap > 0.0)
+            end = -1e9;
+    }
+}
+
+void open_ray(Square square) {
+    bool is_perspective = choice.x != 0u;
+    vec2 x = at - square.centre.xy;
+    float fall = max(1.0 + dot(x, square.fall.xy), 0.05);
+    vec2 moved = (x.x * square.turn.xy + x.y * square.turn.zw) / fall;
+    ray = square.at + vec4(moved * square.fall.z, 0.0, 0.0);
+    if (is_perspective)
+        ray.zw += is_backwards ? -moved : moved;
+    cut_ray();
+    vec3 d = turn(metric[0].xyz), mixed = turn(metric[1].xyz); // mixed: vw, uw, uv
+    float forward = is_backwards ? -1.0 : 1.0;
+    ray_length = sqrt(d.x * ray.z * ray.z + d.y * ray.w * ray.w + d.z +
+                      2.0 * (mixed.x * ray.w * forward + mixed.y * ray.z * forward + mixed.z * ray.z * ray.w));
+}
+
+// The coordinates on a sheet that a square of the block's pixels covers: [refined samples].
+void find_extent(uvec2 corner, uint side, float s, out vec2 low, out vec2 high) {
+    low = vec2(1e30);
+    high = vec2(-1e30);
+    for (uint i = 0u; i < 4u; i++) {
+        uvec2 px = corner + uvec2(i & 1u, i >> 1u) * (side - 1u);
+        vec4 own = rays[px.y * TILE + px.x];
+        vec2 x = own.xy + s * own.zw;
+        low = min(low, x);
+        high = max(high, x);
+    }
+    low = index_of(low);
+    high = index_of(high);
+}
+
+int interval_at(int n) {
+    int i = int(floor(0.5 * (slice_of(n) + slice_of(n + 1))));
+    return clamp(i, 0, int(regions[slices]) * REGION - 1);
+}
+
+// The intervals of a slab of regions in which the block may see something, as bits.
+uint find_seen(uint slab) {
+    const uint ALL = (1u << REGION) - 1u;
+    float near = slab == 0u ? -1.0 : float(slab * uint(REGION)), far = float((slab + 1u) * uint(REGION));
+    if (slab + 1u == regions[slices])
+        far = float(dims.z);
+    vec2 s = vec2(s_of(is_backwards ? far : near), s_of(is_backwards ? near : far));
+    vec2 own = vec2(from_ordinal(span[0]), from_ordinal(span[1]));
+    if (s.y <= own.x || s.x >= own.y)
+        return 0u;
+    vec2 low[2], high[2];
+    find_extent(uvec2(0), TILE, max(s.x, own.x), low[0], high[0]);
+    find_extent(uvec2(0), TILE, min(s.y, own.y), low[1], high[1]);
+    uvec2 most = uvec2(regions[axis_of(0)], regions[axis_of(1)]) - 1u;
+    uvec2 first = min(uvec2(min(low[0], low[1])) / uint(REGION), most);
+    uvec2 end = min(uvec2(max(high[0], high[1])) / uint(REGION), most);
+    uvec3 by_axis = uvec3(1u, regions.x, regions.x * regions.y);
+    uint bits = 0u, count = end.x - first.x + 1u, i = first.x, j = first.y;
+    if (count * (end.y - first.y + 1u) > REGIONS_MOST)
+        return ALL;
+    while (j <= end.y) {
+        uint region = i * by_axis[axis_of(0)] + j * by_axis[axis_of(1)] + slab * by_axis[slices];
+        bits |= visible[region / 4u] >> (8u * (region % 4u)) & ALL;
+        j += i == end.x ? 1u : 0u;
+        i = i == end.x ? first.x : i + 1u;
+    }
+    return bits != 0u && uint(slices) != regions.w ? ALL : bits;
+}
+
+// Fills `intervals`. Every thread must call it.
+void find_active() {
+    int stop = min(range.y, (dims.z + 2) * per_slice), first = max(range.x, 1);
+    int first_slab = min(interval_at(first), interval_at(stop - 1)) / REGION;
+    int slabs = max(interval_at(first), interval_at(stop - 1)) / REGION - first_slab + 1;
+    if (int(thread) < ACTIVE)
+        intervals[thread] = 0u;
+    if (int(thread) < slabs)
+        seen[thread] = find_seen(uint(first_slab) + thread);
+    barrier();
+    for (int n = first + int(thread); n < stop; n += int(PIXELS)) {
+        int i = interval_at(n), bit = n - range.x;
+        if ((seen[i / REGION - first_slab] >> (i % REGION) & 1u) != 0u)
+            atomicOr(intervals[bit / 32], 1u << (bit % 32));
+    }
+    barrier();
+}
+
+// The first active interval from n on; range.y = there is none.
+int find_next(int n) {
+    for (int bit = n - range.x, word; bit < INTERVALS; bit = 32 * word + 32) {
+        word = bit / 32;
+        uint left = intervals[word] >> (bit % 32);
+        if (left != 0u)
+            return range.x + bit + findLSB(left);
+    }
+    return range.y;
+}
+
+// The value half way between the third and the fourth of six neighbours.
+float between(float a, float b, float c, float d, float e, float f) {
+    return (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
+}
+
+// The level of a slice, or half way between two slices.
+float read(ivec2 p, float z) {
+    const float share[6] = float[6](TAP2, TAP1, TAP0, TAP0, TAP1, TAP2);
+    int whole = int(floor(z));
+    bool is_between = z > float(whole);
+    p = clamp(p, ivec2(0), last.xy);
+    uint line = uint(p.x) * strides.x + uint(p.y) * strides.y;
+    float sum = 0.0;
+    for (int k = is_between ? -2 : 0; k <= (is_between ? 3 : 0); k++) {
+        float level = level_of(line + uint(clamp(whole + k, 0, last.z)) * strides.z);
+        sum += is_between ? share[k + 2] * level : level;
+    }
+    return sum;
+}
+
+uint to_word(float even, float odd) {
+    vec2 level = min(max(vec2(even, odd), level_scale.w), LEVEL_MAX) + 0.5;
+    return uint(level.x) | uint(level.y) << 16;
+}
+
+// Refines the samples [first, first + count) of the slice of sheet n. Every thread must call it.
+void refine(ivec2 first, ivec2 count, int n) {
+    int width = count.x + 5, size = width * (count.y + 5), i = int(thread) % width, j = int(thread) / width;
+    ivec2 skip = ivec2(int(PIXELS) % width, int(PIXELS) / width);
+    float z = slice_of(n);
+    for (int k = int(thread); k < size; k += int(PIXELS)) {
+        raw[k] = read(first - 2 + ivec2(i, j), z);
+        i += skip.x;
+        j += skip.y + (i >= width ? 1 : 0);
+        i -= i >= width ? width : 0;
+    }
+    barrier();
+    size = width * count.y;
+    for (int k = int(thread); k < size; k += int(PIXELS))
+        between_rows[k] = between(raw[k], raw[k + width], raw[k + 2 * width], raw[k + 3 * width], raw[k + 4 * width],
+                                  raw[k + 5 * width]);
+    barrier();
+    size = 2 * count.x * count.y;
+    i = int(thread) % count.x;
+    j = int(thread) / count.x;
+    skip = ivec2(int(PIXELS) % count.x, int(PIXELS) / count.x);
+    for (int k = int(thread); k < size; k += int(PIXELS)) {
+        float own[6];
+        int row = (j >> 1) * width + i;
+        for (int t = 0; t < 6; t++)
+            own[t] = (j & 1) != 0 ? between_rows[row + t] : raw[row + 2 * width + t];
+        refined[k] = to_word(own[2], between(own[0], own[1], own[2], own[3], own[4], own[5]));
+        i += skip.x;
+        j += skip.y + (i >= count.x ? 1 : 0);
+        i -= i >= count.x ? count.x : 0;
+    }
+    is_live = live_at == n; // before the barrier: later threads may be at the next sheet
+    barrier();
+}
+
+float level_at(ivec2 p, int width) {
+    uint word = refined[p.y * width + (p.x >> 1)];
+    return float(word >> (16 * (p.x & 1)) & 0xffffu);
+}
+
+// The value on the sheet at refined sample p + part, and its differences along u and v over one sample.
+vec3 sample_at(ivec2 p, vec2 part, int width) {
+    float a = level_at(p, width), b = level_at(p + ivec2(1, 0), width);
+    float c = level_at(p + ivec2(0, 1), width), d = level_at(p + 1, width);
+    float value = mix(mix(a, b, part.x), mix(c, d, part.x), part.y);
+#if GRADIENT
+    float left = mix(mix(level_at(p + ivec2(-1, 0), width), a, part.x),
+                     mix(level_at(p + ivec2(-1, 1), width), c, part.x), part.y);
+    float right = mix(mix(b, level_at(p + ivec2(2, 0), width), part.x),
+                      mix(d, level_at(p + ivec2(2, 1), width), part.x), part.y);
+    float above = mix(mix(level_at(p + ivec2(0, -1), width), level_at(p + ivec2(1, -1), width), part.x),
+                      mix(a, b, part.x), part.y);
+    float below = mix(mix(c, d, part.x),
+                      mix(level_at(p + ivec2(0, 2), width), level_at(p + ivec2(1, 2), width), part.x), part.y);
+    return vec3(value, right - left, below - above);
+#else
+    return vec3(value, 0.0, 0.0);
+#endif
+}
+
+// Reads sheet n at the group's pixels, unless all are opaque. Every thread must call it.
+void read_sheet(int n, inout vec3 value, inout uint refined_count) {
+    const int margin = GRADIENT;
+    float s = s_of(slice_of(n));
+    vec2 x = index_of(ray.xy + s * ray.zw);
+    if (pixel.x > TRANSMITTANCE_MIN)
+        live_at = n;
+    // Parts of the block in Morton order: p is the first pixel of the next part.
+    uint own = 0u;
+    for (uint b = 0u; b < 3u; b++)
+        own |= (thread >> b & 1u) << (2u * b) | (thread >> (b + 3u) & 1u) << (2u * b + 1u);
+    for (uint p = 0u, side; p < PIXELS; p += side * side) {
+        uvec2 corner = uvec2((p & 1u) | (p >> 1 & 2u) | (p >> 2 & 4u), (p >> 1 & 1u) | (p >> 2 & 2u) | (p >> 3 & 4u));
+        vec2 low, high;
+        ivec2 first, count;
+        for (side = TILE;; side /= 2u) {
+            if ((p & (side * side - 1u)) != 0u)
+                continue;
+            find_extent(corner, side, s, low, high);
+            first = (ivec2(2.0 * low) - margin) >> 1;
+            count = ((ivec2(2.0 * high) + 1 + margin) >> 1) - first + 1;
+            if (side == 1u || (count.x + 5) * (count.y + 5) <= RAW)
+                break;
+        }
+        refine(first, count, n);
+        refined_count += uint(count.x * count.y);
+        if (!is_live)
+            return;
+        if (own >= p && own < p + side * side) {
+            vec2 place = 2.0 * clamp(x, low, high);
+            ivec2 whole = ivec2(place);
+            value = sample_at(whole - 2 * first, place - vec2(whole), count.x);
+        }
+    }
+#if GRADIENT
+    value.yz /= vec2(spacing_at(0, x.x), spacing_at(1, x.y));
+#endif
+}
+
+// The part of the interval [s, s + width] inside the half spaces; returns its share of the interval.
+float cut(float s, float width, inout vec3 value) {
+    float from = clamp((begin - s) / width, 0.0, 1.0), to = max(min((end - s) / width, 1.0), from);
+    float first = value.x, change = value.z - first;
+    float bend = value.y - (first + 0.5 * change), middle = 0.5 * (from + to);
+    value = first + vec3(from, middle, to) * change +
+            4.0 * vec3(from, middle, to) * (1.0 - vec3(from, middle, to)) * bend;
+    return to - from;
+}
+
+// The mean of the transfer function from value x to value y: half of it, because an interval has two such parts. Colour
+// times depth, and depth.
+vec4 mean_of_half(float x, float y) {
+    const float top = float(BINS);
+    float a = x * bin_scale.x + bin_scale.y, b = y * bin_scale.x + bin_scale.y, low = min(a, b), high = max(a, b);
+    int i = int(clamp(low, 0.0, top)), j = max(int(clamp(high, 0.0, top)), i + 1);
+    float above = max(high - top, 0.0) - max(low - top, 0.0);
+    float share = 0.5 / (float(j - i) + max(-low, 0.0) + above);
+    return share * (integral[j] - integral[i] + above * above_bins);
+}
+
+// The scale of the opacity at a gradient's magnitude.
+float scale_of(float magnitude) {
+    int n = base.w, i = 1;
+    if (!(magnitude > magnitudes[0].x))
+        return magnitudes[0].y;
+    while (i < n && magnitudes[i].x <= magnitude)
+        i++;
+    if (i == n)
+        return magnitudes[n - 1].y;
+    vec2 low = magnitudes[i - 1].xy, high = magnitudes[i].xy;
+    return mix(low.y, high.y, (magnitude - low.x) / (high.x - low.x));
+}
+
+// The gradient in the middle of an interval, in world space.
+vec3 find_gradient(vec3 value[4], float width) {
+    vec2 slope = (9.0 / 16.0) * (value[1].yz + value[2].yz) - (1.0 / 16.0) * (value[0].yz + value[3].yz);
+    float along = (value[2].x - value[1].x) / width, rest = along - dot(ray.zw, slope);
+    vec3 own = turn_back(vec3(slope, is_backwards ? -rest : rest));
+    return vec3(dot(to_world[0].xyz, own), dot(to_world[1].xyz, own), dot(to_world[2].xyz, own));
+}
+
+// The unit normal of an interval; zero if there is none. As find_normal() of resample/integrate.c says, a surface's gradient
+// stays for a while behind it.
+vec3 find_normal(vec3 gradient, float width) {
+    const float SHARE = 0.8;
+    float rounding = metric[0].w;
+    vec3 past = normal * exp2(-2.0 * width);
+    float least = SHARE * SHARE * dot(past, past) + rounding * rounding;
+    float firm = min(dot(gradient, gradient) / least, 1.0);
+    normal = firm * gradient + (dot(past, gradient) < 0.0 ? firm - 1.0 : 1.0 - firm) * past;
+    float square = dot(normal, normal);
+    return square > TINY ? normal * inversesqrt(square) : vec3(0);
+}
+
+// Composites the interval between sheets n and n + 1, of which value[1] and value[2] are the values.
+void integrate(int n, vec3 value[4]) {
+    float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s;
+    float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);
+    vec3 x = vec3(value[1].x, max(middle, level_scale.w), value[2].x);
+    float low = min(min(x.x, x.y), x.z), high = max(max(x.x, x.y), x.z);
+    if (!(bin_scale.z < high && low < bin_scale.w))
+        return;
+    float passed = ray_length * width * cut(s, width, x);
+    vec4 sum = mean_of_half(x.x, x.y) + mean_of_half(x.y, x.z);
+    if (!(sum.w > 0.0))
+        return;
+    float depth = sum.w;
+#if GRADIENT
+    vec3 gradient = find_gradient(value, width);
+    float magnitude = sqrt(dot(gradient, gradient));
+    if (base.w > 0) {
+        float opacity = scale_of(magnitude) * (1.0 - exp2(-LOG2E * depth));
+        depth = -log2(max(1.0 - opacity, 1e-30)) / LOG2E;
+    }
+#endif
+    float light = base.y != 0 ? max(1.0 - depth * passed, 0.0) : exp2(-LOG2E * depth * passed);
+    vec3 color = sum.rgb / max(sum.w, TINY);
+#if GRADIENT
+    if (choice.y != 0u && light < 1.0) {
+        vec3 to_eye = -normalize(vec3(choice.x != 0u ? (at - lens.yz) / lens.x : vec2(0), 1.0));
+        color = shade_normal(color, find_normal(gradient, width), to_eye);
+    }
+#endif
+    pixel.yzw += pixel.x * (1.0 - light) * color;
+    pixel.x *= light;
+}
+
+void add_counts(uint refined_count, uint sheets) {
+    uint px = sheets * PIXELS, before = atomicAdd(fragments, px);
+    if (before + px < before)
+        atomicAdd(carry, 1u);
+    atomicAdd(splats, refined_count);
+}
+
+void draw() {
+    vec3 value[4] = vec3[4](vec3(0), vec3(0), vec3(0), vec3(0)); // of sheets n − 3 to n
+    uint refined_count = 0u, sheets = 0u;
+    find_active();
+    is_live = true;
+    for (int next = find_next(range.x), n = next - 1; next < range.y && is_live; n++) {
+        value[0] = value[1];
+        value[1] = value[2];
+        value[2] = value[3];
+        read_sheet(n, value[3], refined_count);
+        sheets++;
+        if (n < next + 2)
+            continue;
+        integrate(next, value); // also where it is dark: an end per pixel would change the image more
+        next = find_next(next + 1);
+        n = max(n, next - 2); // sheets next − 1 to next + 2 are needed
+    }
+    if (thread == 0u && sheets > 0u)
+        add_counts(refined_count, sheets);
+}
+
+void main() {
+    thread = gl_LocalInvocationIndex;
+    uvec2 corner = gl_WorkGroupID.xy * TILE + uvec2(0u, band.w), px = corner + gl_LocalInvocationID.xy;
+    bool is_inside = px.x < band.x && px.y < band.z;
+    uint index = (px.y - band.y) * band.x + px.x;
+    Square square = find_square(corner);
+    at = vec2(px) + 0.5;
+    pixel = is_inside ? image[index] : vec4(0);
+#if GRADIENT
+    uint own = index + band.x * (band.z - band.y);
+    normal = is_inside && range.x > 0 ? image[own].xyz : vec3(0);
+#endif
+    open_axis(square.kind.y, square.kind.z != 0, square.kind.w);
+    open_ray(square);
+    rays[thread] = ray;
+    if (thread == 0u) {
+        span[0] = ordinal(1e30);
+        span[1] = ordinal(-1e30);
+        live_at = 0;
+    }
+    barrier();
+    if (begin < end) {
+        atomicMin(span[0], ordinal(begin));
+        atomicMax(span[1], ordinal(end));
+    }
+    if (pixel.x > TRANSMITTANCE_MIN)
+        live_at = 1;
+    barrier();
+    bool has_work = live_at != 0 && span[0] < span[1];
+    barrier();
+    if (has_work)
+        draw();
+    if (is_inside) {
+        image[index] = pixel;
+#if GRADIENT
+        image[own] = vec4(normal, 0.0);
+#endif
+    }
+}

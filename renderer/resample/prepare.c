@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a frame needs before its pixels are drawn, the same for all backends: the mip level, sample
+ * coordinates, the volume's faces and clipping planes as half spaces, the metric.
+ */
+#include "resample/prepare.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "splat/slices.h"
+#include "volume/grid.h"
+
+bool sp_resample_draws(const struct sp_view *view) {
+    return view->compositing.mode == SP_COMPOSITE_SHEET &&
+           view->transfer_function.order == SP_TF_POST;
+}
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+/* A level is drawn while its samples are at least this wide in the middle of the volume [px]. */
+static const double narrowest = 0.7;
+
+/* A block sees at most about this many samples of a sheet, per axis, at the far end of the volume.
+ */
+static const double most_seen = 200;
+
+unsigned sp_resample_level(const struct sp_grid *grid, const struct sp_camera_transform *camera) {
+    double width = 1, distance = 1, far = 1, finest = INFINITY, radius = 0;
+    unsigned level = 0;
+    for (int a = 0; a < 3; a++) {
+        width *= cbrt(grid->spacing[a]);
+        finest = fmin(finest, grid->spacing[a]);
+        radius += grid->spacing[a] * grid->dims[a] / 2;
+    }
+    if (camera->projection == SP_PERSPECTIVE) {
+        struct sp_vec3 to = sp_vec3_scale(camera->eye, -1);
+        for (int r = 0; r < 3; r++)
+            for (int a = 0; a < 3; a++)
+                to.v[r] += (a ? 0 : grid->origin[r]) +
+                           grid->direction[r][a] * grid->spacing[a] * (grid->dims[a] - 1) / 2;
+        distance = fmax(sp_vec3_length(to), camera->near);
+        far = distance + radius;
+    }
+    width *= camera->scale / distance;
+    double seen = RESAMPLE_BLOCK * far / camera->scale / finest;
+    while (level + 1 < SAMPLES_LEVELS &&
+           (ldexp(width, (int)level) < narrowest || ldexp(seen, -(int)level) > most_seen))
+        level++;
+    return level;
+}
+
+static unsigned choose_level(const struct sp_resample_input *input) {
+    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+    unsigned level = input->mip_level, longest = 1;
+    for (int a = 0; a < 3; a++)
+        longest = grid->dims[a] > longest ? grid->dims[a] : longest;
+    if (input->view->level_of_detail == SP_LOD_AUTO) {
+        unsigned finest = sp_resample_level(grid, input->camera);
+        level = level > finest ? level : finest;
+    }
+    while (level > 0 && longest >> level == 0)
+        level--;
+    return level < SAMPLES_LEVELS ? level : SAMPLES_LEVELS - 1;
+}
+
+/* Sample coordinates of a level: x = to·(world − origin) + shift. */
+struct coordinates {
+    struct sp_mat3 to, from; /* from: its inverse, sample → world */
+    struct sp_vec3 origin;
+    double shift;
+};
+
+static struct sp_vec3 place(const struct coordinates *c, struct sp_vec3 world) {
+    struct sp_vec3 x = sp_mat3_apply(&c->to, sp_vec3_sub(world, c->origin));
+    for (int a = 0; a < 3; a++)
+        x.v[a] += c->shift;
+    return x;
+}
+
+static void init_coordinates(struct coordinates *c, const struct sp_grid *grid, unsigned level) {
+    double size = ldexp(1, (int)level);
+    for (int r = 0; r < 3; r++) {
+        c->origin.v[r] = grid->origin[r];
+        for (int a = 0; a < 3; a++)
+            c->from.m[r][a] = grid->direction[r][a] * grid->spacing[a] * size;
+    }
+    double volume;
+    c->to = sp_mat3_inverse(&c->from, &volume);
+    c->shift = 0.5 / size - 0.5;
+}
+
+/* Adds the half space normal·world >= offset. */
+static void add_half(struct sp_resample *r, const struct coordinates *c, struct sp_vec3 normal,
+                     double offset) {
+    struct sp_resample_half *half = &r->halves[r->half_count++];
+    struct sp_mat3 turned = sp_mat3_transpose(&c->from);
+    struct sp_vec3 n = sp_mat3_apply(&turned, normal);
+    double length = sp_vec3_length(n), at = offset - sp_vec3_dot(normal, c->origin);
+    for (int a = 0; a < 3; a++) {
+        at += n.v[a] * c->shift;
+        half->normal[a] = n.v[a] / length;
+    }
+    half->offset = at / length;
+}
+
+static void add_halves(struct sp_resample *r, const struct coordinates *c,
+                       const struct sp_grid *grid) {
+    const struct sp_clip *clip = &r->view->clip;
+    const struct sp_camera_transform *camera = r->camera;
+    for (int a = 0; a < 3; a++)
+        for (int side = 0; side < 2; side++) {
+            double extent[2], part = clip->box[side][a];
+            sp_grid_extent(grid, (unsigned)a, extent);
+            double distance = extent[0] + part * (extent[1] - extent[0]);
+            double at = distance / grid->spacing[a] * (2 * c->shift + 1) + c->shift;
+            struct sp_resample_half *half = &r->halves[r->half_count++];
+            *half = (struct sp_resample_half){ .offset = side ? -at : at };
+            half->normal[a] = side ? -1 : 1;
+        }
+    struct sp_vec3 forward = sp_vec3_from(camera->w.m[2]);
+    add_half(r, c, forward, sp_vec3_dot(forward, camera->eye) + camera->near);
+    for (uint32_t i = 0; i < clip->plane_count; i++) {
+        struct sp_vec3 normal = sp_vec3_from(clip->planes[i].normal);
+        double largest = fmax(fabs(normal.v[0]), fmax(fabs(normal.v[1]), fabs(normal.v[2])));
+        for (int a = 0; a < 3; a++) /* squares of components, or 1 / largest, may overflow */
+            normal.v[a] /= largest;
+        double length = sp_vec3_length(normal);
+        add_half(r, c, sp_vec3_scale(normal, 1 / length),
+                 clip->planes[i].offset / largest / length);
+    }
+}
+
+static void init_camera(struct sp_resample *r, const struct coordinates *c) {
+    const struct sp_camera_transform *camera = r->camera;
+    struct sp_vec3 axis[3];
+    for (int i = 0; i < 3; i++)
+        axis[i] = sp_mat3_apply(&c->to, sp_vec3_from(camera->w.m[i]));
+    struct sp_vec3 eye = place(c, camera->eye);
+    for (int a = 0; a < 3; a++) {
+        r->eye[a] = r->start[a] = eye.v[a];
+        r->ray[a] = axis[2].v[a];
+        r->right[a] = axis[0].v[a] / camera->scale;
+        r->down[a] = axis[1].v[a] / camera->scale;
+    }
+}
+
+/* Tables of a rectilinear axis. A sample of a coarser level lies half way between those that it
+ * replaces. */
+static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_input *input,
+                      const struct sp_samples *samples, unsigned a, unsigned level) {
+    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+    double size = ldexp(1, (int)level);
+    uint32_t dims = samples->dims[a], last = grid->dims[a] - 1, i = 0;
+    *axis = (struct sp_resample_axis){ 0 };
+    if (!grid->coordinates[a] || dims < 2)
+        return true;
+    enum { PER_SAMPLE = 16, MOST = 1 << 16 };
+    axis->steps = dims < MOST / PER_SAMPLE ? (int)dims * PER_SAMPLE : MOST;
+    float *place = sp_arena_alloc(input->arena, "coordinates", dims, sizeof *place);
+    float *index =
+        sp_arena_alloc(input->arena, "coordinates", (size_t)axis->steps + 1, sizeof *index);
+    if (!place || !index)
+        return false;
+    for (uint32_t k = 0; k < dims; k++) {
+        double middle = (k + 0.5) * size - 0.5;
+        uint32_t low = (uint32_t)middle < last ? (uint32_t)middle : last;
+        double distance = sp_grid_distance(grid, a, low);
+        if (low < last)
+            distance += (middle - low) * (sp_grid_distance(grid, a, low + 1) - distance);
+        place[k] = (float)((distance / grid->spacing[a] + 0.5) / size - 0.5);
+    }
+    axis->first = place[0];
+    axis->steps_per_place = (float)axis->steps / (place[dims - 1] - place[0]);
+    for (int k = 0; k <= axis->steps; k++) {
+        float at = axis->first + (float)k / axis->steps_per_place;
+        while (i + 2 < dims && place[i + 1] < at)
+            i++;
+        index[k] = (float)i + (at - place[i]) / (place[i + 1] - place[i]);
+    }
+    axis->narrowest = INFINITY;
+    for (uint32_t k = 1; k < dims; k++) {
+        axis->narrowest = fminf(axis->narrowest, place[k] - place[k - 1]);
+        axis->widest = fmaxf(axis->widest, place[k] - place[k - 1]);
+    }
+    axis->place = place;
+    axis->index = index;
+    return true;
+}
+
+static void init_metric(struct sp_resample *r, const struct coordinates *c) {
+    const double most = 1e15; /* reference lengths per sample: what is visible is opaque */
+    double unit = r->view->transfer_function.reference_length;
+    struct sp_mat3 turned = sp_mat3_transpose(&c->from);
+    struct sp_mat3 m = sp_mat3_multiply(&turned, &c->from);
+    for (int a = 0; a < 3; a++) /* so that squares fit a float */
+        unit = fmax(unit, sqrt(m.m[a][a]) / most);
+    static const int pair[6][2] = { { 0, 0 }, { 1, 1 }, { 2, 2 }, { 1, 2 }, { 0, 2 }, { 0, 1 } };
+    for (int i = 0; i < 6; i++)
+        r->metric[i] = m.m[pair[i][0]][pair[i][1]] / (unit * unit);
+    struct sp_mat3 slope = sp_mat3_transpose(&c->to); /* gradients turn by the inverse transpose */
+    double largest = 0;
+    for (int i = 0; i < 9; i++)
+        largest = fmax(largest, fabs(slope.m[i / 3][i % 3]));
+    for (int i = 0; i < 9; i++)
+        r->to_world[i / 3][i % 3] = (float)(slope.m[i / 3][i % 3] / largest);
+    r->gradient_unit = (float)(largest / r->curve.levels_per_unit);
+}
+
+/* Surfaces change the value by at least this share of the transfer function's span per sample. */
+static const double surface = 0.08;
+
+static void init_light(struct sp_resample *r, unsigned level) {
+    const struct sp_transfer_function *tf = &r->view->transfer_function;
+    double span = tf->points[tf->point_count - 1].value - tf->points[0].value;
+    float size = ldexpf(1, (int)level); /* coordinate on level 0 = (coordinate + ½)·size − ½ */
+    r->light_scale = size * r->light->per_sample;
+    r->light_first = (size - 1) / 2 * r->light->per_sample + r->light->first;
+    r->light_firmness = (float)fmin(1 / (surface * span * r->curve.levels_per_unit), 1e6);
+}
+
+/* Gradients from one sample to the next one that rounded samples and levels may have. */
+static float find_rounding(enum sp_type type, const struct sp_curve *curve) {
+    const double levels = 4; /* what refining rounds, and linear interpolation of it */
+    bool is_real = type == SP_FLOAT32 || type == SP_FLOAT64;
+    return (float)fmax(levels, is_real ? 0 : 0.5 * curve->levels_per_unit);
+}
+
+bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
+                         struct sp_error *err) {
+    const struct sp_volume_info *info = sp_volume_info(input->volume);
+    const struct sp_view *view = input->view;
+    *r = (struct sp_resample){
+        .view = view,
+        .frame = input->frame,
+        .interrupt = input->interrupt,
+        .camera = input->camera,
+        .shade = input->shade,
+        .light = input->light,
+        .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,
+        .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
+        .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
+    };
+    unsigned level = choose_level(input);
+    struct sp_samples_job job = { .volume = input->volume,
+                                  .level = level,
+                                  .axis = sp_slices_major_axis(input->camera, &info->grid),
+                                  .tf = &view->transfer_function,
+                                  .bytes_max = input->bytes_max,
+                                  .find_ranges = input->find_ranges,
+                                  .pool = input->pool,
+                                  .interrupt = input->interrupt,
+                                  .keeps_layout = input->keeps_layout };
+    r->samples = sp_samples_get(input->cache, &job, &r->class, err);
+    if (!r->samples)
+        return false;
+    r->curve = r->class->curve;
+    r->rounding = find_rounding(info->type, &r->curve);
+    r->lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
+    for (unsigned a = 0; a < 3; a++)
+        if (!init_axis(&r->axes[a], input, r->samples, a, level))
+            return fail_memory(input->arena, err);
+    if (r->light)
+        init_light(r, level);
+    struct coordinates coordinates;
+    init_coordinates(&coordinates, &info->grid, level);
+    add_halves(r, &coordinates, &info->grid);
+    init_camera(r, &coordinates);
+    init_metric(r, &coordinates);
+    input->frame->stats.mip_level = input->mip_level;
+    input->frame->stats.visible_voxels =
+        r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
+    return true;
+}
