@@ -2,8 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "resample/axes.h"
 #include "resample/resample.h"
-#include "splat/slices.h"
 #include "volume/grid.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
@@ -143,6 +143,15 @@ static void init_camera(struct sp_resample *r, const struct coordinates *c) {
     }
 }
 
+static int choose_axis(const struct sp_resample *r, const struct coordinates *c, double share[3]) {
+    double along[3];
+    for (int a = 0; a < 3; a++) {
+        const struct sp_vec3 column = { { c->from.m[0][a], c->from.m[1][a], c->from.m[2][a] } };
+        along[a] = fabs(r->ray[a]) * sp_vec3_length(column);
+    }
+    return sp_axes_choose(along, share);
+}
+
 /* Tables of a rectilinear axis. A sample of a coarser level lies half way between those that it
  * replaces. */
 static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_input *input,
@@ -259,23 +268,80 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+/* Draws all tiles with slices of axis r->axis. */
 static bool draw(const struct sp_resample_input *input, struct sp_resample *r,
-                 struct sp_error *err) {
+                 struct sp_resample_scratch *scratch, struct sp_error *err) {
     unsigned workers = sp_pool_threads(input->pool);
     struct sp_frame_stats *stats = &input->frame->stats;
-    struct tiles tiles = { r, NULL, input->draw_tile };
-    if (!allocate(r, &tiles.scratch, workers, input->arena))
-        return fail_memory(input->arena, err);
+    struct tiles tiles = { r, scratch, input->draw_tile };
     sp_parallel_for(input->pool, (size_t)(r->columns * r->rows), 1, draw_tiles, &tiles);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (unsigned w = 0; w < workers; w++) {
-        if (tiles.scratch[w].is_too_wide)
+        if (scratch[w].is_too_wide)
             return sp_fail(err, SP_ERR_BUDGET, "/quality/level_of_detail",
                            "the volume is too small in the image for its samples: set "
                            "quality.level_of_detail to \"auto\", or come nearer");
-        stats->splats += tiles.scratch[w].refined;
-        stats->fragments += tiles.scratch[w].sampled;
+        stats->splats += scratch[w].refined;
+        stats->fragments += scratch[w].sampled;
+        scratch[w].refined = scratch[w].sampled = 0;
+    }
+    return true;
+}
+
+/* Gets the samples and their class for axis r->axis. */
+static bool get_samples(const struct sp_resample_input *input, unsigned level,
+                        struct sp_resample *r, struct sp_error *err) {
+    struct sp_samples_job job = { .volume = input->volume,
+                                  .level = level,
+                                  .axis = (unsigned)r->axis,
+                                  .tf = &input->view->transfer_function,
+                                  .bytes_max = input->bytes_max,
+                                  .pool = input->pool,
+                                  .interrupt = input->interrupt };
+    r->samples = sp_samples_get(input->cache, &job, &r->class, err);
+    if (r->samples)
+        r->curve = r->class->curve;
+    return r->samples;
+}
+
+/* Draws the image of another axis and mixes it into the frame. Without memory for it the frame
+ * stays as it is. */
+static bool add_axis(const struct sp_resample_input *input, unsigned level, struct sp_resample *r,
+                     struct sp_resample_scratch *scratch, double share, struct sp_error *err) {
+    struct sp_frame second = *input->frame;
+    struct sp_error why = { 0 };
+    second.pixels = sp_arena_alloc(input->arena, "second image", second.height,
+                                   second.stride_bytes);
+    if (!second.pixels)
+        return fail_memory(input->arena, err);
+    r->frame = &second;
+    bool is_drawn = get_samples(input, level, r, &why) && draw(input, r, scratch, &why);
+    r->frame = input->frame;
+    if (is_drawn)
+        sp_axes_mix(input->frame, second.pixels, share, input->pool);
+    else if (why.code != SP_ERR_BUDGET && err)
+        *err = why;
+    return is_drawn || why.code == SP_ERR_BUDGET;
+}
+
+/* Draws the frame with the slices of each axis that has a share of it. */
+static bool draw_axes(const struct sp_resample_input *input, unsigned level, struct sp_resample *r,
+                      const double share[3], struct sp_error *err) {
+    struct sp_resample_scratch *scratch;
+    int best = r->axis;
+    if (!allocate(r, &scratch, sp_pool_threads(input->pool), input->arena))
+        return fail_memory(input->arena, err);
+    if (!draw(input, r, scratch, err))
+        return false;
+    double sum = share[best];
+    for (int a = 0; a < 3; a++) {
+        if (a == best || !(share[a] > 0))
+            continue;
+        sum += share[a];
+        r->axis = a;
+        if (!add_axis(input, level, r, scratch, share[a] / sum, err))
+            return false;
     }
     return true;
 }
@@ -298,33 +364,26 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };
     unsigned level = choose_level(input);
-    struct sp_samples_job job = { .volume = input->volume,
-                                  .level = level,
-                                  .axis = sp_slices_major_axis(input->camera, &info->grid),
-                                  .tf = &view->transfer_function,
-                                  .bytes_max = input->bytes_max,
-                                  .pool = input->pool,
-                                  .interrupt = input->interrupt };
-    r.samples = sp_samples_get(input->cache, &job, &r.class, err);
-    if (!r.samples)
+    double share[3];
+    struct coordinates coordinates;
+    init_coordinates(&coordinates, &info->grid, level);
+    add_halves(&r, &coordinates, &info->grid);
+    init_camera(&r, &coordinates);
+    r.axis = choose_axis(&r, &coordinates, share);
+    if (!get_samples(input, level, &r, err))
         return false;
-    r.curve = r.class->curve;
     r.lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r.axes[a], input, r.samples, a, level))
             return fail_memory(input->arena, err);
     if (r.light)
         init_light(&r, level);
-    struct coordinates coordinates;
-    init_coordinates(&coordinates, &info->grid, level);
-    add_halves(&r, &coordinates, &info->grid);
-    init_camera(&r, &coordinates);
     init_metric(&r, &coordinates);
     double prepared = sp_interrupt_clock_ms(&input->interrupt);
     stats->mip_level = input->mip_level;
     stats->visible_voxels =
         r.class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
-    if (!draw(input, &r, err))
+    if (!draw_axes(input, level, &r, share, err))
         return false;
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "classify", prepared - clock };

@@ -68,6 +68,7 @@ struct sp_resample {
     struct sp_resample_axis axes[3];
     bool is_linear;           /* SP_ATTENUATION_LINEAR */
     bool needs_gradient;      /* lit, or the transfer function has a gradient axis */
+    int axis;                 /* of the slices; tiles of wide views may take another one */
     int columns, rows;        /* of tiles */
     size_t refined_max;       /* refined samples that a sheet has memory for */
     double eye[3];            /* samples; perspective */

@@ -35,14 +35,18 @@ static void find_direction(const struct sp_resample *r, double x, double y, doub
         out[a] = r->ray[a] + x * r->right[a] + y * r->down[a];
 }
 
-static void choose_axis(struct sp_resample_open_tile *t, const double direction[3]) {
-    const struct sp_samples *samples = t->r->samples;
-    /* The axis to which the ray has the smallest angle, in world space. */
+/* The axis to which the ray has the smallest angle, in world space. */
+static int nearest_axis(const struct sp_resample *r, const double direction[3]) {
     int best = 0;
     for (int a = 1; a < 3; a++)
-        if (fabs(direction[a]) * sqrt(t->r->metric[a]) >=
-            fabs(direction[best]) * sqrt(t->r->metric[best]))
+        if (fabs(direction[a]) * sqrt(r->metric[a]) >=
+            fabs(direction[best]) * sqrt(r->metric[best]))
             best = a;
+    return best;
+}
+
+static void set_axis(struct sp_resample_open_tile *t, int best, const double direction[3]) {
+    const struct sp_samples *samples = t->r->samples;
     const size_t strides[3] = { 1, samples->dims[0], (size_t)samples->dims[0] * samples->dims[1] };
     const size_t turned[3] = { 1, samples->dims[1], (size_t)samples->dims[1] * samples->dims[2] };
     t->axis[0] = best == 0 ? 1 : 0;
@@ -79,9 +83,9 @@ static void init_rays(struct sp_resample_open_tile *t, struct rays *rays) {
         find_direction(r, x, y, direction);
     /* One axis for the whole image, so that there are no seams; but its own axis for a tile whose
      * rays would hardly cross those slices. */
-    choose_axis(t, r->ray);
+    set_axis(t, r->axis, r->ray);
     if (slant(r, direction, t->axis[2]) > 2.5 || direction[t->axis[2]] * r->ray[t->axis[2]] <= 0)
-        choose_axis(t, direction);
+        set_axis(t, nearest_axis(r, direction), direction);
     const int *axis = t->axis;
     double forward = direction[axis[2]], sign = t->is_backwards ? -1 : 1;
     for (int a = 0; a < 3; a++)
