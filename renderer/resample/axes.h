@@ -12,8 +12,8 @@
 #include "base/parallel_for.h"
 #include "sp/frame.h"
 
-/* Fills each axis's share of the image; they add up to 1. along: how far the ray through the image's
- * centre goes along each axis, in any unit. Returns the axis with the largest share. */
+/* Fills each axis's share of the image; they add up to 1. along: how far the ray through the
+ * image's centre goes along each axis, in any unit. Returns the axis with the largest share. */
 int sp_axes_choose(const double along[3], double share[3]);
 
 /* Replaces the frame's pixels by (1 − share)·frame + share·from, where `from` has the frame's

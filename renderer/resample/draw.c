@@ -7,8 +7,10 @@
 #include "volume/grid.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
-    return view->compositing.mode == SP_COMPOSITE_SHEET &&
-           view->transfer_function.order == SP_TF_POST;
+    if (view->transfer_function.order != SP_TF_POST)
+        return false;
+    return view->compositing.mode == SP_COMPOSITE_SHEET ||
+           (view->compositing.mode == SP_COMPOSITE_SLAB && sp_view_has_default_filter(view));
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -311,8 +313,8 @@ static bool add_axis(const struct sp_resample_input *input, unsigned level, stru
                      struct sp_resample_scratch *scratch, double share, struct sp_error *err) {
     struct sp_frame second = *input->frame;
     struct sp_error why = { 0 };
-    second.pixels = sp_arena_alloc(input->arena, "second image", second.height,
-                                   second.stride_bytes);
+    second.pixels =
+        sp_arena_alloc(input->arena, "second image", second.height, second.stride_bytes);
     if (!second.pixels)
         return fail_memory(input->arena, err);
     r->frame = &second;
@@ -359,6 +361,7 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
         .shade = input->shade,
         .light = input->light,
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .is_fine = view->compositing.mode == SP_COMPOSITE_SLAB,
         .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE

@@ -107,7 +107,7 @@ static void init_rays(struct sp_resample_open_tile *t, struct rays *rays) {
     rays->lever = is_perspective ? ahead : 1;
     double speed = sqrt(1 + rays->change[0] * rays->change[0] + rays->change[1] * rays->change[1]);
     bool is_steep = speed > steep || slant(r, direction, axis[2]) > steep;
-    t->sheets_per_slice = is_steep ? 2 : 1;
+    t->sheets_per_slice = is_steep || r->is_fine ? 2 : 1;
 }
 
 /* Keeps the part of SP_WIDE rays inside a half space. */

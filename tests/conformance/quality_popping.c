@@ -11,6 +11,10 @@
  * pop of slabs is at most a tenth of the pop of sheets. The first claim depends on the step,
  * because motion changes slabs and sheets alike; the step is so small that the change by motion is
  * small. The second claim does not depend on the step.
+ *
+ * The default view interpolates values on slices. Near a switch the images of both axes are mixed.
+ * Claims: beyond the change by motion, the image changes by at most 0.1 % of the range (root mean
+ * square), and no pixel by more than 1 %.
  */
 #include <math.h>
 #include <stdio.h>
@@ -118,11 +122,12 @@ static void orbit_default(const struct quality *q, struct sp_volume *volume, str
     test_image_finish(&last);
 }
 
-static const char *const volumes[] = { "demo:phantom?size=96", "demo:hydrogen?size=64",
-                                       "demo:marschner-lobb",  "demo:engine",
-                                       "engine_256x256x128_uint8.nrrd",
-                                       "bonsai_256x256x256_uint8.nrrd",
-                                       "lobster_301x324x56_uint8.nrrd" };
+static const char *const volumes[] = {
+    "demo:phantom?size=96",          "demo:hydrogen?size=64",
+    "demo:marschner-lobb",           "demo:engine",
+    "engine_256x256x128_uint8.nrrd", "bonsai_256x256x256_uint8.nrrd",
+    "lobster_301x324x56_uint8.nrrd"
+};
 
 static void measure_default(struct quality *q) {
     if (strcmp(q->target.backend, "cpu") != 0)
@@ -138,11 +143,12 @@ static void measure_default(struct quality *q) {
             view.size[0] = view.size[1] = 256;
             view.shading.mode = lit ? SP_SHADING_PHONG : SP_SHADING_NONE;
             orbit_default(q, volume, &view, rms, worst);
-            double pop = rms[1] - rms[0];
-            printf("  %-30s  %-8s   %7.3f              %7.3f\n", volumes[i],
-                   lit ? "phong" : "none", 100 * pop, 100 * (worst[1] - worst[0]));
-            quality_expect(q, pop <= 0.01, "%s: the image changes by %g at the switch", volumes[i],
-                           pop);
+            double pop = rms[1] - rms[0], most = worst[1] - worst[0];
+            printf("  %-30s  %-8s   %7.3f              %7.3f\n", volumes[i], lit ? "phong" : "none",
+                   100 * pop, 100 * most);
+            quality_expect(q, pop <= 0.001 && most <= 0.01,
+                           "%s: the image changes by %g at the switch, one pixel by %g", volumes[i],
+                           pop, most);
         }
         if (volume)
             quality_evict(q, &volume);

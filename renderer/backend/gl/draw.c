@@ -9,6 +9,7 @@
 #include "backend/gl/memory.h"
 #include "base/clock.h"
 #include "light/light.h"
+#include "resample/resample.h"
 #include "sp/log.h"
 #include "splat/cubic.h"
 
@@ -510,11 +511,11 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
     if (sp_light_is_wanted(job->view))
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/shading",
                        "this backend draws neither ambient occlusion nor shadows");
-    if (job->view->compositing.mode == SP_COMPOSITE_SHEET &&
-        job->view->transfer_function.order == SP_TF_POST)
+    if (sp_resample_draws(job->view))
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
                        "the GPU backend does not draw sheets of interpolated values: use the cpu "
-                       "backend, or compositing.mode \"slab\"");
+                       "backend, or compositing.mode \"slab\" with a filter other than the "
+                       "default");
     gl_memory_begin(s);
     bool ok = draw(s, slot, job, s->begun == 0, err);
     s->begun += ok;
