@@ -265,12 +265,12 @@ static bool check_support(const struct sp_backend *backend, const struct sp_view
 static bool check_sheets(const struct sp_renderer *r, const struct sp_view *v,
                          struct sp_error *err) {
     const struct sp_backend *backend = atomic_load(&r->backend);
-    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order != SP_TF_POST ||
-        backend->capabilities.interpolated_sheets || (r->is_auto && !r->wanted.require_gpu))
+    if (!sp_resample_draws(v) || backend->capabilities.interpolated_sheets ||
+        (r->is_auto && !r->wanted.require_gpu))
         return true;
     return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
                    "the %s backend does not classify sheets after interpolation: use order "
-                   "\"pre\", or compositing.mode \"slab\"",
+                   "\"pre\", or compositing.mode \"slab\" with a filter other than the default",
                    backend->entry.name);
 }
 
@@ -303,7 +303,7 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
         return v->transfer_function.order;
     if (sp_light_is_wanted(v)) /* check_light() has found sheets */
         return SP_TF_POST;
-    if (v->compositing.mode != SP_COMPOSITE_SHEET || !backend->capabilities.interpolated_sheets ||
+    if (v->compositing.mode == SP_COMPOSITE_SPLAT || !backend->capabilities.interpolated_sheets ||
         !sp_view_has_default_filter(v) || mip_level > 0)
         return SP_TF_PRE;
     sp_camera_transform_init(&camera, &v->camera, v->size);

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <string.h>
 
+#include "resample/axes.h"
 #include "resample/prepare.h"
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -50,23 +51,63 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-static bool draw(const struct sp_resample_input *input, struct sp_resample *r,
-                 struct sp_error *err) {
+/* Draws all tiles with slices of axis r->axis. */
+static bool draw(const struct sp_resample_input *input, const struct sp_resample *r,
+                 struct sp_resample_scratch *scratch, struct sp_error *err) {
     unsigned workers = sp_pool_threads(input->pool);
     struct sp_frame_stats *stats = &input->frame->stats;
-    struct tiles tiles = { r, NULL, input->draw_tile };
-    if (!allocate(r, &tiles.scratch, workers, input->arena))
-        return fail_memory(input->arena, err);
+    struct tiles tiles = { r, scratch, input->draw_tile };
     sp_parallel_for(input->pool, (size_t)(r->columns * r->rows), 1, draw_tiles, &tiles);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     for (unsigned w = 0; w < workers; w++) {
-        if (tiles.scratch[w].is_too_wide)
+        if (scratch[w].is_too_wide)
             return sp_fail(err, SP_ERR_BUDGET, "/quality/level_of_detail",
                            "the volume is too small in the image for its samples: set "
                            "quality.level_of_detail to \"auto\", or come nearer");
-        stats->splats += tiles.scratch[w].refined;
-        stats->fragments += tiles.scratch[w].sampled;
+        stats->splats += scratch[w].refined;
+        stats->fragments += scratch[w].sampled;
+        scratch[w].refined = scratch[w].sampled = 0;
+    }
+    return true;
+}
+
+/* Draws the image of another axis and mixes it into the frame. Without memory for it the frame
+ * stays as it is. */
+static bool add_axis(const struct sp_resample_input *input, struct sp_resample *r, int axis,
+                     struct sp_resample_scratch *scratch, double share, struct sp_error *err) {
+    struct sp_frame second = *input->frame;
+    struct sp_error why = { 0 };
+    second.pixels =
+        sp_arena_alloc(input->arena, "second image", second.height, second.stride_bytes);
+    if (!second.pixels)
+        return fail_memory(input->arena, err);
+    r->frame = &second;
+    bool is_drawn = sp_resample_turn(input, r, axis, &why) && draw(input, r, scratch, &why);
+    r->frame = input->frame;
+    if (is_drawn)
+        sp_axes_mix(input->frame, second.pixels, share, input->pool);
+    else if (why.code != SP_ERR_BUDGET && err)
+        *err = why;
+    return is_drawn || why.code == SP_ERR_BUDGET;
+}
+
+/* Draws the frame with the slices of each axis that has a share of it. */
+static bool draw_axes(const struct sp_resample_input *input, struct sp_resample *r,
+                      struct sp_error *err) {
+    struct sp_resample_scratch *scratch;
+    int best = r->axis;
+    double sum = r->share[best];
+    if (!allocate(r, &scratch, sp_pool_threads(input->pool), input->arena))
+        return fail_memory(input->arena, err);
+    if (!draw(input, r, scratch, err))
+        return false;
+    for (int a = 0; a < 3; a++) {
+        if (a == best || !(r->share[a] > 0))
+            continue;
+        sum += r->share[a];
+        if (!add_axis(input, r, a, scratch, r->share[a] / sum, err))
+            return false;
     }
     return true;
 }
@@ -78,7 +119,7 @@ bool sp_resample_draw(const struct sp_resample_input *input, struct sp_error *er
     if (!sp_resample_prepare(input, &r, err))
         return false;
     double prepared = sp_interrupt_clock_ms(&input->interrupt);
-    if (!draw(input, &r, err))
+    if (!draw_axes(input, &r, err))
         return false;
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "classify", prepared - clock };

@@ -8,12 +8,14 @@
 #include <math.h>
 #include <string.h>
 
-#include "splat/slices.h"
+#include "resample/axes.h"
 #include "volume/grid.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
-    return view->compositing.mode == SP_COMPOSITE_SHEET &&
-           view->transfer_function.order == SP_TF_POST;
+    if (view->transfer_function.order != SP_TF_POST)
+        return false;
+    return view->compositing.mode == SP_COMPOSITE_SHEET ||
+           (view->compositing.mode == SP_COMPOSITE_SLAB && sp_view_has_default_filter(view));
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -148,6 +150,16 @@ static void init_camera(struct sp_resample *r, const struct coordinates *c) {
     }
 }
 
+/* Fills r->share, and returns the axis with the largest share. */
+static int choose_axis(struct sp_resample *r, const struct coordinates *c) {
+    double along[3];
+    for (int a = 0; a < 3; a++) {
+        const struct sp_vec3 column = { { c->from.m[0][a], c->from.m[1][a], c->from.m[2][a] } };
+        along[a] = fabs(r->ray[a]) * sp_vec3_length(column);
+    }
+    return sp_axes_choose(along, r->share);
+}
+
 /* Tables of a rectilinear axis. A sample of a coarser level lies half way between those that it
  * replaces. */
 static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_input *input,
@@ -229,6 +241,25 @@ static float find_rounding(enum sp_type type, const struct sp_curve *curve) {
     return (float)fmax(levels, is_real ? 0 : 0.5 * curve->levels_per_unit);
 }
 
+bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample *r, int axis,
+                      struct sp_error *err) {
+    struct sp_samples_job job = { .volume = input->volume,
+                                  .level = choose_level(input),
+                                  .axis = (unsigned)axis,
+                                  .tf = &input->view->transfer_function,
+                                  .bytes_max = input->bytes_max,
+                                  .find_ranges = input->find_ranges,
+                                  .pool = input->pool,
+                                  .interrupt = input->interrupt,
+                                  .keeps_layout = input->keeps_layout };
+    r->samples = sp_samples_get(input->cache, &job, &r->class, err);
+    if (!r->samples)
+        return false;
+    r->curve = r->class->curve;
+    r->axis = axis;
+    return true;
+}
+
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(input->volume);
@@ -240,25 +271,19 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
         .camera = input->camera,
         .shade = input->shade,
         .light = input->light,
+        .is_fine = view->compositing.mode == SP_COMPOSITE_SLAB,
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };
     unsigned level = choose_level(input);
-    struct sp_samples_job job = { .volume = input->volume,
-                                  .level = level,
-                                  .axis = sp_slices_major_axis(input->camera, &info->grid),
-                                  .tf = &view->transfer_function,
-                                  .bytes_max = input->bytes_max,
-                                  .find_ranges = input->find_ranges,
-                                  .pool = input->pool,
-                                  .interrupt = input->interrupt,
-                                  .keeps_layout = input->keeps_layout };
-    r->samples = sp_samples_get(input->cache, &job, &r->class, err);
-    if (!r->samples)
+    struct coordinates coordinates;
+    init_coordinates(&coordinates, &info->grid, level);
+    add_halves(r, &coordinates, &info->grid);
+    init_camera(r, &coordinates);
+    if (!sp_resample_turn(input, r, choose_axis(r, &coordinates), err))
         return false;
-    r->curve = r->class->curve;
     r->rounding = find_rounding(info->type, &r->curve);
     r->lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
@@ -266,10 +291,6 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
             return fail_memory(input->arena, err);
     if (r->light)
         init_light(r, level);
-    struct coordinates coordinates;
-    init_coordinates(&coordinates, &info->grid, level);
-    add_halves(r, &coordinates, &info->grid);
-    init_camera(r, &coordinates);
     init_metric(r, &coordinates);
     input->frame->stats.mip_level = input->mip_level;
     input->frame->stats.visible_voxels =

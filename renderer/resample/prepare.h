@@ -14,4 +14,8 @@
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err);
 
+/* Gets the samples for slices of another axis, and sets r->axis. Errors as above. */
+bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample *r, int axis,
+                      struct sp_error *err);
+
 #endif

@@ -24,19 +24,23 @@ float sp_resample_reference(const struct sp_resample *r, int axis) {
                      : map->place[i] + (middle - (float)i) * (map->place[i + 1] - map->place[i]);
 }
 
-static void choose_axis(struct sp_resample_rays *rays, const struct sp_resample *r,
-                        const double direction[3]) {
-    /* The axis to which the ray has the smallest angle, in world space. */
+/* The axis to which the ray has the smallest angle, in world space. */
+static int nearest_axis(const struct sp_resample *r, const double direction[3]) {
     int best = 0;
     for (int a = 1; a < 3; a++)
         if (fabs(direction[a]) * sqrt(r->metric[a]) >=
             fabs(direction[best]) * sqrt(r->metric[best]))
             best = a;
-    rays->axis[0] = best == 0 ? 1 : 0;
-    rays->axis[1] = best == 2 ? 1 : 2;
-    rays->axis[2] = best;
-    rays->is_backwards = direction[best] < 0;
-    rays->reference = sp_resample_reference(r, best);
+    return best;
+}
+
+static void set_axis(struct sp_resample_rays *rays, const struct sp_resample *r, int slices,
+                     const double direction[3]) {
+    rays->axis[0] = slices == 0 ? 1 : 0;
+    rays->axis[1] = slices == 2 ? 1 : 2;
+    rays->axis[2] = slices;
+    rays->is_backwards = direction[slices] < 0;
+    rays->reference = sp_resample_reference(r, slices);
 }
 
 /* 1/cos of the angle between the ray and the slices' axis, in world space. */
@@ -59,10 +63,9 @@ void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resamp
         find_direction(r, x, y, direction);
     /* One axis for the whole image, so that there are no seams; but its own axis for a tile whose
      * rays would hardly cross those slices. */
-    choose_axis(rays, r, r->ray);
-    int slices = rays->axis[2];
-    if (slant(r, direction, slices) > 2.5 || direction[slices] * r->ray[slices] <= 0)
-        choose_axis(rays, r, direction);
+    set_axis(rays, r, r->axis, r->ray);
+    if (slant(r, direction, r->axis) > 2.5 || direction[r->axis] * r->ray[r->axis] <= 0)
+        set_axis(rays, r, nearest_axis(r, direction), direction);
     const int *axis = rays->axis;
     double forward = direction[axis[2]], sign = rays->is_backwards ? -1 : 1;
     for (int a = 0; a < 3; a++)
@@ -85,5 +88,5 @@ void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resamp
     rays->is_too_wide = fabs(rays->fall[0]) * place[2] + fabs(rays->fall[1]) * place[3] > 1.7;
     double speed = sqrt(1 + rays->change[0] * rays->change[0] + rays->change[1] * rays->change[1]);
     bool is_steep = speed > steep || slant(r, direction, axis[2]) > steep;
-    rays->sheets_per_slice = is_steep ? 2 : 1;
+    rays->sheets_per_slice = is_steep || r->is_fine ? 2 : 1;
 }

@@ -68,7 +68,10 @@ struct sp_resample {
     struct sp_curve curve;
     struct sp_resample_axis axes[3];
     bool is_linear;           /* SP_ATTENUATION_LINEAR */
+    bool is_fine;             /* sheets half a slice apart for all rays */
     bool needs_gradient;      /* lit, or the transfer function has a gradient axis */
+    int axis;                 /* of the slices; tiles of wide views may take another one */
+    double share[3];          /* of the image that slices along each axis have (axes.h) */
     int columns, rows;        /* of tiles */
     size_t refined_max;       /* refined samples that a sheet has memory for */
     double eye[3];            /* samples; perspective */
@@ -155,7 +158,8 @@ struct sp_resample_input {
     struct sp_arena *arena;
 };
 
-/* True if this stage draws the view: sheets that are classified after interpolation. */
+/* True if this stage draws the view: sheets that are classified after interpolation, and slabs if
+ * all fields of the filter have their defaults. */
 bool sp_resample_draws(const struct sp_view *view);
 
 /* The finest mip level whose samples are wide enough in the image; 0 = the volume's own samples. */

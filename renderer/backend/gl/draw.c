@@ -11,6 +11,7 @@
 #include "backend/gl/resample.h"
 #include "base/clock.h"
 #include "light/light.h"
+#include "resample/resample.h"
 #include "sp/log.h"
 #include "splat/cubic.h"
 

@@ -44,16 +44,18 @@ enum sp_kernel { SP_KERNEL_GAUSSIAN, SP_KERNEL_CUBIC /* Crawfis and Max 1993 */ 
 enum sp_compositing {
     SP_COMPOSITE_SPLAT, /* each splat on its own, sorted by distance */
     SP_COMPOSITE_SHEET, /* slices along the axis closest to the view direction (Westover 1990) */
-    SP_COMPOSITE_SLAB   /* slabs of equal distance from the eye (Mueller and Crawfis 1998) */
+    /* Slabs of equal distance from the eye (Mueller and Crawfis 1998). With order post and the
+     * default filter: interpolated sheets half a slice apart. */
+    SP_COMPOSITE_SLAB
 };
 /* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
 enum sp_tf_order {
     SP_TF_PRE,  /* classify voxels */
     SP_TF_POST, /* classify pixels */
-    SP_TF_AUTO  /* post for sheets with the default filter, if voxels are at least 0.35 px wide, and
-                   the backend interpolates sheets and has the memory for it; else, and for mip
-                   levels, pre */
+    SP_TF_AUTO  /* post for sheets and slabs with the default filter, if voxels are at least 0.35 px
+                   wide, and the backend interpolates sheets and has the memory for it; else, and
+                   for mip levels, pre */
 };
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
@@ -111,7 +113,8 @@ struct sp_filter {            /* "/filter" */
 struct sp_compositing_options {      /* "/compositing" */
     enum sp_compositing mode;        /* [sheet] */
     enum sp_attenuation attenuation; /* [exponential] */
-    double slab; /* thickness in smallest (mean) spacings, [0.05, 64]; slab mode only [1] */
+    double slab; /* thickness in smallest (mean) spacings, [0.05, 64]; slab mode only, and not where
+                    slabs are interpolated [1] */
 };
 
 struct sp_light {

@@ -100,6 +100,7 @@ static void a_curve_is_not_reused_for_another_range(void **state) {
         view.transfer_function = first;
         view.transfer_function.order = SP_TF_POST;
         view.compositing.mode = SP_COMPOSITE_SLAB;
+        view.filter.mode = SP_FILTER_EWA; /* with the default, slabs are not splatted */
         view.size[0] = view.size[1] = SIZE;
         check(rig, volume, &view);
         sp_renderer_evict(rig->gl, volume);
