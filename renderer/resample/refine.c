@@ -60,16 +60,16 @@ static inline int clamp(int i, int count) {
 static void init_scaling(const struct sp_curve *curve, enum sp_type type, struct scaling *s) {
     const bool has_sign = type == SP_INT8 || type == SP_INT16;
     const double largest = type == SP_UINT8 || type == SP_INT8 ? 255 : 65535;
-    const double zero = has_sign ? (largest + 1) / 2 : 0;
-    const double levels = CURVE_LEVEL_MAX - CURVE_LEVEL_MIN;
-    double low = floor(curve->base + zero), high = ceil(low + 1 + levels / curve->levels_per_unit);
-    low = fmin(fmax(low, 0), largest - 1);
-    high = fmin(fmax(high, low + 1), largest);
+    const double zero = has_sign ? (largest + 1) / 2 : 0, rounding = 1e-6;
+    const double levels = CURVE_LEVEL_MAX - CURVE_LEVEL_MIN, base = curve->base + zero;
+    double low = fmin(fmax(ceil(base - rounding), 0), largest);
+    double high = floor(base + levels / curve->levels_per_unit + rounding);
+    high = fmin(fmax(high, low), largest);
     *s = (struct scaling){ .low = (uint16_t)low, .high = (uint16_t)high };
-    while ((high - low) * (double)(2 << s->shift) < 65536)
-        s->shift++;
+    while (s->shift < 15 && (high - low) * (double)(2 << s->shift) < 65536)
+        s->shift++; /* then levels_per_unit is below 1 << shift */
     s->scale = (uint16_t)fmin(rint(curve->levels_per_unit * (65536 >> s->shift)), 65535);
-    double level = CURVE_LEVEL_MIN + (low - zero - curve->base) * curve->levels_per_unit;
+    double level = CURVE_LEVEL_MIN + (low - base) * curve->levels_per_unit;
     s->start = (uint16_t)rint(RAISED + level + 0.5); /* scaling rounds down */
 }
 
