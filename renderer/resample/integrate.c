@@ -230,25 +230,25 @@ static inline void find_share(const struct sp_resample_open_tile *t, const struc
  * shorter than 0.8 of it, or than rounding, is mixed with it. */
 static inline void find_normal(const struct work *work, const struct interval *in,
                                sp_wide world[3]) {
-    const float share = 0.8f, rounding = work->t->r->rounding;
+    const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
     struct sp_resample_block *block = work->block;
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
-    sp_wide past[3], along = zero, past_square = zero, square = zero;
+    sp_wide past[3], past_square = zero, square = zero;
     const sp_wide decay = sp_wide_exp2(sp_wide_all(-2 * work->width));
     for (int c = 0; c < 3; c++) {
         past[c] = sp_wide_load(block->normal[c] + in->begin) * decay;
-        along += past[c] * in->gradient[c];
         past_square += past[c] * past[c];
     }
     sp_wide least = past_square * (share * share) + rounding * rounding;
     sp_wide firm = sp_wide_min(in->magnitude * in->magnitude * sp_wide_inverse(least), one);
-    sp_wide rest = sp_wide_copysign(one - firm, along); /* surfaces have two sides */
-    sp_wide_mask is_visible = sp_wide_lt(in->light, one);
+    sp_wide shown =
+        sp_wide_min((one - in->light) * faint, one); /* what is not seen is no surface */
     for (int c = 0; c < 3; c++) {
         float *normal = block->normal[c] + in->begin;
-        world[c] = firm * in->gradient[c] + rest * past[c];
+        sp_wide old = sp_wide_load(normal);
+        world[c] = firm * in->gradient[c] + (one - firm) * past[c];
         square += world[c] * world[c];
-        sp_wide_store(normal, sp_wide_select(is_visible, world[c], sp_wide_load(normal)));
+        sp_wide_store(normal, old + shown * (world[c] - old));
     }
     sp_wide inverse =
         sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));

@@ -335,15 +335,16 @@ vec3 find_gradient(vec3 value[4], float width) {
 
 // The unit normal of an interval; zero if there is none. As find_normal() of resample/integrate.c says, a surface's gradient
 // stays for a while behind it.
-vec3 find_normal(vec3 gradient, float width) {
-    const float SHARE = 0.8;
+vec3 find_normal(vec3 gradient, float width, float opacity) {
+    const float SHARE = 0.8, FAINT = 64.0;
     float rounding = metric[0].w;
     vec3 past = normal * exp2(-2.0 * width);
     float least = SHARE * SHARE * dot(past, past) + rounding * rounding;
     float firm = min(dot(gradient, gradient) / least, 1.0);
-    normal = firm * gradient + (dot(past, gradient) < 0.0 ? firm - 1.0 : 1.0 - firm) * past;
-    float square = dot(normal, normal);
-    return square > TINY ? normal * inversesqrt(square) : vec3(0);
+    vec3 own = mix(past, gradient, firm);
+    float square = dot(own, own);
+    normal = mix(normal, own, min(opacity * FAINT, 1.0));
+    return square > TINY ? own * inversesqrt(square) : vec3(0);
 }
 
 // Composites the interval between sheets n and n + 1, of which value[1] and value[2] are the values.
@@ -372,7 +373,7 @@ void integrate(int n, vec3 value[4]) {
 #if GRADIENT
     if (choice.y != 0u && light < 1.0) {
         vec3 to_eye = -normalize(vec3(choice.x != 0u ? (at - lens.yz) / lens.x : vec2(0), 1.0));
-        color = shade_normal(color, find_normal(gradient, width), to_eye);
+        color = shade_normal(color, find_normal(gradient, width, 1.0 - light), to_eye);
     }
 #endif
     pixel.yzw += pixel.x * (1.0 - light) * color;

@@ -66,7 +66,7 @@ static void every_direction(void **state) {
             view.camera.projection = n % 2 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
             view.shading.mode = n % 4 < 2 ? SP_SHADING_NONE : SP_SHADING_PHONG;
             for (int a = 0; a < 3; a++) {
-                view.camera.position[a] = 30 * to[a] + 1.5 * (a - 1);
+                view.camera.position[a] = 30 * to[a] + 4 * (a - 1);
                 view.camera.up[a] = (double[]){ 0.1, 0.9, 0.2 }[a];
             }
             snprintf(what, sizeof what, "from %d %d %d, axes %d", to[0], to[1], to[2],
@@ -105,7 +105,7 @@ static void other_choices(void **state) {
 static void wide_views(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
-    static const double eyes[][3] = { { 1, 2, 3 }, { -6, 5, 7 }, { 9, 9, 9 }, { 14, 0, 0.5 } };
+    static const double eyes[][3] = { { 1, 2, 3 }, { -6, 5, 7 }, { 9, 10.5, 12 }, { 14, 0, 0.5 } };
     for (int n = 0; n < 8; n++) {
         struct sp_view view;
         char what[40];
