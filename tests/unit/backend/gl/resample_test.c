@@ -66,7 +66,8 @@ static void every_direction(void **state) {
             view.camera.projection = n % 2 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
             view.shading.mode = n % 4 < 2 ? SP_SHADING_NONE : SP_SHADING_PHONG;
             for (int a = 0; a < 3; a++) {
-                view.camera.position[a] = 30 * to[a] + 4 * (a - 1);
+                view.camera.position[a] =
+                    30 * to[a] + (double[]){ -10, 2, 6 }[a]; /* no two axes are equally near */
                 view.camera.up[a] = (double[]){ 0.1, 0.9, 0.2 }[a];
             }
             snprintf(what, sizeof what, "from %d %d %d, axes %d", to[0], to[1], to[2],
