@@ -5,7 +5,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "postconv/slab.h"
 #include "splat/slices.h"
 #include "volume/grid.h"
 
@@ -375,18 +374,11 @@ static uint32_t most_met(const struct sp_postconv *postconv) {
     return most;
 }
 
-static float (*make_grid(struct sp_arena *arena))[POSTCONV_PITCH][4] {
+float (*sp_postconv_grid_create(struct sp_arena *arena))[POSTCONV_PITCH][4] {
     float(*grid)[POSTCONV_PITCH][4] = sp_arena_alloc(arena, "tiles", POSTCONV_GRID, sizeof *grid);
     if (grid)
         memset(grid, 0, POSTCONV_GRID * sizeof *grid);
     return grid;
-}
-
-static struct sp_slab_sheet *make_sheets(struct sp_arena *arena) {
-    struct sp_slab_sheet *sheets = sp_arena_alloc(arena, "sheets", SLAB_SLOTS, sizeof *sheets);
-    for (int i = 0; sheets && i < SLAB_SLOTS; i++)
-        sheets[i] = (struct sp_slab_sheet){ .grid = make_grid(arena), .row0 = POSTCONV_GRID };
-    return sheets;
 }
 
 static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
@@ -395,12 +387,12 @@ static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
     postconv->scratch = sp_arena_alloc(arena, "tiles", workers, sizeof *postconv->scratch);
     for (unsigned w = 0; postconv->scratch && w < workers; w++) {
         struct sp_postconv_scratch *scratch = &postconv->scratch[w];
-        scratch->grid = make_grid(arena);
+        scratch->grid = sp_postconv_grid_create(arena);
         memset(scratch->skew, 0, sizeof scratch->skew);
         memset(scratch->across, 0, sizeof scratch->across);
         memset(scratch->sum, 0, sizeof scratch->sum);
         if (postconv->slab_parts)
-            scratch->sheets = make_sheets(arena);
+            scratch->sheets = sp_slab_sheets_create(arena);
         scratch->splats = 0;
         scratch->fragments = 0;
         scratch->runs = sp_arena_alloc(arena, "runs", most, sizeof *scratch->runs);

@@ -208,6 +208,22 @@ bool sp_postconv_group_find(const struct sp_postconv *postconv, const float vari
 int sp_postconv_group_fits(const struct sp_postconv_group *group,
                            const struct sp_postconv_brick *brick, const float range[2]);
 
+/* slab.c: true if the fast path may draw the view's slabs. */
+bool sp_slab_can_draw(const struct sp_view *view);
+
+/* Chooses slab_parts and slab_slices. `apart`: distance of slices along a ray, in smallest
+ * spacings. pairs: slabs may be twice as thick. slab_parts 0 = the fast path cannot draw them. */
+void sp_slab_choose(struct sp_postconv *postconv, double apart, bool pairs);
+
+/* True if there are filters for the slabs of all tiles. */
+bool sp_slab_fits(const struct sp_postconv *postconv);
+
+/* Samples of the layers that are open at once; NULL if the arena cannot allocate. */
+struct sp_slab_sheet *sp_slab_sheets_create(struct sp_arena *arena);
+
+/* An empty grid of samples; NULL if the arena cannot allocate. */
+float (*sp_postconv_grid_create(struct sp_arena *arena))[POSTCONV_PITCH][4];
+
 /* What a frame is made from. */
 struct sp_postconv_input {
     const struct sp_view *view;

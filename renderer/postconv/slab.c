@@ -291,3 +291,11 @@ bool sp_slab_fits(const struct sp_postconv *postconv) {
             return false;
     return true;
 }
+
+struct sp_slab_sheet *sp_slab_sheets_create(struct sp_arena *arena) {
+    struct sp_slab_sheet *sheets = sp_arena_alloc(arena, "sheets", SLAB_SLOTS, sizeof *sheets);
+    for (int i = 0; sheets && i < SLAB_SLOTS; i++)
+        sheets[i] =
+            (struct sp_slab_sheet){ .grid = sp_postconv_grid_create(arena), .row0 = POSTCONV_GRID };
+    return sheets;
+}

@@ -55,13 +55,6 @@ struct sp_slab_sheet {
     struct sp_slab_layer layer;
 };
 
-/* True if the fast path may draw the view's slabs. */
-bool sp_slab_can_draw(const struct sp_view *view);
-
-/* Chooses slab_parts and slab_slices. `apart`: distance of slices along a ray, in smallest
- * spacings. pairs: slabs may be twice as thick. slab_parts 0 = the fast path cannot draw them. */
-void sp_slab_choose(struct sp_postconv *postconv, double apart, bool pairs);
-
 /* Finds the constants of a tile; false if it meets no brick, or if there are no filters for it. */
 bool sp_slab_tile_init(const struct sp_postconv *postconv, uint32_t tile,
                        struct sp_slab_tile *slab);
@@ -78,8 +71,5 @@ bool sp_slab_layer_init(const struct sp_postconv *postconv, const struct sp_slab
  * the pixels' grid, [0, 1). */
 void sp_slab_filter_init(const struct sp_postconv *postconv, const struct sp_postconv_group *group,
                          int axis, float part, struct sp_postconv_filter *filter);
-
-/* True if there are filters for all tiles. */
-bool sp_slab_fits(const struct sp_postconv *postconv);
 
 #endif

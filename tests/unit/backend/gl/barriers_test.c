@@ -289,8 +289,10 @@ static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
         12 + 8 * (k % 3); /* small: the calls are checked, not the image */
     view->compositing.mode = k / 2 % 3;
     view->shading.mode = k / 6 % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
-    if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2)
+    if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2) {
         view->transfer_function.order = SP_TF_POST;
+        view->filter.mode = SP_FILTER_EWA; /* with the default, slabs are not splatted */
+    }
     view->level_of_detail = k % 5 ? SP_LOD_AUTO : SP_LOD_OFF;
     if (k > 18) /* another list of visible voxels */
         view->transfer_function.points[1].opacity *= 0.9f;
