@@ -122,10 +122,8 @@ static int fit_part(const struct sp_postconv_open_tile *t, const struct sp_postc
                : 0;
 }
 
-/* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
- * front. */
-static uint32_t sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
-                     uint32_t count) {
+uint32_t sp_postconv_sift(const struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
+                          uint32_t count) {
     uint32_t n = 0;
     for (uint32_t i = 0; i < count; i++) {
         if (!(runs[i].cells & t->alive))
@@ -158,7 +156,7 @@ static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *r
 /* Composites the runs of a layer group by group, the farthest voxels first. Overwrites `runs`. */
 static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                        uint32_t count) {
-    count = sift(t, runs, count);
+    count = sp_postconv_sift(t, runs, count);
     bool several = add_unfit(t, runs, &count);
     while (count) {
         uint32_t left = 0;
@@ -185,7 +183,7 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
         several |= left > 0;
         sp_postconv_close_group(t, !several);
         t->is_open = false;
-        count = sift(t, runs, left);
+        count = sp_postconv_sift(t, runs, left);
     }
     if (several)
         sp_postconv_close_sum(t);
@@ -218,7 +216,9 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
     memset(t.live, 0xff, sizeof t.live);
     sp_postconv_check_cells(&t);
     sort_runs(&t, number);
-    for (uint32_t l = 0; l < postconv->layers && t.alive; l++) {
+    if (postconv->slab_parts)
+        sp_postconv_draw_slabs(&t, number);
+    for (uint32_t l = 0; l < postconv->layers && t.alive && !postconv->slab_parts; l++) {
         uint32_t begin = scratch->starts[l], end = scratch->ends[l];
         if (begin == end)
             continue;

@@ -112,12 +112,14 @@ static inline sp_wide reciprocal(sp_wide a) {
     return r * (2.0f - a * r);
 }
 
-enum { MOST_TAPS = 2 * POSTCONV_TAPS + 5 };
+enum { MOST_TAPS = 2 * POSTCONV_TAPS + 6 };
 
 /* A filter combined with the interpolation after it, for samples of 2^scale pixels. */
 struct zoom {
     const struct sp_postconv_filter *filter; /* NULL = not made */
     int scale, taps;                         /* samples of a pixel, or of a vector of them */
+    int before;                              /* samples before that of the pixel, but for taps */
+    float part;                              /* as in sp_postconv_group */
     float down[1 << (POSTCONV_SCALES - 1)][MOST_TAPS]; /* by pixel modulo 2^scale */
     _Alignas(64) float across[1 << (POSTCONV_SCALES - 1)][MOST_TAPS][W]; /* by vector likewise */
 };
@@ -147,6 +149,18 @@ struct sp_postconv_open_tile {
  * False if there are no filters. */
 bool sp_postconv_start_group(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *runs,
                              uint32_t count);
+
+/* The parts of that: where voxels of the group matter, and the tables of its filters. */
+void sp_postconv_find_wanted(struct sp_postconv_open_tile *tile);
+void sp_postconv_start_filters(struct sp_postconv_open_tile *tile);
+
+/* Drops the runs that meet only opaque cells, and moves the run with the farthest voxels to the
+ * front. Returns how many are left. */
+uint32_t sp_postconv_sift(const struct sp_postconv_open_tile *tile, struct sp_postconv_run *runs,
+                          uint32_t count);
+
+/* Draws the layers of a tile as slabs. */
+void sp_postconv_draw_slabs(struct sp_postconv_open_tile *tile, uint32_t number);
 
 /* Deposits all voxels of a run, or only those in the group's range. */
 void sp_postconv_add_run(struct sp_postconv_open_tile *tile, const struct sp_postconv_run *run,

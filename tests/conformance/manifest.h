@@ -44,7 +44,8 @@ enum { MANIFEST_ADAPTIVE_ENOUGH = 60 };
 /* Floor of the CPU's instruction sets against the scalar reference, and against the first other
  * instruction set that the machine has [dB]. Measured: 97.21 where all of them draw footprints.
  *
- * All instruction sets except scalar draw post-convolved sheets (postconv/postconv.h). Their floor
+ * All instruction sets except scalar draw post-convolved sheets (postconv/postconv.h), and slabs
+ * where filters serve all bricks (postconv/slab.h). Their floor
  * against scalar is the row's `isa_floor`, half a decibel below the measured value. The two differ
  * because footprints end at the cutoff and post-convolved kernels do not; neither is closer to the
  * integral. All instruction sets draw a row without `isa_floor` with footprints, because its view

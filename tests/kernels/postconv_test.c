@@ -107,18 +107,21 @@ static void draw_guarded(const struct sp_postconv *s, struct sp_postconv_scratch
     size_t runs = (size_t)(s->first[tile + 1] - s->first[tile]) * SP_BRICK * sizeof *scratch->runs;
     size_t starts = (s->layers + (size_t)1) * sizeof *scratch->starts;
     struct sp_postconv_scratch *own = make_zone(sizeof *own);
+    size_t grid = POSTCONV_GRID * sizeof *own->grid;
+    own->grid = make_zone(grid);
     own->runs = make_zone(runs);
     own->starts = make_zone(starts);
     own->ends = make_zone(starts);
     if (tile == 0)
         note_bricks(s, d);
     d->kernels->postconv_tile(s, own, tile);
-    is_zero(own->grid, sizeof own->grid); /* the next tile expects zeros */
+    is_zero(own->grid, grid); /* the next tile expects zeros */
     is_zero(own->skew, sizeof own->skew);
     is_zero(own->across, sizeof own->across);
     is_zero(own->sum, sizeof own->sum);
     scratch->splats += own->splats;
     scratch->fragments += own->fragments;
+    free_zone(own->grid, grid);
     free_zone(own->runs, runs);
     free_zone(own->starts, starts);
     free_zone(own->ends, starts);

@@ -100,6 +100,8 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
                                                   sp_light_bytes(&state->light, NULL));
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
+    if (job->view->compositing.mode == SP_COMPOSITE_SLAB) /* slabs do not mix mip levels */
+        can_be_fast = can_be_fast && frame.detail.levels == 1;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
         return false;
     return is_drawn || cpu_general_draw(&frame, err);

@@ -19,9 +19,11 @@
  * Other frames take the fast path if all of these hold, or else the general path:
  *   1. the instruction set uses it (cpu_kernels.has_fast_path: every set except scalar);
  *   2. sp_postconv_can_draw(): sheets of Gaussians with a cutoff of at least 3, classified before
- *      splatting, on an evenly spaced grid, with nothing clipped;
+ *      splatting, on an evenly spaced grid, with nothing clipped; or slabs of them with a cutoff
+ *      below 4, exponential attenuation and filter ewa or adaptive;
  *   3. sp_postconv_is_worthwhile(): filters serve at least three quarters of the voxels that the
- *      tiles look at, which is not so if the eye is close to the voxels.
+ *      tiles look at, which is not so if the eye is close to the voxels. For slabs they must
+ *      serve all of them, on the finest mip level.
  *
  * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);

@@ -115,7 +115,10 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     bool is_post = view->transfer_function.order == SP_TF_POST;
     f->mip_level = is_post && job->mip_level > 1 ? 1 : job->mip_level;
     sp_camera_transform_init(&f->camera, &view->camera, view->size);
-    if (view->compositing.mode == SP_COMPOSITE_SHEET)
+    bool is_fast_slab = view->compositing.mode == SP_COMPOSITE_SLAB &&
+                        state->kernels.has_fast_path &&
+                        sp_postconv_can_draw(view, &sp_volume_info(job->volume)->grid);
+    if (view->compositing.mode == SP_COMPOSITE_SHEET || is_fast_slab)
         f->axis = sp_slices_major_axis(&f->camera, &sp_volume_info(job->volume)->grid);
     if (view->shading.mode == SP_SHADING_PHONG) {
         sp_shade_init(&f->shade, &f->camera, &view->shading);

@@ -391,7 +391,7 @@ static void views_with_footprints_are_left_to_them(void **state) {
         view = s.view;
         struct sp_grid grid = s.info.grid;
         if (k == 0)
-            view.compositing.mode = SP_COMPOSITE_SLAB;
+            view.compositing.mode = SP_COMPOSITE_SPLAT;
         if (k == 1)
             view.filter.kernel = SP_KERNEL_CUBIC;
         if (k == 2)

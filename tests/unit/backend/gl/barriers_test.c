@@ -291,8 +291,7 @@ static void make_view(const struct rig *rig, unsigned k, struct sp_view *view) {
     view->shading.mode = k / 6 % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
     if (view->compositing.mode == SP_COMPOSITE_SLAB && k % 4 < 2) {
         view->transfer_function.order = SP_TF_POST;
-        view->filter.sigma =
-            0.8; /* with the default filter slabs are interpolated, as sheets are */
+        view->filter.mode = SP_FILTER_EWA; /* with the default, slabs are not splatted */
     }
     if (view->compositing.mode == SP_COMPOSITE_SHEET)
         view->transfer_function.order = k % 4 < 2 ? SP_TF_PRE : SP_TF_POST;

@@ -217,6 +217,7 @@ static void describe_shots(struct rig *rig) {
     }
     rig->shots[2].view.compositing.mode = SP_COMPOSITE_SLAB;
     rig->shots[2].view.transfer_function.order = SP_TF_POST;
+    rig->shots[2].view.filter.mode = SP_FILTER_EWA; /* with the default, slabs are not splatted */
     rig->shots[3].view.size[0] = 2 * SIZE + 3;
     rig->shots[3].mip_level = 1;
     struct sp_view *tinted = &rig->shots[4].view;
