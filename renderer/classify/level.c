@@ -11,6 +11,12 @@ void sp_level_drop_list(struct sp_level *level) {
     level->listed = NULL;
     free(level->cells);
     level->cells = NULL;
+    sp_level_drop_depths(level);
+}
+
+void sp_level_drop_depths(struct sp_level *level) {
+    free(level->depths);
+    level->depths = NULL;
 }
 
 void sp_level_finish(struct sp_level *level) {
