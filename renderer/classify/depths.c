@@ -9,6 +9,21 @@ static inline float larger(float a, float b) {
     return a > b ? a : b;
 }
 
+/* Returns the largest opacity of a value among the entries [first, end). */
+static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t end) {
+    const struct sp_pieces *pieces = level->transfer.pieces;
+    float most = 0;
+    for (uint64_t e = first; e < end; e++) {
+        float value = sp_transfer_value(&level->transfer, sp_visible_key(&level->visible, e));
+        uint32_t s = 0;
+        while (s + 1 < pieces->count && value >= pieces->start[s + 1])
+            s++;
+        most =
+            larger(most, pieces->at[s][3] + (value - pieces->start[s]) * pieces->slope[s][3]);
+    }
+    return most < 1 ? most : 1;
+}
+
 /* Returns the largest depth of a class among the entries [first, end). */
 static float find_depth(const struct sp_level *level, uint64_t first, uint64_t end) {
     const struct sp_visible *list = &level->visible;
@@ -20,6 +35,8 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
     else if (table && list->key_bytes == 2)
         for (uint64_t e = first; e < end; e++)
             most = larger(most, table[((const uint16_t *)list->key)[e]].depth);
+    else if (level->transfer.pieces)
+        most = -log1pf(-find_opacity(level, first, end));
     else
         for (uint64_t e = first; e < end; e++)
             most = larger(most, sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth);
