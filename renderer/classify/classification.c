@@ -364,8 +364,8 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
         count_made(&c->levels[l], job->made);
     }
     for (unsigned l = 0; job->levels >> l; l++)
-        if (job->levels >> l & 1 && !(turn(&c->levels[l].visible, job, err) &&
-                                      update_depths(&c->levels[l], job, err)))
+        if (job->levels >> l & 1 &&
+            !(turn(&c->levels[l].visible, job, err) && update_depths(&c->levels[l], job, err)))
             return false;
     return true;
 }

@@ -18,8 +18,7 @@ static float find_opacity(const struct sp_level *level, uint64_t first, uint64_t
         uint32_t s = 0;
         while (s + 1 < pieces->count && value >= pieces->start[s + 1])
             s++;
-        most =
-            larger(most, pieces->at[s][3] + (value - pieces->start[s]) * pieces->slope[s][3]);
+        most = larger(most, pieces->at[3][s] + (value - pieces->start[s]) * pieces->slope[3][s]);
     }
     return most < 1 ? most : 1;
 }

@@ -112,8 +112,8 @@ static bool make_pieces(struct sp_transfer *transfer) {
         for (int c = 0; c < 4; c++) {
             double from = c < 3 ? (double)p->color[c] : (double)p->opacity;
             double to = c < 3 ? (double)q->color[c] : (double)q->opacity;
-            pieces->at[s][c] = (float)from;
-            pieces->slope[s][c] = isfinite(least) ? (float)(to - from) * least : 0;
+            pieces->at[c][s] = (float)from;
+            pieces->slope[c][s] = isfinite(least) ? (float)(to - from) * least : 0;
         }
     }
     return true;

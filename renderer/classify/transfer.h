@@ -29,21 +29,21 @@ struct sp_class {
 };
 
 /* The same function in single precision, by linear pieces: a value, relative to the base, from
- * start[s] on is in piece s, and at[s] + (value − start[s])·slope[s] are its red, green, blue and
- * opacity. Piece 0 holds what lies below the first point. See splat/pieces.h. */
+ * start[s] on is in piece s, and at[c][s] + (value − start[s])·slope[c][s] are its red, green, blue
+ * and opacity. Piece 0 holds what lies below the first point. See splat/pieces.h. */
 struct sp_pieces {
     uint32_t count;
-    float start[SP_TF_POINTS_MAX + 1], at[SP_TF_POINTS_MAX + 1][4], slope[SP_TF_POINTS_MAX + 1][4];
+    float start[SP_TF_POINTS_MAX + 1], at[4][SP_TF_POINTS_MAX + 1], slope[4][SP_TF_POINTS_MAX + 1];
 };
 
 struct sp_transfer {
     struct sp_transfer_function tf; /* a copy of the function */
     enum sp_type type;
-    struct sp_class *table; /* [value − first], owned; NULL for types without a table */
-    uint8_t *is_visible;    /* parallel to the table, owned: 1 = depth > 0 */
-    int32_t first;          /* value of table[0]: the volume's smallest */
-    uint32_t count;         /* entries */
-    double base;            /* value of key 0.0f; types without a table */
+    struct sp_class *table;   /* [value − first], owned; NULL for types without a table */
+    uint8_t *is_visible;      /* parallel to the table, owned: 1 = depth > 0 */
+    int32_t first;            /* value of table[0]: the volume's smallest */
+    uint32_t count;           /* entries */
+    double base;              /* value of key 0.0f; types without a table */
     struct sp_pieces *pieces; /* owned; NULL for types with a table */
     float *scale; /* of the opacity, by packed magnitude (gradient.h), owned; NULL = no gradient
                      axis */

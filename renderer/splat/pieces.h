@@ -3,7 +3,7 @@
  * Evaluates a transfer function for SP_WIDE values at a time, for types without a table. Linear
  * pieces in single precision, relative to the base of the keys (transfer.h):
  *
- *   piece s: values from start[s] on       class = at[s] + (value − start[s]) · slope[s]
+ *   piece s: values from start[s] on       plane c = at[c][s] + (value − start[s]) · slope[c][s]
  *
  * with the opacity in place of the depth. Piece 0 holds everything below the first point.
  */
@@ -25,30 +25,42 @@ static inline sp_wide sp_pieces_depth(sp_wide a) {
     return sp_wide_select(is_thick, sp_wide_log2(left) * -0.693147181f, thin);
 }
 
-/* Fills the classes of SP_WIDE values, relative to the base and finite. */
-static inline void sp_pieces_classify(const struct sp_pieces *p, sp_wide value,
-                                      struct sp_class out[SP_WIDE]) {
-    typedef float four __attribute__((vector_size(16)));
+/* table[index] for each lane; `count` elements of the table are used, and SP_WIDE can be read. */
+static inline sp_wide sp_pieces_look_up(const float *table, uint32_t count, sp_wide_int index) {
+#if defined SP_WIDE_AVX512
+    if (count <= SP_WIDE)
+        return (sp_wide)_mm512_permutexvar_ps((__m512i)index, _mm512_loadu_ps(table));
+#elif defined SP_WIDE_AVX2
+    if (count <= SP_WIDE)
+        return (sp_wide)_mm256_permutevar8x32_ps(_mm256_loadu_ps(table), (__m256i)index);
+#endif
+    (void)count;
+    return sp_wide_gather(table, index);
+}
+
+/* Red, green, blue and depth of SP_WIDE values, relative to the base and finite. */
+static inline void sp_pieces_planes(const struct sp_pieces *p, sp_wide value, sp_wide out[4]) {
     sp_wide_int piece = sp_wide_int_all(0);
     for (uint32_t s = 1; s < p->count; s++)
         piece += sp_wide_to_int(
             sp_wide_keep(sp_wide_le(sp_wide_all(p->start[s]), value), sp_wide_all(1)));
-    int32_t at[SP_WIDE];
-    float along[SP_WIDE], depth[SP_WIDE];
-    sp_wide_int_store(at, piece);
-    sp_wide_store(along, value - sp_wide_gather(p->start, piece));
-    for (int i = 0; i < SP_WIDE; i++) {
-        four from, slope;
-        memcpy(&from, p->at[at[i]], sizeof from);
-        memcpy(&slope, p->slope[at[i]], sizeof slope);
-        from += along[i] * slope;
-        memcpy(&out[i], &from, sizeof from);
-        depth[i] = from[3];
-    }
-    sp_wide opacity = sp_wide_min(sp_wide_max(sp_wide_load(depth), sp_wide_all(0)), sp_wide_all(1));
-    sp_wide_store(depth, sp_pieces_depth(opacity));
+    value -= sp_pieces_look_up(p->start, p->count, piece);
+    for (int c = 0; c < 4; c++)
+        out[c] = sp_pieces_look_up(p->at[c], p->count, piece) +
+                 value * sp_pieces_look_up(p->slope[c], p->count, piece);
+    out[3] = sp_pieces_depth(sp_wide_min(sp_wide_max(out[3], sp_wide_all(0)), sp_wide_all(1)));
+}
+
+/* The same as classes. */
+static inline void sp_pieces_classify(const struct sp_pieces *p, sp_wide value,
+                                      struct sp_class out[SP_WIDE]) {
+    sp_wide plane[4];
+    float lane[4][SP_WIDE];
+    sp_pieces_planes(p, value, plane);
+    for (int c = 0; c < 4; c++)
+        sp_wide_store(lane[c], plane[c]);
     for (int i = 0; i < SP_WIDE; i++)
-        out[i].depth = depth[i];
+        out[i] = (struct sp_class){ { lane[0][i], lane[1][i], lane[2][i] }, lane[3][i] };
 }
 
 #endif
