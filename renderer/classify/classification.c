@@ -378,8 +378,9 @@ uint64_t sp_classification_bytes(const struct sp_classification *c) {
         bytes += level->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1) +
                  sp_visible_bytes(&level->visible);
         bytes += level->listed ? level->transfer.count : 0;
-        if (level->depths)
-            bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->depths;
+        for (int axis = 0; axis < 3; axis++)
+            if (level->depths[axis])
+                bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->depths[0];
         if (level->ranges)
             bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->ranges;
     }

@@ -45,6 +45,7 @@ static float find_depth(const struct sp_level *level, uint64_t first, uint64_t e
 struct find {
     struct sp_level *level;
     const struct sp_classify_job *job;
+    float (*depths)[SP_BRICK];
 };
 
 static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
@@ -55,26 +56,24 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
         return;
     for (size_t b = begin; b < end; b++)
         for (uint32_t k = 0; k < SP_BRICK; k++)
-            f->level->depths[b][k] = find_depth(f->level, list->first[b] + list->start[b][k],
-                                                list->first[b] + list->start[b][k + 1]);
+            f->depths[b][k] = find_depth(f->level, list->first[b] + list->start[b][k],
+                                         list->first[b] + list->start[b][k + 1]);
 }
 
 bool sp_depths_update(struct sp_level *level, const struct sp_classify_job *job,
                       struct sp_error *err) {
     uint32_t bricks = sp_visible_bricks(&level->visible);
-    uint8_t axis = bricks ? level->visible.axis[0] : 0;
-    if (level->depths && level->depths_axis == axis)
+    unsigned axis = bricks ? level->visible.axis[0] : 0;
+    if (level->depths[axis])
         return true;
-    free(level->depths);
-    level->depths = malloc((bricks ? bricks : 1) * sizeof *level->depths);
-    if (!level->depths)
+    struct find find = { level, job, malloc((bricks ? bricks : 1) * sizeof *find.depths) };
+    if (!find.depths)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the depths of %u bricks", bricks);
-    struct find find = { level, job };
     sp_parallel_for(job->pool, bricks, BRICKS_GRAIN, find_depths, &find);
-    level->depths_axis = axis;
-    if (!sp_classify_cancelled(job, err))
-        return true;
-    free(level->depths);
-    level->depths = NULL;
-    return false;
+    if (sp_classify_cancelled(job, err)) {
+        free(find.depths);
+        return false;
+    }
+    level->depths[axis] = find.depths;
+    return true;
 }

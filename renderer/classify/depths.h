@@ -7,8 +7,8 @@
 
 #include "classify/level.h"
 
-/* Brings level->depths up to date for the slices along the list's axis. Nothing is done if they
- * are. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+/* Makes the depths of the slices along the list's axis if there are none. They are kept when the
+ * list is turned. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
 bool sp_depths_update(struct sp_level *level, const struct sp_classify_job *job,
                       struct sp_error *err);
 

@@ -15,8 +15,10 @@ void sp_level_drop_list(struct sp_level *level) {
 }
 
 void sp_level_drop_depths(struct sp_level *level) {
-    free(level->depths);
-    level->depths = NULL;
+    for (int axis = 0; axis < 3; axis++) {
+        free(level->depths[axis]);
+        level->depths[axis] = NULL;
+    }
 }
 
 void sp_level_finish(struct sp_level *level) {

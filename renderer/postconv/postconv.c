@@ -179,7 +179,7 @@ static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     const struct sp_level *level = sp_postconv_level(p->postconv, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
     for (int k = 0; k < SP_BRICK; k++) {
-        b->depth[k] = scale * level->depths[b->brick][k];
+        b->depth[k] = scale * level->depths[p->postconv->axis][b->brick][k];
         b->is_unfit |= b->depth[k] > most_depth;
     }
 }

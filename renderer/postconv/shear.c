@@ -10,6 +10,9 @@
 
 /* Below this share of visible voxels, deposits are faster. */
 static const double dense = 0.5;
+
+/* Above this depth of a slice, most voxels are hidden, which tiles of the image notice sooner. */
+static const float opaque = 1.5f;
 enum { FEW_VOXELS = 1 << 17 };
 
 /* The plane's samples are as dense as voxels at least (with these samples per voxel at the back),
@@ -187,8 +190,11 @@ static bool is_dense(const struct sp_postconv *postconv, uint8_t *level) {
     const struct sp_postconv_brick *first = postconv->bricks;
     uint32_t low[3] = { UINT32_MAX, UINT32_MAX, UINT32_MAX }, high[3] = { 0 };
     double count = 0, box = 1;
+    float deepest = 0;
     for (uint32_t i = 0; i < postconv->brick_count; i++) {
         const struct sp_postconv_brick *b = &postconv->bricks[i];
+        for (int k = 0; k < SP_BRICK; k++)
+            deepest = fmaxf(deepest, b->depth[k]);
         if (b->is_unfit || b->level != first->level || (b->is_enlarged && b->level) ||
             b->mode != SP_FILTER_EWA)
             return false;
@@ -204,7 +210,7 @@ static bool is_dense(const struct sp_postconv *postconv, uint8_t *level) {
     for (int a = 0; a < 3; a++)
         box *= high[a] - (double)low[a];
     *level = postconv->brick_count ? first->level : 0;
-    return count >= FEW_VOXELS && count >= dense * box;
+    return deepest <= opaque && count >= FEW_VOXELS && count >= dense * box;
 }
 
 /* True if the view is one that this stage draws. */

@@ -22,8 +22,10 @@ void sp_shear_start_tile(struct sp_shear_open_tile *t) {
             s->done[y][3][x] = 1;
         }
     t->distance = 0;
-    t->begin = 0;
-    t->end = shear->tile[1];
+    for (int a = 0; a < 2; a++) {
+        t->live[a][0] = 0;
+        t->live[a][1] = shear->tile[a];
+    }
 }
 
 /* Writes the weights of filters of a variance per column. */
@@ -163,7 +165,7 @@ static void filter_diagonally(const struct sp_shear_open_tile *t, int y) {
     struct sp_shear_scratch *s = t->scratch;
     int taps = s->diagonal.taps, b = y / SHEAR_BLOCK, rows = t->shear->tile[1];
     rows += 2 * t->shear->margin;
-    for (int x = 0; x < t->columns; x += W) {
+    for (int x = t->filtered[0][0]; x < t->filtered[0][1]; x += W) {
         int step = ROW + s->sign[b][x / 16];
         const float(*at)[SHEAR_PITCH] = weights_at(&s->diagonal, b, x);
         if (y > taps && y + SHEAR_BLOCK + taps < rows) {
@@ -184,7 +186,7 @@ static void filter_diagonally(const struct sp_shear_open_tile *t, int y) {
 static void finish_block(const struct sp_shear_open_tile *t, int y) {
     struct sp_shear_scratch *s = t->scratch;
     int margin = t->shear->margin;
-    for (int x = 0; x < t->shear->tile[0]; x += W) {
+    for (int x = t->done[0][0]; x < t->done[0][1]; x += W) {
         _Alignas(64) float sheet[SHEAR_BLOCK * 4][W];
         filter_rows(&s->across[y][0][x], sheet[0], 4 * SHEAR_WIDTH, SHEAR_WIDTH, W,
                     weights_at(&s->vertical, y / SHEAR_BLOCK, margin + x), s->vertical.taps,
@@ -195,36 +197,40 @@ static void finish_block(const struct sp_shear_open_tile *t, int y) {
 
 void sp_shear_close_layer(struct sp_shear_open_tile *t) {
     struct sp_shear_scratch *s = t->scratch;
-    int margin = t->shear->margin, low = t->begin + margin, high = t->end + margin;
-    for (int y = low - SHEAR_BLOCK; y < high + SHEAR_BLOCK; y += SHEAR_BLOCK) {
+    int margin = t->shear->margin;
+    for (int y = t->filtered[1][0]; y < t->filtered[1][1]; y += SHEAR_BLOCK) {
         const float *from = s->grid[y][0];
         if (s->diagonal.taps) {
             filter_diagonally(t, y);
             from = s->block[0][0];
         }
-        for (int x = 0; x < t->shear->tile[0]; x += W)
+        for (int x = t->done[0][0]; x < t->done[0][1]; x += W)
             filter_rows(from + margin + x, &s->across[y][0][x], 1, SHEAR_PITCH, SHEAR_WIDTH,
                         weights_at(&s->horizontal, y / SHEAR_BLOCK, margin + x), s->horizontal.taps,
                         SHEAR_BLOCK);
-        if (y > low)
+        if (y > t->done[1][0])
             finish_block(t, y - SHEAR_BLOCK);
     }
 }
 
 bool sp_shear_is_visible(struct sp_shear_open_tile *t) {
-    int begin = t->end, end = 0;
-    for (int y = t->begin; y < t->end; y++) {
-        sp_wide most = sp_wide_all(0);
-        for (int x = 0; x < t->shear->tile[0]; x += W)
-            most = sp_wide_max(most, sp_wide_load(&t->scratch->done[y][3][x]));
-        if (!sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
-            continue;
-        begin = y < begin ? y : begin;
-        end = y + 1;
+    int live[2][2] = { { t->live[0][1], 0 }, { t->live[1][1], 0 } };
+    for (int y = t->live[1][0]; y < t->live[1][1]; y++)
+        for (int x = t->live[0][0]; x < t->live[0][1]; x += W) {
+            sp_wide through = sp_wide_load(&t->scratch->done[y][3][x]);
+            if (!sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), through)))
+                continue;
+            live[0][0] = x < live[0][0] ? x : live[0][0];
+            live[0][1] = x + W > live[0][1] ? x + W : live[0][1];
+            live[1][0] = y < live[1][0] ? y : live[1][0];
+            live[1][1] = y + 1;
+        }
+    for (int a = 0; a < 2; a++) {
+        int unit = a ? SHEAR_BLOCK : 16;
+        t->live[a][0] = live[a][0] / unit * unit;
+        t->live[a][1] = (live[a][1] + unit - 1) / unit * unit;
     }
-    t->begin = begin / SHEAR_BLOCK * SHEAR_BLOCK;
-    t->end = (end + SHEAR_BLOCK - 1) / SHEAR_BLOCK * SHEAR_BLOCK;
-    return begin < end;
+    return live[1][1] > 0;
 }
 
 void sp_shear_finish_tile(const struct sp_shear_open_tile *t) {

@@ -41,10 +41,8 @@ static inline void spline_weights(sp_wide f, sp_wide w[4]) {
 /* Finds the voxels that the tile needs; false if there are none. */
 static bool find_box(const struct sp_shear_open_tile *t, double distance, struct slice *s) {
     const struct sp_shear *shear = t->shear;
-    const int rows[2] = { t->begin, t->end + 2 * shear->margin };
     for (int a = 0; a < 2; a++) {
-        double corner = a ? t->y : t->x, first = a ? rows[0] : 0,
-               last = (a ? rows[1] : t->columns) - 1;
+        double corner = a ? t->y : t->x, first = t->used[a][0], last = t->used[a][1] - 1;
         s->per_voxel[a] = shear->scale[a] / distance;
         double low = shear->eye[a] + (corner + first - shear->centre[a]) / s->per_voxel[a] - 2;
         double high = shear->eye[a] + (corner + last - shear->centre[a]) / s->per_voxel[a] + 3;
@@ -62,7 +60,7 @@ static bool find_box(const struct sp_shear_open_tile *t, double distance, struct
 static void weigh_columns(const struct sp_shear_open_tile *t, struct slice *s) {
     const struct sp_shear *shear = t->shear;
     s->start = s->low[0] / SP_BRICK * SP_BRICK - 2 * SP_BRICK;
-    for (int b = 0; b * W < t->columns; b++) {
+    for (int b = t->used[0][0] / W; b * W < t->used[0][1]; b++) {
         double at = shear->eye[0] + (t->x + b * W - shear->centre[0]) / s->per_voxel[0] - s->start;
         double first = floor(at) - 1, most = SHEAR_SOURCE - 2 * W;
         sp_wide place = (float)(at - first) + sp_wide_count() * (float)(1 / s->per_voxel[0]);
@@ -93,9 +91,9 @@ static inline sp_wide pick(const float *from, sp_wide_int index) {
 }
 
 /* Resamples one row of voxels along i. */
-static void resample_row(const struct slice *s, int columns, const float (*from)[SHEAR_SOURCE],
-                         float (*to)[SHEAR_PITCH]) {
-    for (int b = 0; b * W < columns; b++) {
+static void resample_row(const struct slice *s, const int columns[2],
+                         const float (*from)[SHEAR_SOURCE], float (*to)[SHEAR_PITCH]) {
+    for (int b = columns[0] / W; b * W < columns[1]; b++) {
         sp_wide_int index = sp_wide_int_load(s->index[b]);
         sp_wide w[4];
         for (int k = 0; k < 4; k++)
@@ -250,7 +248,7 @@ static void load_rows(const struct sp_shear *shear, struct cursor *c, int row,
 /* Adds row `y` of the tile from four rows of the ring, or stores it. */
 static void resample_column(const struct sp_shear_open_tile *t, int y, int row, float f,
                             bool is_first) {
-    const int columns = t->columns;
+    const int left = t->used[0][0], right = t->used[0][1];
     const float g = 1 - f;
     const float w[4] = { g * g * g / 6, 2.0f / 3 - f * f * (1 - f / 2),
                          2.0f / 3 - g * g * (1 - g / 2), f * f * f / 6 };
@@ -259,7 +257,7 @@ static void resample_column(const struct sp_shear_open_tile *t, int y, int row, 
         for (int k = 0; k < 4; k++)
             from[k] = t->scratch->ring[(row + k) & (SHEAR_RING - 1)][p];
         float *to = t->scratch->grid[y][p];
-        for (int x = 0; x < columns; x += W) {
+        for (int x = left; x < right; x += W) {
             sp_wide sum = w[0] * sp_wide_load(from[0] + x) + w[1] * sp_wide_load(from[1] + x);
             sum += w[2] * sp_wide_load(from[2] + x) + w[3] * sp_wide_load(from[3] + x);
             sp_wide_store(to + x, is_first ? sum : sp_wide_load(to + x) + sum);
@@ -312,7 +310,7 @@ static void load_bricks(const struct sp_shear_open_tile *t, const struct slice *
         for (int j = 0; j < SHEAR_BAND; j++) {
             int at = (band * SP_BRICK + row + j) & (SHEAR_RING - 1);
             if (count)
-                resample_row(s, t->columns, (const float(*)[SHEAR_SOURCE])scratch->source[j],
+                resample_row(s, t->used[0], (const float(*)[SHEAR_SOURCE])scratch->source[j],
                              scratch->ring[at]);
             else
                 memset(scratch->ring[at], 0, sizeof scratch->ring[0]);
@@ -340,7 +338,7 @@ static void add_slice(struct sp_shear_open_tile *t, uint32_t k, double distance,
     s.brick = k / SP_BRICK * strides[shear->axis];
     s.step_across = strides[shear->across[0]];
     s.step = strides[shear->across[1]];
-    int y = t->begin, rows = t->end + 2 * shear->margin;
+    int y = t->used[1][0], rows = t->used[1][1];
     if (!find_box(t, distance, &s)) {
         if (is_first)
             memset(scratch->grid[y], 0, (size_t)(rows - y) * sizeof scratch->grid[0]);
@@ -371,6 +369,36 @@ static void add_slice(struct sp_shear_open_tile *t, uint32_t k, double distance,
     }
 }
 
+/* Finds which samples a layer's slices reach; false if none of the tile. */
+static bool find_reached(struct sp_shear_open_tile *t, uint32_t begin, uint32_t end) {
+    const struct sp_shear *shear = t->shear;
+    for (int a = 0; a < 2; a++) {
+        const int unit = a ? SHEAR_BLOCK : 16, size = shear->tile[a] + 2 * shear->margin;
+        double low = INFINITY, high = -INFINITY, dim = shear->level->grid.dims[shear->across[a]];
+        for (uint32_t n = begin; n < end; n++) {
+            double s = shear->scale[a] / fabs(shear->slices[n] - shear->eye[2]);
+            low = fmin(low, shear->centre[a] + (-2 - shear->eye[a]) * s);
+            high = fmax(high, shear->centre[a] + (dim + 1 - shear->eye[a]) * s);
+        }
+        /* In samples of the tile, as far as filters reach. */
+        double corner = (a ? t->y : t->x) + shear->margin;
+        low = fmax(t->live[a][0], floor(low - corner) - shear->margin);
+        high = fmin(t->live[a][1], ceil(high - corner) + 1 + shear->margin);
+        if (!(low < high))
+            return false;
+        int first = (int)low / unit * unit, last = ((int)high + unit - 1) / unit * unit;
+        t->done[a][0] = first + (a ? shear->margin : 0);
+        t->done[a][1] = last + (a ? shear->margin : 0);
+        first = (first + shear->margin - SHEAR_BLOCK) / unit * unit;
+        last = (last + shear->margin + SHEAR_BLOCK + unit - 1) / unit * unit;
+        t->filtered[a][0] = first;
+        t->filtered[a][1] = last < size ? last : size;
+        t->used[a][0] = first > unit ? first - unit : 0;
+        t->used[a][1] = last + unit < size ? last + unit : size;
+    }
+    return true;
+}
+
 void sp_shear_tile(const struct sp_shear *shear, struct sp_shear_scratch *scratch, uint32_t tile) {
     struct sp_shear_open_tile t = {
         .shear = shear,
@@ -384,7 +412,7 @@ void sp_shear_tile(const struct sp_shear *shear, struct sp_shear_scratch *scratc
     for (uint32_t l = 0; l < shear->postconv->layers; l++) {
         uint32_t begin = shear->first[l], end = shear->first[l + 1];
         double distance = 0;
-        if (begin == end)
+        if (begin == end || !find_reached(&t, begin, end))
             continue;
         if (sp_interrupt_is_cancelled(&shear->postconv->interrupt))
             break;
