@@ -8,8 +8,9 @@
 #include "splat/slices.h"
 #include "volume/grid.h"
 
-/* Below this share of visible voxels, deposits are faster. */
-static const double dense = 0.5;
+/* Below this share of visible voxels in the slices that are drawn, deposits are faster. Measured:
+ * 0.57 is even, with surfaces that hide half of the voxels. */
+static const double dense = 0.6;
 
 /* Above this depth of a slice, most voxels are hidden, which tiles of the image notice sooner. */
 static const float opaque = 1.5f;
@@ -184,33 +185,27 @@ static void make_filters(const struct sp_postconv *postconv, struct sp_shear *sh
     }
 }
 
-/* True if most voxels of the box around the bricks in sight are visible, all of one level and kind.
- */
+/* True if enough voxels of the bricks' slices in sight are visible, all of one level and kind. */
 static bool is_dense(const struct sp_postconv *postconv, uint8_t *level) {
     const struct sp_postconv_brick *first = postconv->bricks;
-    uint32_t low[3] = { UINT32_MAX, UINT32_MAX, UINT32_MAX }, high[3] = { 0 };
-    double count = 0, box = 1;
+    uint64_t count = 0, slices = 0;
     float deepest = 0;
     for (uint32_t i = 0; i < postconv->brick_count; i++) {
         const struct sp_postconv_brick *b = &postconv->bricks[i];
-        for (int k = 0; k < SP_BRICK; k++)
-            deepest = fmaxf(deepest, b->depth[k]);
+        const struct sp_visible *list = &sp_postconv_level(postconv, b)->visible;
+        const uint16_t *start = list->start[b->brick];
         if (b->is_unfit || b->level != first->level || (b->is_enlarged && b->level) ||
             b->mode != SP_FILTER_EWA)
             return false;
-        const struct sp_visible *list = &sp_postconv_level(postconv, b)->visible;
-        uint32_t corner[3];
-        sp_visible_corner(list, b->brick, corner);
-        for (int a = 0; a < 3; a++) {
-            low[a] = corner[a] < low[a] ? corner[a] : low[a];
-            high[a] = corner[a] + SP_BRICK > high[a] ? corner[a] + SP_BRICK : high[a];
+        for (int k = 0; k < SP_BRICK; k++) {
+            deepest = fmaxf(deepest, b->depth[k]);
+            slices += start[k] != start[k + 1];
         }
-        count += (double)(list->first[b->brick + 1] - list->first[b->brick]);
+        count += start[SP_BRICK];
     }
-    for (int a = 0; a < 3; a++)
-        box *= high[a] - (double)low[a];
     *level = postconv->brick_count ? first->level : 0;
-    return deepest <= opaque && count >= FEW_VOXELS && count >= dense * box;
+    return deepest <= opaque && count >= FEW_VOXELS &&
+           (double)count >= dense * (double)(slices * SP_BRICK * SP_BRICK);
 }
 
 /* True if the view is one that this stage draws. */

@@ -10,6 +10,17 @@ _Static_assert(SHEAR_WIDTH % 16 == 0 && SHEAR_PITCH % 16 == 0, "whole vectors");
 _Static_assert(SHEAR_MARGIN % SHEAR_BLOCK == 0 && SHEAR_ROWS % SHEAR_BLOCK == 0, "whole blocks");
 _Static_assert(SHEAR_TAPS < SHEAR_BLOCK, "a filter reaches the next block at most");
 
+/* Finds where deposits matter to samples that are not opaque. */
+static void find_needed(struct sp_shear_open_tile *t) {
+    int blocks = t->shear->tile[1] / SHEAR_BLOCK + 2 * t->reach;
+    for (int b = 0; b < blocks; b++) {
+        uint32_t live = 0;
+        for (int n = b - t->reach; n <= b + t->reach; n++)
+            live |= n >= 0 && n < blocks ? t->live[n] : 0;
+        t->needed[b] = sp_shear_to_scratch(t, live);
+    }
+}
+
 void sp_shear_start_tile(struct sp_shear_open_tile *t) {
     const struct sp_shear *shear = t->shear;
     struct sp_shear_scratch *s = t->scratch;
@@ -22,10 +33,9 @@ void sp_shear_start_tile(struct sp_shear_open_tile *t) {
             s->done[y][3][x] = 1;
         }
     t->distance = 0;
-    for (int a = 0; a < 2; a++) {
-        t->live[a][0] = 0;
-        t->live[a][1] = shear->tile[a];
-    }
+    for (int b = 0; b < shear->tile[1] / SHEAR_BLOCK; b++)
+        t->live[b + t->reach] = (UINT32_C(1) << shear->tile[0] / 16) - 1;
+    find_needed(t);
 }
 
 /* Writes the weights of filters of a variance per column. */
@@ -159,78 +169,113 @@ static inline const float (*weights_at(const struct sp_shear_weights *w, int blo
     return (const float(*)[SHEAR_PITCH])(const void *)&w->at[block][0][x];
 }
 
-/* Filters a block of rows of the grid along the diagonals. Near the first and the last row filters
- * are shorter; no pixel of the tile needs these rows. */
-static void filter_diagonally(const struct sp_shear_open_tile *t, int y) {
+/* Filters columns of a block of rows of the grid along the diagonals. Near the first and the last
+ * row filters are shorter; no pixel of the tile needs these rows. */
+static void filter_diagonally(const struct sp_shear_open_tile *t, int y, uint32_t columns) {
     struct sp_shear_scratch *s = t->scratch;
-    int taps = s->diagonal.taps, b = y / SHEAR_BLOCK, rows = t->shear->tile[1];
-    rows += 2 * t->shear->margin;
-    for (int x = t->filtered[0][0]; x < t->filtered[0][1]; x += W) {
-        int step = ROW + s->sign[b][x / 16];
-        const float(*at)[SHEAR_PITCH] = weights_at(&s->diagonal, b, x);
-        if (y > taps && y + SHEAR_BLOCK + taps < rows) {
-            filter_rows(&s->grid[y][0][x], &s->block[0][0][x], step, SHEAR_PITCH, SHEAR_PITCH, at,
-                        taps, SHEAR_BLOCK);
-            continue;
-        }
-        for (int n = y; n < y + SHEAR_BLOCK; n++) {
-            int edge = n < rows - 1 - n ? n : rows - 1 - n;
-            int reach = edge > taps ? taps : edge > 1 ? edge - 1 : 0;
-            filter_rows(&s->grid[n][0][x], &s->block[n - y][0][x], step, SHEAR_PITCH, SHEAR_PITCH,
-                        at, reach, 1);
+    int taps = s->diagonal.taps, b = y / SHEAR_BLOCK;
+    int rows = t->shear->tile[1] + 2 * t->shear->margin;
+    for (; columns; columns &= columns - 1) {
+        int first = __builtin_ctz(columns) * 16, step = ROW + s->sign[b][first / 16];
+        for (int x = first; x < first + 16 && x < t->columns; x += W) {
+            const float(*at)[SHEAR_PITCH] = weights_at(&s->diagonal, b, x);
+            if (y > taps && y + SHEAR_BLOCK + taps < rows) {
+                filter_rows(&s->grid[y][0][x], &s->block[0][0][x], step, SHEAR_PITCH, SHEAR_PITCH,
+                            at, taps, SHEAR_BLOCK);
+                continue;
+            }
+            for (int n = y; n < y + SHEAR_BLOCK; n++) {
+                int edge = n < rows - 1 - n ? n : rows - 1 - n;
+                int reach = edge > taps ? taps : edge > 1 ? edge - 1 : 0;
+                filter_rows(&s->grid[n][0][x], &s->block[n - y][0][x], step, SHEAR_PITCH,
+                            SHEAR_PITCH, at, reach, 1);
+            }
         }
     }
 }
 
-/* Filters a block of rows down and composites it. */
-static void finish_block(const struct sp_shear_open_tile *t, int y) {
+/* Filters columns of a block of rows across. */
+static void filter_across(const struct sp_shear_open_tile *t, int y, const float *from,
+                          uint32_t columns) {
     struct sp_shear_scratch *s = t->scratch;
     int margin = t->shear->margin;
-    for (int x = t->done[0][0]; x < t->done[0][1]; x += W) {
-        _Alignas(64) float sheet[SHEAR_BLOCK * 4][W];
-        filter_rows(&s->across[y][0][x], sheet[0], 4 * SHEAR_WIDTH, SHEAR_WIDTH, W,
-                    weights_at(&s->vertical, y / SHEAR_BLOCK, margin + x), s->vertical.taps,
-                    SHEAR_BLOCK);
-        composite(s, sheet, y - margin, x);
+    for (; columns; columns &= columns - 1) {
+        int first = __builtin_ctz(columns) * 16;
+        for (int x = first; x < first + 16; x += W)
+            filter_rows(from + margin + x, &s->across[y][0][x], 1, SHEAR_PITCH, SHEAR_WIDTH,
+                        weights_at(&s->horizontal, y / SHEAR_BLOCK, margin + x), s->horizontal.taps,
+                        SHEAR_BLOCK);
+    }
+}
+
+/* Filters columns of a block of rows down and composites them. */
+static void finish_block(const struct sp_shear_open_tile *t, int y, uint32_t columns) {
+    struct sp_shear_scratch *s = t->scratch;
+    int margin = t->shear->margin;
+    for (; columns; columns &= columns - 1) {
+        int first = __builtin_ctz(columns) * 16;
+        for (int x = first; x < first + 16; x += W) {
+            _Alignas(64) float sheet[SHEAR_BLOCK * 4][W];
+            filter_rows(&s->across[y][0][x], sheet[0], 4 * SHEAR_WIDTH, SHEAR_WIDTH, W,
+                        weights_at(&s->vertical, y / SHEAR_BLOCK, margin + x), s->vertical.taps,
+                        SHEAR_BLOCK);
+            composite(s, sheet, y - margin, x);
+        }
+    }
+}
+
+/* Clears the touched part of the grid. */
+static void clear_grid(struct sp_shear_open_tile *t, int blocks) {
+    for (int b = 0; b < blocks; b++) {
+        for (uint32_t m = t->touched[b]; m; m &= m - 1)
+            for (int y = b * SHEAR_BLOCK; y < (b + 1) * SHEAR_BLOCK; y++)
+                for (int p = 0; p < 4; p++)
+                    memset(&t->scratch->grid[y][p][__builtin_ctz(m) * 16], 0, 16 * sizeof(float));
+        t->touched[b] = 0;
     }
 }
 
 void sp_shear_close_layer(struct sp_shear_open_tile *t) {
     struct sp_shear_scratch *s = t->scratch;
-    int margin = t->shear->margin;
-    for (int y = t->filtered[1][0]; y < t->filtered[1][1]; y += SHEAR_BLOCK) {
+    int blocks = t->shear->tile[1] / SHEAR_BLOCK + 2 * t->reach;
+    uint32_t done[SHEAR_BLOCKS + 2] = { 0 }; /* by block + 1: columns of the tile */
+    for (int b = t->reach; b < blocks - t->reach; b++) {
+        for (int n = b - t->reach; n <= b + t->reach; n++)
+            done[b + 1] |= t->touched[n];
+        done[b + 1] = sp_shear_to_tile(t, done[b + 1]) & t->live[b];
+    }
+    for (int b = 0; b < blocks; b++) {
+        uint32_t columns = done[b] | done[b + 1] | done[b + 2];
+        int y = b * SHEAR_BLOCK;
         const float *from = s->grid[y][0];
-        if (s->diagonal.taps) {
-            filter_diagonally(t, y);
+        if (columns && s->diagonal.taps) {
+            filter_diagonally(t, y, sp_shear_to_scratch(t, columns));
             from = s->block[0][0];
         }
-        for (int x = t->done[0][0]; x < t->done[0][1]; x += W)
-            filter_rows(from + margin + x, &s->across[y][0][x], 1, SHEAR_PITCH, SHEAR_WIDTH,
-                        weights_at(&s->horizontal, y / SHEAR_BLOCK, margin + x), s->horizontal.taps,
-                        SHEAR_BLOCK);
-        if (y > t->done[1][0])
-            finish_block(t, y - SHEAR_BLOCK);
+        filter_across(t, y, from, columns);
+        if (b > 0)
+            finish_block(t, y - SHEAR_BLOCK, done[b]);
     }
+    clear_grid(t, blocks);
 }
 
 bool sp_shear_is_visible(struct sp_shear_open_tile *t) {
-    int live[2][2] = { { t->live[0][1], 0 }, { t->live[1][1], 0 } };
-    for (int y = t->live[1][0]; y < t->live[1][1]; y++)
-        for (int x = t->live[0][0]; x < t->live[0][1]; x += W) {
-            sp_wide through = sp_wide_load(&t->scratch->done[y][3][x]);
-            if (!sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), through)))
-                continue;
-            live[0][0] = x < live[0][0] ? x : live[0][0];
-            live[0][1] = x + W > live[0][1] ? x + W : live[0][1];
-            live[1][0] = y < live[1][0] ? y : live[1][0];
-            live[1][1] = y + 1;
+    uint32_t any = 0;
+    for (int b = 0; b < t->shear->tile[1] / SHEAR_BLOCK; b++) {
+        uint32_t *live = &t->live[b + t->reach], left = 0;
+        for (uint32_t m = *live; m; m &= m - 1) {
+            int first = __builtin_ctz(m) * 16;
+            sp_wide most = sp_wide_all(0);
+            for (int y = b * SHEAR_BLOCK; y < (b + 1) * SHEAR_BLOCK; y++)
+                for (int x = first; x < first + 16; x += W)
+                    most = sp_wide_max(most, sp_wide_load(&t->scratch->done[y][3][x]));
+            if (sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), most)))
+                left |= m & -m;
         }
-    for (int a = 0; a < 2; a++) {
-        int unit = a ? SHEAR_BLOCK : 16;
-        t->live[a][0] = live[a][0] / unit * unit;
-        t->live[a][1] = (live[a][1] + unit - 1) / unit * unit;
+        any |= *live = left;
     }
-    return live[1][1] > 0;
+    find_needed(t);
+    return any != 0;
 }
 
 void sp_shear_finish_tile(const struct sp_shear_open_tile *t) {

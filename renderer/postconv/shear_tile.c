@@ -10,6 +10,7 @@ enum {
     PX = W / 4,
     CHECK_EVERY = 4,
     COLUMNS = SHEAR_PITCH / W,
+    GROUPS = SHEAR_PITCH / 16,
     BRICKS = SHEAR_SOURCE / SP_BRICK
 };
 
@@ -25,6 +26,8 @@ struct slice {
     /* First pass, by vector of columns: the first voxel in the source, and for each lane the voxel
      * from there on and the weights of four voxels. */
     int base[COLUMNS];
+    uint32_t bricks[GROUPS]; /* by 16 columns: bricks that they need, from the first one on */
+    uint32_t dirty;          /* bricks whose columns of the source are not zero */
     _Alignas(64) int32_t index[COLUMNS][W];
     _Alignas(64) float weight[COLUMNS][4][W];
 };
@@ -73,6 +76,15 @@ static void weigh_columns(const struct sp_shear_open_tile *t, struct slice *s) {
         for (int k = 0; k < 4; k++)
             sp_wide_store(s->weight[b][k], is_far ? sp_wide_all(0) : w[k]);
     }
+    int origin = s->low[0] / SP_BRICK, last = (s->high[0] - 1) / SP_BRICK - origin;
+    for (int g = t->used[0][0] / 16; g * 16 < t->used[0][1]; g++) {
+        double at = shear->eye[0] + (t->x + g * 16 - shear->centre[0]) / s->per_voxel[0];
+        double low = floor((at - 1.01) / SP_BRICK) - origin;
+        double high = floor((at + 15 / s->per_voxel[0] + 2.01) / SP_BRICK) - origin;
+        low = low > 0 ? low : 0;
+        high = high < last ? high : last;
+        s->bricks[g] = low <= high ? (UINT32_C(2) << (int)high) - (UINT32_C(1) << (int)low) : 0;
+    }
 }
 
 /* Elements of two vectors at from[index], index < 2·W. */
@@ -90,22 +102,24 @@ static inline sp_wide pick(const float *from, sp_wide_int index) {
 #endif
 }
 
-/* Resamples one row of voxels along i. */
-static void resample_row(const struct slice *s, const int columns[2],
-                         const float (*from)[SHEAR_SOURCE], float (*to)[SHEAR_PITCH]) {
-    for (int b = columns[0] / W; b * W < columns[1]; b++) {
-        sp_wide_int index = sp_wide_int_load(s->index[b]);
-        sp_wide w[4];
-        for (int k = 0; k < 4; k++)
-            w[k] = sp_wide_load(s->weight[b][k]);
-        for (int p = 0; p < 4; p++) {
-            const float *row = &from[p][s->base[b]];
-            sp_wide sum = w[0] * pick(row, index);
-            for (int k = 1; k < 4; k++)
-                sum += w[k] * pick(row, index + k);
-            sp_wide_store(&to[p][b * W], sum);
+/* Resamples one row of voxels along i, into groups of 16 columns. */
+static void resample_row(const struct slice *s, uint32_t groups, const float (*from)[SHEAR_SOURCE],
+                         float (*to)[SHEAR_PITCH]) {
+    for (; groups; groups &= groups - 1)
+        for (int n = 0; n < 16 / W; n++) {
+            int b = __builtin_ctz(groups) * (16 / W) + n;
+            sp_wide_int index = sp_wide_int_load(s->index[b]);
+            sp_wide w[4];
+            for (int k = 0; k < 4; k++)
+                w[k] = sp_wide_load(s->weight[b][k]);
+            for (int p = 0; p < 4; p++) {
+                const float *row = &from[p][s->base[b]];
+                sp_wide sum = w[0] * pick(row, index);
+                for (int k = 1; k < 4; k++)
+                    sum += w[k] * pick(row, index + k);
+                sp_wide_store(&to[p][b * W], sum);
+            }
         }
-    }
 }
 
 /* The classes of PX voxels that are four apart. */
@@ -245,23 +259,27 @@ static void load_rows(const struct sp_shear *shear, struct cursor *c, int row,
     }
 }
 
-/* Adds row `y` of the tile from four rows of the ring, or stores it. */
-static void resample_column(const struct sp_shear_open_tile *t, int y, int row, float f,
-                            bool is_first) {
-    const int left = t->used[0][0], right = t->used[0][1];
+/* Adds four rows of the ring to row `y` of the grid. */
+static void resample_column(struct sp_shear_open_tile *t, int y, int row, float f) {
     const float g = 1 - f;
     const float w[4] = { g * g * g / 6, 2.0f / 3 - f * f * (1 - f / 2),
                          2.0f / 3 - g * g * (1 - g / 2), f * f * f / 6 };
-    for (int p = 0; p < 4; p++) {
-        const float *from[4];
-        for (int k = 0; k < 4; k++)
-            from[k] = t->scratch->ring[(row + k) & (SHEAR_RING - 1)][p];
-        float *to = t->scratch->grid[y][p];
-        for (int x = left; x < right; x += W) {
-            sp_wide sum = w[0] * sp_wide_load(from[0] + x) + w[1] * sp_wide_load(from[1] + x);
-            sum += w[2] * sp_wide_load(from[2] + x) + w[3] * sp_wide_load(from[3] + x);
-            sp_wide_store(to + x, is_first ? sum : sp_wide_load(to + x) + sum);
-        }
+    uint32_t groups =
+        t->filled[row >> SP_BRICK_SHIFT & 1] | t->filled[(row + 3) >> SP_BRICK_SHIFT & 1];
+    groups &= t->needed[y / SHEAR_BLOCK];
+    t->touched[y / SHEAR_BLOCK] |= groups;
+    const float *from[4];
+    for (int k = 0; k < 4; k++)
+        from[k] = t->scratch->ring[(row + k) & (SHEAR_RING - 1)][0];
+    float *to = t->scratch->grid[y][0];
+    for (; groups; groups &= groups - 1) {
+        int first = __builtin_ctz(groups) * 16;
+        for (int x = first; x < 4 * SHEAR_PITCH; x += SHEAR_PITCH)
+            for (int v = x; v < x + 16; v += W) {
+                sp_wide sum = w[0] * sp_wide_load(from[0] + v) + w[1] * sp_wide_load(from[1] + v);
+                sum += w[2] * sp_wide_load(from[2] + v) + w[3] * sp_wide_load(from[3] + v);
+                sp_wide_store(to + v, sp_wide_load(to + v) + sum);
+            }
     }
 }
 
@@ -277,95 +295,127 @@ static inline void fetch(const struct sp_visible *list, uint64_t first) {
 #endif
 }
 
-/* Loads one row of bricks and resamples its rows into the ring. */
-static void load_bricks(const struct sp_shear_open_tile *t, const struct slice *s, int band) {
-    struct sp_shear_scratch *scratch = t->scratch;
+/* Clears groups of columns of half of the ring. */
+static void clear_ring(struct sp_shear_open_tile *t, int half, uint32_t groups) {
+    t->filled[half] &= ~groups;
+    for (; groups; groups &= groups - 1)
+        for (int j = 0; j < SP_BRICK; j++)
+            for (int p = 0; p < 4; p++)
+                memset(&t->scratch->ring[half * SP_BRICK + j][p][__builtin_ctz(groups) * 16], 0,
+                       16 * sizeof(float));
+}
+
+/* Groups of columns that need a row of bricks. */
+static uint32_t groups_of_band(const struct sp_shear_open_tile *t, const struct slice *s,
+                               int band) {
+    double y =
+        t->shear->centre[1] + (band * SP_BRICK - 2 - t->shear->eye[1]) * s->per_voxel[1] - t->y;
+    double end = y + (SP_BRICK + 3) * s->per_voxel[1] + 1;
+    uint32_t groups = 0;
+    y = y > t->used[1][0] ? y : t->used[1][0];
+    end = end < t->used[1][1] - 1 ? end : t->used[1][1] - 1;
+    for (int b = (int)y / SHEAR_BLOCK; b <= (int)end / SHEAR_BLOCK && y <= end; b++)
+        groups |= t->needed[b];
+    return groups;
+}
+
+/* The entries of a brick in the slice; none if they are transparent. */
+static struct cursor find_entries(const struct sp_shear *shear, const struct slice *s,
+                                  uint32_t brick) {
+    const uint16_t *start = s->list->start[brick];
+    uint64_t at = s->list->first[brick];
+    struct cursor c = { at + start[s->in_brick], at + start[s->in_brick + 1], false };
+    int next = s->in_brick + shear->side;
+    c.is_full = c.end - c.at == SP_BRICK * SP_BRICK;
+    if (c.is_full && next >= 0 && next < SP_BRICK)
+        fetch(s->list, at + start[next]);
+    return c;
+}
+
+/* Counts the voxels of a brick in the tile that has the brick's corner. */
+static uint64_t own_voxels(const struct sp_shear_open_tile *t, const struct slice *s, int column,
+                           int row, const struct cursor *c) {
     const struct sp_shear *shear = t->shear;
+    const int corner[2] = { column, row };
+    for (int a = 0; a < 2; a++) {
+        double x = shear->centre[a] + (corner[a] - shear->eye[a]) * s->per_voxel[a] -
+                   (a ? t->y : t->x) - shear->margin;
+        if (!(x >= 0 && x < shear->tile[a]))
+            return 0;
+    }
+    return c->end - c->at;
+}
+
+/* Loads one row of bricks and resamples its rows into a half of the ring, in groups of columns that
+ * need it. */
+static void load_bricks(struct sp_shear_open_tile *t, struct slice *s, int band) {
+    struct sp_shear_scratch *scratch = t->scratch;
     struct cursor cursors[BRICKS];
-    uint64_t count = 0;
+    uint32_t wanted = groups_of_band(t, s, band), present = 0, needed = 0, groups = 0;
     int first = s->low[0] / SP_BRICK, bricks = (s->high[0] - 1) / SP_BRICK - first + 1;
-    double y = shear->centre[1] + (band * SP_BRICK - shear->eye[1]) * s->per_voxel[1] - t->y -
-               shear->margin;
     for (int n = 0; n < bricks; n++) {
-        int column = first + n;
-        uint32_t b = s->brick + (uint32_t)column * s->step_across + (uint32_t)band * s->step;
-        const uint16_t *start = s->list->start[b];
-        uint64_t at = s->list->first[b];
-        cursors[n] = (struct cursor){ at + start[s->in_brick], at + start[s->in_brick + 1], false };
-        uint64_t own = cursors[n].end - cursors[n].at;
-        cursors[n].is_full = own == SP_BRICK * SP_BRICK;
-        int next = s->in_brick + shear->side;
-        if (cursors[n].is_full && next >= 0 && next < SP_BRICK)
-            fetch(s->list, at + start[next]);
-        count += own;
-        /* Voxels count in the tile that has the brick's corner. */
-        double x = shear->centre[0] + (column * SP_BRICK - shear->eye[0]) * s->per_voxel[0] - t->x -
-                   shear->margin;
-        bool is_own = x >= 0 && x < shear->tile[0] && y >= 0 && y < shear->tile[1];
-        scratch->splats += is_own ? own : 0;
+        cursors[n] = find_entries(t->shear, s,
+                                  s->brick + (uint32_t)(first + n) * s->step_across +
+                                      (uint32_t)band * s->step);
+        present |= (cursors[n].at < cursors[n].end ? UINT32_C(1) : 0) << n;
     }
-    for (int row = 0; row < SP_BRICK; row += SHEAR_BAND) {
-        for (int n = 0; count && n < bricks; n++)
-            load_rows(shear, &cursors[n], row, scratch->source, (first + n) * SP_BRICK - s->start);
-        for (int j = 0; j < SHEAR_BAND; j++) {
-            int at = (band * SP_BRICK + row + j) & (SHEAR_RING - 1);
-            if (count)
-                resample_row(s, t->used[0], (const float(*)[SHEAR_SOURCE])scratch->source[j],
-                             scratch->ring[at]);
-            else
-                memset(scratch->ring[at], 0, sizeof scratch->ring[0]);
+    for (int g = t->used[0][0] / 16; g * 16 < t->used[0][1]; g++)
+        if (wanted >> g & 1 && s->bricks[g] & present) {
+            groups |= UINT32_C(1) << g;
+            needed |= s->bricks[g];
         }
+    clear_ring(t, band & 1, t->filled[band & 1] & ~groups);
+    t->filled[band & 1] = groups;
+    for (uint32_t m = needed & ~present & s->dirty; m; m &= m - 1)
+        for (int r = 0; r < 4 * SHEAR_BAND; r++)
+            memset(&scratch->source[0][r][(first + __builtin_ctz(m)) * SP_BRICK - s->start], 0,
+                   SP_BRICK * sizeof(float));
+    s->dirty = (s->dirty & ~needed) | (needed & present);
+    needed &= present;
+    for (uint32_t m = needed; m; m &= m - 1) {
+        int n = __builtin_ctz(m);
+        scratch->splats += own_voxels(t, s, (first + n) * SP_BRICK, band * SP_BRICK, &cursors[n]);
+    }
+    for (int row = 0; groups && row < SP_BRICK; row += SHEAR_BAND) {
+        for (uint32_t m = needed; m; m &= m - 1) {
+            int n = __builtin_ctz(m);
+            load_rows(t->shear, &cursors[n], row, scratch->source,
+                      (first + n) * SP_BRICK - s->start);
+        }
+        for (int j = 0; j < SHEAR_BAND; j++)
+            resample_row(s, groups, (const float(*)[SHEAR_SOURCE])scratch->source[j],
+                         scratch->ring[(band * SP_BRICK + row + j) & (SHEAR_RING - 1)]);
     }
 }
 
-/* Clears the columns of the source that bricks do not fill. */
-static void clear_around(const struct slice *s, struct sp_shear_scratch *scratch) {
-    int filled = (s->high[0] - 1) / SP_BRICK * SP_BRICK + SP_BRICK - s->start;
-    for (int r = 0; r < SHEAR_BAND; r++)
-        for (int p = 0; p < 4; p++) {
-            memset(scratch->source[r][p], 0, 2 * SP_BRICK * sizeof(float));
-            memset(&scratch->source[r][p][filled], 0,
-                   (size_t)(SHEAR_SOURCE - filled) * sizeof(float));
-        }
-}
-
-/* Adds a slice to the grid; the first one of a layer overwrites it. */
-static void add_slice(struct sp_shear_open_tile *t, uint32_t k, double distance, bool is_first) {
+/* Adds a slice to the grid. */
+static void add_slice(struct sp_shear_open_tile *t, uint32_t k, double distance) {
     const struct sp_shear *shear = t->shear;
-    struct sp_shear_scratch *scratch = t->scratch;
     struct slice s = { .list = &shear->level->visible, .in_brick = (int)(k % SP_BRICK) };
     const uint32_t strides[3] = { 1, s.list->bricks[0], s.list->bricks[0] * s.list->bricks[1] };
     s.brick = k / SP_BRICK * strides[shear->axis];
     s.step_across = strides[shear->across[0]];
     s.step = strides[shear->across[1]];
-    int y = t->used[1][0], rows = t->used[1][1];
-    if (!find_box(t, distance, &s)) {
-        if (is_first)
-            memset(scratch->grid[y], 0, (size_t)(rows - y) * sizeof scratch->grid[0]);
+    if (!find_box(t, distance, &s))
         return;
-    }
     weigh_columns(t, &s);
-    clear_around(&s, scratch);
+    memset(t->scratch->source, 0, sizeof t->scratch->source);
+    clear_ring(t, 0, t->filled[0]);
+    clear_ring(t, 1, t->filled[1]);
     int band = s.low[1] / SP_BRICK, last = (s.high[1] - 1) / SP_BRICK;
     int begin = band * SP_BRICK, end = (last + 1) * SP_BRICK, loaded = begin;
-    for (int j = begin - 4; j < begin; j++)
-        memset(scratch->ring[j & (SHEAR_RING - 1)], 0, sizeof scratch->ring[0]);
-    for (; y < rows; y++) {
+    for (int y = t->used[1][0]; y < t->used[1][1]; y++) {
         double at = shear->eye[1] + (t->y + y - shear->centre[1]) / s.per_voxel[1];
         int row = (int)floor(at) - 1;
-        if (row + 3 < begin || row >= end) {
-            if (is_first)
-                memset(scratch->grid[y], 0, sizeof scratch->grid[0]);
+        if (row + 3 < begin || row >= end)
             continue;
-        }
         for (; loaded < row + 4; loaded += SP_BRICK, band++) {
             if (band <= last)
                 load_bricks(t, &s, band);
             else
-                memset(scratch->ring[loaded & (SHEAR_RING - 1)], 0,
-                       SP_BRICK * sizeof scratch->ring[0]);
+                clear_ring(t, band & 1, t->filled[band & 1]);
         }
-        resample_column(t, y, row, (float)(at - floor(at)), is_first);
+        resample_column(t, y, row, (float)(at - floor(at)));
     }
 }
 
@@ -380,21 +430,12 @@ static bool find_reached(struct sp_shear_open_tile *t, uint32_t begin, uint32_t 
             low = fmin(low, shear->centre[a] + (-2 - shear->eye[a]) * s);
             high = fmax(high, shear->centre[a] + (dim + 1 - shear->eye[a]) * s);
         }
-        /* In samples of the tile, as far as filters reach. */
-        double corner = (a ? t->y : t->x) + shear->margin;
-        low = fmax(t->live[a][0], floor(low - corner) - shear->margin);
-        high = fmin(t->live[a][1], ceil(high - corner) + 1 + shear->margin);
+        low = fmax(0, floor(low - (a ? t->y : t->x)));
+        high = fmin(size, ceil(high - (a ? t->y : t->x)) + 1);
         if (!(low < high))
             return false;
-        int first = (int)low / unit * unit, last = ((int)high + unit - 1) / unit * unit;
-        t->done[a][0] = first + (a ? shear->margin : 0);
-        t->done[a][1] = last + (a ? shear->margin : 0);
-        first = (first + shear->margin - SHEAR_BLOCK) / unit * unit;
-        last = (last + shear->margin + SHEAR_BLOCK + unit - 1) / unit * unit;
-        t->filtered[a][0] = first;
-        t->filtered[a][1] = last < size ? last : size;
-        t->used[a][0] = first > unit ? first - unit : 0;
-        t->used[a][1] = last + unit < size ? last + unit : size;
+        t->used[a][0] = (int)low / unit * unit;
+        t->used[a][1] = ((int)high + unit - 1) / unit * unit;
     }
     return true;
 }
@@ -405,7 +446,8 @@ void sp_shear_tile(const struct sp_shear *shear, struct sp_shear_scratch *scratc
         .scratch = scratch,
         .x = (int)(tile % (uint32_t)shear->columns) * shear->tile[0] - shear->margin,
         .y = (int)(tile / (uint32_t)shear->columns) * shear->tile[1] - shear->margin,
-        .columns = shear->tile[0] + 2 * shear->margin
+        .columns = shear->tile[0] + 2 * shear->margin,
+        .reach = shear->margin / SHEAR_BLOCK
     };
     unsigned closed = 0;
     sp_shear_start_tile(&t);
@@ -421,10 +463,12 @@ void sp_shear_tile(const struct sp_shear *shear, struct sp_shear_scratch *scratc
         if (!(fabs(distance / t.distance - 1) < 0.02))
             sp_shear_make_weights(&t, distance);
         for (uint32_t n = begin; n < end; n++)
-            add_slice(&t, shear->slices[n], fabs(shear->slices[n] - shear->eye[2]), n == begin);
+            add_slice(&t, shear->slices[n], fabs(shear->slices[n] - shear->eye[2]));
         sp_shear_close_layer(&t);
         if (++closed % CHECK_EVERY == 0 && !sp_shear_is_visible(&t))
             break;
     }
+    for (int half = 0; half < 2; half++) /* the next tile expects zeros */
+        clear_ring(&t, half, t.filled[half]);
     sp_shear_finish_tile(&t);
 }
