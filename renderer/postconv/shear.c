@@ -8,9 +8,9 @@
 #include "splat/slices.h"
 #include "volume/grid.h"
 
-/* Below this share of visible voxels in the slices that are drawn, deposits are faster. Measured:
- * 0.57 is even, with surfaces that hide half of the voxels. */
-static const double dense = 0.6;
+/* The least share of visible voxels in the slices that are drawn. From 0.6 on deposits are slower,
+ * but there the gain is small, and surfaces are 5 dB closer to `ewa` with deposits. */
+static const double dense = 0.75;
 
 /* Above this depth of a slice, most voxels are hidden, which tiles of the image notice sooner. */
 static const float opaque = 1.5f;
