@@ -63,6 +63,13 @@
 #define sp_postconv_close_sum SP_ISA_NAME(sp_postconv_close_sum)
 #define sp_postconv_check_cells SP_ISA_NAME(sp_postconv_check_cells)
 #define sp_postconv_resolve SP_ISA_NAME(sp_postconv_resolve)
+#define sp_shear_tile SP_ISA_NAME(sp_shear_tile)
+#define sp_shear_warp SP_ISA_NAME(sp_shear_warp)
+#define sp_shear_start_tile SP_ISA_NAME(sp_shear_start_tile)
+#define sp_shear_make_weights SP_ISA_NAME(sp_shear_make_weights)
+#define sp_shear_close_layer SP_ISA_NAME(sp_shear_close_layer)
+#define sp_shear_is_visible SP_ISA_NAME(sp_shear_is_visible)
+#define sp_shear_finish_tile SP_ISA_NAME(sp_shear_finish_tile)
 /* resample/ */
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
 #define sp_ranges_find SP_ISA_NAME(sp_ranges_find)

@@ -8,6 +8,7 @@
 #include "classify/change.h"
 #include "classify/collect.h"
 #include "classify/dense.h"
+#include "classify/depths.h"
 #include "classify/mip.h"
 #include "sp/renderer.h"
 
@@ -99,6 +100,7 @@ static bool update_transfer(struct sp_classification *c, const struct sp_classif
     sp_transfer_finish(&all->transfer);
     all->transfer = next;
     all->table_made = 0;
+    sp_level_drop_depths(all);
     return true;
 }
 
@@ -329,6 +331,13 @@ static bool turn(const struct sp_visible *list, const struct sp_classify_job *jo
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
+/* Only sheets need the depths of their slices. */
+static bool update_depths(struct sp_level *level, const struct sp_classify_job *job,
+                          struct sp_error *err) {
+    bool is_needed = job->axis < SP_NO_AXIS && job->tf->order == SP_TF_PRE;
+    return !is_needed || !level->visible.place || sp_depths_update(level, job, err);
+}
+
 /* Assigns serial numbers to the new lists and tables. */
 static void count_made(struct sp_level *level, uint64_t *made) {
     if (made && !level->list_made)
@@ -355,7 +364,8 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
         count_made(&c->levels[l], job->made);
     }
     for (unsigned l = 0; job->levels >> l; l++)
-        if (job->levels >> l & 1 && !turn(&c->levels[l].visible, job, err))
+        if (job->levels >> l & 1 &&
+            !(turn(&c->levels[l].visible, job, err) && update_depths(&c->levels[l], job, err)))
             return false;
     return true;
 }
@@ -368,6 +378,9 @@ uint64_t sp_classification_bytes(const struct sp_classification *c) {
         bytes += level->transfer.count * (uint64_t)(sizeof(struct sp_class) + 1) +
                  sp_visible_bytes(&level->visible);
         bytes += level->listed ? level->transfer.count : 0;
+        for (int axis = 0; axis < 3; axis++)
+            if (level->depths[axis])
+                bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->depths[0];
         if (level->ranges)
             bytes += sp_visible_bricks(&level->visible) * (uint64_t)sizeof *level->ranges;
     }

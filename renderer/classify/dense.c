@@ -133,6 +133,39 @@ struct turn {
     atomic_bool cancelled;
 };
 
+/* For each element along axis `to`, the element along axis `from`. */
+static void map_elements(unsigned from, unsigned to, uint16_t map[SP_BRICK_VOXELS]) {
+    for (uint32_t e = 0; e < SP_BRICK_VOXELS; e++)
+        map[e] = (uint16_t)sp_dense_element(from, sp_visible_local(to, e >> 8, (uint8_t)(e & 255)));
+}
+
+static void permute(void *entries, uint32_t bytes, const uint16_t *map, struct sp_dense *dense) {
+    if (bytes == 1)
+        for (uint32_t e = 0; e < SP_BRICK_VOXELS; e++)
+            dense->key.bytes[e] = ((const uint8_t *)entries)[map[e]];
+    else if (bytes == 2)
+        for (uint32_t e = 0; e < SP_BRICK_VOXELS; e++)
+            dense->key.halves[e] = ((const uint16_t *)entries)[map[e]];
+    else if (bytes == 4)
+        for (uint32_t e = 0; e < SP_BRICK_VOXELS; e++)
+            dense->key.words[e] = ((const uint32_t *)entries)[map[e]];
+    else
+        for (uint32_t e = 0; e < SP_BRICK_VOXELS; e++)
+            dense->key.microflakes[e] = ((const struct sp_microflakes *)entries)[map[e]];
+    memcpy(entries, &dense->key, (size_t)SP_BRICK_VOXELS * bytes);
+}
+
+/* Turns a brick of which all voxels are listed: its places stay. */
+static void turn_full_brick(const struct sp_visible *list, uint32_t brick, const uint16_t *map,
+                            struct sp_dense *dense) {
+    uint64_t first = list->first[brick];
+    permute((uint8_t *)list->key + first * list->key_bytes, list->key_bytes, map, dense);
+    if (list->normal)
+        permute((uint8_t *)list->normal + first * list->normal_bytes, list->normal_bytes, map,
+                dense);
+    list->axis[brick] = (uint8_t)dense->axis;
+}
+
 static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct turn *t = user;
@@ -142,9 +175,19 @@ static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
         return;
     }
     dense.axis = t->axis;
+    uint16_t map[SP_BRICK_VOXELS];
+    unsigned mapped = 3; /* the axis that `map` is made from; 3 = none */
     for (size_t b = begin; b < end; b++) {
-        if (t->visible->axis[b] == t->axis)
+        unsigned from = t->visible->axis[b];
+        if (from == t->axis)
             continue;
+        if (t->visible->first[b + 1] - t->visible->first[b] == SP_BRICK_VOXELS) {
+            if (mapped != from)
+                map_elements(from, t->axis, map);
+            mapped = from;
+            turn_full_brick(t->visible, (uint32_t)b, map, &dense);
+            continue;
+        }
         sp_dense_unpack(&dense, t->visible, (uint32_t)b);
         sp_dense_pack(&dense, t->visible, (uint32_t)b);
     }

@@ -11,6 +11,14 @@ void sp_level_drop_list(struct sp_level *level) {
     level->listed = NULL;
     free(level->cells);
     level->cells = NULL;
+    sp_level_drop_depths(level);
+}
+
+void sp_level_drop_depths(struct sp_level *level) {
+    for (int axis = 0; axis < 3; axis++) {
+        free(level->depths[axis]);
+        level->depths[axis] = NULL;
+    }
 }
 
 void sp_level_finish(struct sp_level *level) {

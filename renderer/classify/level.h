@@ -23,7 +23,10 @@ struct sp_level {
      */
     uint8_t *listed;
     struct sp_range *ranges; /* by brick, of all its values; finest level only; NULL = not made */
-    double reach;            /* order post: kernel radius that the list was made for [voxels] */
+    /* By axis of the slices, brick and slice: the largest depth of a class (depths.h); NULL = not
+     * made. */
+    float (*depths[3])[SP_BRICK];
+    double reach; /* order post: kernel radius that the list was made for [voxels] */
     /* Serial numbers of the list (with its normals) and of the table. They change whenever one of
      * them is made, so that a copy elsewhere is known to be stale. 0 = none. */
     uint64_t list_made, table_made;
@@ -82,6 +85,9 @@ struct sp_classify_job {
 
 /* Frees the list and its inputs. */
 void sp_level_drop_list(struct sp_level *level);
+
+/* Frees the depths, which are those of another list or table. */
+void sp_level_drop_depths(struct sp_level *level);
 
 /* Frees all memory of the level; it is then empty. */
 void sp_level_finish(struct sp_level *level);

@@ -96,6 +96,29 @@ static bool make_scale(struct sp_transfer *transfer, const struct sp_volume_info
     return true;
 }
 
+static bool make_pieces(struct sp_transfer *transfer) {
+    const struct sp_transfer_function *tf = &transfer->tf;
+    struct sp_pieces *pieces = transfer->pieces = calloc(1, sizeof *pieces);
+    if (!pieces)
+        return false;
+    pieces->count = tf->point_count + 1;
+    for (uint32_t s = 0; s < pieces->count; s++) {
+        const struct sp_tf_point *p = &tf->points[s ? s - 1 : 0];
+        bool is_flat = s == 0 || s == tf->point_count;
+        const struct sp_tf_point *q = is_flat ? p : p + 1;
+        double length = q->value - p->value;
+        float least = length > 0 ? (float)(1 / length) : 0;
+        pieces->start[s] = (float)(p->value - transfer->base);
+        for (int c = 0; c < 4; c++) {
+            double from = c < 3 ? (double)p->color[c] : (double)p->opacity;
+            double to = c < 3 ? (double)q->color[c] : (double)q->opacity;
+            pieces->at[c][s] = (float)from;
+            pieces->slope[c][s] = isfinite(least) ? (float)(to - from) * least : 0;
+        }
+    }
+    return true;
+}
+
 static bool has_table(enum sp_type type) {
     return type == SP_UINT8 || type == SP_INT8 || type == SP_UINT16 || type == SP_INT16;
 }
@@ -163,8 +186,12 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
     if (!make_scale(transfer, info))
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function/gradient",
                        "out of memory for its table");
-    if (!has_table(info->type))
-        return true;
+    if (!has_table(info->type)) {
+        if (make_pieces(transfer))
+            return true;
+        sp_transfer_finish(transfer);
+        return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "out of memory for its pieces");
+    }
     transfer->first = (int32_t)info->range[0];
     transfer->count = (uint32_t)((int32_t)info->range[1] - transfer->first) + 1;
     transfer->table = malloc(transfer->count * sizeof *transfer->table);
@@ -181,6 +208,7 @@ void sp_transfer_finish(struct sp_transfer *transfer) {
     free(transfer->table);
     free(transfer->is_visible);
     free(transfer->scale);
+    free(transfer->pieces);
     *transfer = (struct sp_transfer){ 0 };
 }
 

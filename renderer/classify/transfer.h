@@ -28,14 +28,23 @@ struct sp_class {
     float color[3], depth;
 };
 
+/* The same function in single precision, by linear pieces: a value, relative to the base, from
+ * start[s] on is in piece s, and at[c][s] + (value − start[s])·slope[c][s] are its red, green, blue
+ * and opacity. Piece 0 holds what lies below the first point. See splat/pieces.h. */
+struct sp_pieces {
+    uint32_t count;
+    float start[SP_TF_POINTS_MAX + 1], at[4][SP_TF_POINTS_MAX + 1], slope[4][SP_TF_POINTS_MAX + 1];
+};
+
 struct sp_transfer {
     struct sp_transfer_function tf; /* a copy of the function */
     enum sp_type type;
-    struct sp_class *table; /* [value − first], owned; NULL for types without a table */
-    uint8_t *is_visible;    /* parallel to the table, owned: 1 = depth > 0 */
-    int32_t first;          /* value of table[0]: the volume's smallest */
-    uint32_t count;         /* entries */
-    double base;            /* value of key 0.0f; types without a table */
+    struct sp_class *table;   /* [value − first], owned; NULL for types without a table */
+    uint8_t *is_visible;      /* parallel to the table, owned: 1 = depth > 0 */
+    int32_t first;            /* value of table[0]: the volume's smallest */
+    uint32_t count;           /* entries */
+    double base;              /* value of key 0.0f; types without a table */
+    struct sp_pieces *pieces; /* owned; NULL for types with a table */
     float *scale; /* of the opacity, by packed magnitude (gradient.h), owned; NULL = no gradient
                      axis */
 };
@@ -109,14 +118,19 @@ static inline struct sp_class sp_transfer_class(const struct sp_transfer *transf
     return c;
 }
 
-/* Class of a key at a packed gradient: the opacity, not the depth, is scaled. */
-static inline struct sp_class sp_transfer_class_at(const struct sp_transfer *transfer, uint32_t key,
-                                                   uint32_t gradient) {
-    struct sp_class c = sp_transfer_class(transfer, key);
+/* Class at a packed gradient: the opacity, not the depth, is scaled. */
+static inline struct sp_class sp_transfer_scale_class(const struct sp_transfer *transfer,
+                                                      struct sp_class c, uint32_t gradient) {
     float scale = transfer->scale ? transfer->scale[gradient >> 22] : 1;
     if (scale < 1)
         c.depth = scale > 0 ? -log1pf(scale * expm1f(-c.depth)) : 0;
     return c;
+}
+
+/* Class of a key at a packed gradient. */
+static inline struct sp_class sp_transfer_class_at(const struct sp_transfer *transfer, uint32_t key,
+                                                   uint32_t gradient) {
+    return sp_transfer_scale_class(transfer, sp_transfer_class(transfer, key), gradient);
 }
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "postconv/tile.h"
 #include "splat/exp2.h"
+#include "splat/pieces.h"
 
 enum { PHASE_BITS = 8 };
 _Static_assert(POSTCONV_PHASES == 1 << PHASE_BITS, "phases are the low bits of a place");
@@ -408,6 +409,23 @@ static inline void light(const struct sp_shade *shade, const sp_wide n[3], const
     }
 }
 
+/* Classifies a chunk's voxels of a type without a table. */
+static void classify_values(const struct run_frame *r, uint64_t first, uint32_t inside,
+                            const int32_t *packed, struct chunk *c) {
+    _Alignas(64) float value[CHUNK] = { 0 };
+    for (uint32_t m = inside; m; m &= m - 1) {
+        int i = __builtin_ctz(m);
+        value[i] = sp_transfer_value(r->transfer,
+                                     ((const uint32_t *)r->list->key)[first + chunk_order[i]]);
+    }
+    for (int v = 0; v < CHUNK; v += W)
+        sp_pieces_classify(r->transfer->pieces, sp_wide_load(&value[v]), &c->class[v]);
+    for (uint32_t m = r->transfer->scale ? inside : 0; m; m &= m - 1) {
+        struct sp_class *class = &c->class[__builtin_ctz(m)];
+        *class = sp_transfer_scale_class(r->transfer, *class, (uint32_t)packed[__builtin_ctz(m)]);
+    }
+}
+
 /* Classifies and shades a chunk's voxels, if the table alone does not suffice. */
 static void classify_chunk(const struct sp_postconv_open_tile *t, const struct run_frame *r,
                            uint64_t first, uint32_t inside, struct chunk *c) {
@@ -422,9 +440,12 @@ static void classify_chunk(const struct sp_postconv_open_tile *t, const struct r
             packed[i] = (int32_t)sp_visible_normal(r->list, e);
         for (int k = 0; has_microflakes && k < 2; k++)
             microflakes[k][i] = (int32_t)sp_visible_microflakes(r->list, e)->word[k];
-        c->class[i] =
-            sp_transfer_class_at(r->transfer, sp_visible_key(r->list, e), (uint32_t)packed[i]);
+        if (!r->transfer->pieces)
+            c->class[i] =
+                sp_transfer_class_at(r->transfer, sp_visible_key(r->list, e), (uint32_t)packed[i]);
     }
+    if (r->transfer->pieces)
+        classify_values(r, first, inside, packed, c);
     for (int v = 0; shade && v < CHUNK; v += W) {
         sp_wide n[3], to_eye[3], in[4], lit[4], shine[4];
         for (int a = 0; a < 3; a++)

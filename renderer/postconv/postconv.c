@@ -174,42 +174,13 @@ static inline float larger(float a, float b) {
     return a > b ? a : b;
 }
 
-/* Returns the largest depth of a class among the entries [first, end), or any depth above `enough`.
- */
-static float find_depth(const struct sp_level *level, uint64_t first, uint64_t end, float enough) {
-    enum { STEP = 32 };
-    const struct sp_visible *list = &level->visible;
-    const struct sp_class *table = level->transfer.table;
-    float most = 0;
-    while (first < end && !(most > enough)) {
-        uint64_t stop = end - first < STEP ? end : first + STEP;
-        if (table && list->key_bytes == 1)
-            for (uint64_t e = first; e < stop; e++)
-                most = larger(most, table[((const uint8_t *)list->key)[e]].depth);
-        else if (table && list->key_bytes == 2)
-            for (uint64_t e = first; e < stop; e++)
-                most = larger(most, table[((const uint16_t *)list->key)[e]].depth);
-        else
-            for (uint64_t e = first; e < stop; e++)
-                most = larger(most,
-                              sp_transfer_class(&level->transfer, sp_visible_key(list, e)).depth);
-        first = stop;
-    }
-    return most;
-}
-
 /* Finds the largest depth of each slice of the brick along the axis, for the length of a ray in it.
  */
 static void find_depths(const struct prepare *p, struct sp_postconv_brick *b) {
     const struct sp_level *level = sp_postconv_level(p->postconv, b);
     float scale = ldexpf(p->length, b->level) * find_peak(b);
-    /* A larger depth has the same consequence. */
-    float enough = p->deepest * scale > most_depth ? most_depth : thin;
-    uint64_t first = level->visible.first[b->brick];
-    const uint16_t *start = level->visible.start[b->brick];
     for (int k = 0; k < SP_BRICK; k++) {
-        b->depth[k] =
-            scale * find_depth(level, first + start[k], first + start[k + 1], enough / scale);
+        b->depth[k] = scale * level->depths[p->postconv->axis][b->brick][k];
         b->is_unfit |= b->depth[k] > most_depth;
     }
 }

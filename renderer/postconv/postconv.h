@@ -14,6 +14,8 @@
  *       filter.c   across (and diagonally, where V̂01 ≠ 0), then down       cost: touched samples
  *       filter.c   composite, with the formulas of tile/blend.h               cost: touched pixels
  *
+ * Frames of dense volumes are drawn on another plane (shear.h).
+ *
  * Files: postconv.c prepares a frame and runs its tiles. group.c chooses the filters. tile.c draws
  * one tile layer by layer. deposit.c, filter.c and tile.c are kernels: they are compiled once per
  * instruction set (base/isa.h), and their scalar build is the reference.

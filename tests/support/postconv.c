@@ -91,27 +91,48 @@ static bool choose_bricks(struct test_postconv *t) {
     return bricks;
 }
 
-bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
-                        const atomic_bool *cancel, struct sp_error *err) {
-    const struct sp_level *level = &t->classification.levels[0];
+/* Fills *input for a new frame. */
+static bool start_frame(struct test_postconv *t, const atomic_bool *cancel,
+                        struct sp_postconv_input *input, struct sp_error *err) {
     bool is_lit = t->view->shading.mode == SP_SHADING_PHONG;
     sp_arena_reset(&t->arena);
     if (!choose_bricks(t))
         return sp_fail(err, SP_ERR_MEMORY, "", "post-convolved sheets");
     memset(&t->target->stats, 0, sizeof t->target->stats);
-    struct sp_postconv_input frame = { .view = t->view,
-                                       .frame = t->target,
-                                       .interrupt.cancel = cancel,
-                                       .tables = &t->tables,
-                                       .camera = &t->camera,
-                                       .shade = is_lit ? &t->shade : NULL,
-                                       .grid = &level->grid,
-                                       .parts = t->parts,
-                                       .detail = &t->detail,
-                                       .axis = t->axis,
-                                       .draw_tile = tile,
-                                       .pool = t->pool,
-                                       .arena = &t->arena };
+    *input = (struct sp_postconv_input){ .view = t->view,
+                                         .frame = t->target,
+                                         .interrupt.cancel = cancel,
+                                         .tables = &t->tables,
+                                         .camera = &t->camera,
+                                         .shade = is_lit ? &t->shade : NULL,
+                                         .grid = &t->classification.levels[0].grid,
+                                         .parts = t->parts,
+                                         .detail = &t->detail,
+                                         .axis = t->axis,
+                                         .pool = t->pool,
+                                         .arena = &t->arena };
+    return true;
+}
+
+bool test_postconv_draw(struct test_postconv *t, sp_postconv_tile_fn *tile,
+                        const atomic_bool *cancel, struct sp_error *err) {
+    struct sp_postconv_input input;
     struct sp_postconv postconv;
-    return sp_postconv_prepare(&frame, &postconv, err) && sp_postconv_draw(&frame, &postconv, err);
+    if (!start_frame(t, cancel, &input, err))
+        return false;
+    input.draw_tile = tile;
+    return sp_postconv_prepare(&input, &postconv, err) && sp_postconv_draw(&input, &postconv, err);
+}
+
+bool test_postconv_draw_sheared(struct test_postconv *t, const struct sp_shear_kernels *kernels,
+                                const atomic_bool *cancel, bool *is_possible,
+                                struct sp_error *err) {
+    struct sp_postconv_input input;
+    struct sp_postconv postconv;
+    struct sp_shear shear;
+    *is_possible = false;
+    if (!start_frame(t, cancel, &input, err) || !sp_postconv_prepare(&input, &postconv, err))
+        return false;
+    *is_possible = sp_shear_can_draw(&input, &postconv, &shear);
+    return !*is_possible || sp_shear_draw(&input, kernels, &shear, err);
 }

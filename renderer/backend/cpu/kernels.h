@@ -11,6 +11,7 @@
 
 #include "base/isa.h"
 #include "postconv/postconv.h"
+#include "postconv/shear.h"
 #include "resample/resample.h"
 #include "splat/ewa.h"
 #include "tile/blend.h"
@@ -28,8 +29,9 @@ struct cpu_kernels {
                    const struct sp_splats *records, uint32_t n);
     void (*tile_close)(struct sp_tile *tile, const struct sp_blend *blend); /* sp_tile_close() */
     sp_postconv_tile_fn *postconv_tile;                                     /* sp_postconv_tile() */
-    sp_resample_tile_fn *resample_tile;                                     /* sp_resample_tile() */
-    sp_ranges_find_fn *ranges_find;                                         /* sp_ranges_find() */
+    struct sp_shear_kernels shear;      /* sp_shear_tile(), sp_shear_warp() */
+    sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
+    sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

@@ -23,6 +23,7 @@ const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
                                                 [SP_COMPOSITE_SLAB] = sp_slab_add },
                                        .tile_close = sp_tile_close,
                                        .postconv_tile = sp_postconv_tile,
+                                       .shear = { sp_shear_tile, sp_shear_warp },
                                        .resample_tile = sp_resample_tile,
                                        .ranges_find = sp_ranges_find,
 #ifdef SP_ISA
