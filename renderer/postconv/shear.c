@@ -14,6 +14,9 @@ static const double dense = 0.75;
 
 /* Above this depth of a slice, most voxels are hidden, which tiles of the image notice sooner. */
 static const float opaque = 1.5f;
+
+/* Voxels per sample of the plane, below which the plane itself costs more than it saves. */
+static const double few_per_sample = 4;
 enum { FEW_VOXELS = 1 << 17 };
 
 /* The plane's samples are as dense as voxels at least (with these samples per voxel at the back),
@@ -186,7 +189,7 @@ static void make_filters(const struct sp_postconv *postconv, struct sp_shear *sh
 }
 
 /* True if enough voxels of the bricks' slices in sight are visible, all of one level and kind. */
-static bool is_dense(const struct sp_postconv *postconv, uint8_t *level) {
+static bool is_dense(const struct sp_postconv *postconv, uint8_t *level, double *voxels) {
     const struct sp_postconv_brick *first = postconv->bricks;
     uint64_t count = 0, slices = 0;
     float deepest = 0;
@@ -204,6 +207,7 @@ static bool is_dense(const struct sp_postconv *postconv, uint8_t *level) {
         count += start[SP_BRICK];
     }
     *level = postconv->brick_count ? first->level : 0;
+    *voxels = (double)count;
     return deepest <= opaque && count >= FEW_VOXELS &&
            (double)count >= dense * (double)(slices * SP_BRICK * SP_BRICK);
 }
@@ -217,8 +221,8 @@ static bool is_possible(const struct sp_postconv_input *input, const struct sp_p
 bool sp_shear_can_draw(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
                        struct sp_shear *shear) {
     uint8_t level;
-    double slope[2][2];
-    if (!is_possible(input, postconv) || !is_dense(postconv, &level))
+    double slope[2][2], voxels;
+    if (!is_possible(input, postconv) || !is_dense(postconv, &level, &voxels))
         return false;
     const struct sp_level_frame *part = &postconv->parts[level];
     const struct sp_ewa_frame *ewa = &part->ewa[0];
@@ -234,7 +238,8 @@ bool sp_shear_can_draw(const struct sp_postconv_input *input, const struct sp_po
         .length = (float)(grid->spacing[axis] / input->view->transfer_function.reference_length)
     };
     if (part->level->transfer.scale || !is_orthogonal(grid) || !find_rays(input, shear) ||
-        !find_slopes(shear, input->view->size, slope) || !choose_plane(shear, slope))
+        !find_slopes(shear, input->view->size, slope) || !choose_plane(shear, slope) ||
+        voxels < few_per_sample * shear->size[0] * shear->size[1])
         return false;
     double distance[2];
     find_distances(shear, distance);
