@@ -78,7 +78,8 @@ static void init_source(const struct sp_resample_open_tile *t, float z, struct s
     *source = (struct source){ .count = z > (float)whole ? TAPS : 1 };
     for (int k = 0; k < source->count; k++)
         source->slice[k] = (ptrdiff_t)((size_t)clamp(first + k, t->dims[2]) * t->stride[2]);
-    init_scaling(&t->r->curve, t->r->samples->type, &source->scaling);
+    if (sp_type_size(t->r->samples->type) <= 2)
+        init_scaling(&t->r->curve, t->r->samples->type, &source->scaling);
 }
 
 static void init_rows(const struct sp_resample_open_tile *t, int u, int v, struct rows *rows) {
