@@ -78,7 +78,7 @@ char *srv_control_text(const struct srv_hub *hub, const struct srv_participant *
         if (!is_asking(p))
             continue;
         proto_json *one = proto_json_object();
-        double left_ms = fmax(p->control.since_ms + hub->options.control_ms - now_ms, 0);
+        double left_ms = fmax(hub->options.control_ms - (now_ms - p->control.since_ms), 0);
         ok = proto_json_set_integer(one, "id", (int64_t)p->identity.id) && ok;
         ok = (may_control(p) ? proto_json_set_number(one, "seconds", left_ms / 1000)
                              : proto_json_set_null(one, "seconds")) &&
