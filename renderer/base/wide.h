@@ -219,18 +219,6 @@ static inline sp_wide sp_wide_max(sp_wide a, sp_wide b) {
 #endif
 }
 
-static inline sp_wide_int sp_wide_int_max(sp_wide_int a, sp_wide_int b) {
-#if defined SP_WIDE_AVX512
-    return (sp_wide_int)_mm512_max_epi32((__m512i)a, (__m512i)b);
-#elif defined SP_WIDE_AVX2
-    return (sp_wide_int)_mm256_max_epi32((__m256i)a, (__m256i)b);
-#elif defined SP_WIDE_SSE41
-    return (sp_wide_int)_mm_max_epi32((__m128i)a, (__m128i)b);
-#else
-    return (a & (a > b)) | (b & ~(a > b));
-#endif
-}
-
 static inline sp_wide sp_wide_abs(sp_wide a) {
     return (sp_wide)((sp_wide_int)a & 0x7fffffff);
 }

@@ -37,9 +37,9 @@
 #include "postconv/postconv.h"
 
 enum {
-    SHEAR_WIDTH = 176, /* most samples of a tile; whole vectors and whole blocks */
+    SHEAR_WIDTH = 176, /* largest width of a tile [samples]; a multiple of vectors and blocks */
     SHEAR_HEIGHT = 144,
-    SHEAR_MARGIN = 16, /* most samples around a tile, for the filters */
+    SHEAR_MARGIN = 16, /* largest reach of the filters beyond a tile [samples] */
     SHEAR_PITCH = SHEAR_WIDTH + 2 * SHEAR_MARGIN,
     SHEAR_ROWS = SHEAR_HEIGHT + 2 * SHEAR_MARGIN,
     SHEAR_TAPS = 7,  /* most samples that a filter reaches to each side */
@@ -47,7 +47,7 @@ enum {
     SHEAR_BLOCKS = SHEAR_ROWS / SHEAR_BLOCK,
     SHEAR_RING = 2 * SP_BRICK, /* rows of voxels after the first pass */
     SHEAR_BAND = 4,            /* rows of voxels at a time */
-    SHEAR_SOURCE = 416         /* voxels in a row of a tile, and what vectors read around */
+    SHEAR_SOURCE = 416 /* voxels in a row of a tile, and those that vectors read beyond it */
 };
 
 /* Filters for one direction: weights by block of rows, tap and column. */

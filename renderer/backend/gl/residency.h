@@ -23,7 +23,7 @@ enum {
     GL_REFUSED_FRAMES = 64
 };
 
-/* One buffer of what resampled sheets read (resample_data.h). */
+/* A buffer that the shader of resampled sheets reads (resample_data.h). */
 enum gl_resident_kind {
     GL_RESIDENT_SAMPLES,
     GL_RESIDENT_LEVELS,
