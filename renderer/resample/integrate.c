@@ -20,10 +20,10 @@ struct interval {
     sp_wide value[3];    /* at its start, in its middle and at its end [levels] */
     sp_wide length;      /* of the ray inside, reference lengths */
     sp_wide gradient[3]; /* in its middle [gradient_unit] */
-    sp_wide magnitude;   /* of the gradient */
+    sp_wide square;      /* of its length */
     sp_wide mean[4];     /* of the curve over it */
-    sp_wide light;       /* transmittance */
-    sp_wide color[3];    /* premultiplied */
+    sp_wide opacity;
+    sp_wide color[3];
 };
 
 /* The interval behind sheet `number` of all rays of a block that may see something in it. Each step
@@ -35,6 +35,7 @@ struct work {
     bool is_cut; /* it does not reach from sheet to sheet */
     float start; /* s of the first sheet */
     float width; /* s from sheet to sheet */
+    float decay; /* of a surface's normal, over it */
     int count;
     struct interval parts[PARTS];
 };
@@ -159,7 +160,7 @@ static inline void find_gradient(const struct work *work, struct interval *in) {
             in->gradient[w] += t->r->to_world[w][t->axis[a]] * slope[a];
     }
     const sp_wide *g = in->gradient;
-    in->magnitude = sp_wide_sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]);
+    in->square = g[0] * g[0] + g[1] * g[1] + g[2] * g[2];
 }
 
 /* The scale of the opacity at the gradient's magnitude. */
@@ -170,50 +171,27 @@ static inline sp_wide gradient_scale(const struct sp_transfer_function *tf, sp_w
     return scale;
 }
 
-/* Unit vectors to the eye, in camera space, from SP_WIDE pixels of a row. */
-static inline void find_eye(const struct sp_camera_transform *camera, float x, float y,
-                            sp_wide to_eye[3]) {
-    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
-    float inverse = 1 / (float)camera->scale;
-    to_eye[0] = to_eye[1] = zero;
-    to_eye[2] = -one;
-    if (camera->projection == SP_ORTHOGRAPHIC)
-        return;
-    sp_wide column = sp_wide_from_int(sp_wide_int_count() & (RESAMPLE_BLOCK - 1));
-    sp_wide row = sp_wide_from_int(sp_wide_int_count() >> 3);
-    sp_wide right = (column + (x - (float)camera->centre[0])) * inverse;
-    sp_wide down = (row + (y - (float)camera->centre[1])) * inverse;
-    sp_wide scale = -sp_wide_inverse_sqrt(right * right + down * down + 1);
-    to_eye[0] = right * scale;
-    to_eye[1] = down * scale;
-    to_eye[2] = scale;
-}
-
 /* The shares of ambient light and of the first light that arrive at the middle of an interval. They
  * are read about a cell before it, on the eye's side of its surface. A gradient as small as noise
  * is no surface. */
 static inline void find_share(const struct sp_resample_open_tile *t, const struct sp_rays *rays,
-                              float s, const sp_wide world[3], sp_wide magnitude,
+                              float s, const sp_wide normal[3], sp_wide square,
                               const sp_wide to_eye[3], sp_wide share[2]) {
     const struct sp_resample *r = t->r;
     const struct sp_light_field *light = r->light;
     const float to_front = 0.75f, off_surface = 0.5f; /* cells */
     const sp_wide zero = sp_wide_all(0);
-    sp_wide at[3], move[3], side = zero, firm = magnitude * r->light_firmness;
-    firm = sp_wide_min(firm * firm, sp_wide_all(1)) * off_surface;
+    sp_wide at[3], move[3], side = zero;
+    sp_wide firm = square * (r->light_firmness * r->light_firmness);
+    firm = sp_wide_min(firm, sp_wide_all(1)) * off_surface;
     at[t->axis[0]] = rays->u + s * rays->du;
     at[t->axis[1]] = rays->v + s * rays->dv;
     at[t->axis[2]] = sp_wide_all(t->is_backwards ? t->reference - s : t->reference + s);
-    for (int k = 0; k < 3; k++) {
-        const float *w = r->shade->to_camera[k];
-        side += to_eye[k] * (w[0] * world[0] + w[1] * world[1] + w[2] * world[2]);
-    }
+    for (int c = 0; c < 3; c++)
+        side += to_eye[c] * normal[c];
     side = sp_wide_select(sp_wide_lt(side, zero), -firm, firm);
-    for (int c = 0; c < 3; c++) {
-        move[c] = side * world[c];
-        for (int k = 0; k < 3; k++)
-            move[c] += r->shade->to_camera[k][c] * to_eye[k] * to_front;
-    }
+    for (int c = 0; c < 3; c++)
+        move[c] = side * normal[c] + to_eye[c] * to_front;
     for (int a = 0; a < 3; a++) {
         const float *o = light->offset[a];
         at[a] = at[a] * r->light_scale + r->light_first + o[0] * move[0] + o[1] * move[1] +
@@ -229,56 +207,47 @@ static inline void find_share(const struct sp_resample_open_tile *t, const struc
  * normal. So the surface's gradient stays, a quarter as long after each slice. A gradient that is
  * shorter than 0.8 of it, or than rounding, is mixed with it. */
 static inline void find_normal(const struct work *work, const struct interval *in,
-                               sp_wide world[3]) {
+                               sp_wide normal[3]) {
     const float share = 0.8f, faint = 64, rounding = work->t->r->rounding;
     struct sp_resample_block *block = work->block;
     const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1), tiny = sp_wide_all(1e-20f);
     sp_wide past[3], past_square = zero, square = zero;
-    const sp_wide decay = sp_wide_exp2(sp_wide_all(-2 * work->width));
     for (int c = 0; c < 3; c++) {
-        past[c] = sp_wide_load(block->normal[c] + in->begin) * decay;
+        past[c] = sp_wide_load(block->normal[c] + in->begin) * work->decay;
         past_square += past[c] * past[c];
     }
     sp_wide least = past_square * (share * share) + rounding * rounding;
-    sp_wide firm = sp_wide_min(in->magnitude * in->magnitude * sp_wide_inverse(least), one);
-    sp_wide shown =
-        sp_wide_min((one - in->light) * faint, one); /* what is not seen is no surface */
+    sp_wide firm = sp_wide_min(in->square * sp_wide_inverse(least), one);
+    sp_wide shown = sp_wide_min(in->opacity * faint, one); /* what is not seen is no surface */
     for (int c = 0; c < 3; c++) {
-        float *normal = block->normal[c] + in->begin;
-        sp_wide old = sp_wide_load(normal);
-        world[c] = firm * in->gradient[c] + (one - firm) * past[c];
-        square += world[c] * world[c];
-        sp_wide_store(normal, old + shown * (world[c] - old));
+        float *last = block->normal[c] + in->begin;
+        sp_wide old = sp_wide_load(last);
+        normal[c] = past[c] + firm * (in->gradient[c] - past[c]);
+        square += normal[c] * normal[c];
+        sp_wide_store(last, old + shown * (normal[c] - old));
     }
     sp_wide inverse =
         sp_wide_keep(sp_wide_lt(tiny, square), sp_wide_inverse_sqrt(sp_wide_max(square, tiny)));
     for (int c = 0; c < 3; c++)
-        world[c] *= inverse;
+        normal[c] *= inverse;
 }
 
-/* Lights the interval's colour by its gradient. `at`: the block's place in the tile. */
-static inline void shade(const struct work *work, const int at[2], struct interval *in) {
-    const struct sp_resample_open_tile *t = work->t;
-    const struct sp_resample *r = t->r;
-    const sp_wide tiny = sp_wide_all(1e-20f);
-    float x = (float)(t->x + at[0] + in->begin % RESAMPLE_BLOCK) + 0.5f;
-    float y = (float)(t->y + at[1] + in->begin / RESAMPLE_BLOCK) + 0.5f;
-    sp_wide world[3], to_eye[3], color[3], opacity = 1 - in->light;
-    sp_wide shown = sp_wide_inverse(sp_wide_max(opacity, tiny));
-    find_normal(work, in, world);
+/* Lights the interval's colour by its gradient. */
+static inline void shade(const struct work *work, struct interval *in) {
+    const struct sp_resample *r = work->t->r;
+    sp_wide normal[3], to_eye[3];
+    find_normal(work, in, normal);
     for (int c = 0; c < 3; c++)
-        color[c] = in->color[c] * shown;
-    find_eye(r->camera, x, y, to_eye);
+        to_eye[c] = sp_wide_load(work->block->to_eye[c] + in->begin);
     if (r->light) {
         struct sp_rays rays = load_rays(work->block, in->begin);
         sp_wide share[2];
-        find_share(t, &rays, work->start + 0.5f * work->width, world, in->magnitude, to_eye, share);
-        sp_shade_occluded(r->shade, world, to_eye, share, color);
+        find_share(work->t, &rays, work->start + 0.5f * work->width, normal, in->square, to_eye,
+                   share);
+        sp_shade_occluded(r->shade, normal, to_eye, share, in->color);
     } else {
-        sp_shade_direction(r->shade, world, to_eye, color);
+        sp_shade_direction(r->shade, normal, to_eye, in->color);
     }
-    for (int c = 0; c < 3; c++)
-        in->color[c] = sp_wide_keep(sp_wide_lt(tiny, opacity), color[c] * opacity);
 }
 
 /* Cuts the interval to the part of the rays inside all half spaces. */
@@ -328,6 +297,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
     work->number = number;
     work->start = sp_resample_sheet_s(t, number);
     work->width = end - work->start;
+    work->decay = sp_exp2(-2 * work->width);
     work->is_cut = !(block->inside[0] <= work->start && end <= block->inside[1]);
     work->count = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
@@ -344,26 +314,25 @@ static inline void classify(const struct sp_resample *r, struct interval *in) {
     sp_wide depth = in->mean[3];
     sp_wide inverse = sp_wide_inverse(sp_wide_max(depth, sp_wide_all(1e-20f)));
     if (tf->gradient_count > 0)
-        depth = scale_depth(depth, gradient_scale(tf, in->magnitude * r->gradient_unit));
-    in->light = transmit(r, depth, in->length);
-    sp_wide weight = (1 - in->light) * inverse;
+        depth = scale_depth(depth, gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit));
+    in->opacity = 1 - transmit(r, depth, in->length);
     for (int c = 0; c < 3; c++)
-        in->color[c] = weight * in->mean[c];
+        in->color[c] = inverse * in->mean[c];
 }
 
 /* Adds the interval behind what the rays have met. */
 static inline void composite(struct sp_resample_block *block, const struct interval *in) {
-    sp_wide light = sp_wide_load(block->light + in->begin);
+    sp_wide light = sp_wide_load(block->light + in->begin), share = light * in->opacity;
     for (int c = 0; c < 3; c++) {
         float *color = block->color[c] + in->begin;
-        sp_wide_store(color, sp_wide_load(color) + light * in->color[c]);
+        sp_wide_store(color, sp_wide_load(color) + share * in->color[c]);
     }
-    sp_wide_store(block->light + in->begin, light * in->light);
+    sp_wide_store(block->light + in->begin, light - share);
 }
 
-/* Returns false if all pixels are opaque. `at`: the block's place in the tile. */
+/* Returns false if all pixels are opaque. */
 static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                         int number, const int at[2]) {
+                         int number) {
     const struct sp_resample *r = t->r;
     struct work work;
     bool is_alive = open_work(t, block, number, &work);
@@ -376,7 +345,7 @@ static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resamp
     for (int k = 0; k < work.count; k++)
         classify(r, &work.parts[k]);
     for (int k = 0; r->shade && k < work.count; k++)
-        shade(&work, at, &work.parts[k]);
+        shade(&work, &work.parts[k]);
     for (int k = 0; k < work.count; k++)
         composite(block, &work.parts[k]);
     return is_alive;
@@ -395,13 +364,11 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
 
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batch, int b) {
-    const int at[2] = { b % RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK,
-                        b / RESAMPLE_ACROSS_MAX * RESAMPLE_BLOCK };
     struct sp_resample_block *block = &t->scratch->blocks[b];
     for (int n = batch->first; n <= batch->last; n++) {
         if (batch->need[n - batch->first] >> b & 1)
             read_sheet(t, block, n);
-        if (batch->now[n - batch->first] >> b & 1 && !add_interval(t, block, n - 2, at))
+        if (batch->now[n - batch->first] >> b & 1 && !add_interval(t, block, n - 2))
             return false;
     }
     return true;

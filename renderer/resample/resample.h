@@ -94,6 +94,7 @@ struct sp_resample_block {
     float du[RESAMPLE_PIXELS], dv[RESAMPLE_PIXELS];            /* per slice */
     float length[RESAMPLE_PIXELS]; /* of the ray per slice, reference lengths */
     float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
+    float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
     float light[RESAMPLE_PIXELS];                       /* transmittance so far */
     float color[3][RESAMPLE_PIXELS];                    /* premultiplied */
     float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */

@@ -51,6 +51,22 @@ static inline void cut_rays(const struct sp_resample_open_tile *t,
     *end = sp_wide_select(is_outside, -far, *end);
 }
 
+/* Finds the unit vectors to the eye from SP_WIDE pixels whose centres are at (x, y). */
+static inline void find_eye(const struct sp_resample *r, sp_wide x, sp_wide y, sp_wide to_eye[3]) {
+    const struct sp_camera_transform *camera = r->camera;
+    const sp_wide zero = sp_wide_all(0);
+    const float inverse = 1 / (float)camera->scale;
+    sp_wide eye[3] = { zero, zero, zero - 1 };
+    if (camera->projection == SP_PERSPECTIVE) {
+        sp_wide right = (x - (float)camera->centre[0]) * inverse;
+        sp_wide down = (y - (float)camera->centre[1]) * inverse;
+        eye[2] = -sp_wide_inverse_sqrt(right * right + down * down + 1);
+        eye[0] = right * eye[2];
+        eye[1] = down * eye[2];
+    }
+    sp_shade_eye(r->shade, eye, to_eye);
+}
+
 static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
                         struct sp_resample_block *block, const int at[2], int i) {
     const struct sp_resample *r = t->r;
@@ -58,6 +74,12 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
     const int *axis = t->axis;
     sp_wide x = sp_wide_from_int((sp_wide_int_count() + i) & (RESAMPLE_BLOCK - 1));
     sp_wide y = sp_wide_from_int((sp_wide_int_count() + i) >> 3);
+    if (r->shade) {
+        sp_wide to_eye[3];
+        find_eye(r, x + ((float)(t->x + at[0]) + 0.5f), y + ((float)(t->y + at[1]) + 0.5f), to_eye);
+        for (int c = 0; c < 3; c++)
+            sp_wide_store(block->to_eye[c] + i, to_eye[c]);
+    }
     x += (float)(t->x + at[0] + 0.5 - rays->centre[0]);
     y += (float)(t->y + at[1] + 0.5 - rays->centre[1]);
     sp_wide fall = 1 + x * (float)rays->fall[0] + y * (float)rays->fall[1];

@@ -24,61 +24,53 @@ static inline void unpack(sp_wide_int packed, sp_wide direction[3]) {
     direction[2] = w * scale;
 }
 
-/* Computes (n·h/|h|)^exponent; 0 if the half vector has no direction or is perpendicular to the
- * normal. */
-static inline sp_wide highlight(float exponent, const sp_wide n[3], const sp_wide h[3]) {
-    sp_wide length2 = dot(h, h), along = sp_wide_abs(dot(n, h));
-    sp_wide_mask shines =
-        sp_wide_lt(sp_wide_all(1e-12f), length2) & sp_wide_lt(sp_wide_all(1e-6f), along);
-    sp_wide inverse = sp_wide_inverse(sp_wide_max(length2, sp_wide_all(1e-12f)));
-    sp_wide square = sp_wide_select(shines, along * along * inverse, sp_wide_all(1));
-    return sp_wide_keep(shines, sp_wide_exp2(exponent * sp_wide_log2(square) * 0.5f));
+/* (n·h)^exponent from cosines: of the normal to the light plus to the eye, and of the light to the
+ * eye. 0 if the half vector has no direction or is perpendicular to the normal. */
+static inline sp_wide highlight(float exponent, sp_wide n_sum, sp_wide l_eye) {
+    const sp_wide one = sp_wide_all(1), tiny = sp_wide_all(1e-6f);
+    sp_wide length2 = 2 + 2 * l_eye; /* of the sum of two unit vectors */
+    sp_wide_mask shines = sp_wide_lt(tiny, length2) & sp_wide_lt(tiny, sp_wide_abs(n_sum));
+    sp_wide square = n_sum * n_sum * sp_wide_inverse(sp_wide_max(length2, tiny));
+    square = sp_wide_select(shines, sp_wide_min(square, one), one);
+    return sp_wide_keep(shines, sp_wide_exp2(exponent * 0.5f * sp_wide_log2(square)));
 }
 
 /* `share`: of ambient and diffuse light, and of the first light, that arrives; NULL = all of it. */
-static inline void shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+static inline void shade_direction(const struct sp_shade *shade, const sp_wide n[3],
                                    const sp_wide to_eye[3], const sp_wide *share,
                                    sp_wide color[3]) {
     const sp_wide one = sp_wide_all(1), zero = sp_wide_all(0);
-    sp_wide n[3], lit[3], shine[3] = { zero, zero, zero };
-    for (int r = 0; r < 3; r++) {
-        const float *w = shade->to_camera[r];
-        n[r] = w[0] * world[0] + w[1] * world[1] + w[2] * world[2];
-        lit[r] = sp_wide_all(shade->ambient);
-    }
-    sp_wide_mask has_side =
-        sp_wide_lt(zero, sp_wide_max(sp_wide_abs(world[0]),
-                                     sp_wide_max(sp_wide_abs(world[1]), sp_wide_abs(world[2]))));
+    sp_wide lit[3], shine[3] = { zero, zero, zero }, n_eye = dot(n, to_eye);
+    sp_wide_mask has_side = sp_wide_lt(zero, dot(n, n));
+    for (int c = 0; c < 3; c++)
+        lit[c] = sp_wide_all(shade->ambient);
     for (int i = 0; i < shade->light_count; i++) {
-        const float *strength = shade->lights[i].color;
-        sp_wide l[3], h[3];
-        for (int c = 0; c < 3; c++) {
-            l[c] = sp_wide_all(shade->lights[i].direction[c]);
-            h[c] = l[c] + to_eye[c];
-        }
-        sp_wide facing = sp_wide_select(has_side, sp_wide_abs(dot(n, l)), one);
-        sp_wide glint = sp_wide_keep(has_side, highlight(shade->exponent, n, h));
+        const float *l = shade->lights[i].world, *strength = shade->lights[i].color;
+        sp_wide n_light = l[0] * n[0] + l[1] * n[1] + l[2] * n[2];
+        sp_wide l_eye = l[0] * to_eye[0] + l[1] * to_eye[1] + l[2] * to_eye[2];
+        sp_wide facing = sp_wide_select(has_side, sp_wide_abs(n_light), one);
+        sp_wide glint = sp_wide_keep(has_side, highlight(shade->exponent, n_light + n_eye, l_eye));
         if (share && i == 0) {
             facing *= share[1];
             glint *= share[1];
         }
         for (int c = 0; c < 3; c++) {
-            lit[c] += shade->diffuse * facing * strength[c];
-            shine[c] += shade->specular * glint * strength[c];
+            lit[c] += facing * (shade->diffuse * strength[c]);
+            shine[c] += glint * (shade->specular * strength[c]);
         }
     }
     for (int c = 0; c < 3; c++)
         color[c] = color[c] * (share ? lit[c] * share[0] : lit[c]) + shine[c];
 }
 
-void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+void sp_shade_direction(const struct sp_shade *shade, const sp_wide normal[3],
                         const sp_wide to_eye[3], sp_wide color[3]) {
-    shade_direction(shade, world, to_eye, NULL, color);
+    shade_direction(shade, normal, to_eye, NULL, color);
 }
 
-void sp_shade_occluded(const struct sp_shade *shade, const sp_wide world[3],
+void sp_shade_occluded(const struct sp_shade *shade, const sp_wide normal[3],
                        const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]) {
-    shade_direction(shade, world, to_eye, share, color);
+    shade_direction(shade, normal, to_eye, share, color);
 }
 
 /* A symmetric matrix: xx, yy, zz, xy, xz, yz. */
@@ -188,7 +180,8 @@ void sp_shade_microflakes(const struct sp_shade *shade, const sp_wide_int word[2
 
 void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
                     const sp_wide to_eye[3], sp_wide color[3]) {
-    sp_wide world[3];
-    unpack(packed_gradient, world);
-    sp_shade_direction(shade, world, to_eye, color);
+    sp_wide normal[3], eye[3];
+    unpack(packed_gradient, normal);
+    sp_shade_eye(shade, to_eye, eye);
+    shade_direction(shade, normal, eye, NULL, color);
 }

@@ -43,18 +43,26 @@ struct sp_shade {
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_transform *camera,
                    const struct sp_shading *shading);
 
+/* Turns a unit vector from camera space into world space. */
+static inline void sp_shade_eye(const struct sp_shade *shade, const sp_wide camera[3],
+                                sp_wide world[3]) {
+    for (int a = 0; a < 3; a++) /* the camera's axes are the rows of W */
+        world[a] = camera[0] * shade->to_camera[0][a] + camera[1] * shade->to_camera[1][a] +
+                   camera[2] * shade->to_camera[2][a];
+}
+
 /* Shades SP_WIDE voxels or pixels. color: the colour of the class in, the shaded colour out.
- * `world`: unit direction of the gradient in world space; zero = no normal. `to_eye`: unit vector
- * towards the eye in camera space. */
-void sp_shade_direction(const struct sp_shade *shade, const sp_wide world[3],
+ * `normal`: unit direction of the gradient; zero = no normal. `to_eye`: unit vector towards the
+ * eye. Both in world space. */
+void sp_shade_direction(const struct sp_shade *shade, const sp_wide normal[3],
                         const sp_wide to_eye[3], sp_wide color[3]);
 
 /* The same where only a share of the light arrives: share[0] of the ambient and the diffuse light,
  * share[1] of the first light. */
-void sp_shade_occluded(const struct sp_shade *shade, const sp_wide world[3],
+void sp_shade_occluded(const struct sp_shade *shade, const sp_wide normal[3],
                        const sp_wide to_eye[3], const sp_wide share[2], sp_wide color[3]);
 
-/* The same with packed gradients, where all light arrives. */
+/* The same with packed gradients, where all light arrives. `to_eye` is in camera space. */
 void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
                     const sp_wide to_eye[3], sp_wide color[3]);
 

@@ -185,9 +185,9 @@ static inline void eye_direction(const struct sp_post *post, int x, int y, sp_wi
         v = ((float)y + 0.5f - post->centre[1]) / post->focal;
     }
     sp_wide inv = -1 / sp_wide_sqrt(u * u + v * v + 1);
-    to_eye[0] = u * inv;
-    to_eye[1] = v * inv;
-    to_eye[2] = inv;
+    for (int k = 0; k < 3; k++)
+        to_eye[k] = inv * (post->to_camera[0][k] * u + post->to_camera[1][k] * v +
+                           post->to_camera[2][k]);
 }
 
 static inline void find_means(const struct sp_post *post, int x, int y, const sp_wide sums[5],
@@ -198,9 +198,8 @@ static inline void find_means(const struct sp_post *post, int x, int y, const sp
     m->length = sp_wide_sqrt(m->gradient[0] * m->gradient[0] + m->gradient[1] * m->gradient[1] +
                              m->gradient[2] * m->gradient[2]);
     eye_direction(post, x, y, m->to_eye);
-    for (int r = 0; r < 3; r++)
-        for (int k = 0; k < 3; k++)
-            along += m->to_eye[r] * post->to_camera[r][k] * m->gradient[k];
+    for (int k = 0; k < 3; k++)
+        along += m->to_eye[k] * m->gradient[k];
     m->value = sums[4] * inv;
     m->half = sp_wide_abs(along) * post->half;
 }
