@@ -91,6 +91,24 @@ static inline void sp_fetch_quads(const int16_t *from, sp_wide_int index, sp_wid
 #endif
 }
 
+/* Differences of pairs, number by number; they fit 16 bits with a sign. */
+static inline sp_wide_int sp_fetch_difference(sp_wide_int a, sp_wide_int b) {
+    return (sp_wide_int)((sp_wide_short)a - (sp_wide_short)b);
+}
+
+/* The sum of both numbers of a pair, each multiplied by that of `weights`. */
+static inline sp_wide_int sp_fetch_dot(sp_wide_int pair, sp_wide_int weights) {
+#if defined SP_WIDE_AVX512
+    return (sp_wide_int)_mm512_madd_epi16((__m512i)pair, (__m512i)weights);
+#elif defined SP_WIDE_AVX2
+    return (sp_wide_int)_mm256_madd_epi16((__m256i)pair, (__m256i)weights);
+#elif defined SP_WIDE_SSE41
+    return (sp_wide_int)_mm_madd_epi16((__m128i)pair, (__m128i)weights);
+#else
+    return (pair << 16 >> 16) * (weights << 16 >> 16) + (pair >> 16) * (weights >> 16);
+#endif
+}
+
 /* Entries of a table of four components, one per lane, in an order that sp_fetch_sum() knows. */
 struct sp_entries {
     sp_wide part[4];

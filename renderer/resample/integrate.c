@@ -121,20 +121,24 @@ static inline struct sp_rays load_rays(const struct sp_resample_block *block, in
                              sp_wide_load(block->du + begin), sp_wide_load(block->dv + begin) };
 }
 
+/* Finds the values of the rays from pixel `begin` on, and the gradients along u and v. */
+static inline sp_wide read_slopes(const struct sp_resample_open_tile *t,
+                                  struct sp_resample_block *block, const struct sp_rays *rays,
+                                  int begin, int number) {
+    sp_wide slope[2], value = sp_sample_slopes(t, rays, number, slope);
+    for (int a = 0; a < 2; a++)
+        sp_wide_store(block->slope[number & 3][a] + begin, slope[a]);
+    block->has_slope[number & 3] |= UINT64_C(1) << begin;
+    return value;
+}
+
 /* The gradient along u and v on sheet `number` [levels per sample]. */
 static inline void find_slope(const struct work *work, const struct sp_rays *rays, int begin,
                               int number, sp_wide slope[2]) {
-    struct sp_resample_block *block = work->block;
-    const uint64_t bit = UINT64_C(1) << begin;
-    const int slot = number & 3;
-    if (!(block->has_slope[slot] & bit)) {
-        sp_sample_slopes(work->t, rays, number, slope);
-        for (int a = 0; a < 2; a++)
-            sp_wide_store(block->slope[slot][a] + begin, slope[a]);
-        block->has_slope[slot] |= bit;
-    }
+    if (!(work->block->has_slope[number & 3] >> begin & 1))
+        read_slopes(work->t, work->block, rays, begin, number);
     for (int a = 0; a < 2; a++)
-        slope[a] = sp_wide_load(block->slope[slot][a] + begin);
+        slope[a] = sp_wide_load(work->block->slope[number & 3][a] + begin);
 }
 
 static inline void find_gradient(const struct work *work, struct interval *in) {
@@ -357,7 +361,10 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     block->has_slope[number & 3] = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         struct sp_rays rays = load_rays(block, i);
-        sp_wide_store(value + i, sp_sample_values(t, &rays, number));
+        /* Rays that saw something in the last interval need gradients in the next one, too. */
+        bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
+        sp_wide_store(value + i, needs_slope ? read_slopes(t, block, &rays, i, number)
+                                             : sp_sample_values(t, &rays, number));
     }
     t->scratch->sampled += RESAMPLE_PIXELS;
 }
