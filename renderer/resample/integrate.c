@@ -301,7 +301,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
     work->number = number;
     work->start = sp_resample_sheet_s(t, number);
     work->width = end - work->start;
-    work->decay = sp_exp2(-2 * work->width);
+    work->decay = t->scratch->sheets[number % RESAMPLE_SHEETS].decay;
     work->is_cut = !(block->inside[0] <= work->start && end <= block->inside[1]);
     work->count = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {

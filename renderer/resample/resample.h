@@ -121,7 +121,8 @@ struct sp_resample_sheet {
     int origin[2]; /* slice sample at refined sample (0, 0) */
     /* coordinate on the sheet = 2·sample + shift, inside [first, last] */
     float shift[2], first[2], last[2];
-    float s; /* where it lies on the rays */
+    float s;     /* where it lies on the rays */
+    float decay; /* of a surface's normal from this sheet to the next one */
 };
 
 /* What a worker needs for one tile. */

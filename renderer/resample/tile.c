@@ -9,6 +9,7 @@
 #include "frame/resolve.h"
 #include "resample/kernels.h"
 #include "resample/rays.h"
+#include "splat/exp2.h"
 
 enum { ALL_INTERVALS = (1 << SAMPLES_REGION) - 1 };
 
@@ -277,6 +278,7 @@ static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
         batch->now[n - batch->first] = t->alive & active_at(t, n - 2, count);
         any |= need;
         sheet->s = sp_resample_sheet_s(t, n);
+        sheet->decay = sp_exp2(-2 * (sp_resample_sheet_s(t, n + 1) - sheet->s));
         if (need)
             sp_resample_refine(t, sheet, need, sp_resample_slice(t, n));
     }

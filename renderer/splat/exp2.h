@@ -35,18 +35,17 @@ static inline float sp_exp2(float x) {
     return p;
 }
 
-/* The same, SP_WIDE at a time. */
+/* The same, SP_WIDE at a time. Pairs of terms are summed first, so that fewer steps depend on each
+ * other. */
 static inline sp_wide sp_wide_exp2(sp_wide x) {
     const float round_up = 12582912.0f;
     x = sp_wide_min(sp_wide_max(x, sp_wide_all(-126.0f)), sp_wide_all(126.0f));
-    sp_wide shifted = x + round_up, f = x - (shifted - round_up);
-    sp_wide p = sp_wide_all(1.53533619e-4f);
-    p = p * f + 1.33988712e-3f;
-    p = p * f + 9.61843784e-3f;
-    p = p * f + 5.55033312e-2f;
-    p = p * f + 2.40226479e-1f;
-    p = p * f + 6.93147182e-1f;
-    p = p * f + 1.0f;
+    sp_wide shifted = x + round_up, f = x - (shifted - round_up), f2 = f * f;
+    sp_wide low = f * 6.93147182e-1f + 1.0f;
+    sp_wide middle = f * 5.55033312e-2f + 2.40226479e-1f;
+    sp_wide high = f * 1.33988712e-3f + 9.61843784e-3f;
+    high = f2 * 1.53533619e-4f + high;
+    sp_wide p = f2 * (f2 * high + middle) + low;
     return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
 }
 
