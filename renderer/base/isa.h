@@ -74,8 +74,8 @@
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
 #define sp_ranges_find SP_ISA_NAME(sp_ranges_find)
 #define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
-#define sp_resample_sample SP_ISA_NAME(sp_resample_sample)
-#define sp_resample_find_slope SP_ISA_NAME(sp_resample_find_slope)
+#define sp_resample_near_ranges SP_ISA_NAME(sp_resample_near_ranges)
+#define sp_resample_near_visible SP_ISA_NAME(sp_resample_near_visible)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
 
 #else

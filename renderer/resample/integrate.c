@@ -357,14 +357,18 @@ static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resamp
 
 static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                        int number) {
-    float *value = block->value[number & 3];
-    block->has_slope[number & 3] = 0;
+    const int slot = number & 3;
+    if (block->value_sheet[slot] == number)
+        return;
+    block->value_sheet[slot] = number;
+    block->has_slope[slot] = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
         struct sp_rays rays = load_rays(block, i);
         /* Rays that saw something in the last interval need gradients in the next one, too. */
         bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
-        sp_wide_store(value + i, needs_slope ? read_slopes(t, block, &rays, i, number)
-                                             : sp_sample_values(t, &rays, number));
+        sp_wide_store(block->value[slot] + i,
+                      needs_slope ? read_slopes(t, block, &rays, i, number)
+                                  : sp_sample_values(t, &rays, number));
     }
     t->scratch->sampled += RESAMPLE_PIXELS;
 }
@@ -373,9 +377,11 @@ bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batch, int b) {
     struct sp_resample_block *block = &t->scratch->blocks[b];
     for (int n = batch->first; n <= batch->last; n++) {
-        if (batch->need[n - batch->first] >> b & 1)
-            read_sheet(t, block, n);
-        if (batch->now[n - batch->first] >> b & 1 && !add_interval(t, block, n - 2))
+        if (!(batch->now[n - batch->first] >> b & 1))
+            continue;
+        for (int k = n - 3; k <= n; k++)
+            read_sheet(t, block, k);
+        if (!add_interval(t, block, n - 2))
             return false;
     }
     return true;

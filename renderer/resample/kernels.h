@@ -35,9 +35,17 @@ void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resampl
 /* Sheets that are drawn together. */
 struct sp_resample_batch {
     int first, last;
-    uint64_t need[RESAMPLE_BATCH]; /* by sheet: blocks that read it */
-    uint64_t now[RESAMPLE_BATCH];  /* by sheet n: blocks that composite interval n − 2 */
+    uint64_t now[RESAMPLE_BATCH]; /* by sheet n: blocks that composite interval n − 2 */
 };
+
+/* Finds the range of the refined samples that the blocks of `need` see of a sheet, if each of them
+ * sees few. */
+void sp_resample_near_ranges(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
+                             uint64_t need);
+
+/* Those of the blocks that may see something in interval `number` by the ranges of its sheets. */
+uint64_t sp_resample_near_visible(const struct sp_resample_open_tile *t, int number,
+                                  uint64_t blocks);
 
 /* Reads the sheets of a batch at the pixels of block b, and composites the intervals behind its
  * pixels: interval n lies between sheets n and n + 1. Returns false if all pixels are opaque. */

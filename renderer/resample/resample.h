@@ -97,7 +97,8 @@ struct sp_resample_block {
     float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
     float light[RESAMPLE_PIXELS];                       /* transmittance so far */
     float color[3][RESAMPLE_PIXELS];                    /* premultiplied */
-    float value[4][RESAMPLE_PIXELS];                    /* of the last sheets, by number modulo 4 */
+    float value[4][RESAMPLE_PIXELS]; /* of the last sheets that were read, by number modulo 4 */
+    int value_sheet[4];              /* their numbers */
     float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
     uint64_t has_slope[4];                              /* bit per pixel */
     float normal[3][RESAMPLE_PIXELS]; /* gradient of the surface that was met last */
@@ -123,6 +124,7 @@ struct sp_resample_sheet {
     float shift[2], first[2], last[2];
     float s;     /* where it lies on the rays */
     float decay; /* of a surface's normal from this sheet to the next one */
+    _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of levels that blocks see (near.c) */
 };
 
 /* What a worker needs for one tile. */

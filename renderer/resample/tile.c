@@ -140,6 +140,8 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->inside[1] = -sp_wide_largest(-inside[1]);
     bounds->span[0][b] = -sp_wide_largest(-span[0]);
     bounds->span[1][b] = sp_wide_largest(span[1]);
+    for (int k = 0; k < 4; k++)
+        block->value_sheet[k] = -1;
     const float *parts[4] = { block->u, block->v, block->du, block->dv };
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 4; i++)
@@ -267,20 +269,23 @@ static uint64_t need_of(const struct sp_resample_open_tile *t, int n, int count)
                        active_at(t, n, count) | active_at(t, n + 1, count));
 }
 
-/* Refines the sheets of a batch where blocks need them. Returns these blocks. */
+/* Refines the sheets of a batch where blocks need them. Returns the blocks that composite an
+ * interval. */
 static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
                               struct sp_resample_batch *batch) {
     uint64_t any = 0;
     for (int n = batch->first; n <= batch->last; n++) {
         struct sp_resample_sheet *sheet = &t->scratch->sheets[n % RESAMPLE_SHEETS];
         uint64_t need = need_of(t, n, count);
-        batch->need[n - batch->first] = need;
-        batch->now[n - batch->first] = t->alive & active_at(t, n - 2, count);
-        any |= need;
+        uint64_t now = t->alive & active_at(t, n - 2, count);
         sheet->s = sp_resample_sheet_s(t, n);
         sheet->decay = sp_exp2(-2 * (sp_resample_sheet_s(t, n + 1) - sheet->s));
-        if (need)
+        if (need) {
             sp_resample_refine(t, sheet, need, sp_resample_slice(t, n));
+            sp_resample_near_ranges(t, sheet, need);
+        }
+        batch->now[n - batch->first] = now ? sp_resample_near_visible(t, n - 2, now) : 0;
+        any |= batch->now[n - batch->first];
     }
     return any;
 }
