@@ -20,13 +20,11 @@ static inline float sp_exp2(float x) {
     x = x < -126.0f ? -126.0f : x;
     x = x > 126.0f ? 126.0f : x;
     float shifted = x + round_up, whole = shifted - round_up, f = x - whole;
-    float p = 1.53533619e-4f; /* least squares of 2^f over [-½, ½] */
-    p = p * f + 1.33988712e-3f;
-    p = p * f + 9.61843784e-3f;
-    p = p * f + 5.55033312e-2f;
-    p = p * f + 2.40226479e-1f;
-    p = p * f + 6.93147182e-1f;
-    p = p * f + 1.0f;
+    /* Least squares of 2^f over [-½, ½]. Pairs of terms are summed first, so that fewer steps
+     * depend on each other. */
+    float f2 = f * f, low = f * 6.93147182e-1f + 1.0f, middle = f * 5.55033312e-2f + 2.40226479e-1f;
+    float high = f2 * 1.53533619e-4f + (f * 1.33988712e-3f + 9.61843784e-3f);
+    float p = f2 * (f2 * high + middle) + low;
     uint32_t bits, power;
     memcpy(&bits, &p, sizeof bits);
     memcpy(&power, &shifted, sizeof power);
@@ -35,16 +33,14 @@ static inline float sp_exp2(float x) {
     return p;
 }
 
-/* The same, SP_WIDE at a time. Pairs of terms are summed first, so that fewer steps depend on each
- * other. */
+/* The same, SP_WIDE at a time. */
 static inline sp_wide sp_wide_exp2(sp_wide x) {
     const float round_up = 12582912.0f;
     x = sp_wide_min(sp_wide_max(x, sp_wide_all(-126.0f)), sp_wide_all(126.0f));
     sp_wide shifted = x + round_up, f = x - (shifted - round_up), f2 = f * f;
     sp_wide low = f * 6.93147182e-1f + 1.0f;
     sp_wide middle = f * 5.55033312e-2f + 2.40226479e-1f;
-    sp_wide high = f * 1.33988712e-3f + 9.61843784e-3f;
-    high = f2 * 1.53533619e-4f + high;
+    sp_wide high = f2 * 1.53533619e-4f + (f * 1.33988712e-3f + 9.61843784e-3f);
     sp_wide p = f2 * (f2 * high + middle) + low;
     return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
 }
