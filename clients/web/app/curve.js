@@ -54,7 +54,10 @@ export class Curve {
     y.addEventListener('change', ({ timeStamp }) => this.#type(y, timeStamp, (opacity) => ({
       points: movePoint(this.#points, this.selected, { opacity }, this.#gap), index: this.selected,
     })));
-    for (const field of [x, y]) field.addEventListener('input', () => this.#dirty.add(field));
+    for (const field of [x, y]) {
+      field.addEventListener('input', () => this.#dirty.add(field));
+      field.addEventListener('blur', () => this.#draw(true));
+    }
     top?.addEventListener('change', () => this.#draw());
     closer.addEventListener('click', () => this.#zoom(1 / ZOOM));
     farther.addEventListener('click', () => this.#zoom(ZOOM));
@@ -67,7 +70,9 @@ export class Curve {
   }
 
   #change(points, time, gesture = this.#gesture) {
-    if (this.#isEditable) this.#edit(points, { gesture, time });
+    if (!this.#isEditable) return;
+    this.#points = points; // show() comes with the next animation frame, perhaps after the next change
+    this.#edit(points, { gesture, time });
   }
 
   #add({ x, y }, time) {
@@ -109,7 +114,7 @@ export class Curve {
 
   select(index) {
     this.selected = index;
-    this.#draw();
+    this.#draw(true);
     this.#view.selected?.();
   }
 

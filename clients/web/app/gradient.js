@@ -7,6 +7,7 @@ import { Curve } from './curve.js';
 import { setText } from './fields.js';
 
 const byId = (id) => document.getElementById(id);
+const INK = 0.6; // lifts rare bins, which are the edges
 const FACTOR_MAX = 0.999; // what a curve draws for 1
 const parse = (color) => {
   const context = new OffscreenCanvas(1, 1).getContext('2d');
@@ -70,7 +71,6 @@ export class GradientPanel {
     this.#ask();
     const { isEditable } = this.#transfer;
     const { gradient } = this.#transfer.state;
-    byId('gradient-controls').disabled = !isEditable;
     byId('gradient-off').disabled = gradient.length === 0;
     setText(byId('gradient-note'), this.#problem ? `There is no histogram: ${this.#problem}.` : '');
     byId('gradient-note').hidden = !this.#problem;
@@ -87,7 +87,7 @@ export class GradientPanel {
     const most = Math.log1p(counts.reduce((a, b) => Math.max(a, b), 1));
     counts.forEach((count, i) => {
       const [value, gradient] = [i % x.bins, Math.floor(i / x.bins)];
-      image.data.set([red, green, blue, 255 * Math.log1p(count) / most], 4 * ((x.bins - 1 - value) * y.bins + gradient));
+      image.data.set([red, green, blue, 255 * (Math.log1p(count) / most) ** INK], 4 * ((x.bins - 1 - value) * y.bins + gradient));
     });
     this.#image = new OffscreenCanvas(y.bins, x.bins);
     this.#image.getContext('2d').putImageData(image, 0, 0);

@@ -52,6 +52,7 @@ export class Transfer {
     this.#attachMaps();
     this.#attachKinds();
     window.addEventListener('keydown', (event) => this.#keys(event));
+    window.addEventListener('pagehide', () => this.#keep());
     window.matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => this.#plan());
     byId('transfer').addEventListener('toggle', () => this.#plan());
   }
@@ -123,19 +124,17 @@ export class Transfer {
     const old = this.#viewer.view.transfer_function;
     const patch = isSame(points, old.points) ? {} : { points };
     if (!isSameGradient(gradient, old.gradient ?? [])) patch.gradient = gradient;
-    this.#keep(points);
+    clearTimeout(this.#timer);
+    this.#timer = setTimeout(() => this.#keep(), KEEP_MS);
     if (Object.keys(patch).length) this.#viewer.change({ transfer_function: patch }, time);
     this.#plan();
   }
 
   // A reload gets the points back from the daemon, and from the tab which of them belong to a colour map.
-  #keep(points) {
+  #keep() {
     clearTimeout(this.#timer);
-    const { state } = this;
-    const volume = this.#volume;
-    this.#timer = setTimeout(() => {
-      this.#storage.remember('transfer', state.map ? JSON.stringify({ volume, points, state }) : '');
-    }, KEEP_MS);
+    const { state, points } = this;
+    if (state) this.#storage.remember('transfer', state.map ? JSON.stringify({ volume: this.#volume, points, state }) : '');
   }
 
   #recall(points, gradient) {
@@ -324,7 +323,7 @@ export class Transfer {
 
   #draw() {
     const { isEditable } = this;
-    byId('transfer-controls').disabled = !isEditable;
+    for (const group of byId('transfer').querySelectorAll('fieldset')) group.disabled = !isEditable;
     byId('transfer-undo').disabled = !isEditable || !this.#history.canUndo;
     byId('transfer-redo').disabled = !isEditable || !this.#history.canRedo;
     setText(byId('transfer-why'), this.#why ?? '');
