@@ -112,7 +112,9 @@ const banner = new Banner(element('banner'), {
   },
 });
 const histogram = (isJoint) => connection.api.histogram(connection.session.id, connection.session.token, isJoint);
-const transfer = new Transfer(viewer, { load: histogram, storage: { recall, remember } });
+const transfer = new Transfer(viewer, {
+  load: histogram, loadDefault: (id) => connection.api.volumeView(id), storage: { recall, remember },
+});
 new GradientPanel(transfer, { load: histogram });
 new TransferFiles(transfer, { name: () => viewer.view?.volume ?? 'splatd' });
 const windowLevel = new WindowLevel(transfer);
@@ -341,6 +343,7 @@ connection.on('session', (session) => {
     if (address.saved) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
+  transfer.retry();
   presets.refresh();
   paths.refresh();
 });

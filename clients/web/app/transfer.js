@@ -22,7 +22,7 @@ const css = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join('
 const theme = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
 
 export class Transfer {
-  #viewer; #load; #storage; #curve;
+  #viewer; #load; #loadDefault; #storage; #curve;
   #history = new History();
   #volume = null;
   #histogram = null;
@@ -36,10 +36,14 @@ export class Transfer {
   #timer = null;
   #listeners = new Set();
 
-  /** load(isJoint) → the daemon's histogram of the session's volume; storage: {recall, remember} of this tab. */
-  constructor(viewer, { load, storage }) {
+  /**
+   * load(isJoint) → the daemon's histogram of the session's volume; loadDefault(volume) → its default view; storage: {recall, remember}
+   * of this tab.
+   */
+  constructor(viewer, { load, loadDefault, storage }) {
     this.#viewer = viewer;
     this.#load = load;
+    this.#loadDefault = loadDefault;
     this.#storage = storage;
     this.#curve = new Curve(byId('transfer-curve'), {
       edit: (points, how) => this.edit({ points }, how), limit: POINTS_MAX, names: { point: 'Point', x: 'value', y: 'opacity' },
@@ -67,7 +71,7 @@ export class Transfer {
   /** The range of values of the volume, as far as it is known. */
   get range() {
     const range = this.#histogram?.range ?? this.#viewer.volume?.range;
-    if (range && range[1] > range[0]) return range;
+    if (range && range[1] > range[0] && Number.isFinite(range[1] - range[0])) return range;
     const { points } = this.state;
     const [low, high] = [points[0].value, points.at(-1).value];
     return high > low ? [low, high] : [low - 0.5, low + 0.5];
@@ -146,6 +150,12 @@ export class Transfer {
     } catch {
       return null;
     }
+  }
+
+  /** Asks again for a histogram that could not be read, in a new session. */
+  retry() {
+    if (this.#problem) this.#asked = '';
+    if (this.state) this.#ask();
   }
 
   async #ask() {
@@ -267,13 +277,25 @@ export class Transfer {
     const choice = byId('transfer-kind');
     choice.append(...Object.entries(KINDS).map(([id, name]) => new Option(name, id)));
     choice.addEventListener('change', ({ timeStamp }) => {
-      if (!choice.value || !this.#histogram) return;
+      if (choice.value === 'default') this.#useDefault(timeStamp);
+      if (!Object.hasOwn(KINDS, choice.value) || !this.#histogram) return;
       const { points, map, note } = presetOf(choice.value, this.#histogram);
       const range = [points[0].value, points.at(-1).value];
       this.#note = `${note[0].toUpperCase()}${note.slice(1)}.`;
       this.#curve.selected = 0;
       this.edit({ points, gradient: [], map: map && { name: map, table: null, isReversed: false, steps: 0, range } }, { time: timeStamp });
     });
+  }
+
+  async #useDefault(time) {
+    const volume = this.#volume;
+    try {
+      const { points, gradient } = (await this.#loadDefault(volume)).transfer_function;
+      if (volume === this.#volume) this.replace({ points, gradient }, time);
+    } catch (error) {
+      this.#note = `The default could not be read: ${error.message}.`;
+      this.#plan();
+    }
   }
 
   /** Replaces the transfer function by an imported one. gradient null: it stays. */

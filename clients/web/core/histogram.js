@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // What a histogram tells: heights to draw, percentiles, peaks and thresholds. A histogram is {range: [low, high], counts}.
 
+const SPAN = 8e307; // a range of double precision would have an infinite width
+const holdRange = (range) => range.map((end) => Math.min(SPAN, Math.max(-SPAN, end)));
+
 /** {range, counts} of a histogram of values, or {x, y, counts} of a joint one, from the daemon's answer. */
 export function readHistogram({ axes, counts, type, volume }) {
   const [x, y] = axes;
-  if (y) return { volume, x: { range: x.range, bins: x.bins }, y: { range: y.range, bins: y.bins }, counts };
-  return { volume, type, range: x.range, counts };
+  const [first, second] = [x, y].map((axis) => axis && { range: holdRange(axis.range), bins: axis.bins });
+  return y ? { volume, x: first, y: second, counts } : { volume, type, range: first.range, counts };
 }
 
 const widthOf = ({ range: [low, high], counts }) => (high - low) / counts.length;

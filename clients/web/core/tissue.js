@@ -10,6 +10,7 @@ export const KINDS = Object.freeze({
 });
 
 const AIR = -1000;
+const BACKGROUND = 0.2; // share of the samples
 const DENSE = 1600; // HU of the densest bone in most scans
 const SKIN = [0.85, 0.55, 0.42];
 const FAT = [0.93, 0.74, 0.5];
@@ -67,9 +68,14 @@ function microscopy(histogram) {
     point(at(0.999), 0.7, [0.9, 1, 0.75])];
 }
 
-function simulation({ range: [low, high] }) {
-  const at = (part) => low + (high - low) * part;
-  return [point(at(0), 0, WHITE), point(at(0.3), 0.01, WHITE), point(at(0.7), 0.06, WHITE), point(at(1), 0.35, WHITE)];
+// A value that most of the volume has is background; the colours span the rest.
+function simulation(histogram) {
+  const { range: [low, high], counts } = histogram;
+  const most = Math.max(...counts);
+  const isBackground = most > BACKGROUND * counts.reduce((a, b) => a + b, 0) && counts.indexOf(most) < counts.length / 2;
+  const base = isBackground ? peak(histogram) + (high - low) / counts.length : low;
+  const at = (part) => percentile(histogram, part, base);
+  return [point(base, 0, WHITE), point(at(0.5), 0.012, WHITE), point(at(0.9), 0.06, WHITE), point(at(0.99), 0.3, WHITE), point(high, 0.6, WHITE)];
 }
 
 /** {points, map, note} of a kind for a volume with this histogram {range, counts}. `map` names a colour map, or is null. */
@@ -81,6 +87,6 @@ export function presetOf(kind, histogram) {
     return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note };
   }
   const note = 'placed by the histogram';
-  if (kind === 'simulation') return { points: simulation(histogram), map: 'viridis', note: 'from the smallest to the largest value' };
-  return { points: rising((kind === 'mr' ? mr : microscopy)(histogram), range), map: null, note };
+  const place = { mr, microscopy, simulation }[kind];
+  return { points: rising(place(histogram), range), map: kind === 'simulation' ? 'viridis' : null, note };
 }

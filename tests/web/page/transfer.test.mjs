@@ -278,7 +278,8 @@ test('presets by kind of data are placed by the histogram and say how', async (c
   const it = await setUp(context, LARGE, scan);
   const { page } = it;
   await until(page, 'the presets', () => !document.getElementById('transfer-kind').disabled);
-  const kinds = await page.locator('#transfer-kind option').evaluateAll((all) => all.map(({ value }) => value).filter(Boolean));
+  const start = await it.points();
+  const kinds = (await page.locator('#transfer-kind option').evaluateAll((all) => all.map(({ value }) => value))).filter((kind) => kind && kind !== 'default');
   assert.equal(kinds.length, 7);
   for (const kind of kinds) {
     const sent = await it.patches(() => page.selectOption('#transfer-kind', kind));
@@ -288,6 +289,10 @@ test('presets by kind of data are placed by the histogram and say how', async (c
   const bone = await it.patch(() => page.selectOption('#transfer-kind', 'ct-bone'));
   assert.equal(bone.points[0].value, 150);
   assert.equal(await page.locator('#transfer-note').textContent(), 'Values are Hounsfield units.');
+  await page.selectOption('#transfer-kind', 'default');
+  await until(page, 'the default of the daemon', (s) => s.transfer.points.length === 2);
+  assert.deepEqual(await it.points(), start);
+  await page.click('#transfer-undo');
   await page.click('#transfer-undo');
   await until(page, 'the preset before', () => document.getElementById('transfer-map').value === 'viridis');
 });
