@@ -2,8 +2,9 @@
 // The panel "Transfer function": every control and the patches that it sends, by mouse, keyboard and touch; files, undo, colour
 // maps, presets, window and level, the gradient axis, and who may edit.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
+import { existsSync, readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
 import { eventually, launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
 import { MockDaemon, histogram } from '../support/mock-daemon.mjs';
@@ -498,5 +499,20 @@ for (const colorScheme of ['dark', 'light']) {
     for (const ratio of contrast) compare(ratio, '>=', 4.5);
     await shot(page, `phone-transfer-${colorScheme}`);
     assert.deepEqual(it.said, []);
+  });
+}
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+for (const colorScheme of ['dark', 'light']) {
+  test(`axe finds nothing in the open panel, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const it = await setUp(context, { viewport: { width: 1000, height: 1800 }, colorScheme, bypassCSP: true });
+    const { page } = it;
+    await page.click('#gradient summary');
+    await page.selectOption('#transfer-map', 'turbo');
+    await page.click('#transfer-window');
+    await it.drawn();
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
+    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
   });
 }
