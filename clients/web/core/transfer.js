@@ -114,12 +114,14 @@ export function merge(points, stops, range, gap) {
   return all.sort((a, b) => a.value - b.value);
 }
 
-/** Points with as many digits as the daemon keeps. Values that rounding made equal are dropped. */
+/** Without points that do not lie above the one before, which rounding or a limit made equal. */
+const rising = (points, key) => points.filter((p, i) => i === 0 || p[key] > points[i - 1][key]);
+
+/** Points with as many digits as the daemon keeps. */
 export function tidy(points) {
-  const rounded = points.map(({ value, color, opacity }) => ({
+  return rising(points.map(({ value, color, opacity }) => ({
     value: round(value, 9), color: color.map((part) => round(hold(part, 0, 1), 4)), opacity: round(hold(opacity, 0, OPACITY_MAX), 5),
-  }));
-  return rounded.filter((p, i) => i === 0 || p.value > rounded[i - 1].value);
+  })), 'value');
 }
 
 const near = (a, b) => Math.abs(a - b) <= 1e-6 * Math.max(1e-6, Math.abs(a), Math.abs(b));
@@ -135,6 +137,6 @@ export const isSameGradient = (a, b) => a.length === b.length
 
 /** Points of the gradient axis as points of a curve, and back. */
 export const curveOf = (gradient) => gradient.map(({ magnitude, scale }) => ({ value: magnitude, opacity: scale, color: [1, 1, 1] }));
-export const gradientOf = (points) => points.map(({ value, opacity }) => ({
+export const gradientOf = (points) => rising(points.map(({ value, opacity }) => ({
   magnitude: round(Math.max(0, value), 9), scale: round(opacity >= OPACITY_MAX ? 1 : hold(opacity, 0, 1), 5),
-}));
+})), 'magnitude');

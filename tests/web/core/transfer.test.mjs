@@ -110,6 +110,7 @@ test('rounding keeps lists equal for comparison and drops values that it makes e
 test('the gradient axis is a curve and back', () => {
   const gradient = [{ magnitude: 0, scale: 0 }, { magnitude: 12, scale: 1 }];
   assert.deepEqual(gradientOf(curveOf(gradient)), gradient);
+  assert.deepEqual(gradientOf([{ value: -5, opacity: 0.5 }, ...curveOf(gradient)]), [{ magnitude: 0, scale: 0.5 }, gradient[1]], 'magnitudes are not negative');
   assert.deepEqual(gradientOf([{ value: -1, opacity: OPACITY_MAX }]), [{ magnitude: 0, scale: 1 }]);
 });
 

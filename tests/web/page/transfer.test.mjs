@@ -7,7 +7,7 @@ import { after, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
 import { eventually, launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
-import { MockDaemon, histogram } from '../support/mock-daemon.mjs';
+import { MockDaemon, histogram, volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const LARGE = { viewport: { width: 1000, height: 1000 } };
@@ -296,6 +296,22 @@ test('presets by kind of data are placed by the histogram and say how', async (c
   await page.click('#transfer-undo');
   await page.click('#transfer-undo');
   await until(page, 'the preset before', () => document.getElementById('transfer-map').value === 'viridis');
+});
+
+test('another volume starts again: its histogram, its points, nothing to undo', async (context) => {
+  const it = await setUp(context, LARGE, {
+    volumes: [volume('phantom'), volume('head', { range: [-1000, 3000] })],
+    histogramOf: (id, isJoint) => histogram(id, { isJoint, range: id === 'head' ? [-1000, 3000] : [0, 255] }),
+  });
+  const { page } = it;
+  await it.patch(async () => page.mouse.click(...await it.place(0.5, 0.5)));
+  await page.click('#volumes button[data-id="head"]');
+  await until(page, 'the range of the head', () => document.querySelector('#transfer-curve [data-part="high"]').textContent === '3000');
+  assert.equal(await page.locator('#transfer-curve .handle').count(), 2);
+  assert.ok(await page.locator('#transfer-undo').isDisabled());
+  await page.selectOption('#transfer-kind', 'ct-soft');
+  await until(page, 'the preset', (s) => s.transfer.points[0].value === -180);
+  assert.deepEqual(it.said, []);
 });
 
 test('without a histogram the editor works and says what is missing', async (context) => {
