@@ -27,7 +27,7 @@ export class Transfer {
   #volume = null;
   #histogram = null;
   #problem = ''; // why there is no histogram
-  #asked = '';
+  #asked = null; // the volume whose histogram was asked for
   #why = null;
   #isPlanned = false;
   #start = null; // of a drag in the picture: {state, window}
@@ -154,23 +154,24 @@ export class Transfer {
 
   /** Asks again for a histogram that could not be read, in a new session. */
   retry() {
-    if (this.#problem) this.#asked = '';
+    if (this.#problem) this.#asked = null;
     if (this.state) this.#ask();
   }
 
   async #ask() {
     const volume = this.#volume;
-    if (this.#histogram || this.#asked === volume) return;
+    if (this.#asked === volume) return;
     this.#asked = volume;
+    this.#problem = '';
+    let problem = '';
     try {
       const histogram = readHistogram(await this.#load(false));
-      this.#problem = histogram.volume === volume ? '' : 'the session shows another volume';
-      if (!this.#problem && volume === this.#volume) this.#histogram = histogram;
+      if (histogram.volume !== volume) problem = 'the session shows another volume';
+      else if (volume === this.#volume) this.#histogram = histogram;
     } catch (error) {
-      this.#problem = error.message;
+      problem = error.message;
     }
-    if (this.#asked === volume) this.#asked = '';
-    if (this.#problem) this.#asked = volume; // until the volume changes
+    if (volume === this.#volume) this.#problem = problem;
     this.#plan();
   }
 
