@@ -54,6 +54,50 @@ static proto_json *histogram(const struct sp_volume_info *info) {
     return object;
 }
 
+static proto_json *axis(const char *name, const double range[2], int bins) {
+    proto_json *object = proto_json_object();
+    bool ok = proto_json_set_string(object, "axis", name) &&
+              proto_json_set(object, "range", numbers(range, 2)) &&
+              proto_json_set_integer(object, "bins", bins);
+    if (!ok)
+        proto_json_free(&object);
+    return object;
+}
+
+static bool append_counts(proto_json *counts, const struct sp_volume_info *info,
+                          const struct sp_joint_histogram *joint, uint64_t *samples) {
+    const uint32_t *all = joint ? joint->counts[0] : NULL;
+    int bins = joint ? SP_JOINT_GRADIENTS * SP_JOINT_VALUES : SP_HISTOGRAM_BINS;
+    bool ok = true;
+    *samples = 0;
+    for (int i = 0; i < bins && ok; i++) {
+        uint64_t count = all ? all[i] : info->histogram[i];
+        *samples += count;
+        ok = proto_json_append_integer(counts, (int64_t)count);
+    }
+    return ok;
+}
+
+proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char *id,
+                                   const struct sp_joint_histogram *joint) {
+    proto_json *object = proto_json_object(), *axes = proto_json_array();
+    proto_json *counts = proto_json_array();
+    int values = joint ? SP_JOINT_VALUES : SP_HISTOGRAM_BINS;
+    uint64_t samples;
+    bool ok = proto_json_set_string(object, "volume", id) &&
+              proto_json_set_string(object, "type", sp_type_name(info->type));
+    ok = proto_json_append(axes, axis("value", info->range, values)) && ok;
+    if (joint)
+        ok = proto_json_append(axes, axis("gradient", joint->gradients, SP_JOINT_GRADIENTS)) && ok;
+    ok = proto_json_set(object, "axes", axes) && ok;
+    ok = append_counts(counts, info, joint, &samples) && ok;
+    ok = proto_json_set_integer(object, "samples", (int64_t)samples) && ok;
+    ok = proto_json_set(object, "counts", counts) && ok;
+    if (!ok)
+        proto_json_free(&object);
+    return object;
+}
+
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram) {
     const struct sp_grid *grid = &info->grid;

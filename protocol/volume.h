@@ -5,6 +5,7 @@
 #include <stdbool.h>
 
 #include "protocol/json.h"
+#include "sp/histogram.h"
 #include "sp/volume.h"
 
 /* Encodes {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit",
@@ -14,5 +15,11 @@
  * out of memory. Thread-safe. */
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram);
+
+/* Encodes a histogram for an editor of transfer functions: {"volume": id, "type", "axes",
+ * "samples", "counts"}. Without `joint`: the 256 bins of the values; with it: the bins of value and
+ * gradient magnitude, one row per bin of the magnitude. NULL when out of memory. Thread-safe. */
+proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char *id,
+                                   const struct sp_joint_histogram *joint);
 
 #endif

@@ -7,6 +7,7 @@
 #define PAGE { "after", "limit" }
 #define IMAGE { "format", "quality", "subsampling" }
 #define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
+#define AXES { "axis" }
 /* clang-format on */
 
 static const struct srv_route routes[] = {
@@ -23,6 +24,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/volumes/{}", SRV_RIGHT_VIEW, srv_get_volume, NONE },
     { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_ADMIN, srv_delete_volume, NONE },
     { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view, NONE },
+    { SRV_GET, "/api/v1/volumes/{}/histogram", SRV_RIGHT_VIEW, srv_get_volume_histogram, AXES },
     { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
     { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },
     { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },
@@ -46,6 +48,8 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_get_session, NONE },
     { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_patch_session, NONE },
     { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session, NONE },
+    { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
+      AXES },
     { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream, NONE },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };

@@ -48,6 +48,8 @@ test('each role has its permissions and gets 403 for everything else', async () 
     ['metrics admin', (t) => daemon.fetch('/metrics', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/view', { token: t })],
+    ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/histogram', { token: t })],
+    ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}/histogram`, { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/views/${saved}`, { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/presets', { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}`, { token: t })],

@@ -154,6 +154,12 @@ def walk(daemon, contract):
     ask(200, 'GET', f'{api}/volumes')
     ask(200, 'GET', f'{api}/volumes/{{id}}/view', id='p')
     ask(404, 'GET', f'{api}/volumes/{{id}}/view', id='none')
+    for axis, bins in (('', 256), ('?axis=value', 256), ('?axis=value,gradient', 128 * 64)):
+        histogram = ask(200, 'GET', f'{api}/volumes/{{id}}/histogram', query=axis, id='p')
+        check(len(histogram['counts']) == bins and sum(histogram['counts']) == histogram['samples'] == 16 ** 3,
+              f'the histogram {axis} counts every sample')
+    ask(400, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=gradient', id='p')
+    ask(404, 'GET', f'{api}/volumes/{{id}}/histogram', id='none')
     ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     ask(404, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     for kind in ('jpeg', 'png', 'webp', 'exr'):
@@ -177,6 +183,10 @@ def walk(daemon, contract):
     walk_paths(daemon, contract, ask, api)
     names = {'id': session['id']}
     ask(200, 'GET', f'{api}/sessions/{{id}}', **names)
+    same = ask(200, 'GET', f'{api}/sessions/{{id}}/histogram', token=session['tokens']['view'], query='?axis=value,gradient', **names)
+    check(same == ask(200, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=value,gradient', id='engine'),
+          'a session gives the histogram of its volume')
+    ask(401, 'GET', f'{api}/sessions/{{id}}/histogram', token='none', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
     ask(200, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['control'], **names)
     ask(403, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['view'], **names)

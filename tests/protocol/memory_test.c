@@ -101,10 +101,20 @@ static bool encode_volume(void) {
     return ok;
 }
 
+static bool encode_joint_histogram(void) {
+    struct sp_volume_info info = fixture_info();
+    struct sp_joint_histogram joint = { .gradients = { 0, 1 } };
+    proto_json *json = proto_histogram_encode(&info, "id", &joint);
+    bool ok = json != NULL;
+    proto_json_free(&json);
+    return ok;
+}
+
 static void encoding_reports_lack_of_memory(void **state) {
     (void)state;
     assert_compare(fail_each(encode_view, MEMORY_FAILS_ONCE), >, 100);
     assert_compare(fail_each(encode_volume, MEMORY_FAILS_ONCE), >, 100);
+    assert_compare(fail_each(encode_joint_histogram, MEMORY_FAILS_ONCE), >, 100);
 }
 
 static bool answer_result(void) {

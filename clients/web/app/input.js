@@ -12,9 +12,12 @@ const GLIDE_MS = 70;
 const DOUBLE_TAP_MS = 300;
 const TAP_PX = 12;
 
-/** commands: {help(), panel(), pick([x, y] in the viewport)} for keys that do not move the camera. */
+/**
+ * commands: {help(), panel(), pick([x, y] in the viewport), window} for what does not move the camera. window (window_level.js): while
+ * it is on, a drag with one finger or the left button, and the arrow keys, go to it.
+ */
 export function attachInput(canvas, viewer, commands) {
-  attachPointers(canvas, viewer);
+  attachPointers(canvas, viewer, commands.window);
   attachWheel(canvas, viewer);
   let pointer = null;
   canvas.addEventListener('pointermove', (event) => { pointer = place(canvas, event); });
@@ -27,7 +30,7 @@ function place(canvas, event) {
   return [event.clientX - box.left, event.clientY - box.top];
 }
 
-function attachPointers(canvas, viewer) {
+function attachPointers(canvas, viewer, window) {
   const pointers = new Map();
   let mode = 'none';
   let from = null; // orbit: the start of the drag and the orientation there
@@ -45,14 +48,16 @@ function attachPointers(canvas, viewer) {
   };
   // A gesture restarts whenever a finger or button is added or removed.
   const begin = (isPan) => {
+    if (mode === 'window') window.end();
     if (pointers.size >= 2) {
       mode = 'pinch';
       last = pinch();
     } else if (pointers.size === 1) {
-      mode = isPan ? 'pan' : 'orbit';
+      mode = isPan ? 'pan' : window.isOn ? 'window' : 'orbit';
       [last] = points();
       from = last;
       start = viewer.orientation;
+      if (mode === 'window') window.begin();
     } else {
       mode = 'none';
     }
@@ -75,6 +80,8 @@ function attachPointers(canvas, viewer) {
     if (mode === 'orbit') {
       start ??= viewer.orientation;
       if (start) viewer.turn(start, from, at, time);
+    } else if (mode === 'window') {
+      window.drag(at[0] - from[0], at[1] - from[1], time);
     } else if (mode === 'pan') {
       viewer.pan([at[0] - last[0], at[1] - last[1]], time);
       last = at;
@@ -136,7 +143,7 @@ function attachWheel(canvas, viewer) {
   }, { passive: false });
 }
 
-function attachKeys(viewer, { help, panel, pick }, pointer) {
+function attachKeys(viewer, { help, panel, pick, window: windowLevel }, pointer) {
   const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const middle = () => [viewer.viewport.width / 2, viewer.viewport.height / 2];
   const act = (event) => {
@@ -144,6 +151,8 @@ function attachKeys(viewer, { help, panel, pick }, pointer) {
     const turn = turns[event.key];
     if (turn && event.shiftKey) {
       viewer.pan([-turn[0] * KEY_PAN_PX, -turn[1] * KEY_PAN_PX], time);
+    } else if (turn && windowLevel.isOn) {
+      windowLevel.step(-turn[0], turn[1], time);
     } else if (turn) {
       viewer.orbit(turn[0] * KEY_TURN, turn[1] * KEY_TURN, 0, time);
     } else {
@@ -156,6 +165,7 @@ function attachKeys(viewer, { help, panel, pick }, pointer) {
         case 'f': case 'F': viewer.fit(time); break;
         case 'p': case 'P': panel(); break;
         case 'v': case 'V': pick(pointer() ?? middle()); break;
+        case 'w': case 'W': windowLevel.toggle(); break;
         case '?': help(); break;
         default: return false;
       }

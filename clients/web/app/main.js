@@ -8,6 +8,7 @@ import { nextFrame, refreshRate } from './animation.js';
 import { Banner, Notice } from './banner.js';
 import { decodeImage } from './decoder.js';
 import { showNumber } from './fields.js';
+import { GradientPanel } from './gradient.js';
 import { attachInput } from './input.js';
 import { Keyframes } from './keyframes.js';
 import { Panels } from './panels.js';
@@ -16,8 +17,11 @@ import { People } from './people.js';
 import { Presets } from './presets.js';
 import { Screen } from './screen.js';
 import { StatusLine } from './status.js';
+import { Transfer } from './transfer.js';
+import { TransferFiles } from './transfer_files.js';
 import { Viewer } from './viewer.js';
 import { Warp } from './warp.js';
+import { WindowLevel } from './window_level.js';
 
 const RESIZE_MS = 120;
 const LIST_MS = 500;
@@ -107,7 +111,14 @@ const banner = new Banner(element('banner'), {
     connection.useToken(token);
   },
 });
-attachInput(element('screen'), viewer, { help, panel: () => panels.toggle(), pick });
+const histogram = (isJoint) => connection.api.histogram(connection.session.id, connection.session.token, isJoint);
+const transfer = new Transfer(viewer, {
+  load: histogram, loadDefault: (id) => connection.api.volumeView(id), storage: { recall, remember },
+});
+new GradientPanel(transfer, { load: histogram });
+new TransferFiles(transfer, { name: () => viewer.view?.volume ?? 'splatd' });
+const windowLevel = new WindowLevel(transfer);
+attachInput(element('screen'), viewer, { help, panel: () => panels.toggle(), pick, window: windowLevel });
 
 /** Shows the value and position under a point of the viewport. */
 async function pick(point) {
@@ -332,6 +343,7 @@ connection.on('session', (session) => {
     if (address.saved) history.replaceState(null, '', location.pathname);
   }
   viewer.adopt(session);
+  transfer.retry();
   presets.refresh();
   paths.refresh();
 });
@@ -428,10 +440,19 @@ function showCompany() {
   people.show();
 }
 
+/** Why this participant may not change the view, or null. */
+function whyNot() {
+  if (viewer.canControl) return null;
+  const { holder, hasControlRole } = participants;
+  if (holder) return `${holder.name} has control. Ask for it under People to change this.`;
+  return hasControlRole ? 'You cannot change the view now.' : 'Your link lets you watch. Ask for control under People to change this.';
+}
+
 // The panel follows the view.
 
 viewer.on('view', (view) => {
   panels.showView(view);
+  transfer.show(view, whyNot());
   panels.showVolumes(connection.volumes, view.volume);
   keyframes.show();
 });
@@ -489,6 +510,7 @@ Object.defineProperty(window, 'splatd', {
     get people() { return participants.people; },
     get volume() { return viewer.view?.volume ?? null; },
     get background() { return structuredClone(viewer.view?.background ?? null); },
+    get transfer() { return structuredClone(viewer.view?.transfer_function ?? null); },
     get session() { return connection.session?.id ?? null; },
     get latencyMs() { return status.latencyMs; },
     get stats() { return structuredClone(status.stats); },

@@ -48,6 +48,8 @@ export class Viewer extends Emitter {
 
   get view() { return this.#view; }
   get camera() { return this.#view?.camera ?? null; }
+  /** True if the view belongs to its volume; false while the volume is being changed. */
+  get isCurrent() { return Boolean(this.#view) && !this.#isSwitching; }
   /** True if the view belongs to its volume and has a camera; false while the volume is being changed. */
   get isSettled() { return Boolean(this.#rig) && !this.#isSwitching; }
   /** True if the camera can be moved. */

@@ -75,6 +75,12 @@ export class Api {
     return this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }
 
+  /** The histogram of the volume that the session shows: of its values, or of values and gradients together. */
+  histogram(id, token, isJoint) {
+    const what = `api/v1/sessions/${encodeURIComponent(id)}/histogram?axis=value${isJoint ? ',gradient' : ''}`;
+    return this.#request('GET', what, { token });
+  }
+
   /** The address of a session's stream. */
   streamUrl(id, token) {
     const url = new URL(`api/v1/sessions/${encodeURIComponent(id)}/stream`, this.#base);

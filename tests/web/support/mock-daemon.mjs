@@ -31,6 +31,16 @@ export const defaultView = (id) => ({
   clip: { box: [[0, 0, 0], [1, 1, 1]], planes: [] },
 });
 
+/** A histogram with a peak of air at 10 and one of matter at 120, or the joint one with its edges. */
+export function histogram(id, { isJoint = false, range = [0, 255], type = 'uint8' } = {}) {
+  const peak = (x, at) => Math.round(1e5 * Math.exp(-(((x - at) / 6) ** 2)));
+  const axes = [{ axis: 'value', range, bins: isJoint ? 128 : 256 }];
+  if (isJoint) axes.push({ axis: 'gradient', range: [0, 80], bins: 64 });
+  const values = Array.from({ length: axes[0].bins }, (_, i) => peak(i * 256 / axes[0].bins, 10) + peak(i * 256 / axes[0].bins, 120) + 1);
+  const counts = isJoint ? Array.from({ length: 64 }, (_, g) => values.map((count) => Math.round(count / (1 + g * g)))).flat() : values;
+  return { volume: id, type, axes, samples: counts.reduce((a, b) => a + b, 0), counts };
+}
+
 /** Encodes a frame after the table of the protocol. */
 export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2 }) {
   const bytes = payload ?? encodePng(width, height, color);
@@ -64,6 +74,8 @@ export class MockDaemon {
   failWith = 0;
   /** Draws a frame after every change. */
   draws = true;
+  /** Replaces the histograms: (id, isJoint) → answer, or null for 404. */
+  histogramOf = (id, isJoint) => histogram(id, { isJoint });
   /** Camera paths as the daemon reports them; follow() changes one. */
   paths = [];
   /** The refusal of POST /paths: {status, detail, pointer}, or null to accept. */
@@ -174,7 +186,7 @@ export class MockDaemon {
       return;
     }
     const bearer = (request.headers.authorization ?? '').replace('Bearer ', '');
-    const [, id] = /^\/api\/v1\/sessions\/([^/]+)$/.exec(url.pathname) ?? [];
+    const [, id, what] = /^\/api\/v1\/sessions\/([^/]+)(\/histogram)?$/.exec(url.pathname) ?? [];
     if (bearer !== this.token && !(id && this.#role(id, bearer))) {
       problem(401, 'the token is missing or wrong');
     } else if (url.pathname === '/api/v1/volumes') {
@@ -193,6 +205,10 @@ export class MockDaemon {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
       reply(201, this.#create(JSON.parse(text).view));
+    } else if (what && this.sessions.has(id)) {
+      const answer = this.histogramOf(this.sessions.get(id).view.volume, url.searchParams.get('axis') === 'value,gradient');
+      if (answer) reply(200, answer);
+      else problem(404, 'this daemon has no histograms');
     } else if (id && this.sessions.has(id)) {
       const { view } = this.sessions.get(id);
       reply(200, { id, view, participants: 0 });

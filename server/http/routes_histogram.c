@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Histograms for editors of transfer functions: of a volume, and of the volume that a session
+ * shows, for clients that have nothing but a join token.
+ */
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/clock.h"
+#include "http/routes.h"
+#include "protocol/volume.h"
+
+/* Reads ?axis=. False: the reply is a problem document. */
+static bool read_axes(const struct srv_request *request, bool *is_joint, struct srv_reply *reply) {
+    const char *axes = srv_request_query(request, "axis");
+    *is_joint = axes && strcmp(axes, "value,gradient") == 0;
+    if (!axes || *is_joint || strcmp(axes, "value") == 0)
+        return true;
+    srv_reply_problem(reply, 400, NULL, "?axis= must be value or value,gradient");
+    return false;
+}
+
+/* The joint histogram takes tens of milliseconds of this HTTP thread. It is not kept, because a
+ * client asks once per volume. */
+static proto_json *encode(struct sp_volume *volume, const char *id, bool is_joint,
+                          struct sp_error *err) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    proto_json *json = NULL;
+    if (!is_joint) {
+        json = proto_histogram_encode(info, id, NULL);
+    } else {
+        struct sp_joint_histogram *joint = malloc(sizeof *joint);
+        if (joint && !sp_joint_histogram_count(volume, joint, err)) {
+            free(joint);
+            return NULL;
+        }
+        if (joint)
+            json = proto_histogram_encode(info, id, joint);
+        free(joint);
+    }
+    if (!json)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the histogram");
+    return json;
+}
+
+static void reply_histogram(struct srv_request *request, const char *id, struct srv_reply *reply) {
+    struct sp_error err;
+    bool is_joint;
+    if (!read_axes(request, &is_joint, reply))
+        return;
+    void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
+    proto_json *json = volume ? encode(srv_volume_voxels(volume), id, is_joint, &err) : NULL;
+    if (volume)
+        srv_catalog_release(request->app->catalog, volume);
+    if (json) {
+        srv_reply_json(reply, 200, json);
+    } else {
+        err.place[0] = 0; /* the volume is the resource, not a member of a body */
+        srv_reply_error(reply, &err);
+    }
+}
+
+void srv_get_volume_histogram(struct srv_request *request, struct srv_reply *reply) {
+    reply_histogram(request, request->param, reply);
+}
+
+void srv_get_session_histogram(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *session =
+        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
+    const char *id = proto_json_string(proto_json_get(proto_json_get(session, "view"), "volume"));
+    if (!session)
+        srv_reply_error(reply, &err);
+    else if (!id)
+        srv_reply_problem(reply, 409, NULL, "the session has no volume");
+    else
+        reply_histogram(request, id, reply);
+    proto_json_free(&session);
+}
