@@ -77,6 +77,11 @@
 #define sp_resample_near_ranges SP_ISA_NAME(sp_resample_near_ranges)
 #define sp_resample_near_visible SP_ISA_NAME(sp_resample_near_visible)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
+/* light/ */
+#define sp_light_find_cells SP_ISA_NAME(sp_light_find_cells)
+#define sp_light_pass SP_ISA_NAME(sp_light_pass)
+#define sp_light_turn_in SP_ISA_NAME(sp_light_turn_in)
+#define sp_light_turn_out SP_ISA_NAME(sp_light_turn_out)
 
 #else
 #define SP_ISA_TEXT "scalar"

@@ -10,8 +10,9 @@
 /* R: this share of the volume's diagonal. */
 static const double fading_share = 0.1;
 
-/* Radius of the light's disc, as the sine of an angle of 4°. */
-static const double light_radius = 0.07;
+/* Distance of the beams from the middle of the light's disc, whose radius is the sine of 4°: they
+ * are as far apart as the points of the disc, in the mean square. */
+static const double beam_radius = 0.07 * 0.7071;
 
 bool sp_light_is_wanted(const struct sp_view *view) {
     const struct sp_shading *s = &view->shading;
@@ -84,20 +85,15 @@ static struct sp_light_slot *free_slot(struct sp_light_cache *cache, uint64_t by
     }
 }
 
-/* The width of a cell: that of a cube of the same volume, world units. */
-static double cell_width(const struct sp_light_slot *slot) {
+double sp_light_cell_width(const struct sp_light_slot *slot) {
     const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
     return slot->side * cbrt(grid->spacing[0]) * cbrt(grid->spacing[1]) * cbrt(grid->spacing[2]);
 }
 
-/* Fills in how clear each cell is. All light arrives. */
-static void init_field(struct sp_light_slot *slot) {
-    double width = cell_width(slot) / slot->tf.reference_length;
-    for (uint64_t i = 0; i < cell_count(slot); i++) {
-        double depth = (double)slot->extinction[i] * width;
-        uint32_t clear = depth > 0 ? (uint32_t)lrint(255 * exp(-depth)) : 255;
-        slot->field[i] = 0xffffu | (clear > 1 ? clear : 1) << 16;
-    }
+/* About how far before a surface rays read the field, world units. */
+static double ahead_width(const struct sp_light_slot *slot) {
+    double width = sp_light_cell_width(slot);
+    return slot->side < LIGHT_AHEAD ? width * LIGHT_AHEAD / slot->side : width;
 }
 
 /* Creates the slot for a job, with its extinction. */
@@ -105,7 +101,7 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
                                          const struct sp_light_job *job, struct sp_error *err) {
     const uint32_t *dims = sp_volume_info(job->volume)->grid.dims;
     struct sp_light_slot made = { .tf = job->view->transfer_function, .clip = job->view->clip };
-    for (made.side = LIGHT_SIDE_MIN;; made.side *= 2) {
+    for (made.side = 1;; made.side *= 2) {
         for (int a = 0; a < 3; a++)
             made.dims[a] = (dims[a] + made.side - 1) / made.side + 2;
         if (cell_count(&made) <= LIGHT_CELLS_MAX)
@@ -130,7 +126,6 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
         finish_slot(slot);
         return NULL;
     }
-    init_field(slot);
     return slot;
 }
 
@@ -161,13 +156,45 @@ static void list_directions(struct sp_vec3 out[LIGHT_DIRECTIONS]) {
     }
 }
 
+/* Sums of ambient light in the low bits of the field, until they become openness. */
 enum { SUM_UNIT = 2048, SUM_BITS = 0xffff };
 
-/* Adds to sums in the low bits of the field. */
-static void add_openness(void *user, size_t first, size_t stride, const float *sum, int count) {
-    uint32_t *field = ((struct sp_light_slot *)user)->field + first;
-    for (int i = 0; i < count; i++)
-        field[(size_t)i * stride] += (uint32_t)(sum[i] * SUM_UNIT + 0.5f);
+static void clear_sums(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    uint32_t *field = user;
+    for (size_t i = begin; i < end; i++)
+        field[i] &= ~(uint32_t)SUM_BITS;
+}
+
+/* Twice the mean of A above a plane at a distance of x·R: ∫ e^−x/μ dμ over [0, 1]. */
+static double occlude_plane(double x) {
+    enum { PARTS = 256 };
+    double sum = 0;
+    for (int i = 0; i < PARTS; i++)
+        sum += exp(-x * PARTS / (i + 0.5)) / PARTS;
+    return sum;
+}
+
+/* Interpolation spreads directions along a plane into it, as if it were so much nearer. */
+static const double widening = 0.92;
+
+struct sums {
+    uint32_t *field;
+    float plane; /* twice the mean of A where a plane is fully open */
+};
+
+static void close_sums(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct sums *sums = user;
+    uint32_t *field = sums->field;
+    const float unit = 2 * 255.0f / SUM_UNIT / LIGHT_DIRECTIONS;
+    float none = 255 * (sums->plane - 1) + 0.5f;
+    for (size_t i = begin; i < end; i++) {
+        int32_t sum = field[i] & SUM_BITS;
+        float open = (float)sum * unit + none;
+        open = open < 255 ? open : 255;
+        field[i] += (uint32_t)((int32_t)(open > 0 ? open : 0) + (255 << 8) - sum);
+    }
 }
 
 /* Fills the openness, and makes all light arrive. */
@@ -180,38 +207,28 @@ static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job 
         diagonal += pow(grid->spacing[a] * grid->dims[a], 2);
     list_directions(directions);
     memset(slot->direction, 0, sizeof slot->direction);
-    for (uint64_t i = 0; i < cell_count(slot); i++)
-        slot->field[i] &= ~(uint32_t)SUM_BITS;
+    sp_parallel_for(job->pool, cell_count(slot), 1 << 14, clear_sums, slot->field);
     for (int face = 0; face < 6; face++) {
-        struct sp_sweep sweep = { .fading = fading_share * sqrt(diagonal) };
+        struct sp_sweep sweep = { .fading = fading_share * sqrt(diagonal),
+                                  .is_ambient = true,
+                                  .scale = SUM_UNIT };
         for (int d = 0; d < LIGHT_DIRECTIONS; d++) {
             bool rises;
             int axis = sp_sweep_axis(slot, directions[d], &rises);
             if (2 * axis + rises == face)
                 sweep.towards[sweep.count++] = directions[d];
         }
-        if (sweep.count && !sp_sweep_run(slot, &sweep, job, scratch, add_openness, slot, err))
+        if (sweep.count && !sp_sweep_run(slot, &sweep, job, scratch, err))
             return false;
     }
-    for (uint64_t i = 0; i < cell_count(slot); i++) {
-        uint32_t sum = slot->field[i] & SUM_BITS;
-        float open = (float)sum * (2 * 255.0f / SUM_UNIT / LIGHT_DIRECTIONS) + 0.5f;
-        slot->field[i] += (open < 255 ? (uint32_t)open : 255) + (255u << 8) - sum;
-    }
+    double fading = fading_share * sqrt(diagonal);
+    struct sums sums = { slot->field, (float)occlude_plane(widening * ahead_width(slot) / fading) };
+    sp_parallel_for(job->pool, cell_count(slot), 1 << 14, close_sums, &sums);
     slot->has_openness = true;
     return true;
 }
 
-static void write_light(void *user, size_t first, size_t stride, const float *sum, int count) {
-    uint32_t *field = ((struct sp_light_slot *)user)->field + first;
-    for (int i = 0; i < count; i++) {
-        uint32_t *cell = &field[(size_t)i * stride];
-        float light = sum[i] * (255.0f / LIGHT_BEAMS) + 0.5f;
-        *cell = (*cell & ~0xff00u) | (light < 255 ? (uint32_t)light : 255) << 8;
-    }
-}
-
-/* Fills the transmittance: the mean over directions to the rim of the light's disc. */
+/* Fills the transmittance: the mean over four directions within the light's disc. */
 static bool find_transmittance(struct sp_light_slot *slot, const struct sp_light_job *job,
                                struct sp_light_scratch *scratch, struct sp_error *err) {
     struct sp_vec3 d = { { (double)job->direction[0], (double)job->direction[1],
@@ -220,14 +237,16 @@ static bool find_transmittance(struct sp_light_slot *slot, const struct sp_light
     least = fabs(d.v[2]) < fabs(d.v[least]) ? 2 : least;
     struct sp_vec3 side = { { 0 } };
     side.v[least] = 1;
-    side = sp_vec3_scale(sp_vec3_normalize(sp_vec3_cross(d, side)), light_radius);
+    side = sp_vec3_scale(sp_vec3_normalize(sp_vec3_cross(d, side)), beam_radius);
     struct sp_vec3 other = sp_vec3_cross(d, side);
-    struct sp_sweep sweep = { .count = LIGHT_BEAMS, .fading = INFINITY };
+    struct sp_sweep sweep = { .count = LIGHT_BEAMS,
+                              .fading = INFINITY,
+                              .scale = 255.0f / LIGHT_BEAMS };
     for (int i = 0; i < LIGHT_BEAMS; i++)
         sweep.towards[i] =
             sp_vec3_normalize(sp_vec3_add(d, sp_vec3_scale(i & 1 ? side : other, i & 2 ? 1 : -1)));
     memset(slot->direction, 0, sizeof slot->direction);
-    if (!sp_sweep_run(slot, &sweep, job, scratch, write_light, slot, err))
+    if (!sp_sweep_run(slot, &sweep, job, scratch, err))
         return false;
     memcpy(slot->direction, d.v, sizeof d.v);
     return true;
@@ -253,7 +272,7 @@ static void describe(const struct sp_light_slot *slot, const struct sp_view *vie
                      struct sp_light_field *field) {
     const struct sp_grid *grid = &sp_volume_info(slot->volume)->grid;
     struct sp_mat3 from;
-    double volume, width = cell_width(slot);
+    double volume, width = ahead_width(slot);
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)
             from.m[r][a] = grid->direction[r][a] * grid->spacing[a] * slot->side;
@@ -261,7 +280,7 @@ static void describe(const struct sp_light_slot *slot, const struct sp_view *vie
     *field =
         (struct sp_light_field){ .cells = slot->field,
                                  .per_sample = 1 / (float)slot->side,
-                                 .first = 0.5f / (float)slot->side + 0.5f,
+                                 .first = (float)sp_light_first(slot),
                                  .occlusion = (float)view->shading.occlusion,
                                  .shadow =
                                      view->shading.light_count ? (float)view->shading.shadow : 0 };

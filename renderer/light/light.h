@@ -8,7 +8,7 @@
  * A cell holds side³ samples. One layer of empty cells surrounds the volume, so that light arrives
  * from outside. Cell (i, j, k) has its centre at cell coordinate (i, j, k):
  *
- *   cell coordinate = (sample coordinate + ½)/side + ½
+ *   cell coordinate = sample coordinate/side + first      first: sp_light_first()
  *
  * Sample coordinates are those of the finest level; on a rectilinear axis they are distances over
  * the mean spacing. For a direction ω towards the light, with the optical depth τ counted from half
@@ -16,10 +16,11 @@
  *
  *   transmittance  T(ω) = e^−τ(∞)
  *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) dτ(s)         (Zhukov, Iones, Kronin 1998, eq. 2)
- *   openness       min(1, 2 − 2·mean of A over the sphere)
+ *   openness       1 + E − 2·mean of A over the sphere, in [0, 1];   E = ∫ e^−h/(R μ) dμ, [0, 1]
  *
- * A free point and a point on a plane are fully open. R is the fading distance: matter that is
- * farther away occludes less.
+ * E is 2·mean of A at a distance h from a plane: that at which rays read the field before surfaces.
+ * So a free point and a point before a plane are fully open. R is the fading distance: matter that
+ * is farther away occludes less.
  */
 #ifndef SP_LIGHT_LIGHT_H
 #define SP_LIGHT_LIGHT_H
@@ -27,14 +28,14 @@
 #include "base/interrupt.h"
 #include "base/parallel_for.h"
 #include "base/vec.h"
+#include "light/kernels.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 
 enum {
     LIGHT_SLOTS = 6,
-    LIGHT_SIDE_MIN = 2,        /* samples per cell and axis */
-    LIGHT_CELLS_MAX = 1 << 21, /* more samples per cell are taken to stay below this many */
-    LIGHT_DIRECTIONS = 20,     /* of ambient light: the corners of a dodecahedron */
+    LIGHT_AHEAD = 2,           /* samples: rays read the light at points so far before surfaces */
+    LIGHT_CELLS_MAX = 9 << 18, /* more samples per cell are taken to stay below this many */
     LIGHT_BEAMS = 4            /* directions within the light's disc */
 };
 
@@ -57,7 +58,7 @@ struct sp_light_slot {
     struct sp_clip clip;
     uint32_t dims[3]; /* cells, with the empty layer */
     unsigned side;
-    float *extinction;   /* [cells]: optical depth per reference length */
+    float *extinction;   /* [cells]: optical depth per width of a cell */
     uint32_t *field;     /* [cells]: as sp_light_field.cells */
     double direction[3]; /* world, towards the light of which the field has the transmittance; zero
                             = it has none */
@@ -82,6 +83,7 @@ struct sp_light_job {
     const struct sp_view *view;
     const float *direction; /* unit, world, towards the first light; NULL = there is none */
     uint64_t bytes_max;     /* of the cache */
+    const struct sp_light_kernels *kernels; /* of an instruction set */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;
 };
@@ -98,7 +100,23 @@ bool sp_light_get(struct sp_light_cache *cache, const struct sp_light_job *job,
 void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume);
 uint64_t sp_light_bytes(const struct sp_light_cache *cache, const struct sp_volume *volume);
 
-/* extinction.c: fills slot->extinction. False if cancelled or out of memory (SP_ERR_MEMORY). */
+/* The width of a cell: that of a cube of the same volume, world units. */
+double sp_light_cell_width(const struct sp_light_slot *slot);
+
+/* Positions per cell and axis at which samples are read. */
+static inline unsigned sp_light_per_cell(const struct sp_light_slot *slot) {
+    return slot->side < LIGHT_PER_CELL_MAX ? slot->side : LIGHT_PER_CELL_MAX;
+}
+
+/* The cell coordinate of sample 0. A third of the pairs of neighbours at a position lie along an
+ * axis: their middle is a sixth of a position beyond it. */
+static inline double sp_light_first(const struct sp_light_slot *slot) {
+    double n = sp_light_per_cell(slot);
+    return 1 - ((n - 1) / 2 + 1.0 / 6) / n;
+}
+
+/* extinction.c: fills slot->extinction, and slot->field with how clear cells are; all light
+ * arrives. False if cancelled or out of memory (SP_ERR_MEMORY). */
 bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *job,
                         struct sp_error *err);
 
@@ -106,15 +124,15 @@ bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *j
 struct sp_sweep {
     int count;                                /* of directions, [1, LIGHT_DIRECTIONS] */
     struct sp_vec3 towards[LIGHT_DIRECTIONS]; /* world, unit, towards the light */
-    double fading; /* R, world units; INFINITY = occlusion does not fade */
+    double fading;   /* R, world units; INFINITY = occlusion does not fade */
+    bool is_ambient; /* fades, and is added to the field; else it sets the transmittance */
+    float scale;     /* of the sum of 1 − A over the directions */
 };
 
-/* sweep.c: calls write() for each row of cells with the sum of 1 − A over the directions [dims of
- * the row]; cells lie `stride` apart from `first` on. From one thread of the pool per row. */
-typedef void sp_sweep_fn(void *user, size_t first, size_t stride, const float *sum, int count);
+/* sweep.c: writes the sums to slot->field as sp_light_slice.field says. */
 bool sp_sweep_run(const struct sp_light_slot *slot, const struct sp_sweep *sweep,
                   const struct sp_light_job *job, struct sp_light_scratch *scratch,
-                  sp_sweep_fn *write, void *user, struct sp_error *err);
+                  struct sp_error *err);
 
 /* The axis of the slices that a direction crosses most directly, in cells; *rises: towards higher
  * ones. The first direction of a sweep decides for all of them. */

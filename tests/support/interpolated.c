@@ -5,195 +5,49 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "support/interpolant.h"
+#include "support/lit.h"
 #include "support/sample.h"
 
-struct world {
-    const struct test_scene *scene;
-    const struct sp_grid *grid;
-    int count[3];         /* values per axis: samples and those half way between */
-    double *values;       /* axis 0 fastest */
-    double inverse[3][3]; /* of the grid's direction: world → distances along the axes */
-    double w[3][3];       /* axes of camera space */
+/* Light changes slowly, and its rays are expensive: it is found again after this share of what is
+ * seen, or after a distance of one sample. */
+static const double share_per_light = 0.06;
+
+struct marcher {
+    const struct sp_view *view;
+    struct test_interpolant field;
+    struct test_lit lit;
+    bool is_lit; /* with occlusion or a shadow */
 };
 
-static double weight(int tap) {
-    static const double weights[6] = { 3, -25, 150, 150, -25, 3 };
-    return weights[tap] / 256;
-}
-
-/* Fills every second value along an axis from those between which it lies. */
-static void fill(struct world *f, int axis) {
-    const int step[3] = { 1, f->count[0], f->count[0] * f->count[1] };
-    int n = f->count[axis], other = (axis + 1) % 3, third = (axis + 2) % 3;
-    for (int j = 0; j < f->count[other]; j++)
-        for (int k = 0; k < f->count[third]; k++) {
-            double *line = f->values + j * step[other] + k * step[third];
-            for (int i = 1; i < n; i += 2) {
-                double sum = 0;
-                for (int tap = 0; tap < 6; tap++) {
-                    int at = i - 5 + 2 * tap;
-                    at = at < 0 ? 0 : at >= n ? n - 1 : at;
-                    sum += weight(tap) * line[at * step[axis]];
-                }
-                line[i * step[axis]] = sum;
-            }
-        }
-}
-
-static bool init_values(struct world *f) {
-    const uint32_t *dims = f->grid->dims;
-    double low = INFINITY, high = -INFINITY;
-    size_t count = 1;
-    for (int a = 0; a < 3; a++) {
-        f->count[a] = 2 * (int)dims[a] - 1;
-        count *= (size_t)f->count[a];
-    }
-    f->values = calloc(count, sizeof *f->values);
-    if (!f->values)
-        return false;
-    for (uint32_t z = 0; z < dims[2]; z++)
-        for (uint32_t y = 0; y < dims[1]; y++)
-            for (uint32_t x = 0; x < dims[0]; x++) {
-                const uint32_t i[3] = { x, y, z };
-                double value = test_sample(f->scene->voxels, f->scene->info.type,
-                                           test_sample_index(f->grid, i));
-                size_t at = ((size_t)(2 * z) * (size_t)f->count[1] + 2 * y) * (size_t)f->count[0];
-                f->values[at + 2 * x] = value;
-                low = fmin(low, value);
-                high = fmax(high, value);
-            }
-    for (int a = 0; a < 3; a++)
-        fill(f, a);
-    for (size_t i = 0; i < count; i++)
-        f->values[i] = fmin(fmax(f->values[i], low), high);
-    return true;
-}
-
-static void invert(double m[3][3], double out[3][3]) {
-    double det = 0;
-    for (int c = 0; c < 3; c++)
-        det += m[0][c] *
-               (m[1][(c + 1) % 3] * m[2][(c + 2) % 3] - m[1][(c + 2) % 3] * m[2][(c + 1) % 3]);
-    for (int r = 0; r < 3; r++)
-        for (int c = 0; c < 3; c++)
-            out[c][r] = (m[(r + 1) % 3][(c + 1) % 3] * m[(r + 2) % 3][(c + 2) % 3] -
-                         m[(r + 1) % 3][(c + 2) % 3] * m[(r + 2) % 3][(c + 1) % 3]) /
-                        det;
-}
-
-/* The sample index at a distance along an axis; false outside the volume. */
-static bool find_index(const struct sp_grid *grid, int a, double distance, double *index) {
-    int last = (int)grid->dims[a] - 1;
-    const double *c = grid->coordinates[a];
-    double spacing = grid->spacing[a];
-    double first_gap = c && last > 0 ? c[1] : spacing;
-    double last_gap = c && last > 0 ? c[last] - c[last - 1] : spacing;
-    double end = c ? c[last] : spacing * last;
-    if (distance < -0.5 * first_gap || distance > end + 0.5 * last_gap)
-        return false;
-    if (!c) {
-        *index = fmin(fmax(distance / spacing, 0), last);
-        return true;
-    }
-    int i = 0;
-    while (i + 1 < last && c[i + 1] <= distance)
-        i++;
-    *index = last ? fmin(fmax(i + (distance - c[i]) / (c[i + 1] - c[i]), 0), last) : 0;
-    return true;
-}
-
-/* The field at sample indices. */
-static double value_at(const struct world *f, const double index[3]) {
-    int first[3], step[3];
-    double part[3], sum = 0;
-    for (int a = 0; a < 3; a++) {
-        double x = fmin(fmax(2 * index[a], 0), f->count[a] - 1);
-        first[a] = (int)fmin(floor(x), f->count[a] - 1);
-        part[a] = x - first[a];
-        step[a] = first[a] + 1 < f->count[a] ? 1 : 0;
-    }
-    for (int k = 0; k < 8; k++) {
-        int at[3];
-        double product = 1;
-        for (int a = 0; a < 3; a++) {
-            int bit = k >> a & 1;
-            at[a] = first[a] + bit * step[a];
-            product *= bit ? part[a] : 1 - part[a];
-        }
-        sum += product * f->values[(at[2] * f->count[1] + at[1]) * f->count[0] + at[0]];
-    }
-    return sum;
-}
-
-/* The gradient in world space [data unit per world unit]. */
-static void gradient_at(const struct world *f, const double index[3], double out[3]) {
-    double slope[3];
-    for (int a = 0; a < 3; a++) {
-        double p[3], ends[2], gap = f->grid->spacing[a];
-        for (int side = 0; side < 2; side++) {
-            memcpy(p, index, sizeof p);
-            p[a] += side - 0.5;
-            ends[side] = value_at(f, p);
-        }
-        const double *c = f->grid->coordinates[a];
-        int last = (int)f->grid->dims[a] - 1, i = (int)fmin(floor(index[a]), last - 1);
-        if (c && last > 0)
-            gap = c[i + 1] - c[i];
-        slope[a] = (ends[1] - ends[0]) / gap;
-    }
-    for (int r = 0; r < 3; r++)
-        out[r] =
-            f->inverse[0][r] * slope[0] + f->inverse[1][r] * slope[1] + f->inverse[2][r] * slope[2];
-}
-
-static bool is_kept(const struct world *f, const double distance[3], const double world[3]) {
-    const struct sp_clip *clip = &f->scene->view.clip;
-    for (int a = 0; a < 3; a++) {
-        const double *c = f->grid->coordinates[a];
-        int last = (int)f->grid->dims[a] - 1;
-        double spacing = f->grid->spacing[a];
-        double low = -0.5 * (c && last > 0 ? c[1] : spacing);
-        double high =
-            c && last > 0 ? c[last] + 0.5 * (c[last] - c[last - 1]) : spacing * (last + 0.5);
-        double part = (distance[a] - low) / (high - low);
-        if (part < clip->box[0][a] || part > clip->box[1][a])
-            return false;
-    }
-    for (uint32_t i = 0; i < clip->plane_count; i++) {
-        const double *n = clip->planes[i].normal;
-        if (n[0] * world[0] + n[1] * world[1] + n[2] * world[2] < clip->planes[i].offset)
-            return false;
-    }
-    return true;
-}
-
-static void march(const struct world *f, const double eye[3], const double ahead[3], double from,
+static void march(const struct marcher *m, const double eye[3], const double ahead[3], double from,
                   double to, double step, double *rgba) {
-    const struct sp_view *view = &f->scene->view;
-    double light = 1;
+    const struct sp_view *view = m->view;
+    double light = 1, share[2] = { 1, 1 };
+    double lit_at = -INFINITY, lit_light = 1; /* where `share` was found */
     memset(rgba, 0, 4 * sizeof *rgba);
     for (double l = from + step / 2; l < to && light > 1e-6; l += step) {
-        double world[3], distance[3], index[3], gradient[3] = { 0 }, color[3], opacity;
-        bool is_inside = true;
+        double world[3], index[3], gradient[3] = { 0 }, color[3], opacity;
         for (int r = 0; r < 3; r++)
             world[r] = eye[r] + l * ahead[r];
-        for (int a = 0; a < 3 && is_inside; a++) {
-            distance[a] = 0;
-            for (int r = 0; r < 3; r++)
-                distance[a] += f->inverse[a][r] * (world[r] - f->grid->origin[r]);
-            is_inside = find_index(f->grid, a, distance[a], &index[a]);
-        }
-        if (!is_inside || !is_kept(f, distance, world))
+        if (!test_interpolant_find(&m->field, world, index))
             continue;
         if (test_needs_gradient(view))
-            gradient_at(f, index, gradient);
+            test_interpolant_gradient(&m->field, index, gradient);
         double length =
             sqrt(gradient[0] * gradient[0] + gradient[1] * gradient[1] + gradient[2] * gradient[2]);
-        test_classify(&view->transfer_function, value_at(f, index), length, color, &opacity);
+        double value = test_interpolant_value(&m->field, index);
+        test_classify(&view->transfer_function, value, length, color, &opacity);
         if (!(opacity > 0))
             continue;
-        test_shade(view, ahead, gradient, color);
         double alpha = 1 - pow(1 - opacity, step / view->transfer_function.reference_length);
+        if (m->is_lit && light > 0.01 &&
+            (l > lit_at + m->lit.cell / 2 || light < lit_light - share_per_light)) {
+            test_lit_shares(&m->lit, world, ahead, gradient, share);
+            lit_at = l;
+            lit_light = light;
+        }
+        test_shade_shares(view, ahead, gradient, share, color);
         for (int c = 0; c < 3; c++)
             rgba[c] += light * alpha * color[c];
         light *= 1 - alpha;
@@ -203,39 +57,39 @@ static void march(const struct world *f, const double eye[3], const double ahead
 
 bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image) {
     const struct sp_view *view = &scene->view;
-    struct world f = { .scene = scene, .grid = &scene->info.grid };
-    double direction[3][3], middle[3], radius = 0, smallest = INFINITY;
-    memcpy(direction, f.grid->direction, sizeof direction);
-    invert(direction, f.inverse);
-    test_camera_axes(&view->camera, f.w);
+    const struct sp_shading *shading = &view->shading;
+    const struct sp_grid *grid = &scene->info.grid;
+    struct marcher m = { .view = view };
+    double w[3][3], middle[3], radius = 0, smallest = INFINITY;
+    test_camera_axes(&view->camera, w);
     double scale = test_camera_scale(view);
     for (int r = 0; r < 3; r++)
-        middle[r] = f.grid->origin[r];
+        middle[r] = grid->origin[r];
     for (int a = 0; a < 3; a++) {
-        const double *c = f.grid->coordinates[a];
-        uint32_t last = f.grid->dims[a] - 1;
-        double end = c ? c[last] : f.grid->spacing[a] * last;
-        radius += 0.5 * end + f.grid->spacing[a] * (c ? last : 1);
-        smallest = fmin(smallest, f.grid->spacing[a]);
+        const double *c = grid->coordinates[a];
+        uint32_t last = grid->dims[a] - 1;
+        double end = c ? c[last] : grid->spacing[a] * last;
+        radius += 0.5 * end + grid->spacing[a] * (c ? last : 1);
+        smallest = fmin(smallest, grid->spacing[a]);
         for (uint32_t i = 0; c && i < last; i++)
             smallest = fmin(smallest, c[i + 1] - c[i]);
         for (int r = 0; r < 3; r++)
-            middle[r] += 0.5 * end * direction[r][a];
+            middle[r] += 0.5 * end * grid->direction[r][a];
     }
-    if (!test_image_init(image, view->size[0], view->size[1]) || !init_values(&f)) {
-        test_image_finish(image);
-        return false;
-    }
-    for (unsigned y = 0; y < view->size[1]; y++)
+    m.is_lit = shading->mode == SP_SHADING_PHONG && (shading->occlusion > 0 || shading->shadow > 0);
+    bool ok = test_image_init(image, view->size[0], view->size[1]) &&
+              test_interpolant_init(&m.field, scene) &&
+              (!m.is_lit || test_lit_init(&m.lit, &m.field, 2));
+    for (unsigned y = 0; ok && y < view->size[1]; y++)
         for (unsigned x = 0; x < view->size[0]; x++) {
             double right = (x + 0.5 - 0.5 * view->size[0]) / scale;
             double down = (y + 0.5 - 0.5 * view->size[1]) / scale;
             double eye[3], ahead[3], length = 0, along = 0;
             bool is_flat = view->camera.projection == SP_ORTHOGRAPHIC;
             for (int r = 0; r < 3; r++) {
-                double across = right * f.w[0][r] + down * f.w[1][r];
+                double across = right * w[0][r] + down * w[1][r];
                 eye[r] = view->camera.position[r] + (is_flat ? across : 0);
-                ahead[r] = f.w[2][r] + (is_flat ? 0 : across);
+                ahead[r] = w[2][r] + (is_flat ? 0 : across);
                 length += ahead[r] * ahead[r];
             }
             length = sqrt(length);
@@ -245,10 +99,14 @@ bool test_interpolated(const struct test_scene *scene, unsigned steps, struct te
             }
             /* The near plane, and a sphere that holds the volume. */
             double from = fmax(along - radius, view->camera.near * (is_flat ? 1 : length));
-            march(&f, eye, ahead, from, along + radius, smallest / steps,
+            march(&m, eye, ahead, from, along + radius, smallest / steps,
                   test_image_at(image, x, y));
         }
-    free(f.values);
-    test_image_over(image, view->background);
-    return true;
+    test_lit_finish(&m.lit);
+    test_interpolant_finish(&m.field);
+    if (ok)
+        test_image_over(image, view->background);
+    else
+        test_image_finish(image);
+    return ok;
 }

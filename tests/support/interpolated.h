@@ -4,9 +4,7 @@
  * integral along the ray of each pixel's centre through the interpolated field, by brute force in
  * double precision. It shares no code with the renderer.
  *
- * Field: along each axis, half way between two samples, the polynomial of degree 5 through the six
- * nearest samples; between these values and the samples, linear. The volume ends half a cell beyond
- * the outermost samples, whose values hold there. Values are kept inside the range of the samples.
+ * Field: support/interpolant.h. Occlusion and shadow: support/lit.h.
  *
  * Extinction and colour: the transfer function at the field's value and at the length of its
  * gradient, which is a central difference over half a sample to each side. A point that a clip

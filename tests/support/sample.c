@@ -132,30 +132,45 @@ double test_camera_scale(const struct sp_view *view) {
                : view->size[1] / camera->height;
 }
 
-void test_shade(const struct sp_view *view, const double ahead[3], const double gradient[3],
-                double color[3]) {
+void test_light_direction(const struct sp_view *view, uint32_t l, double world[3]) {
+    const struct sp_light *light = &view->shading.lights[l];
+    const double *d = light->direction;
+    struct sp_vec3 towards = sp_vec3_from(d);
+    double w[3][3];
+    test_camera_axes(&view->camera, w);
+    if (light->space == SP_LIGHT_CAMERA)
+        for (int c = 0; c < 3; c++)
+            towards.v[c] = d[0] * w[0][c] - d[1] * w[1][c] - d[2] * w[2][c];
+    towards = sp_vec3_normalize(towards);
+    memcpy(world, towards.v, sizeof towards.v);
+}
+
+void test_shade_shares(const struct sp_view *view, const double ahead[3], const double gradient[3],
+                       const double share[2], double color[3]) {
     const struct sp_shading *s = &view->shading;
-    double w[3][3], diffuse[3] = { 0 }, specular[3] = { 0 };
+    double diffuse[3] = { 0 }, specular[3] = { 0 };
     if (s->mode != SP_SHADING_PHONG)
         return;
-    test_camera_axes(&view->camera, w);
     struct sp_vec3 normal = sp_vec3_normalize(sp_vec3_from(gradient));
     bool sided = sp_vec3_length(normal) > 0;
     for (uint32_t l = 0; l < s->light_count; l++) {
-        const double *d = s->lights[l].direction;
-        struct sp_vec3 light = sp_vec3_from(d);
-        if (s->lights[l].space == SP_LIGHT_CAMERA)
-            for (int c = 0; c < 3; c++)
-                light.v[c] = d[0] * w[0][c] - d[1] * w[1][c] - d[2] * w[2][c];
-        light = sp_vec3_normalize(light);
+        struct sp_vec3 light;
+        test_light_direction(view, l, light.v);
         struct sp_vec3 half = sp_vec3_normalize(sp_vec3_sub(light, sp_vec3_from(ahead)));
+        double arrives = l == 0 ? share[1] : 1;
         double nl = sided ? fabs(sp_vec3_dot(normal, light)) : 1;
         double nh = sided ? pow(fabs(sp_vec3_dot(normal, half)), s->exponent) : 0;
         for (int c = 0; c < 3; c++) {
-            diffuse[c] += nl * (double)s->lights[l].color[c];
-            specular[c] += nh * (double)s->lights[l].color[c];
+            diffuse[c] += arrives * nl * (double)s->lights[l].color[c];
+            specular[c] += arrives * nh * (double)s->lights[l].color[c];
         }
     }
     for (int c = 0; c < 3; c++)
-        color[c] = color[c] * (s->ambient + s->diffuse * diffuse[c]) + s->specular * specular[c];
+        color[c] = color[c] * share[0] * (s->ambient + s->diffuse * diffuse[c]) +
+                   s->specular * specular[c];
+}
+
+void test_shade(const struct sp_view *view, const double ahead[3], const double gradient[3],
+                double color[3]) {
+    test_shade_shares(view, ahead, gradient, (const double[]){ 1, 1 }, color);
 }

@@ -47,4 +47,12 @@ double test_camera_scale(const struct sp_view *view);
 void test_shade(const struct sp_view *view, const double ahead[3], const double gradient[3],
                 double color[3]);
 
+/* The same where only shares of the light arrive: share[0] of ambient and diffuse light, share[1]
+ * of the first light. */
+void test_shade_shares(const struct sp_view *view, const double ahead[3], const double gradient[3],
+                       const double share[2], double color[3]);
+
+/* Unit vector towards a light of the view, in world space. */
+void test_light_direction(const struct sp_view *view, uint32_t l, double world[3]);
+
 #endif

@@ -64,6 +64,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
         .view = job->view,
         .direction = is_lit && shade.light_count ? shade.lights[0].world : NULL,
         .bytes_max = rest_of(state, used + sp_samples_bytes(&state->samples, NULL)),
+        .kernels = &state->kernels.light,
         .pool = state->pool,
         .interrupt = sp_job_interrupt(job)
     };

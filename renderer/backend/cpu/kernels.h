@@ -10,6 +10,7 @@
 #define SP_BACKEND_CPU_KERNELS_H
 
 #include "base/isa.h"
+#include "light/kernels.h"
 #include "postconv/postconv.h"
 #include "postconv/shear.h"
 #include "resample/resample.h"
@@ -32,6 +33,7 @@ struct cpu_kernels {
     struct sp_shear_kernels shear;      /* sp_shear_tile(), sp_shear_warp() */
     sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
+    struct sp_light_kernels light;      /* light/kernels.h */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

@@ -26,6 +26,8 @@ const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
                                        .shear = { sp_shear_tile, sp_shear_warp },
                                        .resample_tile = sp_resample_tile,
                                        .ranges_find = sp_ranges_find,
+                                       .light = { sp_light_find_cells, sp_light_pass,
+                                                  sp_light_turn_in, sp_light_turn_out },
 #ifdef SP_ISA
                                        .has_fast_path = true,
 #endif

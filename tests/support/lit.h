@@ -1,0 +1,52 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ambient occlusion and soft shadow by brute force, in double precision: rays from a point through
+ * the interpolated and classified volume. It shares no code with the renderer.
+ *
+ * The light of a place is that of a point before it, so that a surface does not darken itself: 1½
+ * samples nearer to the eye and, where the gradient is one of a surface, one sample along the
+ * normal. Optical depth τ counts from half a slice of samples away from that point. With the
+ * extinction σ, for a direction ω:
+ *
+ *   occlusion      A(ω) = ∫ e^−s/R e^−τ(s) σ(s) ds      R: a tenth of the volume's diagonal
+ *   openness       1 + E − 2·mean of A over the sphere, in [0, 1]; E: 2·mean of A at a distance of
+ *                  two samples from a plane, which is ∫ e^−h/(R μ) dμ over [0, 1]
+ *   transmittance  mean of e^−τ(∞) over a disc of 4° radius around the first light
+ */
+#ifndef TESTS_SUPPORT_LIT_H
+#define TESTS_SUPPORT_LIT_H
+
+#include "support/interpolant.h"
+
+enum { TEST_LIT_AROUND = 64, TEST_LIT_DISC = 16, TEST_LIT_VALUES = 4096 };
+
+struct test_lit {
+    const struct test_interpolant *field; /* borrowed */
+    const struct sp_view *view;
+    double step;   /* of rays, world units */
+    double cell;   /* width of two samples, world units */
+    double fading; /* R */
+    double plane;  /* E */
+    double radius; /* rays this long leave the volume */
+    double firm;   /* length of the gradient of a surface */
+    double around[TEST_LIT_AROUND][3], disc[TEST_LIT_DISC][3]; /* unit, world space */
+    bool is_clipped;
+    double low, per_unit;   /* entry of `depth` = (value − low)·per_unit */
+    double *depth;          /* owned; extinction per world unit without the gradient */
+    unsigned char *visible; /* owned; [count]: something between these values may be visible */
+};
+
+/* `steps` per smallest spacing. The axes must have even spacing. False when out of memory. */
+bool test_lit_init(struct test_lit *lit, const struct test_interpolant *field, double steps);
+void test_lit_finish(struct test_lit *lit);
+
+/* Sets the shares of ambient and of direct light that arrive at a place, each at the strength of
+ * the view. `ahead`: unit vector from the eye to the place. */
+void test_lit_shares(const struct test_lit *lit, const double world[3], const double ahead[3],
+                     const double gradient[3], double share[2]);
+
+/* 1 − A along a unit vector, from `start` on; fading INFINITY: the transmittance. */
+double test_lit_march(const struct test_lit *lit, const double from[3], const double towards[3],
+                      double start, double fading);
+
+#endif
