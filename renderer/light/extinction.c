@@ -24,6 +24,11 @@ struct integral {
     } bins[BINS + 2];      /* bin −1, which holds what lies below, comes first */
 };
 
+/* Mean depth between any two samples of one byte, by their bits. */
+struct byte_means {
+    float between[256][256];
+};
+
 struct half {
     double normal[3], offset; /* cell coordinates; the normal has length 1 */
 };
@@ -34,6 +39,7 @@ struct extinction {
     const void *voxels;
     const struct sp_interrupt *interrupt;
     struct integral *integral;
+    struct byte_means *bytes; /* NULL = of a type that has more values, or with a gradient axis */
     unsigned per_cell;   /* positions per cell and axis; the last one belongs to the next cell */
     uint32_t *sample[3]; /* sample at each position along the axes, owned */
     float *ranges;       /* per worker: two rows of samples, owned */
@@ -117,6 +123,38 @@ static double gradient_factor(const struct extinction *x, const double value[4],
     return depth > 0 ? -log1p(-fmin(opacity, 1 - 1e-12)) / depth : 0;
 }
 
+static void init_byte_means(struct byte_means *means, const struct integral *f, bool is_signed) {
+    struct place places[256];
+    for (int i = 0; i < 256; i++)
+        places[i] = place_of(f, is_signed && i > 127 ? i - 256 : i);
+    for (int i = 0; i < 256; i++)
+        for (int k = 0; k <= i; k++)
+            means->between[i][k] = means->between[k][i] =
+                (float)mean_between(&places[k], &places[i]);
+}
+
+/* find_cell() for samples of one byte. */
+static double find_cell_of_bytes(const struct extinction *x, const uint32_t first[3]) {
+    const unsigned n = x->per_cell;
+    const uint32_t *dims = x->info->grid.dims, *columns = x->sample[0] + first[0];
+    float sum = 0;
+    for (unsigned k = 0; k < n; k++)
+        for (unsigned j = 0; j < n; j++) {
+            const uint8_t *lines[3]; /* this one, and the next ones along both axes */
+            for (unsigned i = 0; i < 3; i++) {
+                const uint32_t *rows = x->sample[1] + first[1] + j + (i == 1);
+                const uint32_t *slices = x->sample[2] + first[2] + k + (i == 2);
+                lines[i] = (const uint8_t *)x->voxels + ((uint64_t)*slices * dims[1] + *rows) * dims[0];
+            }
+            for (unsigned i = 0; i < n; i++) {
+                const float *means = x->bytes->between[lines[0][columns[i]]];
+                sum += means[lines[0][columns[i + 1]]] + means[lines[1][columns[i]]] +
+                       means[lines[2][columns[i]]];
+            }
+        }
+    return (double)sum / (3 * n * n * n);
+}
+
 /* The mean over the cell whose first positions are given. */
 static double find_cell(const struct extinction *x, const uint32_t first[3]) {
     struct place places[POSITIONS_MAX * POSITIONS_MAX * POSITIONS_MAX];
@@ -198,23 +236,12 @@ static bool shows(const struct integral *f, float low, float high) {
     return b.sum > a.sum || a.slope > 0 || b.slope > 0;
 }
 
-/* A row of cells along the first axis. */
-static void find_row(const struct extinction *x, uint32_t j, uint32_t k, float *low, float *high) {
-    const uint32_t *cells = x->slot->dims, *dims = x->info->grid.dims;
+/* Fills the means of a row of cells from those of its samples' ranges that show something. */
+static void find_shown(const struct extinction *x, uint32_t j, uint32_t k, const float *low,
+                       const float *high, float *out) {
     const unsigned n = x->per_cell;
-    float *out = x->slot->extinction + ((size_t)k * cells[1] + j) * cells[0];
     uint32_t first[3] = { 0, (j - 1) * n, (k - 1) * n };
-    for (uint32_t i = 0; i < dims[0]; i++) {
-        low[i] = INFINITY;
-        high[i] = -INFINITY;
-    }
-    for (unsigned l = 0; l <= n; l++)
-        for (unsigned m = 0; m <= n; m++)
-            join_row(x,
-                     ((uint64_t)x->sample[2][first[2] + l] * dims[1] + x->sample[1][first[1] + m]) *
-                         dims[0],
-                     low, high);
-    for (uint32_t i = 1; i + 1 < cells[0]; i++) {
+    for (uint32_t i = 1; i + 1 < x->slot->dims[0]; i++) {
         float least = INFINITY, most = -INFINITY;
         first[0] = (i - 1) * n;
         for (uint32_t s = x->sample[0][first[0]]; s <= x->sample[0][first[0] + n]; s++) {
@@ -224,6 +251,63 @@ static void find_row(const struct extinction *x, uint32_t j, uint32_t k, float *
         if (shows(x->integral, least, most))
             out[i] = (float)(find_cell(x, first) * kept(x, (const uint32_t[3]){ i, j, k }));
     }
+}
+
+/* The same for samples of one byte; flip: makes them rise like unsigned ones. */
+static void find_shown_bytes(const struct extinction *x, uint32_t j, uint32_t k, uint8_t flip,
+                             const uint8_t *low, const uint8_t *high, float *out) {
+    const unsigned n = x->per_cell;
+    uint32_t first[3] = { 0, (j - 1) * n, (k - 1) * n };
+    for (uint32_t i = 1; i + 1 < x->slot->dims[0]; i++) {
+        uint8_t least = UINT8_MAX, most = 0;
+        first[0] = (i - 1) * n;
+        for (uint32_t s = x->sample[0][first[0]]; s <= x->sample[0][first[0] + n]; s++) {
+            least = low[s] < least ? low[s] : least;
+            most = high[s] > most ? high[s] : most;
+        }
+        if (x->bytes->between[least ^ flip][most ^ flip] > 0)
+            out[i] = (float)(find_cell_of_bytes(x, first) * kept(x, (const uint32_t[3]){ i, j, k }));
+    }
+}
+
+/* Joins the ranges of the samples of a row. */
+static void join_bytes(const uint8_t *row, uint32_t count, uint8_t flip, uint8_t *low,
+                       uint8_t *high) {
+    for (uint32_t i = 0; i < count; i++) {
+        uint8_t value = row[i] ^ flip;
+        low[i] = value < low[i] ? value : low[i];
+        high[i] = value > high[i] ? value : high[i];
+    }
+}
+
+/* A row of cells along the first axis. low, high: rows of samples. */
+static void find_row(const struct extinction *x, uint32_t j, uint32_t k, float *low, float *high) {
+    const uint32_t *cells = x->slot->dims, *dims = x->info->grid.dims;
+    const unsigned n = x->per_cell;
+    const uint32_t *rows = x->sample[1] + (j - 1) * n, *slices = x->sample[2] + (k - 1) * n;
+    float *out = x->slot->extinction + ((size_t)k * cells[1] + j) * cells[0];
+    uint8_t flip = x->info->type == SP_INT8 ? 0x80 : 0;
+    if (x->bytes) {
+        memset(low, UINT8_MAX, dims[0]);
+        memset(high, 0, dims[0]);
+    }
+    for (uint32_t i = 0; i < dims[0] && !x->bytes; i++) {
+        low[i] = INFINITY;
+        high[i] = -INFINITY;
+    }
+    for (unsigned l = 0; l <= n; l++)
+        for (unsigned m = 0; m <= n; m++) {
+            uint64_t row = ((uint64_t)slices[l] * dims[1] + rows[m]) * dims[0];
+            if (x->bytes)
+                join_bytes((const uint8_t *)x->voxels + row, dims[0], flip, (uint8_t *)low,
+                           (uint8_t *)high);
+            else
+                join_row(x, row, low, high);
+        }
+    if (x->bytes)
+        find_shown_bytes(x, j, k, flip, (const uint8_t *)low, (const uint8_t *)high, out);
+    else
+        find_shown(x, j, k, low, high, out);
 }
 
 static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
@@ -305,14 +389,19 @@ bool sp_extinction_find(struct sp_light_slot *slot, const struct sp_light_job *j
     x.integral = malloc(sizeof *x.integral);
     size_t floats = 2 * (size_t)x.info->grid.dims[0] * sp_pool_threads(job->pool);
     x.ranges = malloc(floats * sizeof *x.ranges);
-    bool ok = x.integral && x.ranges && find_positions(&x);
+    bool has_bytes = sp_type_size(x.info->type) == 1 && slot->tf.gradient_count == 0;
+    x.bytes = has_bytes ? malloc(sizeof *x.bytes) : NULL;
+    bool ok = x.integral && x.ranges && (x.bytes || !has_bytes) && find_positions(&x);
     if (ok) {
         init_integral(x.integral, &slot->tf);
+        if (has_bytes)
+            init_byte_means(x.bytes, x.integral, x.info->type == SP_INT8);
         find_halves(&x);
         sp_parallel_for(job->pool, (size_t)(slot->dims[1] - 2) * (slot->dims[2] - 2), 16, find_rows,
                         &x);
     }
     free(x.integral);
+    free(x.bytes);
     free(x.ranges);
     for (int a = 0; a < 3; a++)
         free(x.sample[a]);
