@@ -81,7 +81,9 @@ struct place {
 
 static inline struct place place_of(const struct integral *f, double value) {
     const double far = 1e9; /* sums stay finite */
-    double t = fmin(fmax(value * f->per_unit - f->low * f->per_unit, -far), far);
+    double t = value * f->per_unit - f->low * f->per_unit;
+    t = t > -far ? t : -far; /* NaN, too */
+    t = t < far ? t : far;
     int i = t < 0 ? -1 : t < BINS ? (int)t : BINS;
     double slope = f->bins[i + 1].slope, start = i < 0 ? 0 : i;
     if (!isfinite(value))

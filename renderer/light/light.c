@@ -90,10 +90,14 @@ static double cell_width(const struct sp_light_slot *slot) {
     return slot->side * cbrt(grid->spacing[0]) * cbrt(grid->spacing[1]) * cbrt(grid->spacing[2]);
 }
 
-/* Fills in how clear each cell is. All light arrives. */
-static void init_field(struct sp_light_slot *slot) {
+enum { CELLS_GRAIN = 1 << 14 };
+
+/* Fills in how clear cells are. All light arrives. */
+static void init_cells(void *user, size_t begin, size_t end, unsigned worker) {
+    struct sp_light_slot *slot = user;
     double width = cell_width(slot) / slot->tf.reference_length;
-    for (uint64_t i = 0; i < cell_count(slot); i++) {
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
         double depth = (double)slot->extinction[i] * width;
         uint32_t clear = depth > 0 ? (uint32_t)lrint(255 * exp(-depth)) : 255;
         slot->field[i] = 0xffffu | (clear > 1 ? clear : 1) << 16;
@@ -130,7 +134,7 @@ static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
         finish_slot(slot);
         return NULL;
     }
-    init_field(slot);
+    sp_parallel_for(job->pool, cell_count(slot), CELLS_GRAIN, init_cells, slot);
     return slot;
 }
 
@@ -170,6 +174,24 @@ static void add_openness(void *user, size_t first, size_t stride, const float *s
         field[(size_t)i * stride] += (uint32_t)(sum[i] * SUM_UNIT + 0.5f);
 }
 
+static void clear_sums(void *user, size_t begin, size_t end, unsigned worker) {
+    uint32_t *field = ((struct sp_light_slot *)user)->field;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        field[i] &= ~(uint32_t)SUM_BITS;
+}
+
+/* Turns sums into openness. All light arrives. */
+static void finish_openness(void *user, size_t begin, size_t end, unsigned worker) {
+    uint32_t *field = ((struct sp_light_slot *)user)->field;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        uint32_t sum = field[i] & SUM_BITS;
+        float open = (float)sum * (2 * 255.0f / SUM_UNIT / LIGHT_DIRECTIONS) + 0.5f;
+        field[i] += (open < 255 ? (uint32_t)open : 255) + (255u << 8) - sum;
+    }
+}
+
 /* Fills the openness, and makes all light arrive. */
 static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job *job,
                           struct sp_light_scratch *scratch, struct sp_error *err) {
@@ -180,8 +202,7 @@ static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job 
         diagonal += pow(grid->spacing[a] * grid->dims[a], 2);
     list_directions(directions);
     memset(slot->direction, 0, sizeof slot->direction);
-    for (uint64_t i = 0; i < cell_count(slot); i++)
-        slot->field[i] &= ~(uint32_t)SUM_BITS;
+    sp_parallel_for(job->pool, cell_count(slot), CELLS_GRAIN, clear_sums, slot);
     for (int face = 0; face < 6; face++) {
         struct sp_sweep sweep = { .fading = fading_share * sqrt(diagonal) };
         for (int d = 0; d < LIGHT_DIRECTIONS; d++) {
@@ -193,11 +214,7 @@ static bool find_openness(struct sp_light_slot *slot, const struct sp_light_job 
         if (sweep.count && !sp_sweep_run(slot, &sweep, job, scratch, add_openness, slot, err))
             return false;
     }
-    for (uint64_t i = 0; i < cell_count(slot); i++) {
-        uint32_t sum = slot->field[i] & SUM_BITS;
-        float open = (float)sum * (2 * 255.0f / SUM_UNIT / LIGHT_DIRECTIONS) + 0.5f;
-        slot->field[i] += (open < 255 ? (uint32_t)open : 255) + (255u << 8) - sum;
-    }
+    sp_parallel_for(job->pool, cell_count(slot), CELLS_GRAIN, finish_openness, slot);
     slot->has_openness = true;
     return true;
 }

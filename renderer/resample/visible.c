@@ -219,16 +219,28 @@ static unsigned find_intervals(const struct sp_samples *s, const struct sp_sampl
 
 struct search {
     const struct sp_samples *samples;
+    double first, last; /* only values above and below them, respectively, may be visible */
     struct sp_samples_class *class;
     const struct sp_interrupt *interrupt;
     _Atomic uint64_t visible_count;
 };
 
-static unsigned find_region(const struct sp_samples *s, const struct sp_samples_class *class,
-                            const uint32_t region[3]) {
+static void find_ends(const struct sp_transfer_function *tf, struct search *search) {
+    uint32_t first = 0, end = tf->point_count;
+    while (first < end && !(tf->points[first].opacity > 0))
+        first++;
+    while (end > first && !(tf->points[end - 1].opacity > 0))
+        end--;
+    search->first = first > 0 ? tf->points[first - 1].value : -INFINITY;
+    search->last = end < tf->point_count ? tf->points[end].value : INFINITY;
+}
+
+static unsigned find_region(const struct search *search, const uint32_t region[3]) {
+    const struct sp_samples *s = search->samples;
+    const struct sp_samples_class *class = search->class;
     size_t at = ((size_t)region[2] * s->regions[1] + region[1]) * s->regions[0] + region[0];
     double low = (double)s->range[at][0], high = (double)s->range[at][1];
-    if (!sp_curve_shows(&class->tf, low, high))
+    if (!(high > search->first && low < search->last) || !sp_curve_shows(&class->tf, low, high))
         return 0;
     /* Planes are read as floats, which do not hold every value of the larger types. */
     bool is_rounded = s->type == SP_INT32 || s->type == SP_FLOAT64;
@@ -247,7 +259,7 @@ static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t x = 0; x < s->regions[0]; x++) {
             const uint32_t region[3] = { x, (uint32_t)(i % s->regions[1]),
                                          (uint32_t)(i / s->regions[1]) };
-            unsigned visible = find_region(s, search->class, region);
+            unsigned visible = find_region(search, region);
             search->class->visible[i * s->regions[0] + x] = (uint8_t)visible;
             count += visible != 0;
         }
@@ -257,6 +269,7 @@ static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
 bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
                      struct sp_pool *pool, const struct sp_interrupt *interrupt) {
     struct search search = { .samples = samples, .class = class, .interrupt = interrupt };
+    find_ends(&class->tf, &search);
     sp_parallel_for(pool, (size_t)samples->regions[1] * samples->regions[2], 8, find_rows, &search);
     class->visible_count = atomic_load(&search.visible_count);
     return !sp_interrupt_is_cancelled(interrupt);
