@@ -146,7 +146,8 @@ static double find_cell_of_bytes(const struct extinction *x, const uint32_t firs
             for (unsigned i = 0; i < 3; i++) {
                 const uint32_t *rows = x->sample[1] + first[1] + j + (i == 1);
                 const uint32_t *slices = x->sample[2] + first[2] + k + (i == 2);
-                lines[i] = (const uint8_t *)x->voxels + ((uint64_t)*slices * dims[1] + *rows) * dims[0];
+                uint64_t line = (uint64_t)*slices * dims[1] + *rows;
+                lines[i] = (const uint8_t *)x->voxels + line * dims[0];
             }
             for (unsigned i = 0; i < n; i++) {
                 const float *means = x->bytes->between[lines[0][columns[i]]];
@@ -268,7 +269,8 @@ static void find_shown_bytes(const struct extinction *x, uint32_t j, uint32_t k,
             most = high[s] > most ? high[s] : most;
         }
         if (x->bytes->between[least ^ flip][most ^ flip] > 0)
-            out[i] = (float)(find_cell_of_bytes(x, first) * kept(x, (const uint32_t[3]){ i, j, k }));
+            out[i] = (float)(find_cell_of_bytes(x, first) *
+                             kept(x, (const uint32_t[3]){ i, j, k }));
     }
 }
 

@@ -6,8 +6,8 @@
  *   ELEMENT       the type
  *   LINES(name)   the name with a suffix of the type
  *   LEAST, MOST   values that change no maximum and no minimum
- *   READ_LINE     sets pointers to the smallest and largest values of a stretch of samples, which it
- *                 may write to a line
+ *   READ_LINE     sets pointers to the smallest and largest values of a stretch of samples; it may
+ *                 write them to a line
  */
 
 struct LINES(line) {

@@ -4,9 +4,10 @@
  * translucent ones in two.
  *
  * Claims: the lowest PSNR of three views is at least 40 dB for each scene and lighting, 45 dB for a
- * translucent one; the median of the scenes is at least 45 dB in each lighting. Two synthetic scenes have lower floors when
- * they are lit, for two reasons: an ellipsoid approximates faces that are all parallel to the axes
- * badly; and in a thick opaque wall the bright front of a coarse cell hides the darker rest.
+ * translucent one; the median of the scenes is at least 45 dB in each lighting. Two synthetic scenes
+ * have lower floors when they are lit, for two reasons: an ellipsoid approximates faces that are all
+ * parallel to the axes badly; and in a thick opaque wall the bright front of a coarse cell hides the
+ * darker rest.
  */
 #include <math.h>
 #include <stdio.h>
@@ -30,8 +31,8 @@ static const struct {
 };
 enum { SCENES = sizeof scenes / sizeof *scenes };
 
-/* TWO_LIGHTS: broad highlights, one light fixed in the world, one fixed to the camera. THIN: a tenth
- * of the extinction, so that the cells that are drawn may be larger (splat/detail.h). */
+/* TWO_LIGHTS: broad highlights, one light fixed in the world, one fixed to the camera. THIN: a
+ * tenth of the extinction, so that the cells that are drawn may be larger (splat/detail.h). */
 enum lighting { UNLIT, DEFAULT_LIGHT, TWO_LIGHTS, THIN, THIN_LIT, LIGHTINGS };
 
 static bool is_unlit(enum lighting lighting) {
@@ -87,7 +88,7 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
 static void measure(struct quality *q) {
     double psnr[LIGHTINGS][SCENES];
     size_t count = 0;
-    printf("  with against without level of detail, dB    px   unlit     lit    two    thin  thin, lit\n");
+    printf("  with against without level of detail, dB    px   unlit     lit     two    thin    both\n");
     for (size_t i = 0; i < SCENES; i++) {
         struct sp_volume *volume = quality_load(scenes[i].source);
         if (!volume)
