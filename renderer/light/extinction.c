@@ -269,8 +269,8 @@ static void find_shown_bytes(const struct extinction *x, uint32_t j, uint32_t k,
             most = high[s] > most ? high[s] : most;
         }
         if (x->bytes->between[least ^ flip][most ^ flip] > 0)
-            out[i] = (float)(find_cell_of_bytes(x, first) *
-                             kept(x, (const uint32_t[3]){ i, j, k }));
+            out[i] =
+                (float)(find_cell_of_bytes(x, first) * kept(x, (const uint32_t[3]){ i, j, k }));
     }
 }
 

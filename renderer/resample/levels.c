@@ -231,8 +231,8 @@ static void turn_bytes(const uint8_t *from, size_t from_step, uint8_t *to, size_
     for (int round = 0; round < 4; round++) {
         for (int i = 0; i < 8; i++) {
             byte_row a = rows[i], b = rows[i + 8];
-            next[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21,
-                                                  6, 22, 7, 23);
+            next[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6,
+                                                  22, 7, 23);
             next[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28,
                                                       13, 29, 14, 30, 15, 31);
         }

@@ -67,8 +67,7 @@ static void LINES(join_four)(const struct LINES(line) * line, struct LINES(line)
 }
 
 /* Writes the ranges of `count` regions beside each other. */
-static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count,
-                                float (*range)[2]) {
+static void LINES(write_ranges)(const struct LINES(row) * row, uint32_t count, float (*range)[2]) {
     _Static_assert(SAMPLES_REGION == 4, "two stretches of four samples cover a region");
     struct LINES(line) own, wide;
     LINES(join_four)(&row->own, &own);

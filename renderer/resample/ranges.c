@@ -62,8 +62,8 @@ static struct stretch find_stretch(const struct sp_samples *s, uint32_t first, u
 /* Integers are used where they lie. */
 #define READ_INTEGERS(s, stretch, line, low_out, high_out)                                         \
     do {                                                                                           \
-        *(low_out) = (const void *)((const char *)(s)->voxels +                                    \
-                                    (stretch)->begin * sizeof *(line)->low);                       \
+        *(low_out) =                                                                               \
+            (const void *)((const char *)(s)->voxels + (stretch)->begin * sizeof *(line)->low);    \
         *(high_out) = *(low_out);                                                                  \
     } while (0)
 

@@ -149,8 +149,9 @@ static void write_range(const struct sp_samples *s, bytes range, int lane, float
 static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
                                  const uint32_t region[3], struct plane_range planes[PLANES]) {
     const bytes own = { 0, 255, 255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255, 0, 0 };
-    const bytes wide = { 255, 255, 255, 255, 255, 255, 255, 0,
-                         255, 255, 255, 255, 255, 255, 255, 0 };
+    const bytes wide = {
+        255, 255, 255, 255, 255, 255, 255, 0, 255, 255, 255, 255, 255, 255, 255, 0
+    };
     const uint64_t flip = s->type == SP_INT8 ? UINT64_C(0x8080808080808080) : 0;
     const uint8_t *lines[PLANES][PLANES]; /* plane (slices 0: z), line of it */
     for (uint32_t k = 0; k < PLANES; k++)

@@ -4,10 +4,10 @@
  * translucent ones in two.
  *
  * Claims: the lowest PSNR of three views is at least 40 dB for each scene and lighting, 45 dB for a
- * translucent one; the median of the scenes is at least 45 dB in each lighting. Two synthetic scenes
- * have lower floors when they are lit, for two reasons: an ellipsoid approximates faces that are all
- * parallel to the axes badly; and in a thick opaque wall the bright front of a coarse cell hides the
- * darker rest.
+ * translucent one; the median of the scenes is at least 45 dB in each lighting. Two synthetic
+ * scenes have lower floors when they are lit, for two reasons: an ellipsoid approximates faces that
+ * are all parallel to the axes badly; and in a thick opaque wall the bright front of a coarse cell
+ * hides the darker rest.
  */
 #include <math.h>
 #include <stdio.h>
@@ -88,7 +88,8 @@ static double compare(const struct quality *q, struct sp_volume *volume, uint32_
 static void measure(struct quality *q) {
     double psnr[LIGHTINGS][SCENES];
     size_t count = 0;
-    printf("  with against without level of detail, dB    px   unlit     lit     two    thin    both\n");
+    printf("  with against without level of detail, dB    px   unlit     lit     two    thin    "
+           "both\n");
     for (size_t i = 0; i < SCENES; i++) {
         struct sp_volume *volume = quality_load(scenes[i].source);
         if (!volume)
@@ -97,7 +98,7 @@ static void measure(struct quality *q) {
         for (int l = 0; l < LIGHTINGS; l++) {
             double db = compare(q, volume, scenes[i].size, (enum lighting)l);
             printf("  %6.1f", db);
-            double floor = is_thin((enum lighting)l)                  ? 45
+            double floor = is_thin((enum lighting)l)           ? 45
                            : l != UNLIT && scenes[i].floor > 0 ? scenes[i].floor
                                                                : 40;
             quality_expect(q, db >= floor, "%s, lighting %d: %.1f dB, floor %.0f dB",

@@ -160,7 +160,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
         for (uint32_t i = 0; i < dims[0] * dims[1] * dims[2]; i++)
             assert_int_equal(seen[i], 1);
     }
-    assert_int_equal(levels_seen, 31); /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
+    assert_int_equal(levels_seen, 31);   /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
     for (int thin = 0; thin < 2; thin++) /* the cells are as large as allowed */
         assert_compare(longest[thin], >, 0.9);
     sp_arena_finish(&arena);
