@@ -324,10 +324,12 @@ static bool update_coarse(struct sp_classification *c, unsigned l,
     return false;
 }
 
-static bool turn(const struct sp_visible *list, const struct sp_classify_job *job,
+static bool turn(struct sp_classification *c, unsigned l, const struct sp_classify_job *job,
                  struct sp_error *err) {
+    const struct sp_visible *list = &c->levels[l].visible;
+    struct sp_class *classes = l > 0 ? c->levels[l].transfer.table : NULL; /* of its entries */
     unsigned axis = job->axis < SP_NO_AXIS ? job->axis : 2;
-    return !list->place || sp_dense_turn(list, axis, job->pool, job->cancel) ||
+    return !list->place || sp_dense_turn(list, classes, axis, job->pool, job->cancel) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
@@ -365,7 +367,7 @@ bool sp_classification_update(struct sp_classification *c, const struct sp_class
     }
     for (unsigned l = 0; job->levels >> l; l++)
         if (job->levels >> l & 1 &&
-            !(turn(&c->levels[l].visible, job, err) && update_depths(&c->levels[l], job, err)))
+            !(turn(c, l, job, err) && update_depths(&c->levels[l], job, err)))
             return false;
     return true;
 }

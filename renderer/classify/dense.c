@@ -128,6 +128,7 @@ void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint
 
 struct turn {
     const struct sp_visible *visible;
+    struct sp_class *classes;
     unsigned axis;
     const atomic_bool *cancel;
     atomic_bool cancelled;
@@ -166,6 +167,19 @@ static void turn_full_brick(const struct sp_visible *list, uint32_t brick, const
     list->axis[brick] = (uint8_t)dense->axis;
 }
 
+/* Brings the classes of a brick's entries into their order. */
+static void sort_classes(const struct sp_visible *list, uint32_t brick, struct sp_class *classes) {
+    struct sp_class sorted[SP_BRICK_VOXELS];
+    uint64_t first = list->first[brick];
+    uint32_t count = (uint32_t)(list->first[brick + 1] - first);
+    uint32_t *keys = (uint32_t *)list->key + first;
+    for (uint32_t e = 0; e < count; e++) {
+        sorted[e] = classes[keys[e]];
+        keys[e] = (uint32_t)first + e;
+    }
+    memcpy(classes + first, sorted, count * sizeof *sorted);
+}
+
 static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     struct turn *t = user;
@@ -186,21 +200,23 @@ static void turn_bricks(void *user, size_t begin, size_t end, unsigned worker) {
                 map_elements(from, t->axis, map);
             mapped = from;
             turn_full_brick(t->visible, (uint32_t)b, map, &dense);
-            continue;
+        } else {
+            sp_dense_unpack(&dense, t->visible, (uint32_t)b);
+            sp_dense_pack(&dense, t->visible, (uint32_t)b);
         }
-        sp_dense_unpack(&dense, t->visible, (uint32_t)b);
-        sp_dense_pack(&dense, t->visible, (uint32_t)b);
+        if (t->classes)
+            sort_classes(t->visible, (uint32_t)b, t->classes);
     }
 }
 
-bool sp_dense_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
-                   const atomic_bool *cancel) {
+bool sp_dense_turn(const struct sp_visible *visible, struct sp_class *classes, unsigned axis,
+                   struct sp_pool *pool, const atomic_bool *cancel) {
     uint32_t bricks = sp_visible_bricks(visible), b = 0;
     while (b < bricks && visible->axis[b] == axis)
         b++;
     if (b == bricks)
         return true;
-    struct turn turn = { .visible = visible, .axis = axis, .cancel = cancel };
+    struct turn turn = { visible, classes, axis, cancel, false };
     sp_parallel_for(pool, bricks, BRICKS_GRAIN, turn_bricks, &turn);
     return !turn.cancelled;
 }

@@ -44,9 +44,11 @@ void sp_dense_pack(const struct sp_dense *dense, const struct sp_visible *list, 
 /* Reads a brick's entries into the order of dense->axis. Unused elements keep their old values. */
 void sp_dense_unpack(struct sp_dense *dense, const struct sp_visible *list, uint32_t brick);
 
-/* Turns all bricks of a list to slices along `axis`, without allocating. False if cancelled: bricks
- * then differ in their axis. cancel: NULL = never. */
-bool sp_dense_turn(const struct sp_visible *visible, unsigned axis, struct sp_pool *pool,
-                   const atomic_bool *cancel);
+/* Turns all bricks of a list to slices along `axis`, without allocating. classes: by key, for a
+ * list in which the keys of a brick are the numbers of its entries (mip.h); they are turned, too,
+ * so that frames read them one after the other. NULL = keys stay. False if cancelled: bricks then
+ * differ in their axis. cancel: NULL = never. */
+bool sp_dense_turn(const struct sp_visible *visible, struct sp_class *classes, unsigned axis,
+                   struct sp_pool *pool, const atomic_bool *cancel);
 
 #endif

@@ -153,6 +153,25 @@ static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *r
     return left < all;
 }
 
+/* Asks for the entries of a run, which are seldom in the cache. On coarse levels these have a class
+ * each (classify/mip.h). */
+static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run) {
+    enum { LINE = 64 };
+    const struct sp_postconv_brick *b = &t->postconv->bricks[run->brick];
+    const struct sp_level *level = sp_postconv_level(t->postconv, b);
+    const struct sp_visible *list = &level->visible;
+    uint64_t first = list->first[b->brick] + run->begin;
+    uint32_t count = run->end - run->begin;
+    const char *keys = (const char *)list->key + first * list->key_bytes;
+    for (uint32_t i = 0; i < count; i += LINE)
+        __builtin_prefetch(list->place + first + i);
+    for (uint32_t i = 0; i < count * list->key_bytes; i += LINE)
+        __builtin_prefetch(keys + i);
+    const char *classes = (const char *)(level->transfer.table + first);
+    for (size_t i = 0; b->level > 0 && i < count * sizeof *level->transfer.table; i += LINE)
+        __builtin_prefetch(classes + i);
+}
+
 /* Composites the runs of a layer group by group, the farthest voxels first. Overwrites `runs`. */
 static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *runs,
                        uint32_t count) {
@@ -164,6 +183,8 @@ static void draw_layer(struct sp_postconv_open_tile *t, struct sp_postconv_run *
         /* A cancelled frame is never shown, and a layer may have thousands of runs. */
         for (uint32_t i = 0; i < count && !sp_interrupt_is_cancelled(&t->postconv->interrupt);
              i++) {
+            if (i + 1 < count)
+                prefetch_run(t, &runs[i + 1]);
             int part = fit_part(t, &runs[i]);
             if (i == 0 && part == 0) {
                 /* find_box() checks many distances, but not every one. */

@@ -221,37 +221,72 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
     ((type *)s->turned)[y + (z + x * dims[2]) * dims[1]] =                                         \
         ((const type *)s->voxels)[x + (y + z * dims[1]) * dims[0]]
 
+typedef uint8_t byte_row __attribute__((vector_size(16)));
+
+/* Turns 16 × 16 bytes. Each round joins rows i and i + 8 byte by byte. */
+static void turn_bytes(const uint8_t *from, size_t from_step, uint8_t *to, size_t to_step) {
+    byte_row rows[16], next[16];
+    for (size_t i = 0; i < 16; i++)
+        memcpy(&rows[i], from + i * from_step, sizeof rows[i]);
+    for (int round = 0; round < 4; round++) {
+        for (int i = 0; i < 8; i++) {
+            byte_row a = rows[i], b = rows[i + 8];
+            next[2 * i] = __builtin_shufflevector(a, b, 0, 16, 1, 17, 2, 18, 3, 19, 4, 20, 5, 21, 6,
+                                                  22, 7, 23);
+            next[2 * i + 1] = __builtin_shufflevector(a, b, 8, 24, 9, 25, 10, 26, 11, 27, 12, 28,
+                                                      13, 29, 14, 30, 15, 31);
+        }
+        memcpy(rows, next, sizeof rows);
+    }
+    for (size_t i = 0; i < 16; i++)
+        memcpy(to + i * to_step, &rows[i], sizeof rows[i]);
+}
+
 struct turning {
     struct sp_samples *samples;
     const struct sp_interrupt *interrupt;
 };
 
+/* Turns a part of slice z, [at, to) along the first two axes. */
+static void turn_square(const struct sp_samples *s, size_t z, const size_t at[2],
+                        const size_t to[2]) {
+    const size_t dims[3] = { s->dims[0], s->dims[1], s->dims[2] };
+    switch (sp_type_size(s->type)) {
+    case 1:
+        TURN(uint8_t);
+        break;
+    case 2:
+        TURN(uint16_t);
+        break;
+    case 4:
+        TURN(uint32_t);
+        break;
+    default:
+        TURN(uint64_t);
+    }
+}
+
 /* Turns slices of samples, in squares that fit the cache. */
 static void turn_slices(void *user, size_t begin, size_t end, unsigned worker) {
-    enum { SQUARE = 64 };
     const struct turning *turning = user;
     const struct sp_samples *s = turning->samples;
     const size_t dims[3] = { s->dims[0], s->dims[1], s->dims[2] };
+    bool has_bytes = sp_type_size(s->type) == 1;
+    const size_t side = has_bytes ? 16 : 64;
     size_t at[2], to[2];
     (void)worker;
     for (size_t z = begin; z < end && !sp_interrupt_is_cancelled(turning->interrupt); z++)
-        for (at[1] = 0; at[1] < dims[1]; at[1] += SQUARE)
-            for (at[0] = 0; at[0] < dims[0]; at[0] += SQUARE) {
+        for (at[0] = 0; at[0] < dims[0]; at[0] += side)
+            for (at[1] = 0; at[1] < dims[1]; at[1] += side) {
                 for (int a = 0; a < 2; a++)
-                    to[a] = at[a] + SQUARE < dims[a] ? at[a] + SQUARE : dims[a];
-                switch (sp_type_size(s->type)) {
-                case 1:
-                    TURN(uint8_t);
-                    break;
-                case 2:
-                    TURN(uint16_t);
-                    break;
-                case 4:
-                    TURN(uint32_t);
-                    break;
-                default:
-                    TURN(uint64_t);
-                }
+                    to[a] = at[a] + side < dims[a] ? at[a] + side : dims[a];
+                if (has_bytes && to[0] - at[0] == side && to[1] - at[1] == side)
+                    turn_bytes((const uint8_t *)s->voxels + at[0] + (at[1] + z * dims[1]) * dims[0],
+                               dims[0],
+                               (uint8_t *)s->turned + at[1] + (z + at[0] * dims[2]) * dims[1],
+                               dims[1] * dims[2]);
+                else
+                    turn_square(s, z, at, to);
             }
 }
 

@@ -2,7 +2,7 @@
  *
  * The range of values in each region. Lines of samples are read once per slab of regions. Minima
  * and maxima are taken across lines first, sample by sample, and along them last: vectors of
- * samples do most of it.
+ * samples do most of it. Integers of 8 and 16 bits are compared as they are, the rest as floats.
  */
 #include "resample/ranges.h"
 
@@ -19,89 +19,14 @@ struct ranges {
 /* Regions beside each other along the first axis. */
 enum { RUN = 64, RUN_SAMPLES = RUN * SAMPLES_REGION + 3 };
 
-/* Smallest and largest value per sample of a run, from the sample before it on. */
-struct line {
-    float low[RUN_SAMPLES], high[RUN_SAMPLES];
-};
-
-struct row { /* row y of samples, over all lines of a slab of regions */
-    struct line own, wide;
-};
-
-static void empty(struct line *line) {
-    for (int i = 0; i < RUN_SAMPLES; i++) {
-        line->low[i] = INFINITY;
-        line->high[i] = -INFINITY;
-    }
-}
-
-static void join(struct line *line, const struct line *other) {
-    for (int i = 0; i < RUN_SAMPLES; i++) {
-        line->low[i] = other->low[i] < line->low[i] ? other->low[i] : line->low[i];
-        line->high[i] = other->high[i] > line->high[i] ? other->high[i] : line->high[i];
-    }
-}
-
-#define READ(type)                                                                                 \
-    do {                                                                                           \
-        const type *x = (const type *)from + begin;                                                \
-        for (int i = 0; i < count; i++)                                                            \
-            low[i] = (float)x[i];                                                                  \
-        memcpy(high, low, (size_t)count * sizeof *low);                                            \
-    } while (0)
-
 /* Beyond this a margin would overflow. */
 static const float largest = 1e37f;
 
-/* The range of a sample as floats: (−∞, −∞) if it is not finite, (−∞, ∞) if it is too large. */
-static void read_sample(double x, float *low, float *high) {
-    *low = -INFINITY;
-    *high = isfinite(x) ? INFINITY : -INFINITY;
-    if (!(fabs(x) <= (double)largest))
-        return;
-    *low = *high = (float)x;
-    if ((double)*low > x)
-        *low = nextafterf(*low, -INFINITY);
-    if ((double)*high < x)
-        *high = nextafterf(*high, INFINITY);
-}
-
-/* Reads line (y, z) from sample first − 1 on; beyond its ends samples are (∞, −∞). */
-static void read_line(const struct sp_samples *s, uint32_t first, uint32_t y, uint32_t z,
-                      struct line *line) {
-    uint64_t at = ((uint64_t)z * s->dims[1] + y) * s->dims[0];
-    const void *from = (const char *)s->voxels + at * sp_type_size(s->type);
-    uint32_t begin = first > 0 ? first - 1 : 0, end = first - 1 + RUN_SAMPLES;
-    end = end < s->dims[0] ? end : s->dims[0];
-    float *low = line->low + (begin + 1 - first), *high = line->high + (begin + 1 - first);
-    int count = (int)(end - begin);
-    if (count < RUN_SAMPLES)
-        empty(line);
-    switch (s->type) {
-    case SP_UINT8:
-        READ(uint8_t);
-        break;
-    case SP_INT8:
-        READ(int8_t);
-        break;
-    case SP_UINT16:
-        READ(uint16_t);
-        break;
-    case SP_INT16:
-        READ(int16_t);
-        break;
-    case SP_FLOAT32:
-        for (int i = 0; i < count; i++) {
-            float x = ((const float *)from)[begin + (uint32_t)i];
-            low[i] = fabsf(x) <= largest ? x : -INFINITY;
-            high[i] = fabsf(x) <= largest ? x : fabsf(x) < INFINITY ? INFINITY : -INFINITY;
-        }
-        break;
-    default:
-        for (int i = 0; i < count; i++)
-            read_sample(sp_sample(s->voxels, s->type, at + begin + (uint32_t)i), &low[i], &high[i]);
-    }
-}
+/* The samples of a line that a run needs, and where they lie in it. */
+struct stretch {
+    uint64_t begin; /* number of the first one in the volume */
+    int count, at;
+};
 
 static inline float least(float a, float b) {
     return a < b ? a : b;
@@ -125,59 +50,108 @@ static uint32_t first_near(uint32_t region) {
     return region > 0 ? region * SAMPLES_REGION - 1 : 0;
 }
 
-static void find_row(const struct sp_samples *s, uint32_t first, uint32_t y, uint32_t slab,
-                     struct row *row) {
-    struct line line;
-    empty(&row->own);
-    empty(&row->wide);
-    for (uint32_t z = first_near(slab); z < s->dims[2] && is_near(z, slab); z++) {
-        read_line(s, first, y, z, &line);
-        join(is_own(z, slab) ? &row->own : &row->wide, &line);
-    }
-    join(&row->wide, &row->own);
+/* Of line (y, z), from sample first − 1 on. */
+static struct stretch find_stretch(const struct sp_samples *s, uint32_t first, uint32_t y,
+                                   uint32_t z) {
+    uint32_t begin = first > 0 ? first - 1 : 0, end = first - 1 + RUN_SAMPLES;
+    end = end < s->dims[0] ? end : s->dims[0];
+    uint64_t line = ((uint64_t)z * s->dims[1] + y) * s->dims[0];
+    return (struct stretch){ line + begin, (int)(end - begin), (int)(begin + 1 - first) };
 }
 
-/* Writes the ranges of `count` regions beside each other. */
-static void write_ranges(const struct row *row, uint32_t count, float (*range)[2]) {
-    for (uint32_t i = 0; i < count; i++) {
-        const uint32_t at = i * SAMPLES_REGION;
-        float own[2] = { INFINITY, -INFINITY }, wide[2] = { INFINITY, -INFINITY };
-        for (uint32_t k = 0; k < SAMPLES_REGION + 3; k++) {
-            wide[0] = least(wide[0], row->wide.low[at + k]);
-            wide[1] = most(wide[1], row->wide.high[at + k]);
-        }
-        for (uint32_t k = 1; k < SAMPLES_REGION + 2; k++) {
-            own[0] = least(own[0], row->own.low[at + k]);
-            own[1] = most(own[1], row->own.high[at + k]);
-        }
-        sp_ranges_widen(own, wide, range[i]);
-    }
+/* Integers are used where they lie. */
+#define READ_INTEGERS(s, stretch, line, low_out, high_out)                                         \
+    do {                                                                                           \
+        *(low_out) =                                                                               \
+            (const void *)((const char *)(s)->voxels + (stretch)->begin * sizeof *(line)->low);    \
+        *(high_out) = *(low_out);                                                                  \
+    } while (0)
+
+#define ELEMENT uint8_t
+#define LINES(name) name##_uint8
+#define LEAST 0
+#define MOST UINT8_MAX
+#define READ_LINE READ_INTEGERS
+#include "resample/lines.h"
+
+#define ELEMENT int8_t
+#define LINES(name) name##_int8
+#define LEAST INT8_MIN
+#define MOST INT8_MAX
+#define READ_LINE READ_INTEGERS
+#include "resample/lines.h"
+
+#define ELEMENT uint16_t
+#define LINES(name) name##_uint16
+#define LEAST 0
+#define MOST UINT16_MAX
+#define READ_LINE READ_INTEGERS
+#include "resample/lines.h"
+
+#define ELEMENT int16_t
+#define LINES(name) name##_int16
+#define LEAST INT16_MIN
+#define MOST INT16_MAX
+#define READ_LINE READ_INTEGERS
+#include "resample/lines.h"
+
+/* The range of a sample as floats: (−∞, −∞) if it is not finite, (−∞, ∞) if it is too large. */
+static void read_sample(double x, float *low, float *high) {
+    *low = -INFINITY;
+    *high = isfinite(x) ? INFINITY : -INFINITY;
+    if (!(fabs(x) <= (double)largest))
+        return;
+    *low = *high = (float)x;
+    if ((double)*low > x)
+        *low = nextafterf(*low, -INFINITY);
+    if ((double)*high < x)
+        *high = nextafterf(*high, INFINITY);
 }
 
-/* Task i: a run of regions along the first axis, all along the second one, in one slab. */
+static void read_floats(const struct sp_samples *s, const struct stretch *stretch, float *low,
+                        float *high) {
+    if (s->type == SP_FLOAT32)
+        for (int i = 0; i < stretch->count; i++) {
+            float x = ((const float *)s->voxels)[stretch->begin + (uint32_t)i];
+            low[i] = fabsf(x) <= largest ? x : -INFINITY;
+            high[i] = fabsf(x) <= largest ? x : fabsf(x) < INFINITY ? INFINITY : -INFINITY;
+        }
+    else
+        for (int i = 0; i < stretch->count; i++)
+            read_sample(sp_sample(s->voxels, s->type, stretch->begin + (uint32_t)i), &low[i],
+                        &high[i]);
+}
+
+#define ELEMENT float
+#define LINES(name) name##_float
+#define LEAST (-INFINITY)
+#define MOST INFINITY
+#define READ_LINE(s, stretch, line, low_out, high_out)                                             \
+    read_floats(s, stretch, (line)->low, (line)->high)
+#include "resample/lines.h"
+
 static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
-    enum { KEPT = 8 }; /* rows of samples: neighbouring regions share three of seven */
     const struct ranges *r = user;
     const struct sp_samples *s = r->samples;
-    const uint32_t *regions = s->regions, runs = (regions[0] + RUN - 1) / RUN;
-    struct row rows[KEPT], all;
+    size_t runs = (s->regions[0] + RUN - 1) / RUN;
     (void)worker;
     for (size_t i = begin; i < end && !sp_interrupt_is_cancelled(r->interrupt); i++) {
-        uint32_t first = (uint32_t)(i % runs) * RUN, slab = (uint32_t)(i / runs), known = 0;
-        uint32_t count = regions[0] - first < RUN ? regions[0] - first : RUN;
-        for (uint32_t q = 0; q < regions[1]; q++) {
-            empty(&all.own);
-            empty(&all.wide);
-            for (uint32_t y = first_near(q); y < s->dims[1] && is_near(y, q); y++) {
-                const struct row *row = &rows[y % KEPT];
-                for (; known <= y; known++)
-                    find_row(s, first * SAMPLES_REGION, known, slab, &rows[known % KEPT]);
-                if (is_own(y, q))
-                    join(&all.own, &row->own);
-                join(&all.wide, &row->wide);
-            }
-            size_t region = ((size_t)slab * regions[1] + q) * regions[0] + first;
-            write_ranges(&all, count, s->range + region);
+        uint32_t first = (uint32_t)(i % runs) * RUN, slab = (uint32_t)(i / runs);
+        switch (s->type) {
+        case SP_UINT8:
+            find_run_uint8(s, first, slab);
+            break;
+        case SP_INT8:
+            find_run_int8(s, first, slab);
+            break;
+        case SP_UINT16:
+            find_run_uint16(s, first, slab);
+            break;
+        case SP_INT16:
+            find_run_int16(s, first, slab);
+            break;
+        default:
+            find_run_float(s, first, slab);
         }
     }
 }

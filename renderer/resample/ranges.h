@@ -25,8 +25,8 @@ static inline void sp_ranges_widen(const float own[2], const float wide[2], floa
         return;
     bool is_finite = margin < INFINITY;
     /* A region without finite samples of its own is reached from beside it. */
-    range[0] = is_finite ? fminf(own[0], wide[1]) - margin : -INFINITY;
-    range[1] = is_finite ? fmaxf(own[1], wide[0]) + margin : INFINITY;
+    range[0] = is_finite ? (own[0] < wide[1] ? own[0] : wide[1]) - margin : -INFINITY;
+    range[1] = is_finite ? (own[1] > wide[0] ? own[1] : wide[0]) + margin : INFINITY;
 }
 
 #endif

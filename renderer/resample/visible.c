@@ -8,6 +8,7 @@
 
 #include <math.h>
 #include <stdatomic.h>
+#include <string.h>
 
 #include "resample/ranges.h"
 #include "volume/sample.h"
@@ -59,6 +60,14 @@ static void add_row(const float row[ROW], float low[ROW], float high[ROW]) {
     }
 }
 
+static inline float least(float a, float b) {
+    return a < b ? a : b;
+}
+
+static inline float most(float a, float b) {
+    return a > b ? a : b;
+}
+
 static void reduce(const float low[ROW], const float high[ROW], int first, int last, float out[2]) {
     out[0] = INFINITY;
     out[1] = -INFINITY;
@@ -97,18 +106,110 @@ static void find_planes(const struct sp_samples *s, unsigned slices, const uint3
     }
 }
 
+typedef uint8_t bytes __attribute__((vector_size(16)));
+
+/* Lane by lane. */
+static inline bytes least_of(bytes a, bytes b) {
+    bytes is_less = (bytes)(a < b);
+    return (a & is_less) | (b & ~is_less);
+}
+
+/* The range of eight samples of one byte: themselves, and their complements, whose minimum is that
+ * of their maximum. Flipping makes signed samples rise like unsigned ones. */
+static inline bytes read_bytes(const uint8_t *from, uint64_t flip) {
+    uint64_t x;
+    memcpy(&x, from, sizeof x);
+    x ^= flip;
+    const uint64_t both[2] = { x, ~x };
+    bytes out;
+    memcpy(&out, both, sizeof out);
+    return out;
+}
+
+/* The ranges of the lanes of `keep`, in lanes 0 and 8. */
+static inline bytes reduce_bytes(bytes all, bytes keep) {
+    all |= ~keep;
+    all = least_of(all, __builtin_shufflevector(all, all, 4, 5, 6, 7, 0, 1, 2, 3, 12, 13, 14, 15, 8,
+                                                9, 10, 11));
+    all = least_of(all, __builtin_shufflevector(all, all, 2, 3, 0, 1, 6, 7, 4, 5, 10, 11, 8, 9, 14,
+                                                15, 12, 13));
+    return least_of(all, __builtin_shufflevector(all, all, 1, 0, 3, 2, 5, 4, 7, 6, 9, 8, 11, 10, 13,
+                                                 12, 15, 14));
+}
+
+static void write_range(const struct sp_samples *s, bytes range, int lane, float out[2]) {
+    uint8_t low = range[lane], high = (uint8_t)~range[8 + lane];
+    bool is_signed = s->type == SP_INT8;
+    out[0] = is_signed ? (float)(low - 128) : (float)low;
+    out[1] = is_signed ? (float)(high - 128) : (float)high;
+}
+
+/* find_planes() for samples of one byte, of regions that have eight samples along the first axis
+ * from the one before them on. */
+static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
+                                 const uint32_t region[3], struct plane_range planes[PLANES]) {
+    const bytes own = { 0, 255, 255, 255, 255, 255, 0, 0, 0, 255, 255, 255, 255, 255, 0, 0 };
+    const bytes wide = {
+        255, 255, 255, 255, 255, 255, 255, 0, 255, 255, 255, 255, 255, 255, 255, 0
+    };
+    const uint64_t flip = s->type == SP_INT8 ? UINT64_C(0x8080808080808080) : 0;
+    const uint8_t *lines[PLANES][PLANES]; /* plane (slices 0: z), line of it */
+    for (uint32_t k = 0; k < PLANES; k++)
+        for (uint32_t j = 0; j < PLANES; j++) {
+            uint32_t at[3] = { region[0] * SAMPLES_REGION - 1, slices == 1 ? k : j,
+                               slices == 1 ? j : k };
+            for (int a = 1; a < 3; a++) {
+                uint32_t i = region[a] * SAMPLES_REGION + at[a], last = s->dims[a] - 1;
+                i = i > 0 ? i - 1 : 0;
+                at[a] = i < last ? i : last;
+            }
+            lines[k][j] = (const uint8_t *)s->voxels +
+                          ((size_t)at[2] * s->dims[1] + at[1]) * s->dims[0] + at[0];
+        }
+    bytes all[2];
+    memset(all, 255, sizeof all);
+    for (int k = 0; k < PLANES; k++) {
+        if (slices > 0)
+            memset(all, 255, sizeof all);
+        bool is_inner = slices > 0 || (k >= 1 && k < PLANES - 1);
+        for (int j = 0; j < PLANES; j++) {
+            bytes line = read_bytes(lines[k][j], flip);
+            all[1] = least_of(all[1], line);
+            if (is_inner && j >= 1 && j < PLANES - 1)
+                all[0] = least_of(all[0], line);
+        }
+        if (slices > 0) {
+            write_range(s, reduce_bytes(all[0], own), 0, planes[k].own);
+            write_range(s, reduce_bytes(all[1], wide), 0, planes[k].wide);
+        }
+    }
+    for (int k = 0; slices == 0 && k < PLANES; k++) {
+        write_range(s, all[0], k, planes[k].own);
+        write_range(s, all[1], k, planes[k].wide);
+    }
+}
+
+/* True if find_planes_of_bytes() can read the region. */
+static bool has_bytes(const struct sp_samples *s, const uint32_t region[3]) {
+    return sp_type_size(s->type) == 1 && region[0] > 0 &&
+           region[0] * SAMPLES_REGION + ROW - 1 <= s->dims[0];
+}
+
 static unsigned find_intervals(const struct sp_samples *s, const struct sp_samples_class *class,
                                const uint32_t region[3]) {
     struct plane_range planes[PLANES];
     unsigned visible = 0;
-    find_planes(s, class->axis, region, planes);
+    if (has_bytes(s, region))
+        find_planes_of_bytes(s, class->axis, region, planes);
+    else
+        find_planes(s, class->axis, region, planes);
     for (int k = 0; k < SAMPLES_REGION; k++) {
         float own[2], wide[2] = { INFINITY, -INFINITY }, range[2];
-        own[0] = fminf(planes[k + 1].own[0], planes[k + 2].own[0]);
-        own[1] = fmaxf(planes[k + 1].own[1], planes[k + 2].own[1]);
+        own[0] = least(planes[k + 1].own[0], planes[k + 2].own[0]);
+        own[1] = most(planes[k + 1].own[1], planes[k + 2].own[1]);
         for (int p = k; p < k + 4; p++) {
-            wide[0] = fminf(wide[0], planes[p].wide[0]);
-            wide[1] = fmaxf(wide[1], planes[p].wide[1]);
+            wide[0] = least(wide[0], planes[p].wide[0]);
+            wide[1] = most(wide[1], planes[p].wide[1]);
         }
         sp_ranges_widen(own, wide, range);
         if (sp_curve_shows(&class->tf, (double)range[0], (double)range[1]))
@@ -119,16 +220,28 @@ static unsigned find_intervals(const struct sp_samples *s, const struct sp_sampl
 
 struct search {
     const struct sp_samples *samples;
+    double first, last; /* only values above and below them, respectively, may be visible */
     struct sp_samples_class *class;
     const struct sp_interrupt *interrupt;
     _Atomic uint64_t visible_count;
 };
 
-static unsigned find_region(const struct sp_samples *s, const struct sp_samples_class *class,
-                            const uint32_t region[3]) {
+static void find_ends(const struct sp_transfer_function *tf, struct search *search) {
+    uint32_t first = 0, end = tf->point_count;
+    while (first < end && !(tf->points[first].opacity > 0))
+        first++;
+    while (end > first && !(tf->points[end - 1].opacity > 0))
+        end--;
+    search->first = first > 0 ? tf->points[first - 1].value : -INFINITY;
+    search->last = end < tf->point_count ? tf->points[end].value : INFINITY;
+}
+
+static unsigned find_region(const struct search *search, const uint32_t region[3]) {
+    const struct sp_samples *s = search->samples;
+    const struct sp_samples_class *class = search->class;
     size_t at = ((size_t)region[2] * s->regions[1] + region[1]) * s->regions[0] + region[0];
     double low = (double)s->range[at][0], high = (double)s->range[at][1];
-    if (!sp_curve_shows(&class->tf, low, high))
+    if (!(high > search->first && low < search->last) || !sp_curve_shows(&class->tf, low, high))
         return 0;
     /* Planes are read as floats, which do not hold every value of the larger types. */
     bool is_rounded = s->type == SP_INT32 || s->type == SP_FLOAT64;
@@ -147,7 +260,7 @@ static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
         for (uint32_t x = 0; x < s->regions[0]; x++) {
             const uint32_t region[3] = { x, (uint32_t)(i % s->regions[1]),
                                          (uint32_t)(i / s->regions[1]) };
-            unsigned visible = find_region(s, search->class, region);
+            unsigned visible = find_region(search, region);
             search->class->visible[i * s->regions[0] + x] = (uint8_t)visible;
             count += visible != 0;
         }
@@ -157,6 +270,7 @@ static void find_rows(void *user, size_t begin, size_t end, unsigned worker) {
 bool sp_visible_find(const struct sp_samples *samples, struct sp_samples_class *class,
                      struct sp_pool *pool, const struct sp_interrupt *interrupt) {
     struct search search = { .samples = samples, .class = class, .interrupt = interrupt };
+    find_ends(&class->tf, &search);
     sp_parallel_for(pool, (size_t)samples->regions[1] * samples->regions[2], 8, find_rows, &search);
     class->visible_count = atomic_load(&search.visible_count);
     return !sp_interrupt_is_cancelled(interrupt);

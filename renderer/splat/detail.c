@@ -12,7 +12,7 @@ struct choice {
     double size; /* the largest extent of a voxel in the image [px]; perspective: multiplied by its
                     distance */
     double depth[3], base; /* u2 = base + Σ depth·distance along the axis */
-    double most;           /* px of a cell */
+    double most[32];       /* px of a cell, by level */
 };
 
 unsigned sp_detail_levels(const uint32_t dims[3], unsigned most) {
@@ -29,6 +29,16 @@ bool sp_detail_is_possible(const struct sp_view *view) {
     return view->level_of_detail == SP_LOD_AUTO && view->transfer_function.order == SP_TF_PRE &&
            view->filter.kernel == SP_KERNEL_GAUSSIAN &&
            (mode == SP_FILTER_EWA || mode == SP_FILTER_ADAPTIVE || mode == SP_FILTER_LOWPASS);
+}
+
+double sp_detail_pixels(const struct sp_view *view, const struct sp_grid *grid, unsigned level) {
+    const struct sp_transfer_function *tf = &view->transfer_function;
+    double deepest = 0, radius[2];
+    sp_kernel_radii(grid, 1, radius);
+    for (uint32_t i = 0; i < tf->point_count; i++)
+        deepest = fmax(deepest, -log1p(-(double)tf->points[i].opacity));
+    double depth = ldexp(deepest * radius[1] / tf->reference_length, (int)level);
+    return depth <= SP_DETAIL_THIN ? SP_DETAIL_THIN_PIXELS : SP_DETAIL_PIXELS;
 }
 
 struct sp_filter sp_detail_filter(const struct sp_filter *filter, unsigned level,
@@ -73,7 +83,7 @@ static void visit(struct choice *c, unsigned level, const uint32_t place[3]) {
         first[a] = (uint32_t)(place[a] * side);
         last[a] = (uint32_t)(end < grid->dims[a] ? end : grid->dims[a]) - 1;
     }
-    bool is_small = ldexp(voxel_size(c, first, last), (int)level) <= c->most;
+    bool is_small = ldexp(voxel_size(c, first, last), (int)level) <= c->most[level];
     if (is_small || level == c->job->floor) {
         add(c, level, place[0] + bricks[0] * (place[1] + bricks[1] * place[2]), !is_small);
         return;
@@ -97,7 +107,8 @@ static void init_choice(struct choice *c) {
     for (int i = 0; camera->projection == SP_PERSPECTIVE && i < 2; i++)
         tangent2 += camera->tan_half[i] * camera->tan_half[i];
     c->size = camera->scale * radius[1] * sqrt(1 + tangent2);
-    c->most = SP_DETAIL_PIXELS * c->job->view->filter.lowpass;
+    for (unsigned l = 0; l < c->job->levels && sp_detail_is_possible(c->job->view); l++)
+        c->most[l] = sp_detail_pixels(c->job->view, grid, l) * c->job->view->filter.lowpass;
 }
 
 bool sp_detail_choose(const struct sp_detail_job *job, struct sp_arena *arena,
@@ -118,8 +129,6 @@ bool sp_detail_choose(const struct sp_detail_job *job, struct sp_arena *arena,
     if (!detail->bricks)
         return false;
     init_choice(&c);
-    if (!is_free)
-        c.most = 0;
     for (uint32_t b2 = 0; b2 < top[2]; b2++)
         for (uint32_t b1 = 0; b1 < top[1]; b1++)
             for (uint32_t b0 = 0; b0 < top[0]; b0++)

@@ -8,7 +8,11 @@
  *
  * A cell is small enough where it spans at most SP_DETAIL_PIXELS times the low-pass filter's
  * standard deviation in the image, judged at the corner of the brick that is nearest to the eye.
- * At that size the low-pass filter hides the lattice. Averaging is a box filter of variance
+ * At that size the low-pass filter hides the lattice. What remains is the order of things along a
+ * ray inside a cell: the front of an opaque cell should hide its back. So cells of a level on which
+ * the transfer function makes none deeper than SP_DETAIL_THIN may span SP_DETAIL_THIN_PIXELS.
+ *
+ * Averaging is a box filter of variance
  * (4^l − 1)/12 voxels². So that footprints have the same variance as at full detail, the kernel of
  * level l is narrower:
  *
@@ -30,6 +34,8 @@
 #include "volume/grid.h"
 
 #define SP_DETAIL_PIXELS 0.9
+#define SP_DETAIL_THIN 1.25 /* optical depth */
+#define SP_DETAIL_THIN_PIXELS 1.35
 #define SP_DETAIL_SIGMA 0.1
 
 /* One brick of the cut. */
@@ -56,6 +62,10 @@ struct sp_detail_job {
 
 /* Returns the number of levels of a grid, up to the one of a single brick, at most `most`. */
 unsigned sp_detail_levels(const uint32_t dims[3], unsigned most);
+
+/* Returns how much of the image a cell of a level may span [standard deviations of the low-pass
+ * filter]. */
+double sp_detail_pixels(const struct sp_view *view, const struct sp_grid *grid, unsigned level);
 
 /* Returns the cells of a level along an axis. */
 static inline uint32_t sp_detail_cells(uint32_t dim, unsigned level) {

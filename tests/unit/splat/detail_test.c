@@ -44,6 +44,14 @@ static struct sp_view make_view(enum sp_projection projection, double distance) 
     return view;
 }
 
+/* Sets the depth of what is visible, at most, along the longest edge of a voxel of make_grid(). */
+static void set_depth(struct sp_view *view, double depth) {
+    view->transfer_function.point_count = 2;
+    view->transfer_function.points[1] =
+        (struct sp_tf_point){ .value = 1, .opacity = (float)-expm1(-depth) };
+    view->transfer_function.reference_length = 1.5;
+}
+
 /* Returns a box around the origin, rotated by 30 degrees about the third axis. */
 static struct sp_grid make_grid(const uint32_t dims[3]) {
     struct sp_grid g = { .dims = { dims[0], dims[1], dims[2] },
@@ -112,7 +120,7 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
     struct sp_arena arena;
     sp_arena_init(&arena);
     srand(8);
-    double longest = 0;
+    double longest[2] = { 0, 0 };
     unsigned levels_seen = 0;
     for (int n = 0; n < 400; n++) {
         const uint32_t dims[3] = { 1 + (uint32_t)rand() % 90, 1 + (uint32_t)rand() % 70,
@@ -120,6 +128,8 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
         struct sp_grid grid = make_grid(dims);
         struct sp_view view = make_view((enum sp_projection)(n % 2), pow(10, uniform(0.5, 4)));
         struct sp_camera_transform camera;
+        const double depth = (const double[3]){ 0.01, 0.4, 20 }[n % 3];
+        set_depth(&view, depth);
         sp_camera_transform_init(&camera, &view.camera, view.size);
         struct sp_detail detail;
         struct sp_detail_job job = { .camera = &camera, .grid = &grid, .view = &view };
@@ -140,16 +150,19 @@ static void the_cut_holds_each_voxel_once_and_none_too_large(void **state) {
                 for (uint32_t y = first[1]; y <= last[1]; y++)
                     for (uint32_t x = first[0]; x <= last[0]; x++)
                         seen[x + dims[0] * (y + dims[1] * z)]++;
+            bool is_thin = ldexp(depth, b->level) <= SP_DETAIL_THIN;
             if (b->level > 0 && !b->is_enlarged)
-                check_size(&camera, &grid, b, first, last, SP_DETAIL_PIXELS, &longest);
+                check_size(&camera, &grid, b, first, last,
+                           is_thin ? SP_DETAIL_THIN_PIXELS : SP_DETAIL_PIXELS, &longest[is_thin]);
         }
         assert_int_equal(levels, detail.levels);
         levels_seen |= levels;
         for (uint32_t i = 0; i < dims[0] * dims[1] * dims[2]; i++)
             assert_int_equal(seen[i], 1);
     }
-    assert_int_equal(levels_seen, 31); /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
-    assert_compare(longest, >, 0.9);   /* the cells are as large as allowed */
+    assert_int_equal(levels_seen, 31);   /* 130 voxels are 9 bricks, 5, 3, 2, 1 */
+    for (int thin = 0; thin < 2; thin++) /* the cells are as large as allowed */
+        assert_compare(longest[thin], >, 0.9);
     sp_arena_finish(&arena);
 }
 
@@ -176,6 +189,17 @@ static void far_away_a_volume_is_one_brick(void **state) {
         assert_false(detail.bricks[0].is_enlarged);
     }
     sp_arena_finish(&arena);
+}
+
+static void only_thin_cells_may_be_large(void **state) {
+    (void)state;
+    struct sp_grid grid = make_grid((const uint32_t[3]){ 50, 50, 50 });
+    struct sp_view view = make_view(SP_PERSPECTIVE, 100);
+    set_depth(&view, 0.3);
+    assert_compare(sp_detail_pixels(&view, &grid, 2), ==, SP_DETAIL_THIN_PIXELS);
+    assert_compare(sp_detail_pixels(&view, &grid, 3), ==, SP_DETAIL_PIXELS);
+    view.transfer_function.points[1].opacity = 1;
+    assert_compare(sp_detail_pixels(&view, &grid, 0), ==, SP_DETAIL_PIXELS);
 }
 
 /* What has no levels is drawn at the floor, and said to be enlarged above 0. */
@@ -237,6 +261,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_cut_holds_each_voxel_once_and_none_too_large),
         cmocka_unit_test(far_away_a_volume_is_one_brick),
+        cmocka_unit_test(only_thin_cells_may_be_large),
         cmocka_unit_test(a_volume_without_mip_levels_is_drawn_whole),
         cmocka_unit_test(kernels_of_cells_leave_out_the_variance_of_the_box),
     };

@@ -423,6 +423,8 @@ static void volumes_share_a_budget_by_least_recent_use(void **state) {
                                      make_scene(test_scene_constant_cube, &scenes[1]) };
     struct rig rig;
     struct sp_error err;
+    for (int i = 0; i < 2; i++) /* one list each */
+        scenes[i].view.level_of_detail = SP_LOD_OFF;
     assert_true(open_rig(&rig, (uint64_t)1 << 30, &err));
     for (int i = 0; i < 2; i++) {
         struct test_image image = draw_ok(&rig, volumes[i], &scenes[i].view, NULL);
