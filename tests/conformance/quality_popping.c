@@ -130,8 +130,6 @@ static const char *const volumes[] = {
 };
 
 static void measure_default(struct quality *q) {
-    if (strcmp(q->target.backend, "cpu") != 0)
-        return;
     printf("  change at the switch, default view, in %% of the range, beyond that of the motion\n"
            "  volume                          shading       rms  one pixel's largest\n");
     for (size_t i = 0; i < sizeof volumes / sizeof *volumes; i++) {
