@@ -74,11 +74,16 @@ static void deposit_runs(const struct slabs *s, struct sp_slab_sheet *sheet,
     take_deposits(t, sheet);
 }
 
+static int count_layers(const struct sp_postconv *postconv) {
+    int slices = postconv->slab_slices;
+    return ((int)postconv->layers + slices - 1) / slices;
+}
+
 /* Begins a layer. Returns false if nothing is open and the layer is empty. */
 static bool start_layer(struct slabs *s, int layer) {
     struct sp_postconv_open_tile *t = s->tile;
     struct sp_slab_sheet *sheet = sheet_of(s, layer), *last = sheet_of(s, layer - 1);
-    int layers = (int)t->postconv->layers, place = layer < layers ? layer : layers - 1;
+    int layers = count_layers(t->postconv), place = layer < layers ? layer : layers - 1;
     uint32_t count = 0;
     struct sp_postconv_run *runs = NULL;
     clear_sheet(sheet);
@@ -136,7 +141,7 @@ static int find_sources(const struct slabs *s, int layer, const float share[SLAB
                         const int place[2], struct source from[SLAB_SLOTS]) {
     int count = 0;
     int reach = sheet_of(s, layer)->layer.reach;
-    for (int j = -reach; j < reach + s->tile->postconv->slab_slices; j++) {
+    for (int j = -reach; j <= reach; j++) {
         const struct sp_slab_sheet *sheet = sheet_of(s, layer + j);
         struct source *source = &from[count];
         if (is_empty(sheet))
@@ -206,18 +211,18 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
     }
 }
 
-/* Composites the slabs of a layer's slice; sheets up to SLAB_REACH layers behind it are there. */
+/* Composites the slabs of a layer; sheets up to SLAB_REACH layers behind it are there. */
 static void draw_layer(struct slabs *s, int layer) {
     struct sp_postconv_open_tile *t = s->tile;
     const struct sp_slab_sheet *sheet = sheet_of(s, layer);
     const struct sp_slab_layer *l = &sheet->layer;
-    int parts = t->postconv->slab_parts, slices = t->postconv->slab_slices;
+    int parts = t->postconv->slab_parts;
     for (int k = 0; k < parts; k++) {
         struct source from[SLAB_SLOTS];
         int place[2];
         t->group = l->group;
         for (int a = 0; a < 2; a++) {
-            double middle = ((k + 0.5) * slices / parts - 0.5) * l->step[a];
+            double middle = ((k + 0.5) / parts - 0.5) * l->step[a];
             float part;
             place[a] = split(sheet->place[a] + middle, &part);
             t->group.part[a] = l->group.scale[a] ? part : 0;
@@ -244,13 +249,12 @@ void sp_postconv_draw_slabs(struct sp_postconv_open_tile *t, uint32_t number) {
     struct slabs s = { .tile = t, .sheets = t->scratch->sheets };
     if (!sp_slab_tile_init(t->postconv, number, &s.constants))
         return;
-    int slices = t->postconv->slab_slices, ahead = SLAB_REACH + slices - 1;
-    int last = (int)t->postconv->layers - 1 + SLAB_REACH + ahead;
+    int last = count_layers(t->postconv) - 1 + 2 * SLAB_REACH;
     for (int l = 0; l <= last && t->alive; l++) {
         if (sp_interrupt_is_cancelled(&t->postconv->interrupt))
             break;
-        if (start_layer(&s, l) && (l - ahead) % slices == 0)
-            draw_layer(&s, l - ahead);
+        if (start_layer(&s, l))
+            draw_layer(&s, l - SLAB_REACH);
     }
     for (int i = 0; i < SLAB_SLOTS; i++)
         clear_sheet(&s.sheets[i]);
