@@ -15,6 +15,9 @@ static const float least_variance = 0.7f;
 /* Moving samples by half a sample takes a filter of this variance [samples²]. */
 static const float least_filter = 0.25f;
 
+/* Share of a filter's weight that may be missing at its ends, unless it must be exact. */
+static const float negligible = 0.004f;
+
 /* The general path draws exact slabs where a view asks for them. */
 static const double most_cutoff = 4;
 
@@ -136,7 +139,8 @@ bool sp_slab_layer_init(const struct sp_postconv *postconv, const struct sp_slab
     for (int a = 0; a < 2; a++) {
         per_px[a] = ldexpf(1, -slab->scale[a]);
         layer->step[a] = slope * move[a] * (double)per_px[a];
-        int far = (int)ceil(fabs(layer->step[a]) * (shares.reach + 1));
+        double beyond = postconv->slab_parts > 1 ? 0.5 : 0; /* of the middles of parts */
+        int far = (int)ceil(fabs(layer->step[a]) * (shares.reach + beyond));
         farthest = far > farthest ? far : farthest;
     }
     for (int a = 0; a < 3; a++)
@@ -160,6 +164,19 @@ bool sp_slab_layer_init(const struct sp_postconv *postconv, const struct sp_slab
     return true;
 }
 
+/* Drops taps at both ends that hardly weigh anything, and lets the others add up to 1. */
+static void trim(struct sp_postconv_filter *filter, float least) {
+    int n = 2 * filter->taps, cut = 0;
+    float lost = 0;
+    while (cut < filter->taps && lost + filter->weight[cut] + filter->weight[n - cut] <= least) {
+        lost += filter->weight[cut] + filter->weight[n - cut];
+        cut++;
+    }
+    filter->taps -= cut;
+    for (int k = 0; k <= 2 * filter->taps; k++)
+        filter->weight[k] = filter->weight[k + cut] / (1 - lost);
+}
+
 void sp_slab_filter_init(const struct sp_postconv *postconv, const struct sp_postconv_group *g,
                          int axis, float part, struct sp_postconv_filter *filter) {
     const struct sp_postconv_filter *all = postconv->tables->filters[postconv->exact];
@@ -176,6 +193,7 @@ void sp_slab_filter_init(const struct sp_postconv *postconv, const struct sp_pos
             filter->weight[filter->taps + k] += (1 - part) * weight;
             filter->weight[filter->taps + k - 1] += part * weight;
         }
+    trim(filter, postconv->exact ? 0 : negligible);
 }
 
 /* The normal of the slices in camera space. */
@@ -245,6 +263,7 @@ bool sp_slab_tile_init(const struct sp_postconv *postconv, uint32_t tile,
     float v[3], shifted[3];
     struct shares shares;
     find_variances(postconv, slab, slab->range[0], move, &shares, v, shifted);
+    slab->reach = shares.reach; /* kernels of the farthest ones are widest along the ray */
     for (int a = 0; a < 2; a++)
         while (slab->scale[a] < most[a] &&
                v[a] - shifted[a] >=

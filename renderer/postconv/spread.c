@@ -11,13 +11,14 @@
 struct slabs {
     struct sp_postconv_open_tile *tile;
     struct sp_slab_tile constants;
-    struct sp_slab_sheet *sheets; /* by layer modulo SLAB_SLOTS */
+    struct sp_slab_sheet *sheets; /* by layer modulo `slots` */
+    int slots;                    /* as few as needed, which stay in the cache */
     struct sp_postconv_filter filter[2];
     int open; /* layers to begin until the last sheet is out of reach */
 };
 
 static struct sp_slab_sheet *sheet_of(const struct slabs *s, int layer) {
-    return &s->sheets[(layer + SLAB_SLOTS) % SLAB_SLOTS];
+    return &s->sheets[(layer + s->slots) % s->slots];
 }
 
 static bool is_empty(const struct sp_slab_sheet *sheet) {
@@ -92,7 +93,8 @@ static bool start_layer(struct slabs *s, int layer) {
         count = sp_postconv_sift(t, runs, t->scratch->ends[layer] - t->scratch->starts[layer]);
     }
     bool is_first = count && !s->open;
-    s->open = count ? 2 * SLAB_REACH + 2 : s->open - (s->open > 0);
+    const int reach = s->constants.reach;
+    s->open = count ? 2 * reach + 1 : s->open - (s->open > 0);
     if (!s->open)
         return false;
     float w = sp_slab_layer_place(t->postconv, &s->constants, (uint32_t)place);
@@ -101,7 +103,7 @@ static bool start_layer(struct slabs *s, int layer) {
     for (int a = 0; a < 2; a++)
         sheet->place[a] =
             is_first ? 0 : last->place[a] + 0.5 * (last->layer.step[a] + sheet->layer.step[a]);
-    for (int j = 1; is_first && j <= SLAB_REACH + 1; j++) { /* its kernels reach before it */
+    for (int j = 1; is_first && j <= reach + 1; j++) { /* its kernels reach before it */
         struct sp_slab_sheet *before = sheet_of(s, layer - j);
         before->layer = sheet->layer;
         for (int a = 0; a < 2; a++)
@@ -211,7 +213,7 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
     }
 }
 
-/* Composites the slabs of a layer; sheets up to SLAB_REACH layers behind it are there. */
+/* Composites the slabs of a layer; all sheets that reach into it are there. */
 static void draw_layer(struct slabs *s, int layer) {
     struct sp_postconv_open_tile *t = s->tile;
     const struct sp_slab_sheet *sheet = sheet_of(s, layer);
@@ -249,13 +251,14 @@ void sp_postconv_draw_slabs(struct sp_postconv_open_tile *t, uint32_t number) {
     struct slabs s = { .tile = t, .sheets = t->scratch->sheets };
     if (!sp_slab_tile_init(t->postconv, number, &s.constants))
         return;
-    int last = count_layers(t->postconv) - 1 + 2 * SLAB_REACH;
+    const int reach = s.constants.reach, last = count_layers(t->postconv) - 1 + 2 * reach;
+    s.slots = 2 * reach + 2;
     for (int l = 0; l <= last && t->alive; l++) {
         if (sp_interrupt_is_cancelled(&t->postconv->interrupt))
             break;
         if (start_layer(&s, l))
-            draw_layer(&s, l - SLAB_REACH);
+            draw_layer(&s, l - reach);
     }
-    for (int i = 0; i < SLAB_SLOTS; i++)
+    for (int i = 0; i < s.slots; i++)
         clear_sheet(&s.sheets[i]);
 }
