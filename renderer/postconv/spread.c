@@ -158,21 +158,24 @@ static int find_sources(const struct slabs *s, int layer, const float share[SLAB
     return count;
 }
 
-/* Adds the sheets' shares to the blocks of a row. */
-static inline void add_row(const struct source *from, int count, int y, uint32_t blocks,
-                           float (*to)[4]) {
+/* Rows of sheets that are added. */
+struct rows {
+    const float *sample[SLAB_SLOTS]; /* of block 0, which may lie outside of the grid */
+    float share[SLAB_SLOTS];
+};
+
+/* Adds the rows' shares, for some blocks. */
+static inline void add_rows(const struct rows *rows, int count, uint32_t blocks, float *to) {
     for (; blocks; blocks &= blocks - 1) {
-        int x = __builtin_ctz(blocks) * BLOCK;
+        int at = __builtin_ctz(blocks) * BLOCK * 4;
         sp_wide sum[VECTORS];
         for (int p = 0; p < VECTORS; p++)
-            sum[p] = sp_wide_all(0);
-        for (int i = 0; i < count; i++) {
-            const float *sample = from[i].sheet->grid[y + from[i].shift[1]][x + from[i].shift[0]];
+            sum[p] = sp_wide_load(rows->sample[0] + at + p * W) * rows->share[0];
+        for (int i = 1; i < count; i++)
             for (int p = 0; p < VECTORS; p++)
-                sum[p] += sp_wide_load(sample + p * W) * from[i].share;
-        }
+                sum[p] += sp_wide_load(rows->sample[i] + at + p * W) * rows->share[i];
         for (int p = 0; p < VECTORS; p++)
-            sp_wide_store(to[x] + p * W, sum[p]);
+            sp_wide_store(to + at + p * W, sum[p]);
     }
 }
 
@@ -190,7 +193,7 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
     t->row0 = POSTCONV_GRID;
     t->row1 = 0;
     for (int y = low < 0 ? 0 : low; y < high && y < POSTCONV_GRID; y++) {
-        struct source own[SLAB_SLOTS];
+        struct rows rows;
         uint32_t all = 0, can = needed & (t->has_dead ? t->wanted[y / BLOCK] : UINT32_MAX);
         int n = 0;
         for (int i = 0; i < count && can; i++) {
@@ -201,13 +204,26 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
             uint32_t read = readable(from[i].shift[0]);
             all |= move_blocks(from[i].sheet->deposited[row], from[i].shift[0]) & read;
             can &= read;
-            own[n++] = from[i];
+            rows.sample[n] = from[i].sheet->grid[row][0] + from[i].shift[0] * 4;
+            rows.share[n++] = from[i].share;
         }
         all &= can;
         t->deposited[y] = all;
         if (!all)
             continue;
-        add_row(own, n, y, all, t->scratch->grid[y]);
+        switch (n) { /* counts that the compiler knows */
+        case 1:
+            add_rows(&rows, 1, all, t->scratch->grid[y][0]);
+            break;
+        case 3:
+            add_rows(&rows, 3, all, t->scratch->grid[y][0]);
+            break;
+        case 5:
+            add_rows(&rows, 5, all, t->scratch->grid[y][0]);
+            break;
+        default:
+            add_rows(&rows, n, all, t->scratch->grid[y][0]);
+        }
         t->row0 = y < t->row0 ? y : t->row0;
         t->row1 = y + 1;
     }
