@@ -13,8 +13,9 @@
  * small. The second claim does not depend on the step.
  *
  * The default view interpolates values on slices, and slabs of classified voxels are made of slices
- * if the image is large enough. Near a switch the images of both axes are mixed. Claims: beyond the change by motion, the image changes by at most 0.1 % of the range (root mean
- * square), and no pixel by more than 1 %.
+ * if the image is large enough. Near a switch the images of both axes are mixed. Claims: beyond the
+ * change by motion, the image changes by at most 0.1 % of the range (root mean square), and no
+ * pixel by more than 1 %.
  */
 #include <math.h>
 #include <stdio.h>
