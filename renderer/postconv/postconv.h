@@ -135,7 +135,7 @@ struct sp_postconv {
     float smooth[2];
     unsigned axis;                      /* of the sheets */
     int slab_parts;                     /* slabs per slice (slab.h); 0 = sheets are composited */
-    int slab_slices;                    /* slices of a slab: 1, or 2 */
+    int slab_slices;                    /* slices that share a layer of slabs: 1, or 2 */
     bool is_backwards;                  /* layers begin with the last slice */
     uint32_t layers;                    /* composited front to back */
     const struct sp_level_frame *parts; /* [SP_LEVELS] */

@@ -15,6 +15,9 @@ static const float least_variance = 0.7f;
 /* Moving samples by half a sample takes a filter of this variance [samples²]. */
 static const float least_filter = 0.25f;
 
+/* Share of a filter's weight that may be missing at its ends, unless it must be exact. */
+static const float negligible = 0.004f;
+
 /* The general path draws exact slabs where a view asks for them. */
 static const double most_cutoff = 4;
 
@@ -33,6 +36,8 @@ void sp_slab_choose(struct sp_postconv *postconv, double apart, bool pairs) {
     parts = pairs ? 0.5 * parts : parts;
     postconv->slab_slices = parts < least ? 2 : 1;
     postconv->slab_parts = parts < least ? 1 : (int)(parts + 0.5);
+    for (uint32_t k = 0; k < postconv->layers; k++)
+        postconv->layer[k] /= (uint32_t)postconv->slab_slices;
 }
 
 static double phi(double x) {
@@ -40,7 +45,8 @@ static double phi(double x) {
 }
 
 /* Depth and image position of a kernel at 1/u2 = w in the middle of the tile: `variance` of its
- * depth [slices²] and how far it moves in the image per layer [px]. */
+ * depth [layers²] and how far it moves in the image per layer [px]. The kernels of several slices
+ * that share a layer lie around its middle, which adds to the variance of the depth alone. */
 static void find_motion(const struct sp_postconv *postconv, const struct sp_slab_tile *slab,
                         float w, double move[2], double *variance) {
     const struct sp_ewa_frame *f = sp_postconv_ewa(postconv, slab->brick);
@@ -62,27 +68,29 @@ static void find_motion(const struct sp_postconv *postconv, const struct sp_slab
     double sigma2 = (double)f->sigma * (double)f->sigma, lowpass2 = (double)f->lowpass2;
     const double *slope = inverse.m[axis]; /* slices per px, at one distance from the eye */
     *variance = sigma2 + lowpass2 * (slope[0] * slope[0] + slope[1] * slope[1]);
+    double slices = postconv->slab_slices, all = *variance + (slices * slices - 1) / 12;
     for (int i = 0; i < 2; i++) {
-        move[i] = (sigma2 * m.m[i][axis] + lowpass2 * slope[i]) / *variance;
+        move[i] = (sigma2 * m.m[i][axis] + lowpass2 * slope[i]) / all * slices;
         move[i] = postconv->is_backwards ? -move[i] : move[i];
     }
+    *variance = all / (slices * slices);
 }
 
-/* The share of each sheet j in each part k of a slice, and its depth [slices]. */
+/* The share of each sheet j in each part k of a layer, and its depth [layers]. */
 struct shares {
     int reach;
     double share[SLAB_PARTS][SLAB_SLOTS];
     double slope;    /* mean depth of a part over the distance of its slab's middle */
-    double variance; /* of these means [slices²] */
+    double variance; /* of these means [layers²] */
 };
 
-static void find_shares(int parts, int slices, double variance, struct shares *s) {
+static void find_shares(int parts, double variance, struct shares *s) {
     double deviation = sqrt(variance), sum = 0, along = 0, square = 0;
     s->reach = (int)ceil(2.2 * deviation - 0.5);
     s->reach = s->reach < 1 ? 1 : s->reach > SLAB_REACH ? SLAB_REACH : s->reach;
     for (int k = 0; k < parts; k++)
-        for (int j = -s->reach; j < s->reach + slices; j++) {
-            double low = -0.5 + (double)k / parts - j, high = low + (double)slices / parts;
+        for (int j = -s->reach; j <= s->reach; j++) {
+            double low = -0.5 + (double)k / parts - j, high = low + 1.0 / parts;
             double a = low / deviation, b = high / deviation, share = phi(b) - phi(a);
             double middle = 0.5 * (low + high);
             s->share[k][j + s->reach] = share;
@@ -93,8 +101,8 @@ static void find_shares(int parts, int slices, double variance, struct shares *s
     s->slope = along / square;
     s->variance = s->slope * s->slope * square / sum;
     for (int k = 0; k < parts; k++)
-        for (int i = 0; i < 2 * s->reach + slices; i++)
-            s->share[k][i] *= slices / sum;
+        for (int i = 0; i <= 2 * s->reach; i++)
+            s->share[k][i] /= sum;
 }
 
 /* The variance of a layer's footprints, and what the shifts of its parts add to it [px²]. */
@@ -103,7 +111,7 @@ static void find_variances(const struct sp_postconv *postconv, const struct sp_s
                            float shifted[3]) {
     double variance;
     find_motion(postconv, slab, w, move, &variance);
-    find_shares(postconv->slab_parts, postconv->slab_slices, variance, shares);
+    find_shares(postconv->slab_parts, variance, shares);
     sp_postconv_variance(slab->brick, w, v);
     double moved = shares->variance * (move[0] * move[0] + move[1] * move[1]);
     double least = fmin((double)v[0], (double)v[1]) - fabs((double)v[2]);
@@ -125,13 +133,14 @@ bool sp_slab_layer_init(const struct sp_postconv *postconv, const struct sp_slab
     slope = shares.slope;
     layer->reach = shares.reach;
     for (int k = 0; k < postconv->slab_parts; k++)
-        for (int j = 0; j < 2 * shares.reach + postconv->slab_slices; j++)
+        for (int j = 0; j <= 2 * shares.reach; j++)
             layer->share[k][j] = (float)shares.share[k][j];
     int farthest = 0;
     for (int a = 0; a < 2; a++) {
         per_px[a] = ldexpf(1, -slab->scale[a]);
         layer->step[a] = slope * move[a] * (double)per_px[a];
-        int far = (int)ceil(fabs(layer->step[a]) * (shares.reach + 1));
+        double beyond = postconv->slab_parts > 1 ? 0.5 : 0; /* of the middles of parts */
+        int far = (int)ceil(fabs(layer->step[a]) * (shares.reach + beyond));
         farthest = far > farthest ? far : farthest;
     }
     for (int a = 0; a < 3; a++)
@@ -155,6 +164,19 @@ bool sp_slab_layer_init(const struct sp_postconv *postconv, const struct sp_slab
     return true;
 }
 
+/* Drops taps at both ends that hardly weigh anything, and lets the others add up to 1. */
+static void trim(struct sp_postconv_filter *filter, float least) {
+    int n = 2 * filter->taps, cut = 0;
+    float lost = 0;
+    while (cut < filter->taps && lost + filter->weight[cut] + filter->weight[n - cut] <= least) {
+        lost += filter->weight[cut] + filter->weight[n - cut];
+        cut++;
+    }
+    filter->taps -= cut;
+    for (int k = 0; k <= 2 * filter->taps; k++)
+        filter->weight[k] = filter->weight[k + cut] / (1 - lost);
+}
+
 void sp_slab_filter_init(const struct sp_postconv *postconv, const struct sp_postconv_group *g,
                          int axis, float part, struct sp_postconv_filter *filter) {
     const struct sp_postconv_filter *all = postconv->tables->filters[postconv->exact];
@@ -171,6 +193,7 @@ void sp_slab_filter_init(const struct sp_postconv *postconv, const struct sp_pos
             filter->weight[filter->taps + k] += (1 - part) * weight;
             filter->weight[filter->taps + k - 1] += part * weight;
         }
+    trim(filter, postconv->exact ? 0 : negligible);
 }
 
 /* The normal of the slices in camera space. */
@@ -192,7 +215,9 @@ float sp_slab_layer_place(const struct sp_postconv *postconv, const struct sp_sl
     if (f->projection != SP_PERSPECTIVE)
         return 1;
     struct sp_vec3 normal = slice_normal(postconv, f), at = sp_vec3_from(f->base);
-    uint32_t slice = postconv->is_backwards ? postconv->layers - 1 - layer : layer;
+    double slices = postconv->slab_slices, last = postconv->layers - 1;
+    double slice = fmin((layer + 0.5) * slices - 0.5, last);
+    slice = postconv->is_backwards ? last - slice : slice;
     for (int r = 0; r < 3; r++)
         at.v[r] += f->step_hi[r][postconv->axis] * slice;
     float w = (float)(sp_vec3_dot(normal, ray) / sp_vec3_dot(normal, at));
@@ -238,6 +263,7 @@ bool sp_slab_tile_init(const struct sp_postconv *postconv, uint32_t tile,
     float v[3], shifted[3];
     struct shares shares;
     find_variances(postconv, slab, slab->range[0], move, &shares, v, shifted);
+    slab->reach = shares.reach; /* kernels of the farthest ones are widest along the ray */
     for (int a = 0; a < 2; a++)
         while (slab->scale[a] < most[a] &&
                v[a] - shifted[a] >=
@@ -273,9 +299,9 @@ static bool is_level(const struct sp_postconv *postconv, const struct sp_slab_ti
 
 /* True if the layers are in the order of the slices, or the other way round. */
 static bool is_ordered(const struct sp_postconv *postconv) {
-    uint32_t last = postconv->layers - 1;
-    return (postconv->layer[0] == 0 && postconv->layer[last] == last) ||
-           (postconv->layer[0] == last && postconv->layer[last] == 0);
+    uint32_t last = postconv->layers - 1, farthest = last / (uint32_t)postconv->slab_slices;
+    return (postconv->layer[0] == 0 && postconv->layer[last] == farthest) ||
+           (postconv->layer[0] == farthest && postconv->layer[last] == 0);
 }
 
 bool sp_slab_fits(const struct sp_postconv *postconv) {

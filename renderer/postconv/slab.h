@@ -24,9 +24,9 @@
 #include "postconv/postconv.h"
 
 enum {
-    SLAB_REACH = 3, /* sheets to each side whose kernels reach into a slab */
-    SLAB_SLOTS = 2 * SLAB_REACH + 2,
-    SLAB_PARTS = 8 /* most slabs per slice */
+    SLAB_REACH = 3,                  /* sheets to each side whose kernels reach into a slab */
+    SLAB_SLOTS = 2 * SLAB_REACH + 2, /* sheets that a slab may need, and the next one */
+    SLAB_PARTS = 8                   /* most slabs per slice */
 };
 
 /* The constants of a tile. */
@@ -35,6 +35,7 @@ struct sp_slab_tile {
     float ratio[2];                        /* u0/u2 and u1/u2 of the tile's middle */
     float range[2];                        /* of 1/u2 of all its bricks */
     int scale[2];                          /* of the samples of all layers */
+    int reach;                             /* sheets to each side of a slab, at most */
 };
 
 /* How a layer is spread over slabs. */

@@ -11,13 +11,14 @@
 struct slabs {
     struct sp_postconv_open_tile *tile;
     struct sp_slab_tile constants;
-    struct sp_slab_sheet *sheets; /* by layer modulo SLAB_SLOTS */
+    struct sp_slab_sheet *sheets; /* by layer modulo `slots` */
+    int slots;                    /* as few as needed, which stay in the cache */
     struct sp_postconv_filter filter[2];
     int open; /* layers to begin until the last sheet is out of reach */
 };
 
 static struct sp_slab_sheet *sheet_of(const struct slabs *s, int layer) {
-    return &s->sheets[(layer + SLAB_SLOTS) % SLAB_SLOTS];
+    return &s->sheets[(layer + s->slots) % s->slots];
 }
 
 static bool is_empty(const struct sp_slab_sheet *sheet) {
@@ -74,11 +75,16 @@ static void deposit_runs(const struct slabs *s, struct sp_slab_sheet *sheet,
     take_deposits(t, sheet);
 }
 
+static int count_layers(const struct sp_postconv *postconv) {
+    int slices = postconv->slab_slices;
+    return ((int)postconv->layers + slices - 1) / slices;
+}
+
 /* Begins a layer. Returns false if nothing is open and the layer is empty. */
 static bool start_layer(struct slabs *s, int layer) {
     struct sp_postconv_open_tile *t = s->tile;
     struct sp_slab_sheet *sheet = sheet_of(s, layer), *last = sheet_of(s, layer - 1);
-    int layers = (int)t->postconv->layers, place = layer < layers ? layer : layers - 1;
+    int layers = count_layers(t->postconv), place = layer < layers ? layer : layers - 1;
     uint32_t count = 0;
     struct sp_postconv_run *runs = NULL;
     clear_sheet(sheet);
@@ -87,7 +93,8 @@ static bool start_layer(struct slabs *s, int layer) {
         count = sp_postconv_sift(t, runs, t->scratch->ends[layer] - t->scratch->starts[layer]);
     }
     bool is_first = count && !s->open;
-    s->open = count ? 2 * SLAB_REACH + 2 : s->open - (s->open > 0);
+    const int reach = s->constants.reach;
+    s->open = count ? 2 * reach + 1 : s->open - (s->open > 0);
     if (!s->open)
         return false;
     float w = sp_slab_layer_place(t->postconv, &s->constants, (uint32_t)place);
@@ -96,7 +103,7 @@ static bool start_layer(struct slabs *s, int layer) {
     for (int a = 0; a < 2; a++)
         sheet->place[a] =
             is_first ? 0 : last->place[a] + 0.5 * (last->layer.step[a] + sheet->layer.step[a]);
-    for (int j = 1; is_first && j <= SLAB_REACH + 1; j++) { /* its kernels reach before it */
+    for (int j = 1; is_first && j <= reach + 1; j++) { /* its kernels reach before it */
         struct sp_slab_sheet *before = sheet_of(s, layer - j);
         before->layer = sheet->layer;
         for (int a = 0; a < 2; a++)
@@ -136,7 +143,7 @@ static int find_sources(const struct slabs *s, int layer, const float share[SLAB
                         const int place[2], struct source from[SLAB_SLOTS]) {
     int count = 0;
     int reach = sheet_of(s, layer)->layer.reach;
-    for (int j = -reach; j < reach + s->tile->postconv->slab_slices; j++) {
+    for (int j = -reach; j <= reach; j++) {
         const struct sp_slab_sheet *sheet = sheet_of(s, layer + j);
         struct source *source = &from[count];
         if (is_empty(sheet))
@@ -151,21 +158,24 @@ static int find_sources(const struct slabs *s, int layer, const float share[SLAB
     return count;
 }
 
-/* Adds the sheets' shares to the blocks of a row. */
-static inline void add_row(const struct source *from, int count, int y, uint32_t blocks,
-                           float (*to)[4]) {
+/* Rows of sheets that are added. */
+struct rows {
+    const float *sample[SLAB_SLOTS]; /* of block 0, which may lie outside of the grid */
+    float share[SLAB_SLOTS];
+};
+
+/* Adds the rows' shares, for some blocks. */
+static inline void add_rows(const struct rows *rows, int count, uint32_t blocks, float *to) {
     for (; blocks; blocks &= blocks - 1) {
-        int x = __builtin_ctz(blocks) * BLOCK;
+        int at = __builtin_ctz(blocks) * BLOCK * 4;
         sp_wide sum[VECTORS];
         for (int p = 0; p < VECTORS; p++)
-            sum[p] = sp_wide_all(0);
-        for (int i = 0; i < count; i++) {
-            const float *sample = from[i].sheet->grid[y + from[i].shift[1]][x + from[i].shift[0]];
+            sum[p] = sp_wide_load(rows->sample[0] + at + p * W) * rows->share[0];
+        for (int i = 1; i < count; i++)
             for (int p = 0; p < VECTORS; p++)
-                sum[p] += sp_wide_load(sample + p * W) * from[i].share;
-        }
+                sum[p] += sp_wide_load(rows->sample[i] + at + p * W) * rows->share[i];
         for (int p = 0; p < VECTORS; p++)
-            sp_wide_store(to[x] + p * W, sum[p]);
+            sp_wide_store(to + at + p * W, sum[p]);
     }
 }
 
@@ -183,7 +193,7 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
     t->row0 = POSTCONV_GRID;
     t->row1 = 0;
     for (int y = low < 0 ? 0 : low; y < high && y < POSTCONV_GRID; y++) {
-        struct source own[SLAB_SLOTS];
+        struct rows rows;
         uint32_t all = 0, can = needed & (t->has_dead ? t->wanted[y / BLOCK] : UINT32_MAX);
         int n = 0;
         for (int i = 0; i < count && can; i++) {
@@ -194,30 +204,43 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
             uint32_t read = readable(from[i].shift[0]);
             all |= move_blocks(from[i].sheet->deposited[row], from[i].shift[0]) & read;
             can &= read;
-            own[n++] = from[i];
+            rows.sample[n] = from[i].sheet->grid[row][0] + from[i].shift[0] * 4;
+            rows.share[n++] = from[i].share;
         }
         all &= can;
         t->deposited[y] = all;
         if (!all)
             continue;
-        add_row(own, n, y, all, t->scratch->grid[y]);
+        switch (n) { /* counts that the compiler knows */
+        case 1:
+            add_rows(&rows, 1, all, t->scratch->grid[y][0]);
+            break;
+        case 3:
+            add_rows(&rows, 3, all, t->scratch->grid[y][0]);
+            break;
+        case 5:
+            add_rows(&rows, 5, all, t->scratch->grid[y][0]);
+            break;
+        default:
+            add_rows(&rows, n, all, t->scratch->grid[y][0]);
+        }
         t->row0 = y < t->row0 ? y : t->row0;
         t->row1 = y + 1;
     }
 }
 
-/* Composites the slabs of a layer's slice; sheets up to SLAB_REACH layers behind it are there. */
+/* Composites the slabs of a layer; all sheets that reach into it are there. */
 static void draw_layer(struct slabs *s, int layer) {
     struct sp_postconv_open_tile *t = s->tile;
     const struct sp_slab_sheet *sheet = sheet_of(s, layer);
     const struct sp_slab_layer *l = &sheet->layer;
-    int parts = t->postconv->slab_parts, slices = t->postconv->slab_slices;
+    int parts = t->postconv->slab_parts;
     for (int k = 0; k < parts; k++) {
         struct source from[SLAB_SLOTS];
         int place[2];
         t->group = l->group;
         for (int a = 0; a < 2; a++) {
-            double middle = ((k + 0.5) * slices / parts - 0.5) * l->step[a];
+            double middle = ((k + 0.5) / parts - 0.5) * l->step[a];
             float part;
             place[a] = split(sheet->place[a] + middle, &part);
             t->group.part[a] = l->group.scale[a] ? part : 0;
@@ -244,14 +267,14 @@ void sp_postconv_draw_slabs(struct sp_postconv_open_tile *t, uint32_t number) {
     struct slabs s = { .tile = t, .sheets = t->scratch->sheets };
     if (!sp_slab_tile_init(t->postconv, number, &s.constants))
         return;
-    int slices = t->postconv->slab_slices, ahead = SLAB_REACH + slices - 1;
-    int last = (int)t->postconv->layers - 1 + SLAB_REACH + ahead;
+    const int reach = s.constants.reach, last = count_layers(t->postconv) - 1 + 2 * reach;
+    s.slots = 2 * reach + 2;
     for (int l = 0; l <= last && t->alive; l++) {
         if (sp_interrupt_is_cancelled(&t->postconv->interrupt))
             break;
-        if (start_layer(&s, l) && (l - ahead) % slices == 0)
-            draw_layer(&s, l - ahead);
+        if (start_layer(&s, l))
+            draw_layer(&s, l - reach);
     }
-    for (int i = 0; i < SLAB_SLOTS; i++)
+    for (int i = 0; i < s.slots; i++)
         clear_sheet(&s.sheets[i]);
 }

@@ -222,6 +222,18 @@ static void init_metric(struct sp_resample *r, const struct coordinates *c) {
     r->gradient_unit = (float)(largest / r->curve.levels_per_unit);
 }
 
+/* Rays that go farther than 1.3 from slice to slice get half sheets, and so do those about 12 px
+ * beside them: in small images of wide views, rays change a lot from pixel to pixel, and all that
+ * are nearly steep gain by half sheets. At the limit steepness changes by about 1/scale per pixel.
+ */
+static void init_steep(struct sp_resample *r) {
+    const double limit = 1.3, least_width = 0.01, beside_px = 12;
+    bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
+    double beside = is_perspective ? beside_px / r->camera->scale : 0;
+    r->steep[1] = (float)(limit - beside);
+    r->steep[0] = (float)(limit - 1.5 * beside - least_width);
+}
+
 /* Surfaces change the value by at least this share of the transfer function's span per sample. */
 static const double surface = 0.08;
 
@@ -285,6 +297,7 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
     if (!sp_resample_turn(input, r, choose_axis(r, &coordinates), err))
         return false;
     r->rounding = find_rounding(info->type, &r->curve);
+    init_steep(r);
     r->lowest = info->nonfinite ? CURVE_LEVEL_NONE : CURVE_LEVEL_MIN;
     for (unsigned a = 0; a < 3; a++)
         if (!init_axis(&r->axes[a], input, r->samples, a, level))

@@ -4,10 +4,6 @@
 #include <math.h>
 #include <string.h>
 
-/* Rays that go farther than this from slice to slice need a sheet between them: in samples, and in
- * distances of slices. */
-static const double steep = 1.3;
-
 /* The direction of the ray (x, y) px from the image's centre [samples per unit of depth]. */
 static void find_direction(const struct sp_resample *r, double x, double y, double out[3]) {
     for (int a = 0; a < 3; a++)
@@ -43,12 +39,38 @@ static void set_axis(struct sp_resample_rays *rays, const struct sp_resample *r,
     rays->reference = sp_resample_reference(r, slices);
 }
 
-/* 1/cos of the angle between the ray and the slices' axis, in world space. */
+/* 1/cos of the angle between the ray and an axis, in world space. */
 static double slant(const struct sp_resample *r, const double direction[3], int axis) {
     const double *m = r->metric, *d = direction;
     double square = m[0] * d[0] * d[0] + m[1] * d[1] * d[1] + m[2] * d[2] * d[2] +
                     2 * (m[3] * d[1] * d[2] + m[4] * d[0] * d[2] + m[5] * d[0] * d[1]);
     return sqrt(square / (m[axis] * d[axis] * d[axis]));
+}
+
+/* Steepness of the ray (x, y) px from the image's centre. */
+static double find_steepness(const struct sp_resample *r, double x, double y, int axis) {
+    bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
+    double direction[3], square = 0;
+    find_direction(r, is_perspective ? x : 0, is_perspective ? y : 0, direction);
+    for (int a = 0; a < 3; a++)
+        square += direction[a] * direction[a];
+    return fmax(sqrt(square) / fabs(direction[axis]), slant(r, direction, axis));
+}
+
+/* Steepness is a convex function, so it is largest at a corner, and hardly below twice that of the
+ * centre minus that of the opposite corner. */
+static int find_sheets(const struct sp_resample *r, const struct sp_resample_rays *rays,
+                       const int place[4]) {
+    double x = rays->centre[0] - r->camera->centre[0], y = rays->centre[1] - r->camera->centre[1];
+    double largest = 0;
+    for (int corner = 0; corner < 4; corner++)
+        largest =
+            fmax(largest, find_steepness(r, x + (corner & 1 ? 0.5 : -0.5) * place[2],
+                                         y + (corner & 2 ? 0.5 : -0.5) * place[3], rays->axis[2]));
+    double least = 2 * find_steepness(r, x, y, rays->axis[2]) - largest;
+    if (r->is_fine || least >= (double)r->steep[1])
+        return RESAMPLE_HALVES;
+    return largest <= (double)r->steep[0] ? RESAMPLE_WHOLE : RESAMPLE_WHOLE | RESAMPLE_HALVES;
 }
 
 void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resample *r,
@@ -86,7 +108,5 @@ void sp_resample_rays_init(struct sp_resample_rays *rays, const struct sp_resamp
     rays->fall[1] = is_perspective ? r->down[axis[2]] / forward : 0;
     rays->lever = is_perspective ? ahead : 1;
     rays->is_too_wide = fabs(rays->fall[0]) * place[2] + fabs(rays->fall[1]) * place[3] > 1.7;
-    double speed = sqrt(1 + rays->change[0] * rays->change[0] + rays->change[1] * rays->change[1]);
-    bool is_steep = speed > steep || slant(r, direction, axis[2]) > steep;
-    rays->sheets_per_slice = is_steep || r->is_fine ? 2 : 1;
+    rays->sheets = find_sheets(r, rays, place);
 }

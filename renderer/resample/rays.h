@@ -5,18 +5,30 @@
  *
  *   moved = (x·right + y·down)/(1 + x·fall[0] + y·fall[1])
  *   u = at + moved·lever,  du = change ± moved in perspective     likewise v and dv
+ *
+ * Rays that go far from slice to slice need a sheet half way between them, too. Such sheets change
+ * the image slightly, so where rays are about as steep as the limit both images are drawn and mixed
+ * per pixel:
+ *
+ *   share of half sheets = (steepness − steep[0])/(steep[1] − steep[0]), kept in [0, 1]
+ *
+ * Steepness: how far a ray goes from slice to slice, in samples or in distances of slices,
+ * whichever is more.
  */
 #ifndef SP_RESAMPLE_RAYS_H
 #define SP_RESAMPLE_RAYS_H
 
 #include "resample/resample.h"
 
+/* Sheets per slice, as bits. */
+enum { RESAMPLE_WHOLE = 1, RESAMPLE_HALVES = 2 };
+
 struct sp_resample_rays {
-    int axis[3];          /* of the volume: u, v, and the slices' axis */
-    bool is_backwards;    /* rays cross the slices from the last to the first */
-    bool is_too_wide;     /* some rays may never cross the slices: divide the rectangle */
-    int sheets_per_slice; /* 2 if the rays are steep */
-    float reference;      /* slice coordinate at s = 0 */
+    int axis[3];       /* of the volume: u, v, and the slices' axis */
+    bool is_backwards; /* rays cross the slices from the last to the first */
+    bool is_too_wide;  /* some rays may never cross the slices: divide the rectangle */
+    int sheets;        /* RESAMPLE_…: those that some of the rays need */
+    float reference;   /* slice coordinate at s = 0 */
     double at[2], change[2];
     double right[2], down[2], fall[2];
     double lever; /* perspective: slices from the eye to s = 0; orthographic: 1 */

@@ -69,6 +69,7 @@ struct sp_resample {
     struct sp_resample_axis axes[3];
     bool is_linear;           /* SP_ATTENUATION_LINEAR */
     bool is_fine;             /* sheets half a slice apart for all rays */
+    float steep[2];           /* between them some rays get such sheets, beyond them all (rays.h) */
     bool needs_gradient;      /* lit, or the transfer function has a gradient axis */
     int axis;                 /* of the slices; tiles of wide views may take another one */
     double share[3];          /* of the image that slices along each axis have (axes.h) */
@@ -131,6 +132,8 @@ struct sp_resample_sheet {
 struct sp_resample_scratch {
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];
     struct sp_resample_bounds bounds;
+    /* Transmittance and colour of blocks that are drawn a second time. */
+    _Alignas(64) float aside[RESAMPLE_BLOCKS][4][RESAMPLE_PIXELS];
     struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
     uint8_t *is_refined;                              /* by cell of the newest sheet */
     uint64_t *active; /* by interval between slices: the blocks that may see something in it */

@@ -30,7 +30,6 @@ static void init_rays(struct sp_resample_open_tile *t, struct sp_resample_rays *
     }
     t->is_backwards = rays->is_backwards;
     t->reference = rays->reference;
-    t->sheets_per_slice = rays->sheets_per_slice;
 }
 
 /* Keeps the part of SP_WIDE rays inside a half space. */
@@ -66,6 +65,20 @@ static inline void find_eye(const struct sp_resample *r, sp_wide x, sp_wide y, s
         eye[1] = down * eye[2];
     }
     sp_shade_eye(r->shade, eye, to_eye);
+}
+
+/* Nothing is drawn yet. */
+static inline void open_block(struct sp_resample_block *block) {
+    for (int k = 0; k < 4; k++)
+        block->value_sheet[k] = -1;
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        block->entry_sheet[i] = -1;
+        sp_wide_store(block->light + i, sp_wide_all(1));
+        for (int c = 0; c < 3; c++) {
+            sp_wide_store(block->color[c] + i, sp_wide_all(0));
+            sp_wide_store(block->normal[c] + i, sp_wide_all(0));
+        }
+    }
 }
 
 static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
@@ -110,12 +123,6 @@ static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_r
     sp_wide_store(block->begin + i, begin);
     sp_wide_store(block->end + i, end);
     sp_wide_store(block->length + i, sp_wide_sqrt(square));
-    sp_wide_store(block->light + i, sp_wide_all(1));
-    block->entry_sheet[i] = -1;
-    for (int c = 0; c < 3; c++) {
-        sp_wide_store(block->color[c] + i, sp_wide_all(0));
-        sp_wide_store(block->normal[c] + i, sp_wide_all(0));
-    }
 }
 
 /* Returns false if no ray of the block meets the volume. */
@@ -140,8 +147,7 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->inside[1] = -sp_wide_largest(-inside[1]);
     bounds->span[0][b] = -sp_wide_largest(-span[0]);
     bounds->span[1][b] = sp_wide_largest(span[1]);
-    for (int k = 0; k < 4; k++)
-        block->value_sheet[k] = -1;
+    open_block(block);
     const float *parts[4] = { block->u, block->v, block->du, block->dv };
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 4; i++)
@@ -382,6 +388,73 @@ static void draw_blocks(struct sp_resample_open_tile *t, uint64_t set) {
     draw_blocks(t, part);
 }
 
+/* The share that half sheets have of the pixels from i on (rays.h). */
+static inline sp_wide halves_share(const struct sp_resample_open_tile *t,
+                                   const struct sp_resample_block *block, int i) {
+    const float begin = t->r->steep[0], end = t->r->steep[1];
+    const float per_length = 1 / sqrtf((float)t->r->metric[t->axis[2]]);
+    sp_wide du = sp_wide_load(block->du + i), dv = sp_wide_load(block->dv + i);
+    sp_wide speed = sp_wide_sqrt(1 + du * du + dv * dv);
+    speed = sp_wide_max(speed, sp_wide_load(block->length + i) * per_length);
+    sp_wide share = (speed - begin) * (1 / (end - begin));
+    return sp_wide_min(sp_wide_max(share, sp_wide_all(0)), sp_wide_all(1));
+}
+
+/* Finds those of the blocks that need a sheet per slice, and those that need half sheets. */
+static void find_steep(const struct sp_resample_open_tile *t, uint64_t blocks, uint64_t need[2]) {
+    const sp_wide zero = sp_wide_all(0), one = sp_wide_all(1);
+    need[0] = need[1] = 0;
+    for (uint64_t left = blocks; left; left &= left - 1) {
+        int b = __builtin_ctzll(left);
+        bool is_flat = false, is_steep = false;
+        for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+            sp_wide share = halves_share(t, &t->scratch->blocks[b], i);
+            is_flat |= sp_wide_any(sp_wide_lt(share, one));
+            is_steep |= sp_wide_any(sp_wide_lt(zero, share));
+        }
+        need[0] |= (uint64_t)is_flat << b;
+        need[1] |= (uint64_t)is_steep << b;
+    }
+}
+
+/* Puts a block's pixels aside, to draw it again. */
+static void put_aside(struct sp_resample_scratch *scratch, int b) {
+    struct sp_resample_block *block = &scratch->blocks[b];
+    memcpy(scratch->aside[b][0], block->light, sizeof block->light);
+    for (int c = 0; c < 3; c++)
+        memcpy(scratch->aside[b][c + 1], block->color[c], sizeof block->color[c]);
+    open_block(block);
+}
+
+/* Mixes a block's pixels with those that were put aside. */
+static void mix_aside(const struct sp_resample_open_tile *t, int b) {
+    struct sp_resample_block *block = &t->scratch->blocks[b];
+    float *to[4] = { block->light, block->color[0], block->color[1], block->color[2] };
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        sp_wide share = halves_share(t, block, i);
+        for (int c = 0; c < 4; c++) {
+            sp_wide first = sp_wide_load(t->scratch->aside[b][c] + i);
+            sp_wide_store(to[c] + i, first + share * (sp_wide_load(to[c] + i) - first));
+        }
+    }
+}
+
+/* Draws a set of blocks whose rays need these sheets: each block with a sheet per slice, with half
+ * sheets, or both ways. */
+static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t set) {
+    uint64_t need[2] = { sheets & RESAMPLE_WHOLE ? set : 0, sheets & RESAMPLE_HALVES ? set : 0 };
+    if (need[0] && need[1])
+        find_steep(t, set, need);
+    t->sheets_per_slice = 1;
+    draw_blocks(t, need[0]);
+    for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
+        put_aside(t->scratch, __builtin_ctzll(left));
+    t->sheets_per_slice = 2;
+    draw_blocks(t, need[1]);
+    for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
+        mix_aside(t, __builtin_ctzll(left));
+}
+
 /* Draws a square of the tile. A wide view's rays may differ so much that some never cross the
  * slices which the middle one crosses; then in four parts. */
 static void draw_square(const struct sp_resample *r, struct sp_resample_scratch *scratch, int x,
@@ -409,7 +482,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                 t.alive |= UINT64_C(1) << b;
         }
     uint64_t drawn = find_active(&t);
-    draw_blocks(&t, drawn);
+    draw_sheets_of(&t, rays.sheets, drawn);
     resolve(&t, drawn);
 }
 

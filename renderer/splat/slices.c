@@ -27,15 +27,21 @@ static struct sp_vec3 forward(const struct sp_camera_transform *camera) {
     return sp_vec3_from(camera->w.m[2]);
 }
 
+void sp_slices_facing(const struct sp_camera_transform *camera, const struct sp_grid *grid,
+                      double facing[3]) {
+    struct sp_mat3 d = directions(grid);
+    for (unsigned a = 0; a < 3; a++)
+        facing[a] = fabs(sp_vec3_dot(slice_normal(&d, a), forward(camera)));
+}
+
 unsigned sp_slices_major_axis(const struct sp_camera_transform *camera,
                               const struct sp_grid *grid) {
-    struct sp_mat3 d = directions(grid);
-    double best = -1;
+    double best = -1, facing[3];
+    sp_slices_facing(camera, grid, facing);
     unsigned axis = 2;
     for (int a = 2; a >= 0; a--) {
-        double facing = fabs(sp_vec3_dot(slice_normal(&d, (unsigned)a), forward(camera)));
-        if (facing > best) {
-            best = facing;
+        if (facing[a] > best) {
+            best = facing[a];
             axis = (unsigned)a;
         }
     }

@@ -26,6 +26,8 @@
  *      tiles look at, which is not so if the eye is close to the voxels. For slabs they must
  *      serve all of them, on the finest mip level.
  *
+ * Slabs on the fast path are mixed from those of two or three axes near a switch of the major axis.
+ *
  * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err);
 

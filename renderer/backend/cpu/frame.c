@@ -129,3 +129,12 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     cpu_frame_add_time(f, CPU_CLASSIFY, clock);
     return true;
 }
+
+bool cpu_frame_turn(struct cpu_frame *f, unsigned axis, struct sp_error *err) {
+    double clock = sp_job_clock_ms(f->job);
+    f->axis = axis;
+    if (!classify(f, err) || !init_parts(f, err))
+        return false;
+    cpu_frame_add_time(f, CPU_CLASSIFY, clock);
+    return true;
+}

@@ -51,6 +51,9 @@ struct cpu_frame {
 bool cpu_frame_init(struct cpu_frame *frame, struct cpu_state *state,
                     const struct sp_backend_job *job, struct sp_error *err);
 
+/* Prepares the same frame with slices of another axis. Errors as above. */
+bool cpu_frame_turn(struct cpu_frame *frame, unsigned axis, struct sp_error *err);
+
 /* True if the frame's one level is enlarged in some of its bricks (sp_detail_brick.is_enlarged). */
 bool cpu_frame_is_enlarged(const struct cpu_frame *frame);
 

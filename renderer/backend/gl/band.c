@@ -39,6 +39,14 @@ void gl_band_start(const struct gl_band *band) {
     gl_bins_clear_head(&band->state->bins);
 }
 
+void gl_band_clear(const struct gl_band *band, uint32_t layer) {
+    static const float zero[4] = { 0, 0, 0, 0 };
+    GLsizeiptr bytes = (GLsizeiptr)count_pixels(band) * (GLsizeiptr)sizeof zero;
+    glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
+    glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, layer * bytes, bytes, GL_RGBA,
+                         GL_FLOAT, zero);
+}
+
 void gl_band_barrier(void) {
     glMemoryBarrier(GL_SHADER_STORAGE_BARRIER_BIT | GL_BUFFER_UPDATE_BARRIER_BIT);
 }
@@ -61,6 +69,7 @@ static void resolve(const struct gl_band *band) {
     glUseProgram(s->resolve);
     glUniform2ui(0, count_pixels(band), band->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, band->job->view->background);
+    glUniform1ui(2, band->layer * count_pixels(band));
     gl_buffer_bind(&s->buffers.image, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
     glDispatchCompute(gl_divide_up(count_pixels(band), GL_GROUP), 1, 1);

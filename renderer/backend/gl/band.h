@@ -20,6 +20,7 @@ struct gl_band {
     struct gl_slot *slot;
     uint32_t columns;          /* of tiles */
     uint32_t y, end;           /* rows [px] */
+    uint32_t layer;            /* of the image's three, which is resolved */
     unsigned queued_max;       /* dispatches that may be queued, at most GL_QUEUED_MAX */
     void *sent[GL_QUEUED_MAX]; /* fences */
     unsigned sent_count;
@@ -42,6 +43,9 @@ bool gl_band_reserve(struct gl_band *band, struct sp_error *err);
 
 /* Clears the pixels and the counters, and starts the timer. */
 void gl_band_start(const struct gl_band *band);
+
+/* Clears layer 1 or 2 of the image, which has as many pixels as layer 0, to zero. */
+void gl_band_clear(const struct gl_band *band, uint32_t layer);
 
 /* Orders what shaders wrote before later shaders and buffer clears. */
 void gl_band_barrier(void);

@@ -58,12 +58,13 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
     uint64_t bytes = 0;
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         bytes += buffers[i].bytes;
+    for (int a = 0; a < 3; a++)
+        bytes += s->resample.constants[a].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
-           s->curve.buffer.bytes + s->resample.constants.bytes + s->upload.constants.bytes +
-           s->upload.chunks.bytes + s->residency.classify.listed.bytes +
-           s->residency.classify.counts.bytes + s->residency.classify.firsts.bytes +
-           s->residency.classify.points.bytes + s->residency.classify.cell_bounds.ends.bytes +
-           of_slots(s);
+           s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
+           s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
+           s->residency.classify.firsts.bytes + s->residency.classify.points.bytes +
+           s->residency.classify.cell_bounds.ends.bytes + of_slots(s);
 }
 
 /* The buffers of scratch memory; ends with NULL. */

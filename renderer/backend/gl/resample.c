@@ -6,32 +6,84 @@
 
 #include "backend/gl/memory.h"
 #include "backend/gl/resample_constants.h"
+#include "resample/rays.h"
 
 enum {
     INTERVALS_SOFTWARE = 32, /* llvmpipe ends loops after 65535 rounds; a sheet takes up to 900 */
     INTERVALS_LEAST = 16     /* three more sheets are read at the beginning of each dispatch */
 };
 
-static bool upload_constants(struct gl_resample_frame *f, const struct gl_band *band,
-                             struct sp_error *err) {
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", arena->failed);
+}
+
+static bool upload_shading(const struct gl_resample_frame *f, const struct gl_band *band,
+                           struct sp_error *err) {
     struct gl_state *s = band->state;
-    struct gl_resample_constants constants;
-    struct gl_resample_squares squares;
     struct gl_constants *shading = sp_arena_alloc(&s->arena, "constants", 1, sizeof *shading);
-    gl_resample_constants_init(&constants, &f->resample);
-    if (!gl_resample_squares_init(&squares, &f->resample, &s->arena) || !shading)
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", s->arena.failed);
+    if (!shading)
+        return fail_memory(&s->arena, err);
     memset(shading, 0, sizeof *shading);
     gl_frame_write_shading(shading, &f->camera, band->job->view);
-    f->intervals = squares.intervals;
+    return gl_upload_shading(&s->upload, shading, s->block_bytes, err);
+}
+
+/* Uploads the constants of the axis f->resample.axis, and adds its passes. */
+static bool add_passes(struct gl_resample_frame *f, struct gl_state *s,
+                       const struct gl_buffer *visible, struct sp_error *err) {
+    struct gl_resample_constants constants;
+    struct gl_resample_squares squares;
+    struct gl_buffer *buffer = &s->resample.constants[f->resample.axis];
+    gl_resample_constants_init(&constants, &f->resample);
+    if (!gl_resample_squares_init(&squares, &f->resample, &s->arena))
+        return fail_memory(&s->arena, err);
     uint64_t bytes = squares.count * sizeof squares.squares[0];
-    if (!gl_upload_shading(&s->upload, shading, s->block_bytes, err) ||
-        !gl_buffer_reserve(&s->resample.constants, "constants", sizeof constants + bytes,
-                           s->block_bytes, GL_USE_STREAM, err))
+    if (!gl_buffer_reserve(buffer, "constants", sizeof constants + bytes, s->block_bytes,
+                           GL_USE_STREAM, err))
         return false;
-    gl_buffer_update(&s->resample.constants, 0, &constants, sizeof constants);
-    gl_buffer_update(&s->resample.constants, sizeof constants, squares.squares, bytes);
+    gl_buffer_update(buffer, 0, &constants, sizeof constants);
+    gl_buffer_update(buffer, sizeof constants, squares.squares, bytes);
     s->upload.bytes += sizeof constants + bytes;
+    for (int sheets = RESAMPLE_WHOLE; sheets <= RESAMPLE_HALVES; sheets++)
+        if (squares.sheets & sheets)
+            f->passes[f->pass_count++] =
+                (struct gl_resample_pass){ .constants = buffer,
+                                           .visible = visible,
+                                           .share = (float)f->resample.share[f->resample.axis],
+                                           .sheets = sheets,
+                                           .intervals = (squares.slices + 2) * sheets };
+    return true;
+}
+
+/* Adds the passes of another axis. */
+static bool add_axis(struct gl_resample_frame *f, const struct sp_resample_input *input, int axis,
+                     struct gl_state *s, struct sp_error *err) {
+    const struct gl_buffer *visible;
+    return sp_resample_turn(input, &f->resample, axis, err) &&
+           (visible = gl_resample_data_turn(&s->residency, input->volume, &f->resample, err)) &&
+           add_passes(f, s, visible, err);
+}
+
+/* Finds the passes of all axes that have a share of the image. Without memory for an axis the
+ * others have its share. */
+static bool find_passes(struct gl_resample_frame *f, const struct sp_resample_input *input,
+                        struct gl_state *s, struct sp_error *err) {
+    const int best = f->resample.axis;
+    float sum = (float)f->resample.share[best];
+    f->pass_count = 0;
+    if (!add_passes(f, s, f->data.visible, err))
+        return false;
+    for (int a = 0; a < 3; a++) {
+        struct sp_error why = { .code = SP_OK };
+        if (a == best || !(f->resample.share[a] > 0))
+            continue;
+        if (add_axis(f, input, a, s, &why))
+            sum += (float)f->resample.share[a];
+        else if (why.code != SP_ERR_BUDGET)
+            return sp_fail(err, why.code, why.place, "%s", why.text);
+    }
+    for (int i = 0; i < f->pass_count; i++)
+        f->passes[i].share /= sum;
     return true;
 }
 
@@ -61,7 +113,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
                                              .arena = &s->arena };
     if (!sp_resample_prepare(&input, &f->resample, err) ||
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
-        !upload_constants(f, band, err) ||
+        !upload_shading(f, band, err) || !find_passes(f, &input, s, err) ||
         !(f->program = gl_resample_open(&s->resample, f->data.kind, f->resample.needs_gradient,
                                         s->device, err)))
         return false;
@@ -84,8 +136,12 @@ static void divide(struct gl_resample_frame *f, struct gl_band *band) {
     f->intervals_at_once = at_once < INTERVALS_LEAST  ? INTERVALS_LEAST
                            : at_once < (uint32_t)most ? (int)at_once
                                                       : most;
-    f->dispatches = gl_divide_up(rows, f->rows) *
-                    gl_divide_up((uint32_t)f->intervals, (uint32_t)f->intervals_at_once);
+    f->dispatches = 0;
+    for (int i = 0; i < f->pass_count; i++) {
+        uint32_t intervals = (uint32_t)f->passes[i].intervals;
+        f->dispatches +=
+            gl_divide_up(rows, f->rows) * gl_divide_up(intervals, (uint32_t)f->intervals_at_once);
+    }
     band->queued_max = GL_QUEUED_MAX;
 }
 
@@ -113,26 +169,29 @@ bool gl_resample_plan(struct gl_resample_frame *f, struct gl_band *band, struct 
     return ok || sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
-static void bind(const struct gl_resample_frame *f, const struct gl_state *s) {
-    const struct gl_buffer *none = &s->resample.constants;
+static void bind(const struct gl_resample_frame *f, const struct gl_resample_pass *pass,
+                 const struct gl_state *s) {
     gl_buffer_bind(&s->upload.constants, 0);
-    gl_buffer_bind(&s->resample.constants, 1);
+    gl_buffer_bind(pass->constants, 1);
     gl_buffer_bind(f->data.samples, 2);
-    gl_buffer_bind(f->data.visible, 3);
+    gl_buffer_bind(pass->visible, 3);
     gl_buffer_bind(&s->buffers.image, 4);
     gl_buffer_bind(f->data.integral, 5);
-    gl_buffer_bind(f->data.places ? f->data.places : none, 6);
+    gl_buffer_bind(f->data.places ? f->data.places : pass->constants, 6);
     gl_buffer_bind(&s->bins.counts, 7);
 }
 
 /* Draws `rows` rows of blocks from row y on, front to back. */
-static bool draw_rows(const struct gl_resample_frame *f, struct gl_band *band, uint32_t y,
-                      uint32_t rows, struct sp_error *err) {
-    for (int first = 0; first < f->intervals; first += f->intervals_at_once) {
+static bool draw_rows(const struct gl_resample_frame *f, const struct gl_resample_pass *pass,
+                      struct gl_band *band, uint32_t y, uint32_t rows, struct sp_error *err) {
+    for (int first = 0; first < pass->intervals; first += f->intervals_at_once) {
+        bool ends = f->pass_count > 1 && first + f->intervals_at_once >= pass->intervals;
         if (sp_job_is_cancelled(band->job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         glUniform4ui(0, band->job->frame->width, band->y, band->end, y);
         glUniform2i(1, first, first + f->intervals_at_once);
+        glUniform2i(2, pass->sheets, ends);
+        glUniform1f(3, pass->share);
         glDispatchCompute(band->columns, rows, 1);
         gl_band_barrier();
         gl_timer_stamp(&band->slot->timer, GL_STAGE_TILE);
@@ -144,13 +203,18 @@ static bool draw_rows(const struct gl_resample_frame *f, struct gl_band *band, u
 
 bool gl_resample_draw(const struct gl_resample_frame *f, struct gl_band *band,
                       struct sp_error *err) {
-    uint32_t rows = gl_band_rows(band);
+    const uint32_t rows = gl_band_rows(band), layer_of_sum = 2;
+    band->layer = f->pass_count > 1 ? layer_of_sum : 0;
+    if (band->layer)
+        gl_band_clear(band, band->layer);
     glUseProgram(f->program);
-    bind(f, band->state);
-    for (uint32_t row = 0, n; row < rows; row += n) {
-        n = rows - row < f->rows ? rows - row : f->rows;
-        if (!draw_rows(f, band, band->y + row * GL_TILE, n, err))
-            return false;
+    for (int i = 0; i < f->pass_count; i++) {
+        bind(f, &f->passes[i], band->state);
+        for (uint32_t row = 0, n; row < rows; row += n) {
+            n = rows - row < f->rows ? rows - row : f->rows;
+            if (!draw_rows(f, &f->passes[i], band, band->y + row * GL_TILE, n, err))
+                return false;
+        }
     }
     return true;
 }

@@ -6,14 +6,25 @@
  *
  *   begin   samples, levels, visible intervals and the transfer function's integral are uploaded
  *           unless they are resident; constants and squares always
- *   draw    rows of blocks × ranges of intervals, front to back; a dispatch continues with the
- *           pixels of the previous one
+ *   draw    passes × rows of blocks × ranges of intervals, front to back; a dispatch continues with
+ *           the pixels of the previous one
  */
 #ifndef GL_RESAMPLE_H
 #define GL_RESAMPLE_H
 
 #include "backend/gl/band.h"
 #include "backend/gl/resample_data.h"
+
+/* A pass: the image of the slices of one axis, with one or two sheets per slice. Most frames have
+ * one. The pixels of several are added with their shares (resample/axes.h, resample/rays.h). */
+struct gl_resample_pass {
+    const struct gl_buffer *constants, *visible;
+    float share;   /* of the axis */
+    int sheets;    /* per slice */
+    int intervals; /* the most between sheets of a square */
+};
+
+enum { GL_RESAMPLE_PASSES = 6 };
 
 /* One frame. */
 struct gl_resample_frame {
@@ -22,7 +33,8 @@ struct gl_resample_frame {
     struct sp_resample resample;
     struct gl_resample_data data;
     unsigned program;
-    int intervals;         /* the most between sheets of a square */
+    struct gl_resample_pass passes[GL_RESAMPLE_PASSES];
+    int pass_count;
     uint32_t dispatches;   /* of the band */
     uint32_t rows;         /* of blocks per dispatch */
     int intervals_at_once; /* the same */

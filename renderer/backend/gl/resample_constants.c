@@ -57,6 +57,7 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
     for (int i = 0; i < 6; i++)
         c->metric[i / 3][i % 3] = (float)r->metric[i];
     c->metric[0][3] = r->rounding;
+    memcpy(c->steep, r->steep, sizeof r->steep);
     write_base(c, r);
     c->level_scale[0] = (float)r->curve.levels_per_unit;
     c->level_scale[3] = r->lowest;
@@ -85,11 +86,11 @@ struct builder {
 };
 
 static void write_square(struct gl_resample_square *to, const struct sp_resample_rays *rays) {
-    *to = (struct gl_resample_square){
-        .kind = { 0, rays->axis[2], rays->is_backwards, rays->sheets_per_slice },
-        .fall = { (float)rays->fall[0], (float)rays->fall[1], (float)rays->lever },
-        .centre = { (float)rays->centre[0], (float)rays->centre[1] }
-    };
+    *to =
+        (struct gl_resample_square){ .kind = { 0, rays->axis[2], rays->is_backwards, rays->sheets },
+                                     .fall = { (float)rays->fall[0], (float)rays->fall[1],
+                                               (float)rays->lever },
+                                     .centre = { (float)rays->centre[0], (float)rays->centre[1] } };
     for (int a = 0; a < 2; a++) {
         to->at[a] = (float)rays->at[a];
         to->at[a + 2] = (float)rays->change[a];
@@ -119,8 +120,9 @@ static void add_square(const struct builder *b, uint32_t i, int x, int y, int si
             to->kind[0] = (int32_t)first;
         return;
     }
-    int intervals = ((int)b->r->samples->dims[rays.axis[2]] + 2) * rays.sheets_per_slice;
-    b->to->intervals = intervals > b->to->intervals ? intervals : b->to->intervals;
+    int slices = (int)b->r->samples->dims[rays.axis[2]];
+    b->to->slices = slices > b->to->slices ? slices : b->to->slices;
+    b->to->sheets |= rays.sheets;
     if (to)
         write_square(to, &rays);
 }

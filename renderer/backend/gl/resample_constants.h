@@ -13,7 +13,7 @@
 
 /* shaders/resample.glsl: std430. */
 struct gl_resample_constants {
-    float to_world[3][4], metric[2][4];
+    float to_world[3][4], metric[2][4], steep[4];
     float level_scale[4], bin_scale[4], above_bins[4];
     int32_t base[4];
     uint32_t regions[4], size[4];
@@ -33,7 +33,8 @@ struct gl_resample_square {
 struct gl_resample_squares {
     struct gl_resample_square *squares; /* those of the tiles, row by row, then parts */
     uint32_t count;
-    int intervals; /* the most between sheets of a square */
+    int slices; /* the most that a square crosses */
+    int sheets; /* those that some squares need, as in sp_resample_rays */
 };
 
 void gl_resample_constants_init(struct gl_resample_constants *constants,

@@ -155,6 +155,21 @@ static bool get_places(const struct source *from, const struct gl_buffer **place
     return *places != NULL;
 }
 
+/* The intervals between slices of the axis r->axis that may be visible. */
+static const struct gl_buffer *get_visible(const struct source *from, struct sp_error *err) {
+    const struct sp_resample *r = from->resample;
+    const uint32_t *regions = r->samples->regions;
+    return copy(from, GL_RESIDENT_VISIBLE, r->class->made, r->class->visible,
+                (uint64_t)regions[0] * regions[1] * regions[2], "visible intervals", err);
+}
+
+const struct gl_buffer *gl_resample_data_turn(struct gl_residency *residency,
+                                              struct sp_volume *volume, const struct sp_resample *r,
+                                              struct sp_error *err) {
+    const struct source from = { residency, volume, r, NULL };
+    return get_visible(&from, err);
+}
+
 bool gl_resample_data_get(struct gl_resample_data *data, struct gl_residency *residency,
                           struct sp_volume *volume, const struct sp_resample *r,
                           struct sp_pool *pool, struct sp_error *err) {
@@ -166,15 +181,13 @@ bool gl_resample_data_get(struct gl_resample_data *data, struct gl_residency *re
     };
     const struct source from = { residency, volume, r, pool };
     const struct sp_samples *samples = r->samples;
-    uint64_t regions = (uint64_t)samples->regions[0] * samples->regions[1] * samples->regions[2];
     bool is_made = has_levels(&from);
     gl_residency_begin(residency);
     data->kind = is_made ? GL_SAMPLES_LEVELS : kinds[samples->type];
     data->samples = is_made ? get_levels(&from, err) : get_samples(&from, err);
     if (!data->samples)
         return false;
-    data->visible = copy(&from, GL_RESIDENT_VISIBLE, r->class->made, r->class->visible, regions,
-                         "visible intervals", err);
+    data->visible = get_visible(&from, err);
     if (!data->visible)
         return false;
     data->integral = copy(&from, GL_RESIDENT_INTEGRAL, r->class->made, r->curve.integral,

@@ -14,7 +14,7 @@
 struct gl_resample_data {
     enum gl_samples_kind kind;
     const struct gl_buffer *samples;
-    const struct gl_buffer *visible;  /* samples_class.visible */
+    const struct gl_buffer *visible;  /* samples_class.visible, of the frame's axis */
     const struct gl_buffer *integral; /* curve.integral */
     const struct gl_buffer *places;   /* tables of rectilinear axes, after each other: place[dims]
                                          and index[steps + 1] per axis; NULL = none is */
@@ -25,5 +25,12 @@ struct gl_resample_data {
 bool gl_resample_data_get(struct gl_resample_data *data, struct gl_residency *residency,
                           struct sp_volume *volume, const struct sp_resample *resample,
                           struct sp_pool *pool, struct sp_error *err);
+
+/* The visible intervals between slices of another axis, for the same frame. NULL on failure, as
+ * above. */
+const struct gl_buffer *gl_resample_data_turn(struct gl_residency *residency,
+                                              struct sp_volume *volume,
+                                              const struct sp_resample *resample,
+                                              struct sp_error *err);
 
 #endif

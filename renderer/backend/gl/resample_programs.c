@@ -58,6 +58,7 @@ void gl_resample_finish(struct gl_resample *resample) {
     struct gl_resample_program *programs = &resample->programs[0][0];
     for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
         glDeleteProgram(programs[i].program);
-    gl_buffer_finish(&resample->constants);
+    for (int a = 0; a < 3; a++)
+        gl_buffer_finish(&resample->constants[a]);
     *resample = (struct gl_resample){ .work = resample->work };
 }

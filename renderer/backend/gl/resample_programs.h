@@ -28,8 +28,8 @@ struct gl_resample {
         unsigned program;            /* 0 = not compiled */
         bool is_refused;             /* by the driver: not compiled again */
     } programs[GL_SAMPLES_KINDS][2]; /* by kind, with gradients */
-    struct gl_buffer constants;
-    uint32_t work; /* blocks times intervals per dispatch */
+    struct gl_buffer constants[3];   /* by axis of the slices */
+    uint32_t work;                   /* blocks times intervals per dispatch */
 };
 
 /* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A

@@ -4,7 +4,8 @@
 // memory: raw ─► between rows ─► refined. Blocks that see too many are drawn in parts.
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
-// By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface.
+// By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface; then
+// the sum of passes.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 layout(std430, binding = 5) readonly buffer Integral { vec4 integral[]; };
 layout(std430, binding = 7) coherent buffer Counts {
@@ -14,6 +15,8 @@ layout(std430, binding = 7) coherent buffer Counts {
 
 layout(location = 0) uniform uvec4 band;  // width of the image, first row and last + 1 of the band, first row of the dispatch [px]
 layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
+layout(location = 2) uniform ivec2 part;  // sheets per slice of the pass; 1 = it ends, and its pixels are added to the sum
+layout(location = 3) uniform float axis_share; // share of the image that slices along the pass's axis have
 
 const uint PIXELS = TILE * TILE;
 const int RAW = 512, REFINED = 640; // samples around those that are refined; words of these
@@ -38,6 +41,7 @@ vec2 at;    // the pixel's centre
 vec4 ray;   // u, v, du, dv
 bool is_live; // some pixel of the block was not opaque at the last sheet
 float begin, end, ray_length; // s inside all half spaces; length per slice
+float pass_share;             // share of the pixel that the pass has, of those with slices along its axis
 
 int ordinal(float x) {
     int bits = floatBitsToInt(x);
@@ -87,6 +91,15 @@ void open_ray(Square square) {
     float forward = is_backwards ? -1.0 : 1.0;
     ray_length = sqrt(d.x * ray.z * ray.z + d.y * ray.w * ray.w + d.z +
                       2.0 * (mixed.x * ray.w * forward + mixed.y * ray.z * forward + mixed.z * ray.z * ray.w));
+}
+
+// The share of the pixel that a pass with part.x sheets per slice has (resample/rays.h).
+float find_share(int sheets) {
+    float slant = ray_length / sqrt(turn(metric[0].xyz).z), speed = max(sqrt(1.0 + dot(ray.zw, ray.zw)), slant);
+    float halves = clamp((speed - steep.x) / (steep.y - steep.x), 0.0, 1.0);
+    if (sheets != 3)
+        return (sheets & part.x) != 0 ? 1.0 : 0.0;
+    return part.x == 2 ? halves : 1.0 - halves;
 }
 
 // The coordinates on a sheet that a square of the block's pixels covers: [refined samples].
@@ -420,8 +433,9 @@ void main() {
     uint own = index + band.x * (band.z - band.y);
     normal = is_inside && range.x > 0 ? image[own].xyz : vec3(0);
 #endif
-    open_axis(square.kind.y, square.kind.z != 0, square.kind.w);
+    open_axis(square.kind.y, square.kind.z != 0, part.x);
     open_ray(square);
+    pass_share = find_share(square.kind.w);
     rays[thread] = ray;
     if (thread == 0u) {
         span[0] = ordinal(1e30);
@@ -433,14 +447,17 @@ void main() {
         atomicMin(span[0], ordinal(begin));
         atomicMax(span[1], ordinal(end));
     }
-    if (pixel.x > TRANSMITTANCE_MIN)
+    if (pixel.x > TRANSMITTANCE_MIN && pass_share > 0.0)
         live_at = 1;
     barrier();
     bool has_work = live_at != 0 && span[0] < span[1];
     barrier();
     if (has_work)
         draw();
-    if (is_inside) {
+    if (is_inside && part.y != 0) {
+        image[index + 2u * band.x * (band.z - band.y)] += axis_share * pass_share * pixel;
+        image[index] = vec4(1.0, 0.0, 0.0, 0.0); // for the next pass
+    } else if (is_inside) {
         image[index] = pixel;
 #if GRADIENT
         image[own] = vec4(normal, 0.0);

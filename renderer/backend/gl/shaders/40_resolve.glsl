@@ -6,12 +6,13 @@ layout(std430, binding = 1) readonly buffer Image { vec4 image[]; };
 layout(std430, binding = 2) writeonly buffer Pixels { uint pixels[]; };
 layout(location = 0) uniform uvec2 format; // pixels, as floats
 layout(location = 1) uniform vec4 background;
+layout(location = 2) uniform uint first; // element of the image
 
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= format.x)
         return;
-    vec4 pixel = image[i];
+    vec4 pixel = image[first + i];
     float share = pixel.x * background.a, alpha = 1.0 - pixel.x + share;
     vec4 color = vec4(pixel.yzw + share * background.rgb, alpha);
     if (format.y != 0u) {

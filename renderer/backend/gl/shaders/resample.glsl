@@ -10,7 +10,7 @@ struct Axis {
 
 // A square of pixels with its own ray through the centre (resample/rays.h).
 struct Square {
-    ivec4 kind;  // the first of its four parts (0 = it is not divided), w axis, backwards, sheets per slice
+    ivec4 kind;  // the first of its four parts (0 = it is not divided), w axis, backwards, sheets per slice (bits)
     vec4 at;     // u, v, du, dv
     vec4 turn;   // change of u and v to the right, and down
     vec4 fall;   // to the right, down; lever
@@ -20,6 +20,7 @@ struct Square {
 layout(std430, binding = 1) readonly buffer Resample {
     vec4 to_world[3]; // rows
     vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy
+    vec4 steep;       // between which rays get some half sheets
     vec4 level_scale; // levels per unit, base as two floats, lowest level
     vec4 bin_scale;   // bins per level, first bin; levels between which something is visible
     vec4 above_bins;
@@ -42,7 +43,7 @@ const int REGION = 4;
 
 int slices;        // the tile's axis w
 bool is_backwards;
-int per_slice;     // sheets
+int per_slice;     // sheets that the pass draws
 ivec3 dims, last;  // samples along u, v, w
 uvec3 strides;
 

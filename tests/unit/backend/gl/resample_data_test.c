@@ -28,6 +28,8 @@ static void pieces_add_up_to_the_whole_image(void **state) {
     struct sp_view view;
     resample_make_view(&view, volume, 0, 1000);
     view.shading.mode = SP_SHADING_PHONG;
+    for (int a = 0; a < 3; a++) /* the images of three axes are mixed */
+        view.camera.position[a] = 20 + a;
     const struct resample_shot shot = { &view, volume, 0, NULL };
     const struct gl_limits limits = gl->workload.limits;
     struct test_image whole = resample_draw(rig, GL, &shot, NULL);
@@ -131,6 +133,30 @@ static void a_frame_that_does_not_fit_is_refused(void **state) {
     sp_volume_unref(&volume);
     sp_volume_unref(&other);
     resample_report(rig);
+}
+
+/* Without memory for another axis, the image is that of one. */
+static void an_axis_that_does_not_fit_is_left_out(void **state) {
+    struct resample_rig *rig = *state;
+    struct gl_state *gl = resample_rig_gl(rig);
+    struct sp_volume *volume = resample_make_ball(SP_FLOAT32, 0, 1000, false, false);
+    struct sp_view view;
+    resample_make_view(&view, volume, 0, 1000);
+    memcpy(view.camera.position, (double[3]){ 25, 24.5, 3 }, sizeof view.camera.position);
+    const struct resample_shot shot = { &view, volume, 0, NULL };
+    struct test_image both = resample_draw(rig, GL, &shot, NULL);
+    uint64_t needed = gl_draw_bytes(gl) + gl_residency_bytes(&gl->residency, volume);
+    uint64_t limit = gl->residency.limit_bytes;
+    gl->residency.limit_bytes = needed - 1;
+    rig->backends[GL]->evict(gl, volume);
+    struct test_image one = resample_draw(rig, GL, &shot, NULL);
+    double psnr = test_image_psnr(&one, &both);
+    assert_true(psnr < 100);
+    assert_true(psnr > 25);
+    gl->residency.limit_bytes = limit;
+    test_image_finish(&both);
+    test_image_finish(&one);
+    sp_volume_unref(&volume);
 }
 
 static void a_cancelled_frame_leaves_nothing_behind(void **state) {
@@ -252,6 +278,7 @@ int main(void) {
         ON(what_is_resident_is_not_uploaded_again),  ON(a_frame_that_does_not_fit_is_refused),
         ON(a_cancelled_frame_leaves_nothing_behind), ON(auto_chooses_interpolated_values),
         ON(auto_is_pre_if_the_samples_do_not_fit),   ON(light_is_refused),
+        ON(an_axis_that_does_not_fit_is_left_out),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     resample_rig_close(&rig);

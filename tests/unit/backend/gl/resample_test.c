@@ -102,6 +102,30 @@ static void other_choices(void **state) {
     resample_report(rig);
 }
 
+/* Around a switch of the slices' axis two or three images are mixed, and where rays are about as
+ * steep as half sheets require, two more. */
+static void mixed_images(void **state) {
+    struct resample_rig *rig = *state;
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    static const double angles[][2] = { { 44, 10 },   { 45, 0 },  { 45.5, 20 }, { 45, 35.3 },
+                                        { 10, 44.5 }, { 35, 15 }, { 30, 25 } };
+    for (size_t n = 0; n < sizeof angles / sizeof *angles; n++) {
+        struct sp_view view;
+        char what[40];
+        double a = angles[n][0] * M_PI / 180, e = angles[n][1] * M_PI / 180;
+        resample_make_view(&view, volume, 0, 255);
+        view.camera.position[0] = 40 * sin(a) * cos(e);
+        view.camera.position[1] = -40 * cos(a) * cos(e);
+        view.camera.position[2] = 40 * sin(e);
+        view.shading.mode = n % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+        view.size[0] = 90;
+        snprintf(what, sizeof what, "mixed image %zu", n);
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+    }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
 /* Wide views, the eye in the volume, and tiles with another axis than the image. */
 static void wide_views(void **state) {
     struct resample_rig *rig = *state;
@@ -206,8 +230,9 @@ int main(void) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(every_type_of_samples), ON(every_direction), ON(other_choices), ON(wide_views),
-        ON(levels_of_detail),      ON(thin_volumes),
+        ON(every_type_of_samples), ON(every_direction), ON(other_choices),
+        ON(mixed_images),          ON(wide_views),      ON(levels_of_detail),
+        ON(thin_volumes),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     resample_rig_close(&rig);
