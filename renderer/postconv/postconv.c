@@ -405,9 +405,9 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
     return layers;
 }
 
-/* Returns how many consecutive layers are composited as one, at least 1. Only the view and the whole
- * volume decide, so that nothing jumps while the camera moves. It gains little with few slices. It
- * would be visible where voxels are wide, opaque or shaded. */
+/* Returns how many consecutive layers are composited as one, at least 1. Only the view and the
+ * whole volume decide, so that nothing jumps while the camera moves. It gains little with few
+ * slices. It would be visible where voxels are wide, opaque or shaded. */
 static uint32_t count_joined(const struct sp_postconv_input *input,
                              const struct sp_postconv *postconv, float deepest) {
     enum { FEW_LAYERS = 64, MOST_JOINED = 4 };

@@ -223,8 +223,9 @@ static inline void find_some_classes(const struct sp_class *table, const struct 
     for (int i = 0; i < SHEAR_BAND * SP_BRICK; i++)
         class[i] = &none;
     for (; at < end; at++)
-        class[place[at] - first] =
-            &table[key_bytes == 1 ? key1[at] : key_bytes == 2 ? key2[at] : key4[at]];
+        class[place[at] - first] = &table[key_bytes == 1   ? key1[at]
+                                          : key_bytes == 2 ? key2[at]
+                                                           : key4[at]];
 }
 
 /* The same of values, for a type without a table. */

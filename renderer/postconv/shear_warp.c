@@ -23,8 +23,8 @@ static inline vec4 sum_samples(const float *from, size_t pitch, vec4 across, vec
     for (int r = 1; r < 4; r++)
         sum += down[r] * sp_wide_load(from + (size_t)r * pitch);
     sum *= (sp_wide)_mm512_permutexvar_ps(index, _mm512_castps128_ps512((__m128)across));
-    __m256 half = _mm256_add_ps(_mm512_castps512_ps256((__m512)sum),
-                                _mm512_extractf32x8_ps((__m512)sum, 1));
+    __m256 half =
+        _mm256_add_ps(_mm512_castps512_ps256((__m512)sum), _mm512_extractf32x8_ps((__m512)sum, 1));
     return (vec4)_mm_add_ps(_mm256_castps256_ps128(half), _mm256_extractf128_ps(half, 1));
 #else
     vec4 sum = { 0 };
