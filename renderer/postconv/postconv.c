@@ -405,13 +405,14 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
     return layers;
 }
 
-/* True if layers 2n and 2n + 1 are composited as one, too. Only the view and the whole volume
- * decide, so that nothing jumps while the camera moves. It gains little with few slices. It would
- * be visible where voxels are wide, opaque or shaded. */
-static bool may_pair(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
-                     float deepest) {
-    enum { FEW_LAYERS = 64 };
-    const double widest = 5, most = 0.95; /* px of a voxel; depth of a slice straight through */
+/* Returns how many consecutive layers are composited as one, at least 1. Only the view and the
+ * whole volume decide, so that nothing jumps while the camera moves. It gains little with few
+ * slices. It would be visible where voxels are wide, opaque or shaded. */
+static uint32_t count_joined(const struct sp_postconv_input *input,
+                             const struct sp_postconv *postconv, float deepest) {
+    enum { FEW_LAYERS = 64, MOST_JOINED = 4 };
+    /* px of a voxel; depth of a slice straight through; depth of more than two slices */
+    const double widest = 5, most = 0.95, most_together = 1.2;
     const struct sp_grid *grid = input->grid;
     unsigned first = postconv->axis == 0, second = postconv->axis == 2 ? 1 : 2;
     double width = sqrt(grid->spacing[first] * grid->spacing[second]) * input->camera->scale;
@@ -424,13 +425,16 @@ static bool may_pair(const struct sp_postconv_input *input, const struct sp_post
         width /= sp_vec3_length(middle);
     double depth = (double)deepest * grid->spacing[postconv->axis] /
                    input->view->transfer_function.reference_length;
-    return !postconv->shade && postconv->layers >= FEW_LAYERS && width <= widest && depth <= most;
+    if (postconv->shade || postconv->layers < FEW_LAYERS || width > widest || depth > most)
+        return 1;
+    double joined = most_together / fmax(depth, 1e-3);
+    return joined < 2 ? 2 : joined < MOST_JOINED ? (uint32_t)joined : MOST_JOINED;
 }
 
-/* Joins consecutive layers that together add little depth to any pixel, and pairs of layers. The
+/* Joins consecutive layers that together add little depth to any pixel, and `most` layers. The
  * transmittance is exact; only the order of colours is lost. The decision is made for the whole
  * frame, so that there is no seam between tiles that meet different bricks. */
-static bool join_layers(struct sp_postconv *postconv, bool pairs, struct sp_arena *arena) {
+static bool join_layers(struct sp_postconv *postconv, uint32_t most, struct sp_arena *arena) {
     float *depth = sp_arena_alloc(arena, "depths of sheets", postconv->layers, sizeof *depth),
           sum = 0;
     uint32_t *joined = sp_arena_alloc(arena, "order of sheets", postconv->layers, sizeof *joined);
@@ -450,8 +454,8 @@ static bool join_layers(struct sp_postconv *postconv, bool pairs, struct sp_aren
         }
     }
     for (uint32_t l = 0; l < postconv->layers; l++) {
-        bool is_second = pairs && l % 2 && joined[l - 1] == l - 1;
-        bool is_joined = l > 0 && (is_second || sum + depth[l] <= thin);
+        bool is_next = l % most && joined[l - 1] >= l - l % most;
+        bool is_joined = l > 0 && (is_next || sum + depth[l] <= thin);
         joined[l] = is_joined ? joined[l - 1] : l;
         sum = is_joined ? sum + depth[l] : depth[l];
     }
@@ -511,9 +515,9 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
     }
     if (view->compositing.mode == SP_COMPOSITE_SLAB)
         sp_slab_choose(postconv, layer_distance(input),
-                       !exact && may_pair(input, postconv, p.deepest));
+                       !exact && count_joined(input, postconv, p.deepest) > 1);
     else if (!exact && !linear &&
-             !join_layers(postconv, may_pair(input, postconv, p.deepest), input->arena))
+             !join_layers(postconv, count_joined(input, postconv, p.deepest), input->arena))
         return fail_memory(input->arena, err);
     if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
         return fail_memory(input->arena, err);

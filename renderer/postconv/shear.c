@@ -8,9 +8,12 @@
 #include "splat/slices.h"
 #include "volume/grid.h"
 
-/* The least share of visible voxels in the slices that are drawn. From 0.6 on deposits are slower,
- * but there the gain is small, and surfaces are 5 dB closer to `ewa` with deposits. */
-static const double dense = 0.75;
+/* The least share of visible voxels in the slices that are drawn. Below it deposits are faster. */
+static const double least_share = 0.55;
+
+/* From this share on the plane is taken whatever its samples. Below, voxels are surfaces, and with
+ * fewer samples per voxel the plane would be up to 7 dB farther from `ewa` than deposits. */
+static const double dense = 0.75, fine = 0.8;
 
 /* Above this depth of a slice, most voxels are hidden, which tiles of the image notice sooner. */
 static const float opaque = 1.5f;
@@ -188,8 +191,10 @@ static void make_filters(const struct sp_postconv *postconv, struct sp_shear *sh
     }
 }
 
-/* True if enough voxels of the bricks' slices in sight are visible, all of one level and kind. */
-static bool is_dense(const struct sp_postconv *postconv, uint8_t *level, double *voxels) {
+/* True if enough voxels of the bricks' slices in sight are visible, all of one level and kind.
+ * share: of the voxels of these slices that are visible. */
+static bool is_dense(const struct sp_postconv *postconv, uint8_t *level, double *voxels,
+                     double *share) {
     const struct sp_postconv_brick *first = postconv->bricks;
     uint64_t count = 0, slices = 0;
     float deepest = 0;
@@ -208,8 +213,8 @@ static bool is_dense(const struct sp_postconv *postconv, uint8_t *level, double 
     }
     *level = postconv->brick_count ? first->level : 0;
     *voxels = (double)count;
-    return deepest <= opaque && count >= FEW_VOXELS &&
-           (double)count >= dense * (double)(slices * SP_BRICK * SP_BRICK);
+    *share = slices ? *voxels / (double)(slices * SP_BRICK * SP_BRICK) : 0;
+    return deepest <= opaque && count >= FEW_VOXELS && *share >= least_share;
 }
 
 /* True if the view is one that this stage draws. */
@@ -221,8 +226,8 @@ static bool is_possible(const struct sp_postconv_input *input, const struct sp_p
 bool sp_shear_can_draw(const struct sp_postconv_input *input, const struct sp_postconv *postconv,
                        struct sp_shear *shear) {
     uint8_t level;
-    double slope[2][2], voxels;
-    if (!is_possible(input, postconv) || !is_dense(postconv, &level, &voxels))
+    double slope[2][2], voxels, share, distance[2];
+    if (!is_possible(input, postconv) || !is_dense(postconv, &level, &voxels, &share))
         return false;
     const struct sp_level_frame *part = &postconv->parts[level];
     const struct sp_ewa_frame *ewa = &part->ewa[0];
@@ -241,8 +246,9 @@ bool sp_shear_can_draw(const struct sp_postconv_input *input, const struct sp_po
         !find_slopes(shear, input->view->size, slope) || !choose_plane(shear, slope) ||
         voxels < few_per_sample * shear->size[0] * shear->size[1])
         return false;
-    double distance[2];
     find_distances(shear, distance);
+    if (share < dense && fmin(shear->scale[0], shear->scale[1]) < fine * distance[1])
+        return false;
     for (int a = 0; a < 2; a++)
         shear->unit[a] = shear->scale[a] * grid->spacing[axis] / grid->spacing[across[a]];
     make_filters(postconv, shear);
@@ -305,14 +311,20 @@ static void warp_rows(void *user, size_t begin, size_t end, unsigned worker) {
 
 typedef float vec4 __attribute__((vector_size(16)));
 
-/* Turns `count` samples, `step` apart, into coefficients of a cubic B-spline through them. The
- * first and the last sample go on forever. */
-static void find_coefficients(vec4 *at, size_t step, int count) {
+/* Turns lines of `count` samples, `step` apart, into coefficients of a cubic B-spline through them.
+ * The first and the last sample go on forever. `lines` lines lie beside each other. */
+static void find_coefficients(vec4 *at, size_t step, int count, size_t lines) {
     const float pole = -0.267949192f, gain = 1 - pole; /* √3 − 2 */
-    for (int n = 1; n < count; n++)
-        at[(size_t)n * step] = gain * at[(size_t)n * step] + pole * at[(size_t)(n - 1) * step];
-    for (int n = count - 1; n-- > 0;)
-        at[(size_t)n * step] = gain * at[(size_t)n * step] + pole * at[(size_t)(n + 1) * step];
+    for (int n = 1; n < count; n++) {
+        vec4 *to = at + (size_t)n * step;
+        for (size_t i = 0; i < lines; i++)
+            to[i] = gain * to[i] + pole * (to - step)[i];
+    }
+    for (int n = count - 1; n-- > 0;) {
+        vec4 *to = at + (size_t)n * step;
+        for (size_t i = 0; i < lines; i++)
+            to[i] = gain * to[i] + pole * (to + step)[i];
+    }
 }
 
 static void filter_rows(void *user, size_t begin, size_t end, unsigned worker) {
@@ -320,14 +332,14 @@ static void filter_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sp_shear *shear = ((const struct draw *)user)->shear;
     for (size_t y = begin; y < end; y++)
         find_coefficients((vec4 *)(void *)shear->plane + y * (size_t)shear->size[0], 1,
-                          shear->size[0]);
+                          shear->size[0], 1);
 }
 
 static void filter_columns(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     const struct sp_shear *shear = ((const struct draw *)user)->shear;
-    for (size_t x = begin; x < end; x++)
-        find_coefficients((vec4 *)(void *)shear->plane + x, (size_t)shear->size[0], shear->size[1]);
+    find_coefficients((vec4 *)(void *)shear->plane + begin, (size_t)shear->size[0], shear->size[1],
+                      end - begin);
 }
 
 /* Returns the mean number of pixels of a footprint. */

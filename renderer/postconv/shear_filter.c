@@ -38,27 +38,26 @@ void sp_shear_start_tile(struct sp_shear_open_tile *t) {
     find_needed(t);
 }
 
-/* Writes the weights of filters of a variance per column. */
+/* Writes the weights of filters of a variance per four columns. */
 static void make_row(const struct sp_shear_open_tile *t, const float *variance,
                      float (*at)[SHEAR_PITCH], int *taps) {
     const struct sp_shear *shear = t->shear;
-    const float *filter = shear->filter[0];
     float most = 0;
-    for (int x = 0; x < t->columns; x++)
+    for (int x = 0; x < t->columns; x += 4)
         most = variance[x] > most ? variance[x] : most;
     int last = (int)(most * POSTCONV_STEPS) + 1;
     int reach = shear->taps[last < POSTCONV_FILTERS ? last : POSTCONV_FILTERS - 1];
     reach = reach < SHEAR_TAPS ? reach : SHEAR_TAPS;
     *taps = reach > *taps ? reach : *taps;
-    for (int x = 0; x < t->columns; x += W) {
-        sp_wide v = sp_wide_max(sp_wide_load(variance + x), sp_wide_all(0)) * POSTCONV_STEPS;
-        sp_wide n = sp_wide_min(sp_wide_floor(v), sp_wide_all(POSTCONV_FILTERS - 2));
-        sp_wide part = sp_wide_min(v - n, sp_wide_all(1));
-        sp_wide_int first = sp_wide_to_int(n) * (SHEAR_TAPS + 1);
+    for (int x = 0; x < t->columns; x += 4) {
+        float v = variance[x] > 0 ? variance[x] * POSTCONV_STEPS : 0;
+        int n = v < POSTCONV_FILTERS - 2 ? (int)v : POSTCONV_FILTERS - 2;
+        float part = v - (float)n < 1 ? v - (float)n : 1;
+        const float *low = shear->filter[n], *high = shear->filter[n + 1];
         for (int k = 0; k <= SHEAR_TAPS; k++) {
-            sp_wide low = sp_wide_gather(filter + k, first);
-            sp_wide high = sp_wide_gather(filter + k + SHEAR_TAPS + 1, first);
-            sp_wide_store(&at[k][x], low + part * (high - low));
+            float w = k <= reach ? low[k] + part * (high[k] - low[k]) : 0;
+            for (int i = 0; i < 4; i++)
+                at[k][x + i] = w;
         }
     }
 }
@@ -77,11 +76,9 @@ void sp_shear_make_weights(struct sp_shear_open_tile *t, double distance) {
             if (x % 16 == 0)
                 s->sign[b][x / 16] = r[2] < 0 ? -1 : 1;
             double cross = fmax(0, r[2] * s->sign[b][x / 16]);
-            for (int i = 0; i < 4; i++) {
-                variance[0][x + i] = (float)(r[0] - cross);
-                variance[1][x + i] = (float)(r[1] - cross);
-                variance[2][x + i] = (float)cross;
-            }
+            variance[0][x] = (float)(r[0] - cross);
+            variance[1][x] = (float)(r[1] - cross);
+            variance[2][x] = (float)cross;
         }
         make_row(t, variance[0], s->horizontal.at[b], &s->horizontal.taps);
         make_row(t, variance[1], s->vertical.at[b], &s->vertical.taps);

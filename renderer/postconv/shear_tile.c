@@ -125,11 +125,11 @@ static void resample_row(const struct slice *s, uint32_t groups, const float (*f
 /* The classes of PX voxels that are four apart. */
 static inline sp_wide join(const struct sp_class *const *class) {
 #if defined SP_WIDE_AVX512
-    __m256 low = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(class[0] -> color)),
-                                      _mm_loadu_ps(class[4] -> color), 1);
-    __m256 high = _mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(class[8] -> color)),
-                                       _mm_loadu_ps(class[12] -> color), 1);
-    return (sp_wide)_mm512_insertf32x8(_mm512_castps256_ps512(low), high, 1);
+    /* Masked loads, because insertions would share a port with the shuffles after them. */
+    __m512 all = _mm512_broadcast_f32x4(_mm_loadu_ps(class[0] -> color));
+    all = _mm512_mask_broadcast_f32x4(all, 0x00f0, _mm_loadu_ps(class[4] -> color));
+    all = _mm512_mask_broadcast_f32x4(all, 0x0f00, _mm_loadu_ps(class[8] -> color));
+    return (sp_wide)_mm512_mask_broadcast_f32x4(all, 0xf000, _mm_loadu_ps(class[12] -> color));
 #elif defined SP_WIDE_AVX2
     return (sp_wide)_mm256_insertf128_ps(_mm256_castps128_ps256(_mm_loadu_ps(class[0] -> color)),
                                          _mm_loadu_ps(class[4] -> color), 1);
@@ -173,45 +173,70 @@ static inline void store_classes(const struct sp_class *const class[SP_BRICK],
     }
 }
 
-/* Stores 16 values of a type without a table. */
+/* Stores 16 values of a type without a table; shown: 1 = visible, 0 = not, for each value. */
 static inline void store_values(const struct sp_pieces *pieces, const float *value,
-                                float (*to)[SHEAR_SOURCE], int x) {
+                                const float *shown, float (*to)[SHEAR_SOURCE], int x) {
     for (int v = 0; v < SP_BRICK; v += W) {
         sp_wide plane[4];
         sp_pieces_planes(pieces, sp_wide_load(value + v), plane);
+        plane[3] *= sp_wide_load(shown + v);
         for (int p = 0; p < 3; p++)
             sp_wide_store(&to[p][x + v], plane[p] * plane[3]);
         sp_wide_store(&to[3][x + v], plane[3]);
     }
 }
 
-/* Finds the classes of 16 entries of a type with a table. */
-static inline void find_classes(const struct sp_class *table, const struct sp_visible *list,
-                                uint64_t e, const struct sp_class *class[SP_BRICK]) {
-    if (list->key_bytes == 1) {
-        for (int i = 0; i < SP_BRICK; i++)
-            class[i] = &table[((const uint8_t *)list->key)[e + (uint64_t)i]];
-    } else if (list->key_bytes == 2) {
-        for (int i = 0; i < SP_BRICK; i++)
-            class[i] = &table[((const uint16_t *)list->key)[e + (uint64_t)i]];
-    } else {
-        for (int i = 0; i < SP_BRICK; i++)
-            class[i] = &table[((const uint32_t *)list->key)[e + (uint64_t)i]];
+/* Stores the classes of 16 entries from e on. The keys come from words, so that one load serves
+ * several of them, and classes need not wait for an array of addresses. */
+static inline void store_entries(const struct sp_class *table, const struct sp_visible *list,
+                                 uint64_t e, uint32_t key_bytes, float (*to)[SHEAR_SOURCE], int x) {
+    const struct sp_class *class[SP_BRICK];
+    uint64_t word[SP_BRICK * 4 / sizeof(uint64_t)];
+    const int per_word = (int)(sizeof *word / key_bytes);
+    const int reverse = __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__ ? per_word - 1 : 0;
+    const uint64_t mask = UINT64_MAX >> (64 - 8 * key_bytes);
+    memcpy(word, (const char *)list->key + e * key_bytes, SP_BRICK * key_bytes);
+#pragma GCC unroll 16
+    for (int i = 0; i < SP_BRICK; i++) {
+        int shift = 8 * (int)key_bytes * (i % per_word ^ reverse);
+        class[i] = &table[word[i / per_word] >> shift & mask];
     }
+    store_classes(class, to, x);
 }
 
-/* The same of fewer entries. */
-static void find_some_classes(const struct sp_transfer *transfer, const struct sp_visible *list,
-                              uint64_t e, int n, struct sp_class own[SP_BRICK]) {
-    if (!transfer->pieces) {
-        for (int i = 0; i < n; i++)
-            own[i] = sp_transfer_class(transfer, sp_visible_key(list, e + (uint64_t)i));
-        return;
+/* Stores rows of 16 entries each. */
+static inline void store_rows(const struct sp_transfer *transfer, const struct sp_visible *list,
+                              uint64_t e, uint32_t key_bytes, float (*source)[4][SHEAR_SOURCE],
+                              int x) {
+    for (int r = 0; r < SHEAR_BAND; r++)
+        store_entries(transfer->table, list, e + (uint64_t)(r * SP_BRICK), key_bytes, source[r], x);
+}
+
+/* Finds the classes of entries [at, end), at their places from `first` on; none elsewhere. */
+static inline void find_some_classes(const struct sp_class *table, const struct sp_visible *list,
+                                     uint64_t at, uint64_t end, uint32_t key_bytes, int first,
+                                     const struct sp_class *class[SHEAR_BAND * SP_BRICK]) {
+    static const struct sp_class none = { { 0 }, 0 };
+    const uint8_t *place = list->place, *key1 = list->key;
+    const uint16_t *key2 = list->key;
+    const uint32_t *key4 = list->key;
+    for (int i = 0; i < SHEAR_BAND * SP_BRICK; i++)
+        class[i] = &none;
+    for (; at < end; at++)
+        class[place[at] - first] = &table[key_bytes == 1   ? key1[at]
+                                          : key_bytes == 2 ? key2[at]
+                                                           : key4[at]];
+}
+
+/* The same of values, for a type without a table. */
+static void find_values(const struct sp_visible *list, uint64_t at, uint64_t end, int first,
+                        float value[SHEAR_BAND * SP_BRICK], float shown[SHEAR_BAND * SP_BRICK]) {
+    memset(value, 0, SHEAR_BAND * SP_BRICK * sizeof *value);
+    memset(shown, 0, SHEAR_BAND * SP_BRICK * sizeof *shown);
+    for (; at < end; at++) {
+        memcpy(&value[list->place[at] - first], (const float *)list->key + at, sizeof *value);
+        shown[list->place[at] - first] = 1;
     }
-    float value[SP_BRICK] = { 0 };
-    memcpy(value, (const float *)list->key + e, (size_t)n * sizeof *value);
-    for (int v = 0; v < SP_BRICK; v += W)
-        sp_pieces_classify(transfer->pieces, sp_wide_load(&value[v]), &own[v]);
 }
 
 /* The entries of one brick's slice that are left. */
@@ -220,43 +245,58 @@ struct cursor {
     bool is_full; /* all voxels of the slice are there */
 };
 
+/* The same as load_rows() for slices of which some voxels are listed. */
+static void load_some_rows(const struct sp_transfer *transfer, const struct sp_visible *list,
+                           struct cursor *c, int row, float (*source)[4][SHEAR_SOURCE], int x) {
+    const struct sp_class *class[SHEAR_BAND * SP_BRICK];
+    float value[SHEAR_BAND * SP_BRICK], shown[SHEAR_BAND * SP_BRICK];
+    int first = row * SP_BRICK, last = first + SHEAR_BAND * SP_BRICK;
+    uint32_t rows = 0;
+    uint64_t at = c->at;
+    for (; c->at < c->end && list->place[c->at] < last; c->at++)
+        rows |= UINT32_C(1) << ((list->place[c->at] - first) >> SP_BRICK_SHIFT);
+    if (transfer->pieces)
+        find_values(list, at, c->at, first, value, shown);
+    else if (list->key_bytes == 1)
+        find_some_classes(transfer->table, list, at, c->at, 1, first, class);
+    else if (list->key_bytes == 2)
+        find_some_classes(transfer->table, list, at, c->at, 2, first, class);
+    else
+        find_some_classes(transfer->table, list, at, c->at, 4, first, class);
+    for (int r = 0; r < SHEAR_BAND; r++) {
+        int i = r * SP_BRICK;
+        if (rows >> r & 1 && transfer->pieces)
+            store_values(transfer->pieces, &value[i], &shown[i], source[r], x);
+        else if (rows >> r & 1)
+            store_classes(&class[i], source[r], x);
+        else
+            for (int p = 0; p < 4; p++)
+                memset(&source[r][p][x], 0, SP_BRICK * sizeof(float));
+    }
+}
+
 /* Classifies rows [row, row + SHEAR_BAND) of a brick's slice into columns [x, x + 16) of the
  * source. */
 static void load_rows(const struct sp_shear *shear, struct cursor *c, int row,
                       float (*source)[4][SHEAR_SOURCE], int x) {
     const struct sp_visible *list = &shear->level->visible;
     const struct sp_transfer *transfer = &shear->level->transfer;
-    struct sp_class own[SP_BRICK];
-    const struct sp_class *class[SP_BRICK];
-    if (c->is_full) {
-        for (int r = 0; r < SHEAR_BAND; r++, c->at += SP_BRICK) {
-            if (transfer->pieces) {
-                store_values(transfer->pieces, (const float *)list->key + c->at, source[r], x);
-                continue;
-            }
-            find_classes(transfer->table, list, c->at, class);
-            store_classes(class, source[r], x);
-        }
+    static const float all[SP_BRICK] = { 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1 };
+    uint64_t at = c->at;
+    if (!c->is_full) {
+        load_some_rows(transfer, list, c, row, source, x);
         return;
     }
-    for (int r = 0; r < SHEAR_BAND; r++)
-        for (int p = 0; p < 4; p++)
-            memset(&source[r][p][x], 0, SP_BRICK * sizeof(float));
-    int last = (row + SHEAR_BAND) * SP_BRICK;
-    while (c->at < c->end && list->place[c->at] < last) {
-        int n = 0;
-        while (n < SP_BRICK && c->at + (uint64_t)n < c->end &&
-               list->place[c->at + (uint64_t)n] < last)
-            n++;
-        find_some_classes(transfer, list, c->at, n, own);
-        for (int i = 0; i < n; i++, c->at++) {
-            int column = list->place[c->at] & 15;
-            float(*to)[SHEAR_SOURCE] = source[(list->place[c->at] >> 4) - row];
-            for (int p = 0; p < 3; p++)
-                to[p][x + column] = own[i].color[p] * own[i].depth;
-            to[3][x + column] = own[i].depth;
-        }
-    }
+    c->at += SHEAR_BAND * SP_BRICK;
+    if (transfer->pieces)
+        for (int r = 0; r < SHEAR_BAND; r++, at += SP_BRICK)
+            store_values(transfer->pieces, (const float *)list->key + at, all, source[r], x);
+    else if (list->key_bytes == 1)
+        store_rows(transfer, list, at, 1, source, x);
+    else if (list->key_bytes == 2)
+        store_rows(transfer, list, at, 2, source, x);
+    else
+        store_rows(transfer, list, at, 4, source, x);
 }
 
 /* Adds four rows of the ring to row `y` of the grid. */
@@ -281,18 +321,6 @@ static void resample_column(struct sp_shear_open_tile *t, int y, int row, float 
                 sp_wide_store(to + v, sp_wide_load(to + v) + sum);
             }
     }
-}
-
-/* Asks for a slice's entries, which the next slice will need. */
-static inline void fetch(const struct sp_visible *list, uint64_t first) {
-#if defined SP_WIDE_AVX512 || defined SP_WIDE_AVX2 || defined SP_WIDE_SSE41
-    const char *key = (const char *)list->key + first * list->key_bytes;
-    for (uint32_t i = 0; i < SP_BRICK * SP_BRICK * list->key_bytes; i += 64)
-        _mm_prefetch(key + i, _MM_HINT_T1);
-#else
-    (void)list;
-    (void)first;
-#endif
 }
 
 /* Clears groups of columns of half of the ring. */
@@ -320,15 +348,11 @@ static uint32_t groups_of_band(const struct sp_shear_open_tile *t, const struct 
 }
 
 /* The entries of a brick in the slice; none if they are transparent. */
-static struct cursor find_entries(const struct sp_shear *shear, const struct slice *s,
-                                  uint32_t brick) {
+static struct cursor find_entries(const struct slice *s, uint32_t brick) {
     const uint16_t *start = s->list->start[brick];
     uint64_t at = s->list->first[brick];
     struct cursor c = { at + start[s->in_brick], at + start[s->in_brick + 1], false };
-    int next = s->in_brick + shear->side;
     c.is_full = c.end - c.at == SP_BRICK * SP_BRICK;
-    if (c.is_full && next >= 0 && next < SP_BRICK)
-        fetch(s->list, at + start[next]);
     return c;
 }
 
@@ -354,9 +378,9 @@ static void load_bricks(struct sp_shear_open_tile *t, struct slice *s, int band)
     uint32_t wanted = groups_of_band(t, s, band), present = 0, needed = 0, groups = 0;
     int first = s->low[0] / SP_BRICK, bricks = (s->high[0] - 1) / SP_BRICK - first + 1;
     for (int n = 0; n < bricks; n++) {
-        cursors[n] = find_entries(t->shear, s,
-                                  s->brick + (uint32_t)(first + n) * s->step_across +
-                                      (uint32_t)band * s->step);
+        uint32_t brick =
+            s->brick + (uint32_t)(first + n) * s->step_across + (uint32_t)band * s->step;
+        cursors[n] = find_entries(s, brick);
         present |= (cursors[n].at < cursors[n].end ? UINT32_C(1) : 0) << n;
     }
     for (int g = t->used[0][0] / 16; g * 16 < t->used[0][1]; g++)

@@ -8,26 +8,42 @@ typedef float vec4 __attribute__((vector_size(16)));
 
 enum { W = SP_WIDE, STRIP = 64 };
 
-/* Weights of four coefficients of a cubic B-spline. */
+/* Weights of four coefficients of a cubic B-spline, `f` samples past the second one. */
 static inline vec4 spline_weights(float f) {
-    float g = 1 - f;
-    return (vec4){ g * g * g / 6, 2.0f / 3 - f * f * (1 - f / 2), 2.0f / 3 - g * g * (1 - g / 2),
-                   f * f * f / 6 };
+    const vec4 w0 = { 1.0f / 6, 2.0f / 3, 1.0f / 6, 0 }, w1 = { -0.5f, 0, 0.5f, 0 };
+    const vec4 w2 = { 0.5f, -1, 0.5f, 0 }, w3 = { -1.0f / 6, 0.5f, -0.5f, 1.0f / 6 };
+    return w0 + f * (w1 + f * (w2 + f * w3));
 }
 
-/* Interpolates the plane; red, green, blue and transmittance. */
-static inline vec4 sample_plane(const struct sp_shear *shear, float x, float y) {
-    int column = (int)x - 1, row = (int)y - 1;
-    vec4 across = spline_weights(x - (float)(int)x), down = spline_weights(y - (float)(int)y);
-    const float *from = shear->plane + 4 * ((size_t)row * (size_t)shear->size[0] + (size_t)column);
+/* Weighted sum of 4 × 4 samples of four floats; `pitch`: floats from row to row. */
+static inline vec4 sum_samples(const float *from, size_t pitch, vec4 across, vec4 down) {
+#if defined SP_WIDE_AVX512
+    const __m512i index = _mm512_set_epi32(3, 3, 3, 3, 2, 2, 2, 2, 1, 1, 1, 1, 0, 0, 0, 0);
+    sp_wide sum = down[0] * sp_wide_load(from);
+    for (int r = 1; r < 4; r++)
+        sum += down[r] * sp_wide_load(from + (size_t)r * pitch);
+    sum *= (sp_wide)_mm512_permutexvar_ps(index, _mm512_castps128_ps512((__m128)across));
+    __m256 half =
+        _mm256_add_ps(_mm512_castps512_ps256((__m512)sum), _mm512_extractf32x8_ps((__m512)sum, 1));
+    return (vec4)_mm_add_ps(_mm256_castps256_ps128(half), _mm256_extractf128_ps(half, 1));
+#else
     vec4 sum = { 0 };
-    for (int r = 0; r < 4; r++, from += 4 * (size_t)shear->size[0]) {
+    for (int r = 0; r < 4; r++, from += pitch) {
         vec4 c[4];
         memcpy(c, from, sizeof c);
         sum += down[r] *
                ((across[0] * c[0] + across[1] * c[1]) + (across[2] * c[2] + across[3] * c[3]));
     }
     return sum;
+#endif
+}
+
+/* Interpolates the plane; red, green, blue and transmittance. */
+static inline vec4 sample_plane(const struct sp_shear *shear, float x, float y) {
+    int column = (int)x, row = (int)y;
+    size_t pitch = 4 * (size_t)shear->size[0];
+    return sum_samples(shear->plane + (size_t)(row - 1) * pitch + 4 * (size_t)(column - 1), pitch,
+                       spline_weights(x - (float)column), spline_weights(y - (float)row));
 }
 
 void sp_shear_warp(const struct sp_shear *shear, int begin, int end) {
