@@ -74,8 +74,10 @@
 #define sp_resample_tile SP_ISA_NAME(sp_resample_tile)
 #define sp_ranges_find SP_ISA_NAME(sp_ranges_find)
 #define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
-#define sp_resample_sample SP_ISA_NAME(sp_resample_sample)
-#define sp_resample_find_slope SP_ISA_NAME(sp_resample_find_slope)
+#define sp_resample_start_sheets SP_ISA_NAME(sp_resample_start_sheets)
+#define sp_rows_init SP_ISA_NAME(sp_rows_init)
+#define sp_rows_prefetch SP_ISA_NAME(sp_rows_prefetch)
+#define sp_rows_read SP_ISA_NAME(sp_rows_read)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
 
 #else
