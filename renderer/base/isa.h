@@ -76,6 +76,10 @@
 #define sp_resample_refine SP_ISA_NAME(sp_resample_refine)
 #define sp_resample_near_ranges SP_ISA_NAME(sp_resample_near_ranges)
 #define sp_resample_near_visible SP_ISA_NAME(sp_resample_near_visible)
+#define sp_resample_start_sheets SP_ISA_NAME(sp_resample_start_sheets)
+#define sp_rows_init SP_ISA_NAME(sp_rows_init)
+#define sp_rows_prefetch SP_ISA_NAME(sp_rows_prefetch)
+#define sp_rows_read SP_ISA_NAME(sp_rows_read)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
 /* light/ */
 #define sp_light_find_cells SP_ISA_NAME(sp_light_find_cells)

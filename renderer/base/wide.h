@@ -320,10 +320,9 @@ static inline float sp_wide_largest(sp_wide a) {
     return largest;
 }
 
-/* Vectors of 16-bit integers without sign: as wide as sp_wide, and half as wide or 16 bytes. */
-enum { SP_WIDE_SHORT = 2 * SP_WIDE, SP_WIDE_SHORT_HALF = SP_WIDE > 8 ? SP_WIDE : 8 };
+/* Vectors of 16-bit integers without sign, as wide as sp_wide. */
+enum { SP_WIDE_SHORT = 2 * SP_WIDE };
 typedef uint16_t sp_wide_short __attribute__((vector_size(SP_WIDE_SHORT * 2)));
-typedef uint16_t sp_wide_short_half __attribute__((vector_size(SP_WIDE_SHORT_HALF * 2)));
 
 static inline sp_wide_short sp_wide_short_all(int x) {
     return (uint16_t)x - (sp_wide_short){ 0 };
@@ -335,12 +334,6 @@ static inline sp_wide_short sp_wide_short_load(const uint16_t *p) {
     return a;
 }
 
-static inline sp_wide_short_half sp_wide_short_half_load(const uint16_t *p) {
-    sp_wide_short_half a;
-    memcpy(&a, p, sizeof a);
-    return a;
-}
-
 static inline void sp_wide_short_store(uint16_t *p, sp_wide_short a) {
     memcpy(p, &a, sizeof a);
 }
@@ -348,36 +341,20 @@ static inline void sp_wide_short_store(uint16_t *p, sp_wide_short a) {
 /* Functions of two vectors, lane by lane. */
 #if defined SP_WIDE_AVX512
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm512_##name##_epu16((__m512i)a, (__m512i)b)
-#define SP_WIDE_SHORT_HALF_CALL(name)                                                              \
-    (sp_wide_short_half) _mm256_##name##_epu16((__m256i)a, (__m256i)b)
 #elif defined SP_WIDE_AVX2
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm256_##name##_epu16((__m256i)a, (__m256i)b)
 #elif defined SP_WIDE_SSE41
 #define SP_WIDE_SHORT_CALL(name) (sp_wide_short) _mm_##name##_epu16((__m128i)a, (__m128i)b)
 #endif
-#if defined SP_WIDE_SHORT_CALL && !defined SP_WIDE_SHORT_HALF_CALL
-#define SP_WIDE_SHORT_HALF_CALL(name)                                                              \
-    (sp_wide_short_half) _mm_##name##_epu16((__m128i)a, (__m128i)b)
-#endif
 #if defined SP_WIDE_SHORT_CALL
 #define SP_WIDE_SHORT_FUNCTION(function, name, formula)                                            \
     static inline sp_wide_short sp_wide_short_##function(sp_wide_short a, sp_wide_short b) {       \
         return SP_WIDE_SHORT_CALL(name);                                                           \
-    }                                                                                              \
-    static inline sp_wide_short_half sp_wide_short_half_##function(sp_wide_short_half a,           \
-                                                                   sp_wide_short_half b) {         \
-        return SP_WIDE_SHORT_HALF_CALL(name);                                                      \
     }
 #else
 #define SP_WIDE_SHORT_FUNCTION(function, name, formula)                                            \
     static inline sp_wide_short sp_wide_short_##function(sp_wide_short a, sp_wide_short b) {       \
         for (int i = 0; i < SP_WIDE_SHORT; i++)                                                    \
-            a[i] = (uint16_t)(formula);                                                            \
-        return a;                                                                                  \
-    }                                                                                              \
-    static inline sp_wide_short_half sp_wide_short_half_##function(sp_wide_short_half a,           \
-                                                                   sp_wide_short_half b) {         \
-        for (int i = 0; i < SP_WIDE_SHORT_HALF; i++)                                               \
             a[i] = (uint16_t)(formula);                                                            \
         return a;                                                                                  \
     }
@@ -386,8 +363,19 @@ SP_WIDE_SHORT_FUNCTION(scale, mulhi, (uint32_t)a[i] * b[i] >> 16)      /* a·b/6
 SP_WIDE_SHORT_FUNCTION(average, avg, ((uint32_t)a[i] + b[i] + 1) >> 1) /* (a + b)/2, up */
 SP_WIDE_SHORT_FUNCTION(min, min, a[i] < b[i] ? a[i] : b[i])
 SP_WIDE_SHORT_FUNCTION(max, max, a[i] > b[i] ? a[i] : b[i])
+SP_WIDE_SHORT_FUNCTION(subtract, subs, a[i] > b[i] ? a[i] - b[i] : 0) /* not below 0 */
 #undef SP_WIDE_SHORT_FUNCTION
 #undef SP_WIDE_SHORT_CALL
-#undef SP_WIDE_SHORT_HALF_CALL
+
+/* Stores the low 16 bits of each lane. */
+static inline void sp_wide_int_store_short(uint16_t *p, sp_wide_int a) {
+#if defined SP_WIDE_AVX512
+    _mm256_storeu_si256((__m256i *)(void *)p, _mm512_cvtepi32_epi16((__m512i)a));
+#else
+    typedef uint16_t narrow __attribute__((vector_size(SP_WIDE * 2)));
+    narrow low = __builtin_convertvector(a, narrow);
+    memcpy(p, &low, sizeof low);
+#endif
+}
 
 #endif

@@ -12,12 +12,13 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;
-    /* Cells at both ends; refined samples of one sheet at most; what vectors read beyond. */
-    enum { MARGIN = 64, MOST = 1 << 19, BEYOND = 4096, CELL_MIN = 4 * 8 * 8 };
+    /* Refined samples of one sheet at most; what vectors read beyond. */
+    enum { MOST = 1 << 19, BEYOND = 4096 };
     size_t largest = 0, intervals = 0;
     for (int a = 0; a < 3; a++) {
         size_t across = dims[a == 0 ? 1 : 0], down = dims[a == 2 ? 1 : 2];
-        size_t samples = (2 * across + 2 * MARGIN) * (2 * down + 2 * MARGIN);
+        size_t units = 2 * RESAMPLE_SLACK + across / 8; /* the columns of units that are cut */
+        size_t samples = 2 * (across + units) * 2 * (down + RESAMPLE_SLACK);
         largest = samples > largest ? samples : largest;
         size_t length = (size_t)regions[a] * SAMPLES_REGION;
         intervals = length > intervals ? length : intervals;
@@ -26,12 +27,19 @@ static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch
     *scratch = sp_arena_alloc(arena, "tiles", workers, sizeof **scratch);
     for (unsigned w = 0; *scratch && w < workers; w++) {
         struct sp_resample_scratch *s = &(*scratch)[w];
+        const size_t rows = r->refined_max / (4 * RESAMPLE_SLACK);
         memset(s, 0, sizeof *s);
-        s->is_refined = sp_arena_alloc(arena, "cells", r->refined_max / CELL_MIN + 1, 1);
         s->active = sp_arena_alloc(arena, "intervals", intervals, sizeof *s->active);
+        s->seen = sp_arena_alloc(arena, "rows", rows, sizeof *s->seen);
+        s->around = sp_arena_alloc(arena, "rows", rows, sizeof *s->around);
         for (int i = 0; i < RESAMPLE_SHEETS; i++)
             s->sheets[i].refined =
                 sp_arena_alloc(arena, "refined slices", r->refined_max + BEYOND, sizeof(int16_t));
+        for (int i = 0; i <= RESAMPLE_TAPS; i++) {
+            s->rows[i].doubled = sp_arena_alloc(arena, "rows of slices",
+                                                r->refined_max / 2 + BEYOND, sizeof(uint16_t));
+            s->rows[i].filled = sp_arena_alloc(arena, "rows of slices", rows, sizeof(uint64_t));
+        }
     }
     return !arena->failed;
 }

@@ -37,21 +37,26 @@ static inline sp_wide_short sp_fetch_int8(const int8_t *p) {
     return sp_fetch_uint8((const uint8_t *)p) ^ 0x80;
 }
 
-/* Writes the lanes of a and of b in turns. */
-static inline void sp_fetch_alternate(sp_wide_short_half a, sp_wide_short_half b, uint16_t *out) {
+/* The lanes of a and of b in turns: out[0] has those of their first halves. */
+static inline void sp_fetch_alternate(sp_wide_short a, sp_wide_short b, sp_wide_short out[2]) {
 #if defined SP_WIDE_AVX512
-    static const uint16_t order[32] = { 0,  32, 1,  33, 2,  34, 3,  35, 4,  36, 5,
-                                        37, 6,  38, 7,  39, 8,  40, 9,  41, 10, 42,
-                                        11, 43, 12, 44, 13, 45, 14, 46, 15, 47 };
-    __m512i turns =
-        _mm512_permutex2var_epi16(_mm512_castsi256_si512((__m256i)a), _mm512_loadu_si512(order),
-                                  _mm512_castsi256_si512((__m256i)b));
-    _mm512_storeu_si512(out, turns);
+    static const uint16_t order[2][32] = {
+        { 0, 32, 1, 33, 2,  34, 3,  35, 4,  36, 5,  37, 6,  38, 7,  39,
+          8, 40, 9, 41, 10, 42, 11, 43, 12, 44, 13, 45, 14, 46, 15, 47 },
+        { 16, 48, 17, 49, 18, 50, 19, 51, 20, 52, 21, 53, 22, 54, 23, 55,
+          24, 56, 25, 57, 26, 58, 27, 59, 28, 60, 29, 61, 30, 62, 31, 63 }
+    };
+    for (int k = 0; k < 2; k++)
+        out[k] = (sp_wide_short)_mm512_permutex2var_epi16((__m512i)a, _mm512_loadu_si512(order[k]),
+                                                          (__m512i)b);
+#elif defined SP_WIDE_AVX2
+    __m256i low = _mm256_unpacklo_epi16((__m256i)a, (__m256i)b);
+    __m256i high = _mm256_unpackhi_epi16((__m256i)a, (__m256i)b);
+    out[0] = (sp_wide_short)_mm256_permute2x128_si256(low, high, 0x20);
+    out[1] = (sp_wide_short)_mm256_permute2x128_si256(low, high, 0x31);
 #else
-    sp_wide_short_half low = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
-    sp_wide_short_half high = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
-    memcpy(out, &low, sizeof low);
-    memcpy(out + 8, &high, sizeof high);
+    out[0] = __builtin_shufflevector(a, b, 0, 8, 1, 9, 2, 10, 3, 11);
+    out[1] = __builtin_shufflevector(a, b, 4, 12, 5, 13, 6, 14, 7, 15);
 #endif
 }
 

@@ -9,9 +9,11 @@
 
 #include "base/wide.h"
 #include "resample/resample.h"
+#include "resample/rows.h"
 
-/* A cell: the samples of a slice that are refined at once. */
-enum { RESAMPLE_CELL_ACROSS = SP_WIDE > 8 ? 16 : 8, RESAMPLE_CELL_DOWN = 8 };
+/* Columns of a slice are refined in units of a power of two columns: at least 1 << UNIT_BITS of
+ * them, at most UNITS units. */
+enum { RESAMPLE_UNITS = 60, RESAMPLE_UNIT_BITS = 2 };
 
 struct sp_resample_open_tile {
     const struct sp_resample *r;
@@ -25,8 +27,13 @@ struct sp_resample_open_tile {
     float reference;   /* slice coordinate at s = 0 */
     int sheets_per_slice;
     const struct sp_resample_axis *map[3]; /* of these axes; NULL = evenly spaced */
-    uint64_t alive;                        /* blocks with a pixel that is not opaque */
+    struct sp_rows reader;
+    int unit_bits;  /* 1 << unit_bits columns are a unit */
+    uint64_t alive; /* blocks with a pixel that is not opaque */
 };
+
+/* Call it before the first sheet of a set of blocks. */
+void sp_resample_start_sheets(struct sp_resample_open_tile *t);
 
 /* Refines what the blocks of `need` see of slice coordinate z, a multiple of ½, into *sheet. */
 void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,

@@ -35,6 +35,8 @@ enum {
     RESAMPLE_TILE = 64,      /* px */
     RESAMPLE_BATCH = 4,      /* sheets that are drawn together */
     RESAMPLE_SHEETS = 7,     /* of a batch, and the three before, for gradients */
+    RESAMPLE_SLACK = 64,     /* samples around those that blocks see for which there is memory */
+    RESAMPLE_TAPS = 6,       /* samples that one between them is made from */
     RESAMPLE_HALVES_MAX = 6 + 1 + SP_CLIP_PLANES_MAX
 };
 
@@ -128,6 +130,15 @@ struct sp_resample_sheet {
     _Alignas(64) float range[2][RESAMPLE_BLOCKS]; /* of levels that blocks see (near.c) */
 };
 
+/* Rows of a slice with twice the samples across, in levels that are raised for filtering. */
+struct sp_resample_rows {
+    uint16_t *doubled;
+    uint64_t *filled; /* by row: the units of columns that it has, as bits */
+    int slice;        /* INT_MIN = none */
+    int width;        /* samples per row */
+    int origin[2];    /* slice sample at the start */
+};
+
 /* What a worker needs for one tile. */
 struct sp_resample_scratch {
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];
@@ -135,7 +146,11 @@ struct sp_resample_scratch {
     /* Transmittance and colour of blocks that are drawn a second time. */
     _Alignas(64) float aside[RESAMPLE_BLOCKS][4][RESAMPLE_PIXELS];
     struct sp_resample_sheet sheets[RESAMPLE_SHEETS]; /* by number modulo RESAMPLE_SHEETS */
-    uint8_t *is_refined;                              /* by cell of the newest sheet */
+    struct sp_resample_rows rows[RESAMPLE_TAPS + 1];  /* by slice modulo RESAMPLE_TAPS; the last:
+                                                         halfway between two slices */
+    /* By row of the newest sheet, and of the rows that are filtered for it: units of columns that
+     * blocks see. */
+    uint64_t *seen, *around;
     uint64_t *active; /* by interval between slices: the blocks that may see something in it */
     bool is_too_wide; /* a block sees more of a sheet than there is memory for */
     uint64_t refined, sampled; /* slice samples; pixels of sheets */

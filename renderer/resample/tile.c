@@ -301,6 +301,7 @@ static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
 static void draw_sheets(struct sp_resample_open_tile *t) {
     int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
     struct sp_resample_batch batch;
+    sp_resample_start_sheets(t);
     for (int first = 0; first <= count + 1 && t->alive; first += RESAMPLE_BATCH) {
         batch.first = first;
         batch.last =
@@ -340,18 +341,17 @@ static void resolve(const struct sp_resample_open_tile *t, uint64_t drawn) {
 }
 
 /* Does the memory hold what a set of blocks sees of a sheet? The extent of straight rays is largest
- * at one of their ends. */
-static bool fits(const struct sp_resample_open_tile *t, uint64_t set) {
+ * at one of their ends. Sets the unit of columns. */
+static bool fits(struct sp_resample_open_tile *t, uint64_t set) {
     const struct sp_resample_bounds *bounds = &t->scratch->bounds;
     float margin = t->map[2] ? 3 * t->map[2]->widest : 3; /* sheets are read beyond the span */
-    float span[2] = { INFINITY, -INFINITY };
-    size_t refined = 1;
+    float span[2] = { INFINITY, -INFINITY }, size[2];
     for (uint64_t left = set; left; left &= left - 1) {
         span[0] = fminf(span[0], bounds->span[0][__builtin_ctzll(left)] - margin);
         span[1] = fmaxf(span[1], bounds->span[1][__builtin_ctzll(left)] + margin);
     }
     for (int a = 0; a < 2; a++) {
-        float extent = 0;
+        float extent = 0, change = 0;
         for (int k = 0; k < 2; k++) {
             float low = INFINITY, high = -INFINITY;
             for (uint64_t left = set; left; left &= left - 1)
@@ -360,12 +360,20 @@ static bool fits(const struct sp_resample_open_tile *t, uint64_t set) {
                     float at = bounds->corner[a][i][b] + span[k] * bounds->corner[a + 2][i][b];
                     low = fminf(low, at);
                     high = fmaxf(high, at);
+                    change = fmaxf(change, fabsf(bounds->corner[a + 2][i][b]));
                 }
-            extent = fmaxf(extent, t->map[a] ? (high - low) / t->map[a]->narrowest : high - low);
+            extent = fmaxf(extent, high - low);
         }
-        refined *= 2 * (size_t)(fminf(extent, (float)t->dims[a]) + 4 * RESAMPLE_CELL_ACROSS);
+        if (t->sheets_per_slice > 1) /* slices keep what the sheets around them see */
+            extent += 2 * margin * change;
+        size[a] = fminf(t->map[a] ? extent / t->map[a]->narrowest : extent, (float)t->dims[a]);
     }
-    return refined <= t->r->refined_max;
+    t->unit_bits = RESAMPLE_UNIT_BITS;
+    while (size[0] + 8 > (float)((RESAMPLE_UNITS - 2) << t->unit_bits))
+        t->unit_bits++;
+    return (size_t)(2 * (size[0] + (float)(RESAMPLE_SLACK + (2 << t->unit_bits)))) *
+               (size_t)(2 * (size[1] + RESAMPLE_SLACK)) <=
+           t->r->refined_max;
 }
 
 /* Draws a set of blocks, in parts if need be. */
