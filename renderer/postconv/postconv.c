@@ -412,7 +412,7 @@ static uint32_t count_joined(const struct sp_postconv_input *input,
                              const struct sp_postconv *postconv, float deepest) {
     enum { FEW_LAYERS = 64, MOST_JOINED = 4 };
     /* px of a voxel; depth of a slice straight through; depth of more than two slices */
-    const double widest = 5, most = 0.95, most_together = 1.2;
+    const double widest = 5, most = 0.95, most_together = 1.0;
     const struct sp_grid *grid = input->grid;
     unsigned first = postconv->axis == 0, second = postconv->axis == 2 ? 1 : 2;
     double width = sqrt(grid->spacing[first] * grid->spacing[second]) * input->camera->scale;

@@ -366,9 +366,8 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
         struct sp_rays rays = load_rays(block, i);
         /* Rays that saw something in the last interval need gradients in the next one, too. */
         bool needs_slope = t->r->needs_gradient && block->entry_sheet[i] == number - 2;
-        sp_wide_store(block->value[slot] + i,
-                      needs_slope ? read_slopes(t, block, &rays, i, number)
-                                  : sp_sample_values(t, &rays, number));
+        sp_wide_store(block->value[slot] + i, needs_slope ? read_slopes(t, block, &rays, i, number)
+                                                          : sp_sample_values(t, &rays, number));
     }
     t->scratch->sampled += RESAMPLE_PIXELS;
 }

@@ -97,14 +97,14 @@ struct sp_resample_block {
     float du[RESAMPLE_PIXELS], dv[RESAMPLE_PIXELS];            /* per slice */
     float length[RESAMPLE_PIXELS]; /* of the ray per slice, reference lengths */
     float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
-    float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
-    float light[RESAMPLE_PIXELS];                       /* transmittance so far */
-    float color[3][RESAMPLE_PIXELS];                    /* premultiplied */
-    float value[4][RESAMPLE_PIXELS]; /* of the last sheets that were read, by number modulo 4 */
-    int value_sheet[4];              /* their numbers */
-    float slope[4][2][RESAMPLE_PIXELS];                 /* their gradients along u and v */
-    uint64_t has_slope[4];                              /* bit per pixel */
-    float normal[3][RESAMPLE_PIXELS]; /* gradient of the surface that was met last */
+    float to_eye[3][RESAMPLE_PIXELS];   /* unit vector in world space; only if the volume is lit */
+    float light[RESAMPLE_PIXELS];       /* transmittance so far */
+    float color[3][RESAMPLE_PIXELS];    /* premultiplied */
+    float value[4][RESAMPLE_PIXELS];    /* of the last sheets that were read, by number modulo 4 */
+    int value_sheet[4];                 /* their numbers */
+    float slope[4][2][RESAMPLE_PIXELS]; /* their gradients along u and v */
+    uint64_t has_slope[4];              /* bit per pixel */
+    float normal[3][RESAMPLE_PIXELS];   /* gradient of the surface that was met last */
     /* The curve's integral where the last interval ended, in an order that the kernel knows. */
     float entry[4][RESAMPLE_PIXELS];
     float entry_bin[RESAMPLE_PIXELS];

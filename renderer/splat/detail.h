@@ -35,7 +35,7 @@
 
 #define SP_DETAIL_PIXELS 0.9
 #define SP_DETAIL_THIN 1.25 /* optical depth */
-#define SP_DETAIL_THIN_PIXELS 1.35
+#define SP_DETAIL_THIN_PIXELS 1.25
 #define SP_DETAIL_SIGMA 0.1
 
 /* One brick of the cut. */

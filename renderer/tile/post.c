@@ -186,8 +186,8 @@ static inline void eye_direction(const struct sp_post *post, int x, int y, sp_wi
     }
     sp_wide inv = -1 / sp_wide_sqrt(u * u + v * v + 1);
     for (int k = 0; k < 3; k++)
-        to_eye[k] = inv * (post->to_camera[0][k] * u + post->to_camera[1][k] * v +
-                           post->to_camera[2][k]);
+        to_eye[k] =
+            inv * (post->to_camera[0][k] * u + post->to_camera[1][k] * v + post->to_camera[2][k]);
 }
 
 static inline void find_means(const struct sp_post *post, int x, int y, const sp_wide sums[5],

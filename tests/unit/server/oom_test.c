@@ -61,6 +61,9 @@ static void reading(void **state) {
     wait_for_volume();
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
         oom_each_allocation("GET", texts[i], "", 200);
+    oom_each_allocation("GET", "volumes/engine/histogram?axis=value,gradient", "", 200);
+    snprintf(path, sizeof path, "sessions/%s/histogram", oom_session);
+    oom_each_allocation("GET", path, "", 200);
     snprintf(path, sizeof path, "views/%s", oom_saved_view);
     oom_each_allocation("GET", path, "", 200);
     snprintf(path, sizeof path, "sessions/%s", oom_session);
