@@ -167,8 +167,10 @@ static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_
         __builtin_prefetch(list->place + first + i);
     for (uint32_t i = 0; i < count * list->key_bytes; i += LINE)
         __builtin_prefetch(keys + i);
+    if (b->level == 0)
+        return;
     const char *classes = (const char *)(level->transfer.table + first);
-    for (size_t i = 0; b->level > 0 && i < count * sizeof *level->transfer.table; i += LINE)
+    for (size_t i = 0; i < count * sizeof *level->transfer.table; i += LINE)
         __builtin_prefetch(classes + i);
 }
 
