@@ -160,7 +160,8 @@ static int find_sources(const struct slabs *s, int layer, const float share[SLAB
 
 /* Rows of sheets that are added. */
 struct rows {
-    const float *sample[SLAB_SLOTS]; /* of block 0, which may lie outside of the grid */
+    const float *grid[SLAB_SLOTS];
+    ptrdiff_t first[SLAB_SLOTS]; /* of block 0 [floats]; it may lie outside of the grid */
     float share[SLAB_SLOTS];
 };
 
@@ -170,10 +171,11 @@ static inline void add_rows(const struct rows *rows, int count, uint32_t blocks,
         int at = __builtin_ctz(blocks) * BLOCK * 4;
         sp_wide sum[VECTORS];
         for (int p = 0; p < VECTORS; p++)
-            sum[p] = sp_wide_load(rows->sample[0] + at + p * W) * rows->share[0];
+            sum[p] = sp_wide_load(rows->grid[0] + (rows->first[0] + at + p * W)) * rows->share[0];
         for (int i = 1; i < count; i++)
             for (int p = 0; p < VECTORS; p++)
-                sum[p] += sp_wide_load(rows->sample[i] + at + p * W) * rows->share[i];
+                sum[p] +=
+                    sp_wide_load(rows->grid[i] + (rows->first[i] + at + p * W)) * rows->share[i];
         for (int p = 0; p < VECTORS; p++)
             sp_wide_store(to + at + p * W, sum[p]);
     }
@@ -204,7 +206,8 @@ static void combine(struct sp_postconv_open_tile *t, const struct source *from, 
             uint32_t read = readable(from[i].shift[0]);
             all |= move_blocks(from[i].sheet->deposited[row], from[i].shift[0]) & read;
             can &= read;
-            rows.sample[n] = from[i].sheet->grid[row][0] + from[i].shift[0] * 4;
+            rows.grid[n] = (const float *)from[i].sheet->grid;
+            rows.first[n] = ((ptrdiff_t)row * POSTCONV_PITCH + from[i].shift[0]) * 4;
             rows.share[n++] = from[i].share;
         }
         all &= can;
