@@ -302,16 +302,6 @@ static inline sp_wide sp_wide_gather(const float *table, sp_wide_int index) {
 #endif
 }
 
-/* Sum of the lanes, added in pairs. */
-static inline float sp_wide_sum(sp_wide a) {
-    float lane[SP_WIDE];
-    memcpy(lane, &a, sizeof lane);
-    for (int half = SP_WIDE / 2; half > 0; half /= 2)
-        for (int i = 0; i < half; i++)
-            lane[i] += lane[i + half];
-    return lane[0];
-}
-
 /* The largest lane. */
 static inline float sp_wide_largest(sp_wide a) {
     float largest = a[0];

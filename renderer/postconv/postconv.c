@@ -411,8 +411,9 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
 static uint32_t count_joined(const struct sp_postconv_input *input,
                              const struct sp_postconv *postconv, float deepest) {
     enum { FEW_LAYERS = 64, MOST_JOINED = 4 };
-    /* px of a voxel; depth of a slice straight through; depth of more than two slices */
-    const double widest = 5, most = 0.95, most_together = 1.0;
+    const double widest = 5;          /* largest width of a voxel [px] */
+    const double most = 0.95;         /* largest optical depth of one slice */
+    const double most_together = 1.0; /* the same of three or four joined slices */
     const struct sp_grid *grid = input->grid;
     unsigned first = postconv->axis == 0, second = postconv->axis == 2 ? 1 : 2;
     double width = sqrt(grid->spacing[first] * grid->spacing[second]) * input->camera->scale;

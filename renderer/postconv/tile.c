@@ -153,7 +153,7 @@ static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *r
     return left < all;
 }
 
-/* Asks for the entries of a run, which are seldom in the cache. On coarse levels these have a class
+/* Prefetches the entries of a run, which are seldom in the cache. On coarse levels these have a class
  * each (classify/mip.h). */
 static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run) {
     enum { LINE = 64 };

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Near the eye a block of pixels sees a few samples of a sheet. Their range is found sooner than
- * the values at the pixels, and most intervals show nothing of it: a region, which tells the same
- * from far away, is wider than several blocks there.
+ * Close to the eye, a block of pixels sees only a few samples of a sheet. Finding their range is
+ * cheaper than reading the values at the pixels, and the range shows that most intervals are
+ * invisible. A region is too coarse for this test there: it is wider than several blocks.
  *
  * Ranges are found for SP_WIDE blocks at a time, from pairs of samples.
  */
@@ -43,7 +43,7 @@ static inline void find_range(const struct sp_resample_sheet *sheet, const struc
                               sp_wide range[2]) {
     sp_wide_short low = sp_wide_short_all(UINT16_MAX), high = sp_wide_short_all(0);
     for (int j = 0; j <= extent->largest[1]; j++)
-        for (int i = 0; i < extent->largest[0]; i += 2) {
+        for (int i = 0; i <= extent->largest[0]; i += 2) {
             sp_wide row = sp_wide_min(extent->first[1] + (float)j, extent->last[1]);
             sp_wide column = sp_wide_min(extent->first[0] + (float)i, extent->last[0] - 1);
             sp_wide at = sp_wide_fma(row, sp_wide_all((float)sheet->width), column);

@@ -27,7 +27,7 @@ enum {
     BEHIND = TAPS / 2,
     CHUNK = 128, /* columns that are read at once */
     PENDING = 8, /* parts of rows that are read before they are doubled */
-    AHEAD = 2    /* slices whose samples are asked for early */
+    AHEAD = 2    /* prefetch distance [slices] */
 };
 
 /* The samples that blocks see: first and last, per axis. */

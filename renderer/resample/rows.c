@@ -143,7 +143,7 @@ static void read_inside(const struct sp_rows *rows, ptrdiff_t line, int begin, i
     }
 }
 
-/* Asks for the memory of samples early, which may lie outside of the voxels. */
+/* Prefetches samples, which may lie outside of the voxels. */
 static inline void prefetch(const struct sp_rows *rows, ptrdiff_t at, int count) {
     enum { CACHE_LINE = 64 };
     const uintptr_t from = (uintptr_t)rows->voxels + (uintptr_t)(at * rows->size);

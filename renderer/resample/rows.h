@@ -34,7 +34,7 @@ struct sp_rows {
     int size;         /* of a sample [bytes] */
     int count;        /* samples of a row */
     ptrdiff_t stride; /* from sample to sample */
-    ptrdiff_t ahead;  /* with each sample, the memory of the one so far ahead is asked for */
+    ptrdiff_t ahead;  /* prefetch distance [samples] */
     struct sp_rows_scaling scaling;
 };
 

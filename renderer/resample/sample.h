@@ -79,8 +79,8 @@ static inline void rescale(const struct sp_resample_open_tile *t, int a, sp_wide
     }
 }
 
-/* The same, and the gradients along u and v [levels per sample]: differences of values one sample
- * apart. The
+/* Returns the values, and fills the gradients along u and v [levels per sample]: differences of
+ * values one sample apart. The
  * place is between refined samples 1 and 2 of rows 1 and 2; differences are those of
  *
  *   across: samples 2, 3 and 0, 1 of a row      down: samples 1, 2 of rows 2 and 0, and 3 and 1

@@ -296,8 +296,9 @@ static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
     return any;
 }
 
-/* Sheets from two slices before the first one to two slices behind the last one, which equal it. A
- * few are drawn at a time in each block, whose state then stays in the nearest cache. */
+/* Draws the sheets from two slices before the volume to two slices behind it. The outer sheets
+ * repeat the border slices. Each block draws a few sheets at a time, so that its state stays in the
+ * nearest cache. */
 static void draw_sheets(struct sp_resample_open_tile *t) {
     int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
     struct sp_resample_batch batch;

@@ -16,7 +16,7 @@ static bool read_axes(const struct srv_request *request, bool *is_joint, struct 
     *is_joint = axes && strcmp(axes, "value,gradient") == 0;
     if (!axes || *is_joint || strcmp(axes, "value") == 0)
         return true;
-    srv_reply_problem(reply, 400, NULL, "?axis= must be value or value,gradient");
+    srv_reply_problem(reply, 400, NULL, "?axis=%.40s: must be value or value,gradient", axes);
     return false;
 }
 

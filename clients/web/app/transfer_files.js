@@ -41,6 +41,7 @@ export class TransferFiles {
     try {
       if (file.size > BYTES_MAX) throw new Error(`The file has ${file.size} bytes; a transfer function has at most ${BYTES_MAX}.`);
       const read = readTransferFile(await file.text());
+      if (!this.#transfer.isEditable) throw new Error('not taken, because another participant has control now.');
       if (read.kind === 'map') this.#transfer.takeMap(read, time);
       else this.#transfer.replace(read, time);
       said.textContent = read.kind === 'map' ? `Took the colours “${read.name}” from ${file.name}.` : `Took the transfer function from ${file.name}.`;

@@ -40,18 +40,31 @@ export function colorOfStops(stops, t) {
   return lerp(first, second, (t - a) / (b - a));
 }
 
-/** Drops stops that lie on the line between others (Douglas and Peucker 1973, with the largest error of a channel). */
-export function simplify(stops, tolerance = TOLERANCE) {
-  if (stops.length < 3) return stops;
-  const [[a, first], [b, last]] = [stops[0], stops.at(-1)];
+/** The stop between two others that lies farthest from the line through them, or -1 if all are closer than the tolerance. */
+function farthest(stops, from, to, tolerance) {
+  const [[a, first], [b, last]] = [stops[from], stops[to]];
   let [worst, at] = [tolerance, -1];
-  for (let i = 1; i + 1 < stops.length; i += 1) {
+  for (let i = from + 1; i < to; i += 1) {
     const line = lerp(first, last, (stops[i][0] - a) / (b - a));
     const error = Math.max(...line.map((part, k) => Math.abs(part - stops[i][1][k])));
     if (error > worst) [worst, at] = [error, i];
   }
-  if (at < 0) return [stops[0], stops.at(-1)];
-  return [...simplify(stops.slice(0, at + 1), tolerance), ...simplify(stops.slice(at), tolerance).slice(1)];
+  return at;
+}
+
+/** Drops stops that lie on the line between others (Douglas and Peucker 1973, with the largest error of a channel). */
+export function simplify(stops, tolerance = TOLERANCE) {
+  if (stops.length < 3) return stops;
+  const kept = new Set([0, stops.length - 1]);
+  const open = [[0, stops.length - 1]];
+  while (open.length) {
+    const [from, to] = open.pop();
+    const at = farthest(stops, from, to, tolerance);
+    if (at < 0) continue;
+    kept.add(at);
+    open.push([from, at], [at, to]);
+  }
+  return stops.filter((_, i) => kept.has(i));
 }
 
 /** The stops of {name, table, isReversed, steps}: `table` replaces the one of the name; steps = 0 gives a continuous map. */

@@ -5,12 +5,14 @@ import { MIXES } from './color_space.js';
 import { simplify } from './color_maps.js';
 import { GRADIENT_POINTS_MAX, OPACITY_MAX, POINTS_MAX, colorAt, opacityAt, tidy } from './transfer.js';
 
-export const FORMAT = 'splatd transfer function';
+const FORMAT = 'splatd transfer function';
 export const BYTES_MAX = 1 << 20;
+const STOPS_MAX = 512; // colours of a map
+const VALUE_MAX = 1e300; // so that differences of values are numbers
 const PARTS = 16; // samples between two points whose interpolation is not linear in RGB
 
 const fail = (text) => { throw new Error(text); };
-const isNumber = (x) => typeof x === 'number' && Number.isFinite(x);
+const isNumber = (x) => typeof x === 'number' && Math.abs(x) <= VALUE_MAX;
 const isPart = (x) => isNumber(x) && x >= 0 && x <= 1;
 const isColor = (c) => Array.isArray(c) && c.length === 3 && c.every(isPart);
 const show = (x) => String(JSON.stringify(x)).slice(0, 40);
@@ -58,13 +60,16 @@ function readGradient(gradient = []) {
 /** Groups of `size` numbers of a flat list whose first numbers rise; equal ones, which ParaView uses for steps, move apart. */
 function groups(list, size, name) {
   if (!Array.isArray(list) || list.length === 0 || list.length % size) fail(`"${name}" must be a list of groups of ${size} numbers.`);
+  if (list.length > size * STOPS_MAX) fail(`"${name}" has ${list.length / size} groups; at most ${STOPS_MAX} are possible.`);
   const wrong = list.findIndex((x) => !isNumber(x));
   if (wrong >= 0) fail(`"${name}": entry ${wrong + 1} is ${show(list[wrong])}, not a number.`);
   const all = Array.from({ length: list.length / size }, (_, i) => list.slice(i * size, (i + 1) * size));
   const least = Math.max(all.at(-1)[0] - all[0][0], Math.abs(all[0][0]) * 1e-9, 1e-30) * 1e-5;
+  let last = -Infinity;
   return all.map(([first, ...rest], i) => {
     if (i > 0 && first < all[i - 1][0]) fail(`"${name}": the value ${first} is not above the one before, ${all[i - 1][0]}.`);
-    return [i > 0 && first === all[i - 1][0] ? first + least : first, ...rest];
+    last = first > last ? first : last + least;
+    return [last, ...rest];
   });
 }
 
