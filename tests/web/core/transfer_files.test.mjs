@@ -65,6 +65,18 @@ test('equal values, which ParaView uses for steps, move apart', () => {
   table.forEach(([t], i) => compare(t, '>', i ? table[i - 1][0] : -1));
 });
 
+test('three equal values rise, too', () => {
+  const colors = [0, 0, 0, 0, 1, 1, 0, 0, 1, 0, 1, 0, 1, 0, 0, 1, 2, 1, 1, 1];
+  const { table } = read([{ RGBPoints: colors }]);
+  table.slice(1).forEach(([t], i) => assert.ok(t > table[i][0]));
+});
+
+test('maps with very many colours, or values too far apart, are refused', () => {
+  const many = Array.from({ length: 20000 }, (_, i) => [i, i % 2, 0, 0]).flat();
+  assert.throws(() => read([{ RGBPoints: many }]), /has 20000 groups; at most 512/);
+  assert.throws(() => read([{ RGBPoints: [-1.7e308, 0, 0, 0, 1.7e308, 1, 1, 1] }]), /entry 1 is -1.7e\+308, not a number/);
+});
+
 test('bad files are refused with the place and the reason', () => {
   const whole = (change) => ({ transfer_function: { points, ...change } });
   const cases = [
