@@ -153,8 +153,8 @@ static bool add_unfit(struct sp_postconv_open_tile *t, struct sp_postconv_run *r
     return left < all;
 }
 
-/* Prefetches the entries of a run, which are seldom in the cache. On coarse levels these have a class
- * each (classify/mip.h). */
+/* Prefetches the entries of a run, which are seldom in the cache. On coarse levels each has its own
+ * class (classify/mip.h). */
 static void prefetch_run(const struct sp_postconv_open_tile *t, const struct sp_postconv_run *run) {
     enum { LINE = 64 };
     const struct sp_postconv_brick *b = &t->postconv->bricks[run->brick];
