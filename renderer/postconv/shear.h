@@ -47,7 +47,7 @@ enum {
     SHEAR_BLOCKS = SHEAR_ROWS / SHEAR_BLOCK,
     SHEAR_RING = 2 * SP_BRICK, /* rows of voxels after the first pass */
     SHEAR_BAND = 4,            /* rows of voxels at a time */
-    SHEAR_SOURCE = 416 /* voxels in a row of a tile, and those that vectors read beyond it */
+    SHEAR_SOURCE = 416         /* voxels of a row of a tile, and padding for the last vector */
 };
 
 /* Filters for one direction: weights by block of rows, tap and column. */

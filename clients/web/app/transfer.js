@@ -61,7 +61,7 @@ export class Transfer {
     byId('transfer').addEventListener('toggle', () => this.#plan());
   }
 
-  /** Calls told() after each change of what is shown. */
+  /** Calls told() after each change of the transfer function or of the control. */
   onShow(told) { this.#listeners.add(told); }
 
   get volume() { return this.#volume; }
