@@ -44,6 +44,18 @@ static proto_json *direction(const struct sp_grid *grid) {
     return rows;
 }
 
+/* Where world +x, +y and +z point to; absent when the file does not say. */
+static bool set_anatomy(proto_json *volume, const struct sp_volume_info *info) {
+    proto_json *letters = proto_json_array();
+    bool ok = true;
+    for (int i = 0; i < 3 && ok && info->anatomy[0]; i++)
+        ok = proto_json_append_string(letters, (const char[2]){ info->anatomy[i], 0 });
+    if (ok && info->anatomy[0])
+        return proto_json_set(volume, "anatomy", letters);
+    proto_json_free(&letters);
+    return ok;
+}
+
 static proto_json *histogram(const struct sp_volume_info *info) {
     proto_json *object = proto_json_object(), *counts = proto_json_array();
     bool ok = proto_json_set(object, "range", numbers(info->range, 2));
@@ -111,7 +123,7 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
               (!rectilinear || proto_json_set(volume, "coordinates", coordinates(grid))) &&
               proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
               proto_json_set(volume, "direction", direction(grid)) &&
-              proto_json_set_string(volume, "unit", info->unit) &&
+              proto_json_set_string(volume, "unit", info->unit) && set_anatomy(volume, info) &&
               proto_json_set_string(volume, "type", sp_type_name(info->type)) &&
               proto_json_set_integer(volume, "components", info->components) &&
               proto_json_set(volume, "range", numbers(info->range, 2)) &&

@@ -28,7 +28,8 @@ struct import_header {   /* result of open() */
     struct sp_grid grid; /* the reader owns its coordinates until close() */
     enum sp_type type;
     char unit[SP_UNIT_BYTES];
-    uint64_t bytes; /* of all samples */
+    char anatomy[4]; /* as in struct sp_volume_info */
+    uint64_t bytes;  /* of all samples */
 };
 
 struct import_progress {

@@ -4,6 +4,7 @@
 #include <inttypes.h>
 #include <string.h>
 
+#include "volume/anatomy.h"
 #include "volume/volume.h"
 
 size_t sp_handover_size(enum sp_handover_kind kind) {
@@ -71,9 +72,12 @@ static bool check_header(struct sp_handover_header *header, const char *place,
                        "the import process sent a size of %" PRIu64
                        " bytes; its grid needs %" PRIu64,
                        header->bytes, bytes);
-    if (header->rectilinear > 7 || header->zero)
+    if (header->rectilinear > 7)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent axes of an unknown kind");
+    if (!sp_anatomy_is_valid(header->anatomy))
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent unknown anatomical directions");
     if (!clean_text(header->unit, sizeof header->unit))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent a unit that is not terminated");

@@ -22,7 +22,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 2,
+    SP_HANDOVER_VERSION = 3,
 };
 
 enum sp_handover_kind {
@@ -37,7 +37,7 @@ struct sp_handover_header {
     uint32_t type; /* enum sp_type */
     uint32_t dims[3];
     uint32_t rectilinear; /* bit a: dims[a] coordinates of axis a follow the samples */
-    uint32_t zero;
+    char anatomy[4];      /* as in struct sp_volume_info */
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
     char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */

@@ -342,6 +342,7 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
     memcpy(info->grid.direction, h->direction, sizeof h->direction);
     info->type = (enum sp_type)h->type;
     memcpy(info->unit, h->unit, sizeof info->unit);
+    memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
     const char *slash = strrchr(im->path, '/'), *base = slash ? slash + 1 : im->path;
     const char *dot = strrchr(base, '.');
     snprintf(info->name, sizeof info->name, "%.*s",

@@ -144,6 +144,7 @@ static bool say_header(struct job *job) {
         message.header.rectilinear |= (uint32_t)(h->grid.coordinates[axis] != NULL) << axis;
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
+    memcpy(message.header.anatomy, h->anatomy, sizeof h->anatomy);
     job->capacity = sp_handover_layout(&message.header, job->offset);
     return say(&message);
 }

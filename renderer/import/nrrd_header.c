@@ -400,12 +400,14 @@ static bool parse_words(const struct import_file *file, struct nrrd_header *h,
  * number of components of the first vector. 0 = there is no space. */
 static bool parse_space(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
+    enum { ANATOMICAL = 3 };
     static const struct {
         const char *name, *alias;
     } names[] = {
         { "right-anterior-superior", "RAS" }, { "left-anterior-superior", "LAS" },
-        { "left-posterior-superior", "LPS" }, { "scanner-xyz", "scanner-xyz" },
-        { "3D-right-handed", "3DRH" },        { "3D-left-handed", "3DLH" },
+        { "left-posterior-superior", "LPS" }, /* the anatomical spaces come first */
+        { "scanner-xyz", "scanner-xyz" },     { "3D-right-handed", "3DRH" },
+        { "3D-left-handed", "3DLH" },
     };
     const char *name = h->value[NRRD_SPACE], *text = h->value[NRRD_SPACE_DIMENSION];
     const char *first =
@@ -417,9 +419,12 @@ static bool parse_space(const struct import_file *file, struct nrrd_header *h,
     if (name) {
         for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
             size_t n = strlen(names[i].name);
-            if (strcasecmp(name, names[i].name) == 0 || strcasecmp(name, names[i].alias) == 0)
+            if (strcasecmp(name, names[i].name) == 0 || strcasecmp(name, names[i].alias) == 0) {
                 space = 3;
-            else if (strncasecmp(name, names[i].name, n) == 0 && strcasecmp(name + n, "-time") == 0)
+                if (i < ANATOMICAL)
+                    memcpy(h->anatomy, names[i].alias, sizeof h->anatomy);
+            } else if (strncasecmp(name, names[i].name, n) == 0 &&
+                       strcasecmp(name + n, "-time") == 0)
                 space = 4;
         }
         if (space == 0)

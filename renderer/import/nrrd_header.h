@@ -67,6 +67,7 @@ struct nrrd_header {
     double direction[3][3]; /* direction[axis], if `value` has space directions */
     double origin[3];       /* if `value` has a space origin */
     char unit[SP_UNIT_BYTES];
+    char anatomy[4]; /* of the axes of the space; "" = the space is not anatomical */
 };
 
 /* Reads and checks the header of file->fd. On failure nothing remains to be finished. */

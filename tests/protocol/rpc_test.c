@@ -191,6 +191,12 @@ static void volumes_are_encoded(void **state) {
               "\"nonfinite\":0,\"bytes\":131072}");
     free(text);
     proto_json_free(&volume);
+    strcpy(info.anatomy, "LPS");
+    volume = proto_volume_encode(&info, "an id", false);
+    text = proto_json_to_text(proto_json_get(volume, "anatomy"), NULL);
+    assert_string_equal(text, "[\"L\",\"P\",\"S\"]");
+    free(text);
+    proto_json_free(&volume);
     const double x[3] = { 0, 1, 4 }, z[2] = { 0, 2.5 };
     info.grid = (struct sp_grid){ .dims = { 3, 64, 2 }, .coordinates = { x, NULL, z } };
     volume = proto_volume_encode(&info, "an id", false);

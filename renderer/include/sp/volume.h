@@ -57,8 +57,11 @@ struct sp_grid {
 struct sp_volume_info {
     struct sp_grid grid;
     enum sp_type type;
-    uint32_t components;          /* values per sample; always 1 */
-    char unit[SP_UNIT_BYTES];     /* unit of world coordinates, "mm", …; "" = unknown */
+    uint32_t components;      /* values per sample; always 1 */
+    char unit[SP_UNIT_BYTES]; /* unit of world coordinates, "mm", …; "" = unknown */
+    /* Where world +x, +y and +z point to in a patient: three of R L A P S I, as in "LPS" (left,
+     * posterior, superior); "" = the file does not say. */
+    char anatomy[4];
     char name[SP_NAME_BYTES];     /* file name without its extension, or the demo's name */
     char source[SP_SOURCE_BYTES]; /* what sp_volume_load() was called with */
     double range[2];              /* smallest and largest finite sample; {0, 0} if there is none */

@@ -5,6 +5,7 @@
 #include "import/confine.h"
 #include "import/handover.h"
 #include "unit/import/support.h"
+#include "volume/anatomy.h"
 
 static struct sp_handover valid_header(void) {
     struct sp_handover m;
@@ -17,6 +18,7 @@ static struct sp_handover valid_header(void) {
         m.header.direction[i][(i + 1) % 3] = -1;
     }
     strcpy(m.header.unit, "mm");
+    strcpy(m.header.anatomy, "LPS");
     return m;
 }
 
@@ -86,7 +88,7 @@ static void a_changed_byte_never_gives_an_invalid_grid(void **state) {
             }
             assert_non_null(memchr(h->unit, 0, sizeof h->unit));
             assert_compare(h->rectilinear, <, 8);
-            assert_int_equal(h->zero, 0);
+            assert_true(sp_anatomy_is_valid(h->anatomy));
         }
     assert_compare(refused, >, 200);
 }

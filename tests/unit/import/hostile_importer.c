@@ -139,6 +139,8 @@ static bool damage_header(const char *what, struct sp_handover *m) {
         memset(h->direction, 0, sizeof h->direction);
     else if (strcmp(what, "axes") == 0)
         h->rectilinear = 8;
+    else if (strcmp(what, "anatomy") == 0)
+        memcpy(h->anatomy, "LRS", 4);
     else if (strcmp(what, "unit") == 0)
         memset(h->unit, 'm', sizeof h->unit);
     else

@@ -126,6 +126,29 @@ static void geometry_equals_that_of_the_header(void **state) {
                 (const double[]){ 2, 2, 2 }, (const double[]){ 1, 2, 3 }, identity, "");
 }
 
+/* Only a space that names directions of the body states them, and only for its vectors. */
+static void anatomical_spaces_name_the_world_axes(void **state) {
+    (void)state;
+    static const struct {
+        const char *fields, *anatomy;
+    } cases[] = {
+        { "space: right-anterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "RAS" },
+        { "space: RAS\nspace directions: (0,1,0) (1,0,0) (0,0,-1)\n", "RAS" },
+        { "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "LPS" },
+        { "space: las\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "LAS" },
+        { "space: scanner-xyz\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "" },
+        { "space dimension: 3\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "" },
+        { "space: LPS\n", "" }, /* the axes of the grid have no place in that space */
+        { "", "" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_bytes("anatomy.nrrd", cases[i].fields);
+        struct sp_volume *volume = load("anatomy.nrrd");
+        assert_string_equal(sp_volume_info(volume)->anatomy, cases[i].anatomy);
+        sp_volume_unref(&volume);
+    }
+}
+
 static void two_axes_are_one_slice(void **state) {
     (void)state;
     uint8_t samples[20];
@@ -533,6 +556,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
         cmocka_unit_test(geometry_equals_that_of_the_header),
+        cmocka_unit_test(anatomical_spaces_name_the_world_axes),
         cmocka_unit_test(two_axes_are_one_slice),
         cmocka_unit_test(samples_may_be_in_several_files),
         cmocka_unit_test(line_and_byte_skips_are_applied),

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "volume/anatomy.h"
+
+#include <string.h>
+
+static const char pairs[3][2] = { { 'R', 'L' }, { 'A', 'P' }, { 'S', 'I' } };
+
+/* The pair that a letter belongs to; -1 = none. */
+static int pair_of(char letter) {
+    for (int p = 0; p < 3; p++)
+        if (letter == pairs[p][0] || letter == pairs[p][1])
+            return p;
+    return -1;
+}
+
+bool sp_anatomy_is_valid(const char letters[4]) {
+    if (!letters[0])
+        return !letters[1] && !letters[2] && !letters[3];
+    unsigned seen = 0;
+    for (int i = 0; i < 3; i++) {
+        int pair = pair_of(letters[i]);
+        if (pair < 0)
+            return false;
+        seen |= 1u << pair;
+    }
+    return seen == 7 && !letters[3];
+}
+
+bool sp_anatomy_find(const char letters[4], char direction, double vector[3]) {
+    memset(vector, 0, 3 * sizeof *vector);
+    for (int i = 0; i < 3 && letters[i]; i++)
+        if (pair_of(letters[i]) == pair_of(direction)) {
+            vector[i] = letters[i] == direction ? 1 : -1;
+            return true;
+        }
+    return false;
+}
