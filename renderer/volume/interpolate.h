@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Values between samples, as sp/measure.h defines them.
+ *
+ *   world ──(inverse direction)──► distances along the axes ──► cells ──► value
+ */
+#ifndef SP_VOLUME_INTERPOLATE_H
+#define SP_VOLUME_INTERPOLATE_H
+
+#include "sp/volume.h"
+
+/* Where a point lies along one axis: between sample `low` and the next one. */
+struct sp_cell {
+    uint32_t low;
+    double fraction; /* [0, 1); 0 at a sample and beyond the last one */
+};
+
+struct sp_interpolator {
+    const struct sp_grid *grid;
+    const void *voxels;
+    enum sp_type type;
+    double inverse[3][3]; /* of the direction */
+    double extent[3][2];  /* the ends of the volume along each axis, world units from sample 0 */
+};
+
+void sp_interpolator_init(struct sp_interpolator *self, const struct sp_volume *volume);
+/* Gets the distances of a world position from sample 0 along the axes, world units. */
+void sp_interpolator_distances(const struct sp_interpolator *self, const double position[3],
+                               double distances[3]);
+/* Finds the cell at a distance along an axis. False: the distance is outside of the volume. */
+bool sp_interpolator_cell(const struct sp_interpolator *self, unsigned axis, double distance,
+                          struct sp_cell *cell);
+/* Returns the value between eight samples; not finite if one that counts is not. */
+double sp_interpolator_value(const struct sp_interpolator *self, const struct sp_cell cells[3]);
+/* Both in one step. False: the position is outside of the volume. */
+bool sp_interpolator_at(const struct sp_interpolator *self, const double position[3],
+                        double *value);
+
+#endif

@@ -1,0 +1,196 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Measurements of all kinds; region.c has those of regions.
+ */
+#include <assert.h>
+#include <math.h>
+#include <stdio.h>
+
+#include "base/vec.h"
+#include "sp/measure.h"
+#include "volume/grid.h"
+#include "volume/interpolate.h"
+#include "volume/region.h"
+#include "volume/statistics.h"
+
+#define PERPENDICULAR 1e-3 /* largest cosine between the sides of a region */
+#define SHORTEST 1e-40     /* length of a line that is no point; its fourth power is a double */
+#define DEGREES (180 / 3.14159265358979323846)
+enum { PROFILE_DEFAULT_MAX = 1024 };
+
+static const struct {
+    const char *name;
+    unsigned points;
+} kinds[SP_MEASURE_KINDS] = {
+    [SP_MEASURE_DISTANCE] = { "distance", 2 }, [SP_MEASURE_ANGLE] = { "angle", 3 },
+    [SP_MEASURE_PROFILE] = { "profile", 2 },   [SP_MEASURE_RECTANGLE] = { "rectangle", 3 },
+    [SP_MEASURE_ELLIPSE] = { "ellipse", 3 },   [SP_MEASURE_MARKER] = { "marker", 1 },
+};
+
+const char *sp_measure_kind_name(enum sp_measure_kind kind) {
+    assert(kind < SP_MEASURE_KINDS);
+    return kinds[kind].name;
+}
+
+unsigned sp_measure_point_count(enum sp_measure_kind kind) {
+    assert(kind < SP_MEASURE_KINDS);
+    return kinds[kind].points;
+}
+
+static bool has_plane(enum sp_measure_kind kind) {
+    return kind == SP_MEASURE_RECTANGLE || kind == SP_MEASURE_ELLIPSE;
+}
+
+/* Returns the vector between two points. */
+static struct sp_vec3 between(const struct sp_measure *measure, unsigned from, unsigned to) {
+    return sp_vec3_sub(sp_vec3_from(measure->points[to]), sp_vec3_from(measure->points[from]));
+}
+
+static bool check_coordinates(const struct sp_measure *measure, struct sp_error *err) {
+    for (unsigned i = 0; i < kinds[measure->kind].points; i++)
+        for (unsigned axis = 0; axis < 3; axis++) {
+            char place[32];
+            snprintf(place, sizeof place, "/points/%u/%u", i, axis);
+            if (!(fabs(measure->points[i][axis]) <= SP_MEASURE_FAR))
+                return sp_fail(err, SP_ERR_INVALID, place, "%g is outside [-%g, %g]",
+                               measure->points[i][axis], SP_MEASURE_FAR, SP_MEASURE_FAR);
+        }
+    return true;
+}
+
+/* Checks the two lines that meet in point `corner` and end in the other two points. */
+static bool check_lines(const struct sp_measure *measure, unsigned corner, const char *what,
+                        struct sp_error *err) {
+    for (unsigned i = 0; i < 3; i++) {
+        char place[16];
+        snprintf(place, sizeof place, "/points/%u", i);
+        if (i != corner && !(sp_vec3_length(between(measure, corner, i)) > SHORTEST))
+            return sp_fail(err, SP_ERR_INVALID, place,
+                           "is the same as point %u, so that %s has no length", corner, what);
+    }
+    return true;
+}
+
+bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err) {
+    if (!check_coordinates(measure, err))
+        return false;
+    if (measure->kind == SP_MEASURE_ANGLE)
+        return check_lines(measure, 1, "an arm of the angle", err);
+    if (!has_plane(measure->kind))
+        return true;
+    if (!check_lines(measure, 0, "a side of the region", err))
+        return false;
+    const double cosine = sp_vec3_dot(sp_vec3_normalize(between(measure, 0, 1)),
+                                      sp_vec3_normalize(between(measure, 0, 2)));
+    return fabs(cosine) <= PERPENDICULAR ||
+           sp_fail(err, SP_ERR_INVALID, "/points",
+                   "the sides from point 0 to points 1 and 2 are not perpendicular: the cosine of "
+                   "their angle is %g, and %g is allowed",
+                   cosine, PERPENDICULAR);
+}
+
+double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *measure) {
+    return has_plane(measure->kind)              ? sp_region_cost(volume, measure)
+           : measure->kind == SP_MEASURE_PROFILE ? sp_measure_profile_count(volume, measure)
+                                                 : 1;
+}
+
+/* By the arctangent, which is exact near 0 and 180 degrees, too. */
+static double angle_of(const struct sp_measure *measure) {
+    const struct sp_vec3 a = sp_vec3_normalize(between(measure, 1, 0)),
+                         c = sp_vec3_normalize(between(measure, 1, 2));
+    return atan2(sp_vec3_length(sp_vec3_cross(a, c)), sp_vec3_dot(a, c)) * DEGREES;
+}
+
+static double area_of(const struct sp_measure *measure) {
+    const double product =
+        sp_vec3_length(sp_vec3_cross(between(measure, 0, 1), between(measure, 0, 2)));
+    return measure->kind == SP_MEASURE_ELLIPSE ? product * 3.14159265358979323846 : product;
+}
+
+/* The statistics of a profile are those of its default samples. Samples outside of the volume have
+ * no value and do not count. */
+static void profile_statistics(const struct sp_volume *volume, const struct sp_measure *profile,
+                               struct sp_statistics *statistics) {
+    struct sp_interpolator interpolator;
+    struct sp_sums sums = { 0 };
+    struct sp_run run = { .count = 0 };
+    const struct sp_vec3 line = between(profile, 0, 1);
+    const uint32_t count = sp_measure_profile_count(volume, profile);
+    sp_interpolator_init(&interpolator, volume);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct sp_vec3 p = sp_vec3_add(sp_vec3_from(profile->points[0]),
+                                             sp_vec3_scale(line, (double)i / (count - 1)));
+        run.weights[run.count] = 1;
+        run.count += sp_interpolator_at(&interpolator, p.v, &run.values[run.count]);
+        if (run.count == SP_RUN || i + 1 == count) {
+            sp_sums_add(&sums, &run);
+            run.count = 0;
+        }
+    }
+    sp_sums_finish(&sums, statistics);
+}
+
+bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,
+                        struct sp_measure_result *result, struct sp_error *err) {
+    *result = (struct sp_measure_result){ .has_value = true, .unit = SP_MEASURE_LENGTH };
+    if (!sp_measure_check(measure, err))
+        return false;
+    switch (measure->kind) {
+    case SP_MEASURE_PROFILE:
+        result->has_statistics = true;
+        profile_statistics(volume, measure, &result->statistics);
+        result->value = sp_vec3_length(between(measure, 0, 1));
+        break;
+    case SP_MEASURE_DISTANCE:
+        result->value = sp_vec3_length(between(measure, 0, 1));
+        break;
+    case SP_MEASURE_ANGLE:
+        result->unit = SP_MEASURE_DEGREES;
+        result->value = angle_of(measure);
+        break;
+    case SP_MEASURE_RECTANGLE:
+    case SP_MEASURE_ELLIPSE:
+        result->unit = SP_MEASURE_AREA;
+        result->value = area_of(measure);
+        return sp_region_compute(volume, measure, result, err);
+    case SP_MEASURE_MARKER:
+        result->unit = SP_MEASURE_DATA;
+        result->has_value =
+            sp_measure_value(volume, measure->points[0], &result->value) && isfinite(result->value);
+        break;
+    case SP_MEASURE_KINDS:
+        assert(false);
+    }
+    return true;
+}
+
+uint32_t sp_measure_profile_count(const struct sp_volume *volume,
+                                  const struct sp_measure *profile) {
+    const double *spacing = sp_volume_info(volume)->grid.spacing;
+    const double step = fmin(spacing[0], fmin(spacing[1], spacing[2])) / 2;
+    const double steps = ceil(sp_vec3_length(between(profile, 0, 1)) / step);
+    return (uint32_t)fmin(steps + 1, PROFILE_DEFAULT_MAX) < 2
+               ? 2
+               : (uint32_t)fmin(steps + 1, PROFILE_DEFAULT_MAX);
+}
+
+void sp_measure_profile(const struct sp_volume *volume, const struct sp_measure *profile,
+                        uint32_t count, double *values) {
+    struct sp_interpolator interpolator;
+    assert(count >= 2);
+    sp_interpolator_init(&interpolator, volume);
+    for (uint32_t i = 0; i < count; i++) {
+        const struct sp_vec3 p =
+            sp_vec3_add(sp_vec3_from(profile->points[0]),
+                        sp_vec3_scale(between(profile, 0, 1), (double)i / (count - 1)));
+        if (!sp_interpolator_at(&interpolator, p.v, &values[i]) || !isfinite(values[i]))
+            values[i] = NAN;
+    }
+}
+
+bool sp_measure_value(const struct sp_volume *volume, const double position[3], double *value) {
+    struct sp_interpolator interpolator;
+    sp_interpolator_init(&interpolator, volume);
+    return sp_interpolator_at(&interpolator, position, value);
+}

@@ -1,0 +1,20 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Statistics of a rectangle or an ellipse in a plane, as sp/measure.h defines them.
+ *
+ *   region ─► lattice: rows of samples (of the grid, or of cells on an oblique plane)
+ *                 │ first pass: weighted mean and deviation, minimum, maximum
+ *                 └ second pass: histogram from minimum to maximum
+ */
+#ifndef SP_VOLUME_REGION_H
+#define SP_VOLUME_REGION_H
+
+#include "sp/measure.h"
+
+/* Returns an upper bound of the samples that sp_region_compute() reads. */
+double sp_region_cost(const struct sp_volume *volume, const struct sp_measure *region);
+/* Fills in statistics and histogram. False: more than SP_MEASURE_SAMPLES samples; *err is set. */
+bool sp_region_compute(const struct sp_volume *volume, const struct sp_measure *region,
+                       struct sp_measure_result *result, struct sp_error *err);
+
+#endif

@@ -1,0 +1,413 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Measurements in analytic fields, on anisotropic, rotated, sheared and rectilinear grids.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/measure.h"
+#include "support/compare.h"
+
+enum { N = 12 };
+
+/* cmocka compares floating-point numbers as float, which is too coarse here. */
+static void assert_near(double value, double expected, double tolerance) {
+    if (!(fabs(value - expected) <= tolerance))
+        fail_msg("%.17g differs from %.17g by more than %g", value, expected, tolerance);
+}
+
+static const double identity[3][3] = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } };
+/* A rotation by an angle with the sine 0.6 around z, then one around x. */
+static const double rotated[3][3] = { { 0.8, -0.6, 0 },
+                                      { 0.6 * 0.8, 0.8 * 0.8, -0.6 },
+                                      { 0.6 * 0.6, 0.8 * 0.6, 0.8 } };
+/* Axis 1 leans towards axis 0. */
+static const double sheared[3][3] = { { 1, 0.6, 0 }, { 0, 0.8, 0 }, { 0, 0, 1 } };
+
+static double linear(const double p[3]) {
+    return 7 + 2 * p[0] - 3 * p[1] + 0.5 * p[2];
+}
+
+static struct sp_grid grid_of(double s0, double s1, double s2, const double direction[3][3]) {
+    struct sp_grid grid = { .dims = { N, N, N },
+                            .spacing = { s0, s1, s2 },
+                            .origin = { 10, -20, 30 } };
+    memcpy(grid.direction, direction, sizeof grid.direction);
+    return grid;
+}
+
+static void world_of(const struct sp_grid *grid, const double index[3], double world[3]) {
+    double along[3];
+    for (int a = 0; a < 3; a++) {
+        const double *c = grid->coordinates[a];
+        int low = (int)index[a];
+        if (low == N - 1)
+            low--;
+        along[a] =
+            c ? c[low] + (c[low + 1] - c[low]) * (index[a] - low) : grid->spacing[a] * index[a];
+    }
+    for (int row = 0; row < 3; row++) {
+        world[row] = grid->origin[row];
+        for (int a = 0; a < 3; a++)
+            world[row] += grid->direction[row][a] * along[a];
+    }
+}
+
+static struct sp_volume *field(const struct sp_grid *grid, double (*value)(const double p[3])) {
+    double *voxels = malloc(sizeof *voxels * N * N * N);
+    struct sp_error err = { 0 };
+    assert_non_null(voxels);
+    for (int i = 0; i < N * N * N; i++) {
+        double index[3] = { i % N, i / N % N, i / N / N }, world[3];
+        world_of(grid, index, world);
+        voxels[i] = value(world);
+    }
+    struct sp_volume *volume = sp_volume_create(grid, SP_FLOAT64, voxels, "field", &err);
+    free(voxels);
+    assert_non_null(volume);
+    return volume;
+}
+
+/* A measurement whose points are given as indices. */
+static struct sp_measure at_indices(const struct sp_grid *grid, enum sp_measure_kind kind,
+                                    const double indices[3][3]) {
+    struct sp_measure measure = { .kind = kind };
+    for (unsigned i = 0; i < sp_measure_point_count(kind); i++)
+        world_of(grid, indices[i], measure.points[i]);
+    return measure;
+}
+
+static struct sp_measure_result compute(const struct sp_volume *volume,
+                                        const struct sp_measure *measure) {
+    struct sp_measure_result result;
+    struct sp_error err = { 0 };
+    if (!sp_measure_compute(volume, measure, &result, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    return result;
+}
+
+static void lengths_and_angles_are_those_of_the_world(void **state) {
+    (void)state;
+    const struct sp_grid grids[] = { grid_of(1, 1, 1, identity), grid_of(0.5, 1, 3, rotated),
+                                     grid_of(1, 2, 1, sheared) };
+    const struct sp_measure distance = { SP_MEASURE_DISTANCE, { { 1, 2, 3 }, { 4, 6, 15 } } };
+    const struct sp_measure right = { SP_MEASURE_ANGLE, { { 5, 0, 0 }, { 0, 0, 0 }, { 0, 0, 2 } } };
+    const struct sp_measure flat = { SP_MEASURE_ANGLE, { { -1, 0, 0 }, { 0, 0, 0 }, { 3, 0, 0 } } };
+    const struct sp_measure sixty = { SP_MEASURE_ANGLE,
+                                      { { 1, 0, 0 }, { 0, 0, 0 }, { 0.5, sqrt(0.75), 0 } } };
+    for (size_t i = 0; i < sizeof grids / sizeof *grids; i++) {
+        struct sp_volume *volume = field(&grids[i], linear);
+        const struct sp_measure_result result = compute(volume, &distance);
+        assert_near(result.value, 13, 1e-12);
+        assert_int_equal(result.unit, SP_MEASURE_LENGTH);
+        assert_false(result.has_statistics);
+        assert_near(compute(volume, &right).value, 90, 1e-12);
+        assert_near(compute(volume, &flat).value, 180, 1e-12);
+        assert_near(compute(volume, &sixty).value, 60, 1e-12);
+        assert_int_equal(compute(volume, &sixty).unit, SP_MEASURE_DEGREES);
+        sp_volume_unref(&volume);
+    }
+}
+
+static void a_linear_field_is_interpolated_exactly(void **state) {
+    (void)state;
+    static const double uneven[N] = { 0, 1, 1.5, 3, 4, 4.25, 6, 7, 9, 9.5, 10, 12 };
+    struct sp_grid grids[] = { grid_of(1, 1, 1, identity), grid_of(0.5, 1, 3, rotated),
+                               grid_of(1, 2, 1, sheared), grid_of(2, 12.0 / (N - 1), 1, rotated) };
+    grids[3].coordinates[1] = uneven;
+    const double inside[][3] = {
+        { 0, 0, 0 }, { N - 1, N - 1, N - 1 }, { 3.25, 7.5, 1.125 }, { 10.75, 0.5, 10.5 }
+    };
+    for (size_t g = 0; g < sizeof grids / sizeof *grids; g++) {
+        struct sp_volume *volume = field(&grids[g], linear);
+        for (size_t i = 0; i < sizeof inside / sizeof *inside; i++) {
+            double world[3], value = NAN;
+            world_of(&grids[g], inside[i], world);
+            assert_true(sp_measure_value(volume, world, &value));
+            assert_near(value, linear(world), 1e-9);
+        }
+        sp_volume_unref(&volume);
+    }
+}
+
+static void the_volume_ends_half_a_gap_behind_its_last_sample(void **state) {
+    (void)state;
+    struct sp_grid grid = grid_of(2, 2, 2, identity);
+    struct sp_volume *volume = field(&grid, linear);
+    double value = NAN;
+    const double border[3] = { 10 + 2 * (N - 1) + 0.99, -20, 30 };
+    const double beyond[3] = { 10 + 2 * (N - 1) + 1.01, -20, 30 }, before[3] = { 10, -21.01, 30 };
+    const double last[3] = { 10 + 2 * (N - 1), -20, 30 };
+    assert_true(sp_measure_value(volume, border, &value));
+    assert_near(value, linear(last), 1e-12);
+    assert_false(sp_measure_value(volume, beyond, &value));
+    assert_false(sp_measure_value(volume, before, &value));
+    struct sp_measure marker = { .kind = SP_MEASURE_MARKER };
+    memcpy(marker.points[0], beyond, sizeof beyond);
+    assert_false(compute(volume, &marker).has_value);
+    memcpy(marker.points[0], border, sizeof border);
+    assert_true(compute(volume, &marker).has_value);
+    sp_volume_unref(&volume);
+}
+
+static void a_profile_has_equal_steps(void **state) {
+    (void)state;
+    struct sp_grid grid = grid_of(0.5, 1, 3, rotated);
+    struct sp_volume *volume = field(&grid, linear);
+    /* The line begins inside and ends outside of the volume. */
+    struct sp_measure profile = at_indices(
+        &grid, SP_MEASURE_PROFILE, (const double[3][3]){ { 1, 2, 3 }, { 9, 4, 5 }, { 0, 0, 0 } });
+    double values[9];
+    sp_measure_profile(volume, &profile, 9, values);
+    for (int i = 0; i < 9; i++) {
+        double p[3];
+        for (int a = 0; a < 3; a++)
+            p[a] = profile.points[0][a] + (profile.points[1][a] - profile.points[0][a]) * i / 8;
+        assert_near(values[i], linear(p), 1e-9);
+    }
+    const struct sp_measure_result result = compute(volume, &profile);
+    assert_true(result.has_statistics);
+    assert_near(result.statistics.mean, (values[0] + values[8]) / 2, 1e-9);
+    assert_near(result.statistics.min, fmin(values[0], values[8]), 1e-9);
+    assert_near(result.value, sqrt(16 + 4 + 36), 1e-9);
+    assert_int_equal(sp_measure_profile_count(volume, &profile),
+                     (int)ceil(sqrt(16 + 4 + 36) / 0.25) + 1);
+    for (int a = 0; a < 3; a++)
+        profile.points[1][a] += 1000;
+    sp_measure_profile(volume, &profile, 9, values);
+    assert_near(values[0], linear(profile.points[0]), 1e-9);
+    assert_true(isnan(values[8]));
+    assert_compare(sp_measure_profile_count(volume, &profile), ==, 1024);
+    sp_volume_unref(&volume);
+}
+
+/* The plane lies between two slices of samples, and the borders go through centres. */
+static void a_rectangle_has_the_samples_inside_and_on_its_border(void **state) {
+    (void)state;
+    const struct sp_grid grids[] = { grid_of(1, 1, 1, identity), grid_of(0.5, 1, 3, rotated) };
+    for (size_t g = 0; g < sizeof grids / sizeof *grids; g++) {
+        struct sp_volume *volume = field(&grids[g], linear);
+        for (int third = 0; third < 3; third++) {
+            const int columns = third == 0 ? 1 : 0, rows = third == 2 ? 1 : 2;
+            double indices[3][3] = { { 0 }, { 0 }, { 0 } }, sum = 0, squares = 0;
+            for (int i = 0; i < 3; i++) {
+                indices[i][third] = 4.5;
+                indices[i][columns] = i == 1 ? 8 : 2;
+                indices[i][rows] = i == 2 ? 5 : 3;
+            }
+            const struct sp_measure region = at_indices(&grids[g], SP_MEASURE_RECTANGLE, indices);
+            const struct sp_measure_result result = compute(volume, &region);
+            for (int pass = 0; pass < 2; pass++)
+                for (int i = 2; i <= 8; i++)
+                    for (int j = 3; j <= 5; j++) {
+                        double index[3], world[3];
+                        index[third] = 4.5;
+                        index[columns] = i;
+                        index[rows] = j;
+                        world_of(&grids[g], index, world);
+                        if (pass == 0)
+                            sum += linear(world);
+                        else
+                            squares += pow(linear(world) - sum / 21, 2);
+                    }
+            assert_int_equal(result.statistics.count, 21);
+            assert_near(result.statistics.mean, sum / 21, 1e-9);
+            assert_near(result.statistics.deviation, sqrt(squares / 20), 1e-9);
+            assert_near(result.value, 6 * grids[g].spacing[columns] * 2 * grids[g].spacing[rows],
+                        1e-9);
+            uint64_t counted = 0;
+            for (int b = 0; b < SP_MEASURE_BINS; b++)
+                counted += result.histogram[b];
+            assert_int_equal(counted, 21);
+        }
+        sp_volume_unref(&volume);
+    }
+}
+
+static void an_ellipse_has_the_samples_inside(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 2, 1, rotated);
+    struct sp_volume *volume = field(&grid, linear);
+    /* Semi-axes of 4 and 3 samples around sample (5, 6). */
+    const struct sp_measure region = at_indices(
+        &grid, SP_MEASURE_ELLIPSE, (const double[3][3]){ { 5, 6, 2 }, { 9, 6, 2 }, { 5, 9, 2 } });
+    const struct sp_measure_result result = compute(volume, &region);
+    int inside = 0;
+    double centre[3];
+    for (int i = 0; i < N; i++)
+        for (int j = 0; j < N; j++)
+            inside += pow((i - 5) / 4.0, 2) + pow((j - 6) / 3.0, 2) <= 1;
+    world_of(&grid, (const double[3]){ 5, 6, 2 }, centre);
+    assert_int_equal(result.statistics.count, inside);
+    assert_near(result.statistics.mean, linear(centre), 1e-9);
+    assert_near(result.value, 3.14159265358979 * 4 * 6, 1e-9);
+    sp_volume_unref(&volume);
+}
+
+static double distance_of_x(const double p[3]) {
+    return p[0] - 10;
+}
+
+/* Each sample has the area of its cell as its weight, so that the mean does not depend on where the
+ * grid is dense. */
+static void samples_of_a_rectilinear_grid_have_weights(void **state) {
+    (void)state;
+    static const double uneven[N] = { 0, 1, 2, 3, 4, 5, 6, 7, 8, 12, 16, 20 };
+    struct sp_grid grid = grid_of(20.0 / (N - 1), 1, 1, identity);
+    grid.coordinates[0] = uneven;
+    struct sp_volume *volume = field(&grid, distance_of_x);
+    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
+                                       { { 9.5, -19, 33 }, { 32, -19, 33 }, { 9.5, -15, 33 } } };
+    const struct sp_measure_result result = compute(volume, &region);
+    double sum = 0, weights = 0, squares = 0, moment = 0;
+    for (int pass = 0; pass < 2; pass++)
+        for (int i = 0; i < N; i++) {
+            const int low = i ? i - 1 : 0, high = i < N - 1 ? i + 1 : i;
+            const double w = (uneven[high] - uneven[low]) / (high - low);
+            if (pass == 0) {
+                sum += 5 * w * uneven[i];
+                weights += 5 * w;
+                squares += 5 * w * w;
+            } else {
+                moment += 5 * w * pow(uneven[i] - sum / weights, 2);
+            }
+        }
+    assert_int_equal(result.statistics.count, 5 * N);
+    assert_near(result.statistics.mean, sum / weights, 1e-9);
+    assert_near(result.statistics.deviation, sqrt(moment / (weights - squares / weights)), 1e-9);
+    assert_near(result.value, 22.5 * 4, 1e-9);
+    sp_volume_unref(&volume);
+}
+
+static void an_oblique_region_is_interpolated(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_volume *volume = field(&grid, linear);
+    /* A square of 4 by 4 around the middle, in the plane of (1, 1, 0) and z. */
+    const double h = 4 / sqrt(8), c[3] = { 15, -15, 35 };
+    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
+                                       { { c[0] - h, c[1] - h, c[2] - 2 },
+                                         { c[0] + h, c[1] + h, c[2] - 2 },
+                                         { c[0] - h, c[1] - h, c[2] + 2 } } };
+    const struct sp_measure_result result = compute(volume, &region);
+    assert_int_equal(result.statistics.count, 16);
+    assert_near(result.statistics.mean, linear(c), 1e-9);
+    assert_near(result.value, 16, 1e-9);
+    sp_volume_unref(&volume);
+}
+
+/* One NaN, beside a sample and between two slices. */
+static void samples_that_are_not_finite_are_counted_apart(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_error err;
+    float voxels[N * N * N];
+    for (int i = 0; i < N * N * N; i++)
+        voxels[i] = (float)(i % N);
+    voxels[5 + N * 5 + N * N * 5] = NAN;
+    voxels[6 + N * 5 + N * N * 5] = INFINITY;
+    struct sp_volume *volume = sp_volume_create(&grid, SP_FLOAT32, voxels, "nan", &err);
+    const double z[] = { 5, 5.5, 6 };
+    const int nonfinite[] = { 2, 2, 0 };
+    for (int i = 0; i < 3; i++) {
+        const struct sp_measure region =
+            at_indices(&grid, SP_MEASURE_RECTANGLE,
+                       (const double[3][3]){ { 4, 4, z[i] }, { 7, 4, z[i] }, { 4, 6, z[i] } });
+        const struct sp_measure_result result = compute(volume, &region);
+        assert_int_equal(result.statistics.nonfinite, nonfinite[i]);
+        assert_int_equal(result.statistics.count, 12 - nonfinite[i]);
+        assert_near(result.statistics.min, 4, 1e-12);
+        assert_near(result.statistics.max, 7, 1e-12);
+    }
+    struct sp_measure marker = { SP_MEASURE_MARKER, { { 15, -15, 35 } } };
+    assert_false(compute(volume, &marker).has_value);
+    marker.points[0][2] += 1; /* the value of the NaN has the weight 0 */
+    assert_true(compute(volume, &marker).has_value);
+    sp_volume_unref(&volume);
+}
+
+static void a_region_outside_of_the_volume_is_empty(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_volume *volume = field(&grid, linear);
+    const struct sp_measure beside = { SP_MEASURE_RECTANGLE,
+                                       { { 15, -15, 29 }, { 18, -15, 29 }, { 15, -12, 29 } } };
+    const struct sp_measure_result result = compute(volume, &beside);
+    assert_int_equal(result.statistics.count, 0);
+    assert_false(result.has_histogram);
+    assert_near(result.value, 9, 1e-12);
+    /* A part of it is inside. */
+    const struct sp_measure wide = { SP_MEASURE_RECTANGLE,
+                                     { { -1e9, -1e9, 31 }, { 1e9, -1e9, 31 }, { -1e9, 1e9, 31 } } };
+    assert_int_equal(compute(volume, &wide).statistics.count, N * N);
+    sp_volume_unref(&volume);
+}
+
+static void a_flat_volume_has_a_plane(void **state) {
+    (void)state;
+    const uint8_t voxels[4] = { 1, 2, 3, 6 };
+    struct sp_grid grid = grid_of(1, 1, 5, identity);
+    struct sp_error err;
+    grid.dims[0] = grid.dims[1] = 2;
+    grid.dims[2] = 1;
+    struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, voxels, "flat", &err);
+    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
+                                       { { 9, -21, 32 }, { 12, -21, 32 }, { 9, -18, 32 } } };
+    assert_int_equal(compute(volume, &region).statistics.count, 4);
+    assert_near(compute(volume, &region).statistics.mean, 3, 1e-12);
+    sp_volume_unref(&volume);
+}
+
+static void refused(const struct sp_volume *volume, struct sp_measure measure, const char *place) {
+    struct sp_measure_result result;
+    struct sp_error err = { 0 };
+    assert_false(sp_measure_compute(volume, &measure, &result, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_string_equal(err.place, place);
+}
+
+static void bad_points_are_refused(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1e-6, 1e-6, 1, identity);
+    struct sp_volume *volume = field(&grid, linear);
+    refused(volume, (struct sp_measure){ SP_MEASURE_MARKER, { { 0, 2e15, 0 } } }, "/points/0/1");
+    refused(volume, (struct sp_measure){ SP_MEASURE_DISTANCE, { { 0 }, { 0, 0, NAN } } },
+            "/points/1/2");
+    refused(volume, (struct sp_measure){ SP_MEASURE_ANGLE, { { 1 }, { 1 }, { 2 } } }, "/points/0");
+    refused(volume, (struct sp_measure){ SP_MEASURE_ELLIPSE, { { 1 }, { 2 }, { 1 } } },
+            "/points/2");
+    refused(volume,
+            (struct sp_measure){ SP_MEASURE_RECTANGLE, { { 0 }, { 1, 0, 0 }, { 0.1, 1, 0 } } },
+            "/points");
+    /* Oblique, and a million cells wide. */
+    refused(volume,
+            (struct sp_measure){ SP_MEASURE_RECTANGLE, { { 0 }, { 1, 1, 1 }, { 1, -1, 0 } } },
+            "/points");
+    sp_volume_unref(&volume);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(lengths_and_angles_are_those_of_the_world),
+        cmocka_unit_test(a_linear_field_is_interpolated_exactly),
+        cmocka_unit_test(the_volume_ends_half_a_gap_behind_its_last_sample),
+        cmocka_unit_test(a_profile_has_equal_steps),
+        cmocka_unit_test(a_rectangle_has_the_samples_inside_and_on_its_border),
+        cmocka_unit_test(an_ellipse_has_the_samples_inside),
+        cmocka_unit_test(samples_of_a_rectilinear_grid_have_weights),
+        cmocka_unit_test(an_oblique_region_is_interpolated),
+        cmocka_unit_test(samples_that_are_not_finite_are_counted_apart),
+        cmocka_unit_test(a_region_outside_of_the_volume_is_empty),
+        cmocka_unit_test(a_flat_volume_has_a_plane),
+        cmocka_unit_test(bad_points_are_refused),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
