@@ -293,10 +293,11 @@ static bool check_light(const struct sp_renderer *r, const struct sp_view *v,
 
 /* The order that "auto" stands for. Interpolated sheets are sharper and need no filter. A view that
  * chooses a filter is drawn with it. Means of classified voxels are closer to the truth than means
- * of values, so coarse frames use them, and views whose voxels are much smaller than pixels. They
- * are not used for smaller differences, so that a smaller frame looks like a larger one. */
+ * of values, so views use them whose voxels are much smaller than pixels. They are not used for
+ * smaller differences, so that a smaller frame looks like a larger one. Coarse frames keep sheets:
+ * they look like the sharp frame, and a new transfer function costs them nothing. */
 static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct sp_volume *volume,
-                                     const struct sp_view *v, unsigned mip_level) {
+                                     const struct sp_view *v) {
     const struct sp_backend *backend = atomic_load(&r->backend);
     struct sp_camera_transform camera;
     if (v->transfer_function.order != SP_TF_AUTO)
@@ -304,7 +305,7 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
     if (sp_light_is_wanted(v)) /* check_light() has found sheets */
         return SP_TF_POST;
     if (v->compositing.mode == SP_COMPOSITE_SPLAT || !backend->capabilities.interpolated_sheets ||
-        !sp_view_has_default_filter(v) || mip_level > 0)
+        !sp_view_has_default_filter(v))
         return SP_TF_PRE;
     sp_camera_transform_init(&camera, &v->camera, v->size);
     return sp_resample_level(&sp_volume_info(volume)->grid, &camera) < 2 ? SP_TF_POST : SP_TF_PRE;
@@ -465,7 +466,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
     struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
-    f->view.transfer_function.order = choose_order(renderer, volume, view, o->mip_level);
+    f->view.transfer_function.order = choose_order(renderer, volume, view);
     f->may_be_pre = view->transfer_function.order == SP_TF_AUTO &&
                     f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),

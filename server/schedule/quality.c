@@ -11,7 +11,7 @@
 #define GUESS 9.0     /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
-enum { SIDES = 8, SIDE_MIN = 2, SIDE_USEFUL = 4, FAILURES_MAX = 5 };
+enum { SIDES = 8, SIDE_MIN = 2, FAILURES_MAX = 5 };
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
     double fixed, slope;
@@ -138,13 +138,13 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
         struct model model = model_of(quality, mip_level);
         double confidence = confidence_of(quality, mip_level, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
-        unsigned side = SIDES, least = last ? SIDE_MIN : SIDE_USEFUL;
+        unsigned side = SIDES;
         for (;; side--) {
             uint32_t size[2];
             scale(full, side, size);
             if (time_of(&model, megapixels(size)) * confidence <= limit_ms)
                 return (struct choice){ mip_level, side };
-            if (side == least || megapixels(size) <= useful)
+            if (side == SIDE_MIN || megapixels(size) <= useful)
                 break;
         }
         if (last)

@@ -19,8 +19,8 @@ import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 import { soak } from './serve/soak.mjs';
 
-const PARTS = ['overhead', 'motion', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
-const NAMED = ['motion', 'loop', 'soak']; // measured only if they are named: they have files of their own
+const PARTS = ['overhead', 'motion', 'edits', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const NAMED = ['motion', 'edits', 'loop', 'soak']; // measured only if they are named: they have files of their own
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'work_ms', 'wait_p50_ms', 'wait_p95_ms', 'kbytes_frame',
   'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
@@ -85,6 +85,21 @@ async function motion() {
       clients.forEach((client) => client.end());
       await daemon.stop();
     }
+}
+
+/** Turns, and drags a point of the transfer function, in alternation: both should have the same frame rate. */
+async function edits() {
+  const daemon = await start('cpu');
+  const client = await Client.open(daemon, await daemon.session(1024));
+  client.configure({ max_fps: 60 });
+  for (let round = 0; round < Number(options.rounds); round++)
+    for (const [what, step] of [['turning', () => client.turn()], ['dragging a point', () => client.edit()]]) {
+      client.drive(1000 / 60, step);
+      measured('edits', what, await watch(daemon, [client], seconds), { px: 1024 });
+      clearTimeout(client.timer);
+    }
+  client.end();
+  await daemon.stop();
 }
 
 /** Measures scripts that request one image after the other. */
@@ -305,7 +320,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, motion, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
+    await { overhead, motion, edits, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
     if (options.out) save();
   }
 }

@@ -222,6 +222,14 @@ export class Client {
     this.update({ camera: { position, target: [tx, ty, tz] } });
   }
 
+  /** Moves a point of the transfer function by one step, as an editor does. */
+  edit() {
+    const { points } = this.view.transfer_function;
+    const middle = points.length >> 1;
+    const factor = 0.75 + 0.25 * Math.sin(this.phase + (this.seq + 1) * 0.1);
+    this.update({ transfer_function: { points: points.map((point, i) => (i === middle ? { ...point, opacity: point.opacity * factor } : point)) } });
+  }
+
   /** Repeats an action; by default it rotates the camera. Timers have a resolution of 1 ms, so each one runs to the next multiple
    * of the period. */
   drive(period = UPDATE_MS, step = () => this.turn()) {
