@@ -36,6 +36,7 @@ void proto_frame_header_encode(const struct proto_frame_header *header,
     put_u32(out + 20, header->render_us);
     put_u32(out + 24, header->encode_us);
     put_u32(out + 28, header->payload_bytes);
+    put_u32(out + 32, header->queue_us);
 }
 
 bool proto_frame_header_decode(const uint8_t *bytes, size_t size,
@@ -56,6 +57,7 @@ bool proto_frame_header_decode(const uint8_t *bytes, size_t size,
         .render_us = get_u32(bytes + 20),
         .encode_us = get_u32(bytes + 24),
         .payload_bytes = get_u32(bytes + 28),
+        .queue_us = get_u32(bytes + 32),
     };
     return true;
 }

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The header of every image of a stream: 32 bytes, little-endian (stream.md).
+ * The header of every image of a stream: 36 bytes, little-endian (stream.md).
  *
  *   0 "SPF1"  4 codec u8  5 flags u8  6 header bytes u16  8 frame u32  12 seq u32
  *   16 width u16  18 height u16  20 render µs u32  24 encode µs u32  28 payload bytes u32
+ *   32 queue µs u32
  */
 #ifndef PROTO_FRAME_HEADER_H
 #define PROTO_FRAME_HEADER_H
@@ -12,7 +13,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { PROTO_FRAME_HEADER_BYTES = 32 };
+enum { PROTO_FRAME_HEADER_BYTES = 36 };
 
 enum proto_codec {
     PROTO_CODEC_JPEG = 1,
@@ -42,6 +43,9 @@ struct proto_frame_header {
     uint16_t width, height; /* px */
     uint32_t render_us, encode_us;
     uint32_t payload_bytes; /* bytes that follow the header */
+    /* From the arrival of the update `seq` until the image is sent, less render_us and encode_us:
+     * the time that it waited. 0 if an earlier frame showed this update. */
+    uint32_t queue_us;
 };
 
 /* Fills `out`. Cannot fail. Thread-safe. */
@@ -49,7 +53,7 @@ void proto_frame_header_encode(const struct proto_frame_header *header,
                                uint8_t out[PROTO_FRAME_HEADER_BYTES]);
 
 /* Decodes the header at the start of a message of `size` bytes. False if the message is shorter
- * than the header, does not start with "SPF1", has a header size below 32 or above the message
+ * than the header, does not start with "SPF1", has a header size below 36 or above the message
  * size, codec 0, or a payload size that differs from the rest of the message. A longer header of a
  * later version is accepted; the payload is always the last payload_bytes of the message.
  * Thread-safe. */

@@ -39,8 +39,10 @@ static bool put(struct srv_hub *hub, struct srv_participant *p, const struct srv
     bool replaces = outbox->blob != NULL;
     bool is_put = srv_outbox_put(outbox, job->order, &full, blob);
     learn(p, job, target, &full, blob->size);
-    if (is_put)
+    if (is_put) {
+        outbox->updated_ms = target->updated_ms;
         srv_hub_notify(hub, p, 0);
+    }
     if (!is_put || replaces)
         srv_hub_count_drop(hub, is_put ? SRV_COUNT_DROP_REPLACED : SRV_COUNT_DROP_LATE);
     return is_put;

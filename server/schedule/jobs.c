@@ -120,6 +120,7 @@ static struct srv_render_target target_of(const struct srv_participant *p,
     struct srv_encoding e = srv_policy_encoding(p, job->step);
     return (struct srv_render_target){ .participant = p->identity.id,
                                        .seq = p->delivery.seq,
+                                       .updated_ms = p->delivery.updated_ms,
                                        .format = e.format,
                                        .video = e.video,
                                        .quality = e.quality,

@@ -53,7 +53,8 @@ enum { SRV_SLOW_ENCODE_JOBS = 4 };
 
 struct srv_render_target { /* one participant that gets the frame */
     uint64_t participant;
-    uint32_t seq; /* of its newest view.update */
+    uint32_t seq;      /* of its newest view.update */
+    double updated_ms; /* when that arrived */
     enum sp_image_format format;
     enum sp_video_codec video; /* SP_VIDEO_CODEC_COUNT = an image */
     int quality;

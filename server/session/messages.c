@@ -127,11 +127,24 @@ char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, 
     return text_of_volume(hub, p, size);
 }
 
+/* Returns how long a frame that is sent now waited since its update arrived; 0 if the update was
+ * shown before. */
+static uint32_t queue_us_of(const struct srv_delivery *delivery,
+                            const struct proto_frame_header *header, double now_ms) {
+    double took_us = (now_ms - delivery->outbox.updated_ms) * 1000;
+    double waited_us = took_us - header->render_us - (double)header->encode_us;
+    if (header->seq == delivery->shown_seq || !(waited_us > 0))
+        return 0;
+    return waited_us < UINT32_MAX ? (uint32_t)waited_us : UINT32_MAX;
+}
+
 static void take_frame(struct srv_hub *hub, struct srv_participant *p, double now_ms,
                        struct srv_message *message) {
     srv_metrics_add(hub->options.metrics, SRV_COUNT_FRAMES, 1);
     message->blob = srv_outbox_take(&p->delivery.outbox, &message->header);
     message->header.frame = ++p->delivery.frame;
+    message->header.queue_us = queue_us_of(&p->delivery, &message->header, now_ms);
+    p->delivery.shown_seq = message->header.seq;
     srv_window_sent(&p->delivery.window, p->delivery.frame,
                     message->blob->size + PROTO_FRAME_HEADER_BYTES, now_ms);
     p->delivery.frames_sent++;

@@ -33,8 +33,9 @@ struct srv_video_mark {
 struct srv_outbox {
     struct srv_blob *blob; /* NULL = empty */
     struct proto_frame_header header;
-    uint64_t order;   /* of the newest frame ever put */
-    uint64_t dropped; /* frames that a newer one replaced */
+    double updated_ms; /* when the update header.seq arrived */
+    uint64_t order;    /* of the newest frame ever put */
+    uint64_t dropped;  /* frames that a newer one replaced */
 };
 
 void srv_outbox_init(struct srv_outbox *outbox);

@@ -49,6 +49,7 @@ static bool view_update(struct srv_call *call) {
         return false;
     }
     p->delivery.seq = (uint32_t)seq;
+    p->delivery.updated_ms = call->now_ms;
     call->result = proto_json_object();
     if (!proto_json_set_integer(call->result, "seq", seq))
         proto_json_free(&call->result);

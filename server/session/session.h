@@ -77,8 +77,10 @@ struct srv_stream_settings { /* of stream.configure */
 };
 
 struct srv_delivery {
-    uint32_t seq;   /* newest view.update of this client */
-    uint32_t frame; /* number of the newest frame sent */
+    uint32_t seq;       /* newest view.update of this client */
+    double updated_ms;  /* when that arrived */
+    uint32_t shown_seq; /* of the newest frame sent */
+    uint32_t frame;     /* number of the newest frame sent */
     struct srv_window window;
     struct srv_rate_control rate_control;
     struct srv_outbox outbox;

@@ -158,6 +158,7 @@ export function decodeFrame(data) {
     frame: view.getUint32(8, true), seq: view.getUint32(12, true),
     width: view.getUint16(16, true), height: view.getUint16(18, true),
     renderUs: view.getUint32(20, true), encodeUs: view.getUint32(24, true), bytes: view.getUint32(28, true),
+    queueUs: view.getUint32(32, true),
   };
   if (header.headerBytes + header.bytes !== data.length) throw new Error('the sizes do not add up');
   return { ...header, payload: data.subarray(header.headerBytes) };

@@ -134,17 +134,19 @@ static void frame_headers_match_the_documented_layout(void **state) {
                                                .height = 0x2122,
                                                .render_us = 0x31323334,
                                                .encode_us = 0x41424344,
-                                               .payload_bytes = 3 };
-    static const uint8_t expected[35] = { 'S',  'P',  'F',  '1',  2,    5,    32,   0,    4,
-                                          3,    2,    1,    8,    7,    6,    5,    0x12, 0x11,
-                                          0x22, 0x21, 0x34, 0x33, 0x32, 0x31, 0x44, 0x43, 0x42,
-                                          0x41, 3,    0,    0,    0,    9,    9,    9 };
-    uint8_t message[36] = { 0 };
-    memset(message + 32, 9, 3);
+                                               .payload_bytes = 3,
+                                               .queue_us = 0x51525354 };
+    static const uint8_t expected[39] = { 'S',  'P',  'F',  '1',  2,    5,    36,   0,
+                                          4,    3,    2,    1,    8,    7,    6,    5,
+                                          0x12, 0x11, 0x22, 0x21, 0x34, 0x33, 0x32, 0x31,
+                                          0x44, 0x43, 0x42, 0x41, 3,    0,    0,    0,
+                                          0x54, 0x53, 0x52, 0x51, 9,    9,    9 };
+    uint8_t message[40] = { 0 };
+    memset(message + 36, 9, 3);
     proto_frame_header_encode(&header, message);
     assert_memory_equal(message, expected, sizeof expected);
     struct proto_frame_header back = { 0 };
-    assert_true(proto_frame_header_decode(message, 35, &back));
+    assert_true(proto_frame_header_decode(message, 39, &back));
     assert_int_equal(back.codec, header.codec);
     assert_int_equal(back.flags, header.flags);
     assert_int_equal(back.frame, header.frame);
@@ -154,24 +156,25 @@ static void frame_headers_match_the_documented_layout(void **state) {
     assert_int_equal(back.render_us, header.render_us);
     assert_int_equal(back.encode_us, header.encode_us);
     assert_int_equal(back.payload_bytes, header.payload_bytes);
-    for (size_t size = 0; size <= 36; size++)
-        if (size != 35)
+    assert_int_equal(back.queue_us, header.queue_us);
+    for (size_t size = 0; size <= 40; size++)
+        if (size != 39)
             assert_false(proto_frame_header_decode(message, size, &back));
     static const struct {
         int at;
         uint8_t value;
-    } broken[] = { { 0, 's' }, { 3, '2' }, { 4, 0 },  { 6, 31 },
-                   { 6, 33 },  { 7, 1 },   { 28, 2 }, { 31, 0xff } };
+    } broken[] = { { 0, 's' }, { 3, '2' }, { 4, 0 },  { 6, 35 },
+                   { 6, 37 },  { 7, 1 },   { 28, 2 }, { 31, 0xff } };
     for (size_t i = 0; i < sizeof broken / sizeof *broken; i++) {
-        uint8_t copy[35];
+        uint8_t copy[39];
         memcpy(copy, message, sizeof copy);
         copy[broken[i].at] = broken[i].value;
         assert_false(proto_frame_header_decode(copy, sizeof copy, &back));
     }
-    uint8_t later[39]; /* a later version whose header has four more bytes */
-    memcpy(later, message, 32);
-    memset(later + 32, 9, 7);
-    later[6] = 36;
+    uint8_t later[43]; /* a later version whose header has four more bytes */
+    memcpy(later, message, 36);
+    memset(later + 36, 9, 7);
+    later[6] = 40;
     assert_true(proto_frame_header_decode(later, sizeof later, &back));
 }
 

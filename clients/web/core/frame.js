@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The binary frame of the stream: a 32-byte little-endian header, then the encoded image (protocol/stream.md).
+// The binary frame of the stream: a 36-byte little-endian header, then the encoded image (protocol/stream.md).
 
-export const HEADER_BYTES = 32;
+export const HEADER_BYTES = 36;
 export const FLAG_KEY = 1;
 export const FLAG_FINAL = 2;
 export const FLAG_LOSSLESS = 4;
@@ -17,7 +17,7 @@ export class FrameError extends Error {
 
 /**
  * Decodes one binary message (ArrayBuffer). Returns {codec, type, isVideo, flags, isKey, isFinal, isLossless, frame, seq,
- * width, height, bytes, renderUs, encodeUs, payload}; `payload` is a view into the message. Throws FrameError.
+ * width, height, bytes, renderUs, encodeUs, queueUs, payload}; `payload` is a view into the message. Throws FrameError.
  */
 export function decodeFrame(buffer) {
   if (buffer.byteLength < HEADER_BYTES) {
@@ -54,6 +54,7 @@ export function decodeFrame(buffer) {
     bytes: payloadBytes, // also after `payload` was given away
     renderUs: view.getUint32(20, true),
     encodeUs: view.getUint32(24, true),
+    queueUs: view.getUint32(32, true),
     payload: new Uint8Array(buffer, headerBytes, payloadBytes),
   };
 }

@@ -6,13 +6,14 @@ import { FrameError, decodeFrame } from '../../../clients/web/core/frame.js';
 // Written byte by byte from the table of the protocol, independent of the code of client and server.
 const EXAMPLE = [
   0x53, 0x50, 0x46, 0x31, // "SPF1"
-  0x01, 0x03, 0x20, 0x00, // JPEG, key frame | final quality, 32 bytes
+  0x01, 0x03, 0x24, 0x00, // JPEG, key frame | final quality, 36 bytes
   0x78, 0x56, 0x34, 0x12, // frame
   0x04, 0x03, 0x02, 0x01, // seq
   0x00, 0x02, 0x80, 0x01, // 512 × 384
   0x10, 0x27, 0x00, 0x00, // 10000 µs
   0xe8, 0x03, 0x00, 0x00, // 1000 µs
   0x03, 0x00, 0x00, 0x00, // 3 bytes
+  0xd0, 0x07, 0x00, 0x00, // 2000 µs
   0xff, 0xd8, 0xff,
 ];
 const message = (changes = {}, bytes = EXAMPLE) => {
@@ -25,7 +26,7 @@ test('every field of the header is read', () => {
   const { payload, ...frame } = decodeFrame(message());
   assert.deepEqual(frame, {
     codec: 1, type: 'image/jpeg', isVideo: false, flags: 3, isKey: true, isFinal: true, isLossless: false,
-    frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, bytes: 3, renderUs: 10000, encodeUs: 1000,
+    frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, bytes: 3, renderUs: 10000, encodeUs: 1000, queueUs: 2000,
   });
   assert.deepEqual([...payload], [0xff, 0xd8, 0xff]);
 });
@@ -43,24 +44,24 @@ test('PNG, WebP and lossless frames are recognised', () => {
 });
 
 test('a longer header of a later version is skipped', () => {
-  const bytes = [...EXAMPLE.slice(0, 32), 1, 2, 3, 4, ...EXAMPLE.slice(32)];
-  assert.deepEqual([...decodeFrame(message({ 6: 36 }, bytes)).payload], [0xff, 0xd8, 0xff]);
+  const bytes = [...EXAMPLE.slice(0, 36), 1, 2, 3, 4, ...EXAMPLE.slice(36)];
+  assert.deepEqual([...decodeFrame(message({ 6: 40 }, bytes)).payload], [0xff, 0xd8, 0xff]);
 });
 
 test('malformed frames are refused with the byte offset', () => {
   const cases = {
-    'shorter than its header': message({}, EXAMPLE.slice(0, 31)),
+    'shorter than its header': message({}, EXAMPLE.slice(0, 35)),
     'of 0 bytes': new ArrayBuffer(0),
     'byte 0': message({ 3: 0x32 }),
     'byte 4: codec 0': message({ 4: 0 }),
     'byte 4: codec 6': message({ 4: 6 }),
-    'byte 6: a header of 31': message({ 6: 31 }),
+    'byte 6: a header of 35': message({ 6: 35 }),
     'byte 6: a header of 65535': message({ 6: 0xff, 7: 0xff }),
     'byte 16': message({ 16: 0, 17: 0 }),
     'byte 16: a picture of 512 × 65': message({ 19: 0xff }),
     'byte 28: 4 bytes announced, 3 sent': message({ 28: 4 }),
     'byte 28: 2 bytes announced, 3 sent': message({ 28: 2 }),
-    'byte 28: 0 bytes announced, 0 sent': message({ 28: 0 }, EXAMPLE.slice(0, 32)),
+    'byte 28: 0 bytes announced, 0 sent': message({ 28: 0 }, EXAMPLE.slice(0, 36)),
     'byte 28: 4278190083 bytes': message({ 31: 0xff }),
   };
   for (const [text, bytes] of Object.entries(cases)) {

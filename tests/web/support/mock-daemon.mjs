@@ -44,9 +44,9 @@ export function histogram(id, { isJoint = false, range = [0, 255], type = 'uint8
 /** Encodes a frame after the table of the protocol. */
 export function frameMessage({ frame, seq, width = 32, height = 32, color = [200, 120, 40], flags = 3, payload, codec = 2 }) {
   const bytes = payload ?? encodePng(width, height, color);
-  const head = Buffer.alloc(32);
+  const head = Buffer.alloc(36);
   head.write('SPF1', 0, 'latin1');
-  head.set([codec, flags, 32, 0], 4);
+  head.set([codec, flags, 36, 0], 4);
   head.writeUInt32LE(frame, 8);
   head.writeUInt32LE(seq, 12);
   head.writeUInt16LE(width, 16);
@@ -54,6 +54,7 @@ export function frameMessage({ frame, seq, width = 32, height = 32, color = [200
   head.writeUInt32LE(5000, 20);
   head.writeUInt32LE(1000, 24);
   head.writeUInt32LE(bytes.length, 28);
+  head.writeUInt32LE(2000, 32);
   return Buffer.concat([head, bytes]);
 }
 

@@ -43,7 +43,16 @@ static void moving_then_final(void **state) {
     assert_int_equal(job.step, SRV_STEP_MOVING);
     assert_int_equal(job.targets[0].seq, 7);
     hub_finish(f, &job, 5);
-    assert_int_equal(hub_drain(f, p, 5010).seq, 7);
+    header = hub_drain(f, p, 5010);
+    assert_int_equal(header.seq, 7);
+    /* It arrived at 5000 and was sent at 5010. */
+    assert_int_equal(header.queue_us + header.render_us + header.encode_us, 10000);
+    hub_ack(f, p, 3, 5012);
+    assert_true(hub_next_job(f, 5200, &job));
+    hub_finish(f, &job, 20);
+    header = hub_drain(f, p, 5230);
+    assert_int_equal(header.seq, 7);
+    assert_int_equal(header.queue_us, 0); /* the user has seen the update */
     srv_hub_leave(f->hub, &p, 5020);
 }
 
