@@ -131,6 +131,19 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
     return found != NULL;
 }
 
+bool srv_tokens_charge_to(struct srv_tokens *tokens, const char *name, struct srv_grant *grant) {
+    pthread_mutex_lock(&tokens->mutex);
+    const struct entry *found = find_name(tokens, name);
+    if (found) {
+        drop(grant->use);
+        *grant = (struct srv_grant){ .quota = found->token.quota, .use = found->use };
+        memcpy(grant->name, found->token.name, sizeof grant->name);
+        found->use->holders++;
+    }
+    pthread_mutex_unlock(&tokens->mutex);
+    return found != NULL;
+}
+
 /* Checks the quotas and charges one snapshot to the fps quota. Up to one second of unused quota
  * accumulates. */
 static bool charge(struct srv_token_use *use, const struct srv_quota *quota, const char *name,

@@ -7,6 +7,7 @@
 #define PAGE { "after", "limit" }
 #define IMAGE { "format", "quality", "subsampling" }
 #define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
+#define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis" }
 /* clang-format on */
 
@@ -30,6 +31,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },
     { SRV_POST, "/api/v1/views", SRV_RIGHT_RENDER, srv_post_view, NONE },
     { SRV_GET, "/api/v1/views/{}", SRV_RIGHT_VIEW, srv_get_view, NONE },
+    { SRV_PATCH, "/api/v1/views/{}", SRV_RIGHT_RENDER, srv_patch_view, NONE },
     { SRV_DELETE, "/api/v1/views/{}", SRV_RIGHT_RENDER, srv_delete_view, NONE },
     { SRV_GET, "/api/v1/presets", SRV_RIGHT_VIEW, srv_get_presets, NONE },
     { SRV_GET, "/api/v1/presets/{}", SRV_RIGHT_VIEW, srv_get_preset, NONE },
@@ -50,6 +52,8 @@ static const struct srv_route routes[] = {
     { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session, NONE },
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
+    { SRV_GET, "/api/v1/sessions/{}/snapshot", SRV_RIGHT_SESSION, srv_get_session_snapshot,
+      SNAPSHOT },
     { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream, NONE },
 };
 enum { ROUTES = sizeof routes / sizeof *routes };

@@ -14,10 +14,11 @@ const struct srv_route *srv_routes_find(const char *method, const char *path,
 /* Handlers, by file. */
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
-    srv_get_volume_view;                                                 /* routes_volumes.c */
-srv_handler srv_get_volume_histogram, srv_get_session_histogram;         /* routes_histogram.c */
-srv_handler srv_post_render, srv_get_render;                             /* routes_render.c */
-srv_handler srv_get_views, srv_post_view, srv_get_view, srv_delete_view; /* routes_views.c */
+    srv_get_volume_view;                                               /* routes_volumes.c */
+srv_handler srv_get_volume_histogram, srv_get_session_histogram;       /* routes_histogram.c */
+srv_handler srv_post_render, srv_get_render, srv_get_session_snapshot; /* routes_render.c */
+srv_handler srv_get_views, srv_post_view, srv_get_view, srv_patch_view,
+    srv_delete_view; /* routes_views.c */
 srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
     srv_delete_session, srv_get_stream; /* routes_sessions.c */
 /* Checks the token for a route that needs SRV_RIGHT_SESSION, before the body is read. False: the

@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/clock.h"
 #include "http/chunked_body.h"
 #include "http/deadlines.h"
 #include "http/headers.h"
@@ -290,22 +291,23 @@ void srv_post_render(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&view);
 }
 
-/* Adds ?camera=, which is JSON as in a view, to the patch. False: the reply is a problem document.
- */
-static bool read_camera(struct srv_request *request, proto_json *patch, struct srv_reply *reply) {
-    const char *text = srv_request_query(request, "camera");
+/* Adds the query parameter `name`, which is JSON as in a view, to the patch. False: the reply is a
+ * problem document. */
+static bool read_member(struct srv_request *request, const char *name, proto_json *patch,
+                        struct srv_reply *reply) {
+    const char *text = srv_request_query(request, name);
     struct sp_error err;
     if (!text)
         return true;
-    proto_json *camera = proto_json_parse(text, strlen(text), &err);
-    if (!camera) {
-        srv_reply_problem(reply, err.code == SP_ERR_MEMORY ? 503 : 400, NULL, "?camera=: %s",
+    proto_json *member = proto_json_parse(text, strlen(text), &err);
+    if (!member) {
+        srv_reply_problem(reply, err.code == SP_ERR_MEMORY ? 503 : 400, NULL, "?%s=: %s", name,
                           err.text);
         return false;
     }
-    if (proto_json_set(patch, "camera", camera))
+    if (proto_json_set(patch, name, member))
         return true;
-    srv_reply_problem(reply, 503, NULL, "out of memory for a camera");
+    srv_reply_problem(reply, 503, NULL, "out of memory for ?%s=", name);
     return false;
 }
 
@@ -334,10 +336,38 @@ void srv_get_render(struct srv_request *request, struct srv_reply *reply) {
     proto_json *patch = proto_json_object();
     if (!view)
         srv_reply_error(reply, &err);
-    else if (read_camera(request, patch, reply) && read_size(request, patch, reply))
+    else if (read_member(request, "camera", patch, reply) && read_size(request, patch, reply))
         /* Shared caches may store the image but must revalidate it: the daemon checks the token
          * each time, and renders nothing for a 304. */
         draw(request, view, patch, "public, no-cache", reply);
     proto_json_free(&patch);
     proto_json_free(&view);
+}
+
+/* A client with a join token has no quota of its own: its snapshots count for the token that
+ * created the session. False: the reply is a problem document. */
+static bool charge_owner(struct srv_request *request, struct srv_reply *reply) {
+    struct srv_owner owner;
+    if (request->grant.rights)
+        return true;
+    srv_hub_session_owner(request->app->hub, request->param, &owner);
+    if (srv_tokens_charge_to(request->app->tokens, owner.name, &request->grant))
+        return true;
+    srv_reply_problem(reply, 403, NULL,
+                      "the token that created this session is no longer valid; ask its owner");
+    return false;
+}
+
+void srv_get_session_snapshot(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *session =
+        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
+    proto_json *patch = proto_json_object();
+    if (!session)
+        srv_reply_error(reply, &err);
+    else if (read_member(request, "background", patch, reply) && read_size(request, patch, reply) &&
+             charge_owner(request, reply))
+        draw(request, proto_json_get(session, "view"), patch, "private, no-cache", reply);
+    proto_json_free(&patch);
+    proto_json_free(&session);
 }

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include <gnutls/crypto.h>
 #include <gnutls/gnutls.h>
@@ -23,6 +24,7 @@ bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_
     return true;
 }
 
+enum { SAVED_NAME_MAX = 200 }; /* bytes */
 enum { BEGINNING_BYTES = SRV_TOKEN_NAME_BYTES + 32 };
 
 /* Writes how the records of the token begin. Names have no characters that JSON would escape. */
@@ -53,19 +55,38 @@ proto_json *srv_saved_view_get(struct srv_store *store, const char *id, struct s
     return view;
 }
 
+/* Returns the text of a record: the beginning, the name (NULL = none), the time and the view. NULL
+ * when out of memory. */
+static char *record_of(const char *beginning, const char *name, int64_t saved, const char *view,
+                       size_t *size) {
+    proto_json *about = proto_json_object();
+    bool ok = !name || proto_json_set_string(about, "name", name);
+    ok = (!saved || proto_json_set_integer(about, "saved", saved)) && ok;
+    char *members = ok ? proto_json_to_canonical(about, NULL) : NULL, *record = NULL;
+    proto_json_free(&about);
+    if (!members)
+        return NULL;
+    members[strlen(members) - 1] = 0; /* without the braces */
+    int length = asprintf(&record, "%s%s%s\"view\":%s}", beginning, members + 1,
+                          members[1] ? "," : "", view);
+    free(members);
+    *size = length > 0 ? (size_t)length : 0;
+    return length < 0 ? NULL : record;
+}
+
 /* Saves a text under its id. False: *err; SP_ERR_QUOTA if the token has too many saved views. */
 static bool add_record(struct srv_request *request, const char *id, const char *text,
                        struct sp_error *err) {
-    char beginning[BEGINNING_BYTES], *record = NULL;
+    char beginning[BEGINNING_BYTES];
     const struct srv_store_share share = { .beginning = beginning,
                                            .most = request->grant.quota.views,
                                            .name = request->grant.name };
     beginning_of(request, beginning);
-    int size = asprintf(&record, "%s\"view\":%s}", beginning, text);
-    if (size < 0)
+    size_t size;
+    char *record = record_of(beginning, NULL, time(NULL), text, &size);
+    if (!record)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a view");
-    bool ok =
-        srv_store_add(request->app->store, SRV_KIND_VIEW, id, record, (size_t)size, &share, err);
+    bool ok = srv_store_add(request->app->store, SRV_KIND_VIEW, id, record, size, &share, err);
     free(record);
     return ok;
 }
@@ -133,7 +154,8 @@ void srv_get_view(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_header(reply, "Cache-Control", "private, max-age=31536000, immutable");
 }
 
-/* Encodes {"id", "owner", "volume", "size"}; only the id if the view was deleted meanwhile. */
+/* Encodes {"id", "owner", "name", "saved", "volume", "size"}; only the id if the view was deleted
+ * meanwhile. */
 static proto_json *encode_item(void *user, const void *item) {
     struct srv_request *request = user;
     struct sp_error err = { .code = SP_OK };
@@ -141,12 +163,17 @@ static proto_json *encode_item(void *user, const void *item) {
     proto_json *record = read_record(request->app->store, item, &err);
     const proto_json *inner = proto_json_get(record, "view"), *view = inner ? inner : record;
     const char *owner = proto_json_string(proto_json_get(record, "owner"));
+    const char *name = proto_json_string(proto_json_get(record, "name"));
     const char *volume = proto_view_volume(view);
     const proto_json *size = proto_json_get(view, "size");
-    int64_t width, height;
+    int64_t width, height, saved;
     bool ok = proto_json_set_string(json, "id", item) && err.code != SP_ERR_MEMORY;
     if (owner)
         ok = proto_json_set_string(json, "owner", owner) && ok;
+    if (name)
+        ok = proto_json_set_string(json, "name", name) && ok;
+    if (proto_json_integer(proto_json_get(record, "saved"), &saved))
+        ok = proto_json_set_integer(json, "saved", saved) && ok;
     if (volume)
         ok = proto_json_set_string(json, "volume", volume) && ok;
     if (proto_json_integer(proto_json_at(size, 0), &width) &&
@@ -178,23 +205,93 @@ void srv_get_views(struct srv_request *request, struct srv_reply *reply) {
     srv_paging_reply(&page, "views", encode_item, request, reply);
 }
 
-void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
-    struct srv_store *store = request->app->store;
-    char beginning[BEGINNING_BYTES];
+static void reply_missing(const struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_problem(reply, 404, NULL, "there is no saved view '%.64s'", request->param);
+}
+
+/* Returns the record of the request's view if its token may change it; malloc'ed. NULL: the reply
+ * is a problem document. */
+static char *own_record(struct srv_request *request, size_t *size, struct srv_reply *reply) {
     struct sp_error err;
-    char *record = srv_store_get(store, SRV_KIND_VIEW, request->param, NULL, &err);
+    char beginning[BEGINNING_BYTES];
+    char *record = srv_store_get(request->app->store, SRV_KIND_VIEW, request->param, size, &err);
     beginning_of(request, beginning);
-    bool may = sees_all(request) || (record && strncmp(record, beginning, strlen(beginning)) == 0);
-    bool is_there = record != NULL;
-    free(record);
-    if (!is_there && err.code != SP_ERR_NOT_FOUND) {
+    if (!record && err.code != SP_ERR_NOT_FOUND) {
         srv_reply_error(reply, &err);
-    } else if (is_there && !may) {
+    } else if (!record) {
+        reply_missing(request, reply);
+    } else if (!sees_all(request) && strncmp(record, beginning, strlen(beginning)) != 0) {
         srv_reply_problem(reply, 403, NULL, "another token saved this view");
-    } else if (!is_there || !srv_store_remove(store, SRV_KIND_VIEW, request->param)) {
-        srv_reply_problem(reply, 404, NULL, "there is no saved view '%.64s'", request->param);
-    } else {
+        free(record);
+        record = NULL;
+    }
+    return record;
+}
+
+void srv_delete_view(struct srv_request *request, struct srv_reply *reply) {
+    char *record = own_record(request, NULL, reply);
+    if (!record)
+        return;
+    free(record);
+    if (!srv_store_remove(request->app->store, SRV_KIND_VIEW, request->param)) {
+        reply_missing(request, reply);
+        return;
+    }
+    reply->status = 204;
+    srv_request_reply_when_durable(request);
+}
+
+/* Reads {"name"}: *name is NULL if it is null. False: the reply is a problem document. */
+static bool read_name(const proto_json *body, const char **name, struct srv_reply *reply) {
+    static const char *const known[] = { "name", NULL };
+    const proto_json *given = proto_json_get(body, "name");
+    struct sp_error err;
+    *name = proto_json_string(given);
+    size_t length = *name ? strlen(*name) : 1;
+    bool is_null = given && proto_json_type(given) == PROTO_JSON_NULL;
+    if (!proto_json_only(body, known, &err))
+        srv_reply_error(reply, &err);
+    else if ((!*name && !is_null) || length < 1 || length > SAVED_NAME_MAX)
+        srv_reply_problem(reply, 422, "/name", "must be text of 1 to %d bytes, or null",
+                          SAVED_NAME_MAX);
+    else
+        return true;
+    return false;
+}
+
+/* Replaces the name in a record that the token may change. */
+static void rename_record(struct srv_request *request, const char *text, size_t size,
+                          const char *name, struct srv_reply *reply) {
+    struct sp_error err = { .code = SP_OK };
+    char beginning[BEGINNING_BYTES];
+    proto_json *old = proto_json_parse(text, size, &err);
+    const char *owner = proto_json_string(proto_json_get(old, "owner"));
+    const proto_json *inner = proto_json_get(old, "view");
+    int64_t saved = 0;
+    proto_json_integer(proto_json_get(old, "saved"), &saved);
+    snprintf(beginning, sizeof beginning, owner ? "{\"owner\":\"%s\"," : "{", owner);
+    char *view = proto_json_to_canonical(inner ? inner : old, NULL);
+    char *record = view ? record_of(beginning, name, saved, view, &size) : NULL;
+    if (!record)
+        srv_reply_problem(reply, 503, NULL, "out of memory for a view");
+    else if (!srv_store_put(request->app->store, SRV_KIND_VIEW, request->param, record, size, &err))
+        srv_reply_error(reply, &err);
+    else {
         reply->status = 204;
         srv_request_reply_when_durable(request);
     }
+    free(record);
+    free(view);
+    proto_json_free(&old);
+}
+
+void srv_patch_view(struct srv_request *request, struct srv_reply *reply) {
+    const char *name;
+    size_t size = 0;
+    proto_json *body = srv_request_json(request, reply);
+    char *record = body && read_name(body, &name, reply) ? own_record(request, &size, reply) : NULL;
+    if (record)
+        rename_record(request, record, size, name, reply);
+    proto_json_free(&body);
+    free(record);
 }

@@ -11,8 +11,17 @@
 #include "protocol/view.h"
 #include "session/session.h"
 
-static proto_json *encode_session(const struct srv_session *session, bool with_tokens,
-                                  struct sp_error *err) {
+/* Returns the largest image that a participant may request, px. */
+static int64_t max_pixels(const struct srv_hub *hub, const struct srv_session *session) {
+    uint64_t most = (uint64_t)SP_SIZE_MAX * SP_SIZE_MAX;
+    const uint64_t limits[] = { hub->options.frame_px, session->identity.owner.quota.frame_px };
+    for (int i = 0; i < 2; i++)
+        most = limits[i] && limits[i] < most ? limits[i] : most;
+    return (int64_t)most;
+}
+
+static proto_json *encode_session(const struct srv_hub *hub, const struct srv_session *session,
+                                  bool with_tokens, struct sp_error *err) {
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "id", session->identity.id);
     if (with_tokens) {
@@ -23,6 +32,7 @@ static proto_json *encode_session(const struct srv_session *session, bool with_t
         ok = proto_json_set(json, "tokens", tokens) && ok;
     }
     ok = proto_json_set(json, "view", proto_view_encode(&session->shared.view)) && ok;
+    ok = proto_json_set_integer(json, "max_pixels", max_pixels(hub, session)) && ok;
     ok = (session->holder
               ? proto_json_set_integer(json, "holder", (int64_t)session->holder->identity.id)
               : proto_json_set_null(json, "holder")) &&
@@ -110,7 +120,7 @@ proto_json *srv_hub_session_create_owned(struct srv_hub *hub, const proto_json *
               srv_secret_hex(session->identity.id, sizeof session->identity.id - 1, err) &&
               srv_secret_hex(session->identity.tokens[0], SRV_TOKEN_DIGITS, err) &&
               srv_secret_hex(session->identity.tokens[1], SRV_TOKEN_DIGITS, err) &&
-              (json = encode_session(session, true, err)) &&
+              (json = encode_session(hub, session, true, err)) &&
               session_add(hub, session, is_guest, now_ms, err);
     if (ok)
         memcpy(id, session->identity.id, sizeof session->identity.id);
@@ -139,7 +149,7 @@ proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_t
                                 double now_ms, struct sp_error *err) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_session *session = srv_hub_find(hub, id, now_ms, err);
-    proto_json *json = session ? encode_session(session, with_tokens, err) : NULL;
+    proto_json *json = session ? encode_session(hub, session, with_tokens, err) : NULL;
     pthread_mutex_unlock(&hub->mutex);
     return json;
 }

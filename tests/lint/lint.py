@@ -28,7 +28,7 @@ import subprocess
 import sys
 
 # The files whose purpose is the time of day: log lines carry it, and certificates have dates.
-TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c'}
+TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c', 'server/http/routes_views.c'}  # the dates of log lines, certificates and saved views
 
 # For each part, its folders and the folders of the same part that each may include besides itself. "." is what lies
 # loose at the top of the part. Every part may include "sp/" except where its entry says otherwise (SEES).

@@ -187,6 +187,16 @@ def walk(daemon, contract):
     check(same == ask(200, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=value,gradient', id='engine'),
           'a session gives the histogram of its volume')
     ask(401, 'GET', f'{api}/sessions/{{id}}/histogram', token='none', **names)
+    snapshot = f'{api}/sessions/{{id}}/snapshot'
+    for kind in ('jpeg', 'png', 'webp', 'exr'):
+        ask(200, 'GET', snapshot, token=session['tokens']['view'], query=f'?format={kind}&size=8,6&background=%5B0,0,0,0%5D', **names)
+    _, headers, _ = daemon.ask('GET', f'{api}/sessions/{session["id"]}/snapshot')
+    ask(304, 'GET', snapshot, headers={'If-None-Match': headers['ETag']}, **names)
+    ask(401, 'GET', snapshot, token='none', **names)
+    for wrong in ('size=8', 'background=%5B', 'quality=0', 'camera=%7B%7D'):
+        ask(400, 'GET', snapshot, query=f'?{wrong}', **names)
+    for wrong in ('size=8,0', 'background=5', 'background=%5B0,0,0%5D'):
+        ask(422, 'GET', snapshot, query=f'?{wrong}', **names)
     patch = {'view': {'camera': {'fov_y': 50}}}
     ask(200, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['control'], **names)
     ask(403, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['view'], **names)
@@ -239,8 +249,12 @@ def walk_saved_views(daemon, ask, api):
     listed = walk_pages(ask, f'{api}/views', 'views')
     check(sorted((v['id'], v['volume'], v['size'][0]) for v in listed) ==
           sorted([(kept['id'], 'engine', 16), (other['id'], 'engine', 17)]), f'views: {listed}')
+    for body, status in (({'name': 'Front, Ω'}, 204), ({'name': None}, 204), ({}, 422), ({'name': ''}, 422), ({'name': 7}, 422),
+                         ({'name': 'x' * 201}, 422), ({'id': 'x'}, 422)):
+        ask(status, 'PATCH', f'{api}/views/{{id}}', body, **other)
     ask(204, 'DELETE', f'{api}/views/{{id}}', **other)
     ask(404, 'DELETE', f'{api}/views/{{id}}', **other)
+    ask(404, 'PATCH', f'{api}/views/{{id}}', {'name': 'x'}, **other)
     ask(404, 'GET', f'{api}/views/{{id}}', **other)
     check(len(ask(200, 'GET', f'{api}/views')['views']) == 1, 'the list does not hold exactly one view')
     for wrong in ('size=8', 'size=8,8,8', 'size=-1,2', 'camera=%7B', 'quality=0'):

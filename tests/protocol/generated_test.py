@@ -26,7 +26,8 @@ REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
 # Statuses that a request alone cannot cause: failures (integration.life, unit.server_interactive_worker), sessions of an
 # earlier run whose volume is still loading (integration.state), a full disk (integration.paths).
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'),
-             ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
+             ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
+             ('get', '/api/v1/sessions/{id}/stream', '409')}
 
 # Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
