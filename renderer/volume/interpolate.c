@@ -1,28 +1,33 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "volume/interpolate.h"
 
+#include <assert.h>
 #include <math.h>
 
 #include "base/vec.h"
 #include "volume/grid.h"
 #include "volume/sample.h"
 
-void sp_interpolator_init(struct sp_interpolator *self, const struct sp_volume *volume) {
-    const struct sp_volume_info *info = sp_volume_info(volume);
+void sp_interpolator_init_grid(struct sp_interpolator *self, const struct sp_grid *grid) {
     struct sp_mat3 direction;
     double determinant;
-    self->grid = &info->grid;
-    self->voxels = sp_volume_voxels(volume);
-    self->type = info->type;
+    *self = (struct sp_interpolator){ .grid = grid };
     for (unsigned row = 0; row < 3; row++)
         for (unsigned axis = 0; axis < 3; axis++)
-            direction.m[row][axis] = info->grid.direction[row][axis];
+            direction.m[row][axis] = grid->direction[row][axis];
     const struct sp_mat3 inverse = sp_mat3_inverse(&direction, &determinant);
     for (unsigned axis = 0; axis < 3; axis++) {
         for (unsigned column = 0; column < 3; column++)
             self->inverse[axis][column] = inverse.m[axis][column];
-        sp_grid_extent(&info->grid, axis, self->extent[axis]);
+        sp_grid_extent(grid, axis, self->extent[axis]);
     }
+}
+
+void sp_interpolator_init(struct sp_interpolator *self, const struct sp_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    sp_interpolator_init_grid(self, &info->grid);
+    self->voxels = sp_volume_voxels(volume);
+    self->type = info->type;
 }
 
 void sp_interpolator_distances(const struct sp_interpolator *self, const double position[3],
@@ -108,4 +113,91 @@ bool sp_interpolator_at(const struct sp_interpolator *self, const double positio
             return false;
     *value = sp_interpolator_value(self, cells);
     return true;
+}
+
+/* The samples around a point. */
+struct corners {
+    uint64_t first;
+    uint64_t next[3]; /* to the neighbour along each axis; 0 = the point lies on the sample */
+    double fraction[3];
+    bool is_inside;
+};
+
+static void find_corners(const struct sp_interpolator *self, const double distances[3],
+                         struct corners *corners) {
+    const uint64_t step[3] = { 1, self->grid->dims[0],
+                               (uint64_t)self->grid->dims[0] * self->grid->dims[1] };
+    *corners = (struct corners){ .is_inside = true };
+    for (unsigned axis = 0; axis < 3 && corners->is_inside; axis++) {
+        struct sp_cell cell;
+        corners->is_inside = sp_interpolator_cell(self, axis, distances[axis], &cell);
+        if (!corners->is_inside)
+            return;
+        corners->first += step[axis] * cell.low;
+        corners->next[axis] = cell.fraction > 0 ? step[axis] : 0;
+        corners->fraction[axis] = cell.fraction;
+    }
+}
+
+static double mix(const double v[8], const double fraction[3]) {
+    double x[4], y[2];
+    for (int i = 0; i < 4; i++)
+        x[i] = v[2 * i] + (v[2 * i + 1] - v[2 * i]) * fraction[0];
+    for (int i = 0; i < 2; i++)
+        y[i] = x[2 * i] + (x[2 * i + 1] - x[2 * i]) * fraction[1];
+    return y[0] + (y[1] - y[0]) * fraction[2];
+}
+
+/* Sets values[i] from the samples of type T around each point that is inside. */
+#define INTERPOLATE(T)                                                                             \
+    for (size_t i = 0; i < n; i++) {                                                               \
+        const struct corners *c = &corners[i];                                                     \
+        const T *samples = (const T *)self->voxels + c->first;                                     \
+        double v[8];                                                                               \
+        if (!c->is_inside)                                                                         \
+            continue;                                                                              \
+        values[i] = (double)samples[0];                                                            \
+        if (!(c->next[0] | c->next[1] | c->next[2]))                                               \
+            continue;                                                                              \
+        for (unsigned k = 0; k < 8; k++)                                                           \
+            v[k] = (double)samples[(k & 1 ? c->next[0] : 0) + (k & 2 ? c->next[1] : 0) +           \
+                                   (k & 4 ? c->next[2] : 0)];                                      \
+        values[i] = mix(v, c->fraction);                                                           \
+    }
+
+void sp_interpolate_run(const struct sp_interpolator *self, size_t n, const double (*distances)[3],
+                        double *values) {
+    struct corners corners[SP_INTERPOLATE_RUN];
+    assert(n <= SP_INTERPOLATE_RUN);
+    for (size_t i = 0; i < n; i++) {
+        find_corners(self, distances[i], &corners[i]);
+        values[i] = NAN;
+    }
+    switch (self->type) {
+    case SP_UINT8:
+        INTERPOLATE(uint8_t);
+        break;
+    case SP_INT8:
+        INTERPOLATE(int8_t);
+        break;
+    case SP_UINT16:
+        INTERPOLATE(uint16_t);
+        break;
+    case SP_INT16:
+        INTERPOLATE(int16_t);
+        break;
+    case SP_INT32:
+        INTERPOLATE(int32_t);
+        break;
+    case SP_FLOAT32:
+        INTERPOLATE(float);
+        break;
+    case SP_FLOAT64:
+    case SP_TYPE_COUNT:
+        INTERPOLATE(double);
+        break;
+    }
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(values[i]))
+            values[i] = NAN;
 }

@@ -2,6 +2,7 @@
 #include "http/headers.h"
 
 #include <assert.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -144,6 +145,20 @@ bool srv_query_size(const char *text, uint32_t size[2]) {
         return false;
     size[0] = width;
     size[1] = height;
+    return true;
+}
+
+bool srv_query_numbers(const char *text, unsigned count, double *numbers) {
+    if (text[strspn(text, "0123456789+-.eE,")]) /* strtod() takes more: blanks, "nan", "0x1p3" */
+        return false;
+    for (unsigned i = 0; i < count; i++) {
+        char *end;
+        double number = strtod(text, &end);
+        if (end == text || !isfinite(number) || *end != (i + 1 < count ? ',' : 0))
+            return false;
+        numbers[i] = number;
+        text = end + 1;
+    }
     return true;
 }
 

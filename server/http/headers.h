@@ -42,6 +42,9 @@ bool srv_query_number(const char *text, unsigned max, unsigned *number);
 /* Parses "WIDTH,HEIGHT": whole numbers of at most 5 digits. */
 bool srv_query_size(const char *text, uint32_t size[2]);
 
+/* Parses `count` decimal numbers, separated by commas, each finite. */
+bool srv_query_numbers(const char *text, unsigned count, double *numbers);
+
 enum srv_range { SRV_RANGE_WHOLE, SRV_RANGE_PART, SRV_RANGE_NONE };
 
 /* Decodes a Range header (RFC 9110, 14) for a file of `size` bytes: the answer has the bytes

@@ -58,13 +58,21 @@ bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, str
     return true;
 }
 
+bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err) {
+    if (!srv_snapshot_memory_reserve(request->app->snapshot_memory, bytes, err))
+        return false;
+    request->snapshot_bytes = bytes;
+    return true;
+}
+
 static void end_snapshot(struct srv_request *request,
                          void (*end)(struct srv_tokens *tokens, const struct srv_grant *grant)) {
+    if (request->snapshot_bytes)
+        srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes, 0);
     if (!request->has_snapshot)
         return;
     request->has_snapshot = false;
     end(request->app->tokens, &request->grant);
-    srv_snapshot_memory_change(request->app->snapshot_memory, &request->snapshot_bytes, 0);
 }
 
 void srv_request_end_snapshot(struct srv_request *request) {

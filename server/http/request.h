@@ -81,6 +81,8 @@ void srv_request_reply_when_durable(struct srv_request *request);
  * is exceeded. */
 bool srv_request_begin_snapshot(struct srv_request *request, uint64_t bytes, struct sp_error *err);
 void srv_request_end_snapshot(struct srv_request *request);
+/* Reserves memory for an answer that is made at once, until the end of the request; no quota. */
+bool srv_request_reserve_answer(struct srv_request *request, uint64_t bytes, struct sp_error *err);
 /* Returns both for a snapshot that was refused, which does not count towards the fps quota. */
 void srv_request_cancel_snapshot(struct srv_request *request);
 /* Call after an upgrade: the connection is a stream from now on, and no longer a request. */

@@ -14,7 +14,7 @@ static const char request_headers[] = "Authorization, Content-Type, If-None-Matc
 static const char exposed_headers[] =
     "Accept-Ranges, Content-Disposition, Content-Range, ETag, Location, "
     "Retry-After, WWW-Authenticate, X-Render-Time, "
-    "X-Encode-Time, X-Backend, X-Splats, X-Durable";
+    "X-Encode-Time, X-Backend, X-Splats, X-Slice, X-Durable";
 
 static bool is_allowed_origin(const struct srv_request *request) {
     return srv_cors_allows(request->app->config->allow_origin,

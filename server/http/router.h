@@ -11,7 +11,7 @@
 #include "config/token_file.h"
 
 enum srv_method { SRV_GET = 1, SRV_POST = 2, SRV_PUT = 4, SRV_PATCH = 8, SRV_DELETE = 16 };
-enum { SRV_PARAM_BYTES = 128, SRV_QUERY_NAMES = 5 };
+enum { SRV_PARAM_BYTES = 128, SRV_QUERY_NAMES = 9 };
 
 struct srv_request;
 struct srv_reply;

@@ -9,6 +9,7 @@
 #define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis" }
+#define SLICE { "axis", "index", "origin", "normal", "up", "size", "spacing", "window", "format" }
 /* clang-format on */
 
 static const struct srv_route routes[] = {
@@ -26,6 +27,7 @@ static const struct srv_route routes[] = {
     { SRV_DELETE, "/api/v1/volumes/{}", SRV_RIGHT_ADMIN, srv_delete_volume, NONE },
     { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view, NONE },
     { SRV_GET, "/api/v1/volumes/{}/histogram", SRV_RIGHT_VIEW, srv_get_volume_histogram, AXES },
+    { SRV_GET, "/api/v1/volumes/{}/slice", SRV_RIGHT_VIEW, srv_get_volume_slice, SLICE },
     { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
     { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },
     { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },
@@ -52,6 +54,7 @@ static const struct srv_route routes[] = {
     { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session, NONE },
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
+    { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice, SLICE },
     { SRV_GET, "/api/v1/sessions/{}/snapshot", SRV_RIGHT_SESSION, srv_get_session_snapshot,
       SNAPSHOT },
     { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream, NONE },

@@ -16,6 +16,7 @@ typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
     srv_get_volume_view;                                               /* routes_volumes.c */
 srv_handler srv_get_volume_histogram, srv_get_session_histogram;       /* routes_histogram.c */
+srv_handler srv_get_volume_slice, srv_get_session_slice;               /* routes_slice.c */
 srv_handler srv_post_render, srv_get_render, srv_get_session_snapshot; /* routes_render.c */
 srv_handler srv_get_views, srv_post_view, srv_get_view, srv_patch_view,
     srv_delete_view; /* routes_views.c */

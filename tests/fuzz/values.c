@@ -2,12 +2,14 @@
  *
  * A query value or Range header: it is refused, or the decoded value equals the text.
  */
+#include <math.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "http/headers.h"
+#include "http/slice_query.h"
 #include "sp/encode.h"
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
@@ -51,6 +53,58 @@ static void check_size(const char *text) {
     must(is_number(text, px[0], ',') && is_number(strchr(text, ',') + 1, px[1], 0));
 }
 
+static void check_numbers(const char *text) {
+    for (unsigned count = 1; count <= 3; count++) {
+        double numbers[3], again[3];
+        char shown[128];
+        if (!srv_query_numbers(text, count, numbers))
+            continue;
+        int length = 0;
+        for (unsigned i = 0; i < count; i++) {
+            must(isfinite(numbers[i]));
+            length += snprintf(shown + length, sizeof shown - (size_t)length, "%s%.17g",
+                               i ? "," : "", numbers[i]);
+        }
+        must(srv_query_numbers(shown, count, again));
+        must(memcmp(numbers, again, count * sizeof *numbers) == 0);
+    }
+}
+
+static const char *get_text(void *user, const char *name) {
+    /* The text is a query: NAME=VALUE, one per line. */
+    const char *at = user;
+    static char value[200];
+    size_t length = strlen(name);
+    for (; at; at = strchr(at, '\n') ? strchr(at, '\n') + 1 : NULL)
+        if (strncmp(at, name, length) == 0 && at[length] == '=') {
+            size_t size = strcspn(at + length + 1, "\n");
+            size = size < sizeof value - 1 ? size : sizeof value - 1;
+            memcpy(value, at + length + 1, size);
+            value[size] = 0;
+            return value;
+        }
+    return NULL;
+}
+
+/* A query of a slice: refused with a reason, or a slice that lies where it may. */
+static void check_slice(char *text) {
+    const struct sp_volume_info info = { .type = SP_UINT8,
+                                         .grid = { .dims = { 5, 3000, 1 },
+                                                   .spacing = { 1, 0.5, 2 },
+                                                   .direction = {
+                                                       { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } } };
+    struct srv_slice_query query;
+    struct sp_slice slice;
+    struct sp_error err;
+    if (!srv_slice_query_read(&query, get_text, text, &err) ||
+        !srv_slice_query_resolve(&query, &info, &slice, &err)) {
+        must((err.code == SP_ERR_FORMAT || err.code == SP_ERR_INVALID) && *err.place && *err.text);
+        return;
+    }
+    for (int i = 0; i < 2; i++)
+        must(slice.size[i] >= 1 && slice.size[i] <= SP_SLICE_SIDE_MAX);
+}
+
 static void check_range(const char *text, uint64_t size) {
     char again[64];
     uint64_t from, count, more[2];
@@ -78,6 +132,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     text[size] = 0;
     check_number(text);
     check_size(text);
+    check_numbers(text);
+    check_slice(text);
     check_range(text, 0);
     check_range(text, 1);
     check_range(text, 1000);

@@ -50,6 +50,8 @@ test('each role has its permissions and gets 403 for everything else', async () 
     ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/view', { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/volumes/engine/histogram', { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}/histogram`, { token: t })],
+    ['view render control admin', (t) => daemon.fetch('/api/v1/volumes/engine/slice?axis=2&index=0', { token: t })],
+    ['view render control admin', (t) => daemon.fetch(`/api/v1/sessions/${session.id}/slice?axis=2&index=0`, { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/views/${saved}`, { token: t })],
     ['view render control admin', (t) => daemon.json('/api/v1/presets', { token: t })],
     ['view render control admin', (t) => daemon.json(`/api/v1/sessions/${session.id}`, { token: t })],

@@ -123,6 +123,25 @@ def asker(daemon, contract):
     return ask
 
 
+def walk_slices(daemon, ask, template, token=True, **names):
+    """Asks for slices, and checks what the header says about the bytes."""
+    planes = ('axis=2&index=3', 'axis=0&index=0&window=100,20', 'origin=8,8,4&normal=1,1e-3,-2&size=12,7&spacing=0.5&up=0,1,0')
+    for plane in planes:
+        for kind in ('png', 'jpeg', 'raw'):
+            data = ask(200, 'GET', template, token=token, query=f'?{plane}&format={kind}', **names)
+            _, headers, again = daemon.ask('GET', f'{template.format(**names)}?{plane}&format={kind}', token=token)
+            about = json.loads(headers['X-Slice'])
+            size = {'uint8': 1, 'float32': 4}[about['type']]
+            check(data == again and (kind != 'raw' or len(data) == about['shape'][0] * about['shape'][1] * size), f'{plane} as {kind}: {about}')
+            ask(304, 'GET', template, token=token, headers={'If-None-Match': headers['ETag']}, query=f'?{plane}&format={kind}', **names)
+    for wrong in ('axis=x&index=0', 'axis=0&index=-1', 'axis=1&index=0&format=gif', 'axis=1&index=0&window=3', 'origin=1,2&normal=0,0,1&size=1,1',
+                  'axis=1&index=0&slab=3'):
+        ask(400, 'GET', template, token=token, query=f'?{wrong}', **names)
+    for wrong in ('axis=0', 'index=0', '', 'axis=3&index=0', 'axis=0&index=9999', 'origin=1,2,3&size=1,1', 'axis=0&index=0&size=4,4',
+                  'origin=1,2,3&normal=0,0,0&size=1,1', 'origin=1,2,3&normal=0,0,1&size=1,9999', 'origin=1,2,3&normal=0,0,1&size=1,1&up=0,0,2'):
+        ask(422, 'GET', template, token=token, query=f'?{wrong}', **names)
+
+
 def walk(daemon, contract):
     """Calls each operation at least once, with valid and invalid requests."""
     ask, api = asker(daemon, contract), '/api/v1'
@@ -160,6 +179,7 @@ def walk(daemon, contract):
               f'the histogram {axis} counts every sample')
     ask(400, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=gradient', id='p')
     ask(404, 'GET', f'{api}/volumes/{{id}}/histogram', id='none')
+    walk_slices(daemon, ask, f'{api}/volumes/{{id}}/slice', id='p')
     ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     ask(404, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     for kind in ('jpeg', 'png', 'webp', 'exr'):
@@ -197,6 +217,9 @@ def walk(daemon, contract):
         ask(400, 'GET', snapshot, query=f'?{wrong}', **names)
     for wrong in ('size=8,0', 'background=5', 'background=%5B0,0,0%5D'):
         ask(422, 'GET', snapshot, query=f'?{wrong}', **names)
+    walk_slices(daemon, ask, f'{api}/sessions/{{id}}/slice', token=session['tokens']['view'], **names)
+    ask(401, 'GET', f'{api}/sessions/{{id}}/slice', token='none', query='?axis=0&index=0', **names)
+    ask(404, 'GET', f'{api}/volumes/{{id}}/slice', query='?axis=0&index=0', id='none')
     patch = {'view': {'camera': {'fov_y': 50}}}
     ask(200, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['control'], **names)
     ask(403, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['view'], **names)

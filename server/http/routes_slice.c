@@ -1,0 +1,183 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Slices of a volume, and of the volume that a session shows, for clients that have nothing but a
+ * join token. The HTTP thread samples them itself: some milliseconds, bounded by
+ * SP_SLICE_SIDE_MAX.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "common/clock.h"
+#include "http/headers.h"
+#include "http/routes.h"
+#include "http/slice_query.h"
+
+enum { JPEG_QUALITY = 90, ETAG_TEXT = SRV_FINGERPRINT_TEXT + 2 };
+
+struct slice_request {
+    struct srv_slice_query query;
+    struct sp_slice slice;
+    struct sp_volume *volume; /* borrowed */
+};
+
+static const char *get_query(void *user, const char *name) {
+    return srv_request_query(user, name);
+}
+
+/* Replies with the parameter that is wrong. */
+static void reply_refused(struct srv_reply *reply, const struct sp_error *err) {
+    srv_reply_problem(reply, srv_status_from(err->code), NULL, "?%.20s=: %s", err->place,
+                      err->text);
+}
+
+/* The ETag covers all that determines the bytes. */
+static void make_etag(const struct srv_request *request, const struct slice_request *wanted,
+                      const struct srv_fingerprint *volume, char etag[ETAG_TEXT]) {
+    char digits[SRV_FINGERPRINT_TEXT];
+    const struct sp_slice *s = &wanted->slice;
+    const int32_t format = (int32_t)wanted->query.format;
+    const struct srv_part parts[] = {
+        { &request->app->program, sizeof request->app->program },
+        { volume, sizeof *volume },
+        { s->size, sizeof s->size },
+        { s->grid_origin, sizeof s->grid_origin },
+        { s->grid_step, sizeof s->grid_step },
+        { wanted->query.window, sizeof wanted->query.window },
+        { &format, sizeof format },
+    };
+    struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
+    srv_fingerprint_encode(&all, digits);
+    snprintf(etag, ETAG_TEXT, "\"%s\"", digits);
+}
+
+/* Says in JSON where the pixels lie and what they are. */
+static void describe(struct srv_reply *reply, const struct slice_request *wanted) {
+    const struct sp_slice *s = &wanted->slice;
+    const double *right = s->step[0], *down = s->step[1], *window = wanted->query.window;
+    srv_reply_header(reply, "X-Slice",
+                     "{\"shape\":[%u,%u],\"type\":\"%s\",\"endianness\":\"little\","
+                     "\"origin\":[%.12g,%.12g,%.12g],\"step_x\":[%.12g,%.12g,%.12g],"
+                     "\"step_y\":[%.12g,%.12g,%.12g],\"window\":[%.9g,%.9g]}",
+                     s->size[0], s->size[1], sp_type_name(s->type), s->origin[0], s->origin[1],
+                     s->origin[2], right[0], right[1], right[2], down[0], down[1], down[2],
+                     window[0], window[1]);
+}
+
+static void set_headers(struct srv_reply *reply, const struct slice_request *wanted,
+                        const char *etag) {
+    srv_reply_header(reply, "ETag", "%s", etag);
+    srv_reply_header(reply, "Cache-Control", "private, no-cache");
+    describe(reply, wanted);
+}
+
+/* Samples the values into the reply. */
+static bool write_raw(const struct slice_request *wanted, struct srv_reply *reply,
+                      struct sp_error *err) {
+    const struct sp_slice *s = &wanted->slice;
+    size_t size = (size_t)s->size[0] * s->size[1] * sp_type_size(s->type);
+    void *values = malloc(size);
+    if (!values)
+        return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a slice of %zu bytes", size);
+    sp_slice_sample(wanted->volume, s, values);
+    reply->body = reply->owned = values;
+    reply->size = size;
+    reply->mime = "application/octet-stream";
+    return true;
+}
+
+/* Draws and encodes the slice, and copies the file into the reply. */
+static bool write_image(const struct slice_request *wanted, struct srv_reply *reply,
+                        struct sp_error *err) {
+    const enum sp_image_format format =
+        wanted->query.format == SRV_SLICE_PNG ? SP_IMAGE_PNG : SP_IMAGE_JPEG;
+    const uint32_t *px = wanted->slice.size;
+    const uint8_t *bytes = NULL;
+    size_t size = 0;
+    struct sp_frame_pool *pool = sp_frame_pool_create(0, err);
+    struct sp_frame *frame = pool ? sp_frame_create(pool, px[0], px[1], SP_RGBA8, err) : NULL;
+    struct sp_encoder *encoder = frame ? sp_encoder_create(err) : NULL;
+    bool ok = false;
+    if (encoder) {
+        sp_slice_draw(wanted->volume, &wanted->slice, wanted->query.window, frame);
+        ok = sp_encode(encoder, frame, format, JPEG_QUALITY, &bytes, &size, err);
+    }
+    void *copy = ok ? malloc(size) : NULL;
+    if (copy) {
+        reply->body = reply->owned = memcpy(copy, bytes, size);
+        reply->size = size;
+        reply->mime = sp_image_format_info(format)->mime;
+    } else if (ok) {
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a slice of %zu bytes", size);
+    }
+    sp_encoder_destroy(&encoder);
+    sp_frame_unref(&frame);
+    sp_frame_pool_destroy(&pool);
+    return ok;
+}
+
+/* Answers from a volume in use. */
+static void reply_from(struct srv_request *request, struct slice_request *wanted,
+                       const struct srv_fingerprint *fingerprint, struct srv_reply *reply) {
+    struct sp_error err;
+    char etag[ETAG_TEXT];
+    const struct sp_volume_info *info = sp_volume_info(wanted->volume);
+    if (!srv_slice_query_resolve(&wanted->query, info, &wanted->slice, &err)) {
+        reply_refused(reply, &err);
+        return;
+    }
+    if (!(wanted->query.window[1] > 0))
+        sp_slice_default_window(info, wanted->query.window);
+    make_etag(request, wanted, fingerprint, etag);
+    if (srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag)) {
+        reply->status = 304;
+        set_headers(reply, wanted, etag);
+        return;
+    }
+    uint64_t pixels = (uint64_t)wanted->slice.size[0] * wanted->slice.size[1];
+    bool ok = srv_request_reserve_answer(request, pixels * sizeof(double), &err) &&
+              (wanted->query.format == SRV_SLICE_RAW ? write_raw(wanted, reply, &err)
+                                                     : write_image(wanted, reply, &err));
+    if (!ok) {
+        srv_reply_error(reply, &err);
+        return;
+    }
+    reply->status = 200;
+    set_headers(reply, wanted, etag);
+}
+
+static void reply_slice(struct srv_request *request, const char *id, struct srv_reply *reply) {
+    struct sp_error err;
+    struct slice_request wanted;
+    if (!srv_slice_query_read(&wanted.query, get_query, request, &err)) {
+        reply_refused(reply, &err);
+        return;
+    }
+    void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
+    if (!volume) {
+        err.place[0] = 0; /* the volume is the resource, not a member of a body */
+        srv_reply_error(reply, &err);
+        return;
+    }
+    wanted.volume = srv_volume_voxels(volume);
+    reply_from(request, &wanted, srv_volume_fingerprint(volume), reply);
+    srv_catalog_release(request->app->catalog, volume);
+}
+
+void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) {
+    reply_slice(request, request->param, reply);
+}
+
+void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *session =
+        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
+    const char *id = proto_json_string(proto_json_get(proto_json_get(session, "view"), "volume"));
+    if (!session)
+        srv_reply_error(reply, &err);
+    else if (!id)
+        srv_reply_problem(reply, 409, NULL, "the session has no volume");
+    else
+        reply_slice(request, id, reply);
+    proto_json_free(&session);
+}
