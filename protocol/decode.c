@@ -6,12 +6,17 @@
 #include <string.h>
 
 #include "protocol/nearest.h"
+#include "protocol/orbit.h"
 #include "protocol/pointer.h"
 #include "protocol/view.h"
 #include "protocol/view_fields.h"
 
+enum orbit_use { ORBIT_KEPT, ORBIT_GIVEN, ORBIT_RESET };
+
 struct decoder {
     struct proto_pointer at; /* the current value */
+    struct proto_orbit orbit;
+    enum orbit_use uses[PROTO_ORBIT_MEMBERS];
     struct sp_error *err;
 };
 
@@ -203,13 +208,42 @@ static void copy_default(const struct proto_field *field, const void *defaults, 
     } else if (field->kind == PROTO_FIELD_LIST) {
         memmove(to + field->offset, from + field->offset, field->item_max * field->item_bytes);
         memmove(to + field->count_offset, from + field->count_offset, sizeof(uint32_t));
-    } else {
+    } else if (field->kind != PROTO_FIELD_ORBIT) {
         memmove(to + field->offset, from + field->offset, proto_field_bytes(field));
     }
 }
 
+/* Reads a member of the orbit; place_camera() uses it once the whole patch is read. */
+static bool decode_orbit(struct decoder *decoder, const struct proto_field *field,
+                         const proto_json *json) {
+    static const struct {
+        double low, high;
+    } ranges[PROTO_ORBIT_MEMBERS] = {
+        [PROTO_ORBIT_AZIMUTH] = { -360, 360 },
+        [PROTO_ORBIT_ELEVATION] = { -90, 90 },
+        [PROTO_ORBIT_DISTANCE] = { 0, DBL_MAX },
+        [PROTO_ORBIT_ROLL] = { -360, 360 },
+    };
+    size_t member = field->offset;
+    double *value = &decoder->orbit.value[member];
+    bool is_reset = proto_json_type(json) == PROTO_JSON_NULL;
+    decoder->uses[member] = is_reset ? ORBIT_RESET : ORBIT_GIVEN;
+    if (is_reset)
+        return true;
+    if (!decode_number(decoder, PROTO_FIELD_DOUBLE, json, value))
+        return false;
+    if (member == PROTO_ORBIT_DISTANCE && !(*value > 0))
+        return refuse(decoder, "%g must be above 0", *value);
+    if (!(*value >= ranges[member].low && *value <= ranges[member].high))
+        return refuse(decoder, "%g is outside [%g, %g]", *value, ranges[member].low,
+                      ranges[member].high);
+    return true;
+}
+
 static bool decode_field(struct decoder *decoder, const struct proto_field *field,
                          const proto_json *json, const void *defaults, void *out) {
+    if (field->kind == PROTO_FIELD_ORBIT)
+        return decode_orbit(decoder, field, json);
     void *to = (char *)out + field->offset;
     if (proto_json_type(json) == PROTO_JSON_NULL && field->kind == PROTO_FIELD_AUTO) {
         *(double *)to = NAN;
@@ -228,6 +262,7 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
         return decode_enum(decoder, field, json, to);
     case PROTO_FIELD_NAME:
         return decode_name(decoder, json, to);
+    case PROTO_FIELD_ORBIT:
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:
     case PROTO_FIELD_FLOAT:
@@ -238,14 +273,56 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
                           : decode_number(decoder, field->kind, json, to);
 }
 
+/* Places the camera by the members of the orbit in the patch, if there are any. The other members
+ * come from the camera before the patch: a new target moves the eye along. */
+static bool place_camera(struct decoder *decoder, const proto_json *patch,
+                         const struct sp_camera *defaults, const struct sp_camera *before,
+                         struct sp_camera *camera) {
+    const proto_json *members = proto_json_get(patch, "camera");
+    const proto_json *position = proto_json_get(members, "position");
+    const proto_json *up = proto_json_get(members, "up");
+    bool is_used = false;
+    for (int i = 0; i < PROTO_ORBIT_MEMBERS; i++)
+        is_used = is_used || decoder->uses[i] != ORBIT_KEPT;
+    if (!is_used)
+        return true;
+    bool has_position = proto_json_type(position) == PROTO_JSON_ARRAY;
+    if (has_position || proto_json_type(up) == PROTO_JSON_ARRAY)
+        return sp_fail(decoder->err, SP_ERR_INVALID,
+                       has_position ? "/camera/position" : "/camera/up",
+                       "excludes azimuth, elevation, distance and roll");
+    struct sp_camera from = *before;
+    if (position) { /* null */
+        memcpy(from.position, defaults->position, sizeof from.position);
+        memcpy(from.target, defaults->target, sizeof from.target);
+    }
+    if (up)
+        memcpy(from.up, defaults->up, sizeof from.up);
+    struct proto_orbit orbit = proto_orbit_of(&from, defaults);
+    struct proto_orbit reset = proto_orbit_of(defaults, defaults);
+    for (int i = 0; i < PROTO_ORBIT_MEMBERS; i++)
+        if (decoder->uses[i] != ORBIT_KEPT)
+            orbit.value[i] =
+                decoder->uses[i] == ORBIT_GIVEN ? decoder->orbit.value[i] : reset.value[i];
+    proto_orbit_place(&orbit, defaults, camera);
+    return true;
+}
+
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err) {
     struct decoder decoder = { .err = err };
     struct sp_view merged;
     memcpy(&merged, view, sizeof merged); /* with the padding: equal views have equal bytes */
     if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||
-        !sp_view_validate(&merged, err))
+        !place_camera(&decoder, patch, &defaults->camera, &view->camera, &merged.camera))
         return false;
+    struct sp_error why;
+    if (!sp_view_validate(&merged, &why)) {
+        /* The client did not give this position. */
+        bool is_placed = strcmp(why.place, "/camera/position") == 0 &&
+                         decoder.uses[PROTO_ORBIT_DISTANCE] == ORBIT_GIVEN;
+        return sp_fail(err, why.code, is_placed ? "/camera/distance" : why.place, "%s", why.text);
+    }
     memcpy(view, &merged, sizeof merged);
     return true;
 }

@@ -60,6 +60,7 @@ static proto_json *encode_field(const struct proto_field *field, const char *fro
         return proto_json_new_string(field->names[*(const int *)(from + field->offset)]);
     case PROTO_FIELD_NAME:
         return proto_json_new_string(from + field->offset);
+    case PROTO_FIELD_ORBIT: /* encoded as position and up */
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:
     case PROTO_FIELD_FLOAT:
@@ -74,7 +75,8 @@ static proto_json *encode_members(const struct proto_group *group, const char *f
     proto_json *object = proto_json_object();
     for (size_t i = 0; i < group->count; i++) {
         const struct proto_field *field = &group->fields[i];
-        if (!proto_json_set(object, field->name, encode_field(field, from))) {
+        if (field->kind != PROTO_FIELD_ORBIT &&
+            !proto_json_set(object, field->name, encode_field(field, from))) {
             proto_json_free(&object);
             break;
         }

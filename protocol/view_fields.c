@@ -3,6 +3,7 @@
 
 #include <assert.h>
 
+#include "protocol/orbit.h"
 #include "sp/view.h"
 
 static_assert(sizeof(enum sp_projection) == sizeof(int),
@@ -25,6 +26,10 @@ static const struct proto_field camera_fields[] = {
     { "fov_y", PROTO_FIELD_DOUBLE, AT(camera.fov_y) },
     { "height", PROTO_FIELD_DOUBLE, AT(camera.height) },
     { "near", PROTO_FIELD_DOUBLE, AT(camera.near) },
+    { "azimuth", PROTO_FIELD_ORBIT, .offset = PROTO_ORBIT_AZIMUTH },
+    { "elevation", PROTO_FIELD_ORBIT, .offset = PROTO_ORBIT_ELEVATION },
+    { "distance", PROTO_FIELD_ORBIT, .offset = PROTO_ORBIT_DISTANCE },
+    { "roll", PROTO_FIELD_ORBIT, .offset = PROTO_ORBIT_ROLL },
 };
 static const struct proto_group camera = GROUP(camera_fields);
 
@@ -152,10 +157,11 @@ size_t proto_field_bytes(const struct proto_field *field) {
         return sizeof(int);
     case PROTO_FIELD_NAME:
         return SP_NAME_BYTES;
+    case PROTO_FIELD_ORBIT:
     case PROTO_FIELD_OBJECT:
     case PROTO_FIELD_LIST:
         break;
     }
-    assert(!"objects and lists have no size of their own");
+    assert(!"orbits, objects and lists have no size in the view");
     return 0;
 }

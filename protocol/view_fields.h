@@ -18,6 +18,8 @@ enum proto_field_kind {
     PROTO_FIELD_COUNT,  /* uint32_t */
     PROTO_FIELD_ENUM,   /* an enum whose values index `names` */
     PROTO_FIELD_NAME,   /* char[SP_NAME_BYTES], at least 1 byte long */
+    PROTO_FIELD_ORBIT,  /* double; of a patch alone: sets position and up; the offset is the member
+                           of enum proto_orbit_member */
     PROTO_FIELD_OBJECT, /* members in `group`; their offsets are in the view, like this field's */
     PROTO_FIELD_LIST    /* of objects; the offsets of their members are within one item */
 };

@@ -68,6 +68,8 @@ def check_documented(schema, node, default, path):
         check(node['default'] == default, f'{path}: default {node["default"]} in the schema, {default} in the view')
     properties = node.get('properties')
     if properties is not None and isinstance(default, dict):
+        # A field that only patches have is not part of a view.
+        properties = {name: child for name, child in properties.items() if not child.get('writeOnly')}
         check(set(properties) == set(default), f'{path}: fields differ: {set(properties) ^ set(default)}')
         check(node.get('additionalProperties') is False, f'{path} allows unknown fields')
         for name in set(properties) & set(default):
@@ -155,7 +157,7 @@ def check_bounds(tool, validator, schema):
                 patch['filter']['c_min'] = 5e-324  # below any c_max
             if patch.get('transfer_function', {}).get('order') == 'post':
                 patch['compositing'] = {'mode': 'slab'}  # single splats are refused with post
-            if patch.get('camera', {}).keys() & {'position', 'target', 'up'}:
+            if patch.get('camera', {}).keys() & {'position', 'target', 'up', 'distance'}:
                 # Only the type matters here; the examples cover degenerate cameras.
                 if isinstance(value, (int, float)) and not isinstance(value, bool):
                     continue
@@ -181,6 +183,8 @@ def random_patch(rng, node, schema, depth=0):
         if rng.random() < (0.5 if depth == 0 else 0.6):
             continue
         child = resolve(schema, child)
+        if child.get('writeOnly'):
+            continue  # is merged into other fields
         if rng.random() < 0.2:
             patch[name] = None
         elif 'properties' in child:

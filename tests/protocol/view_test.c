@@ -133,6 +133,78 @@ static void errors_name_the_field_and_the_remedy(void **state) {
     }
 }
 
+static void assert_near3(const double actual[3], double x, double y, double z) {
+    const double expected[3] = { x, y, z };
+    for (int i = 0; i < 3; i++)
+        if (fabs(actual[i] - expected[i]) > 1e-9)
+            fail_msg("member %d is %.17g, not %.17g", i, actual[i], expected[i]);
+}
+
+/* The default camera of the fixture looks from -y, and up is +z. */
+static void a_camera_is_placed_by_angles(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view(), before = view;
+    const double *target = before.camera.target;
+    must_apply("{\"camera\":{\"azimuth\":0,\"elevation\":0,\"distance\":100}}", &view);
+    assert_near3(view.camera.position, target[0], target[1] - 100, target[2]);
+    assert_near3(view.camera.up, 0, 0, 1);
+    must_apply("{\"camera\":{\"azimuth\":90}}", &view);
+    assert_near3(view.camera.position, target[0] + 100, target[1], target[2]);
+    must_apply("{\"camera\":{\"elevation\":30}}", &view);
+    assert_near3(view.camera.position, target[0] + 100 * cos(M_PI / 6), target[1], target[2] + 50);
+    must_apply("{\"camera\":{\"target\":[1,2,3],\"distance\":10,\"elevation\":0}}", &view);
+    assert_near3(view.camera.position, 11, 2, 3);
+    must_apply("{\"camera\":{\"target\":[0,0,0],\"roll\":90}}", &view);
+    assert_near3(view.camera.position, 10, 0, 0);
+    assert_near3(view.camera.up, 0, -1, 0); /* +y is on the right, and the image turns clockwise */
+    must_apply("{\"camera\":{\"roll\":0}}", &view);
+    assert_near3(view.camera.up, 0, 0, 1);
+    must_apply("{\"camera\":{\"target\":null,\"azimuth\":null,\"elevation\":null,"
+               "\"distance\":null}}",
+               &view);
+    assert_near3(view.camera.position, before.camera.position[0], before.camera.position[1],
+                 before.camera.position[2]);
+}
+
+static void the_poles_have_an_up(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view();
+    const double *target = view.camera.target;
+    must_apply("{\"camera\":{\"azimuth\":0,\"elevation\":90,\"distance\":100}}", &view);
+    assert_near3(view.camera.position, target[0], target[1], target[2] + 100);
+    assert_near3(view.camera.up, 0, 1, 0); /* the front is at the bottom of the image */
+    must_apply("{\"camera\":{\"azimuth\":90}}", &view);
+    assert_near3(view.camera.up, -1, 0, 0);
+    must_apply("{\"camera\":{\"elevation\":0}}", &view); /* the azimuth is remembered */
+    assert_near3(view.camera.position, target[0] + 100, target[1], target[2]);
+    assert_near3(view.camera.up, 0, 0, 1);
+}
+
+/* A camera turned by hand and read as an orbit is placed where it was. */
+static void any_camera_has_an_orbit(void **state) {
+    (void)state;
+    struct sp_view view = fixture_view();
+    must_apply("{\"camera\":{\"position\":[50,-60,70],\"target\":[1,2,3],\"up\":[1,2,5]}}", &view);
+    struct sp_camera before = view.camera;
+    must_apply("{\"camera\":{\"fov_y\":30,\"distance\":200}}", &view);
+    double scale = 200 / sqrt(49 * 49 + 62 * 62 + 67 * 67);
+    assert_near3(view.camera.position, 1 + scale * 49, 2 - scale * 62, 3 + scale * 67);
+    /* Only the part of up across the direction of view shows. */
+    double away[3] = { 49, -62, 67 }, dot = 0, square = 0;
+    for (int i = 0; i < 3; i++) {
+        dot += away[i] * before.up[i];
+        square += away[i] * away[i];
+    }
+    double above[3], length = 0;
+    for (int i = 0; i < 3; i++) {
+        above[i] = before.up[i] - dot / square * away[i];
+        length += above[i] * above[i];
+    }
+    for (int i = 0; i < 3; i++)
+        above[i] /= sqrt(length);
+    assert_near3(view.camera.up, above[0], above[1], above[2]);
+}
+
 static void opacity_is_never_rounded_up_to_one(void **state) {
     (void)state;
     struct sp_view view = fixture_view();
@@ -244,6 +316,9 @@ int main(void) {
         cmocka_unit_test(defaults_may_be_the_view_itself),
         cmocka_unit_test(a_refused_patch_changes_nothing),
         cmocka_unit_test(errors_name_the_field_and_the_remedy),
+        cmocka_unit_test(a_camera_is_placed_by_angles),
+        cmocka_unit_test(the_poles_have_an_up),
+        cmocka_unit_test(any_camera_has_an_orbit),
         cmocka_unit_test(opacity_is_never_rounded_up_to_one),
         cmocka_unit_test(random_views_round_trip_bit_for_bit),
         cmocka_unit_test(the_default_view_round_trips),
