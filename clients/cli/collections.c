@@ -8,22 +8,11 @@
 #include <string.h>
 
 #include "cli/commands.h"
+#include "cli/print.h"
 
 static bool end_output(struct sp_error *err) {
     return (fflush(stdout) == 0 && !ferror(stdout)) ||
            sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
-}
-
-/* Returns "/COLLECTION/NAME"; NULL with *err set on failure. */
-static char *path_of(struct http *http, const char *collection, const char *name,
-                     struct sp_error *err) {
-    char *escaped = http_escape(http, name), *path = NULL;
-    if (!escaped || asprintf(&path, "/%s/%s", collection, escaped) < 0) {
-        path = NULL;
-        sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
-    }
-    free(escaped);
-    return path;
 }
 
 /* Reads all pages of a list into one document {"`name`": […]}; NULL with *err set on failure. */
@@ -56,87 +45,110 @@ static proto_json *read_pages(struct http *http, const char *name, struct sp_err
     return whole;
 }
 
-static void print_session(const proto_json *session) {
+static void add_session(struct table *table, const proto_json *session) {
     int64_t participants = 0;
     double idle_s = 0;
     bool is_hibernated = false;
     proto_json_integer(proto_json_get(session, "participants"), &participants);
     proto_json_number(proto_json_get(session, "idle"), &idle_s);
     proto_json_bool(proto_json_get(session, "hibernated"), &is_hibernated);
-    printf("%-18s %-24s %-7s %6" PRId64 " %9.0f\n", text_of(session, "id"),
-           text_of(session, "volume"), is_hibernated ? "hibernated" : "active", participants,
-           idle_s);
+    table_add(table, "%s", text_of(session, "id"));
+    table_add(table, "%s", text_of(session, "volume"));
+    table_add(table, "%s", is_hibernated ? "hibernated" : "active");
+    table_add(table, "%" PRId64, participants);
+    table_add(table, "%.0f", idle_s);
 }
 
-static void print_view(const proto_json *view) {
+static void add_view(struct table *table, const proto_json *view) {
     int64_t size[2] = { 0 };
     for (size_t i = 0; i < 2; i++)
         proto_json_integer(proto_json_at(proto_json_get(view, "size"), i), &size[i]);
-    printf("%-34s %-24s %" PRId64 "x%" PRId64 "\n", text_of(view, "id"), text_of(view, "volume"),
-           size[0], size[1]);
+    table_add(table, "%s", text_of(view, "id"));
+    table_add(table, "%s", text_of(view, "volume"));
+    table_add(table, "%" PRId64 "x%" PRId64, size[0], size[1]);
 }
 
-static void print_path(const proto_json *path) {
+static void add_path(struct table *table, const proto_json *path) {
     int64_t frames = 0, done = 0;
     proto_json_integer(proto_json_get(path, "frames"), &frames);
     proto_json_integer(proto_json_get(path, "done"), &done);
-    printf("%-34s %-8s %-6s %6" PRId64 " %6" PRId64 "\n", text_of(path, "id"),
-           text_of(path, "state"), text_of(path, "format"), done, frames);
+    table_add(table, "%s", text_of(path, "id"));
+    table_add(table, "%s", text_of(path, "state"));
+    table_add(table, "%s", text_of(path, "format"));
+    table_add(table, "%" PRId64, done);
+    table_add(table, "%" PRId64, frames);
 }
 
-static void print_name(const proto_json *name) {
-    puts(proto_json_string(name) ? proto_json_string(name) : "");
+static void add_name(struct table *table, const proto_json *name) {
+    table_add(table, "%s", proto_json_string(name) ? proto_json_string(name) : "");
+}
+
+/* A list of the daemon and its columns. */
+struct listing {
+    const char *name;
+    const char *headings[TABLE_COLUMNS_MAX]; /* {NULL} = one column without a heading */
+    size_t columns, numbers;                 /* the last `numbers` columns are aligned right */
+    void (*add)(struct table *table, const proto_json *item);
+};
+
+static bool print_table(const struct listing *listing, const proto_json *items,
+                        struct sp_error *err) {
+    struct table table = { .columns = listing->columns };
+    for (size_t c = listing->columns - listing->numbers; c < listing->columns; c++)
+        table.is_right[c] = true;
+    for (size_t c = 0; c < listing->columns && listing->headings[c]; c++)
+        table_add(&table, "%s", listing->headings[c]);
+    for (size_t i = 0; i < proto_json_size(items); i++)
+        listing->add(&table, proto_json_at(items, i));
+    return table_print(&table, err);
 }
 
 /* Prints a list of the daemon; with --json as one document. */
-static int list(const struct options *options, const char *name, const char *heading,
-                void (*print)(const proto_json *), struct sp_error *err) {
+static int list(const struct options *options, const struct listing *listing,
+                struct sp_error *err) {
     if (options->argument)
         return usage_error(options->argument,
                            "is an argument too many; the command lists everything");
     struct http *http = connect_to_daemon(options, err);
-    proto_json *all = http ? read_pages(http, name, err) : NULL;
+    proto_json *all = http ? read_pages(http, listing->name, err) : NULL;
     bool ok = all != NULL;
     http_destroy(&http);
-    if (ok && options->json) {
-        ok = print_json(all, err);
-    } else if (ok) {
-        const proto_json *items = proto_json_get(all, name);
-        fputs(heading, stdout);
-        for (size_t i = 0; i < proto_json_size(items); i++)
-            print(proto_json_at(items, i));
-        ok = end_output(err);
-    }
+    if (ok && options->json)
+        ok = print_json(options, all, err);
+    else if (ok)
+        ok = print_table(listing, proto_json_get(all, listing->name), err);
     proto_json_free(&all);
     return ok ? 0 : 1;
 }
 
 int command_presets(const struct options *options, struct sp_error *err) {
-    return list(options, "presets", "", print_name, err);
+    static const struct listing presets = { "presets", { NULL }, 1, 0, add_name };
+    return list(options, &presets, err);
 }
 
 int command_views(const struct options *options, struct sp_error *err) {
-    return list(options, "views",
-                "ID                                 VOLUME                   SIZE\n", print_view,
-                err);
+    static const struct listing views = { "views", { "ID", "VOLUME", "SIZE" }, 3, 0, add_view };
+    return list(options, &views, err);
 }
 
 int command_sessions(const struct options *options, struct sp_error *err) {
-    return list(options, "sessions",
-                "ID                 VOLUME                   STATE   PEOPLE   IDLE, s\n",
-                print_session, err);
+    static const struct listing sessions = {
+        "sessions", { "ID", "VOLUME", "STATE", "PEOPLE", "IDLE, s" }, 5, 2, add_session
+    };
+    return list(options, &sessions, err);
 }
 
 int command_paths(const struct options *options, struct sp_error *err) {
-    return list(options, "paths",
-                "ID                                 STATE    FORMAT   DONE FRAMES\n", print_path,
-                err);
+    static const struct listing paths = {
+        "paths", { "ID", "STATE", "FORMAT", "DONE", "FRAMES" }, 5, 2, add_path
+    };
+    return list(options, &paths, err);
 }
 
 /* Reads or deletes one item. Returns the answer, an empty object after a deletion, or NULL. */
 static proto_json *get_or_delete(const struct options *options, struct http *http,
                                  const char *collection, struct sp_error *err) {
-    char *path = path_of(http, collection, options->argument, err);
+    char *path = collection_path(http, collection, options->argument, err);
     struct http_response response = { 0 };
     proto_json *json = NULL;
     if (path && options->delete) {
@@ -172,7 +184,7 @@ static bool print_links(const struct options *options, struct http *http, const 
     proto_json *links = links_of(http, session);
     bool ok = links || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
     if (ok && options->json)
-        ok = print_json(links, err);
+        ok = print_json(options, links, err);
     else if (ok) {
         printf("session %s\ncontrol %s\nview    %s\n", text_of(links, "session"),
                text_of(links, "control"), text_of(links, "view"));
@@ -199,7 +211,7 @@ int command_saved(const struct options *options, struct sp_error *err) {
         return usage_error("saved", "needs the id of a saved view; \"splatctl views\" lists them");
     struct http *http = connect_to_daemon(options, err);
     proto_json *view = http ? get_or_delete(options, http, "views", err) : NULL;
-    bool ok = view && (options->delete || print_json(view, err));
+    bool ok = view && (options->delete || print_json(options, view, err));
     proto_json_free(&view);
     http_destroy(&http);
     return ok ? 0 : 1;
@@ -207,9 +219,9 @@ int command_saved(const struct options *options, struct sp_error *err) {
 
 /* Stores the view of the command line as a preset. */
 static bool put_preset(const struct options *options, struct http *http, struct sp_error *err) {
-    proto_json *view = read_view(options, err);
+    proto_json *view = read_view(options, http, err);
     char *text = view ? proto_json_to_text(view, NULL) : NULL;
-    char *path = text ? path_of(http, "presets", options->argument, err) : NULL;
+    char *path = text ? collection_path(http, "presets", options->argument, err) : NULL;
     struct http_response response = { 0 };
     bool ok = path && http_request(http, "PUT", path, "application/json", text, &response, err);
     if (view && !text)
@@ -232,7 +244,7 @@ int command_preset(const struct options *options, struct sp_error *err) {
         ok = put_preset(options, http, err);
     } else if (ok) {
         proto_json *preset = get_or_delete(options, http, "presets", err);
-        ok = preset && (options->delete || print_json(preset, err));
+        ok = preset && (options->delete || print_json(options, preset, err));
         proto_json_free(&preset);
     }
     http_destroy(&http);
@@ -243,7 +255,7 @@ int command_preset(const struct options *options, struct sp_error *err) {
  * `member`. NULL with *err set on failure. */
 static proto_json *post_view(const struct options *options, struct http *http, const char *path,
                              const char *member, struct sp_error *err) {
-    proto_json *view = read_view(options, err), *body = NULL, *answer = NULL;
+    proto_json *view = read_view(options, http, err), *body = NULL, *answer = NULL;
     char *volume = view && options->volume
                        ? resolve_volume(http, options, options->volume, false, true, err)
                        : NULL;
@@ -271,7 +283,7 @@ int command_save(const struct options *options, struct sp_error *err) {
     proto_json *saved = http ? post_view(options, http, "/views", NULL, err) : NULL;
     bool ok = saved != NULL;
     if (ok && options->json) {
-        ok = print_json(saved, err);
+        ok = print_json(options, saved, err);
     } else if (ok) {
         puts(text_of(saved, "id"));
         ok = end_output(err);

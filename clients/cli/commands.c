@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/commands.h"
+#include "cli/print.h"
 
 #include <inttypes.h>
 #include <stdio.h>
@@ -19,24 +20,51 @@ const char *text_of(const proto_json *object, const char *key) {
     return text ? text : "";
 }
 
-bool print_json(const proto_json *json, struct sp_error *err) {
+bool print_json(const struct options *options, const proto_json *json, struct sp_error *err) {
+    if (!options->json)
+        return print_indented(json, err);
     char *text = proto_json_to_text(json, NULL);
     bool ok = text && puts(text) >= 0 && fflush(stdout) == 0;
     free(text);
     return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
 
-static void print_volume(const proto_json *volume) {
+char *collection_path(struct http *http, const char *collection, const char *name,
+                      struct sp_error *err) {
+    char *escaped = http_escape(http, name), *path = NULL;
+    if (!escaped || asprintf(&path, "/%s/%s", collection, escaped) < 0) {
+        path = NULL;
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory");
+    }
+    free(escaped);
+    return path;
+}
+
+static void add_volume(struct table *table, const proto_json *volume) {
     const proto_json *dims = proto_json_get(volume, "dims");
     int64_t n[3] = { 0 }, bytes = 0;
     for (size_t i = 0; i < 3; i++)
         proto_json_integer(proto_json_at(dims, i), &n[i]);
     proto_json_integer(proto_json_get(volume, "bytes"), &bytes);
-    char size[48] = "-";
+    table_add(table, "%s", text_of(volume, "id"));
+    table_add(table, "%s", text_of(volume, "state"));
     if (n[0] > 0)
-        snprintf(size, sizeof size, "%" PRId64 "x%" PRId64 "x%" PRId64, n[0], n[1], n[2]);
-    printf("%-24s %-8s %-16s %-8s %9.1f  %s\n", text_of(volume, "id"), text_of(volume, "state"),
-           size, text_of(volume, "type"), (double)bytes / 1e6, text_of(volume, "source"));
+        table_add(table, "%" PRId64 "x%" PRId64 "x%" PRId64, n[0], n[1], n[2]);
+    else
+        table_add(table, "-");
+    table_add(table, "%s", text_of(volume, "type")[0] ? text_of(volume, "type") : "-");
+    table_add(table, "%.1f", (double)bytes / 1e6);
+    table_add(table, "%s", text_of(volume, "source"));
+}
+
+static bool print_volumes(const proto_json *list, struct sp_error *err) {
+    static const char *const headings[] = { "ID", "STATE", "DIMS", "TYPE", "MB", "SOURCE" };
+    struct table table = { .columns = 6, .is_right = { [4] = true } };
+    for (size_t i = 0; i < table.columns; i++)
+        table_add(&table, "%s", headings[i]);
+    for (size_t i = 0; i < proto_json_size(list); i++)
+        add_volume(&table, proto_json_at(list, i));
+    return table_print(&table, err);
 }
 
 int command_volumes(const struct options *options, struct sp_error *err) {
@@ -45,17 +73,8 @@ int command_volumes(const struct options *options, struct sp_error *err) {
     http_destroy(&http);
     if (!answer)
         return 1;
-    bool ok = true;
-    if (options->json) {
-        ok = print_json(answer, err);
-    } else {
-        const proto_json *list = proto_json_get(answer, "volumes");
-        printf("%-24s %-8s %-16s %-8s %9s  %s\n", "ID", "STATE", "DIMS", "TYPE", "MB", "SOURCE");
-        for (size_t i = 0; i < proto_json_size(list); i++)
-            print_volume(proto_json_at(list, i));
-        ok = (fflush(stdout) == 0 && !ferror(stdout)) ||
-             sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
-    }
+    bool ok = options->json ? print_json(options, answer, err)
+                            : print_volumes(proto_json_get(answer, "volumes"), err);
     proto_json_free(&answer);
     return ok ? 0 : 1;
 }
@@ -104,15 +123,6 @@ static proto_json *wait_until_ready(struct http *http, const struct options *opt
     return volume;
 }
 
-/* Returns "/volumes/ID"; NULL when out of memory. */
-static char *volume_path(struct http *http, const char *id) {
-    char *escaped = http_escape(http, id), *path = NULL;
-    if (escaped && asprintf(&path, "/volumes/%s", escaped) < 0)
-        path = NULL;
-    free(escaped);
-    return path;
-}
-
 static proto_json *post_volume(struct http *http, const char *source, struct sp_error *err) {
     proto_json *request = proto_json_object();
     bool uri = strncmp(source, "demo:", 5) == 0;
@@ -132,30 +142,66 @@ static proto_json *post_volume(struct http *http, const char *source, struct sp_
     return volume;
 }
 
-/* Returns the volume with this id, or NULL without an error if there is none. */
-static proto_json *find_volume(struct http *http, const char *id) {
-    char *path = volume_path(http, id);
-    proto_json *volume = path ? http_json(http, "GET", path, NULL, NULL) : NULL;
+/* Returns the volume with this id; NULL if there is none, or with *err set on another failure. */
+static proto_json *find_volume(struct http *http, const char *id, struct sp_error *err) {
+    char *path = collection_path(http, "volumes", id, err);
+    struct http_response response = { 0 };
+    proto_json *volume = NULL;
+    if (path && http_request(http, "GET", path, "application/json", NULL, &response, err))
+        volume = proto_json_parse(response.body ? response.body : "", response.size, err);
+    else if (response.status == 404)
+        err->code = SP_OK;
+    http_response_finish(&response);
     free(path);
     return volume;
+}
+
+/* Writes the ids of the daemon's volumes; "no volumes" if there are none or they are unknown. */
+static void name_volumes(struct http *http, char *out, size_t capacity) {
+    proto_json *answer = http_json(http, "GET", "/volumes", NULL, NULL);
+    const proto_json *list = proto_json_get(answer, "volumes");
+    size_t count = proto_json_size(list), n = 0;
+    snprintf(out, capacity, "no volumes");
+    for (size_t i = 0; i < count; i++) {
+        const char *id = text_of(proto_json_at(list, i), "id");
+        if (n + strlen(id) + 24 > capacity) {
+            snprintf(out + n, capacity - n, " and %zu more", count - i);
+            break;
+        }
+        n += (size_t)snprintf(out + n, capacity - n, "%s%s", i ? ", " : "", id);
+    }
+    proto_json_free(&answer);
+}
+
+/* Neither an id nor a source that can be loaded: says both, and what there is. */
+static void refuse_volume(struct http *http, const char *source, struct sp_error *err) {
+    char names[256], why[SP_ERROR_TEXT];
+    name_volumes(http, names, sizeof names);
+    snprintf(why, sizeof why, "%s", err->text);
+    sp_fail(err, err->code, source,
+            "no volume has this id (the daemon has %s), and loading it "
+            "fails: %s",
+            names, why);
 }
 
 /* Returns the description of the volume that `source` names; see resolve_volume(). */
 static proto_json *open_volume(struct http *http, const struct options *options, const char *source,
                                bool must_load, bool wait, struct sp_error *err) {
     bool maybe_id = !must_load && strncmp(source, "demo:", 5) != 0 && !strchr(source, '/');
-    proto_json *volume = maybe_id ? find_volume(http, source) : NULL;
-    if (!volume)
+    err->code = SP_OK;
+    proto_json *volume = maybe_id ? find_volume(http, source, err) : NULL;
+    if (!volume && err->code == SP_OK) {
         volume = post_volume(http, source, err);
+        if (!volume && maybe_id && err->code == SP_ERR_INVALID)
+            refuse_volume(http, source, err);
+    }
     if (!volume || !wait)
         return volume;
-    char *path = volume_path(http, text_of(volume, "id"));
-    if (path) {
+    char *path = collection_path(http, "volumes", text_of(volume, "id"), err);
+    if (path)
         volume = wait_until_ready(http, options, volume, path, err);
-    } else {
-        sp_fail(err, SP_ERR_MEMORY, source, "out of memory");
+    else
         proto_json_free(&volume);
-    }
     free(path);
     return volume;
 }
@@ -176,10 +222,23 @@ int command_load(const struct options *options, struct sp_error *err) {
         http ? open_volume(http, options, options->argument, true, !options->no_wait, err) : NULL;
     bool ok = volume != NULL;
     if (ok && options->json)
-        ok = print_json(volume, err);
+        ok = print_json(options, volume, err);
     else if (ok)
         puts(text_of(volume, "id"));
     proto_json_free(&volume);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
+
+int command_unload(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("unload", "needs the id of a volume; \"splatctl volumes\" lists them");
+    struct http *http = connect_to_daemon(options, err);
+    char *path = http ? collection_path(http, "volumes", options->argument, err) : NULL;
+    struct http_response response = { 0 };
+    bool ok = path && http_request(http, "DELETE", path, "application/json", NULL, &response, err);
+    http_response_finish(&response);
+    free(path);
     http_destroy(&http);
     return ok ? 0 : 1;
 }
@@ -188,11 +247,12 @@ int command_view(const struct options *options, struct sp_error *err) {
     if (!options->argument)
         return usage_error("view", "needs the id of a volume; \"splatctl volumes\" lists them");
     struct http *http = connect_to_daemon(options, err);
-    char *volume = http ? volume_path(http, options->argument) : NULL, *path = NULL;
+    char *volume = http ? collection_path(http, "volumes", options->argument, err) : NULL;
+    char *path = NULL;
     proto_json *view = NULL;
     if (volume && asprintf(&path, "%s/view", volume) >= 0)
         view = http_json(http, "GET", path, NULL, err);
-    bool ok = view && print_json(view, err);
+    bool ok = view && print_json(options, view, err);
     proto_json_free(&view);
     free(path);
     free(volume);

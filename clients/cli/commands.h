@@ -10,7 +10,8 @@
  * of the command line. */
 typedef int command_fn(const struct options *options, struct sp_error *err);
 
-command_fn command_volumes, command_load, command_view, command_render; /* commands.c, render.c */
+command_fn command_volumes, command_load, command_unload, command_view; /* commands.c */
+command_fn command_render;                                              /* render.c */
 command_fn command_presets, command_preset, command_views, command_saved, command_save,
     command_sessions, command_session, command_share, command_paths; /* collections.c */
 command_fn command_path;                                             /* path.c */
@@ -18,11 +19,14 @@ command_fn command_path;                                             /* path.c *
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
-/* Prints a JSON document and a newline. */
-bool print_json(const proto_json *json, struct sp_error *err);
-/* Returns the view of --view, or an empty view, with --size applied. NULL with *err set on failure.
- */
-proto_json *read_view(const struct options *options, struct sp_error *err);
+/* Prints a JSON document: on one line for programs with --json, else indented. */
+bool print_json(const struct options *options, const proto_json *json, struct sp_error *err);
+/* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */
+char *collection_path(struct http *http, const char *collection, const char *name,
+                      struct sp_error *err);
+/* Returns the view of the options: --preset, --view over it, then --size and the options of the
+ * camera (patch.c). `http` is used for --preset alone. NULL with *err set on failure. */
+proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err);
 
 /* An image to write, and the figures of its rendering. */
 struct image {

@@ -228,6 +228,47 @@ static bool refuse_status(const struct http_response *response, const char *meth
     return false;
 }
 
+static size_t ignore_body(char *bytes, size_t one, size_t size, void *user) {
+    (void)bytes, (void)one, (void)user;
+    return size;
+}
+
+/* True if the server of an https address answers plain HTTP. The request has no token. */
+static bool answers_without_tls(const struct http *http) {
+    char *url = NULL;
+    long status = 0;
+    CURL *curl = curl_easy_init();
+    if (curl && asprintf(&url, "http%s/", http->base + strlen("https")) >= 0) {
+        curl_easy_setopt(curl, CURLOPT_URL, url);
+        curl_easy_setopt(curl, CURLOPT_NOBODY, 1L);
+        curl_easy_setopt(curl, CURLOPT_NOSIGNAL, 1L);
+        curl_easy_setopt(curl, CURLOPT_TIMEOUT, (long)CONNECT_TIMEOUT_S);
+        curl_easy_setopt(curl, CURLOPT_WRITEFUNCTION, ignore_body);
+        if (http->is_loopback)
+            curl_easy_setopt(curl, CURLOPT_PROXY, "");
+        if (curl_easy_perform(curl) == CURLE_OK)
+            curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &status);
+    }
+    curl_easy_cleanup(curl);
+    free(url);
+    return status > 0;
+}
+
+/* Says why there is no answer. `why` is libcurl's text. */
+static bool refuse_transfer(const struct http *http, CURLcode code, const char *why,
+                            struct sp_error *err) {
+    if (code == CURLE_ABORTED_BY_CALLBACK)
+        return sp_fail(err, SP_ERR_CANCELLED, http->base, "interrupted");
+    if (code == CURLE_WRITE_ERROR)
+        return sp_fail(err, SP_ERR_MEMORY, http->base,
+                       "out of memory for the answer, or over 2 GiB");
+    if (code == CURLE_SSL_CONNECT_ERROR && answers_without_tls(http))
+        return sp_fail(err, SP_ERR_INVALID, http->base,
+                       "this server speaks HTTP without TLS; use http%s",
+                       http->base + strlen("https"));
+    return sp_fail(err, SP_ERR_IO, http->base, "%s", *why ? why : curl_easy_strerror(code));
+}
+
 static bool perform(struct http *http, const char *method, const char *path, const char *accept,
                     const char *body, struct receiving *receiving, struct sp_error *err) {
     struct http_response *response = receiving->response;
@@ -272,13 +313,8 @@ static bool perform(struct http *http, const char *method, const char *path, con
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &response->status);
     curl_slist_free_all(headers);
     free(url);
-    if (code == CURLE_ABORTED_BY_CALLBACK)
-        return sp_fail(err, SP_ERR_CANCELLED, http->base, "interrupted");
-    if (code == CURLE_WRITE_ERROR)
-        return sp_fail(err, SP_ERR_MEMORY, http->base,
-                       "out of memory for the answer, or over 2 GiB");
     if (code != CURLE_OK)
-        return sp_fail(err, SP_ERR_IO, http->base, "%s", why[0] ? why : curl_easy_strerror(code));
+        return refuse_transfer(http, code, why, err);
     return response->status < 400 || refuse_status(response, method, path, err);
 }
 

@@ -3,9 +3,12 @@
 
 #include <errno.h>
 #include <getopt.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+
+enum { SIZE_MAX_PX = 8192 };
 
 enum option_id {
     OPT_URL = 1,
@@ -26,6 +29,11 @@ enum option_id {
     OPT_NO_WAIT,
     OPT_DELETE,
     OPT_ID,
+    OPT_PRESET,
+    OPT_AZIMUTH,
+    OPT_ELEVATION,
+    OPT_DISTANCE,
+    OPT_ROLL,
     OPT_HELP,
     OPT_VERSION
 };
@@ -49,6 +57,11 @@ static const struct option known[] = {
     { "no-wait", no_argument, NULL, OPT_NO_WAIT },
     { "delete", no_argument, NULL, OPT_DELETE },
     { "id", required_argument, NULL, OPT_ID },
+    { "preset", required_argument, NULL, OPT_PRESET },
+    { "azimuth", required_argument, NULL, OPT_AZIMUTH },
+    { "elevation", required_argument, NULL, OPT_ELEVATION },
+    { "distance", required_argument, NULL, OPT_DISTANCE },
+    { "roll", required_argument, NULL, OPT_ROLL },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
     { NULL, 0, NULL, 0 },
@@ -61,12 +74,14 @@ static const char help_text[] =
     "  volumes                 list the daemon's volumes\n"
     "  load SOURCE             load a file below the daemon's --data folder, or demo:NAME; print\n"
     "                          its id and wait until it is ready\n"
+    "  unload ID               remove a volume from the daemon\n"
     "  view ID                 print the default view of a volume\n"
     "  render                  render one image\n"
     "  path FILE|-             render a camera path: frames into the folder --out, or a movie; "
     "the\n"
     "                          daemon keeps the path until everything is fetched\n"
-    "  path --id ID            resume fetching a path into --out; without --out print its state\n"
+    "  path --id ID            fetch a path into --out, which stays on the daemon; without --out\n"
+    "                          print its state\n"
     "  paths                   list the camera paths\n"
     "  save                    save a view (--view, --volume) for links; print its id\n"
     "  saved ID                print a saved view\n"
@@ -91,14 +106,23 @@ static const char help_text[] =
     "load:\n"
     "  --no-wait               return as soon as loading has started\n"
     "\n"
-    "render:\n"
+    "render, save, share:\n"
     "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if "
     "necessary\n"
     "                          (default: \"volume\" of the view)\n"
     "  --view FILE|-           a view as JSON, merged into the default view of the volume\n"
+    "  --preset NAME           a preset of the daemon, under the view\n"
+    "  --azimuth A, --elevation E, --distance D, --roll R\n"
+    "                          the camera around its target, in degrees and world units: azimuth "
+    "0\n"
+    "                          is the front, 90 the side at +x, elevation 90 the top (default: "
+    "the\n"
+    "                          camera of the view)\n"
+    "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n"
+    "\n"
+    "render:\n"
     "  --out FILE|-            the image file, written completely or not at all (path: a folder,\n"
     "                          created if necessary, or a movie file)\n"
-    "  --size W,H              in pixels, each in [1, 8192] (default: the size of the view)\n"
     "  --format NAME           jpeg, png, webp or exr (default: by the suffix of --out, else png)\n"
     "  --quality N             1 to 100, for jpeg and webp (default 90)\n"
     "  --local                 render in this process, without a daemon; the image is the same\n"
@@ -108,7 +132,7 @@ static const char help_text[] =
     "  --isa NAME              with --local: instruction set of the CPU backend: auto (default),\n"
     "                          scalar, sse41, avx2, avx512, neon\n"
     "\n"
-    "  --json                  print JSON\n"
+    "  --json                  print JSON on one line, for programs\n"
     "  --help, --version\n"
     "\n"
     "A view also chooses filter, compositing, light and clipping; \"splatctl view ID\" prints all "
@@ -159,17 +183,33 @@ static bool parse_whole(const char *name, const char *text, long low, long high,
     return false;
 }
 
+/* Accepts WIDTHxHEIGHT, WIDTH,HEIGHT, and one number for a square. */
 static bool parse_size(const char *text, uint32_t size[2]) {
     const char *end;
     long width, height;
-    if (!parse_number(text, 1, 8192, &end, &width) || *end != ',' ||
-        !parse_number(end + 1, 1, 8192, &end, &height) || *end != 0) {
-        usage_error("--size", "\"%s\" is not WIDTH,HEIGHT with both in [1, 8192]", text);
+    bool ok = parse_number(text, 1, SIZE_MAX_PX, &end, &width);
+    if (ok && *end == 0)
+        height = width;
+    else
+        ok = ok && (*end == 'x' || *end == ',') &&
+             parse_number(end + 1, 1, SIZE_MAX_PX, &end, &height) && *end == 0;
+    if (!ok) {
+        usage_error("--size", "\"%s\" is not WIDTHxHEIGHT with both in [1, %d]", text, SIZE_MAX_PX);
         return false;
     }
     size[0] = (uint32_t)width;
     size[1] = (uint32_t)height;
     return true;
+}
+
+/* The daemon checks the range of a member of the camera. */
+static bool parse_camera(const char *name, const char *text, double *out) {
+    char *end;
+    *out = strtod(text, &end);
+    if (end != text && *end == 0 && isfinite(*out))
+        return true;
+    usage_error(name, "\"%s\" is not a number", text);
+    return false;
 }
 
 static bool apply_option(struct options *o, int id, const char *value) {
@@ -230,6 +270,17 @@ static bool apply_option(struct options *o, int id, const char *value) {
     case OPT_ID:
         o->id = value;
         return true;
+    case OPT_PRESET:
+        o->preset = value;
+        return true;
+    case OPT_AZIMUTH:
+        return parse_camera("--azimuth", value, &o->camera[CAMERA_AZIMUTH]);
+    case OPT_ELEVATION:
+        return parse_camera("--elevation", value, &o->camera[CAMERA_ELEVATION]);
+    case OPT_DISTANCE:
+        return parse_camera("--distance", value, &o->camera[CAMERA_DISTANCE]);
+    case OPT_ROLL:
+        return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
     case OPT_HELP:
         return o->help = true;
     case OPT_VERSION:
@@ -239,7 +290,7 @@ static bool apply_option(struct options *o, int id, const char *value) {
 }
 
 bool options_parse(struct options *options, int argc, char **argv) {
-    *options = (struct options){ .timeout_s = 300 };
+    *options = (struct options){ .timeout_s = 300, .camera = { NAN, NAN, NAN, NAN } };
     opterr = 0;
     for (int id; (id = getopt_long(argc, argv, ":", known, NULL)) != -1;) {
         const char *given = argv[optind - 1];

@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c
- * and render.c are the commands; http.c talks to the daemon; local.c renders without a daemon;
- * output.c writes files completely or not at all. Errors are struct sp_error up to main(), which
+ * and render.c are the commands; patch.c makes their view; http.c talks to the daemon; local.c
+ * renders without a daemon; output.c writes files completely or not at all; print.c prints tables
+ * and JSON. Errors are struct sp_error up to main(), which
  * prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
@@ -11,15 +12,26 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+/* Members of the view's camera that have an option. */
+enum camera_option {
+    CAMERA_AZIMUTH,
+    CAMERA_ELEVATION,
+    CAMERA_DISTANCE,
+    CAMERA_ROLL,
+    CAMERA_OPTIONS
+};
+
 struct options {
     const char *url, *token; /* NULL = from the environment, else the default */
     const char *command;     /* NULL = none */
     const char *argument;    /* of the command: a path, id or name; NULL = none */
     const char *id;          /* of a camera path on the daemon */
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
-    uint32_t size[2]; /* {0, 0} = the size of the view */
-    int quality;      /* 0 = the default */
-    unsigned threads; /* 0 = one per core */
+    const char *preset;            /* under the view; NULL = none */
+    double camera[CAMERA_OPTIONS]; /* NAN = not given */
+    uint32_t size[2];              /* {0, 0} = the size of the view */
+    int quality;                   /* 0 = the default */
+    unsigned threads;              /* 0 = one per core */
     unsigned timeout_s;
     bool local, json, no_wait, delete, help, version;
 };

@@ -248,7 +248,7 @@ static bool find(struct fetching *f, struct sp_error *err) {
     f->is_movie = strcmp(text_of(state, "format"), "webm") == 0;
     bool ok = state && (!f->options->out || output_check(f->options->out, !f->is_movie, err));
     if (ok && !f->options->out)
-        ok = print_json(state, err);
+        ok = print_json(f->options, state, err);
     proto_json_free(&state);
     return ok;
 }
@@ -306,9 +306,10 @@ static int draw_path(const struct options *options, struct sp_error *err) {
         block_signals(&f);
         http_set_stop(f.http, is_interrupted, &f);
         ok = follow(&f, err);
-        if (ok)
+        /* A path that this command did not create stays, unless the user asks. */
+        if (ok && (!options->id || options->delete))
             delete_fetched(&f);
-        else
+        else if (!ok)
             say_how_to_resume(&f);
         if (!ok && f.has_folder)
             rmdir(options->out);                    /* fails unless it is empty */
@@ -324,9 +325,9 @@ static int draw_path(const struct options *options, struct sp_error *err) {
 int command_path(const struct options *options, struct sp_error *err) {
     if (!options->argument == !options->id)
         return usage_error("path", "needs a file with a camera path as JSON, or -; or --id");
-    if (options->delete &&(!options->id || options->out))
-        return usage_error("path", "--delete needs --id and excludes --out");
+    if (options->delete &&!options->id)
+        return usage_error("path", "--delete needs --id");
     if (options->argument && !options->out)
         return usage_error("path", "needs --out: a folder for frames, or a file for a movie");
-    return options->delete ? delete_path(options, err) : draw_path(options, err);
+    return options->delete &&!options->out ? delete_path(options, err) : draw_path(options, err);
 }

@@ -5,7 +5,6 @@
 
 #include "cli/commands.h"
 #include "cli/output.h"
-#include "protocol/limits.h"
 #include "protocol/view.h"
 
 bool write_image(const struct options *options, const struct image *image, const char *format,
@@ -32,49 +31,9 @@ bool write_image(const struct options *options, const struct image *image, const
     return ok || sp_fail(err, SP_ERR_IO, "standard output", "cannot write");
 }
 
-proto_json *read_view(const struct options *options, struct sp_error *err) {
-    proto_json *view = NULL;
-    const char *name = options->view;
-    if (name && strcmp(name, "-") == 0)
-        name = "standard input";
-    if (!options->view) {
-        view = proto_json_object();
-    } else {
-        size_t size;
-        char *text = input_read(options->view, PROTO_BODY_MAX, &size, err);
-        if (!text)
-            return NULL;
-        view = proto_json_parse(text, size, err);
-        free(text);
-        if (!view) {
-            if (err)
-                snprintf(err->place, sizeof err->place, "%s", name);
-            return NULL;
-        }
-    }
-    if (view && proto_json_type(view) != PROTO_JSON_OBJECT) {
-        sp_fail(err, SP_ERR_INVALID, name, "must be a view as a JSON object");
-        proto_json_free(&view);
-        return NULL;
-    }
-    bool ok = view != NULL;
-    if (ok && options->size[0]) {
-        proto_json *size = proto_json_array();
-        ok = proto_json_append_integer(size, options->size[0]) &&
-             proto_json_append_integer(size, options->size[1]);
-        ok = proto_json_set(view, "size", size) && ok;
-    }
-    if (!ok) {
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
-        proto_json_free(&view);
-    }
-    return view;
-}
-
-static bool render_remote(const struct options *options, const char *source, proto_json *view,
-                          enum sp_image_format format, struct sp_error *err) {
-    struct http *http = http_create(options->url, options->token, options->timeout_s, err);
-    char *id = http ? resolve_volume(http, options, source, false, true, err) : NULL;
+static bool render_remote(const struct options *options, struct http *http, const char *source,
+                          proto_json *view, enum sp_image_format format, struct sp_error *err) {
+    char *id = resolve_volume(http, options, source, false, true, err);
     char *body =
         id && proto_json_set_string(view, "volume", id) ? proto_json_to_text(view, NULL) : NULL;
     struct http_response response = { 0 };
@@ -101,7 +60,6 @@ static bool render_remote(const struct options *options, const char *source, pro
     http_response_finish(&response);
     free(body);
     free(id);
-    http_destroy(&http);
     return ok;
 }
 
@@ -113,6 +71,25 @@ static enum sp_image_format pick_format(const struct options *options) {
     const char *name = strrchr(options->out, '/');
     const char *ending = strrchr(name ? name : options->out, '.');
     return ending ? sp_image_format_find(ending) : SP_IMAGE_PNG;
+}
+
+/* Renders the view of the command line in this process or by the daemon. Returns an exit status. */
+static int draw(const struct options *options, enum sp_image_format format, struct sp_error *err) {
+    struct http *http = options->local ? NULL : connect_to_daemon(options, err);
+    proto_json *view = http || options->local ? read_view(options, http, err) : NULL;
+    const char *named = view ? proto_view_volume(view) : NULL;
+    char *source = options->volume ? strdup(options->volume) : named ? strdup(named) : NULL;
+    int status = 1;
+    if (view && !source)
+        status = usage_error("render", "needs --volume, because the view names none");
+    else if (view && options->local)
+        status = render_local(options, source, view, format, err);
+    else if (view)
+        status = render_remote(options, http, source, view, format, err) ? 0 : 1;
+    free(source);
+    proto_json_free(&view);
+    http_destroy(&http);
+    return status;
 }
 
 int command_render(const struct options *options, struct sp_error *err) {
@@ -127,19 +104,7 @@ int command_render(const struct options *options, struct sp_error *err) {
     if (!options->local && (options->threads || options->backend || options->gpu || options->isa))
         return usage_error("--threads, --backend, --gpu and --isa",
                            "need --local; otherwise the daemon chooses");
-    proto_json *view = read_view(options, err);
-    if (!view)
-        return 1;
-    const char *named = proto_view_volume(view);
-    char *source = options->volume ? strdup(options->volume) : named ? strdup(named) : NULL;
-    int status = 1;
-    if (!source)
-        status = usage_error("render", "needs --volume, because the view names none");
-    else if (options->local)
-        status = render_local(options, source, view, format, err);
-    else
-        status = render_remote(options, source, view, format, err) ? 0 : 1;
-    free(source);
-    proto_json_free(&view);
-    return status;
+    if (options->local && options->preset)
+        return usage_error("--preset", "is stored by the daemon; --local has none");
+    return draw(options, format, err);
 }

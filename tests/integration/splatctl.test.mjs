@@ -70,6 +70,30 @@ test('a volume that cannot be loaded is refused with the reason', async () => {
   assert.match(unknown.err, /^splatctl: .*nothing/);
 });
 
+test('a volume is unloaded, and an unknown id names those that exist', async () => {
+  await succeeds(['load', 'demo:noise?size=8']);
+  await succeeds(['unload', 'noise']);
+  const unknown = await splatctl(['render', '--volume', 'noise', '--out', '-']);
+  assert.equal(unknown.status, 1);
+  assert.match(unknown.err, /^splatctl: noise: no volume has this id \(the daemon has engine[^)]*\), and loading it fails: /);
+  assert.match((await splatctl(['unload', 'noise'])).err, /^splatctl: DELETE \/volumes\/noise: .*HTTP 404/);
+});
+
+test('a picture by a preset and by angles equals that of the same view', async () => {
+  const common = ['render', '--volume', 'engine', '--size', '40x30', '--out', '-'];
+  await succeeds(['preset', 'side', '--view', '-'], { input: '{"camera": {"azimuth": 90, "elevation": 0}, "shading": {"mode": "none"}}' });
+  const expected = await succeeds([...common, '--view', '-'], { input: '{"camera": {"azimuth": 90, "elevation": 15}, "shading": {"mode": "none"}}' });
+  assert.deepEqual(await succeeds([...common, '--preset', 'side', '--elevation', '15']), expected);
+  assert.notDeepEqual(await succeeds(common), expected);
+  await succeeds(['preset', 'side', '--delete']);
+});
+
+test('https at a daemon without TLS is said', async () => {
+  const { status, err } = await splatctl(['volumes'], { url: daemon.base.replace('http:', 'https:') });
+  assert.equal(status, 1);
+  assert.match(err, /^splatctl: https:\S+: this server speaks HTTP without TLS; use http:\/\/127/);
+});
+
 test('the daemon accepts its own default view', async () => {
   const view = await succeeds(['view', 'engine']);
   assert.equal(JSON.parse(view).volume, 'engine');
@@ -228,6 +252,8 @@ test('a camera path that could not be fetched stays and can be fetched later', a
   rmSync(inFolder('path/000002.png'), { recursive: true });
   assert.equal(JSON.parse(await succeeds(['path', '--id', id, '--out', inFolder('path'), '--json'])).frames, 5);
   assert.equal(readdirSync(inFolder('path')).length, 5);
+  assert.equal((await daemon.json('/api/v1/paths')).json.paths.length, 1, 'a path that is fetched by its id stays');
+  await succeeds(['path', '--id', id, '--out', inFolder('path'), '--delete']);
   assert.deepEqual((await daemon.json('/api/v1/paths')).json.paths, []);
   assert.match((await splatctl(['path', '--id', id])).err, /HTTP 404/);
 });

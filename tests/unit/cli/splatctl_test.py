@@ -1,28 +1,16 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
 """splatctl_test.py SPLATCTL: usage, rendering in process, and the handling of answers of a daemon."""
-import http.server
 import json
 import os
-import signal
 import socketserver
 import struct
-import subprocess
-import sys
 import tempfile
 import threading
-import time
 import unittest
 import zlib
 
-SPLATCTL = sys.argv.pop(1)
-
-
-def run(*arguments, stdin=b'', env=None):
-    environment = {k: v for k, v in os.environ.items() if not k.startswith('SPLATD_') and 'proxy' not in k.lower()}
-    environment.update(env or {})
-    return subprocess.run([SPLATCTL, *arguments], input=stdin, capture_output=True, env=environment, timeout=120,
-                          check=False)
+from fake_daemon import PIXELS, Daemon, RemoteCase, answer, problem, run, volume
 
 
 def png_size(data):
@@ -70,10 +58,16 @@ class Usage(unittest.TestCase):
         self.refused('render', '--volume', 'a', '--out', 'x.png', '--format', 'bmp')
         self.refused('render', '--volume', 'a', '--out', 'x.png', '--threads', '2')
         self.assertIn('--out', self.refused('render', '--out'))
-        for size in ('5', '0,5', '5,0', '8193,1', '5x5', '5,5,5', '-1,5', ' 5,5', ',', '99999999999999999999,1'):
+        for size in ('0', '0,5', '5,0', '8193', '8193x1', '5x', 'x5', '5*5', '5,5,5', '5x5x5', '-1,5', ' 5,5', ',', '',
+                     '99999999999999999999,1'):
             self.refused('render', '--volume', 'a', '--out', 'x.png', '--size', size)
         for quality in ('0', '101', 'high', '', '50%'):
             self.refused('render', '--volume', 'a', '--out', 'x.png', '--quality', quality)
+        for option in ('--azimuth', '--elevation', '--distance', '--roll'):
+            for value in ('', 'left', '5deg', 'nan', 'inf'):
+                self.assertIn(option, self.refused('render', '--volume', 'a', '--out', 'x.png', option, value))
+        self.refused('render', '--local', '--volume', 'a', '--out', 'x.png', '--preset', 'bones')
+        self.refused('unload')
 
 
 class Local(unittest.TestCase):
@@ -104,7 +98,20 @@ class Local(unittest.TestCase):
         result = self.render('-', '--view', '-', stdin=view)
         self.assertEqual((result.returncode, result.stderr), (0, b''))
         self.assertEqual(png_size(result.stdout), (24, 12))
-        self.assertEqual(png_size(self.render('-', '--view', '-', '--size', '7,9', stdin=view).stdout), (7, 9))
+        for size, expected in (('7,9', (7, 9)), ('9x7', (9, 7)), ('8', (8, 8))):
+            self.assertEqual(png_size(self.render('-', '--view', '-', '--size', size, stdin=view).stdout), expected)
+
+    def test_the_camera_by_angles(self):
+        def image(*arguments, view=b'{}'):
+            result = self.render('-', '--volume', 'demo:engine?size=16', '--size', '32', '--view', '-', *arguments, stdin=view)
+            self.assertEqual((result.returncode, result.stderr), (0, b''))
+            return result.stdout
+        right = image('--azimuth', '90', '--elevation', '-20', '--distance', '40', '--roll', '7')
+        self.assertEqual(image(view=b'{"camera": {"azimuth": 90, "elevation": -20, "distance": 40, "roll": 7}}'), right)
+        self.assertEqual(image('--azimuth', '90', view=b'{"camera": {"azimuth": 5, "elevation": -20, "distance": 40, "roll": 7}}'),
+                         right)
+        self.assertNotEqual(image(), right)
+        self.refused('/camera/elevation: 95 is outside', '--volume', 'demo:engine?size=16', '--elevation', '95')
 
     def test_same_bytes_for_any_number_of_threads(self):
         images = {self.render('-', '--volume', 'demo:engine?size=32', '--threads', str(n)).stdout for n in (1, 2, 3)}
@@ -167,86 +174,7 @@ class Local(unittest.TestCase):
         self.assertEqual(os.stat(self.path('target.png')).st_mode & 0o777, 0o666 & ~umask)
 
 
-class Daemon(http.server.BaseHTTPRequestHandler):
-    """A fake daemon. `answers` maps (method, path) to a list of answers, the last of which is repeated. Content that is a
-    list is sent piece by piece; a callable piece is called instead of sent."""
-    answers, seen, change = {}, [], threading.Condition()
-
-    def do_any(self):
-        length = int(self.headers.get('Content-Length', 0))
-        body = self.rfile.read(length)
-        Daemon.seen.append((self.command, self.path, self.headers, body))
-        with Daemon.change:
-            Daemon.change.notify_all()
-        queue = Daemon.answers.get((self.command, self.path.split('?')[0]))
-        if not queue:
-            queue = [problem(404, 'there is nothing')]
-        status, kind, content, headers = queue.pop(0) if len(queue) > 1 else queue[0]
-        if status is None:
-            return  # the connection ends without an answer
-        self.send_response(status)
-        self.send_header('Content-Type', kind)
-        pieces = content if isinstance(content, list) else [content]
-        self.send_header('Content-Length', str(sum(len(p) for p in pieces if not callable(p)) + headers.get('cut', 0)))
-        for name, value in ((n, v) for n, v in headers.items() if n != 'cut'):
-            self.send_header(name, value)
-        self.end_headers()
-        for piece in pieces:
-            if callable(piece):
-                piece()
-            else:
-                self.wfile.write(piece)
-
-    do_GET = do_POST = do_DELETE = do_any
-
-    def log_message(self, *_):
-        pass
-
-
-def answer(status, value):
-    return status, 'application/json', json.dumps(value).encode(), {}
-
-
-def problem(status, detail, pointer=None):
-    body = {'type': 'about:blank', 'title': 'No', 'status': status, 'detail': detail}
-    if pointer:
-        body['pointer'] = pointer
-    return status, 'application/problem+json', json.dumps(body).encode(), {}
-
-
-def volume(state, **more):
-    return {'id': 'head 1', 'name': 'head', 'source': 'head.nrrd', 'state': state, 'progress': 0.5, **more}
-
-
-def path(state, done, frames):
-    more = {'reason': f'frame {done}: no memory'} if state == 'failed' else {}
-    return {'id': 'p1', 'state': state, 'format': 'png', 'frames': frames, 'done': done, **more}
-
-
-PIXELS = b'\x89PNG\r\n\x1a\n' + b'content' * 100000
-
-
-class Remote(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        cls.server = http.server.ThreadingHTTPServer(('127.0.0.1', 0), Daemon)
-        threading.Thread(target=cls.server.serve_forever, daemon=True).start()
-        cls.url = f'http://127.0.0.1:{cls.server.server_port}'
-
-    @classmethod
-    def tearDownClass(cls):
-        cls.server.shutdown()
-        cls.server.server_close()
-
-    def setUp(self):
-        Daemon.answers, Daemon.seen = {}, []
-        self.folder = tempfile.TemporaryDirectory()
-        self.addCleanup(self.folder.cleanup)
-        self.out = os.path.join(self.folder.name, 'a.png')
-
-    def run_at(self, *arguments, stdin=b'', url='/?token=se%63ret'):
-        return run('--url', self.url + url, *arguments, stdin=stdin)
-
+class Remote(RemoteCase):
     def test_volumes(self):
         Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, {'volumes': [
             volume('ready', dims=[4, 5, 6], type='uint8', bytes=120), volume('loading')]})]
@@ -256,6 +184,34 @@ class Remote(unittest.TestCase):
         self.assertEqual(len(result.stdout.splitlines()), 3)
         self.assertEqual(json.loads(self.run_at('volumes', '--json').stdout)['volumes'][1]['state'], 'loading')
         self.assertEqual(Daemon.seen[0][2]['Authorization'], 'Bearer secret')
+
+    def test_tables_align_whatever_the_names(self):
+        names = ['short', 'größe', 'a-name-of-more-than-twenty-four-letters', '体积', 'e\u0301', 'red\x1b[31m\u0085']
+        Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, {'volumes': [
+            {**volume('ready', dims=[4, 5, 6], type='uint8', bytes=120 * 10**i), 'id': name} for i, name in enumerate(names)]})]
+        lines = self.run_at('volumes').stdout.decode().splitlines()
+        width = {'体': 2, '积': 2, '\u0301': 0}
+        def column_of(line, text):
+            return sum(width.get(c, 1) for c in line[:line.index(text)])
+        self.assertEqual({column_of(line, 'ready') for line in lines[1:]}, {len(names[2]) + 2})
+        self.assertEqual({column_of(line, 'head.nrrd') for line in lines[1:]}, {column_of(lines[0], 'SOURCE')})
+        self.assertEqual(column_of(lines[0], 'STATE'), len(names[2]) + 2)
+        self.assertIn('red?[31m??', lines[6])  # a name commands no terminal
+        self.assertEqual(lines[0].split(), ['ID', 'STATE', 'DIMS', 'TYPE', 'MB', 'SOURCE'])
+
+    def test_unload(self):
+        Daemon.answers['DELETE', '/api/v1/volumes/a%2Fb'] = [(204, '', b'', {})]
+        result = self.run_at('unload', 'a/b')
+        self.assertEqual((result.returncode, result.stdout, result.stderr, self.deleted()), (0, b'', b'', ['/api/v1/volumes/a%2Fb']))
+        result = self.run_at('unload', 'none')
+        self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: DELETE /volumes/none: there is nothing (HTTP 404)\n'))
+
+    def test_https_at_a_server_without_tls(self):
+        result = run('--url', self.url.replace('http:', 'https:') + '/?token=secret', 'volumes')
+        self.assertEqual((result.returncode, result.stdout), (1, b''))
+        self.assertEqual(result.stderr.decode(), f'splatctl: {self.url.replace("http:", "https:")}: this server speaks HTTP '
+                         f'without TLS; use {self.url}\n')
+        self.assertEqual([s[2]['Authorization'] for s in Daemon.seen], [None])  # the token went nowhere
 
     def test_address_and_token(self):
         Daemon.answers['GET', '/sub/path/api/v1/volumes'] = [answer(200, {'volumes': []})]
@@ -306,7 +262,16 @@ class Remote(unittest.TestCase):
 
     def test_view(self):
         Daemon.answers['GET', '/api/v1/volumes/a%2Fb/view'] = [answer(200, {'size': [1, 2]})]
-        self.assertEqual(self.run_at('view', 'a/b').stdout, b'{"size":[1,2]}\n')
+        self.assertEqual(self.run_at('view', 'a/b', '--json').stdout, b'{"size":[1,2]}\n')
+        self.assertEqual(self.run_at('view', 'a/b').stdout, b'{\n  "size": [1, 2]\n}\n')
+        value = {'text': 'a: "b, c", \\', 'empty': [{}, []], 'points': [{'value': i / 3, 'color': [0.1234567, 1, 0]} for i in range(9)],
+                 'deep': {'list': [[[0.1] * 60, [1]]]}, 'no': None}
+        Daemon.answers['GET', '/api/v1/volumes/a%2Fb/view'] = [answer(200, value)]
+        text = self.run_at('view', 'a/b').stdout.decode()
+        self.assertEqual(json.loads(text), value)
+        self.assertIn('\n    {"value": 0, "color": [0.1234567, 1, 0]},\n', text)  # a point per line
+        self.assertIn('\n  "text": "a: \\"b, c\\", \\\\",\n  "empty": [{}, []],\n', text)
+        self.assertLessEqual(max(map(len, text.splitlines())), 100)
         result = self.run_at('view', 'none')
         self.assertEqual(result.stderr, b'splatctl: GET /volumes/none/view: there is nothing (HTTP 404)\n')
 
@@ -328,6 +293,36 @@ class Remote(unittest.TestCase):
         self.assertEqual(json.loads(result.stdout), {'out': self.out, 'format': 'png', 'bytes': len(PIXELS),
                                                      'backend': 'cpu scalar', 'render_ms': 12.5, 'splats': 77})
         self.assertEqual(self.run_at('render', '--volume', 'head', '--out', '-').stdout, PIXELS)
+
+    def test_render_with_a_preset(self):
+        self.reply_image()
+        Daemon.answers['GET', '/api/v1/presets/my%20bones'] = [answer(200, {
+            'camera': {'fov_y': 12, 'near': 3}, 'transfer_function': {'points': [1, 2, 3], 'order': 'pre'}, 'filter': None})]
+        view = {'camera': {'fov_y': 40}, 'transfer_function': {'points': [4], 'order': None}, 'clip': {'planes': []}}
+        result = self.run_at('render', '--volume', 'head', '--preset', 'my bones', '--view', '-', '--out', self.out, '--roll', '-3',
+                             stdin=json.dumps(view).encode())
+        self.assertEqual((result.returncode, result.stderr), (0, b''))
+        self.assertEqual(json.loads(Daemon.seen[-1][3]), {
+            'volume': 'head', 'camera': {'fov_y': 40, 'near': 3, 'roll': -3}, 'filter': None, 'clip': {'planes': []},
+            'transfer_function': {'points': [4], 'order': None}})
+        result = self.run_at('render', '--volume', 'head', '--preset', 'none', '--out', self.out)
+        self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: GET /presets/none: there is nothing (HTTP 404)\n'))
+
+    def test_render_says_which_volumes_exist(self):
+        Daemon.answers['POST', '/api/v1/volumes'] = [problem(404, 'no such file', '/path')]
+        Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, {'volumes': [{'id': 'head'}, {'id': 'engine'}]})]
+        def text():
+            result = self.run_at('render', '--volume', 'nosuch', '--out', self.out)
+            self.assertEqual((result.returncode, len(result.stderr.splitlines())), (1, 1))
+            return result.stderr.decode()
+        self.assertEqual(text(), 'splatctl: nosuch: no volume has this id (the daemon has head, engine), and loading it fails: '
+                                 'no such file (HTTP 404)\n')
+        Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, {'volumes': [{'id': f'volume-{i}'} for i in range(1000)]})]
+        self.assertRegex(text(), r'has volume-0, volume-1, .* and 9\d\d more\), and loading it fails')
+        Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, {'volumes': []})]
+        self.assertIn('(the daemon has no volumes)', text())
+        Daemon.answers['GET', '/api/v1/volumes/nosuch'] = [problem(403, 'not yours')]
+        self.assertEqual(text(), 'splatctl: GET /volumes/nosuch: not yours (HTTP 403)\n')
 
     def test_render_loads_a_source(self):
         self.reply_image()
@@ -369,161 +364,6 @@ class Remote(unittest.TestCase):
         for value in ([], 7, {'volumes': 7}, {'volumes': [7, None, {'id': 5, 'dims': 'x'}]}):
             Daemon.answers['GET', '/api/v1/volumes'] = [answer(200, value)]
             self.assertEqual(self.run_at('volumes').returncode, 0)
-
-    def paths(self, *states, frames=3):
-        """Prepares a daemon with one path. Each state is an answer, or (state, frames done)."""
-        def as_answer(s):
-            return s if len(s) == 4 else answer(200, path(s[0], s[1], frames))
-        Daemon.answers['POST', '/api/v1/paths'] = [answer(202, path('waiting', 0, frames))]
-        Daemon.answers['GET', '/api/v1/paths/p1'] = [as_answer(s) for s in states]
-        Daemon.answers['DELETE', '/api/v1/paths/p1'] = [(204, '', b'', {})]
-        for n in range(frames):
-            Daemon.answers['GET', f'/api/v1/paths/p1/frames/{n}'] = [(200, 'image/png', PIXELS + b'%d' % n, {})]
-        self.out = os.path.join(self.folder.name, 'frames')
-
-    def deleted(self):
-        return [s[1] for s in Daemon.seen if s[0] == 'DELETE']
-
-    def frames(self):
-        for name in os.listdir(self.out):
-            with open(os.path.join(self.out, name), 'rb') as f:
-                self.assertEqual(f.read(), PIXELS + b'%d' % int(name.split('.')[0]))
-        return sorted(os.listdir(self.out))
-
-    def test_path(self):
-        self.paths(('running', 1), ('done', 3))
-        result = self.run_at('path', '-', '--out', self.out, stdin=b'{"frames": 3}')
-        self.assertEqual((result.returncode, result.stderr), (0, b''))
-        self.assertEqual(self.frames(), ['000000.png', '000001.png', '000002.png'])
-        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
-
-    def test_path_tries_again(self):
-        busy, cut = problem(503, 'starting'), (200, 'image/png', PIXELS, {'cut': 9})
-        gone = None, '', b'', {}
-        self.paths(problem(429, 'too many'), busy, gone, ('running', 1), problem(502, 'a proxy'), ('done', 3))
-        Daemon.answers['GET', '/api/v1/paths/p1/frames/1'][:0] = [cut, busy]
-        Daemon.answers['DELETE', '/api/v1/paths/p1'][:0] = [busy]
-        result = self.run_at('path', '-', '--out', self.out, stdin=b'{}')
-        self.assertEqual((result.returncode, result.stderr),
-                         (0, b'splatctl: GET /paths/p1: too many (HTTP 429); trying again\n'))
-        self.assertEqual(self.frames(), ['000000.png', '000001.png', '000002.png'])
-        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'] * 2)
-
-    def assert_path_is_not_deleted(self, result, reason):
-        text = result.stderr.decode()
-        self.assertEqual((result.returncode, self.deleted()), (1, []), text)
-        self.assertIn(f'"splatctl path --id p1 --out {self.out}"', text)
-        self.assertIn('"splatctl path --id p1 --delete"', text)
-        self.assertIn(reason, text.splitlines()[-1])
-
-    def test_path_is_not_deleted_before_it_is_fetched(self):
-        self.paths(('running', 1), ('failed', 2))
-        self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'splatctl: p1: frame 2: no memory')
-        self.assertEqual(self.frames(), ['000000.png', '000001.png'])
-        self.paths(('done', 3))
-        os.mkdir(os.path.join(self.out, '000002.png'))
-        self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), '000002.png')
-        os.rmdir(os.path.join(self.out, '000002.png'))
-        for state in (problem(503, 'never'), (None, '', b'', {}), problem(401, 'who?')):
-            self.paths(state)
-            self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, '--timeout', '1', stdin=b'{}'), 'splatctl: ')
-        self.paths(('done', 3))
-        result = self.run_at('path', '--id', 'p1', '--out', self.out)
-        self.assertEqual((result.returncode, result.stderr, len(self.frames())), (0, b'', 3))
-        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
-
-    def test_path_was_deleted(self):
-        self.paths(('running', 1), problem(404, 'no path'))
-        result = self.run_at('path', '-', '--out', self.out, stdin=b'{}')
-        self.assertEqual((result.returncode, result.stderr),
-                         (1, b'splatctl: GET /paths/p1: no path (HTTP 404)\n'))
-        for more in (['--out', self.out], ['--delete'], []):
-            result = self.run_at('path', '--id', 'none', *more)
-            self.assertEqual((result.returncode, len(result.stderr.splitlines())), (1, 1), result.stderr)
-
-    def test_path_interrupted(self):
-        self.paths(('running', 1))
-        process = subprocess.Popen([SPLATCTL, '--url', self.url, 'path', '-', '--out', self.out], stdin=subprocess.PIPE,
-                                   stderr=subprocess.PIPE)
-        process.stdin.write(b'{}')
-        process.stdin.close()
-        with Daemon.change:
-            Daemon.change.wait_for(lambda: len(Daemon.seen) > 3, 60)
-        process.send_signal(signal.SIGTERM)
-        self.assertEqual(process.wait(60), -signal.SIGTERM)
-        self.assertIn(b'"splatctl path --id p1 --delete"', process.stderr.read())
-        process.stderr.close()
-        self.assertEqual((self.deleted(), self.frames()), ([], ['000000.png']))
-
-    def movie(self, *answers):
-        self.paths()
-        Daemon.answers['GET', '/api/v1/paths/p1'] = [answer(200, {**path('done', 3, 3), 'format': 'webm'})]
-        Daemon.answers['GET', '/api/v1/paths/p1/movie'] = [(200, 'video/webm', *a) for a in answers]
-        self.out = os.path.join(self.folder.name, 'movie.webm')
-
-    def until_a_temporary_file_has_bytes(self):
-        """Waits until a temporary file in the folder has bytes."""
-        end = time.monotonic() + 60
-        while time.monotonic() < end:
-            names = os.listdir(self.folder.name)
-            if any(os.path.getsize(os.path.join(self.folder.name, name)) for name in names):
-                self.assertNotIn('movie.webm', names)
-                self.there.set()
-                return
-
-    def test_path_movie_is_written_while_it_arrives(self):
-        self.there = threading.Event()
-        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS, self.until_a_temporary_file_has_bytes, PIXELS], {}))
-        result = self.run_at('path', '-', '--out', self.out, stdin=b'{"format": "webm"}')
-        self.assertEqual(result.returncode, 0, result)
-        self.assertTrue(self.there.is_set())
-        self.assertEqual(os.listdir(self.folder.name), ['movie.webm'])
-        with open(self.out, 'rb') as f:
-            self.assertEqual(f.read(), PIXELS * 2)
-        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
-
-    def test_path_movie_interrupted(self):
-        self.there, gone = threading.Event(), threading.Event()
-        self.movie(([PIXELS, self.until_a_temporary_file_has_bytes, lambda: gone.wait(60)], {'cut': 9}))
-        process = subprocess.Popen([SPLATCTL, '--url', self.url, 'path', '-', '--out', self.out], stdin=subprocess.PIPE,
-                                   stderr=subprocess.PIPE)
-        process.stdin.write(b'{"format": "webm"}')
-        process.stdin.close()
-        self.assertTrue(self.there.wait(60))
-        process.send_signal(signal.SIGINT)
-        self.assertEqual(process.wait(60), -signal.SIGINT)
-        gone.set()
-        self.assertIn(b'"splatctl path --id p1 --delete"', process.stderr.read())
-        process.stderr.close()
-        self.assertEqual((self.deleted(), os.listdir(self.folder.name)), ([], []))
-
-    def test_path_movie_to_a_pipe_is_not_repeated(self):
-        self.movie(([PIXELS[:70000]], {'cut': 9}), ([PIXELS], {}))
-        result = self.run_at('path', '-', '--out', '-', stdin=b'{"format": "webm"}')
-        self.assertEqual((result.returncode, result.stdout, self.deleted()), (1, PIXELS[:70000], []))
-
-    def test_path_that_is_refused_leaves_no_folder(self):
-        self.paths()
-        Daemon.answers['POST', '/api/v1/paths'] = [problem(422, 'too many', '/frames')]
-        self.assertEqual(self.run_at('path', '-', '--out', self.out, stdin=b'{}').returncode, 1)
-        for before in ([], [(200, 'image/png', PIXELS, {'cut': 9})]):
-            self.paths(('running', 1))
-            Daemon.answers['GET', '/api/v1/paths/p1/frames/0'] = before + [problem(401, 'who?')]
-            self.assert_path_is_not_deleted(self.run_at('path', '-', '--out', self.out, stdin=b'{}'), 'who?')
-        self.assertEqual(os.listdir(self.folder.name), [])
-
-    def test_path_by_id(self):
-        self.paths(('running', 1))
-        result = self.run_at('path', '--id', 'p1')
-        self.assertEqual((result.returncode, json.loads(result.stdout)), (0, path('running', 1, 3)))
-        self.assertEqual(self.run_at('path', '--id', 'p1', '--delete').returncode, 0)
-        self.assertEqual(self.deleted(), ['/api/v1/paths/p1'])
-        Daemon.answers['GET', '/api/v1/paths'] = [answer(200, {'paths': [path('running', 1, 3)]})]
-        result = self.run_at('paths')
-        self.assertEqual((result.returncode, result.stdout.split()[-5:]), (0, b'p1 running png 1 3'.split()))
-        for wrong in (['path'], ['path', '-', '--id', 'p1'], ['path', '-', '--delete'],
-                      ['path', '--id', 'p1', '--delete', '--out', 'x'], ['paths', 'p1'], ['paths', '--delete']):
-            self.assertEqual(self.run_at(*wrong).returncode, 2, wrong)
 
     def test_no_answer(self):
         release = threading.Event()
