@@ -22,7 +22,7 @@ function blendAny(a, b, u) {
 }
 
 /** Interpolates between two unit vectors in 3 or 4 dimensions at constant angular speed. */
-function slerp(a, b, u) {
+export function slerp(a, b, u) {
   const cosine = a.reduce((sum, part, i) => sum + part * b[i], 0);
   const angle = Math.acos(within(cosine, -1, 1));
   const sine = Math.sin(angle);

@@ -2,8 +2,11 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { volumeBox } from '../../../clients/web/core/camera.js';
-import { WHOLE, depthOf, moveFace, planeAt, reach, sight } from '../../../clients/web/core/clip.js';
-import { add, dot, rotate, scale } from '../../../clients/web/core/vector.js';
+import {
+  WHOLE, alongAxis, anchorOf, axisOf, axisPlane, boxEdges, depthOf, dragAlong, dragFace, faceCoordinate, faceMiddle, flipPlane, fractionAt,
+  moveFace, planeAt, planeFrom, planesOn, positionOf, reach, reconcile, section, shiftPlane, sight, tiltPlane,
+} from '../../../clients/web/core/clip.js';
+import { IDENTITY, add, dot, length, rotate, scale, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
@@ -65,4 +68,90 @@ test('a plane towards the viewer cuts the nearest part; more depth cuts farther'
   compare(dot(normal, [5, 10, 59]), '<', offset, 'the side of the viewer is cut');
   compare(dot(normal, [5, 10, 1]), '>', offset, 'the far side is not cut');
   assert.throws(() => sight({ position: [1, 1, 1], target: [1, 1, 1] }), RangeError);
+});
+
+const BOX = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0.5, 0.5, 1] }); // from the origin to [10, 20, 60]
+
+test('a dragged face stops at the opposite one and at the end of the volume', () => {
+  const box = [[0.2, 0, 0], [0.6, 1, 1]];
+  assert.deepEqual(dragFace(box, 0, 0, 0.9), [[0.6, 0, 0], [0.6, 1, 1]]);
+  assert.deepEqual(dragFace(box, 1, 0, 0.1), [[0.2, 0, 0], [0.2, 1, 1]]);
+  assert.deepEqual(dragFace(box, 1, 0, 7), [[0.2, 0, 0], [1, 1, 1]]);
+  assert.deepEqual(faceMiddle(BOX, box, 1, 0), [6, 10, 30]);
+});
+
+test('the box has 12 edges; those beside two faces that are turned away are hidden', () => {
+  const edges = boxEdges(BOX, WHOLE, { position: [100, 200, 300], back: [0, 0, 1], isFlat: false });
+  assert.equal(edges.length, 12);
+  assert.equal(edges.filter(({ isHidden }) => isHidden).length, 3);
+  for (const { from, to } of edges.filter(({ isHidden }) => isHidden)) {
+    const isAtOrigin = [from, to].some((p) => length(p) < 1e-9); // the corner farthest from the eye
+    assert.ok(isAtOrigin, `${from} ${to}`);
+  }
+  const straight = boxEdges(BOX, WHOLE, { position: [5, 10, 300], back: [0, 0, 1], isFlat: true });
+  assert.equal(straight.filter(({ isHidden }) => isHidden).length, 8, 'a flat picture from the front shows one face');
+  const total = edges.reduce((sum, { from, to }) => sum + length(subtract(to, from)), 0);
+  compare(Math.abs(total - 4 * 90), '<', 1e-9);
+});
+
+test('a plane cuts the volume in a polygon in order', () => {
+  const square = section(BOX, { normal: [0, 0, 2], offset: 40 });
+  assert.equal(square.length, 4);
+  const around = square.reduce((sum, p, i) => sum + length(subtract(p, square[(i + 1) % 4])), 0);
+  compare(Math.abs(around - 60), '<', 1e-9, 'the sides of the polygon are those of the box');
+  assert.equal(section(BOX, { normal: [6, 3, 1], offset: 90 }).length, 6, 'a hexagon through the centre');
+  assert.deepEqual(section(BOX, { normal: [0, 0, 1], offset: 99 }), []);
+  close(anchorOf(BOX, { normal: [0, 0, 2], offset: 40 }), [5, 10, 20]);
+  close(anchorOf(BOX, { normal: [0, 0, 2], offset: 400 }), [5, 10, 200], 1e-9);
+});
+
+test('a drag along an axis follows the pointer, also in perspective', () => {
+  const eye = [50, -80, 40];
+  const axis = [0, 0, 3];
+  const rayTo = (p) => ({ origin: eye, direction: subtract(p, eye) });
+  const moved = dragAlong([5, 10, 10], axis, rayTo([5, 10, 10]), rayTo([5, 10, 31]), 0, 1);
+  compare(Math.abs(moved - 7), '<', 1e-9);
+  assert.equal(alongAxis([0, 0, 0], axis, { origin: [0, 0, 100], direction: [0, 0.01, -1] }), null, 'straight at the viewer');
+  const ray = { origin: [0, 0, 100], direction: [0, 0, -1] };
+  compare(Math.abs(dragAlong([0, 0, 0], axis, ray, ray, 12, 0.5) + 2), '<', 1e-9, 'upwards is away from the viewer');
+});
+
+test('a plane is shifted in world units, turned about its anchor, and flipped', () => {
+  const plane = { normal: [0, 0, 2], offset: 40 };
+  assert.equal(positionOf(plane), 20);
+  assert.equal(positionOf(shiftPlane(plane, 5)), 25);
+  const anchor = [5, 10, 20];
+  const tilted = tiltPlane(plane, anchor, IDENTITY, [90, 0]);
+  compare(Math.abs(dot(tilted.normal, anchor) - tilted.offset), '<', 1e-9);
+  close([length(tilted.normal)], [2]);
+  // The camera looks along -z with x to the right: the side that faces it goes with the pointer to the right.
+  close(tilted.normal, [2 * Math.SQRT1_2, 0, 2 * Math.SQRT1_2], 1e-9);
+  close(tiltPlane(plane, anchor, IDENTITY, [0, 90]).normal, [0, -2 * Math.SQRT1_2, 2 * Math.SQRT1_2], 1e-9);
+  assert.equal(tiltPlane(plane, anchor, IDENTITY, [0, 0]), plane);
+  assert.deepEqual(flipPlane(plane), { normal: [0, 0, -2], offset: -40 });
+  assert.deepEqual(planeFrom([0, 3, 4], 7), { normal: [0, 0.6000000000000001, 0.8], offset: 7 });
+  assert.equal(planeFrom([0, 0, 0], 7), null);
+  assert.equal(planeFrom([0, 0, 1], NaN), null);
+});
+
+test('the list of planes keeps those that are off when the view changes', () => {
+  const [a, b, c, d] = [0, 1, 2, 3].map((offset) => ({ normal: [0, 0, 1], offset }));
+  const entries = [{ plane: a, isOn: true }, { plane: b, isOn: false }, { plane: c, isOn: true }];
+  assert.deepEqual(planesOn(entries), [a, c]);
+  assert.deepEqual(reconcile(entries, [a, c]), entries);
+  assert.deepEqual(reconcile(entries, [d]), [{ plane: d, isOn: true }, { plane: b, isOn: false }]);
+  assert.deepEqual(reconcile(entries, [a, c, d]).at(-1), { plane: d, isOn: true });
+  assert.equal(reconcile(entries, Array(8).fill(d)).length, 8);
+});
+
+test('faces have coordinates of the world where the volume follows its axes', () => {
+  const flipped = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [100, 0.5, 1], direction: [[-1, 0, 0], [0, 1, 0], [0, 0, 1]] });
+  assert.deepEqual(axisOf(flipped, 0), { world: 0, sign: -1, isExact: true });
+  close([faceCoordinate(flipped, 0, 0), faceCoordinate(flipped, 0, 1), fractionAt(flipped, 0, 98)], [100.5, 90.5, 0.25], 1e-9);
+  close([faceCoordinate(BOX, 2, 0.5), fractionAt(BOX, 2, 90)], [30, 1]);
+  const c = Math.SQRT1_2;
+  const oblique = volumeBox({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [7, 8, 9], direction: [[c, -c, 0], [c, c, 0], [0, 0, 1]] });
+  assert.equal(axisOf(oblique, 0).isExact, false);
+  close([faceCoordinate(oblique, 0, 0), faceCoordinate(oblique, 0, 1)], [0, 10], 1e-9);
+  assert.deepEqual(axisPlane(BOX, 1), { normal: [0, 1, 0], offset: 10 });
 });
