@@ -12,6 +12,14 @@
 #include "http/response.h"
 #include "http/routes.h"
 
+void srv_request_refuse_token(struct srv_request *request, const char *how) {
+    bool is_given = srv_request_token(request) != NULL;
+    srv_reply_problem(&request->reply, 401, NULL, "%s; %s",
+                      is_given ? "the daemon does not know this token" : "a token is missing", how);
+    srv_reply_header(&request->reply, "WWW-Authenticate", "Bearer realm=\"splatd\"%s",
+                     is_given ? ", error=\"invalid_token\"" : "");
+}
+
 bool srv_request_check_right(struct srv_request *request, enum srv_right needs) {
     struct srv_reply *reply = &request->reply;
     if (needs == SRV_RIGHT_SESSION)
@@ -22,10 +30,8 @@ bool srv_request_check_right(struct srv_request *request, enum srv_right needs) 
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
         return false;
     }
-    srv_reply_problem(
-        reply, 401, NULL,
-        "give a token of the daemon as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
-    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
+    srv_request_refuse_token(
+        request, "give a token of the daemon as \"Authorization: Bearer TOKEN\" or ?token=TOKEN");
     return false;
 }
 
@@ -139,9 +145,15 @@ static enum MHD_Result check_parameter(void *user, enum MHD_ValueKind kind, cons
     struct query_check *query = user;
     const struct srv_route *route = query->request->route;
     bool is_known = srv_route_takes(route, name);
-    if (is_known && MHD_lookup_connection_value(query->request->mhd, kind, name) == value)
+    if (is_known && value && MHD_lookup_connection_value(query->request->mhd, kind, name) == value)
         return MHD_YES;
     query->is_refused = true;
+    if (is_known && !value) {
+        srv_reply_problem(&query->request->reply, 400, NULL,
+                          "the query parameter \"%.64s\" has no value; give %.64s=VALUE", name,
+                          name);
+        return MHD_NO;
+    }
     if (is_known) {
         srv_reply_problem(&query->request->reply, 400, NULL,
                           "the query parameter \"%.64s\" is given more than once", name);

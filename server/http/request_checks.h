@@ -15,6 +15,10 @@ bool srv_request_is_refused_at_once(struct srv_request *request, const char *ver
  * type and length. False: the reply is set. */
 bool srv_request_check(struct srv_request *request);
 
+/* Replies with status 401. The text tells a missing token from an unknown one, and then `how` to
+ * give one. */
+void srv_request_refuse_token(struct srv_request *request, const char *how);
+
 /* True if the token has the right that the route needs; else the reply is a problem document. */
 bool srv_request_check_right(struct srv_request *request, enum srv_right needs);
 

@@ -3,7 +3,6 @@
  * Histograms for editors of transfer functions: of a volume, and of the volume that a session
  * shows, for clients that have nothing but a join token.
  */
-#include <stdlib.h>
 #include <string.h>
 
 #include "common/clock.h"
@@ -20,24 +19,14 @@ static bool read_axes(const struct srv_request *request, bool *is_joint, struct 
     return false;
 }
 
-/* The joint histogram takes tens of milliseconds of this HTTP thread. It is not kept, because a
- * client asks once per volume. */
-static proto_json *encode(struct sp_volume *volume, const char *id, bool is_joint,
-                          struct sp_error *err) {
-    const struct sp_volume_info *info = sp_volume_info(volume);
-    proto_json *json = NULL;
-    if (!is_joint) {
-        json = proto_histogram_encode(info, id, NULL);
-    } else {
-        struct sp_joint_histogram *joint = malloc(sizeof *joint);
-        if (joint && !sp_joint_histogram_count(volume, joint, err)) {
-            free(joint);
-            return NULL;
-        }
-        if (joint)
-            json = proto_histogram_encode(info, id, joint);
-        free(joint);
-    }
+static proto_json *encode(struct srv_catalog *catalog, struct srv_volume *volume, const char *id,
+                          bool is_joint, struct sp_error *err) {
+    const struct sp_joint_histogram *joint =
+        is_joint ? srv_catalog_joint_histogram(catalog, volume, err) : NULL;
+    if (is_joint && !joint)
+        return NULL;
+    const struct sp_volume_info *info = sp_volume_info(srv_volume_voxels(volume));
+    proto_json *json = proto_histogram_encode(info, id, joint);
     if (!json)
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the histogram");
     return json;
@@ -49,12 +38,13 @@ static void reply_histogram(struct srv_request *request, const char *id, struct 
     if (!read_axes(request, &is_joint, reply))
         return;
     void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
-    proto_json *json = volume ? encode(srv_volume_voxels(volume), id, is_joint, &err) : NULL;
+    proto_json *json = volume ? encode(request->app->catalog, volume, id, is_joint, &err) : NULL;
     if (volume)
         srv_catalog_release(request->app->catalog, volume);
     if (json) {
         srv_reply_json(reply, 200, json);
     } else {
+        srv_name_volumes(request, &err);
         err.place[0] = 0; /* the volume is the resource, not a member of a body */
         srv_reply_error(reply, &err);
     }

@@ -43,8 +43,10 @@ static bool resolve_patch(struct srv_request *request, proto_json *patch, const 
                           struct sp_view *view, void **volume, struct srv_reply *reply) {
     struct sp_error err;
     bool ok = patch && srv_hub_resolve_view(request->app->hub, NULL, patch, view, volume, &err);
-    if (patch && !ok)
+    if (patch && !ok) {
+        srv_name_volumes(request, &err);
         srv_reply_view_error(reply, at, &err);
+    }
     proto_json_free(&patch);
     return ok;
 }

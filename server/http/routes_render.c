@@ -263,8 +263,10 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         if (base && (err.code == SP_ERR_VOLUME_UNKNOWN || err.code == SP_ERR_NOT_READY ||
                      err.code == SP_ERR_VOLUME_FAILED))
             srv_reply_problem(reply, 409, NULL, "%s", err.text);
-        else
+        else {
+            srv_name_volumes(request, &err);
             srv_reply_view_error(reply, "", &err);
+        }
         return;
     }
     snapshot.volume = volume;

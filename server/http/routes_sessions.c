@@ -6,6 +6,7 @@
 #include "http/cors.h"
 #include "http/headers.h"
 #include "http/paging.h"
+#include "http/request_checks.h"
 #include "http/routes.h"
 #include "http/saved_views.h"
 #include "sp/log.h"
@@ -13,7 +14,7 @@
 enum { KEY_CHARACTERS = 24 };
 enum { FORK_BYTES = 256 }; /* {"from": id}, with blanks */
 static const char subprotocol[] = "splatd.v1";
-static const char token_missing[] =
+static const char how_to_fork[] =
     "give a token of the daemon, or fork a session with its control token";
 static const char *const members_of_post[] = { "view", "from", NULL }, *const members_of_patch[] = {
     "view", NULL
@@ -60,11 +61,6 @@ static const proto_json *first_view(struct srv_request *request, const proto_jso
     return NULL;
 }
 
-static void reply_unauthorized(struct srv_reply *reply, const char *detail) {
-    srv_reply_problem(reply, 401, NULL, "%s", detail);
-    srv_reply_header(reply, "WWW-Authenticate", "Bearer realm=\"splatd\"");
-}
-
 /* True if the request has a token of the daemon, or the control token of the session body["from"].
  * False: the reply is a problem document. */
 static bool may_fork(struct srv_request *request, const proto_json *body, struct srv_reply *reply) {
@@ -75,8 +71,7 @@ static bool may_fork(struct srv_request *request, const proto_json *body, struct
         return true;
     if (!from ||
         !srv_hub_authorize(request->app->hub, from, srv_request_token(request), &role, &err))
-        reply_unauthorized(reply,
-                           "give a token of the daemon, or fork a session with its control token");
+        srv_request_refuse_token(request, how_to_fork);
     else if (role != SRV_ROLE_CONTROL)
         /* A fork can show any volume, which is more than this token permits. */
         srv_reply_problem(reply, 403, NULL,
@@ -106,6 +101,7 @@ static void create_session(struct srv_request *request, const proto_json *body,
     proto_json *json = srv_hub_session_create_owned(
         request->app->hub, view, &owner, !request->grant.rights, srv_clock_ms(), id, &err);
     if (!json) {
+        srv_name_volumes(request, &err);
         srv_reply_view_error(reply, "/view", &err);
         return;
     }
@@ -124,7 +120,7 @@ static void create_session(struct srv_request *request, const proto_json *body,
 
 void srv_post_session(struct srv_request *request, struct srv_reply *reply) {
     if (request->body_max && request->body_seen > request->body_max) {
-        reply_unauthorized(reply, token_missing);
+        srv_request_refuse_token(request, how_to_fork);
         return;
     }
     proto_json *owner = NULL, *body = srv_request_json(request, reply);
@@ -179,7 +175,8 @@ static bool find_role(struct srv_request *request, enum srv_role *role, struct s
     if (srv_hub_authorize(request->app->hub, request->param, token, role, &err))
         return true;
     if (!request->grant.rights) /* without a valid token, do not reveal which sessions exist */
-        reply_unauthorized(reply, "give a token of the daemon, or one of an existing session");
+        srv_request_refuse_token(request,
+                                 "give a token of the daemon, or one of an existing session");
     else if (!role_of_grant(request, role))
         srv_reply_problem(reply, 403, NULL, "the role of this token does not include this");
     else if (err.code != SP_ERR_DENIED)
@@ -213,7 +210,7 @@ bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
         srv_reply_problem(reply, 403, NULL,
                           "a token needs the role control or admin to create a session");
     } else if (!srv_request_token(request)) {
-        reply_unauthorized(reply, token_missing);
+        srv_request_refuse_token(request, how_to_fork);
     } else { /* the body may name a session to fork; a longer one is not stored */
         request->body_max = FORK_BYTES;
         return true;
@@ -243,9 +240,10 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
         proto_json *json = changed ? proto_json_object() : NULL;
         bool ok = proto_json_set_string(json, "id", request->param);
         ok = proto_json_set(json, "view", changed) && ok;
-        if (!changed)
+        if (!changed) {
+            srv_name_volumes(request, &err);
             srv_reply_view_error(reply, "/view", &err);
-        else {
+        } else {
             if (!ok)
                 proto_json_free(&json);
             srv_reply_json(reply, 200, json);

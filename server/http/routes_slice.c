@@ -155,6 +155,7 @@ static void reply_slice(struct srv_request *request, const char *id, struct srv_
     }
     void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
     if (!volume) {
+        srv_name_volumes(request, &err);
         err.place[0] = 0; /* the volume is the resource, not a member of a body */
         srv_reply_error(reply, &err);
         return;

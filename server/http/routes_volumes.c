@@ -63,11 +63,31 @@ void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
     srv_reply_json(reply, 200, json);
 }
 
+void srv_name_volumes(const struct srv_request *request, struct sp_error *err) {
+    struct srv_volume_status status;
+    char *text = err->text;
+    size_t n = strlen(text);
+    if ((err->code != SP_ERR_VOLUME_UNKNOWN && err->code != SP_ERR_NOT_FOUND) ||
+        !(request->grant.rights & SRV_RIGHT_VIEW))
+        return;
+    for (unsigned i = 0; srv_catalog_at(request->app->catalog, i, &status); i++) {
+        sp_volume_unref(&status.volume);
+        bool is_full = n + strlen(status.id) + sizeof "; the daemon has , …" > sizeof err->text;
+        n += (size_t)snprintf(text + n, sizeof err->text - n, "%s%s",
+                              i ? ", " : "; the daemon has ", is_full ? "…" : status.id);
+        if (is_full)
+            break;
+    }
+}
+
 static bool find(struct srv_request *request, const char *id, struct srv_volume_status *status,
                  struct srv_reply *reply) {
+    struct sp_error err;
     if (srv_catalog_find(request->app->catalog, id, status))
         return true;
-    srv_reply_problem(reply, 404, NULL, "there is no volume '%s'", id);
+    sp_fail(&err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
+    srv_name_volumes(request, &err);
+    srv_reply_error(reply, &err);
     return false;
 }
 
@@ -85,6 +105,7 @@ void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
     void *volume = srv_catalog_acquire(request->app->catalog, request->param, &err);
     if (!volume) {
         /* Here the volume is the resource, not a member of a body. */
+        srv_name_volumes(request, &err);
         err.place[0] = 0;
         srv_reply_error(reply, &err);
         return;
@@ -179,6 +200,7 @@ void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     } else if (conflict) {
         srv_reply_problem(reply, 409, NULL, "%s", err.text);
     } else {
+        srv_name_volumes(request, &err);
         srv_reply_error(reply, &err);
     }
 }

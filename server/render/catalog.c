@@ -30,6 +30,8 @@ struct srv_volume {
     struct sp_view view;                /* default; constant while used */
     struct srv_fingerprint fingerprint; /* constant while used */
     uint64_t reserved_bytes, cached_bytes[SRV_RENDERERS];
+    struct sp_joint_histogram
+        *joint; /* guarded by joint_mutex until it is set; NULL = not counted */
     unsigned uses;
     bool is_removed; /* while it was loading: the load thread frees it */
 };
@@ -39,8 +41,9 @@ struct srv_catalog {
     char *data; /* resolved; NULL = none */
     /* Taken before `mutex`: notifications are sent in the order in which the events happened. */
     pthread_mutex_t notify_mutex;
-    pthread_mutex_t mutex;  /* guards what follows */
-    pthread_cond_t changed; /* there is something to load, or stop */
+    pthread_mutex_t joint_mutex; /* taken alone; held while a joint histogram is counted */
+    pthread_mutex_t mutex;       /* guards what follows */
+    pthread_cond_t changed;      /* there is something to load, or stop */
     pthread_t loader;
     struct srv_volume *entries; /* in the order of adding */
     unsigned count;
@@ -139,6 +142,7 @@ static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
 
 static void entry_free(struct srv_volume *v) {
     sp_volume_unref(&v->volume);
+    free(v->joint);
     free(v->source);
     free(v);
 }
@@ -241,6 +245,7 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
     }
     pthread_mutex_init(&catalog->mutex, NULL);
     pthread_mutex_init(&catalog->notify_mutex, NULL);
+    pthread_mutex_init(&catalog->joint_mutex, NULL);
     pthread_cond_init(&catalog->changed, NULL);
     int failed = pthread_create(&catalog->loader, NULL, load_thread, catalog);
     if (failed) {
@@ -278,6 +283,7 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
     pthread_mutex_destroy(&catalog->notify_mutex);
+    pthread_mutex_destroy(&catalog->joint_mutex);
     free(catalog->data);
     free(catalog);
 }
@@ -537,6 +543,24 @@ struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
 
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume) {
     return &volume->fingerprint;
+}
+
+const struct sp_joint_histogram *srv_catalog_joint_histogram(struct srv_catalog *catalog,
+                                                             struct srv_volume *volume,
+                                                             struct sp_error *err) {
+    pthread_mutex_lock(&catalog->joint_mutex);
+    if (!volume->joint) {
+        struct sp_joint_histogram *joint = malloc(sizeof *joint);
+        if (!joint)
+            sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the histogram");
+        else if (sp_joint_histogram_count(volume->volume, joint, err))
+            volume->joint = joint;
+        else
+            free(joint);
+    }
+    const struct sp_joint_histogram *joint = volume->joint;
+    pthread_mutex_unlock(&catalog->joint_mutex);
+    return joint;
 }
 
 void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume,

@@ -16,6 +16,7 @@
 #include <stdint.h>
 
 #include "render/fingerprint.h"
+#include "sp/histogram.h"
 #include "sp/pick.h"
 #include "sp/view.h"
 #include "sp/volume.h"
@@ -109,6 +110,12 @@ void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
 /* The voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
+/* Returns the joint histogram of a used volume, which is valid as long as the use; NULL with *err
+ * set on failure. The first call per volume counts for tens of milliseconds, one volume at a time;
+ * later calls return the same histogram. Thread-safe. */
+const struct sp_joint_histogram *srv_catalog_joint_histogram(struct srv_catalog *catalog,
+                                                             struct srv_volume *volume,
+                                                             struct sp_error *err);
 /* Records how many bytes a renderer, [0, SRV_RENDERERS), caches of the volume. */
 void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume,
                             unsigned renderer, uint64_t bytes);

@@ -53,11 +53,14 @@ test('health and readiness need no token', async () => {
 test('routes under /api need the token, by header or query, and reveal nothing without it', async () => {
   for (const target of ['/api/v1/volumes', '/api/v1/volumes/engine', '/api/v1/nothing', '/api/v1/views', '/api/v1/sessions/0']) {
     const answer = await daemon.json(target, { token: null });
-    isProblem(answer, 401, /token/);
-    assert.match(answer.headers.get('www-authenticate'), /^Bearer/);
+    isProblem(answer, 401, /^a token is missing; /);
+    assert.match(answer.headers.get('www-authenticate'), /^Bearer realm="splatd"$/);
+    for (const token of [`${daemon.token}0`, daemon.token.slice(1), 'x']) {
+      const unknown = await daemon.json(target, { token });
+      isProblem(unknown, 401, /^the daemon does not know this token; /);
+      assert.match(unknown.headers.get('www-authenticate'), /^Bearer .*error="invalid_token"$/);
+    }
   }
-  isProblem(await daemon.json('/api/v1/volumes', { token: `${daemon.token}0` }), 401);
-  isProblem(await daemon.json('/api/v1/volumes', { token: daemon.token.slice(1) }), 401);
   assert.equal((await daemon.json(`/api/v1/volumes?token=${daemon.token}`, { token: null })).status, 200);
 });
 
@@ -307,6 +310,35 @@ test('render: the ETag depends on view, format and quality', async () => {
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': plain }), [304, plain]);
   assert.deepEqual(await tag({}, '?format=png', { 'If-None-Match': `"x", ${plain}` }), [304, plain]);
   assert.equal((await tag({}, '?format=png', { 'If-None-Match': '"x"' }))[0], 200);
+});
+
+test('an unknown volume names those that exist, as many as fit, to tokens that may list them', async () => {
+  const own = await Daemon.start(['--volume', 'demo:engine?size=16']);
+  await own.loaded('engine');
+  const known = /^there is no volume 'nope'; the daemon has engine$/;
+  const session = await own.session();
+  for (const [method, target, status, body] of [
+    ['GET', '/volumes/nope', 404], ['GET', '/volumes/nope/view', 404], ['GET', '/volumes/nope/histogram', 404],
+    ['GET', '/volumes/nope/slice?axis=0&index=0', 404], ['DELETE', '/volumes/nope', 404], ['POST', '/render', 422, { volume: 'nope' }],
+    ['POST', '/sessions', 422, { view: { volume: 'nope' } }], ['PATCH', `/sessions/${session.id}`, 422, { view: { volume: 'nope' } }],
+    ['POST', '/paths', 422, { view: { volume: 'nope' }, frames: 1, keyframes: [{ frame: 0, view: {} }] }]]) {
+    const answer = body ? await own.post(`/api/v1${target}`, body, { method }) : await own.json(`/api/v1${target}`, { method });
+    isProblem(answer, status, known);
+  }
+  const guest = await own.post(`/api/v1/sessions/${session.id}`, { view: { volume: 'nope' } }, { method: 'PATCH', token: session.tokens.control });
+  isProblem(guest, 422, /^there is no volume 'nope'$/);
+  for (let i = 0; i < 5; i += 1) {
+    await own.post('/api/v1/volumes', { uri: `demo:noise?size=${i + 8}`, id: `${i}`.repeat(100) });
+  }
+  isProblem(await own.json('/api/v1/volumes/nope'), 404, /^there is no volume 'nope'; the daemon has engine, 0{100}, 1{100}, …$/);
+  assert.equal(await own.stop(), 0);
+});
+
+test('a query parameter without a value is refused', async () => {
+  for (const target of ['/volumes/engine/histogram?axis', '/volumes/engine/slice?axis=0&index', '/sessions?limit']) {
+    isProblem(await daemon.json(`/api/v1${target}`), 400, /^the query parameter "\w+" has no value; give \w+=VALUE$/);
+  }
+  isProblem(await daemon.json('/api/v1/volumes/engine/histogram?axis='), 400, /must be value/);
 });
 
 test('render: an invalid view is refused with a JSON pointer', async () => {

@@ -178,6 +178,7 @@ def walk(daemon, contract):
         check(len(histogram['counts']) == bins and sum(histogram['counts']) == histogram['samples'] == 16 ** 3,
               f'the histogram {axis} counts every sample')
     ask(400, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=gradient', id='p')
+    ask(400, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis', id='p')
     ask(404, 'GET', f'{api}/volumes/{{id}}/histogram', id='none')
     walk_slices(daemon, ask, f'{api}/volumes/{{id}}/slice', id='p')
     ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='p')

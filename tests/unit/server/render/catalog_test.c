@@ -126,6 +126,27 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
     srv_catalog_destroy(&catalog);
 }
 
+/* Counting takes tens of milliseconds, so a second client must not pay for it again. */
+static void a_joint_histogram_is_counted_once(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
+                                                 .progress = on_progress,
+                                                 .unloaded = on_unloaded };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    struct sp_error err;
+    seen.state = SRV_VOLUME_LOADING;
+    add(catalog, "demo:phantom?size=8");
+    wait_for(SRV_VOLUME_READY);
+    struct srv_volume *volume = srv_catalog_acquire(catalog, "v", &err);
+    assert_non_null(volume);
+    const struct sp_joint_histogram *joint = srv_catalog_joint_histogram(catalog, volume, &err);
+    assert_non_null(joint);
+    assert_int_equal(joint->samples, 8 * 8 * 8);
+    assert_ptr_equal(srv_catalog_joint_histogram(catalog, volume, &err), joint);
+    srv_catalog_release(catalog, volume);
+    srv_catalog_destroy(&catalog);
+}
+
 static void paths_are_redacted(void **state) {
     (void)state;
     static const struct {
@@ -160,6 +181,7 @@ static void paths_are_redacted(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(a_volume_can_be_removed_while_it_loads),
+                                        cmocka_unit_test(a_joint_histogram_is_counted_once),
                                         cmocka_unit_test(paths_are_redacted) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
