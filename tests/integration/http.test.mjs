@@ -330,7 +330,7 @@ test('an unknown volume names those that exist, as many as fit, to tokens that m
   for (let i = 0; i < 5; i += 1) {
     await own.post('/api/v1/volumes', { uri: `demo:noise?size=${i + 8}`, id: `${i}`.repeat(100) });
   }
-  isProblem(await own.json('/api/v1/volumes/nope'), 404, /^there is no volume 'nope'; the daemon has engine, 0{100}, 1{100}, …$/);
+  isProblem(await own.json('/api/v1/volumes/nope'), 404, /^there is no volume 'nope'; the daemon has engine, 0{100}, 1{100}, 2{100}, …$/);
   assert.equal(await own.stop(), 0);
 });
 
