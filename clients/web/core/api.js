@@ -97,14 +97,64 @@ export class Api {
     return answer.blob();
   }
 
+  /** An image of a view, as the answer whose body still loads. It may take minutes; `signal` cancels it. */
+  render(view, query, signal) {
+    return this.#image('POST', `api/v1/render?${query}`, { body: view, signal });
+  }
+
+  /** An image of the current view of a session, for a client with its join token. */
+  snapshot({ id, token }, query, signal) {
+    return this.#image('GET', `api/v1/sessions/${encodeURIComponent(id)}/snapshot?${query}`, { token, signal });
+  }
+
+  /** A small image of a saved view, as a Blob. The browser's cache revalidates it. */
+  async thumbnail(id, [width, height], signal) {
+    const answer = await this.#image('GET', `api/v1/render/${encodeURIComponent(id)}?format=webp&quality=80&size=${width},${height}`,
+      { signal, cache: 'no-cache' });
+    return answer.blob();
+  }
+
+  async #image(method, path, { accept = 'image/*', ...options }) {
+    const answer = await this.#send(method, path, { accept, ...options });
+    if (!answer.ok) throw this.#refusal(answer, `${method} ${path}`, await answer.text());
+    return answer;
+  }
+
+  /** The saved views of this token: [{id, name, saved, volume, size}]. */
+  keptViews() {
+    return this.#all('views', 'views');
+  }
+
+  /** A saved view, with every field. */
+  keptView(id) {
+    return this.#request('GET', `api/v1/views/${encodeURIComponent(id)}`);
+  }
+
+  renameView(id, name) {
+    return this.#request('PATCH', `api/v1/views/${encodeURIComponent(id)}`, { body: { name } });
+  }
+
+  deleteView(id) {
+    return this.#request('DELETE', `api/v1/views/${encodeURIComponent(id)}`);
+  }
+
+  deleteSession(id) {
+    return this.#request('DELETE', `api/v1/sessions/${encodeURIComponent(id)}`);
+  }
+
   /** All camera paths that this token may see. */
-  async paths() {
+  paths() {
+    return this.#all('paths', 'camera paths');
+  }
+
+  /** All items of a list that comes in pages. */
+  async #all(name, what) {
     const all = [];
     let after = '';
     do {
-      const page = await this.#request('GET', `api/v1/paths?limit=1000${after && `&after=${encodeURIComponent(after)}`}`);
-      if (!Array.isArray(page.paths)) throw new ApiError(200, 'the list of camera paths is not a list');
-      all.push(...page.paths);
+      const page = await this.#request('GET', `api/v1/${name}?limit=1000${after && `&after=${encodeURIComponent(after)}`}`);
+      if (!Array.isArray(page[name])) throw new ApiError(200, `the list of ${what} is not a list`);
+      all.push(...page[name]);
       after = page.next;
     } while (after);
     return all;
@@ -143,13 +193,13 @@ export class Api {
   }
 
   /** Resolves to the answer with any status; its body may still be loading. */
-  async #send(method, path, { body, token = this.token, accept = 'application/json', signal }) {
+  async #send(method, path, { body, token = this.token, accept = 'application/json', signal, cache = 'no-store' }) {
     const headers = { Accept: accept };
     if (token) headers.Authorization = `Bearer ${token}`;
     if (body) headers['Content-Type'] = 'application/json';
     const fetch = this.#fetch;
     return fetch(new URL(path, this.#base), {
-      method, headers, body: body && JSON.stringify(body), cache: 'no-store', credentials: 'same-origin', signal,
+      method, headers, body: body && JSON.stringify(body), cache, credentials: 'same-origin', signal,
     });
   }
 

@@ -14,7 +14,8 @@ export class UpdateQueue {
   #waiting = null;
   #since = 0;
   #flying = new Map();
-  #times = new Map();
+  #times = new Map(); // by seq: {since, sent}
+  #waited = 0;
 
   /**
    * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
@@ -78,13 +79,18 @@ export class UpdateQueue {
     this.#waiting = null;
   }
 
+  /** How long the update of the newest show() waited to be sent, in ms. */
+  get waited() { return this.#waited; }
+
   /** Reports a drawn frame that shows `seq`. Returns the time since the user's action in ms, or null if it is unknown. */
   show(seq) {
     if (seq <= this.#drawn || seq > this.#seq) return null;
     this.#drawn = seq;
     const then = this.#times.get(seq);
     for (const key of this.#times.keys()) if (key <= seq) this.#times.delete(key);
-    return then === undefined ? null : this.#now() - then;
+    if (!then) return null;
+    this.#waited = then.sent - then.since;
+    return this.#now() - then.since;
   }
 
   #plan() {
@@ -103,7 +109,7 @@ export class UpdateQueue {
     const seq = ++this.#seq;
     this.#waiting = null;
     this.#flying.set(seq, patch);
-    this.#times.set(seq, this.#since);
+    this.#times.set(seq, { since: this.#since, sent: this.#now() });
     const settle = (error) => {
       if (epoch !== this.#epoch) return;
       this.#flying.delete(seq);

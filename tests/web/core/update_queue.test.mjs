@@ -121,10 +121,12 @@ test('latency is measured from the first action of an update to the frame that s
   it.now = 100;
   it.updates.put({ n: 1 }, { time: 90 });
   it.updates.put({ n: 2 }, { time: 99 });
+  it.now = 104;
   it.frame();
   it.now = 140;
   assert.equal(it.updates.show(0), null, 'a frame from before the update');
   assert.equal(it.updates.show(1), 50);
+  assert.equal(it.updates.waited, 14, 'the update waited from the action to the animation frame that sent it');
   assert.equal(it.updates.show(1), null, 'the refined frame does not count again');
   assert.equal(it.updates.show(7), null, 'a seq that was never sent');
   assert.equal(it.updates.drawn, 1);

@@ -1,0 +1,58 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the time between an action of the user and its picture goes, and whether the daemon is overloaded.
+
+export const PARTS = ['network', 'queue', 'render', 'encode', 'decode'];
+
+/**
+ * Splits `total` ms. frame: the header, with queueUs, renderUs and encodeUs; waited: ms in the page before the update was sent;
+ * decode: ms from the arrival of the frame to its drawing. What remains is the network. Scales the parts where they exceed the
+ * total, because a picture from the frame cache states the render time of its first rendering.
+ */
+export function splitLatency(total, frame, { waited = 0, decode = 0 } = {}) {
+  const parts = {
+    queue: waited + frame.queueUs / 1000, render: frame.renderUs / 1000, encode: frame.encodeUs / 1000, decode,
+  };
+  const sum = Object.values(parts).reduce((a, b) => a + b, 0);
+  const factor = sum > total ? total / sum : 1;
+  const scaled = Object.fromEntries(Object.entries(parts).map(([name, ms]) => [name, ms * factor]));
+  return { network: Math.max(0, total - sum), ...scaled };
+}
+
+/** The mean of the newest splits: smooths the figures of the panel. */
+export class LatencyMeter {
+  #newest = []; // {time, total, parts}
+
+  put(time, total, parts) {
+    this.#newest.push({ time, total, parts });
+    if (this.#newest.length > 32) this.#newest.shift();
+  }
+
+  clear() {
+    this.#newest = [];
+  }
+
+  /** {total, network, queue, …} of the last `span` ms before the newest, in ms; null if nothing was measured. */
+  mean(span = 1000) {
+    const last = this.#newest.at(-1);
+    if (!last) return null;
+    const recent = this.#newest.filter(({ time }) => last.time - time <= span);
+    const mean = (of) => recent.reduce((sum, entry) => sum + of(entry), 0) / recent.length;
+    return { total: mean(({ total }) => total), ...Object.fromEntries(PARTS.map((name) => [name, mean(({ parts }) => parts[name])])) };
+  }
+}
+
+const QUEUE_LONG_MS = 250;
+/** Reasons of stream.policy that the user can do something about, the most important first. */
+const REDUCTIONS = ['bandwidth', 'shared_time', 'time', 'video_pixels'];
+
+/**
+ * What to tell about a slow picture: 'offline', 'busy' (the daemon refused with 429 or 503), 'queue' (pictures wait for a renderer),
+ * a reason of stream.policy why quality is reduced, or null.
+ */
+export function overloadOf({ isOnline = true, error = null, latency = null, policy = null, isMoving = false }) {
+  if (!isOnline) return 'offline';
+  if (error?.status === 503 || error?.status === 429) return 'busy';
+  if (isMoving && latency && latency.queue > QUEUE_LONG_MS) return 'queue';
+  if (!isMoving) return null;
+  return REDUCTIONS.find((reason) => policy?.why?.includes(reason)) ?? null;
+}

@@ -1,0 +1,31 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { isSamePlace, linkedCamera, settingsOf } from '../../../clients/web/core/compare.js';
+
+const camera = { position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0], projection: 'perspective', fov_y: 30, near: 1 };
+
+test('the camera is the same in world units', () => {
+  assert.deepEqual(linkedCamera(camera), camera);
+});
+
+test('fitted, the other volume has the same direction and share of the picture', () => {
+  const flat = { ...camera, projection: 'orthographic', height: 4 };
+  const made = linkedCamera(flat, { center: [0, 0, 0], radius: 2 }, { center: [100, 0, 0], radius: 6 });
+  assert.deepEqual(made.position, [100, 0, 30]);
+  assert.deepEqual(made.target, [100, 0, 0]);
+  assert.deepEqual([made.height, made.near, made.fov_y], [12, 3, 30]);
+  assert.deepEqual(linkedCamera(camera, { center: [0, 0, 0], radius: 0 }, { center: [1, 1, 1], radius: 1 }), camera);
+});
+
+test('volumes at different places or of very different sizes are told', () => {
+  const at = (x, radius) => ({ center: [x, 0, 0], radius });
+  assert.ok(isSamePlace(at(0, 10), at(4, 9)));
+  assert.ok(!isSamePlace(at(0, 10), at(6, 10)));
+  assert.ok(!isSamePlace(at(0, 10), at(0, 2)));
+  assert.ok(isSamePlace(null, at(0, 2)));
+});
+
+test('settings are the view without camera and size', () => {
+  assert.deepEqual(settingsOf({ volume: 'v', camera, size: [1, 1], background: [0, 0, 0, 1] }), { volume: 'v', background: [0, 0, 0, 1] });
+});
