@@ -262,6 +262,8 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
         return decode_enum(decoder, field, json, to);
     case PROTO_FIELD_NAME:
         return decode_name(decoder, json, to);
+    case PROTO_FIELD_BOOL:
+        return proto_json_bool(json, to) || refuse_type(decoder, "true or false", json);
     case PROTO_FIELD_ORBIT:
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:

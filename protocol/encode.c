@@ -60,6 +60,8 @@ static proto_json *encode_field(const struct proto_field *field, const char *fro
         return proto_json_new_string(field->names[*(const int *)(from + field->offset)]);
     case PROTO_FIELD_NAME:
         return proto_json_new_string(from + field->offset);
+    case PROTO_FIELD_BOOL:
+        return proto_json_new_bool(*(const bool *)(from + field->offset));
     case PROTO_FIELD_ORBIT: /* encoded as position and up */
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:

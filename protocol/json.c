@@ -306,6 +306,10 @@ proto_json *proto_json_new_integer(int64_t value) {
     return json_integer(value);
 }
 
+proto_json *proto_json_new_bool(bool value) {
+    return json_boolean(value);
+}
+
 proto_json *proto_json_new_null(void) {
     return json_null();
 }

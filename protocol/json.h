@@ -73,6 +73,7 @@ proto_json *proto_json_new_number(double value);     /* finite */
 proto_json *proto_json_new_float(float value);       /* finite; the shortest decimal that
                                                         reads back as the same float */
 proto_json *proto_json_new_integer(int64_t value);
+proto_json *proto_json_new_bool(bool value);
 proto_json *proto_json_new_null(void);
 bool proto_json_set(proto_json *object, const char *key, proto_json *value); /* takes ownership */
 bool proto_json_set_string(proto_json *object, const char *key, const char *text);

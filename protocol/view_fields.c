@@ -128,6 +128,21 @@ static const struct proto_field quality_fields[] = {
 };
 static const struct proto_group quality = GROUP(quality_fields);
 
+static const struct proto_field window_fields[] = {
+    { "center", PROTO_FIELD_DOUBLE, AT(slices.center) },
+    { "width", PROTO_FIELD_DOUBLE, AT(slices.width) },
+};
+static const struct proto_group window = GROUP(window_fields);
+
+static const struct proto_field slices_fields[] = {
+    { "mode", PROTO_FIELD_ENUM, AT(slices.mode), NAMES("none", "orthogonal", "oblique") },
+    { "in_3d", PROTO_FIELD_BOOL, AT(slices.in_3d) },
+    { "position", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.position) },
+    { "normal", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.normal) },
+    { "window", PROTO_FIELD_OBJECT, .group = &window },
+};
+static const struct proto_group slices = GROUP(slices_fields);
+
 static const struct proto_field view_fields[] = {
     { "volume", PROTO_FIELD_NAME, AT(volume) },
     { "size", PROTO_FIELD_COUNT, .columns = 2, AT(size) },
@@ -140,6 +155,7 @@ static const struct proto_field view_fields[] = {
     { "primitive", PROTO_FIELD_OBJECT, .group = &primitive },
     { "clip", PROTO_FIELD_OBJECT, .group = &clip },
     { "quality", PROTO_FIELD_OBJECT, .group = &quality },
+    { "slices", PROTO_FIELD_OBJECT, .group = &slices },
 };
 const struct proto_group proto_view_group = GROUP(view_fields);
 
@@ -153,6 +169,8 @@ size_t proto_field_bytes(const struct proto_field *field) {
         return count * sizeof(float);
     case PROTO_FIELD_COUNT:
         return count * sizeof(uint32_t);
+    case PROTO_FIELD_BOOL:
+        return sizeof(bool);
     case PROTO_FIELD_ENUM:
         return sizeof(int);
     case PROTO_FIELD_NAME:

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "sp/slice.h"
 #include "splat/adaptive.h"
 #include "volume/grid.h"
 
@@ -151,6 +152,26 @@ bool sp_view_has_default_filter(const struct sp_view *view) {
            isnan(a->c_max);
 }
 
+static void init_slices(struct sp_slices *slices, const struct sp_volume_info *info) {
+    struct sp_vec3 half[3], middle = find_box(&info->grid, half);
+    double window[2];
+    sp_slice_default_window(info, window);
+    *slices = (struct sp_slices){ .normal = { 0, 0, 1 }, .center = window[0], .width = window[1] };
+    for (int i = 0; i < 3; i++)
+        slices->position[i] = middle.v[i] + 0.0; /* -0 becomes 0 */
+}
+
+bool sp_view_is_same_picture(const struct sp_view *a, const struct sp_view *b) {
+    const bool a_draws = a->slices.in_3d && a->slices.mode != SP_SLICES_NONE;
+    const bool b_draws = b->slices.in_3d && b->slices.mode != SP_SLICES_NONE;
+    struct sp_view like_a;
+    if (a_draws || b_draws)
+        return memcmp(a, b, sizeof *a) == 0;
+    memcpy(&like_a, b, sizeof like_a);
+    memcpy(&like_a.slices, &a->slices, sizeof like_a.slices);
+    return memcmp(a, &like_a, sizeof *a) == 0;
+}
+
 void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id) {
     const struct sp_grid *grid = &info->grid;
     double smallest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
@@ -171,6 +192,7 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
         .level_of_detail = SP_LOD_AUTO,
     };
     snprintf(view->volume, sizeof view->volume, "%s", id);
+    init_slices(&view->slices, info);
     init_camera(&view->camera, info, smallest);
     init_transfer_function(&view->transfer_function, info, smallest);
 }
@@ -381,6 +403,24 @@ static bool check_clip(const struct sp_clip *clip, struct sp_error *err) {
     return true;
 }
 
+static bool check_slices(const struct sp_view *view, struct sp_error *err) {
+    const struct sp_slices *s = &view->slices;
+    if (!check_choice(s->mode, SP_SLICES_OBLIQUE, "/slices/mode", err) ||
+        !check_finite3(s->position, "/slices/position", err) ||
+        !check_finite3(s->normal, "/slices/normal", err) ||
+        !check_range(s->center, -DBL_MAX, DBL_MAX, err, "/slices/window/center") ||
+        !check_positive(s->width, "/slices/window/width", err))
+        return false;
+    if (is_zero(s->normal))
+        return sp_fail(err, SP_ERR_INVALID, "/slices/normal", "the normal is zero");
+    return s->mode != SP_SLICES_OBLIQUE || !s->in_3d ||
+           view->clip.plane_count < SP_CLIP_PLANES_MAX ||
+           sp_fail(err, SP_ERR_INVALID, "/slices/in_3d",
+                   "an oblique slice in the picture needs one of the %d clip planes, and all are "
+                   "in use; remove one of them",
+                   SP_CLIP_PLANES_MAX);
+}
+
 bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
     for (int i = 0; i < 2; i++)
         if (!check_range(view->size[i], 1, SP_SIZE_MAX, err, "/size/%d", i))
@@ -396,6 +436,6 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) &&
            check_choice(view->primitive, SP_PRIMITIVE_VECTOR, "/primitive/type", err) &&
-           check_clip(&view->clip, err) &&
+           check_clip(&view->clip, err) && check_slices(view, err) &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }

@@ -332,6 +332,18 @@ void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
             out->planes[i].offset = mix(a->planes[i].offset, b->planes[i].offset, u);
 }
 
+void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, double u,
+                      struct sp_slices *out) {
+    *out = u >= 1 ? *b : *a;
+    if (u <= 0 || u >= 1)
+        return;
+    for (int i = 0; i < 3; i++)
+        out->position[i] = mix(a->position[i], b->position[i], u);
+    mix_direction(a->normal, b->normal, u, out->normal);
+    out->center = mix(a->center, b->center, u);
+    out->width = mix(a->width, b->width, u);
+}
+
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]) {
     for (int c = 0; c < 4; c++)
         out[c] = mix_float(a[c], b[c], u);

@@ -38,6 +38,8 @@ void srv_blend_shading(const struct sp_shading *a, const struct sp_shading *b, d
                        struct sp_shading *out);
 void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
                     struct sp_clip *out);
+void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, double u,
+                      struct sp_slices *out);
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]);
 
 #endif

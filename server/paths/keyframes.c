@@ -19,11 +19,12 @@ enum track {
     TRACK_PRIMITIVE,
     TRACK_CLIP,
     TRACK_QUALITY,
+    TRACK_SLICES,
     TRACKS
 };
 static const char *const track_names[TRACKS] = {
     "background", "camera", "transfer_function", "filter", "compositing", "shading",
-    "primitive",  "clip",   "quality",
+    "primitive",  "clip",   "quality",           "slices",
 };
 
 /* How a track approaches a key. */
@@ -329,6 +330,9 @@ static void blend(enum track track, const struct sp_view *a, const struct sp_vie
         break;
     case TRACK_QUALITY:
         out->level_of_detail = a->level_of_detail;
+        break;
+    case TRACK_SLICES:
+        srv_blend_slices(&a->slices, &b->slices, u, &out->slices);
         break;
     case TRACKS:
         break;

@@ -64,6 +64,19 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
               is_useless ? SRV_INTERRUPT_UNWANTED : SRV_INTERRUPT_NEWER_VIEW);
 }
 
+/* The new version gives the same picture: frames of the version before it are frames of this one.
+ */
+static void keep_image(struct srv_session *session) {
+    const uint64_t version = session->shared.version;
+    for (struct srv_participant *p = session->participants; p; p = p->next) {
+        struct srv_participant_schedule *plan = p->schedule;
+        if (plan->newest.version == version - 1)
+            plan->newest.version = version;
+        if (plan->failed_version == version - 1)
+            plan->failed_version = version;
+    }
+}
+
 /* The last frame of the participant is not what it asks for now. */
 static void change_image(const struct srv_schedule *schedule, struct srv_participant *p,
                          double now_ms) {
@@ -91,6 +104,9 @@ static void on_event(void *user, enum srv_session_event event, struct srv_sessio
     case SRV_IMAGE_CHANGED:
         change_image(schedule, p, now_ms);
         return;
+    case SRV_SLICES_CHANGED:
+        keep_image(session);
+        break;
     case SRV_VIEW_CHANGED:
     case SRV_TRANSFER_FUNCTION_CHANGED:
     case SRV_VOLUME_CHANGED:

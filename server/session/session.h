@@ -160,6 +160,7 @@ enum srv_session_event {
     SRV_VIEW_CHANGED,              /* the view has a new version; so it has with the next two: */
     SRV_TRANSFER_FUNCTION_CHANGED, /* all voxels have to be classified again */
     SRV_VOLUME_CHANGED,
+    SRV_SLICES_CHANGED, /* the view has a new version, which gives the same picture */
     SRV_PARTICIPANT_JOINED,
     SRV_IMAGE_CHANGED, /* the participant asked for another size, format or quality */
     SRV_CONFIGURED,    /* the participant's settings were read, changed or not */

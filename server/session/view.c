@@ -69,6 +69,9 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     else if (memcmp(&session->shared.view.transfer_function, &view.transfer_function,
                     sizeof view.transfer_function) != 0)
         event = SRV_TRANSFER_FUNCTION_CHANGED;
+    else if (memcmp(&session->shared.view, &view, sizeof view) != 0 &&
+             sp_view_is_same_picture(&session->shared.view, &view))
+        event = SRV_SLICES_CHANGED;
     if (volume) {
         source->release(source->user, session->shared.volume);
         session->shared.volume = volume;

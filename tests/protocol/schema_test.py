@@ -191,6 +191,8 @@ def random_patch(rng, node, schema, depth=0):
             patch[name] = random_patch(rng, child, schema, depth + 1)
         elif 'enum' in child:
             patch[name] = rng.choice(child['enum'])
+        elif child.get('type') == ['boolean', 'null']:
+            patch[name] = rng.random() < 0.5
         elif name in ('position', 'target', 'up'):
             patch[name] = [rng.uniform(-9, 9) + (300 if name == 'position' else 0) for _ in range(3)]
         elif name == 'points':

@@ -8,7 +8,7 @@ import schemathesis
 # openapi.yaml list the rules. '/size' and '/volume' depend on the daemon's limits and volumes.
 BEYOND_SCHEMA = re.compile(
     r'(/keyframes/\d+)?(/view)?(/volume|/size(/[01])?|/camera(/position|/target|/up)?|/filter/c_m(in|ax)'
-    r'|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)|/clip/box(/\d/\d)?|/clip/planes/\d/normal'
+    r'|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)|/clip/box(/\d/\d)?|/clip/planes/\d/normal|/slices/(normal|in_3d)'
     r'|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/from|/uri|/path|/frames|/keyframes/\d+(/(time|frame))?')
 
 

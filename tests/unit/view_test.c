@@ -206,8 +206,21 @@ static void ranges_are_checked(void **state) {
     REFUSED(clip.planes[0].offset, NAN, "/clip/planes/0/offset");
     REFUSED(clip.planes[0].normal[2], 0, "/clip/planes/0/normal");
     REFUSED(clip.plane_count, 9, "/clip/planes");
+    REFUSED(slices.mode, (enum sp_slice_mode)3, "/slices/mode");
+    REFUSED(slices.position[2], NAN, "/slices/position/2");
+    REFUSED(slices.normal[2], 0, "/slices/normal");
+    REFUSED(slices.center, INFINITY, "/slices/window/center");
+    REFUSED(slices.width, 0, "/slices/window/width");
     REFUSED(primitive, (enum sp_primitive)9, "/primitive/type");
     REFUSED(transfer_function.order, (enum sp_tf_order)3, "/transfer_function/order");
+    struct sp_view full = view;
+    full.clip.plane_count = SP_CLIP_PLANES_MAX;
+    for (int i = 0; i < SP_CLIP_PLANES_MAX; i++)
+        full.clip.planes[i] = view.clip.planes[0];
+    full.slices.mode = SP_SLICES_OBLIQUE;
+    assert_true(sp_view_validate(&full, NULL));
+    full.slices.in_3d = true;
+    check_refused(&full, "/slices/in_3d");
     struct sp_view crossed = view;
     crossed.clip.box[0][0] = 0.8;
     crossed.clip.box[1][0] = 0.2;
@@ -257,12 +270,31 @@ static void degenerate_cameras_are_refused(void **state) {
     assert_true(sp_view_validate(&view, NULL));
 }
 
+static void slices_beside_the_picture_do_not_change_it(void **state) {
+    (void)state;
+    const struct sp_view view = make_view();
+    struct sp_view moved = view;
+    moved.slices.mode = SP_SLICES_ORTHOGONAL;
+    moved.slices.position[0] += 3;
+    assert_true(sp_view_is_same_picture(&view, &moved));
+    moved.slices.in_3d = true;
+    assert_false(sp_view_is_same_picture(&view, &moved));
+    struct sp_view again = moved;
+    assert_true(sp_view_is_same_picture(&again, &moved));
+    again.slices.width *= 2;
+    assert_false(sp_view_is_same_picture(&again, &moved));
+    moved = view;
+    moved.camera.fov_y = 12;
+    assert_false(sp_view_is_same_picture(&view, &moved));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_default_frames_the_volume),
         cmocka_unit_test(the_default_frames_a_rectilinear_volume),
         cmocka_unit_test(the_default_hides_the_background),
         cmocka_unit_test(ranges_are_checked),
+        cmocka_unit_test(slices_beside_the_picture_do_not_change_it),
         cmocka_unit_test(single_splats_are_not_classified_after_interpolation),
         cmocka_unit_test(degenerate_cameras_are_refused),
     };

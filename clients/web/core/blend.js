@@ -95,6 +95,7 @@ const RULES = {
       return normal ? { normal, offset: mix(plane.offset, b.planes[i].offset, u) } : plane;
     }) };
   },
+  slices: (a, b, u) => ({ ...blendAny(a, b, u), normal: blendDirection(a.normal, b.normal, u) || a.normal }),
   primitive: (a) => a,
   quality: (a) => a,
 };

@@ -145,6 +145,25 @@ struct sp_clip {      /* "/clip" */
     struct sp_clip_plane planes[SP_CLIP_PLANES_MAX];
 };
 
+enum sp_slice_mode {
+    SP_SLICES_NONE,
+    SP_SLICES_ORTHOGONAL, /* three planes through the position, along the axes of the grid */
+    SP_SLICES_OBLIQUE     /* one plane through the position */
+};
+/* Slices of the volume (sp/slice.h) that clients show beside the picture, and in it. A slice in the
+ * picture is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
+ * behind it; the volume in front of it is drawn as always. Values that are not finite leave a
+ * hole. */
+struct sp_slices {           /* "/slices" */
+    enum sp_slice_mode mode; /* [none] */
+    bool in_3d;              /* draw them in the picture [false]; oblique: needs one of the clip
+                                planes, so that the view has at most SP_CLIP_PLANES_MAX - 1 */
+    double position[3];      /* world [the volume's centre] */
+    double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
+    double center, width;    /* "window": values from black to white; width > 0
+                                [sp_slice_default_window()] */
+};
+
 struct sp_view {
     char volume[SP_NAME_BYTES]; /* "/volume": id; the caller resolves it, the renderer ignores it */
     uint32_t size[2];           /* "/size": width, height, px, [1, SP_SIZE_MAX] [512, 512] */
@@ -157,11 +176,16 @@ struct sp_view {
     enum sp_primitive primitive; /* "/primitive/type" [volume] */
     struct sp_clip clip;
     enum sp_lod level_of_detail; /* "/quality/level_of_detail" [auto] */
+    struct sp_slices slices;
 };
 
 /* Fills *view with the defaults for a volume: the camera frames it, and the transfer function comes
  * from its histogram. `id` is copied to view->volume. Thread-safe; never fails. */
 SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
+
+/* True if the two views give the same picture, although they may differ in slices that are not
+ * drawn in it. Thread-safe. */
+SP_API bool sp_view_is_same_picture(const struct sp_view *a, const struct sp_view *b);
 
 /* True if all of view->filter is as sp_view_init() sets it. Thread-safe. */
 SP_API bool sp_view_has_default_filter(const struct sp_view *view);
