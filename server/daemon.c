@@ -11,6 +11,7 @@
 
 #include "common/clock.h"
 #include "common/timer_thread.h"
+#include "common/work_queue.h"
 #include "http/address.h"
 #include "http/cors.h"
 #include "http/listener.h"
@@ -43,6 +44,7 @@ struct srv_daemon {
     _Atomic double alive_ms;           /* time of the last run of `tick` */
     struct srv_timer_thread *timers;
     struct srv_timer_task tick;
+    struct srv_work_queue *disk;
     double
         ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
     struct srv_http_options http_options;
@@ -292,6 +294,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->tokens = d->tokens;
     o->store = d->store;
     o->paths = atomic_load(&d->paths);
+    o->disk = d->disk;
     o->metrics = d->metrics;
     if (!srv_cors_check_origins(c->allow_origin, err) ||
         !srv_address_parse(c->listen, &address, err))
@@ -370,7 +373,8 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .persist = on_volume,
         .unloaded = on_unloaded,
     };
-    if ((d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
+    if ((d->disk = srv_work_queue_create(err)) &&
+        (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
         start_renderer(d, err) && start_sessions(d, err) && start_volumes(d, err) &&
         start_tokens(d, err) && start_paths(d, err) && start_http(d, err))
@@ -436,7 +440,10 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_render_pool_stop(d->render_pool);
     if (d->store)
         srv_store_stop(d->store);
-    /* The render pool and the store have now woken every request that waited for them. */
+    if (d->disk)
+        srv_work_queue_stop(d->disk);
+    /* The render pool, the store and the disk thread have now woken every request that waited for
+     * them. */
     /* The streams give their connections back before the listener ends them. */
     srv_timer_thread_destroy(&d->timers); /* first: it uses all parts that follow */
     atomic_store(&d->http, NULL);
@@ -451,6 +458,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_render_pool_destroy(&d->render_pool);
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);
+    srv_work_queue_destroy(&d->disk);
     srv_metrics_destroy(&d->metrics);
     free(d);
 }

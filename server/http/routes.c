@@ -10,6 +10,7 @@
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis" }
 #define SLICE { "axis", "index", "origin", "normal", "up", "size", "spacing", "window", "format" }
+#define FILES { "path", "after", "limit" }
 /* clang-format on */
 
 static const struct srv_route routes[] = {
@@ -28,6 +29,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/volumes/{}/view", SRV_RIGHT_VIEW, srv_get_volume_view, NONE },
     { SRV_GET, "/api/v1/volumes/{}/histogram", SRV_RIGHT_VIEW, srv_get_volume_histogram, AXES },
     { SRV_GET, "/api/v1/volumes/{}/slice", SRV_RIGHT_VIEW, srv_get_volume_slice, SLICE },
+    { SRV_GET, "/api/v1/files", SRV_RIGHT_ADMIN, srv_get_files, FILES },
     { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
     { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },
     { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },

@@ -1,10 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/clock.h"
 #include "http/routes.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
+#include "render/formats.h"
+#include "render/source.h"
+
+enum {
+    REASON_BYTES = 100, /* of a failed load, in the list */
+    UPLOAD_BYTES = 256  /* "upload:" and an id that a client gave, truncated */
+};
 
 /* Encodes the memory of the volume: its voxels, and the cached data of all renderers. NULL when out
  * of memory. */
@@ -23,6 +32,29 @@ static proto_json *encode_memory(const struct srv_volume_status *status) {
     return memory;
 }
 
+/* Writes why a load failed: with the place in the file, or only the first words. */
+static void write_reason(const struct sp_error *err, bool in_full, char *reason, size_t size) {
+    if (in_full) {
+        snprintf(reason, size, "%s%s%s", err->place, err->place[0] ? ": " : "", err->text);
+        return;
+    }
+    size_t length = strlen(err->text), most = REASON_BYTES;
+    if (length > most) {
+        while (most > REASON_BYTES / 2 && err->text[most] != ' ')
+            most--;
+        while (most > 0 && ((unsigned char)err->text[most] & 0xC0) == 0x80)
+            most--;
+    }
+    snprintf(reason, size, "%.*s%s", (int)(length < most ? length : most), err->text,
+             length > most ? " …" : "");
+}
+
+/* Returns the name of the format of a source, as clients see it. */
+static const char *format_of(const struct srv_volume_status *status) {
+    const char *format = srv_format_of(status->source);
+    return srv_source_is_demo(status->source) ? "built-in" : format ? format : "";
+}
+
 /* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
  * description. NULL when out of memory. */
 static proto_json *encode_volume(const struct srv_volume_status *status, bool in_full) {
@@ -32,12 +64,12 @@ static proto_json *encode_volume(const struct srv_volume_status *status, bool in
     bool ok = proto_json_set_string(json, "id", status->id);
     ok = proto_json_set_string(json, "name", status->name) && ok;
     ok = proto_json_set_string(json, "source", status->source) && ok;
+    ok = proto_json_set_string(json, "format", format_of(status)) && ok;
     ok = proto_json_set_string(json, "state", srv_volume_state_name(status->state)) && ok;
     ok = proto_json_set_number(json, "progress", status->progress) && ok;
     if (status->state == SRV_VOLUME_FAILED) {
         char reason[SP_ERROR_PLACE + SP_ERROR_TEXT + 4];
-        snprintf(reason, sizeof reason, "%s%s%s", status->error.place,
-                 status->error.place[0] ? ": " : "", status->error.text);
+        write_reason(&status->error, in_full, reason, sizeof reason);
         ok = proto_json_set_string(json, "reason", reason) && ok;
     }
     if (status->volume && in_full) {
@@ -125,31 +157,70 @@ static bool read_string(const proto_json *body, const char *key, const char *poi
     return !value || *out;
 }
 
-static bool read_request(const proto_json *body, struct srv_volume_request *load,
+/* The members that name what to load; a request has one of them. */
+static const char *const sources[] = { "source", "path", "uri", "upload" };
+static const char *const pointers[] = { "/source", "/path", "/uri", "/upload" };
+enum { SOURCES = sizeof sources / sizeof *sources };
+
+/* Checks the value of a member of `sources`. */
+static bool check_source(const char *member, const char *pointer, const char *value,
                          struct srv_reply *reply) {
-    static const char *const known[] = { "path", "uri", "id", "name", NULL };
-    const char *path, *uri;
+    bool is_demo = srv_source_is_demo(value);
+    if (!*value)
+        srv_reply_problem(reply, 422, pointer, "must not be empty");
+    else if (strcmp(member, "uri") == 0 && !is_demo)
+        srv_reply_problem(reply, 422, pointer, "must be demo:NAME");
+    else if (strcmp(member, "path") == 0 && is_demo)
+        srv_reply_problem(reply, 422, pointer,
+                          "is a built-in volume; give it as \"source\" or \"uri\"");
+    else if (srv_source_is_upload(value))
+        srv_reply_problem(reply, 422, pointer,
+                          "names an upload; give its id as \"upload\", or upload the file again");
+    else
+        return true;
+    return false;
+}
+
+/* Fills load->source and its pointer. `upload` receives "upload:ID" if the body names an upload. */
+static bool read_source(const proto_json *body, char upload[UPLOAD_BYTES],
+                        struct srv_volume_request *load, struct srv_reply *reply) {
+    unsigned given = 0;
+    for (int i = 0; i < SOURCES; i++) {
+        const char *value;
+        if (!read_string(body, sources[i], pointers[i], &value, reply))
+            return false;
+        if (!value)
+            continue;
+        if (!check_source(sources[i], pointers[i], value, reply))
+            return false;
+        given++;
+        load->source = value;
+        load->pointer = pointers[i];
+    }
+    if (given != 1) {
+        srv_reply_problem(reply, 422, NULL,
+                          "give one of \"source\" (a path below the data folder, or demo:NAME) and "
+                          "\"upload\" (the id of an upload)");
+        return false;
+    }
+    if (strcmp(load->pointer, "/upload") == 0) {
+        snprintf(upload, UPLOAD_BYTES, SRV_SOURCE_UPLOAD "%s", load->source);
+        load->source = upload;
+    }
+    return true;
+}
+
+static bool read_request(const proto_json *body, char upload[UPLOAD_BYTES],
+                         struct srv_volume_request *load, struct srv_reply *reply) {
+    static const char *const known[] = { "source", "path", "uri", "upload", "id", "name", NULL };
     struct sp_error err;
     if (!proto_json_only(body, known, &err)) {
         srv_reply_error(reply, &err);
         return false;
     }
-    if (!read_string(body, "path", "/path", &path, reply) ||
-        !read_string(body, "uri", "/uri", &uri, reply) ||
-        !read_string(body, "id", "/id", &load->id, reply) ||
-        !read_string(body, "name", "/name", &load->name, reply))
-        return false;
-    if (!path == !uri)
-        srv_reply_problem(reply, 422, NULL,
-                          "give either \"path\" (below the data folder) or "
-                          "\"uri\" (\"demo:NAME\")");
-    else if (uri && strncmp(uri, "demo:", 5) != 0)
-        srv_reply_problem(reply, 422, "/uri", "must be demo:NAME");
-    else if (!*(path ? path : uri))
-        srv_reply_problem(reply, 422, "/path", "must not be empty");
-    else
-        load->source = path ? path : uri;
-    return load->source != NULL;
+    return read_string(body, "id", "/id", &load->id, reply) &&
+           read_string(body, "name", "/name", &load->name, reply) &&
+           read_source(body, upload, load, reply);
 }
 
 /* Waits until the volume is on disk, unless the store has no record of it. The volume is loaded in
@@ -167,12 +238,12 @@ static void reply_durable(struct srv_request *request, const char *id, struct sr
 void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_request load = { .confined = true };
     struct sp_error err;
-    char id[SP_NAME_BYTES];
+    char id[SP_NAME_BYTES], upload[UPLOAD_BYTES];
     bool existed, conflict;
     proto_json *body = srv_request_json(request, reply);
     if (!body)
         return;
-    if (read_request(body, &load, reply)) {
+    if (read_request(body, upload, &load, reply)) {
         struct srv_volume_status status;
         if (!srv_catalog_add(request->app->catalog, &load, id, &existed, &conflict, &err)) {
             if (conflict)
@@ -193,14 +264,12 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    bool conflict;
-    if (srv_catalog_remove(request->app->catalog, request->param, &conflict, &err)) {
-        reply->status = 204;
-        srv_request_reply_when_durable(request);
-    } else if (conflict) {
-        srv_reply_problem(reply, 409, NULL, "%s", err.text);
-    } else {
+    if (!srv_catalog_remove(request->app->catalog, request->param, &err)) {
         srv_name_volumes(request, &err);
         srv_reply_error(reply, &err);
+        return;
     }
+    srv_hub_close_volume(request->app->hub, request->param, srv_clock_ms());
+    reply->status = 204;
+    srv_request_reply_when_durable(request);
 }

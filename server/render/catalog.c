@@ -4,53 +4,19 @@
 #include <assert.h>
 #include <errno.h>
 #include <inttypes.h>
-#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 
 #include "common/clock.h"
+#include "render/catalog_private.h"
 #include "render/redact.h"
 #include "render/source.h"
 #include "sp/log.h"
 
 enum { ENTRIES_MAX = 1024 };
 #define PROGRESS_MS 100.0 /* between two progress notifications of one load */
-
-struct srv_volume {
-    struct srv_volume *next;
-    char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
-    char *source; /* resolved (render/source.h): the key */
-    bool confined, is_persisted;
-    enum srv_volume_state state;
-    double progress, notified_ms; /* notified_ms: when progress() was called last */
-    struct sp_error error;
-    struct sp_volume *volume;           /* NULL unless ready; constant while used */
-    struct sp_view view;                /* default; constant while used */
-    struct srv_fingerprint fingerprint; /* constant while used */
-    uint64_t reserved_bytes, cached_bytes[SRV_RENDERERS];
-    struct sp_joint_histogram
-        *joint; /* guarded by joint_mutex until it is set; NULL = not counted */
-    unsigned uses;
-    bool is_removed; /* while it was loading: the load thread frees it */
-};
-
-struct srv_catalog {
-    struct srv_catalog_options options;
-    char *data; /* resolved; NULL = none */
-    /* Taken before `mutex`: notifications are sent in the order in which the events happened. */
-    pthread_mutex_t notify_mutex;
-    pthread_mutex_t joint_mutex; /* taken alone; held while a joint histogram is counted */
-    pthread_mutex_t mutex;       /* guards what follows */
-    pthread_cond_t changed;      /* there is something to load, or stop */
-    pthread_t loader;
-    struct srv_volume *entries; /* in the order of adding */
-    unsigned count;
-    uint64_t used_bytes;
-    struct srv_volume *loading; /* by the load thread now */
-    bool stop, is_joined;
-};
 
 const char *srv_volume_state_name(enum srv_volume_state state) {
     static const char *const names[] = { "loading", "ready", "failed", "unloaded" };
@@ -118,6 +84,15 @@ static bool progress(void *user, double fraction) {
 /* Clients see the error: they must not learn where the folders are. */
 static void redact(const struct srv_catalog *catalog, const struct srv_volume *v,
                    struct sp_error *err) {
+    if (v->file) {
+        const char *name = v->shown + strlen(SRV_SOURCE_UPLOAD);
+        struct sp_error whole = *err;
+        srv_redact_folder(v->file, name, whole.place, err->place, sizeof err->place);
+        srv_redact_folder(v->file, name, whole.text, err->text, sizeof err->text);
+        srv_redact_text(NULL, v->file, err->place, sizeof err->place);
+        srv_redact_text(NULL, v->file, err->text, sizeof err->text);
+        return;
+    }
     srv_redact_text(catalog->data, v->source, err->place, sizeof err->place);
     srv_redact_text(catalog->data, v->source, err->text, sizeof err->text);
 }
@@ -144,7 +119,33 @@ static void entry_free(struct srv_volume *v) {
     sp_volume_unref(&v->volume);
     free(v->joint);
     free(v->source);
+    free(v->file);
+    free(v->shown);
     free(v);
+}
+
+/* Tells the owner of an uploaded file what became of it. With no lock held. */
+static void close_upload(struct srv_catalog *catalog, const char *source,
+                         enum srv_volume_state state) {
+    if (srv_source_is_upload(source))
+        catalog->options.upload_close(catalog->options.user, source + strlen(SRV_SOURCE_UPLOAD),
+                                      state);
+}
+
+/* True if loading the same source again can help. */
+static bool may_succeed_later(enum sp_code code) {
+    return code != SP_ERR_FORMAT && code != SP_ERR_UNSUPPORTED && code != SP_ERR_INVALID &&
+           code != SP_ERR_DENIED;
+}
+
+/* A load that failed is not tried again after a restart, unless the volume comes from an earlier
+ * run, where its sessions wait for it, and may load again. With the mutex held. */
+static void forget_failed(struct srv_catalog *catalog, struct srv_volume *v) {
+    if (!catalog->options.persist || !v->is_persisted ||
+        (v->is_restored && may_succeed_later(v->error.code)))
+        return;
+    catalog->options.persist(catalog->options.user, v->id, NULL);
+    v->is_persisted = false;
 }
 
 /* The entry becomes ready or failed, or is freed if it was removed meanwhile. `volume`: the
@@ -158,15 +159,26 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     v->volume = volume;
     v->error = *err;
     bool was_removed = v->is_removed;
+    bool was_stopped = !volume && !was_removed && err->code == SP_ERR_CANCELLED;
     v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
     v->progress = volume ? 1 : v->progress;
     if (!volume && !was_removed) {
         catalog->used_bytes -= v->reserved_bytes;
         v->reserved_bytes = 0;
+        if (!was_stopped)
+            forget_failed(catalog, v);
     }
     memcpy(id, v->id, sizeof id);
     double fraction = v->progress;
+    /* The entry may be removed by another thread as soon as the mutex is free. */
+    char *upload = srv_source_is_upload(v->source) && !was_stopped ? strdup(v->source) : NULL;
     pthread_mutex_unlock(&catalog->mutex);
+    if (upload)
+        close_upload(catalog, upload,
+                     was_removed ? SRV_VOLUME_UNLOADED
+                     : volume    ? SRV_VOLUME_READY
+                                 : SRV_VOLUME_FAILED);
+    free(upload);
     if (was_removed)
         entry_free(v);
     else
@@ -186,7 +198,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     pthread_mutex_lock(&catalog->notify_mutex);
     notify(catalog, v->id, SRV_VOLUME_LOADING, 0, "");
     pthread_mutex_unlock(&catalog->notify_mutex);
-    struct sp_volume *volume = sp_volume_load(v->source, &options, &err);
+    struct sp_volume *volume = sp_volume_load(v->file ? v->file : v->source, &options, &err);
     if (volume)
         v->fingerprint = srv_fingerprint_volume(volume);
     log_load(v, volume, &err, srv_clock_ms() - start_ms);
@@ -288,24 +300,64 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
     free(catalog);
 }
 
-static struct srv_volume *find(struct srv_catalog *catalog, const char *id) {
-    struct srv_volume *v = catalog->entries;
-    while (v && strcmp(v->id, id) != 0)
-        v = v->next;
-    return v;
-}
-
 static void unique_id(struct srv_catalog *catalog, char id[SP_NAME_BYTES]) {
     size_t length = strlen(id);
-    for (unsigned i = 2; find(catalog, id); i++)
+    for (unsigned i = 2; srv_catalog_entry(catalog, id); i++)
         snprintf(id + length, SP_NAME_BYTES - length, "-%u", i);
 }
 
-/* Appends an entry. With the mutex held. Takes over `source` on success. */
+/* What a request names: strings of malloc(), or NULL (struct srv_volume). */
+struct resolved {
+    char *source, *file, *shown;
+};
+
+static void resolved_finish(struct resolved *resolved) {
+    free(resolved->source);
+    free(resolved->file);
+    free(resolved->shown);
+}
+
+/* Finds the file of an upload, which stays until upload_close(). */
+static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_request *request,
+                           struct resolved *resolved, struct sp_error *err) {
+    char path[PATH_MAX], name[SP_NAME_BYTES];
+    const char *id = request->source + strlen(SRV_SOURCE_UPLOAD);
+    if (!catalog->options.upload_open)
+        return sp_fail(err, SP_ERR_DENIED, request->pointer, "this daemon takes no uploads");
+    if (!catalog->options.upload_open(catalog->options.user, id, path, name, err)) {
+        if (err && !err->place[0] && request->pointer)
+            snprintf(err->place, sizeof err->place, "%s", request->pointer);
+        return false;
+    }
+    resolved->source = strdup(request->source);
+    resolved->file = strdup(path);
+    if (asprintf(&resolved->shown, SRV_SOURCE_UPLOAD "%s", name) < 0)
+        resolved->shown = NULL;
+    if (resolved->source && resolved->file && resolved->shown)
+        return true;
+    resolved_finish(resolved);
+    *resolved = (struct resolved){ .source = NULL };
+    return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
+}
+
+static bool resolve(struct srv_catalog *catalog, const struct srv_volume_request *request,
+                    struct resolved *resolved, struct sp_error *err) {
+    if (srv_source_is_upload(request->source))
+        return resolve_upload(catalog, request, resolved, err);
+    const char *pointer = request->pointer                      ? request->pointer
+                          : srv_source_is_demo(request->source) ? "/uri"
+                                                                : "/path";
+    resolved->source =
+        srv_source_resolve(request->source, request->confined ? pointer : NULL, catalog->data, err);
+    return resolved->source != NULL;
+}
+
+/* Appends an entry. With the mutex held. Takes over the strings on success. */
 static struct srv_volume *add_entry(struct srv_catalog *catalog,
-                                    const struct srv_volume_request *request, char *source,
-                                    bool *conflict, struct sp_error *err) {
-    if (request->id && find(catalog, request->id)) {
+                                    const struct srv_volume_request *request,
+                                    const struct resolved *resolved, bool *conflict,
+                                    struct sp_error *err) {
+    if (request->id && srv_catalog_entry(catalog, request->id)) {
         *conflict = true;
         sp_fail(err, SP_ERR_INVALID, "/id", "the id '%s' belongs to another volume", request->id);
         return NULL;
@@ -320,20 +372,27 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a volume");
         return NULL;
     }
+    const char *named =
+        resolved->shown ? resolved->shown + strlen(SRV_SOURCE_UPLOAD) : resolved->source;
     if (request->id) {
         snprintf(v->id, sizeof v->id, "%s", request->id);
     } else {
-        srv_source_default_id(source, v->id);
+        srv_source_default_id(named, v->id);
         unique_id(catalog, v->id);
     }
-    snprintf(v->name, sizeof v->name, "%s", request->name ? request->name : v->id);
-    v->source = source;
+    if (request->name || request->id)
+        snprintf(v->name, sizeof v->name, "%s", request->name ? request->name : request->id);
+    else
+        srv_source_default_name(named, v->name);
+    v->source = resolved->source;
+    v->file = resolved->file;
+    v->shown = resolved->shown;
     struct srv_volume **link = &catalog->entries;
     while (*link)
         link = &(*link)->next;
     *link = v;
     catalog->count++;
-    v->is_persisted = request->is_restored;
+    v->is_persisted = v->is_restored = request->is_restored;
     return v;
 }
 
@@ -346,6 +405,18 @@ static void persist(struct srv_catalog *catalog, struct srv_volume *v) {
         v->is_persisted = catalog->options.persist(catalog->options.user, v->id, &request);
 }
 
+/* Queues the load; `why` not NULL = the source is lost, and the entry has failed. With the mutex
+ * held. */
+static void begin_load(struct srv_catalog *catalog, struct srv_volume *v,
+                       const struct srv_volume_request *request, const struct sp_error *why) {
+    v->confined = request->confined && !srv_source_is_demo(v->source) && !v->file;
+    v->state = why ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
+    v->error = why ? *why : (struct sp_error){ .code = SP_OK };
+    redact(catalog, v, &v->error);
+    v->progress = 0;
+    pthread_cond_signal(&catalog->changed);
+}
+
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err) {
@@ -355,218 +426,78 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
                        "must be 1 to %d characters of [A-Za-z0-9._-], and not '.' or '..'",
                        SP_NAME_BYTES - 1);
     struct sp_error why = { .code = SP_OK };
-    char *source = srv_source_resolve(request->source, request->confined, catalog->data, &why);
-    bool is_lost = !source && why.code != SP_ERR_MEMORY && request->is_restored;
-    if (is_lost)
-        source = strdup(request->source);
-    if (!source) {
-        if (is_lost)
-            sp_fail(&why, SP_ERR_MEMORY, NULL, "out of memory for a path");
+    struct resolved resolved = { .source = NULL };
+    bool is_lost = !resolve(catalog, request, &resolved, &why);
+    if (is_lost && why.code != SP_ERR_MEMORY && request->is_restored)
+        resolved.source = strdup(request->source);
+    if (!resolved.source) {
         if (err)
             *err = why;
         return false;
     }
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = catalog->entries;
-    while (v && strcmp(v->source, source) != 0)
+    while (v && strcmp(v->source, resolved.source) != 0)
         v = v->next;
     *existed = v && v->state != SRV_VOLUME_FAILED;
     if (v) {
-        free(source);
-    } else if (!(v = add_entry(catalog, request, source, conflict, err))) {
+        resolved_finish(&resolved);
+    } else if (!(v = add_entry(catalog, request, &resolved, conflict, err))) {
         pthread_mutex_unlock(&catalog->mutex);
-        free(source);
+        close_upload(catalog, resolved.source, SRV_VOLUME_LOADING);
+        resolved_finish(&resolved);
         return false;
     }
-    if (!*existed) {
-        v->confined = request->confined && !srv_source_is_demo(v->source);
-        v->state = is_lost ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
-        v->error = why;
-        redact(catalog, v, &v->error);
-        v->progress = 0;
-        pthread_cond_signal(&catalog->changed);
-    }
+    if (!*existed)
+        begin_load(catalog, v, request, is_lost ? &why : NULL);
     persist(catalog, v);
     memcpy(id_out, v->id, sizeof v->id);
     pthread_mutex_unlock(&catalog->mutex);
     return true;
 }
 
-bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
-                        struct sp_error *err) {
-    *conflict = false;
+void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *v) {
+    pthread_mutex_lock(&catalog->mutex);
+    catalog->used_bytes -= v->reserved_bytes;
+    pthread_mutex_unlock(&catalog->mutex);
+    if (v->volume)
+        catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
+    entry_free(v);
+}
+
+bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, struct sp_error *err) {
     pthread_mutex_lock(&catalog->notify_mutex);
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume **link = &catalog->entries;
     while (*link && strcmp((*link)->id, id) != 0)
         link = &(*link)->next;
     struct srv_volume *v = *link;
-    bool ok = true, is_loading = false;
     if (!v) {
-        ok = sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
-    } else if (v->uses > 0) {
-        *conflict = true;
-        ok = sp_fail(err, SP_ERR_INVALID, NULL,
-                     "the volume is in use %u times, by sessions and renders; end them first",
-                     v->uses);
-    } else {
-        is_loading = v->is_removed = v == catalog->loading;
-        *link = v->next;
-        if (catalog->options.persist)
-            catalog->options.persist(catalog->options.user, v->id, NULL);
-        catalog->count--;
+        pthread_mutex_unlock(&catalog->mutex);
+        pthread_mutex_unlock(&catalog->notify_mutex);
+        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
+    }
+    bool is_loading = v == catalog->loading, is_free = !is_loading && v->uses == 0;
+    v->is_removed = true;
+    *link = v->next;
+    if (catalog->options.persist)
+        catalog->options.persist(catalog->options.user, v->id, NULL);
+    catalog->count--;
+    if (is_loading) { /* its load is cancelled and reserves no more */
         catalog->used_bytes -= v->reserved_bytes;
+        v->reserved_bytes = 0;
     }
+    char *upload = srv_source_is_upload(v->source) && !is_loading ? strdup(v->source) : NULL;
+    unsigned uses = v->uses;
     pthread_mutex_unlock(&catalog->mutex);
-    if (ok)
-        notify(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
+    notify(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
     pthread_mutex_unlock(&catalog->notify_mutex);
-    if (ok)
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded", id);
-    if (ok && !is_loading) {
-        if (v->volume)
-            catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
-        entry_free(v);
-    }
-    return ok;
-}
-
-static void status_of(const struct srv_catalog *catalog, const struct srv_volume *v,
-                      struct srv_volume_status *status) {
-    memcpy(status->id, v->id, sizeof v->id);
-    memcpy(status->name, v->name, sizeof v->name);
-    srv_redact_source(catalog->data, v->source, status->source, sizeof status->source);
-    status->state = v->state;
-    status->progress = v->progress;
-    status->error = v->error;
-    status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
-    status->cached_bytes = 0;
-    status->voxel_bytes = v->reserved_bytes;
-    memcpy(status->cached_per_renderer, v->cached_bytes, sizeof status->cached_per_renderer);
-    for (int r = 0; r < SRV_RENDERERS; r++)
-        status->cached_bytes += v->cached_bytes[r];
-    status->uses = v->uses;
-}
-
-bool srv_catalog_at(struct srv_catalog *catalog, unsigned i, struct srv_volume_status *status) {
-    pthread_mutex_lock(&catalog->mutex);
-    struct srv_volume *v = catalog->entries;
-    while (v && i-- > 0)
-        v = v->next;
-    if (v)
-        status_of(catalog, v, status);
-    pthread_mutex_unlock(&catalog->mutex);
-    return v != NULL;
-}
-
-bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
-                      struct srv_volume_status *status) {
-    pthread_mutex_lock(&catalog->mutex);
-    struct srv_volume *v = find(catalog, id);
-    if (v)
-        status_of(catalog, v, status);
-    pthread_mutex_unlock(&catalog->mutex);
-    return v != NULL;
-}
-
-void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget) {
-    pthread_mutex_lock(&catalog->mutex);
-    *used = catalog->used_bytes;
-    *budget = catalog->options.memory_bytes;
-    pthread_mutex_unlock(&catalog->mutex);
-}
-
-void *srv_catalog_acquire(void *user, const char *id, struct sp_error *err) {
-    struct srv_catalog *catalog = user;
-    struct srv_volume *found;
-    pthread_mutex_lock(&catalog->mutex);
-    if (id && *id) {
-        found = find(catalog, id);
-    } else {
-        found = catalog->entries; /* the first entry that is ready, else the first one */
-        for (struct srv_volume *v = found; v; v = v->next)
-            if (v->state == SRV_VOLUME_READY) {
-                found = v;
-                break;
-            }
-    }
-    if (!found && id && *id)
-        sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume", "there is no volume '%s'", id);
-    else if (!found)
-        sp_fail(err, SP_ERR_VOLUME_UNKNOWN, "/volume",
-                "no volume is loaded; load one with POST /api/v1/volumes");
-    else if (found->state == SRV_VOLUME_LOADING)
-        sp_fail(err, SP_ERR_NOT_READY, "/volume", "the volume '%s' is still loading (%.0f %%)",
-                found->id, found->progress * 100);
-    else if (found->state == SRV_VOLUME_FAILED)
-        sp_fail(err, SP_ERR_VOLUME_FAILED, "/volume", "the volume '%s' failed to load: %.300s",
-                found->id, found->error.text);
-    bool ok = found && found->state == SRV_VOLUME_READY;
-    if (ok)
-        found->uses++;
-    pthread_mutex_unlock(&catalog->mutex);
-    return ok ? found : NULL;
-}
-
-void *srv_catalog_ref(void *user, void *volume) {
-    struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume;
-    pthread_mutex_lock(&catalog->mutex);
-    v->uses++;
-    pthread_mutex_unlock(&catalog->mutex);
-    return v;
-}
-
-void srv_catalog_release(void *user, void *volume) {
-    struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume;
-    pthread_mutex_lock(&catalog->mutex);
-    assert(v->uses > 0);
-    v->uses--;
-    pthread_mutex_unlock(&catalog->mutex);
-}
-
-void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
-    (void)user;
-    *view = ((struct srv_volume *)volume)->view;
-}
-
-void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                      const double at[2], struct sp_pick *pick) {
-    (void)user;
-    sp_pick_at(((struct srv_volume *)volume)->volume, view, size, at, pick);
-}
-
-struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
-    return volume->volume;
-}
-
-const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume) {
-    return &volume->fingerprint;
-}
-
-const struct sp_joint_histogram *srv_catalog_joint_histogram(struct srv_catalog *catalog,
-                                                             struct srv_volume *volume,
-                                                             struct sp_error *err) {
-    pthread_mutex_lock(&catalog->joint_mutex);
-    if (!volume->joint) {
-        struct sp_joint_histogram *joint = malloc(sizeof *joint);
-        if (!joint)
-            sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the histogram");
-        else if (sp_joint_histogram_count(volume->volume, joint, err))
-            volume->joint = joint;
-        else
-            free(joint);
-    }
-    const struct sp_joint_histogram *joint = volume->joint;
-    pthread_mutex_unlock(&catalog->joint_mutex);
-    return joint;
-}
-
-void srv_catalog_set_cached(struct srv_catalog *catalog, struct srv_volume *volume,
-                            unsigned renderer, uint64_t bytes) {
-    assert(renderer < SRV_RENDERERS);
-    pthread_mutex_lock(&catalog->mutex);
-    volume->cached_bytes[renderer] = bytes;
-    pthread_mutex_unlock(&catalog->mutex);
+    sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded, %u uses left",
+                id, uses);
+    if (is_free)
+        srv_catalog_free_removed(catalog, v);
+    if (upload)
+        close_upload(catalog, upload, SRV_VOLUME_UNLOADED);
+    free(upload);
+    return true;
 }

@@ -2,16 +2,17 @@
  *
  * The volumes of the daemon. Each source is loaded once, by the load thread, and shared.
  *
- *   add ─► loading ─► ready ─► remove (only while unused)
- *             └─────► failed ─► add again: the load is retried
+ *   add ─► loading ─► ready ─► remove
+ *             └─────► failed ─► remove, or add again: the load is retried
  *
- * A `struct srv_volume` handle is one counted use; an entry in use cannot be removed. The bytes of
- * the voxels are reserved from the memory budget before they are allocated. All functions are
- * thread-safe.
+ * A `struct srv_volume` handle is one counted use. An entry that is removed while it is in use is
+ * no longer found, and its memory is released after the last use. The bytes of the voxels are
+ * reserved from the memory budget before they are allocated. All functions are thread-safe.
  */
 #ifndef SRV_RENDER_CATALOG_H
 #define SRV_RENDER_CATALOG_H
 
+#include <limits.h>
 #include <stdbool.h>
 #include <stdint.h>
 
@@ -35,9 +36,10 @@ enum srv_volume_state {
 const char *srv_volume_state_name(enum srv_volume_state state); /* "loading", "ready", … */
 
 struct srv_volume_request {
-    const char *source;    /* a path or "demo:…" */
+    const char *source;    /* a path, "demo:…" or "upload:ID" */
     const char *id, *name; /* NULL = derived from the source */
     bool confined;         /* a path must lie below the data folder */
+    const char *pointer;   /* JSON pointer to the source, for errors; NULL = "/path" or "/uri" */
     bool is_restored;      /* from an earlier run: an unknown path makes a failed entry, no error */
 };
 
@@ -55,6 +57,13 @@ struct srv_catalog_options {
      * cannot be persisted; the next srv_catalog_add() of it tries again. Called with a lock held:
      * must not call the catalog. NULL = volumes are not persisted. */
     bool (*persist)(void *user, const char *id, const struct srv_volume_request *request);
+    /* Finds a complete upload: writes the path of its file and the name that its client gave, and
+     * keeps the file until upload_close() tells what became of it: SRV_VOLUME_READY, _FAILED,
+     * _UNLOADED (removed), or _LOADING (never mind: it was not loaded). Called without a lock. NULL
+     * = there are no uploads. */
+    bool (*upload_open)(void *user, const char *id, char path[PATH_MAX], char name[SP_NAME_BYTES],
+                        struct sp_error *err);
+    void (*upload_close)(void *user, const char *id, enum srv_volume_state state);
     /* The entry was removed: its cached data must be evicted. Passes a reference to the callee. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
@@ -75,9 +84,8 @@ void srv_catalog_destroy(struct srv_catalog **catalog);
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
-/* Cancels a load in progress. SP_ERR_NOT_FOUND, SP_ERR_INVALID with *conflict (it is in use). */
-bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, bool *conflict,
-                        struct sp_error *err);
+/* Cancels a load in progress. The voxels stay until the last use ends. SP_ERR_NOT_FOUND. */
+bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, struct sp_error *err);
 
 struct srv_volume_status {
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
@@ -96,6 +104,8 @@ struct srv_volume_status {
 bool srv_catalog_at(struct srv_catalog *catalog, unsigned i, struct srv_volume_status *status);
 bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
                       struct srv_volume_status *status);
+/* Returns the resolved data folder; NULL = none. Constant. */
+const char *srv_catalog_data(const struct srv_catalog *catalog);
 /* Bytes of the memory budget. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget);
 

@@ -8,6 +8,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "render/data_folder.h"
+#include "render/formats.h"
 #include "sp/volume.h"
 
 enum { SUFFIX_BYTES = 7 };
@@ -19,6 +21,10 @@ bool srv_source_is_demo(const char *source) {
     return strncmp(source, demo_prefix, DEMO_PREFIX) == 0;
 }
 
+bool srv_source_is_upload(const char *source) {
+    return strncmp(source, SRV_SOURCE_UPLOAD, sizeof SRV_SOURCE_UPLOAD - 1) == 0;
+}
+
 static char *copy(const char *text, struct sp_error *err) {
     char *text_copy = strdup(text);
     if (!text_copy)
@@ -26,12 +32,12 @@ static char *copy(const char *text, struct sp_error *err) {
     return text_copy;
 }
 
-static char *resolve_demo(const char *source, bool confined, struct sp_error *err) {
+static char *resolve_demo(const char *source, const char *pointer, struct sp_error *err) {
     struct sp_error why;
     if (sp_demo_check(source, &why))
         return copy(source, err);
-    if (confined)
-        sp_fail(err, why.code, "/uri", "%.100s: %s", source, why.text);
+    if (pointer)
+        sp_fail(err, why.code, pointer, "%.100s: %s", source, why.text);
     else if (err)
         *err = why;
     return NULL;
@@ -44,42 +50,16 @@ static char *resolve_trusted(const char *source, struct sp_error *err) {
     return real;
 }
 
-static bool is_below(const char *path, const char *folder) {
-    size_t length = strlen(folder);
-    return strncmp(path, folder, length) == 0 && (path[length] == '/' || folder[length - 1] == '/');
+static char *resolve_confined(const char *source, const char *data, const char *pointer,
+                              struct sp_error *err) {
+    char real[PATH_MAX];
+    return srv_data_resolve(data, source, pointer, real, err) ? copy(real, err) : NULL;
 }
 
-static char *resolve_confined(const char *source, const char *data, struct sp_error *err) {
-    char joined[PATH_MAX];
-    if (!data) {
-        sp_fail(err, SP_ERR_DENIED, "/path",
-                "this daemon loads no files by request; start it with --data DIR");
-        return NULL;
-    }
-    if (source[0] != '/' &&
-        snprintf(joined, sizeof joined, "%s/%s", data, source) >= (int)sizeof joined) {
-        sp_fail(err, SP_ERR_INVALID, "/path", "the path is longer than %zu bytes",
-                sizeof joined - 1);
-        return NULL;
-    }
-    char *real = realpath(source[0] == '/' ? source : joined, NULL);
-    if (!real && errno == ENOMEM) {
-        sp_fail(err, SP_ERR_MEMORY, "/path", "out of memory for a path");
-        return NULL;
-    }
-    /* The answer for a path outside the folder does not tell whether it exists. */
-    if (!real || !is_below(real, data)) {
-        sp_fail(err, SP_ERR_NOT_FOUND, "/path", "there is no such file below the data folder");
-        free(real);
-        return NULL;
-    }
-    return real;
-}
-
-char *srv_source_resolve(const char *source, bool confined, const char *data,
+char *srv_source_resolve(const char *source, const char *pointer, const char *data,
                          struct sp_error *err) {
-    return srv_source_is_demo(source) ? resolve_demo(source, confined, err)
-           : confined                 ? resolve_confined(source, data, err)
+    return srv_source_is_demo(source) ? resolve_demo(source, pointer, err)
+           : pointer                  ? resolve_confined(source, data, pointer, err)
                                       : resolve_trusted(source, err);
 }
 
@@ -95,23 +75,93 @@ bool srv_source_is_id(const char *id) {
     return length >= 1 && length < SP_NAME_BYTES && strcmp(id, ".") != 0 && strcmp(id, "..") != 0;
 }
 
-void srv_source_default_id(const char *source, char id[SP_NAME_BYTES]) {
-    const char *start = source;
-    size_t length;
-    if (srv_source_is_demo(source)) {
-        start += DEMO_PREFIX;
-        length = strcspn(start, "?");
-    } else {
-        const char *slash = strrchr(source, '/');
-        start = slash ? slash + 1 : source;
-        const char *dot = strrchr(start, '.');
-        length = dot && dot != start ? (size_t)(dot - start) : strlen(start);
+/* The letters of Latin-1 Supplement and Latin Extended-A, U+00C0 to U+017F, in plain ASCII: as a
+ * German, a Dane or a Pole writes them where the letter is missing. "-" = no letter. */
+/* clang-format off */
+static const char *const latin[] = {
+    /* U+00C0 */
+    "A", "A", "A", "A", "Ae", "A", "Ae", "C", "E", "E", "E", "E", "I", "I", "I", "I",
+    "D", "N", "O", "O", "O", "O", "Oe", "-", "Oe", "U", "U", "U", "Ue", "Y", "Th", "ss",
+    "a", "a", "a", "a", "ae", "a", "ae", "c", "e", "e", "e", "e", "i", "i", "i", "i",
+    "d", "n", "o", "o", "o", "o", "oe", "-", "oe", "u", "u", "u", "ue", "y", "th", "y",
+    /* U+0100 */
+    "A", "a", "A", "a", "A", "a", "C", "c", "C", "c", "C", "c", "C", "c", "D", "d",
+    "D", "d", "E", "e", "E", "e", "E", "e", "E", "e", "E", "e", "G", "g", "G", "g",
+    "G", "g", "G", "g", "H", "h", "H", "h", "I", "i", "I", "i", "I", "i", "I", "i",
+    "I", "i", "Ij", "ij", "J", "j", "K", "k", "k", "L", "l", "L", "l", "L", "l", "L",
+    "l", "L", "l", "N", "n", "N", "n", "N", "n", "n", "N", "n", "O", "o", "O", "o",
+    "O", "o", "Oe", "oe", "R", "r", "R", "r", "R", "r", "S", "s", "S", "s", "S", "s",
+    "S", "s", "T", "t", "T", "t", "T", "t", "U", "u", "U", "u", "U", "u", "U", "u",
+    "U", "u", "U", "u", "W", "w", "Y", "y", "Y", "Z", "z", "Z", "z", "Z", "z", "s",
+};
+/* clang-format on */
+enum { LATIN_FIRST = 0xC0, LATIN_COUNT = sizeof latin / sizeof *latin };
+
+/* Reads one character of UTF-8 text of `left` bytes, and its length. Returns 0 for anything but
+ * the first 2048 characters, which are all that the table needs. */
+static unsigned read_character(const char *text, size_t left, size_t *length) {
+    const unsigned char *c = (const unsigned char *)text;
+    *length = 1;
+    if (c[0] < 0x80)
+        return c[0];
+    if ((c[0] & 0xE0) == 0xC0 && left >= 2 && (c[1] & 0xC0) == 0x80) {
+        *length = 2;
+        return (c[0] & 0x1Fu) << 6 | (c[1] & 0x3Fu);
     }
-    if (length > SP_NAME_BYTES - 1 - SUFFIX_BYTES)
-        length = SP_NAME_BYTES - 1 - SUFFIX_BYTES;
-    for (size_t i = 0; i < length; i++)
-        id[i] = is_id_char(start[i]) ? start[i] : '-';
-    id[length] = 0;
+    while (*length < left && (c[*length] & 0xC0) == 0x80)
+        ++*length;
+    return 0;
+}
+
+/* Appends what stands for a character in an id. Several that have no letter become one '-'. */
+static void append_character(char *id, size_t *used, unsigned character) {
+    char plain[2] = { (char)character, 0 };
+    const char *text = character && character < 0x80 && is_id_char(plain[0]) ? plain : "-";
+    if (character >= 0x300 && character < 0x370)
+        return; /* an accent of its own: the letter before it stays */
+    if (character >= LATIN_FIRST && character < LATIN_FIRST + LATIN_COUNT)
+        text = latin[character - LATIN_FIRST];
+    if (strcmp(text, "-") == 0 && (*used == 0 || id[*used - 1] == '-'))
+        return;
+    size_t length = strlen(text);
+    if (*used + length > SP_NAME_BYTES - 1 - SUFFIX_BYTES)
+        return;
+    memcpy(id + *used, text, length);
+    *used += length;
+}
+
+/* Returns the part of a source that names it, and its length. */
+static const char *stem_of(const char *source, size_t *length) {
+    if (srv_source_is_demo(source)) {
+        *length = strcspn(source + DEMO_PREFIX, "?");
+        return source + DEMO_PREFIX;
+    }
+    const char *slash = strrchr(source, '/'), *start = slash ? slash + 1 : source;
+    *length = srv_format_stem(start);
+    return start;
+}
+
+void srv_source_default_id(const char *source, char id[SP_NAME_BYTES]) {
+    size_t length, used = 0, step;
+    const char *stem = stem_of(source, &length);
+    for (size_t i = 0; i < length; i += step)
+        append_character(id, &used, read_character(stem + i, length - i, &step));
+    while (used > 0 && id[used - 1] == '-')
+        used--;
+    id[used] = 0;
     if (!srv_source_is_id(id))
         strcpy(id, "volume");
+}
+
+void srv_source_default_name(const char *source, char name[SP_NAME_BYTES]) {
+    size_t length, end = 0, step;
+    const char *stem = stem_of(source, &length);
+    for (size_t i = 0; i < length && i + 4 < SP_NAME_BYTES; i += step) {
+        read_character(stem + i, length - i, &step);
+        end = i + step;
+    }
+    snprintf(name, SP_NAME_BYTES, "%.*s", (int)end, stem);
+    for (char *c = name; *c; c++)
+        if ((unsigned char)*c < 0x20 || *c == 0x7f)
+            *c = ' ';
 }

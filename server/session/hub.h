@@ -142,6 +142,10 @@ double srv_hub_tick(struct srv_hub *hub, double now_ms);
  * notified of unloaded volumes. */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason);
+/* A volume was removed: its active sessions change to the default view of the first volume that is
+ * ready, or end if there is none. Call it after the source no longer finds the volume. Hibernated
+ * sessions keep its name. */
+void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms);
 /* Sets what stream.stats names as the renderer, and sends it to all participants. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 /* The daemon is shutting down: tells all participants and creates no more sessions. */

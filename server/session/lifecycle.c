@@ -135,7 +135,7 @@ static void unlink_session(struct srv_hub *hub, struct srv_session *session) {
 }
 
 /* Participants stay without a session until their streams are closed. */
-void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
+static void end_session(struct srv_hub *hub, struct srv_session *session, const char *why) {
     unlink_session(hub, session);
     srv_hub_ended(hub, session->identity.id);
     while (session->participants) {
@@ -144,9 +144,13 @@ void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
         hub->participants.count--;
         hub->participants.by_role[p->identity.role]--;
         p->session = NULL;
-        srv_hub_close_stream(hub, p, 1000, "the session was deleted");
+        srv_hub_close_stream(hub, p, 1000, why);
     }
     srv_hub_free_session(hub, session);
+}
+
+void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
+    end_session(hub, session, "the session was deleted");
 }
 
 bool srv_hub_is_view_saved(const struct srv_session *session) {
@@ -265,6 +269,39 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
     note->clock = ++hub->volumes.clock;
     for (struct srv_session *s = hub->active.first; s; s = s->next)
         srv_hub_notify_others(hub, s, 0, 0);
+    pthread_mutex_unlock(&hub->mutex);
+}
+
+/* Returns a patch to the first volume that is ready; NULL = there is none, or memory is out. */
+static proto_json *patch_to_first_volume(const struct srv_hub *hub) {
+    const struct srv_volume_source *source = &hub->options.volumes;
+    struct sp_view view;
+    void *volume = source->acquire(source->user, NULL, NULL);
+    if (!volume)
+        return NULL;
+    source->default_view(source->user, volume, &view);
+    source->release(source->user, volume);
+    proto_json *patch = proto_json_object();
+    if (!proto_json_set_string(patch, "volume", view.volume))
+        proto_json_free(&patch);
+    return patch;
+}
+
+void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms) {
+    pthread_mutex_lock(&hub->mutex);
+    proto_json *patch = patch_to_first_volume(hub);
+    for (struct srv_session *next, *s = hub->active.first; s; s = next) {
+        next = s->next;
+        if (strcmp(s->shared.view.volume, id) != 0)
+            continue;
+        bool is_moved = patch && srv_hub_apply(hub, s, patch, 0, now_ms, NULL);
+        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", s->identity.id }, { "volume", id }),
+                    "session %s %s: its volume %s was closed", s->identity.id,
+                    is_moved ? "shows another volume" : "ended", id);
+        if (!is_moved)
+            end_session(hub, s, "its volume was closed and no other is loaded");
+    }
+    proto_json_free(&patch);
     pthread_mutex_unlock(&hub->mutex);
 }
 

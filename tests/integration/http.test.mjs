@@ -183,8 +183,8 @@ test('cached data of an 8-bit volume are reported and take at most two bytes per
   await real.stop();
 });
 
-test('a volume is loaded once, shared, and can be unloaded when no session uses it', async () => {
-  const first = await daemon.post('/api/v1/volumes', { path: 'cube.nrrd', id: 'cube', name: 'A cube' });
+test('a volume is loaded once, shared, and can be closed while a session shows it', async () => {
+  const first = await daemon.post('/api/v1/volumes', { source: 'cube.nrrd', id: 'cube', name: 'A cube' });
   assert.equal(first.status, 202);
   assert.equal(first.headers.get('location'), 'volumes/cube');
   const loaded = await daemon.loaded('cube');
@@ -196,9 +196,9 @@ test('a volume is loaded once, shared, and can be unloaded when no session uses 
   assert.equal(again.json.id, 'cube');
   isProblem(await daemon.post('/api/v1/volumes', { uri: 'demo:phantom?size=8', id: 'cube' }), 409, /belongs/);
   const session = await daemon.session({ volume: 'cube' });
-  isProblem(await daemon.json('/api/v1/volumes/cube', { method: 'DELETE' }), 409, /in use/);
-  assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
   assert.equal((await daemon.fetch('/api/v1/volumes/cube', { method: 'DELETE' })).status, 204);
+  assert.equal((await daemon.json(`/api/v1/sessions/${session.id}`)).json.view.volume, 'engine');
+  assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}`, { method: 'DELETE' })).status, 204);
   isProblem(await daemon.json('/api/v1/volumes/cube', { method: 'DELETE' }), 404);
 });
 

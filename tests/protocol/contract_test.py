@@ -42,8 +42,11 @@ class Daemon:
     def __init__(self, program, *options, token=None):
         """token: the token of --token-file; without that option the daemon prints one"""
         self.log = tempfile.TemporaryFile()
+        self.data = tempfile.TemporaryDirectory()
+        with open(f'{self.data.name}/a.nrrd', 'wb') as file:
+            file.write(b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n' + bytes(8))
         self.process = subprocess.Popen([program, '--listen', '127.0.0.1:0', '--backend', 'null', '--volume',
-                                         'demo:engine?size=16', *options], stdout=subprocess.PIPE, stderr=self.log)
+                                         'demo:engine?size=16', '--data', self.data.name, *options], stdout=subprocess.PIPE, stderr=self.log)
         line = self.process.stdout.readline().decode()
         if 'http' not in line:
             raise RuntimeError(f'splatd did not start: {self.stop()}')

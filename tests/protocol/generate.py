@@ -24,6 +24,8 @@ PATTERNS = {
     '^[0-9a-f]{32}$': ['0' * 32, 'f' * 32],
     '^([0-9a-f]{16}|[0-9a-f]{32})$': ['0' * 16, 'f' * 32],
     '^[^\\u0000]*$': TEXTS,
+    '^(?!upload:)[^\\u0000]*$': [*TEXTS, 'demo:phantom?size=8', 'a/b.nrrd'],
+    '^(?!demo:|upload:)[^\\u0000]*$': TEXTS,
     '^[^\\u0000/]*$': ['engine', 'Zoë', '🦊', 'x' * 127, '~1', '%', '"'],
 }
 PIXELS_MAX = 1 << 16  # of a requested image: larger images take time and test nothing about the contract

@@ -134,8 +134,7 @@ def bring_about(daemon, contract):
     ask(409, 'POST', f'{api}/paths', {'view': {'volume': 'large'}, 'frames': 1, 'keyframes': [{'frame': 0, 'view': {}}]})
     ask(409, 'POST', f'{api}/sessions', {'view': {'volume': 'large'}})
     ask(409, 'PATCH', f'{api}/sessions/{{id}}', {'view': {'volume': 'large'}}, id=session['id'])
-    ask(409, 'DELETE', f'{api}/volumes/{{id}}', id='engine')
-    ask(403, 'POST', f'{api}/volumes', {'path': 'a.nrrd'})
+    ask(422, 'GET', f'{api}/files', query='?path=a.nrrd')
     ask(403, 'POST', f'{api}/sessions', {'from': session['id']}, token=session['tokens']['view'])
     stream = f'{api}/sessions/{{id}}/stream'
     ask(400, 'GET', stream, headers={**UPGRADE, 'Sec-WebSocket-Key': 'short'}, id=session['id'])

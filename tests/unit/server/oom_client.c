@@ -66,6 +66,8 @@ int oom_set_up(void **state) {
                      (char *)"demo:engine?size=8",
                      (char *)"--state",
                      f.folder,
+                     (char *)"--data",
+                     f.folder,
                      (char *)"--token-file",
                      f.token_file,
                      (char *)"--views",

@@ -56,6 +56,7 @@ static void reading(void **state) {
         "presets",
         "sessions",
         "views",
+        "files",
     };
     char path[96];
     wait_for_volume();

@@ -149,12 +149,7 @@ enum srv_volume_state paths_fixture_load(const char *id, const char *source) {
 }
 
 void paths_fixture_unload(const char *id) {
-    bool conflict;
-    while (!srv_catalog_remove(paths_fixture.render.catalog, id, &conflict,
-                               NULL)) { /* succeeds between two frames */
-        assert_true(conflict);
-        sched_yield();
-    }
+    assert_true(srv_catalog_remove(paths_fixture.render.catalog, id, NULL));
 }
 
 /* Several runs of the daemon with the same folder. */

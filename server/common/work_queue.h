@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A thread that does work which may wait for a disk, one piece after the other, so that the HTTP
+ * threads never do: writing uploads, removing files, listing folders.
+ */
+#ifndef SRV_COMMON_WORK_QUEUE_H
+#define SRV_COMMON_WORK_QUEUE_H
+
+#include "sp/status.h"
+
+struct srv_work_queue;
+
+struct srv_work { /* the first member of the caller's struct, valid until run() begins */
+    /* Runs on the thread of the queue, without a lock, and may free the work or add it again. */
+    void (*run)(struct srv_work *work);
+    struct srv_work *next; /* the queue's */
+};
+
+/* NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
+struct srv_work_queue *srv_work_queue_create(struct sp_error *err);
+/* Adds work at the end. Any thread; under a lock only if run() does not take it. */
+void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work);
+/* Runs what was added, then ends the thread. Work that is added later runs at once, on the thread
+ * that adds it. One thread at a time. */
+void srv_work_queue_stop(struct srv_work_queue *queue);
+/* Stops first. Accepts NULL; nulls. */
+void srv_work_queue_destroy(struct srv_work_queue **queue);
+
+#endif

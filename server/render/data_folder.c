@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/data_folder.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "render/formats.h"
+
+static bool is_in(const char *path, const char *folder) {
+    size_t length = strlen(folder);
+    return strncmp(path, folder, length) == 0 &&
+           (!path[length] || path[length] == '/' || folder[length - 1] == '/');
+}
+
+static bool fail_missing(const char *pointer, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_NOT_FOUND, pointer, "there is no such file below the data folder");
+}
+
+/* Appends "/name" to a resolved path and resolves the result. */
+static bool follow(char real[PATH_MAX], const char *name, size_t length) {
+    char joined[PATH_MAX];
+    int n = snprintf(joined, sizeof joined, "%s/%.*s", strcmp(real, "/") == 0 ? "" : real,
+                     (int)length, name);
+    if (n < 0 || (size_t)n >= sizeof joined) {
+        errno = ENAMETOOLONG;
+        return false;
+    }
+    char *resolved = realpath(joined, NULL);
+    if (!resolved)
+        return false;
+    bool fits = strlen(resolved) < PATH_MAX;
+    if (fits)
+        strcpy(real, resolved);
+    free(resolved);
+    errno = ENAMETOOLONG;
+    return fits;
+}
+
+static bool fail_to_follow(const char *pointer, struct sp_error *err) {
+    if (errno == ENOMEM)
+        return sp_fail(err, SP_ERR_MEMORY, pointer, "out of memory for a path");
+    return fail_missing(pointer, err);
+}
+
+bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
+                      struct sp_error *err) {
+    if (!data)
+        return sp_fail(err, SP_ERR_DENIED, pointer,
+                       "this daemon loads no files by request; start it with --data DIR");
+    if (strlen(data) + 1 + strlen(path) >= PATH_MAX)
+        return sp_fail(err, SP_ERR_INVALID, pointer, "the path is longer than %d bytes",
+                       PATH_MAX - 1);
+    snprintf(real, PATH_MAX, "%s", data);
+    if (path[0] == '/') {
+        if (!is_in(path, data))
+            return fail_missing(pointer, err);
+        path += strlen(data);
+    }
+    for (;;) {
+        path += strspn(path, "/");
+        size_t length = strcspn(path, "/");
+        if (length == 0)
+            return true;
+        if (!follow(real, path, length))
+            return fail_to_follow(pointer, err);
+        if (!is_in(real, data)) {
+            if (length == 2 && strncmp(path, "..", 2) == 0)
+                return fail_missing(pointer, err);
+            return sp_fail(err, SP_ERR_NOT_FOUND, pointer,
+                           "'%.*s' is a symbolic link that leads out of the data folder; only "
+                           "what lies below the data folder can be opened",
+                           length < 100 ? (int)length : 100, path);
+        }
+        path += length;
+    }
+}
+
+/* Opens a resolved folder, name by name, without following a link that was created meanwhile. */
+static int open_folder(const char *real) {
+    int fd = open("/", O_PATH | O_DIRECTORY | O_CLOEXEC);
+    for (const char *name = real; fd >= 0; name += strcspn(name, "/")) {
+        name += strspn(name, "/");
+        if (!*name)
+            break;
+        char part[NAME_MAX + 1];
+        snprintf(part, sizeof part, "%.*s", (int)strcspn(name, "/"), name);
+        int folder = fd;
+        fd = openat(folder, part, O_PATH | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
+        int error = errno;
+        close(folder);
+        errno = error;
+    }
+    if (fd < 0)
+        return -1;
+    int readable = openat(fd, ".", O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    int error = errno;
+    close(fd);
+    errno = error;
+    return readable;
+}
+
+/* JSON cannot carry other names. */
+static bool is_utf8(const char *name) {
+    for (const unsigned char *c = (const unsigned char *)name; *c; c++) {
+        unsigned more = *c < 0x80   ? 0
+                        : *c < 0xC2 ? 9
+                        : *c < 0xE0 ? 1
+                        : *c < 0xF0 ? 2
+                        : *c < 0xF5 ? 3
+                                    : 9;
+        bool is_long = (*c == 0xE0 && c[1] < 0xA0) || (*c == 0xF0 && c[1] < 0x90);
+        bool is_outside = (*c == 0xED && c[1] > 0x9F) || (*c == 0xF4 && c[1] > 0x8F);
+        if (more == 9 || is_long || is_outside)
+            return false;
+        for (; more > 0; more--)
+            if ((*++c & 0xC0) != 0x80)
+                return false;
+    }
+    return true;
+}
+
+/* True if a symbolic link of a folder leads to something in the data folder. */
+static bool stays_inside(const char *data, const char *folder, const char *name) {
+    char real[PATH_MAX];
+    snprintf(real, sizeof real, "%s", folder);
+    return follow(real, name, strlen(name)) && is_in(real, data);
+}
+
+static void show(const char *data, const char *folder, int fd, const char *name,
+                 struct srv_page *page) {
+    struct stat st;
+    char key[NAME_MAX + 2];
+    if (name[0] == '.' || fstatat(fd, name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
+        (S_ISLNK(st.st_mode) &&
+         (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0)))
+        return;
+    const char *format = S_ISREG(st.st_mode) ? srv_format_of(name) : NULL;
+    if ((!S_ISDIR(st.st_mode) && !format) || !is_utf8(name))
+        return;
+    snprintf(key, sizeof key, "%c%s", S_ISDIR(st.st_mode) ? '/' : ':', name);
+    struct srv_data_entry *entry = srv_page_slot(page, key);
+    if (!entry)
+        return;
+    *entry = (struct srv_data_entry){ .is_folder = S_ISDIR(st.st_mode),
+                                      .size_bytes = (uint64_t)st.st_size,
+                                      .format = format };
+    memcpy(entry->key, key, sizeof key);
+}
+
+bool srv_data_list(const char *data, const char *path, struct srv_page *page,
+                   struct sp_error *err) {
+    char real[PATH_MAX];
+    if (!srv_data_resolve(data, path, "/path", real, err))
+        return false;
+    int fd = open_folder(real);
+    DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
+    if (!folder) {
+        int error = errno;
+        if (fd >= 0)
+            close(fd);
+        if (error == ENOTDIR)
+            return sp_fail(err, SP_ERR_INVALID, "/path", "is not a folder");
+        if (error == ENOENT)
+            return fail_missing("/path", err);
+        return sp_fail(err, error == ENOMEM ? SP_ERR_MEMORY : SP_ERR_IO, "/path",
+                       "cannot read the folder: %s", strerror(error));
+    }
+    for (struct dirent *entry; (entry = readdir(folder));)
+        show(data, real, fd, entry->d_name, page);
+    closedir(folder);
+    return true;
+}
+
+void srv_data_describe(const char *data, const char *path, struct srv_data_entry *entry) {
+    char real[PATH_MAX], bytes[SRV_FORMAT_PEEK];
+    struct srv_format_peek peek;
+    struct stat st;
+    if (entry->is_folder || !srv_data_resolve(data, path, NULL, real, NULL) ||
+        !follow(real, srv_data_name(entry), strlen(srv_data_name(entry))) || !is_in(real, data))
+        return;
+    /* Not blocking: a pipe may have taken the file's place. */
+    int fd = open(real, O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_NOCTTY | O_CLOEXEC);
+    if (fd < 0)
+        return;
+    ssize_t size = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) ? read(fd, bytes, sizeof bytes) : -1;
+    close(fd);
+    if (size > 0 && srv_format_look(srv_data_name(entry), bytes, (size_t)size, &peek)) {
+        memcpy(entry->dims, peek.dims, sizeof entry->dims);
+        memcpy(entry->type, peek.type, sizeof entry->type);
+    }
+}

@@ -1,0 +1,48 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The data folder (--data): the only place from which clients may load files. Every path of a
+ * client is resolved here, for loading and for listing.
+ *
+ * A path is followed name by name. The first name that leads out of the folder, by a symbolic link
+ * or "..", ends the search, so that an answer never tells what exists outside. Files are opened
+ * again by the importer, which checks the path itself (renderer/import/confine.h).
+ */
+#ifndef SRV_RENDER_DATA_FOLDER_H
+#define SRV_RENDER_DATA_FOLDER_H
+
+#include <limits.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "common/pagination.h"
+#include "sp/status.h"
+
+/* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path must lie
+ * below it, too. `pointer` is the place of errors. False: SP_ERR_DENIED (no data folder),
+ * SP_ERR_INVALID (too long), SP_ERR_NOT_FOUND (missing, or outside), SP_ERR_MEMORY. */
+bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
+                      struct sp_error *err);
+
+struct srv_data_entry {
+    /* First, as struct srv_page requires: "/NAME" for a folder and ":NAME" for a file, so that
+     * folders come first. */
+    char key[NAME_MAX + 2];
+    bool is_folder;
+    uint64_t size_bytes;
+    const char *format; /* of a file: "NRRD", … (formats.h); constant */
+    uint32_t dims[3];   /* 0 = the file was not looked at, or does not say */
+    char type[16];      /* "uint8", …; "" = as for dims */
+};
+#define srv_data_name(entry) ((entry)->key + 1)
+
+/* Puts the folders and loadable files of a folder on a page of struct srv_data_entry. `path` "" is
+ * the data folder itself. Leaves out names that begin with a dot or are not UTF-8, and links that
+ * lead out of the data folder. Blocks while it reads the disk. Errors as above, with the place
+ * "/path"; SP_ERR_INVALID (not a folder), SP_ERR_IO. */
+bool srv_data_list(const char *data, const char *path, struct srv_page *page, struct sp_error *err);
+
+/* Reads dims and type from the beginning of a file that srv_data_list() found, if its format has
+ * them there. Blocks. */
+void srv_data_describe(const char *data, const char *path, struct srv_data_entry *entry);
+
+#endif

@@ -1,0 +1,197 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "render/formats.h"
+
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "protocol/json.h"
+#include "sp/volume.h"
+
+/* Reads dims and type from text that ends with a NUL. */
+typedef void look(const char *text, size_t size, struct srv_format_peek *peek);
+static look look_at_nrrd, look_at_vtk, look_at_xml, look_at_sidecar;
+
+static const struct format {
+    const char *extension, *name;
+    look *look; /* NULL = the beginning of the file does not tell */
+} formats[] = {
+    { ".nrrd", "NRRD", look_at_nrrd }, { ".nhdr", "NRRD", look_at_nrrd },
+    { ".vtk", "VTK", look_at_vtk },    { ".vti", "VTK", look_at_xml },
+    { ".vtr", "VTK", look_at_xml },    { ".json", "raw samples", look_at_sidecar },
+    { ".tif", "TIFF", NULL },          { ".tiff", "TIFF", NULL },
+};
+
+static const struct format *find(const char *name) {
+    size_t length = strlen(name);
+    for (size_t i = 0; i < sizeof formats / sizeof *formats; i++) {
+        size_t n = strlen(formats[i].extension);
+        if (length > n && strcasecmp(name + length - n, formats[i].extension) == 0)
+            return &formats[i];
+    }
+    return NULL;
+}
+
+const char *srv_format_of(const char *name) {
+    const struct format *format = find(name);
+    return format ? format->name : NULL;
+}
+
+const char *srv_format_extension(const char *name) {
+    const struct format *format = find(name);
+    return format ? format->extension : NULL;
+}
+
+/* Returns where the last extension of name[0, length) begins; `length` if it has none. */
+static size_t before_extension(const char *name, size_t length) {
+    for (size_t i = length; i > 1; i--)
+        if (name[i - 1] == '.')
+            return i - 1;
+    return length;
+}
+
+size_t srv_format_stem(const char *name) {
+    static const char *const packed[] = { ".gz", ".bz2", ".xz", ".zst" };
+    size_t length = strlen(name), stem = before_extension(name, length);
+    for (size_t i = 0; i < sizeof packed / sizeof *packed; i++)
+        if (strcasecmp(name + stem, packed[i]) == 0)
+            return before_extension(name, stem);
+    return stem;
+}
+
+/* Looking at files. */
+
+static void set_type(struct srv_format_peek *peek, const char *type) {
+    snprintf(peek->type, sizeof peek->type, "%s", type);
+}
+
+/* Reads three whole numbers, separated by spaces. */
+static void read_dims(const char *text, struct srv_format_peek *peek) {
+    unsigned long dims[3];
+    char *end = (char *)(uintptr_t)text;
+    for (int axis = 0; axis < 3; axis++) {
+        const char *start = end + strspn(end, " \t");
+        if (!isdigit((unsigned char)*start))
+            return;
+        dims[axis] = strtoul(start, &end, 10);
+        if (dims[axis] < 1 || dims[axis] > SP_DIM_MAX)
+            return;
+    }
+    for (int axis = 0; axis < 3; axis++)
+        peek->dims[axis] = (uint32_t)dims[axis];
+}
+
+/* Returns the text after `key` at the beginning of a line; NULL if no line has it before the first
+ * empty one. */
+static const char *find_line(const char *text, const char *key) {
+    size_t length = strlen(key);
+    for (const char *line = text; line && *line && *line != '\n' && *line != '\r';) {
+        if (strncasecmp(line, key, length) == 0)
+            return line + length;
+        line = strchr(line, '\n');
+        line = line ? line + 1 : NULL;
+    }
+    return NULL;
+}
+
+/* The C names of types, as NRRD and VTK use them, with those of the protocol. */
+static const struct {
+    const char *word, *type;
+} types[] = {
+    { "uchar", "uint8" },      { "unsigned char", "uint8" },   { "uint8", "uint8" },
+    { "uint8_t", "uint8" },    { "unsigned_char", "uint8" },   { "signed char", "int8" },
+    { "int8", "int8" },        { "int8_t", "int8" },           { "char", "int8" },
+    { "ushort", "uint16" },    { "unsigned short", "uint16" }, { "unsigned short int", "uint16" },
+    { "uint16", "uint16" },    { "uint16_t", "uint16" },       { "unsigned_short", "uint16" },
+    { "short", "int16" },      { "short int", "int16" },       { "signed short", "int16" },
+    { "int16", "int16" },      { "int16_t", "int16" },         { "int", "int32" },
+    { "signed int", "int32" }, { "int32", "int32" },           { "int32_t", "int32" },
+    { "float", "float32" },    { "float32", "float32" },       { "double", "float64" },
+    { "float64", "float64" },
+};
+
+/* The word may begin with spaces and ends at one of `ends`. */
+static void read_type(const char *text, const char *ends, struct srv_format_peek *peek) {
+    text += strspn(text, " \t");
+    size_t length = strcspn(text, ends);
+    while (length > 0 && strchr(" \t\r", text[length - 1]))
+        length--;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        if (strlen(types[i].word) == length && strncasecmp(types[i].word, text, length) == 0)
+            set_type(peek, types[i].type);
+}
+
+static void look_at_nrrd(const char *text, size_t size, struct srv_format_peek *peek) {
+    (void)size;
+    if (strncmp(text, "NRRD", 4) != 0)
+        return;
+    const char *sizes = find_line(text, "sizes:"), *type = find_line(text, "type:");
+    if (sizes)
+        read_dims(sizes, peek);
+    if (type)
+        read_type(type, "\n", peek);
+}
+
+static void look_at_vtk(const char *text, size_t size, struct srv_format_peek *peek) {
+    (void)size;
+    if (strncmp(text, "# vtk", 5) != 0)
+        return;
+    const char *dims = find_line(text, "DIMENSIONS"), *scalars = find_line(text, "SCALARS");
+    if (dims)
+        read_dims(dims, peek);
+    if (scalars) {
+        scalars += strspn(scalars, " \t");
+        scalars += strcspn(scalars, " \t\n"); /* the name of the array */
+        read_type(scalars, " \t\n", peek);
+    }
+    if (scalars && !peek->type[0]) /* "SCALARS name type components" */
+        read_type(scalars, "\n", peek);
+}
+
+static void look_at_xml(const char *text, size_t size, struct srv_format_peek *peek) {
+    (void)size;
+    static const char key[] = "WholeExtent=\"";
+    const char *extent = strstr(text, key);
+    int from[3], to[3];
+    if (!extent || sscanf(extent + sizeof key - 1, "%7d %7d %7d %7d %7d %7d", &from[0], &to[0],
+                          &from[1], &to[1], &from[2], &to[2]) != 6)
+        return;
+    for (int axis = 0; axis < 3; axis++)
+        if (to[axis] < from[axis] || to[axis] - from[axis] >= (int)SP_DIM_MAX)
+            return;
+    for (int axis = 0; axis < 3; axis++)
+        peek->dims[axis] = (uint32_t)(to[axis] - from[axis] + 1);
+}
+
+static void look_at_sidecar(const char *text, size_t size, struct srv_format_peek *peek) {
+    struct sp_error err;
+    proto_json *json = proto_json_parse(text, size, &err);
+    const proto_json *dims = proto_json_get(json, "dims");
+    const char *type = proto_json_string(proto_json_get(json, "type"));
+    int64_t value[3];
+    bool ok = proto_json_size(dims) == 3 && type;
+    for (size_t axis = 0; ok && axis < 3; axis++)
+        ok = proto_json_integer(proto_json_at(dims, axis), &value[axis]) && value[axis] >= 1 &&
+             value[axis] <= SP_DIM_MAX;
+    for (int axis = 0; ok && axis < 3; axis++)
+        peek->dims[axis] = (uint32_t)value[axis];
+    if (ok)
+        set_type(peek, type);
+    proto_json_free(&json);
+}
+
+bool srv_format_look(const char *name, const char *bytes, size_t size,
+                     struct srv_format_peek *peek) {
+    const struct format *format = find(name);
+    *peek = (struct srv_format_peek){ .type = "" };
+    char *text = format && format->look ? malloc(size + 1) : NULL;
+    if (!text)
+        return false;
+    memcpy(text, bytes, size);
+    text[size] = 0;
+    format->look(text, size, peek);
+    free(text);
+    return peek->dims[0] != 0;
+}

@@ -1,0 +1,33 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the daemon knows about file formats without reading voxels: names, and what the first bytes
+ * of a file say. The importer decides whether a file is really a volume.
+ */
+#ifndef SRV_RENDER_FORMATS_H
+#define SRV_RENDER_FORMATS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* Returns the format of a file by its name ("NRRD", "VTK", "TIFF", "raw samples"); NULL = no format
+ * that the importer reads. A constant. */
+const char *srv_format_of(const char *name);
+/* Returns the extension of such a name with its dot, in lower case (".nrrd"); NULL = as above. A
+ * constant, so it is safe as a part of a path. */
+const char *srv_format_extension(const char *name);
+/* Returns the length of a file name without its extensions: 1 for "x.nii.gz". */
+size_t srv_format_stem(const char *name);
+
+enum { SRV_FORMAT_PEEK = 4096 }; /* bytes at the beginning of a file that are enough for most */
+
+struct srv_format_peek {
+    uint32_t dims[3]; /* 0 = not found */
+    char type[16];    /* as the protocol names it: "uint8"; "" = not found */
+};
+/* Reads dims and type from the first bytes of a file with this name, [0, size). The bytes need no
+ * NUL. False: they do not say, or say something that cannot be. */
+bool srv_format_look(const char *name, const char *bytes, size_t size,
+                     struct srv_format_peek *peek);
+
+#endif
