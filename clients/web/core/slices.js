@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+// Where the slices of a volume lie. A plane is {origin, right, down, normal}: a world point on it and orthonormal world vectors;
+// the normal points to the viewer. Distances along the axes of the grid are in world units, from sample 0.
+import { letterOf } from './orientation.js';
+import { add, cross, dot, length, normalize, rotate, axisAngle, scale, subtract } from './vector.js';
+
+/** World units along each axis of the grid, at sample i. */
+function distanceAt(volume, axis, i) {
+  const places = volume.coordinates?.[axis];
+  return places?.length ? places[i] : volume.spacing[axis] * i;
+}
+
+/** The grid of a volume: its axes as world vectors, and the conversions. */
+export class Grid {
+  #inverse;
+  constructor(volume) {
+    this.volume = volume;
+    this.origin = volume.origin ?? [0, 0, 0];
+    const rows = volume.direction ?? [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+    this.axes = [0, 1, 2].map((a) => rows.map((row) => row[a]));
+    const [x, y, z] = this.axes;
+    const determinant = dot(x, cross(y, z));
+    this.#inverse = [cross(y, z), cross(z, x), cross(x, y)].map((row) => scale(row, 1 / determinant));
+  }
+
+  /** Distances along the axes of a world point. */
+  distances(world) {
+    const from = subtract(world, this.origin);
+    return this.#inverse.map((row) => dot(row, from));
+  }
+
+  count(axis) {
+    return this.volume.dims[axis];
+  }
+
+  /** Half a gap before the first sample, and half a gap after the last. */
+  extent(axis) {
+    const n = this.count(axis);
+    const at = (i) => distanceAt(this.volume, axis, i);
+    const gap = (a, b) => (n > 1 ? at(b) - at(a) : this.volume.spacing[axis]) / 2;
+    return [-gap(0, 1), at(n - 1) + gap(n - 2, n - 1)];
+  }
+
+  /** The sample nearest to a world point along an axis. */
+  index(axis, world) {
+    const distance = this.distances(world)[axis];
+    let low = 0;
+    let high = this.count(axis) - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (distanceAt(this.volume, axis, middle) <= distance) low = middle;
+      else high = middle;
+    }
+    const at = (i) => Math.abs(distanceAt(this.volume, axis, i) - distance);
+    return at(high) < at(low) ? high : low;
+  }
+
+  /** The point moved along an axis to sample `index`, or to the nearest one there is. */
+  moveTo(axis, world, index) {
+    const i = Math.min(Math.max(Math.round(index), 0), this.count(axis) - 1);
+    return add(world, scale(this.axes[axis], distanceAt(this.volume, axis, i) - this.distances(world)[axis]));
+  }
+
+  /** The point moved into the volume. */
+  clamp(world) {
+    const distances = this.distances(world);
+    return this.axes.reduce((point, axis, a) => {
+      const [low, high] = this.extent(a);
+      const inside = Math.min(Math.max(distances[a], low), high);
+      return add(point, scale(axis, inside - distances[a]));
+    }, world);
+  }
+
+  /** The corners of the volume, in the world. */
+  corners() {
+    const ends = [0, 1, 2].map((a) => this.extent(a));
+    return Array.from({ length: 8 }, (_, corner) => this.axes.reduce(
+      (point, axis, a) => add(point, scale(axis, ends[a][corner >> a & 1])), this.origin));
+  }
+
+  get smallest() {
+    return Math.min(...this.volume.spacing);
+  }
+}
+
+const KINDS = ['axial', 'coronal', 'sagittal'];
+const ORDERS = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
+
+/** The axis of the grid across each kind of slice: [axial, coronal, sagittal]. */
+function assign(grid, frame) {
+  const across = [frame.up, frame.front, frame.side];
+  const fit = (order) => order.reduce((sum, axis, kind) => sum + Math.abs(dot(grid.axes[axis], across[kind])), 0);
+  return ORDERS.reduce((best, order) => (fit(order) > fit(best) + 1e-9 ? order : best));
+}
+
+const along = (v, towards) => (dot(v, towards) < 0 ? scale(v, -1) : v);
+
+/**
+ * The three orthogonal planes through a point: [{kind, axis, origin, right, down, normal}], axial, coronal, sagittal. `frame`
+ * is of orientation.js. As radiologists see them: the axial slice from the feet, the front of the sagittal one to the left.
+ */
+export function orthogonalPlanes(grid, frame, position) {
+  const order = assign(grid, frame);
+  const back = scale(frame.front, -1);
+  const below = scale(frame.up, -1);
+  const screens = [[frame.side, back], [frame.side, below], [back, below]];
+  return KINDS.map((kind, k) => {
+    const axis = order[k];
+    const others = [0, 1, 2].filter((a) => a !== axis).map((a) => grid.axes[a]);
+    const [toRight, toDown] = screens[k];
+    if (Math.abs(dot(others[0], toRight)) + Math.abs(dot(others[1], toDown))
+      < Math.abs(dot(others[1], toRight)) + Math.abs(dot(others[0], toDown))) others.reverse();
+    const right = normalize(along(others[0], toRight));
+    const down = along(others[1], toDown);
+    const level = normalize(subtract(down, scale(right, dot(down, right))));
+    return { kind, axis, origin: position, right, down: level, normal: cross(level, right) };
+  });
+}
+
+/** The oblique plane across `normal`; `up` points up in it as far as it can. */
+export function obliquePlane(position, normal, up = [0, 0, 1]) {
+  const n = normalize(normal);
+  const steep = length(cross(up, n)) > 0.3 * length(up) ? up : [[0, 1, 0], [0, 0, 1], [1, 0, 0]].find((v) => length(cross(v, n)) > 0.3);
+  const right = normalize(cross(steep, n));
+  return { kind: 'oblique', axis: null, origin: position, right, down: cross(right, n), normal: n };
+}
+
+/** A plane's picture: `center` is the world point in the middle of a pane of `size` px; `zoom` is px per world unit. */
+export function paneOf(plane, { center, zoom, size }) {
+  const half = size.map((side) => side / 2);
+  return {
+    toPane: (world) => {
+      const from = subtract(world, center);
+      return { x: half[0] + zoom * dot(from, plane.right), y: half[1] + zoom * dot(from, plane.down), depth: dot(from, plane.normal) };
+    },
+    /** The point of the plane under (x, y). */
+    toWorld: (x, y) => {
+      const point = add(add(center, scale(plane.right, (x - half[0]) / zoom)), scale(plane.down, (y - half[1]) / zoom));
+      return add(point, scale(plane.normal, dot(subtract(plane.origin, point), plane.normal)));
+    },
+  };
+}
+
+/** Centre and zoom at which the volume fits a pane, with a margin. */
+export function fitPane(grid, plane, size, margin = 0.06) {
+  const corners = grid.corners();
+  const reach = (v) => {
+    const places = corners.map((corner) => dot(corner, v));
+    return [Math.min(...places), Math.max(...places)];
+  };
+  const [x, y] = [reach(plane.right), reach(plane.down)];
+  const middle = add(add(scale(plane.right, (x[0] + x[1]) / 2), scale(plane.down, (y[0] + y[1]) / 2)),
+    scale(plane.normal, dot(plane.origin, plane.normal)));
+  const zoom = Math.min(size[0] / (x[1] - x[0]), size[1] / (y[1] - y[0])) * (1 - 2 * margin);
+  return { center: middle, zoom: zoom > 0 && Number.isFinite(zoom) ? zoom : 1 };
+}
+
+/** The picture's pixels in a pane as a canvas transform [a, b, c, d, e, f], for an image that begins at a corner of its first pixel. */
+export function imageTransform(meta, plane, pane, zoom) {
+  const { origin, step_x: stepX, step_y: stepY } = meta;
+  const first = pane.toPane(origin);
+  const [a, b] = [zoom * dot(stepX, plane.right), zoom * dot(stepX, plane.down)];
+  const [c, d] = [zoom * dot(stepY, plane.right), zoom * dot(stepY, plane.down)];
+  return [a, b, c, d, first.x - (a + c) / 2, first.y - (b + d) / 2];
+}
+
+/** The pixel {column, row} of a slice at a world point, or null outside of it. */
+export function pixelAt(meta, world) {
+  const from = subtract(world, meta.origin);
+  const { step_x: x, step_y: y } = meta;
+  const [xx, xy, yy] = [dot(x, x), dot(x, y), dot(y, y)];
+  const determinant = xx * yy - xy * xy;
+  const [fx, fy] = [dot(from, x), dot(from, y)];
+  const column = Math.round((fx * yy - fy * xy) / determinant) + 0; // no -0
+  const row = Math.round((fy * xx - fx * xy) / determinant) + 0;
+  return column >= 0 && row >= 0 && column < meta.shape[0] && row < meta.shape[1] ? { column, row } : null;
+}
+
+/** What a direction is called: an anatomical letter, or the world axis with its sign. */
+export function directionName(anatomy, v) {
+  const axis = v.reduce((best, part, i) => (Math.abs(part) > Math.abs(v[best]) + 1e-9 ? i : best), 0);
+  const sign = v[axis] < 0 ? -1 : 1;
+  return anatomy ? letterOf(anatomy, axis, sign) : `${sign < 0 ? '−' : '+'}${'xyz'[axis]}`;
+}
+
+/** The line in which a plane cuts another one's picture, as two points far outside of the pane; null if they are parallel. */
+export function cutLine(plane, other, reach) {
+  const towards = cross(plane.normal, other.normal);
+  if (length(towards) < 1e-6) return null;
+  const t = normalize(towards);
+  // From the point of `plane` nearest to the other's origin, along `plane`, to the other plane.
+  const from = subtract(other.origin, scale(plane.normal, dot(subtract(other.origin, plane.origin), plane.normal)));
+  const toOther = cross(t, plane.normal);
+  const s = dot(subtract(other.origin, from), other.normal) / dot(toOther, other.normal);
+  const middle = add(from, scale(toOther, s));
+  return [add(middle, scale(t, -reach)), add(middle, scale(t, reach))];
+}
+
+/** The normal turned about the axis of a pane's view by an angle [rad], clockwise in that pane. */
+export function turnNormal(normal, pane, angle) {
+  return rotate(axisAngle(pane.normal, -angle), normalize(normal));
+}
+
+/** The query of a plane's slice: through its sample if it is orthogonal, else around `center` with px per world unit. */
+export function sliceQuery(grid, plane, { center, zoom, size, limit = 1024 }) {
+  if (plane.axis !== null) return { axis: plane.axis, index: grid.index(plane.axis, plane.origin) };
+  const onPlane = add(center, scale(plane.normal, dot(subtract(plane.origin, center), plane.normal)));
+  const finest = grid.smallest / 2; // more pixels show nothing new
+  const spacing = Math.max(1 / zoom, finest, Math.max(...size) / zoom / limit);
+  const px = size.map((side) => Math.max(1, Math.min(limit, Math.ceil(side / zoom / spacing))));
+  const numbers = (v) => v.map((part) => Number(part.toPrecision(9)) + 0).join(',');
+  return {
+    origin: numbers(onPlane), normal: numbers(plane.normal), up: numbers(scale(plane.down, -1)), size: px.join(','),
+    spacing: Number(spacing.toPrecision(6)),
+  };
+}

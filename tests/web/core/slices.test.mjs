@@ -1,0 +1,124 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { anatomyOf, frameOf } from '../../../clients/web/core/orientation.js';
+import { paintSlice, readSlice, valueAt } from '../../../clients/web/core/slice_image.js';
+import {
+  Grid, cutLine, directionName, fitPane, imageTransform, obliquePlane, orthogonalPlanes, paneOf, pixelAt, sliceQuery, turnNormal,
+} from '../../../clients/web/core/slices.js';
+import { add, cross, dot, length, scale, subtract } from '../../../clients/web/core/vector.js';
+import { compare } from '../../support/compare.mjs';
+import { close as near } from '../support/numbers.mjs';
+
+const plain = (more = {}) => ({ dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0, 0, 0], direction: [[1, 0, 0], [0, 1, 0], [0, 0, 1]], ...more });
+/** Slices from the left to the right, rows from the front to the back, columns from the head down: an MR scan of a head. */
+const sagittalScan = plain({
+  direction: [[0, 0, 1], [0, 1, 0], [-1, 0, 0]], origin: [-30, -10, 50], spacing: [1, 1, 1.5], anatomy: ['L', 'P', 'S'],
+});
+const close = (a, b) => near([a], [b]);
+
+test('a grid converts between the world, distances and samples', () => {
+  const grid = new Grid(sagittalScan);
+  near(grid.distances([-30, -10, 50]), [0, 0, 0]);
+  near(grid.distances([-27, -8, 49]), [1, 2, 3]);
+  assert.equal(grid.index(2, [-27, -8, 49]), 2);
+  near(grid.moveTo(0, [-27, -8, 49], 4), [-27, -8, 46]);
+  near(grid.moveTo(0, [-27, -8, 49], 400), [-27, -8, 41]);
+  assert.deepEqual(grid.extent(2), [-0.75, 29 * 1.5 + 0.75]);
+  near(grid.clamp([-300, 0, 49]), [-30.75, 0, 49]);
+});
+
+test('rectilinear axes go by their coordinates', () => {
+  const grid = new Grid(plain({ dims: [4, 2, 2], spacing: [3, 1, 1], coordinates: [[0, 1, 3, 9], [], []] }));
+  assert.deepEqual([-1, 0.4, 0.6, 2.2, 5.9, 6.1, 70].map((x) => grid.index(0, [x, 0, 0])), [0, 0, 1, 2, 2, 3, 3]);
+  near(grid.moveTo(0, [0, 5, 6], 2), [3, 5, 6]);
+  assert.deepEqual(grid.extent(0), [-0.5, 12]);
+});
+
+test('the slices of a head look as radiologists want them, however the file stores it', () => {
+  const anatomy = anatomyOf(sagittalScan);
+  const planes = orthogonalPlanes(new Grid(sagittalScan), frameOf(anatomy), [0, 0, 0]);
+  assert.deepEqual(planes.map(({ kind, axis }) => [kind, axis]), [['axial', 0], ['coronal', 1], ['sagittal', 2]]);
+  assert.deepEqual(planes.map(({ right, down }) => directionName(anatomy, right) + directionName(anatomy, down)), ['LP', 'LI', 'PI']);
+  for (const { right, down, normal } of planes) near(cross(right, down), scale(normal, -1));
+});
+
+test('without anatomy the vertical slices show z upwards', () => {
+  const planes = orthogonalPlanes(new Grid(plain()), frameOf(null), [0, 0, 0]);
+  assert.deepEqual(planes.map(({ axis }) => axis), [2, 1, 0]);
+  assert.deepEqual(planes.map(({ right, down }) => directionName(null, right) + directionName(null, down)), ['+x+y', '+x−z', '+y−z']);
+});
+
+test('a pane maps world points to pixels and back, with square world units', () => {
+  const grid = new Grid(sagittalScan);
+  for (const plane of [...orthogonalPlanes(grid, frameOf(null), [1, 2, 3]), obliquePlane([1, 2, 3], [1, 2, -3])]) {
+    const fit = fitPane(grid, plane, [300, 200]);
+    const pane = paneOf(plane, { ...fit, size: [300, 200] });
+    const world = pane.toWorld(40, 150);
+    close(dot(subtract(world, plane.origin), plane.normal), 0);
+    near([pane.toPane(world).x, pane.toPane(world).y, pane.toPane(world).depth - pane.toPane(plane.origin).depth], [40, 150, 0]);
+    close(length(subtract(pane.toWorld(50, 150), world)), length(subtract(pane.toWorld(40, 160), world)));
+    for (const corner of grid.corners()) {
+      const { x, y } = pane.toPane(corner);
+      compare(Math.min(x, y, 300 - x, 200 - y), '>', 5, 'every corner is inside');
+    }
+  }
+});
+
+test('a pixel of the image lies where the header says, also where axes are flipped and swapped', () => {
+  const grid = new Grid(sagittalScan);
+  const [axial] = orthogonalPlanes(grid, frameOf(['L', 'P', 'S']), [-10, -3, 46]);
+  const meta = { shape: [20, 30], origin: [-30, -10, 46], step_x: [0, 1, 0], step_y: [1.5, 0, 0] };
+  const view = { center: [-10, -3, 46], zoom: 4, size: [100, 80] };
+  const pane = paneOf(axial, view);
+  const [a, b, c, d, e, f] = imageTransform(meta, axial, pane, 4);
+  const inPane = (column, row) => [a * (column + 0.5) + c * (row + 0.5) + e, b * (column + 0.5) + d * (row + 0.5) + f];
+  for (const [column, row] of [[0, 0], [5, 7], [19, 29]]) {
+    const world = add(meta.origin, add(scale(meta.step_x, column), scale(meta.step_y, row)));
+    const { x, y } = pane.toPane(world);
+    near(inPane(column, row), [x, y]);
+    assert.deepEqual(pixelAt(meta, add(world, [0.3, -0.3, 0])), { column, row });
+  }
+  assert.equal(pixelAt(meta, [-31, -10, 46]), null);
+});
+
+test('a plane cuts the picture of another one in a line on both', () => {
+  const grid = new Grid(plain());
+  const [axial, coronal] = orthogonalPlanes(grid, frameOf(null), [3, 4, 5]);
+  const oblique = obliquePlane([2, 9, 9], [1, 1, 0.5]);
+  for (const [plane, other] of [[axial, coronal], [axial, oblique], [coronal, oblique], [oblique, axial]]) {
+    for (const point of cutLine(plane, other, 100)) {
+      close(dot(subtract(point, plane.origin), plane.normal), 0);
+      close(dot(subtract(point, other.origin), other.normal), 0);
+    }
+  }
+  assert.equal(cutLine(axial, axial, 1), null);
+});
+
+test('turning a normal by a quarter in a pane follows the picture clockwise', () => {
+  const [axial] = orthogonalPlanes(new Grid(plain()), frameOf(null), [0, 0, 0]);
+  near(turnNormal(axial.right, axial, Math.PI / 2), axial.down);
+});
+
+test('the query asks for the sample under the plane, or for as many pixels as help', () => {
+  const grid = new Grid(plain());
+  const [axial] = orthogonalPlanes(grid, frameOf(null), [3, 4, 21.4]);
+  assert.deepEqual(sliceQuery(grid, axial, { center: [0, 0, 0], zoom: 1, size: [9, 9] }), { axis: 2, index: 11 });
+  const oblique = obliquePlane([3, 4, 5], [0, 0, 2], [0, 1, 0]);
+  assert.deepEqual(sliceQuery(grid, oblique, { center: [1, 1, 0], zoom: 1, size: [40, 20] }),
+    { origin: '1,1,5', normal: '0,0,1', up: '0,1,0', size: '40,20', spacing: 1 });
+  assert.equal(sliceQuery(grid, oblique, { center: [1, 1, 5], zoom: 100, size: [400, 200] }).size, '8,4');
+  assert.equal(sliceQuery(grid, oblique, { center: [1, 1, 5], zoom: 1, size: [4000, 2000] }).size, '1024,512');
+});
+
+test('values become grey in a window, and what is not a number stays transparent', () => {
+  const bytes = new Float32Array([-5, 0, 49.9, 50, 100, NaN]).buffer;
+  const slice = readSlice(JSON.stringify({ shape: [3, 2], type: 'float32', endianness: 'little' }), bytes);
+  close(valueAt(slice, { column: 0, row: 1 }), 50);
+  const pixels = new Uint32Array(6);
+  paintSlice(slice.values, { center: 50, width: 100 }, pixels);
+  assert.deepEqual([...pixels].map((px) => [px & 255, px >>> 24]), [[0, 255], [0, 255], [127, 255], [128, 255], [255, 255], [0, 0]]);
+  for (const header of [null, '{}', '{"shape":[3,2],"type":"float64","endianness":"little"}', '{"shape":[3,2],"type":"float32","endianness":"big"}']) {
+    assert.throws(() => readSlice(header, bytes), /not a slice/);
+  }
+});
