@@ -21,7 +21,7 @@ enum proto_rpc_code {
     PROTO_RPC_VIEW =
         -32000, /* the patch gives an invalid view; data.pointer is relative to the patch */
     PROTO_RPC_UNSUPPORTED = -32001, /* a valid view that this daemon cannot render */
-    PROTO_RPC_NOT_FOUND = -32002,   /* unknown volume */
+    PROTO_RPC_NOT_FOUND = -32002,   /* unknown volume or measurement */
     PROTO_RPC_NOT_READY = -32003,   /* the volume is still loading, or loading failed */
     PROTO_RPC_DENIED = -32004,      /* this token may only watch */
     PROTO_RPC_LIMIT = -32005,       /* over a limit of the daemon; try later or ask for less */

@@ -9,6 +9,7 @@
 #define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis" }
+#define LIST { "format" }
 #define SLICE { "axis", "index", "origin", "normal", "up", "size", "spacing", "window", "format" }
 #define FILES { "path", "after", "limit" }
 /* clang-format on */
@@ -30,6 +31,7 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/volumes/{}/histogram", SRV_RIGHT_VIEW, srv_get_volume_histogram, AXES },
     { SRV_GET, "/api/v1/volumes/{}/slice", SRV_RIGHT_VIEW, srv_get_volume_slice, SLICE },
     { SRV_GET, "/api/v1/files", SRV_RIGHT_ADMIN, srv_get_files, FILES },
+    { SRV_POST, "/api/v1/measure", SRV_RIGHT_VIEW, srv_post_measure, NONE },
     { SRV_POST, "/api/v1/render", SRV_RIGHT_RENDER, srv_post_render, IMAGE },
     { SRV_GET, "/api/v1/render/{}", SRV_RIGHT_RENDER, srv_get_render, SAVED_IMAGE },
     { SRV_GET, "/api/v1/views", SRV_RIGHT_RENDER, srv_get_views, PAGE },
@@ -57,6 +59,8 @@ static const struct srv_route routes[] = {
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
     { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice, SLICE },
+    { SRV_POST, "/api/v1/sessions/{}/measure", SRV_RIGHT_SESSION, srv_post_session_measure, NONE },
+    { SRV_GET, "/api/v1/sessions/{}/measures", SRV_RIGHT_SESSION, srv_get_session_measures, LIST },
     { SRV_GET, "/api/v1/sessions/{}/snapshot", SRV_RIGHT_SESSION, srv_get_session_snapshot,
       SNAPSHOT },
     { SRV_GET, "/api/v1/sessions/{}/stream", SRV_RIGHT_SESSION, srv_get_stream, NONE },

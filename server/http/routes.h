@@ -18,9 +18,11 @@ srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
-srv_handler srv_get_files;                                             /* routes_files.c */
-srv_handler srv_get_volume_histogram, srv_get_session_histogram;       /* routes_histogram.c */
-srv_handler srv_get_volume_slice, srv_get_session_slice;               /* routes_slice.c */
+srv_handler srv_get_files;                                       /* routes_files.c */
+srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
+srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
+srv_handler srv_post_measure, srv_post_session_measure,
+    srv_get_session_measures;                                          /* routes_measure.c */
 srv_handler srv_post_render, srv_get_render, srv_get_session_snapshot; /* routes_render.c */
 srv_handler srv_get_views, srv_post_view, srv_get_view, srv_patch_view,
     srv_delete_view; /* routes_views.c */

@@ -105,6 +105,9 @@ static void create_session(struct srv_request *request, const proto_json *body,
         srv_reply_view_error(reply, "/view", &err);
         return;
     }
+    const char *from = proto_json_string(proto_json_get(body, "from"));
+    if (from && !srv_hub_measures_fork(request->app->hub, from, id, srv_clock_ms(), &err))
+        proto_json_free(&json); /* no memory: 503 below */
     srv_reply_json(reply, 201, json);
     if (reply->status != 201) {
         srv_hub_session_delete(request->app->hub, id, &err);
@@ -201,7 +204,7 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
 
 bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
     unsigned rights = request->grant.rights;
-    if (request->route->method != SRV_POST)
+    if (request->param[0]) /* of one session; only PATCH changes it */
         return may(request, request->route->method == SRV_PATCH ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW,
                    reply);
     if (rights & SRV_RIGHT_CONTROL)

@@ -132,6 +132,22 @@ void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, cons
     sp_pick_at(((struct srv_volume *)volume)->volume, view, size, at, pick);
 }
 
+bool srv_catalog_measure(void *user, void *handle, const struct sp_measure *measure, double samples,
+                         struct proto_measure_value *value, struct sp_error *err) {
+    const struct sp_volume *volume = ((struct srv_volume *)handle)->volume;
+    (void)user;
+    if (!sp_measure_check(measure, err))
+        return false;
+    const double cost = sp_measure_cost(volume, measure);
+    if (cost > samples)
+        return sp_fail(err, SP_ERR_INVALID, "/points",
+                       "the region covers %.0f samples and a session takes up to %.0f; make it "
+                       "smaller, or measure it by POST /measure",
+                       cost, samples);
+    memcpy(value->world_unit, sp_volume_info(volume)->unit, sizeof value->world_unit);
+    return sp_measure_compute(volume, measure, &value->result, err);
+}
+
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
     return volume->volume;
 }

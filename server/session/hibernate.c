@@ -2,8 +2,8 @@
  *
  * What is saved of a session, hibernation, and how a hibernated session becomes active again.
  *
- * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "used"}. "used" is the
- * time of the last use, in seconds that daemons ran with this store (past_run_ms of
+ * Saved text: {"tokens": {"control", "view"}, "view": {…}, "owner": {…}, "measures": […], "used"}.
+ * "used" is the time of the last use, in seconds that daemons ran with this store (past_run_ms of
  * srv_hub_options), exact to a thousandth of --hibernation-time. So the limit --hibernation-time
  * continues after a restart and does not depend on the time of day. Without "used" it is now.
  *
@@ -45,8 +45,7 @@ static double used_ms(const struct srv_session *s, double now_ms) {
 }
 
 static bool is_saved(const struct srv_hub *hub, const struct srv_session *s, double now_ms) {
-    return s->saved.version == s->shared.version &&
-           used_ms(s, now_ms) - s->saved.used_ms < grain_ms(hub);
+    return srv_hub_is_view_saved(s) && used_ms(s, now_ms) - s->saved.used_ms < grain_ms(hub);
 }
 
 static void set_unsaved(struct srv_hub *hub, struct srv_session *session) {
@@ -83,6 +82,8 @@ struct snapshot {
     char tokens[2][SRV_TOKEN_DIGITS + 1];
     struct srv_owner owner;
     struct sp_view view;
+    struct srv_measures measures; /* owned */
+    bool is_complete;             /* false: memory was short for the measurements */
 };
 
 /* Takes the session that has been unsaved for the longest time, if its number is at most `last`. */
@@ -102,6 +103,7 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
         snapshot->owner = next->identity.owner;
         memcpy(snapshot->id, next->identity.id, sizeof snapshot->id);
         memcpy(snapshot->tokens, next->identity.tokens, sizeof snapshot->tokens);
+        snapshot->is_complete = srv_measures_copy(&next->measures, &snapshot->measures);
     }
     pthread_mutex_unlock(&hub->mutex);
     return next != NULL;
@@ -109,12 +111,15 @@ static bool take_snapshot(struct srv_hub *hub, uint64_t last, double now_ms,
 
 static char *text_of(const struct snapshot *snapshot, size_t *size) {
     proto_json *json = proto_json_object(), *tokens = proto_json_object();
-    bool ok = proto_json_set_string(tokens, "control", snapshot->tokens[SRV_ROLE_CONTROL]);
+    bool ok = snapshot->is_complete &&
+              proto_json_set_string(tokens, "control", snapshot->tokens[SRV_ROLE_CONTROL]);
     ok = proto_json_set_string(tokens, "view", snapshot->tokens[SRV_ROLE_VIEW]) && ok;
     ok = proto_json_set(json, "tokens", tokens) && ok;
     ok = proto_json_set(json, "view", proto_view_encode(&snapshot->view)) && ok;
     ok = proto_json_set_number(json, "used", (snapshot->used_ms + snapshot->past_run_ms) / 1000) &&
          ok;
+    if (snapshot->measures.count > 0)
+        ok = proto_json_set(json, "measures", srv_measures_encode(&snapshot->measures)) && ok;
     if (snapshot->owner.name[0])
         ok = proto_json_set(json, "owner", srv_owner_encode(&snapshot->owner)) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
@@ -141,12 +146,14 @@ bool srv_hub_save(struct srv_hub *hub, double now_ms,
         ok = !s || (text && save(user, s->identity.id, text, size));
         if (s && ok) {
             s->saved.version = snapshot->version;
+            s->saved.measures_clock = snapshot->measures.clock;
             s->saved.used_ms = snapshot->used_ms;
             srv_hub_saved(hub, s);
         } else if (s) {
             set_unsaved(hub, s);
         }
         pthread_mutex_unlock(&hub->mutex);
+        srv_measures_finish(&snapshot->measures);
         free(text);
     }
     free(snapshot);
@@ -261,6 +268,8 @@ static bool resolve(struct srv_hub *hub, struct srv_session *session, struct sp_
     else if (record && !ok)
         sp_fail(err, SP_ERR_NOT_READY, NULL, "the session's view cannot be shown here: %s: %s",
                 why.place, why.text);
+    if (ok && !srv_measures_restore(&session->measures, proto_json_get(record, "measures")))
+        ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the measurements");
     proto_json_free(&record);
     free(text);
     return ok;
@@ -298,6 +307,7 @@ struct srv_session *srv_hibernated_resume(struct srv_hub *hub, const char *id, d
     unlink_hibernated(hub, link);
     srv_hub_link_session(hub, session, now_ms);
     session->saved.version = session->shared.version;
+    session->saved.measures_clock = session->measures.clock;
     srv_hub_unsaved(hub, session);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", session->identity.id }),
                 "session %s is active", session->identity.id);

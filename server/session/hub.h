@@ -23,6 +23,7 @@
 
 #include "ops/metrics.h"
 #include "protocol/json.h"
+#include "session/measures.h"
 #include "session/owner.h"
 #include "sp/pick.h"
 #include "sp/view.h"
@@ -41,9 +42,13 @@ struct srv_volume_source {
     void *(*ref)(void *user, void *volume);
     void (*release)(void *user, void *volume);
     void (*default_view)(void *user, void *volume, struct sp_view *view);
-    /* As sp_pick_at(). The only callback that runs without the hub's mutex. */
+    /* As sp_pick_at(). Runs without the hub's mutex. */
     void (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                  const double at[2], struct sp_pick *pick);
+    /* As sp_measure_compute(), for at most `samples` samples of a region. Runs without the hub's
+     * mutex, too. NULL = a test never measures. */
+    bool (*measure)(void *user, void *volume, const struct sp_measure *measure, double samples,
+                    struct proto_measure_value *value, struct sp_error *err);
 };
 
 struct srv_hub_options {
@@ -113,6 +118,13 @@ proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_t
 /* Merges a patch; returns the new view. */
 proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
                                   double now_ms, struct sp_error *err);
+/* Copies the measurements; the caller finishes them. */
+bool srv_hub_measures(struct srv_hub *hub, const char *id, double now_ms,
+                      struct srv_measures *measures, struct sp_error *err);
+/* Gives a new session the measurements of another one. `from` may also be the id of something that
+ * has none. SP_ERR_MEMORY. */
+bool srv_hub_measures_fork(struct srv_hub *hub, const char *from, const char *to, double now_ms,
+                           struct sp_error *err);
 /* Ends the session and closes its streams. */
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Gets the role of a join token. SP_ERR_NOT_FOUND (no such session), SP_ERR_DENIED (wrong token).

@@ -56,6 +56,7 @@ void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session) {
     assert(!session->participants);
     if (session->shared.volume)
         hub->options.volumes.release(hub->options.volumes.user, session->shared.volume);
+    srv_measures_finish(&session->measures);
     free(session->schedule);
     free(session);
 }
@@ -154,7 +155,8 @@ void srv_hub_end_session(struct srv_hub *hub, struct srv_session *session) {
 }
 
 bool srv_hub_is_view_saved(const struct srv_session *session) {
-    return session->saved.version == session->shared.version;
+    return session->saved.version == session->shared.version &&
+           session->saved.measures_clock == session->measures.clock;
 }
 
 static bool hibernate(struct srv_hub *hub, struct srv_session *session, const char *why) {

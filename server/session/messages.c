@@ -115,6 +115,10 @@ char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, 
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_VIEW;
         return text_of_view(p, size);
     }
+    if (p->pending.notifications & SRV_NOTIFY_MEASURES) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_MEASURES;
+        return srv_measures_text(p, size);
+    }
     if (p->pending.notifications & SRV_NOTIFY_POLICY) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_POLICY;
         return srv_policy_text(p, now_ms, size);

@@ -100,6 +100,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_PARTICIPANTS);
         srv_hub_notify(hub, p,
                        SRV_NOTIFY_VIEW | SRV_NOTIFY_CONTROL | SRV_NOTIFY_POLICY |
+                           (session->measures.count > 0 ? SRV_NOTIFY_MEASURES : 0) |
                            (hub->is_draining ? SRV_NOTIFY_DRAINING : 0));
         srv_hub_emit(hub, SRV_PARTICIPANT_JOINED, session, p, now_ms);
     }
@@ -164,6 +165,10 @@ void *srv_hub_take_ready(struct srv_hub *hub) {
         unlink_ready(hub, p);
     pthread_mutex_unlock(&hub->mutex);
     return p ? p->user : NULL;
+}
+
+const char *srv_hub_color(const struct srv_participant *participant) {
+    return palette[participant->identity.color];
 }
 
 proto_json *srv_hub_encode_participants(const struct srv_session *session) {

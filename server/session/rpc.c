@@ -174,6 +174,9 @@ static const struct {
     { "session.grant_control", srv_call_grant_control },
     { "session.refuse_control", srv_call_refuse_control },
     { "pick", pick_at },
+    { "measure.put", srv_call_measure_put },
+    { "measure.remove", srv_call_measure_remove },
+    { "measure.list", srv_call_measure_list },
     { "ping", ping },
 };
 

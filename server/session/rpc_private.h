@@ -29,5 +29,7 @@ bool srv_call_knows(struct srv_call *call, const char *const *known);
 srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant_control,
     srv_call_refuse_control;      /* control.c */
 srv_method_fn srv_call_configure; /* settings.c */
+srv_method_fn srv_call_measure_put, srv_call_measure_remove,
+    srv_call_measure_list; /* measuring.c */
 
 #endif

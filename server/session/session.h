@@ -17,6 +17,7 @@
 #include "protocol/rpc.h"
 #include "session/encode_params.h"
 #include "session/hub.h"
+#include "session/measures.h"
 #include "session/participant.h"
 #include "session/rate_control.h"
 #include "session/window.h"
@@ -30,7 +31,8 @@ enum srv_notification { /* a participant has to be told about */
                         SRV_NOTIFY_DRAINING = 16,
                         SRV_NOTIFY_CLOSE = 32,
                         SRV_NOTIFY_CONTROL = 64,
-                        SRV_NOTIFY_POLICY = 128
+                        SRV_NOTIFY_POLICY = 128,
+                        SRV_NOTIFY_MEASURES = 256
 };
 
 enum {
@@ -54,12 +56,13 @@ struct srv_control_request {
 };
 
 struct srv_pending {
-    unsigned notifications;   /* bits of enum srv_notification */
-    uint64_t volume_reported; /* hub->volumes.clock up to which progress was told */
-    uint64_t volume_start;    /* hub->volumes.clock when it joined */
-    double stats_ms;          /* when statistics were sent last */
-    struct sp_error error;    /* for SRV_NOTIFY_ERROR */
-    uint16_t close_code;      /* for SRV_NOTIFY_CLOSE */
+    unsigned notifications;     /* bits of enum srv_notification */
+    uint64_t volume_reported;   /* hub->volumes.clock up to which progress was told */
+    uint64_t volume_start;      /* hub->volumes.clock when it joined */
+    uint64_t measures_reported; /* the session's measures.clock up to which they were told */
+    double stats_ms;            /* when statistics were sent last */
+    struct sp_error error;      /* for SRV_NOTIFY_ERROR */
+    uint16_t close_code;        /* for SRV_NOTIFY_CLOSE */
     const char *close_reason;
 };
 
@@ -96,7 +99,8 @@ struct srv_participant {
     void *user;    /* constant */
     struct srv_identity identity;
     struct srv_control_request control;
-    double picked_ms; /* its quota of picks is used up to this time */
+    double picked_ms;   /* its quota of picks is used up to this time */
+    double measured_ms; /* the same for measurements */
     struct srv_pending pending;
     struct srv_stream_settings settings;
     struct srv_policy policy;
@@ -125,6 +129,7 @@ struct srv_view_state {
 struct srv_saved {            /* what the store has */
     struct srv_timer unsaved; /* in hub->persistence.unsaved, in the order of changes */
     uint64_t version;         /* of the view */
+    uint64_t measures_clock;  /* of the measurements */
     double used_ms;           /* time of the session's last use */
 };
 
@@ -141,6 +146,7 @@ struct srv_session {
     struct srv_timer timer; /* when srv_hub_tick() looks at it */
     struct srv_session_identity identity;
     struct srv_view_state shared;
+    struct srv_measures measures;
     struct srv_saved saved;
     struct srv_session_stats stats;
     struct srv_participant *participants;
@@ -293,7 +299,7 @@ void srv_hub_close_stream(struct srv_hub *hub, struct srv_participant *participa
 
 /* Persistence and hibernation (hibernate.c). */
 
-/* Returns whether the store has the newest view. */
+/* Returns whether the store has the newest view and the newest measurements. */
 bool srv_hub_is_view_saved(const struct srv_session *session);
 /* Marks the session for saving and tells the options' changed(). */
 void srv_hub_unsaved(struct srv_hub *hub, struct srv_session *session);
@@ -319,6 +325,11 @@ void srv_hibernated_free(struct srv_hub *hub);
 
 /* Returns {"id", "role", "name", "color"} of each participant. NULL when out of memory. */
 proto_json *srv_hub_encode_participants(const struct srv_session *session);
+/* Returns the colour of a participant, "#rrggbb". A constant string. */
+const char *srv_hub_color(const struct srv_participant *participant);
+/* Returns the notification session.measures for a participant: malloc'ed, NULL when out of memory.
+ * (measuring.c) */
+char *srv_measures_text(struct srv_participant *to, size_t *size);
 /* Takes the text of the next pending notification; NULL = none, or out of memory. (messages.c) */
 char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *participant,
                                 double now_ms, size_t *size);

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "protocol/text.h"
 #include "session/rpc_private.h"
 
 enum { FORMATS_MAX = 16 }; /* that a client may list */
@@ -52,29 +53,13 @@ static bool read_size(struct srv_call *call, struct stream_settings *s) {
            srv_owner_allows_size(&call->participant->session->identity.owner, size, &call->err);
 }
 
-/* True if the UTF-8 text has no control character and none that changes how its surroundings are
- * displayed: no C0 or C1 control, line or paragraph separator, or Bidi_Control (Unicode, PropList).
- */
-static bool is_plain(const char *text) {
-    for (const unsigned char *c = (const unsigned char *)text; *c; c++) {
-        if (*c < 0x20 || *c == 0x7f || (c[0] == 0xc2 && c[1] < 0xa0) ||
-            (c[0] == 0xd8 && c[1] == 0x9c)) /* U+061C */
-            return false;
-        unsigned last = c[0] == 0xe2 && (c[1] == 0x80 || c[1] == 0x81) ? c[1] * 256u + c[2] : 0;
-        if (last == 0x808e || last == 0x808f || (last >= 0x80a8 && last <= 0x80ae) ||
-            (last >= 0x81a6 && last <= 0x81a9)) /* U+200E, F, 2028 to E, 2066 to 9 */
-            return false;
-    }
-    return true;
-}
-
 static bool read_name(struct srv_call *call, struct stream_settings *s) {
     const proto_json *value = proto_json_get(call->params, "name");
     if (!value)
         return true;
     s->name = proto_json_string(value);
     size_t length = s->name ? strlen(s->name) : 0;
-    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && is_plain(s->name)) ||
+    return (length > 0 && length < SRV_PARTICIPANT_NAME_BYTES && proto_text_is_plain(s->name)) ||
            srv_call_refuse(call, PROTO_RPC_PARAMS, "/name",
                            "must be a text of 1 to 64 bytes without control characters, "
                            "including those for the direction of text");

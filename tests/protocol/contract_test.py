@@ -145,6 +145,23 @@ def walk_slices(daemon, ask, template, token=True, **names):
         ask(422, 'GET', template, token=token, query=f'?{wrong}', **names)
 
 
+def walk_measures(ask, contract, template, given, token=True, **names):
+    """Sends every example of a measurement."""
+    folder = f'{sys.argv[2]}/protocol/examples/measure'
+    for path in sorted(glob.glob(f'{folder}/valid/*.json')):
+        with open(path, encoding='utf-8') as f:
+            wanted = json.load(f)
+        answer = ask(200, 'POST', template, {**given, **wanted}, token=token, **names)
+        check(answer['kind'] == wanted['kind'] and answer['points'] == wanted['points'], f'{path}: {answer}')
+        check(('statistics' in answer) == (wanted['kind'] in ('profile', 'rectangle', 'ellipse')), f'{path}: {answer}')
+        check(len(answer.get('profile', {}).get('values', [])) == wanted.get('samples', len(answer.get('profile', {}).get('values', []))), path)
+    for path in sorted(glob.glob(f'{folder}/invalid/*.json')):
+        with open(path, encoding='utf-8') as f:
+            wanted = json.load(f)
+        answer = ask(422, 'POST', template, {**given, **wanted['request']}, token=token, **names)
+        check(answer.get('pointer') == wanted['error']['pointer'], f'{path}: {answer}')
+
+
 def walk(daemon, contract):
     """Calls each operation at least once, with valid and invalid requests."""
     ask, api = asker(daemon, contract), '/api/v1'
@@ -184,6 +201,9 @@ def walk(daemon, contract):
     ask(400, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis', id='p')
     ask(404, 'GET', f'{api}/volumes/{{id}}/histogram', id='none')
     walk_slices(daemon, ask, f'{api}/volumes/{{id}}/slice', id='p')
+    walk_measures(ask, contract, f'{api}/measure', {'volume': 'p'})
+    ask(422, 'POST', f'{api}/measure', {'kind': 'marker', 'points': [[0, 0, 0]]})
+    ask(422, 'POST', f'{api}/measure', {'volume': 'none', 'kind': 'marker', 'points': [[0, 0, 0]]})
     ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     ask(404, 'DELETE', f'{api}/volumes/{{id}}', id='p')
     for kind in ('jpeg', 'png', 'webp', 'exr'):
@@ -197,6 +217,10 @@ def walk(daemon, contract):
     ask(304, 'POST', f'{api}/render', {'size': [16, 8]}, {'If-None-Match': headers['ETag']})
     session = ask(201, 'POST', f'{api}/sessions', {'view': {'size': [32, 32]}})
     ask(422, 'POST', f'{api}/sessions', {'view': {'size': [0, 1]}})
+    walk_measures(ask, contract, f'{api}/sessions/{{id}}/measure', {}, token=session['tokens']['view'], id=session['id'])
+    check(ask(200, 'GET', f'{api}/sessions/{{id}}/measures', token=session['tokens']['view'], id=session['id']) == {'measures': []}, 'measures')
+    ask(200, 'GET', f'{api}/sessions/{{id}}/measures', query='?format=csv', id=session['id'])
+    ask(400, 'GET', f'{api}/sessions/{{id}}/measures', query='?format=xml', id=session['id'])
     fork = ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
     listed = walk_pages(ask, f'{api}/sessions', 'sessions')
     check(sorted(s['id'] for s in listed) == sorted([session['id'], fork['id']]), f'sessions: {listed}')

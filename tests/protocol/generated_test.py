@@ -27,12 +27,13 @@ REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
 # earlier run whose volume is still loading (integration.state), a full disk (integration.paths).
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'),
              ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
-             ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409')}
+             ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409'),
+             ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409')}
 
 # Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
     r'(/view)?(/volume|/camera(/position|/target|/up)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
-    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/frames|/keyframes/\d+(/.*)?')
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/points(/\d+)*|/samples|/frames|/keyframes/\d+(/.*)?')
 
 
 class Caller:
@@ -129,6 +130,7 @@ def bring_about(daemon, contract):
     ask(409, 'GET', f'{api}/volumes/{{id}}/view', id='large')
     ask(409, 'GET', f'{api}/volumes/{{id}}/histogram', id='large')
     ask(409, 'GET', f'{api}/volumes/{{id}}/slice', query='?axis=0&index=0', id='large')
+    ask(409, 'POST', f'{api}/measure', {'volume': 'large', 'kind': 'marker', 'points': [[0, 0, 0]]})
     ask(409, 'POST', f'{api}/render', {'volume': 'large'})
     ask(409, 'POST', f'{api}/views', {'volume': 'large'})
     ask(409, 'POST', f'{api}/paths', {'view': {'volume': 'large'}, 'frames': 1, 'keyframes': [{'frame': 0, 'view': {}}]})

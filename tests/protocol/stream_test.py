@@ -23,7 +23,7 @@ PARAMS = -32602
 BEYOND = {
     'view.update': {-32000, -32001, -32002, -32003, -32004, -32007},
     'session.request_control': {-32004}, 'session.grant_control': {PARAMS, -32007}, 'session.refuse_control': {PARAMS, -32007},
-    'pick': {PARAMS, -32005}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
+    'pick': {PARAMS, -32005}, 'measure.put': {PARAMS, -32004, -32005}, 'measure.remove': {-32002, -32004}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
 }
 OPAQUE = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0.9}]}}
 # Only a failing renderer causes it: integration.stream tests it.
@@ -53,6 +53,8 @@ def call(contract, values, stream, method, rng):
         params['size'] = params['size'] and [min(n, 64) if isinstance(n, int) else n for n in params['size']]
     if method == 'pick' and rng.random() < 0.7:
         params = {'at': [rng.uniform(0, 16), rng.uniform(0, 16)]}
+    if method == 'measure.put' and rng.random() < 0.7:  # few random points fit their kind
+        params = {'id': rng.choice(['a', 'C_2']), 'kind': 'marker', 'points': [[rng.uniform(0, 16) for _ in range(3)]]}
     is_sound = values.validator(schema).is_valid(params)
     answer = stream.ask({'method': method, 'params': params})
     what = f'{method} {json.dumps(params)[:300]} → {json.dumps(answer)[:300]}'

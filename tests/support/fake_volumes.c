@@ -39,7 +39,8 @@ static void default_view(void *user, void *volume, struct sp_view *view) {
 }
 
 struct srv_volume_source fake_volume_source(struct fake_volumes *volumes) {
-    return (struct srv_volume_source){ volumes, acquire, add_use, release, default_view, NULL };
+    return (
+        struct srv_volume_source){ volumes, acquire, add_use, release, default_view, NULL, NULL };
 }
 
 void fake_ignore(void *user) {

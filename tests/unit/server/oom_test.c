@@ -69,6 +69,16 @@ static void reading(void **state) {
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1", "", 200);
     snprintf(path, sizeof path, "sessions/%s/slice?axis=0&index=0", oom_session);
     oom_each_allocation("GET", path, "", 200);
+    snprintf(path, sizeof path, "sessions/%s/measures", oom_session);
+    oom_each_allocation("GET", path, "", 200);
+    snprintf(path, sizeof path, "sessions/%s/measures?format=csv", oom_session);
+    oom_each_allocation("GET", path, "", 200);
+    oom_each_allocation("POST", "measure",
+                        "{\"volume\":\"engine\",\"kind\":\"profile\",\"points\":[[0,0,0],[3,3,3]]}",
+                        200);
+    snprintf(path, sizeof path, "sessions/%s/measure", oom_session);
+    oom_each_allocation("POST", path,
+                        "{\"kind\":\"rectangle\",\"points\":[[0,0,0],[3,0,0],[0,3,0]]}", 200);
     snprintf(path, sizeof path, "views/%s", oom_saved_view);
     oom_each_allocation("GET", path, "", 200);
     snprintf(path, sizeof path, "sessions/%s", oom_session);

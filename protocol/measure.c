@@ -1,0 +1,307 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "protocol/measure.h"
+
+#include <ctype.h>
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "protocol/text.h"
+
+/* Decoding. */
+
+static bool read_kind(const proto_json *object, enum sp_measure_kind *kind, struct sp_error *err) {
+    const char *name = proto_json_string(proto_json_get(object, "kind"));
+    for (unsigned k = 0; name && k < SP_MEASURE_KINDS; k++)
+        if (strcmp(name, sp_measure_kind_name((enum sp_measure_kind)k)) == 0) {
+            *kind = (enum sp_measure_kind)k;
+            return true;
+        }
+    return sp_fail(err, SP_ERR_INVALID, "/kind",
+                   "must be distance, angle, profile, rectangle, ellipse or marker");
+}
+
+static bool read_points(const proto_json *points, struct sp_measure *measure,
+                        struct sp_error *err) {
+    const unsigned count = sp_measure_point_count(measure->kind);
+    if (proto_json_type(points) != PROTO_JSON_ARRAY || proto_json_size(points) != count)
+        return sp_fail(err, SP_ERR_INVALID, "/points", "must be an array of %u point%s for %s",
+                       count, count == 1 ? "" : "s", sp_measure_kind_name(measure->kind));
+    for (unsigned i = 0; i < count; i++) {
+        const proto_json *point = proto_json_at(points, i);
+        char place[32];
+        snprintf(place, sizeof place, "/points/%u", i);
+        if (proto_json_type(point) != PROTO_JSON_ARRAY || proto_json_size(point) != 3)
+            return sp_fail(err, SP_ERR_INVALID, place, "must be a world position: [x, y, z]");
+        for (unsigned axis = 0; axis < 3; axis++) {
+            snprintf(place, sizeof place, "/points/%u/%u", i, axis);
+            if (!proto_json_number(proto_json_at(point, axis), &measure->points[i][axis]))
+                return sp_fail(err, SP_ERR_INVALID, place, "must be a number");
+        }
+    }
+    return sp_measure_check(measure, err);
+}
+
+bool proto_measure_decode(const proto_json *object, struct sp_measure *measure,
+                          struct sp_error *err) {
+    *measure = (struct sp_measure){ .kind = SP_MEASURE_DISTANCE };
+    return read_kind(object, &measure->kind, err) &&
+           read_points(proto_json_get(object, "points"), measure, err);
+}
+
+bool proto_measure_is_id(const char *id) {
+    static const char letters[] =
+        "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789_-";
+    return id && *id && strlen(id) <= PROTO_MEASURE_ID_MAX && id[strspn(id, letters)] == 0;
+}
+
+static bool read_text(const proto_json *value, char text[PROTO_MEASURE_TEXT_MAX + 1],
+                      struct sp_error *err) {
+    const char *given = proto_json_string(value);
+    if (!value)
+        return true;
+    if (!given || strlen(given) > PROTO_MEASURE_TEXT_MAX || !proto_text_is_plain(given))
+        return sp_fail(err, SP_ERR_INVALID, "/text",
+                       "must be a text of at most %d bytes without control characters, including "
+                       "those for the direction of text",
+                       PROTO_MEASURE_TEXT_MAX);
+    strcpy(text, given);
+    return true;
+}
+
+static bool read_color(const proto_json *value, char color[PROTO_MEASURE_COLOR_BYTES],
+                       struct sp_error *err) {
+    const char *given = proto_json_string(value);
+    if (!value)
+        return true;
+    if (!given || strlen(given) != 7 || given[0] != '#' ||
+        strspn(given + 1, "0123456789abcdefABCDEF") != 6)
+        return sp_fail(err, SP_ERR_INVALID, "/color", "must be a colour like #ff8000");
+    for (int i = 0; i < PROTO_MEASURE_COLOR_BYTES; i++)
+        color[i] = (char)tolower((unsigned char)given[i]);
+    return true;
+}
+
+bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_measure *measure,
+                         struct sp_error *err) {
+    struct proto_measure next = *measure;
+    const proto_json *hidden = proto_json_get(patch, "hidden");
+    if (is_new || proto_json_get(patch, "kind")) {
+        if (!read_kind(patch, &next.geometry.kind, err))
+            return false;
+        if (!is_new && next.geometry.kind != measure->geometry.kind)
+            return sp_fail(err, SP_ERR_INVALID, "/kind",
+                           "the measurement exists and its kind is %s; remove it first",
+                           sp_measure_kind_name(measure->geometry.kind));
+    }
+    if ((is_new || proto_json_get(patch, "points")) &&
+        !read_points(proto_json_get(patch, "points"), &next.geometry, err))
+        return false;
+    if (!read_text(proto_json_get(patch, "text"), next.text, err) ||
+        !read_color(proto_json_get(patch, "color"), next.color, err))
+        return false;
+    if (hidden && !proto_json_bool(hidden, &next.is_hidden))
+        return sp_fail(err, SP_ERR_INVALID, "/hidden", "must be true or false");
+    *measure = next;
+    return true;
+}
+
+/* Encoding. */
+
+void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]) {
+    const enum sp_measure_unit kind = value->result.unit;
+    const bool is_square = kind == SP_MEASURE_AREA && value->world_unit[0];
+    snprintf(unit, SP_UNIT_BYTES + 2, "%s%s",
+             kind == SP_MEASURE_DEGREES ? "deg"
+             : kind == SP_MEASURE_DATA  ? ""
+                                        : value->world_unit,
+             is_square ? "^2" : "");
+}
+
+/* A number that is not finite has no JSON; it becomes null. */
+static bool set_number(proto_json *object, const char *key, bool has_value, double value) {
+    return has_value && isfinite(value) ? proto_json_set_number(object, key, value)
+                                        : proto_json_set_null(object, key);
+}
+
+static proto_json *encode_position(const double position[3]) {
+    proto_json *array = proto_json_array();
+    for (int axis = 0; axis < 3; axis++)
+        if (!proto_json_append_number(array, position[axis])) {
+            proto_json_free(&array);
+            return NULL;
+        }
+    return array;
+}
+
+static proto_json *encode_points(const struct sp_measure *measure) {
+    proto_json *points = proto_json_array();
+    for (unsigned i = 0; i < sp_measure_point_count(measure->kind); i++)
+        if (!proto_json_append(points, encode_position(measure->points[i]))) {
+            proto_json_free(&points);
+            return NULL;
+        }
+    return points;
+}
+
+static proto_json *encode_statistics(const struct sp_statistics *s) {
+    const bool has_any = s->count > 0;
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_integer(json, "count", (int64_t)s->count) &&
+              proto_json_set_integer(json, "nonfinite", (int64_t)s->nonfinite) &&
+              set_number(json, "mean", has_any, s->mean) &&
+              set_number(json, "deviation", has_any, s->deviation) &&
+              set_number(json, "min", has_any, s->min) && set_number(json, "max", has_any, s->max);
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+/* Sets "value", "unit" and "statistics". */
+static bool set_value(proto_json *json, const struct proto_measure_value *value) {
+    char unit[SP_UNIT_BYTES + 2];
+    proto_measure_unit(value, unit);
+    return set_number(json, "value", value->result.has_value, value->result.value) &&
+           proto_json_set_string(json, "unit", unit) &&
+           (!value->result.has_statistics ||
+            proto_json_set(json, "statistics", encode_statistics(&value->result.statistics)));
+}
+
+proto_json *proto_measure_encode(const struct proto_measure *measure) {
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "id", measure->id) &&
+              proto_json_set_string(json, "kind", sp_measure_kind_name(measure->geometry.kind)) &&
+              proto_json_set_string(json, "volume", measure->volume) &&
+              proto_json_set(json, "points", encode_points(&measure->geometry)) &&
+              proto_json_set_string(json, "text", measure->text) &&
+              proto_json_set_string(json, "color", measure->color) &&
+              proto_json_set_string(json, "author", measure->author) &&
+              proto_json_set_bool(json, "hidden", measure->is_hidden) &&
+              set_value(json, &measure->value);
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+static proto_json *encode_histogram(const struct sp_measure_result *result) {
+    proto_json *json = proto_json_object(), *range = proto_json_array(),
+               *counts = proto_json_array();
+    bool ok = proto_json_append_number(range, result->statistics.min) &&
+              proto_json_append_number(range, result->statistics.max);
+    for (int b = 0; b < SP_MEASURE_BINS && ok; b++)
+        ok = proto_json_append_integer(counts, (int64_t)result->histogram[b]);
+    ok = proto_json_set(json, "range", range) && ok;
+    ok = proto_json_set(json, "counts", counts) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+static proto_json *encode_profile(const struct sp_measure *line, double length,
+                                  const double *values, uint32_t count) {
+    proto_json *json = proto_json_object(), *positions = proto_json_array(),
+               *array = proto_json_array();
+    bool ok = proto_json_set_number(json, "step", length / (count - 1));
+    for (uint32_t i = 0; i < count && ok; i++) {
+        double position[3];
+        for (int axis = 0; axis < 3; axis++)
+            position[axis] = line->points[0][axis] +
+                             (line->points[1][axis] - line->points[0][axis]) * i / (count - 1);
+        ok = proto_json_append(positions, encode_position(position)) &&
+             (isfinite(values[i]) ? proto_json_append_number(array, values[i])
+                                  : proto_json_append(array, proto_json_new_null()));
+    }
+    ok = proto_json_set(json, "positions", positions) && ok;
+    ok = proto_json_set(json, "values", array) && ok;
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
+                                 const struct proto_measure_value *value, const double *profile,
+                                 uint32_t profile_count) {
+    const bool is_in_world =
+        value->result.unit == SP_MEASURE_LENGTH || value->result.unit == SP_MEASURE_AREA;
+    proto_json *json = proto_json_object();
+    bool ok = proto_json_set_string(json, "volume", volume) &&
+              proto_json_set_string(json, "kind", sp_measure_kind_name(measure->kind)) &&
+              proto_json_set(json, "points", encode_points(measure)) && set_value(json, value);
+    if (ok && is_in_world && !value->world_unit[0])
+        ok = proto_json_set_string(json, "note",
+                                   "the volume does not state the unit of its coordinates");
+    if (ok && value->result.has_histogram)
+        ok = proto_json_set(json, "histogram", encode_histogram(&value->result));
+    if (ok && profile)
+        ok = proto_json_set(json, "profile",
+                            encode_profile(measure, value->result.value, profile, profile_count));
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
+/* Reading a saved measurement. */
+
+/* Sums of very large values are infinite, and null in JSON. */
+static double number_or_nan(const proto_json *json, const char *key) {
+    double value = NAN;
+    proto_json_number(proto_json_get(json, key), &value);
+    return value;
+}
+
+static bool read_statistics(const proto_json *json, struct sp_statistics *s) {
+    int64_t count, nonfinite;
+    if (!proto_json_integer(proto_json_get(json, "count"), &count) || count < 0 ||
+        !proto_json_integer(proto_json_get(json, "nonfinite"), &nonfinite) || nonfinite < 0)
+        return false;
+    *s = (struct sp_statistics){ .count = (uint64_t)count, .nonfinite = (uint64_t)nonfinite };
+    s->mean = number_or_nan(json, "mean");
+    s->deviation = number_or_nan(json, "deviation");
+    s->min = number_or_nan(json, "min");
+    s->max = number_or_nan(json, "max");
+    return true;
+}
+
+static bool copy_string(const proto_json *json, const char *key, char *out, size_t bytes) {
+    const char *text = proto_json_string(proto_json_get(json, key));
+    if (!text || strlen(text) >= bytes)
+        return false;
+    strcpy(out, text);
+    return true;
+}
+
+/* The unit of a result follows from the kind; the saved text tells the unit of the world. */
+static bool restore_value(const proto_json *json, const struct sp_measure *geometry,
+                          struct proto_measure_value *value) {
+    struct sp_measure_result *result = &value->result;
+    const proto_json *statistics = proto_json_get(json, "statistics");
+    char unit[SP_UNIT_BYTES + 2];
+    result->unit = geometry->kind == SP_MEASURE_ANGLE    ? SP_MEASURE_DEGREES
+                   : geometry->kind == SP_MEASURE_MARKER ? SP_MEASURE_DATA
+                   : geometry->kind == SP_MEASURE_RECTANGLE || geometry->kind == SP_MEASURE_ELLIPSE
+                       ? SP_MEASURE_AREA
+                       : SP_MEASURE_LENGTH;
+    result->has_value = proto_json_number(proto_json_get(json, "value"), &result->value);
+    result->has_statistics = statistics != NULL;
+    if ((statistics && !read_statistics(statistics, &result->statistics)) ||
+        !copy_string(json, "unit", unit, sizeof unit))
+        return false;
+    if (result->unit == SP_MEASURE_AREA && strlen(unit) >= 2)
+        unit[strlen(unit) - 2] = 0;
+    if (result->unit == SP_MEASURE_AREA || result->unit == SP_MEASURE_LENGTH)
+        snprintf(value->world_unit, sizeof value->world_unit, "%.*s", SP_UNIT_BYTES - 1, unit);
+    return true;
+}
+
+bool proto_measure_restore(const proto_json *json, struct proto_measure *measure) {
+    struct proto_measure next = { .is_hidden = false };
+    struct sp_error unused;
+    if (!copy_string(json, "id", next.id, sizeof next.id) || !proto_measure_is_id(next.id) ||
+        !copy_string(json, "volume", next.volume, sizeof next.volume) ||
+        !copy_string(json, "author", next.author, sizeof next.author) ||
+        !proto_measure_apply(json, true, &next, &unused) || !next.color[0] ||
+        !restore_value(json, &next.geometry, &next.value))
+        return false;
+    *measure = next;
+    return true;
+}

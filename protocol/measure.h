@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Measurements in JSON: what a client asks for, what the daemon answers, and the list of a session.
+ *
+ *   {"kind", "points"} ─► struct sp_measure ─► sp_measure_compute() ─► {"value", "unit", …}
+ *   {"id", "kind", "points", "text", "color", "hidden"} ─► struct proto_measure ─► list, CSV, store
+ */
+#ifndef PROTO_MEASURE_H
+#define PROTO_MEASURE_H
+
+#include <stdbool.h>
+
+#include "protocol/json.h"
+#include "sp/measure.h"
+
+enum {
+    PROTO_MEASURE_ID_MAX = 32,     /* bytes of an id: A-Z a-z 0-9 _ - */
+    PROTO_MEASURE_TEXT_MAX = 200,  /* bytes of a text, UTF-8 */
+    PROTO_MEASURE_AUTHOR_MAX = 64, /* bytes of the name of a participant */
+    PROTO_MEASURE_COLOR_BYTES = 8  /* "#rrggbb" and a NUL */
+};
+
+/* A result with the unit of world coordinates of its volume, "" = unknown. */
+struct proto_measure_value {
+    struct sp_measure_result result;
+    char world_unit[SP_UNIT_BYTES];
+};
+
+/* A measurement of a session. */
+struct proto_measure {
+    char id[PROTO_MEASURE_ID_MAX + 1];
+    char volume[SP_NAME_BYTES];
+    struct sp_measure geometry;
+    char text[PROTO_MEASURE_TEXT_MAX + 1];
+    char color[PROTO_MEASURE_COLOR_BYTES];
+    char author[PROTO_MEASURE_AUTHOR_MAX + 1];
+    bool is_hidden;
+    struct proto_measure_value value; /* without its histogram */
+};
+
+/* Reads the members "kind" and "points" and checks the points. SP_ERR_INVALID at "/kind",
+ * "/points", "/points/N" or "/points/N/AXIS". Thread-safe. */
+bool proto_measure_decode(const proto_json *object, struct sp_measure *measure,
+                          struct sp_error *err);
+
+/* Merges the members of an object into a measurement: "points", "text", "color", "hidden", and
+ * "kind", which a measurement that exists (is_new = false) cannot change. Ignores "id". A new one
+ * needs "kind" and "points". On failure *measure is unchanged: SP_ERR_INVALID with the pointer.
+ * Thread-safe. */
+bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_measure *measure,
+                         struct sp_error *err);
+/* True for 1 to PROTO_MEASURE_ID_MAX characters of A-Z a-z 0-9 _ -. NULL: false. */
+bool proto_measure_is_id(const char *id);
+
+/* Encodes a measurement of a session: {"id", "kind", "volume", "points", "text", "color", "author",
+ * "hidden", "value", "unit", "statistics"}. Thread-safe. */
+proto_json *proto_measure_encode(const struct proto_measure *measure);
+/* Reads what proto_measure_encode() wrote. False: it is something else. Thread-safe. */
+bool proto_measure_restore(const proto_json *json, struct proto_measure *measure);
+
+/* Encodes the answer to a request for a measurement: {"volume", "kind", "points", "value", "unit",
+ * "note", "statistics", "histogram", "profile"}. `profile` has the values of a profile, NULL =
+ * none. NULL when out of memory. Thread-safe. */
+proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
+                                 const struct proto_measure_value *value, const double *profile,
+                                 uint32_t profile_count);
+
+/* Returns the measurements as CSV (RFC 4180, UTF-8) with a header line; malloc'ed, NUL-terminated.
+ * A text that begins with = + - @, a tab or a carriage return gets an apostrophe in front, so that
+ * no spreadsheet takes it for a formula. NULL when out of memory. Thread-safe. */
+char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, size_t *size);
+/* Returns the unit of a result: "", the unit of world coordinates, its square, or "deg". */
+void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]);
+
+#endif
