@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The banner shows what prevents the picture; the notice shows all other messages. Each message is one sentence.
+import { t } from '../core/text.js';
 
 const NOTICE_MS = 9000;
 
@@ -48,11 +49,11 @@ export class Banner {
     const until = performance.now() + retryMs;
     const title = () => {
       const seconds = Math.max(0, Math.ceil((until - performance.now()) / 1000));
-      return seconds > 0 ? `Connection lost — trying again in ${seconds} s` : 'Connection lost — trying again …';
+      return seconds > 0 ? t('banner.lost.in', { seconds }) : t('banner.lost.now');
     };
     this.show({
       kind: 'lost', title: title(), canRetry: true,
-      text: reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.`.replace(/\.\.$/, '.') : 'The daemon is gone.',
+      text: reason ? `${reason[0].toUpperCase()}${reason.slice(1)}.`.replace(/\.\.$/, '.') : t('banner.lost.gone'),
     });
     this.#countdown = setInterval(() => this.#set(this.#title, title()), 250);
   }

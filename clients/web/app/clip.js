@@ -1,13 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel "Clip": a box with two sliders per axis, and one plane with its depth along its normal.
 import { WHOLE, depthOf, moveFace, planeAt, sight } from '../core/clip.js';
+import { byId } from './dom.js';
 import { showValue } from './fields.js';
 
 const DEPTH = 0.5;
-const byId = (id) => document.getElementById(id);
 const percent = (part) => `${Math.round(part * 100)} %`;
 
-export class ClipPanel {
+export function install({ viewer }) {
+  const panel = new ClipPanel(viewer);
+  viewer.on('view', () => {
+    for (const id of ['clip-section', 'plane-section']) byId(id).inert = !viewer.canControl;
+    panel.show();
+  });
+}
+
+class ClipPanel {
   #viewer; #faces; #toggle; #depth; #button;
   /** The planes that the user switched off last, with their volume; switching on restores them. */
   #saved = null;

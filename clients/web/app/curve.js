@@ -2,7 +2,9 @@
 // A curve of points with everything to edit it: the plot, the selected point in numbers, and zoom along both axes. The transfer
 // function and its gradient axis are curves. Parts are found by data-part below the root.
 import { addPoint, movePoint, opacityAt, placePoint, removePoint, middleBeside } from '../core/transfer.js';
-import { setText, showNumber } from './fields.js';
+import { t } from '../core/text.js';
+import { setText } from './dom.js';
+import { showNumber } from './fields.js';
 import { Plot } from './plot.js';
 
 const ZOOM = 1.6;
@@ -12,7 +14,7 @@ let gestures = 0;
 const digits = (value) => String(Number(value.toPrecision(5)));
 
 export class Curve {
-  #parts; #plot; #edit; #limit; #names; #gesture = '';
+  #parts; #plot; #edit; #limit; #name; #gesture = '';
   #points = [];
   #extent = [0, 1];
   #gap = 1e-5;
@@ -23,13 +25,13 @@ export class Curve {
   selected = 0;
 
   /**
-   * edit(points, {gesture, time}) takes changed points; limit: the largest number of them; names: {point, x, y} for screen readers.
+   * edit(points, {gesture, time}) takes changed points; limit: the largest number of them; name: of its texts.
    * seal() ends a gesture.
    */
-  constructor(root, { edit, limit, names, seal }) {
+  constructor(root, { edit, limit, name, seal }) {
     this.#edit = edit;
     this.#limit = limit;
-    this.#names = names;
+    this.#name = name;
     this.#parts = Object.fromEntries([...root.querySelectorAll('[data-part]')].map((part) => [part.dataset.part, part]));
     const { plot, add, remove, before, after, x, y, top, closer, farther, all } = this.#parts;
     this.#plot = new Plot(plot, {
@@ -171,14 +173,14 @@ export class Curve {
     const { xs, top } = this;
     const { count, x, y, add, remove, low, high, all } = this.#parts;
     const points = this.#points;
-    const text = ({ value, opacity }) => `${this.#names.x} ${digits(value)}, ${this.#names.y} ${showNumber(opacity)}`;
+    const text = ({ value, opacity }) => t(`curve.${this.#name}.text`, { x: digits(value), y: showNumber(opacity) });
     this.#plot.show({
       points: points.map((p) => ({ x: p.value, y: p.opacity, color: `rgb(${p.color.map((part) => Math.round(part * 255)).join(' ')})`, text: text(p) })),
       selected: this.selected, xs, top, isEditable: this.#isEditable,
-      name: (i) => `${this.#names.point} ${i + 1} of ${points.length}`,
+      name: (i) => t(`curve.${this.#name}.point`, { number: i + 1, count: points.length }),
       paint: (context, width, height) => this.#view.paint(context, width, height, xs, top),
     });
-    setText(count, points.length ? `${this.selected + 1} of ${points.length}` : 'none');
+    setText(count, points.length ? t('curve.count', { number: this.selected + 1, count: points.length }) : t('curve.none'));
     for (const [field, value] of [[x, this.point?.value], [y, this.point?.opacity]]) {
       field.disabled = !this.point;
       if (isTyped) this.#dirty.delete(field);

@@ -10,11 +10,6 @@ const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
 /** Formats a number with three digits: 0.7, 12.5, 1790. */
 export const showNumber = (value) => String(Number(value.toPrecision(3)));
 
-/** Sets a text only if it changes, because screen readers read every change aloud. */
-export function setText(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
 /** Sets the text beside a slider and its value for screen readers. */
 export function showValue(slider, text) {
   slider.setAttribute('aria-valuetext', text);

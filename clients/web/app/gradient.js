@@ -3,10 +3,10 @@
 // (upwards) and gradient magnitudes (to the right).
 import { readHistogram } from '../core/histogram.js';
 import { GRADIENT_POINTS_MAX, curveOf, gradientOf, leastGap } from '../core/transfer.js';
+import { t } from '../core/text.js';
 import { Curve } from './curve.js';
-import { setText } from './fields.js';
+import { byId, setText } from './dom.js';
 
-const byId = (id) => document.getElementById(id);
 const INK = 0.6; // lifts rare bins, which are the edges
 const FACTOR_MAX = 0.999; // what a curve draws for 1
 const parse = (color) => {
@@ -16,7 +16,11 @@ const parse = (color) => {
   return context.getImageData(0, 0, 1, 1).data;
 };
 
-export class GradientPanel {
+export function install({ transfer, connection }) {
+  new GradientPanel(transfer, { load: (isJoint) => connection.api.histogram(connection.session.id, connection.session.token, isJoint) });
+}
+
+class GradientPanel {
   #transfer; #load; #curve;
   #joint = null;
   #image = null; // the histogram as a picture of one px per bin
@@ -29,7 +33,7 @@ export class GradientPanel {
     this.#load = load;
     this.#curve = new Curve(byId('gradient-curve'), {
       edit: (points, how) => transfer.edit({ gradient: this.#withOrigin(gradientOf(points)) }, how), limit: GRADIENT_POINTS_MAX - 1,
-      names: { point: 'Gradient point', x: 'magnitude', y: 'factor' }, seal: () => transfer.seal(),
+      name: 'gradient', seal: () => transfer.seal(),
     });
     byId('gradient-off').addEventListener('click', ({ timeStamp }) => transfer.edit({ gradient: [] }, { time: timeStamp }));
     byId('gradient').addEventListener('toggle', () => this.show());
@@ -53,7 +57,7 @@ export class GradientPanel {
       const joint = readHistogram(await this.#load(true));
       if (this.#asked !== volume) return;
       if (joint.volume === volume) this.#joint = joint;
-      else this.#problem = 'the session shows another volume';
+      else this.#problem = t('transfer.othervolume');
       this.#ink = '';
     } catch (error) {
       this.#problem = error.message;
@@ -72,7 +76,7 @@ export class GradientPanel {
     const { isEditable } = this.#transfer;
     const { gradient } = this.#transfer.state;
     byId('gradient-off').disabled = gradient.length === 0;
-    setText(byId('gradient-note'), this.#problem ? `There is no histogram: ${this.#problem}.` : '');
+    setText(byId('gradient-note'), this.#problem ? t('transfer.nohistogram', { reason: this.#problem }) : '');
     byId('gradient-note').hidden = !this.#problem;
     this.#curve.show({
       points: curveOf(gradient), extent: this.#extent, gap: leastGap(this.#extent), isEditable, mode: 'gradient',

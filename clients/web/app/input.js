@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Maps mouse, touch, pen, wheel and keyboard to actions of the viewer.
+// Maps mouse, touch, pen, wheel and keyboard to actions of the viewer, or gives them to the mode that owns the pointer (modes.js).
+import { t } from '../core/text.js';
+import { byId } from './dom.js';
 
 const KEY_TURN = 4 * Math.PI / 180;
 const KEY_PAN_PX = 24;
@@ -12,27 +14,36 @@ const GLIDE_MS = 70;
 const DOUBLE_TAP_MS = 300;
 const TAP_PX = 12;
 
-/**
- * commands: {help(), panel(), pick([x, y] in the viewport), window} for what does not move the camera. window (window_level.js): while
- * it is on, a drag with one finger or the left button, and the arrow keys, go to it.
- */
-export function attachInput(canvas, viewer, commands) {
-  attachPointers(canvas, viewer, commands.window);
-  attachWheel(canvas, viewer);
-  let pointer = null;
-  canvas.addEventListener('pointermove', (event) => { pointer = place(canvas, event); });
-  attachKeys(viewer, commands, () => pointer);
+export function install({ viewer, modes, shortcuts, panel, screen, toolbar }) {
+  const canvas = screen.element;
+  const toggleHelp = () => (byId('help').open ? byId('help').close() : byId('help').showModal());
+  attachPointers(canvas, viewer, modes);
+  attachWheel(canvas, viewer, modes);
+  attachKeys(viewer, shortcuts);
+  shortcuts.add('?', toggleHelp);
+  shortcuts.add('p', () => panel.toggle());
+  byId('help-open').addEventListener('click', toggleHelp);
+  byId('fit').addEventListener('click', (event) => viewer.fit(event.timeStamp));
+  byId('reset').addEventListener('click', (event) => viewer.reset(event.timeStamp));
+  viewer.on('view', () => { byId('moves').inert = !viewer.canControl; });
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
+  const navigate = toolbar.button({
+    id: 'tool-navigate', icon: 'rotate-3d', label: t('tool.navigate'), order: 0, isToggle: true, press: () => modes.leave(),
+  });
+  const show = () => navigate.setAttribute('aria-pressed', String(modes.isNavigating));
+  modes.on('change', show);
+  show();
 }
 
-function place(canvas, event) {
+/** The place of a pointer event in CSS px of an element. */
+export function place(canvas, event) {
   const box = canvas.getBoundingClientRect();
   return [event.clientX - box.left, event.clientY - box.top];
 }
 
-function attachPointers(canvas, viewer, window) {
+function attachPointers(canvas, viewer, modes) {
   const pointers = new Map();
-  let mode = 'none';
+  let gesture = 'none'; // orbit, pan, pinch, or tool: the drag belongs to the mode
   let from = null; // orbit: the start of the drag and the orientation there
   let start = null;
   let last = null; // pan: the last point; pinch: the last {middle, spread}
@@ -47,21 +58,21 @@ function attachPointers(canvas, viewer, window) {
     };
   };
   // A gesture restarts whenever a finger or button is added or removed.
-  const begin = (isPan) => {
-    if (mode === 'window') window.end();
+  const begin = (event, isPan) => {
+    if (gesture === 'tool') modes.cancel();
     if (pointers.size >= 2) {
-      mode = 'pinch';
+      gesture = 'pinch';
       last = pinch();
     } else if (pointers.size === 1) {
-      mode = isPan ? 'pan' : window.isOn ? 'window' : 'orbit';
       [last] = points();
       from = last;
       start = viewer.orientation;
-      if (mode === 'window') window.begin();
+      const isTool = event.type === 'pointerdown' && !isPan && modes.down(from, event);
+      gesture = isPan ? 'pan' : isTool ? 'tool' : 'orbit';
     } else {
-      mode = 'none';
+      gesture = 'none';
     }
-    canvas.dataset.mode = mode;
+    canvas.dataset.mode = gesture;
   };
 
   canvas.addEventListener('pointerdown', (event) => {
@@ -69,23 +80,26 @@ function attachPointers(canvas, viewer, window) {
     canvas.focus({ preventScroll: true });
     canvas.setPointerCapture(event.pointerId);
     pointers.set(event.pointerId, place(canvas, event));
-    begin(event.button === 2 || event.button === 1 || event.shiftKey);
+    begin(event, event.button === 2 || event.button === 1 || event.shiftKey);
     if (event.button === 1) event.preventDefault();
   });
   canvas.addEventListener('pointermove', (event) => {
-    if (!pointers.has(event.pointerId)) return;
     const at = place(canvas, event);
+    if (!pointers.has(event.pointerId)) {
+      modes.hover(at, event);
+      return;
+    }
     pointers.set(event.pointerId, at);
     const time = event.timeStamp;
-    if (mode === 'orbit') {
+    if (gesture === 'orbit') {
       start ??= viewer.orientation;
       if (start) viewer.turn(start, from, at, time);
-    } else if (mode === 'window') {
-      window.drag(at[0] - from[0], at[1] - from[1], time);
-    } else if (mode === 'pan') {
+    } else if (gesture === 'tool') {
+      modes.move(at, event);
+    } else if (gesture === 'pan') {
       viewer.pan([at[0] - last[0], at[1] - last[1]], time);
       last = at;
-    } else if (mode === 'pinch') {
+    } else if (gesture === 'pinch') {
       const now = pinch();
       viewer.zoom(last.spread / now.spread, last.middle, time);
       viewer.pan([now.middle[0] - last.middle[0], now.middle[1] - last.middle[1]], time);
@@ -94,28 +108,31 @@ function attachPointers(canvas, viewer, window) {
   });
   const end = (event) => {
     if (!pointers.delete(event.pointerId)) return;
-    begin(false);
+    if (gesture === 'tool' && event.type === 'pointerup') modes.up(place(canvas, event), event);
+    begin(event, false);
   };
   canvas.addEventListener('pointerup', (event) => {
-    if (event.pointerType === 'touch' && pointers.size === 1) tap = doubleTap(tap, canvas, event, viewer);
+    if (event.pointerType === 'touch' && pointers.size === 1) tap = doubleTap(tap, canvas, event, viewer, modes);
     end(event);
   });
   canvas.addEventListener('pointercancel', end);
   canvas.addEventListener('lostpointercapture', end);
-  canvas.addEventListener('dblclick', (event) => viewer.fit(event.timeStamp));
+  canvas.addEventListener('dblclick', (event) => {
+    if (!modes.double(place(canvas, event), event)) viewer.fit(event.timeStamp);
+  });
 }
 
 // touch-action: none also disables the browser's double tap, and with it dblclick in some browsers.
-function doubleTap(before, canvas, event, viewer) {
+function doubleTap(before, canvas, event, viewer, modes) {
   const at = place(canvas, event);
   const isSecond = before && event.timeStamp - before.time < DOUBLE_TAP_MS
     && Math.hypot(at[0] - before.at[0], at[1] - before.at[1]) < TAP_PX;
-  if (isSecond) viewer.fit(event.timeStamp);
+  if (isSecond && !modes.double(at, event)) viewer.fit(event.timeStamp);
   return isSecond ? null : { at, time: event.timeStamp };
 }
 
 // A notch of the wheel is spread over several animation frames, except with reduced motion.
-function attachWheel(canvas, viewer) {
+function attachWheel(canvas, viewer, modes) {
   const reduced = window.matchMedia('(prefers-reduced-motion: reduce)');
   let rest = 0;
   let at = [0, 0];
@@ -131,6 +148,7 @@ function attachWheel(canvas, viewer) {
   };
   canvas.addEventListener('wheel', (event) => {
     event.preventDefault();
+    if (modes.wheel(event)) return;
     const unit = [1, LINE_PX, PAGE_PX][event.deltaMode] ?? 1;
     const step = event.deltaY * unit * (event.ctrlKey ? PINCH_STEP : WHEEL_STEP);
     const isResting = rest === 0;
@@ -143,38 +161,20 @@ function attachWheel(canvas, viewer) {
   }, { passive: false });
 }
 
-function attachKeys(viewer, { help, panel, pick, window: windowLevel }, pointer) {
+function attachKeys(viewer, shortcuts) {
   const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const middle = () => [viewer.viewport.width / 2, viewer.viewport.height / 2];
-  const act = (event) => {
-    const time = event.timeStamp;
-    const turn = turns[event.key];
-    if (turn && event.shiftKey) {
-      viewer.pan([-turn[0] * KEY_PAN_PX, -turn[1] * KEY_PAN_PX], time);
-    } else if (turn && windowLevel.isOn) {
-      windowLevel.step(-turn[0], turn[1], time);
-    } else if (turn) {
-      viewer.orbit(turn[0] * KEY_TURN, turn[1] * KEY_TURN, 0, time);
-    } else {
-      switch (event.key) {
-        case '+': case '=': viewer.zoom(1 / KEY_ZOOM, middle(), time); break;
-        case '-': case '_': viewer.zoom(KEY_ZOOM, middle(), time); break;
-        case ',': viewer.orbit(0, 0, KEY_TURN, time); break;
-        case '.': viewer.orbit(0, 0, -KEY_TURN, time); break;
-        case '0': case 'Home': viewer.reset(time); break;
-        case 'f': case 'F': viewer.fit(time); break;
-        case 'p': case 'P': panel(); break;
-        case 'v': case 'V': pick(pointer() ?? middle()); break;
-        case 'w': case 'W': windowLevel.toggle(); break;
-        case '?': help(); break;
-        default: return false;
-      }
-    }
-    return true;
-  };
-  window.addEventListener('keydown', (event) => {
-    if (event.altKey || event.ctrlKey || event.metaKey || event.defaultPrevented) return;
-    if (event.target.closest?.('input, select, textarea, dialog')) return;
-    if (act(event)) event.preventDefault();
-  });
+  for (const [key, [x, y]] of Object.entries(turns)) {
+    shortcuts.add(key, (event) => {
+      if (event.shiftKey) viewer.pan([-x * KEY_PAN_PX, -y * KEY_PAN_PX], event.timeStamp);
+      else viewer.orbit(x * KEY_TURN, y * KEY_TURN, 0, event.timeStamp);
+    });
+  }
+  const add = (keys, act) => shortcuts.add(keys, ({ timeStamp }) => act(timeStamp));
+  add(['+', '='], (time) => viewer.zoom(1 / KEY_ZOOM, middle(), time));
+  add(['-', '_'], (time) => viewer.zoom(KEY_ZOOM, middle(), time));
+  add(',', (time) => viewer.orbit(0, 0, KEY_TURN, time));
+  add('.', (time) => viewer.orbit(0, 0, -KEY_TURN, time));
+  add(['0', 'Home'], (time) => viewer.reset(time));
+  add('f', (time) => viewer.fit(time));
 }

@@ -4,27 +4,28 @@ import {
   EMPTY, KEYS_MAX, SECONDS, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf,
   secondsAt, stretch, turnOf, uprightAxis, viewAt,
 } from '../core/keyframes.js';
+import { t } from '../core/text.js';
 import { ask } from './ask.js';
-import { setText, showValue } from './fields.js';
+import { byId, make, setText } from './dom.js';
+import { showValue } from './fields.js';
+import { pathApi } from './paths.js';
 import { THUMBNAIL } from './screen.js';
 
-const EASES = { linear: 'steadily', smooth: 'smoothly', step: 'at once' };
+const EASES = ['linear', 'smooth', 'step'];
 const LOSSLESS = ['png', 'exr'];
-const byId = (id) => document.getElementById(id);
-const seconds = (value) => `${Number(value.toFixed(2))} s`;
+const seconds = (value) => t('path.seconds', { value: Number(value.toFixed(2)) });
 
-/** Creates an element; attributes that are false are omitted. */
-function make(tag, { text, press, ...attributes } = {}, ...children) {
-  const made = document.createElement(tag);
-  for (const [name, value] of Object.entries(attributes)) if (value !== false) made.setAttribute(name, value);
-  if (tag === 'button') made.type = 'button';
-  if (text !== undefined) made.textContent = text;
-  if (press) made.addEventListener('click', press);
-  made.append(...children);
-  return made;
+export function install(app) {
+  const { viewer, screen, storage, panel, notice, paths } = app;
+  const keyframes = new Keyframes(viewer, {
+    screen, api: () => pathApi(app), storage, made: (path) => paths.add(path),
+    complain: (pointer, text) => panel.complain(pointer, text) || notice.show(text),
+  });
+  viewer.on('view', () => keyframes.show());
+  screen.onResize(() => keyframes.show());
 }
 
-export class Keyframes {
+class Keyframes {
   #viewer; #screen; #api; #storage; #complain; #made;
   #path = EMPTY;
   #volume = null;
@@ -121,7 +122,7 @@ export class Keyframes {
 
   async #clear() {
     const { keys } = this.#path;
-    if (keys.length > 1 && !await ask(`Remove all ${keys.length} keyframes?`, 'Remove')) return;
+    if (keys.length > 1 && !await ask(t('path.clear.ask', { count: keys.length }), t('common.remove'))) return;
     this.#set(EMPTY);
     byId('key-add').focus();
   }
@@ -157,38 +158,39 @@ export class Keyframes {
 
   #entry({ view, picture, ease }, i) {
     const { isLoop, keys } = this.#path;
-    const name = `keyframe ${i + 1}`;
-    const act = (id, sign, label, press, disabled = false) => make('button', {
-      'data-act': id, 'aria-label': label, title: label, text: sign, press, disabled: disabled ? '' : false,
+    const number = i + 1;
+    const act = (id, sign, press, disabled = false) => make('button', {
+      'data-act': id, 'aria-label': t(`key.${id}`, { number }), title: t(`key.${id}`, { number }), text: sign, press, disabled: disabled ? '' : false,
     });
     const go = make('button', {
-      class: 'picture', 'aria-label': `Go to ${name}`, title: `Go to ${name}`,
+      class: 'picture', 'aria-label': t('path.go', { number }), title: t('path.go', { number }),
       press: ({ timeStamp }) => {
         this.#stop();
         this.#viewer.show(view, timeStamp);
       },
-    }, ...(picture ? [make('img', { src: picture, alt: '' })] : []), make('span', { text: i + 1 }));
+    }, ...(picture ? [make('img', { src: picture, alt: '' })] : []), make('span', { text: number }));
     go.disabled = !this.#viewer.canControl;
     const acts = make('span', { class: 'acts' },
-      act('replace', '⟳', `Replace ${name} by the current view`, () => this.#replace(i)),
-      act('up', '↑', `Move ${name} up`, () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
-      act('down', '↓', `Move ${name} down`, () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
-      act('remove', '×', `Remove ${name}`, () => this.#act(remove(this.#path, i), i, 'remove')));
+      act('replace', '⟳', () => this.#replace(i)),
+      act('up', '↑', () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
+      act('down', '↓', () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
+      act('remove', '×', () => this.#act(remove(this.#path, i), i, 'remove')));
     const item = make('li', { 'data-pointer': `/path/keyframes/${i}` }, go, acts);
     if (i > 0 || isLoop) item.append(this.#way(i, ease));
-    else item.append(make('span', { class: 'way', text: 'the beginning' }));
+    else item.append(make('span', { class: 'way', text: t('path.beginning') }));
     return item;
   }
 
   /** The controls for the way to key i: seconds and easing. */
   #way(i, ease) {
-    const from = i === 0 ? `back to keyframe 1` : `to keyframe ${i + 1}`;
+    const names = i === 0 ? [t('path.seconds.back'), t('path.motion.back')]
+      : [t('path.seconds.to', { number: i + 1 }), t('path.motion.to', { number: i + 1 })];
     const field = make('input', {
       type: 'number', min: SECONDS.least, max: SECONDS.most, step: 'any', required: '',
-      'aria-label': `Seconds ${from}`, title: `Seconds ${from}`,
+      'aria-label': names[0], title: names[0],
     });
-    const choice = make('select', { 'aria-label': `Motion ${from}`, title: `Motion ${from}` },
-      ...Object.entries(EASES).map(([value, text]) => new Option(text, value, false, value === ease)));
+    const choice = make('select', { 'aria-label': names[1], title: names[1] },
+      ...EASES.map((value) => new Option(t(`path.ease.${value}`), value, false, value === ease)));
     field.addEventListener('change', () => {
       if (field.reportValidity()) this.#set(replace(this.#path, i, { seconds: field.valueAsNumber }));
     });
@@ -221,9 +223,9 @@ export class Keyframes {
     byId('keys-clear').hidden = keys.length === 0;
     byId('path-way').hidden = !isPath;
     byId('path-loop').checked = isLoop;
-    const count = keys.length === 1 ? '1 keyframe; a path needs two' : `${keys.length} keyframes`;
-    setText(byId('keys-about'), !keys.length ? 'Add views as keyframes; the daemon interpolates between them.'
-      : isPath ? `${count}, ${seconds(lengthOf(path))}, ${frames} frames` : count);
+    const count = keys.length === 1 ? t('path.about.one') : t('path.about.count', { count: keys.length });
+    setText(byId('keys-about'), !keys.length ? t('path.about.none')
+      : isPath ? t('path.about.whole', { count: keys.length, length: seconds(lengthOf(path)), frames }) : count);
     const length = byId('path-length');
     if (document.activeElement !== length) length.value = isPath ? Number(lengthOf(path).toFixed(2)) : '';
     byId('keys').querySelectorAll('.way input').forEach((field, n) => {
@@ -238,9 +240,9 @@ export class Keyframes {
     const quality = byId('path-quality');
     quality.disabled = LOSSLESS.includes(byId('path-format').value);
     quality.closest('.row').toggleAttribute('data-idle', quality.disabled);
-    showValue(quality, quality.disabled ? 'lossless' : quality.value);
+    showValue(quality, quality.disabled ? t('path.lossless') : quality.value);
     byId('path-draw').disabled = !isPath || this.#isSending || !this.#api();
-    setText(byId('path-draw'), isPath ? `Render ${frames} frames` : 'Render');
+    setText(byId('path-draw'), isPath ? t('path.render.frames', { frames }) : t('path.render'));
   }
 
   // Playback: moves the view along the frames, for all participants of this session.
@@ -287,7 +289,7 @@ export class Keyframes {
   }
 
   #showPlaying() {
-    setText(byId('path-play'), this.#player ? 'Stop' : 'Play');
+    setText(byId('path-play'), t(this.#player ? 'path.stop' : 'path.play'));
   }
 
   // Sending.

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The list of the daemon's camera paths: progress, download, cancel and delete.
+import { t } from '../core/text.js';
 import { ask } from './ask.js';
-import { setText } from './fields.js';
+import { byId, setText } from './dom.js';
 import { shortBytes } from './status.js';
 
 /** Each event stream takes one of the few connections that a browser opens to a daemon, over all tabs. */
@@ -11,21 +12,39 @@ const LIST_MS = 3000;
 const NAMES = { webm: 'WebM', png: 'PNG', jpeg: 'JPEG', webp: 'WebP', exr: 'EXR' };
 const RANK = ['running', 'waiting'];
 
-const byId = (id) => document.getElementById(id);
 const isUnderWay = ({ state }) => RANK.includes(state);
 
 function stateText({ state, reason, done, frames, bytes }) {
-  const size = bytes > 0 ? `, ${shortBytes(bytes)}` : '';
+  const count = t('paths.count', { done, frames });
+  const size = bytes > 0 ? [shortBytes(bytes)] : [];
+  const because = reason ? `: ${reason}` : '';
   switch (state) {
-    case 'waiting': return `waiting${done ? `, ${done} of ${frames}` : ''}${reason ? `: ${reason}` : ''}`;
-    case 'running': return `${done} of ${frames}${size}`;
-    case 'failed': return `failed after ${done} of ${frames}${reason ? `: ${reason}` : ''}`;
-    case 'done': return `done${size}`;
+    case 'waiting': return [t('paths.waiting'), ...(done ? [count] : [])].join(', ') + because;
+    case 'running': return [count, ...size].join(', ');
+    case 'failed': return t('paths.failed', { count }) + because;
+    case 'done': return [t('paths.done'), ...size].join(', ');
     default: return state;
   }
 }
 
-export class Paths {
+/** The daemon's interface for camera paths, or null: a client that joined by a link has no token of the daemon. */
+export const pathApi = ({ api }) => (api.token ? api : null);
+
+export function install(app) {
+  const { connection, notice, report } = app;
+  const paths = new Paths({
+    api: () => pathApi(app), fail: report, say: (text) => notice.show(text),
+    explain: (text) => {
+      byId('path-note').textContent = text;
+      byId('path-note').hidden = !text;
+      byId('path-making').hidden = Boolean(text);
+    },
+  });
+  connection.on('session', () => paths.refresh());
+  app.paths = paths;
+}
+
+class Paths {
   #api; #fail; #say; #explain;
   #paths = new Map(); // id → path, in the order of the list
   #entries = new Map();
@@ -57,7 +76,7 @@ export class Paths {
     const epoch = ++this.#epoch;
     if (!api) {
       this.#take([]);
-      this.#explain('Camera paths need a token of the daemon; this page joined by a link.');
+      this.#explain(t('paths.joined'));
       return;
     }
     try {
@@ -69,7 +88,7 @@ export class Paths {
       if (epoch !== this.#epoch) return;
       if ([401, 403].includes(error.status)) {
         this.#take([]);
-        this.#explain(`This token may not create camera paths: ${error.message}.`);
+        this.#explain(t('paths.forbidden', { reason: error.message }));
       }
       this.#plan(); // tries again later
     }
@@ -115,10 +134,10 @@ export class Paths {
       if (event === 'removed') this.#forget(id);
       else this.#paths.set(id, path);
       isOver = event !== 'progress';
-      this.#ended = { done: 'drawn', failed: 'failed' }[event] ?? this.#ended;
+      if (['done', 'failed'].includes(event)) this.#ended = t(`paths.ended.${event}`);
       this.#show();
-      if (event === 'done') this.#tell(`A path of ${path.volume} is finished: ${path.frames} frames.`);
-      if (event === 'failed') this.#tell(`A path of ${path.volume} failed: ${path.reason}`);
+      if (event === 'done') this.#tell(t('paths.told.done', { volume: path.volume, frames: path.frames }));
+      if (event === 'failed') this.#tell(t('paths.told.failed', { volume: path.volume, reason: path.reason }));
     };
     try {
       await this.#api().watchPath(id, told, abort.signal);
@@ -151,7 +170,7 @@ export class Paths {
     const paths = [...this.#paths.values()];
     const owners = new Set(paths.map(({ owner }) => owner));
     const busy = paths.filter(isUnderWay).length;
-    setText(byId('path-busy'), busy ? `${busy} under way` : this.#ended);
+    setText(byId('path-busy'), busy ? t('paths.busy', { count: busy }) : this.#ended);
     byId('paths-title').hidden = paths.length === 0;
     for (const id of this.#entries.keys()) if (!this.#paths.has(id)) this.#remove(id);
     paths.forEach((path, i) => {
@@ -183,16 +202,16 @@ export class Paths {
         const { volume, size, format, frames, done, fps, state } = path;
         item.dataset.state = state;
         setText(find('name'), volume);
-        setText(find('about'), [`${size.join(' × ')} ${NAMES[format] ?? format}`, `${frames} frames, ${fps}/s`, owner].filter(Boolean).join(' · '));
+        setText(find('about'), [`${size.join(' × ')} ${NAMES[format] ?? format}`, t('paths.about', { frames, fps }), owner].filter(Boolean).join(' · '));
         setText(find('state'), stateText(path));
         const bar = find('progress');
         bar.hidden = !isUnderWay(path);
         bar.max = frames;
         bar.value = done;
-        bar.setAttribute('aria-label', `Rendering ${volume}`);
-        setText(find('save'), format === 'webm' ? 'Save movie' : 'Save frames');
+        bar.setAttribute('aria-label', t('paths.rendering', { volume }));
+        setText(find('save'), t(format === 'webm' ? 'paths.save.movie' : 'paths.save.frames'));
         find('save').hidden = state !== 'done';
-        setText(find('delete'), isUnderWay(path) ? 'Cancel' : 'Delete');
+        setText(find('delete'), t(isUnderWay(path) ? 'paths.cancel' : 'paths.delete'));
       },
     };
   }
@@ -215,9 +234,8 @@ export class Paths {
 
   async #delete(id) {
     const path = this.#paths.get(id);
-    const what = isUnderWay(path) ? `Cancel this path of ${path.volume} and delete its frames?`
-      : `Delete this path of ${path.volume} and its ${path.done} frames from the daemon?`;
-    if (!await ask(what, isUnderWay(path) ? 'Cancel and delete' : 'Delete')) return;
+    const act = isUnderWay(path) ? 'cancel' : 'delete';
+    if (!await ask(t(`paths.ask.${act}`, { volume: path.volume, frames: path.done }), t(`paths.ask.${act}.act`))) return;
     try {
       await this.#api().deletePath(id);
       this.#gone(id);

@@ -1,17 +1,50 @@
 // SPDX-License-Identifier: Apache-2.0
 // The participants of the session, control, links and forks.
+import { t } from '../core/text.js';
+import { rememberSession } from './address.js';
+import { byId, make } from './dom.js';
 
-const byId = (id) => document.getElementById(id);
-
-function button(text, press) {
-  const made = document.createElement('button');
-  made.type = 'button';
-  made.textContent = text;
-  made.addEventListener('click', press);
-  return made;
+/** Links for others; null where this client has no token for the link. */
+function links({ connection, participants, viewer, base }, fork) {
+  const { session, api, isLive } = connection;
+  const none = { watch: null, control: null, view: null, fork: null };
+  if (!isLive || !session) return none;
+  const join = (token) => token && (async () => `${base}#${new URLSearchParams({ session: session.id, token })}`);
+  const keep = async () => `${base}#${new URLSearchParams({ view: (await api.keepView(viewer.view)).id })}`;
+  return {
+    watch: join(session.tokens?.view), control: join(session.tokens?.control),
+    view: session.isJoined ? null : keep,
+    fork: session.isJoined && !participants.hasControlRole ? null : fork,
+  };
 }
 
-export class People {
+/** Continues in a new session of this client that starts with this view. */
+async function fork(app) {
+  const { session, api } = app.connection;
+  const made = await api.sessionFrom(session.id, session.isJoined ? session.token : api.token);
+  const own = session.isJoined ? `#${new URLSearchParams({ session: made.id, token: made.tokens.control })}` : '';
+  if (!session.isJoined) rememberSession(app, made);
+  history.replaceState(null, '', location.pathname + own);
+  location.reload();
+}
+
+export function install(app) {
+  const { connection, participants, viewer, storage, status, report } = app;
+  const people = new People(participants, {
+    call: (method, params) => connection.call(method, params), fail: report, links: () => links(app, () => fork(app)),
+    rename: (name) => {
+      storage.remember('name', name);
+      app.configure({ name });
+    },
+  });
+  app.showParticipants = () => {
+    viewer.allow(participants.mayChange);
+    status.setParticipants(participants);
+    people.show();
+  };
+}
+
+class People {
   #participants; #call; #fail; #links;
   #key = '';
   #asked = 0;
@@ -48,7 +81,7 @@ export class People {
       field.focus();
       // Without a secure context there is no clipboard; the user copies from the field.
       const isCopied = await navigator.clipboard?.writeText(address).then(() => true, () => false);
-      byId('link-note').textContent = isCopied ? 'copied' : 'copy it from here';
+      byId('link-note').textContent = t(isCopied ? 'people.copied' : 'people.copy');
     } catch (error) {
       this.#fail(error);
     }
@@ -60,7 +93,7 @@ export class People {
     const links = this.#links();
     byId('control-ask').hidden = count < 2 || !this.#participants.mayAsk;
     byId('control-release').hidden = count < 2 || !(this.#participants.isHolder || this.#participants.isAsking);
-    byId('control-release').textContent = this.#participants.isHolder ? 'Release control' : 'Stop asking';
+    byId('control-release').textContent = t(this.#participants.isHolder ? 'people.release' : 'people.release.asking');
     for (const kind of ['watch', 'control', 'view']) byId(`link-${kind}`).hidden = !links[kind];
     byId('fork').hidden = !links.fork;
     const key = JSON.stringify([people, this.#participants.isHolder]);
@@ -92,13 +125,13 @@ export class People {
     name.textContent = person.name;
     const about = document.createElement('span');
     about.className = 'about';
-    about.textContent = [person.isYou ? 'you' : '', person.isHolder ? 'controls' : '', person.asks ? 'asks' : '']
+    about.textContent = [person.isYou && t('people.you'), person.isHolder && t('people.controls'), person.asks && t('people.asks')]
       .filter(Boolean).join(', ');
     item.append(this.#dot(person), name, about);
     if (this.#participants.isHolder && person.asks) {
       item.append(
-        button('Grant', () => this.#call('session.grant_control', { to: person.id })),
-        button('Refuse', () => this.#call('session.refuse_control', { to: person.id })),
+        make('button', { text: t('people.grant'), press: () => this.#call('session.grant_control', { to: person.id }) }),
+        make('button', { text: t('people.refuse'), press: () => this.#call('session.refuse_control', { to: person.id }) }),
       );
     }
     return item;

@@ -1,10 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 // Presets: named rendering choices that the daemon stores for all volumes.
 
-const PARTS = ['transfer_function', 'filter', 'compositing', 'shading', 'background'];
-const byId = (id) => document.getElementById(id);
+import { byId } from './dom.js';
 
-export class Presets {
+const PARTS = ['transfer_function', 'filter', 'compositing', 'shading', 'background'];
+
+export function install({ viewer, connection, report }) {
+  const presets = new Presets(viewer, {
+    api: () => (connection.session && !connection.session.isJoined ? connection.api : null), fail: report,
+  });
+  connection.on('session', () => presets.refresh());
+}
+
+class Presets {
   #viewer; #api; #fail; #key = null;
 
   /** api(): the daemon's interface, or null if this client may not use presets; fail(Error) shows an error. */

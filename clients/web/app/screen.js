@@ -9,18 +9,23 @@ const SHAPE_TOLERANCE = 0.02;
 export const THUMBNAIL = [120, 80];
 
 export class Screen {
-  #canvas; #context; #resized;
+  #canvas; #context;
+  #resized = new Set();
   #css = { width: 1, height: 1 };
 
-  /** resized() is called when the wanted size changes. */
-  constructor(canvas, resized) {
+  constructor(canvas) {
     this.#canvas = canvas;
     this.#context = canvas.getContext('2d', { alpha: false });
-    this.#resized = resized;
     const observer = new ResizeObserver(([entry]) => this.#measure(entry));
     observer.observe(canvas);
     this.#measure(null);
   }
+
+  /** The canvas; it gets the pointer and the focus. */
+  get element() { return this.#canvas; }
+
+  /** Calls told() when the wanted size changes. */
+  onResize(told) { this.#resized.add(told); }
 
   /** The size of the canvas in CSS px, for input geometry. */
   get viewport() { return this.#css; }
@@ -30,6 +35,7 @@ export class Screen {
 
   #measure(entry) {
     const box = this.#canvas.getBoundingClientRect();
+    if (entry && (box.width < 1 || box.height < 1)) return; // the layout hides the picture; it keeps its size
     this.#css = { width: Math.max(1, box.width), height: Math.max(1, box.height) };
     const ratio = window.devicePixelRatio || 1;
     let full = [box.width * ratio, box.height * ratio];
@@ -44,7 +50,7 @@ export class Screen {
     this.#canvas.width = width;
     this.#canvas.height = height;
     if (old) this.#paint(old);
-    this.#resized();
+    for (const told of this.#resized) told();
   }
 
   // Resizing a canvas clears it, so the old content is drawn again until the next frame.

@@ -2,13 +2,11 @@
 // The status line: figures of the last second.
 import { detailPercent } from '../core/detail.js';
 import { policyText } from '../core/policy.js';
+import { t } from '../core/text.js';
+import { byId } from './dom.js';
 
 const WINDOW_MS = 1000;
 const REFRESH_MS = 250;
-const WORDS = {
-  idle: 'connecting', seeking: 'connecting', waiting: 'no volume yet', joining: 'connecting', live: 'live',
-  draining: 'shutting down', lost: 'not connected', refused: 'refused', stopped: 'stopped',
-};
 
 /** 1234567 → "1.23 M" */
 export function shortNumber(n) {
@@ -26,7 +24,19 @@ export function shortBytes(n) {
   return n >= 1e6 ? `${(n / 1e6).toFixed(1)} MB` : kilobytes(n);
 }
 
-export class StatusLine {
+export function install(app) {
+  const { connection, screen, frames } = app;
+  const status = new StatusLine(byId('status'), () => screen.size);
+  connection.on('state', ({ state }) => status.setState(state));
+  connection.on('notification', ({ method, params }) => {
+    if (method === 'stream.stats') status.setStats(params);
+    if (method === 'stream.policy') status.setPolicy(params);
+  });
+  frames.on('drawn', ({ frame, latency }) => status.drew(frame, latency));
+  app.status = status;
+}
+
+class StatusLine {
   #root; #fields = new Map();
   #frames = [];
   #stats = {};
@@ -52,7 +62,7 @@ export class StatusLine {
   setState(state) {
     const field = this.#root.querySelector('#status-state');
     field.dataset.state = state;
-    field.textContent = WORDS[state] ?? state;
+    field.textContent = t(`status.state.${state}`);
     this.#isLive = state === 'live';
     if (!this.#isLive) this.#frames = [];
   }
@@ -60,8 +70,8 @@ export class StatusLine {
   /** Shows the number of participants, and the holder of control if it is not this page. */
   setParticipants({ count, holder, mayChange }) {
     const field = this.#fields.get('participants');
-    const who = mayChange ? '' : holder ? `${holder.name} controls` : 'watching';
-    field.textContent = [who, count > 1 ? `${count} people` : ''].filter(Boolean).join(', ');
+    const who = mayChange ? '' : t(holder ? 'status.controls' : 'status.watching', { name: holder?.name });
+    field.textContent = [who, count > 1 ? t('status.people', { count }) : ''].filter(Boolean).join(', ');
   }
 
   setStats(stats) {
@@ -91,7 +101,7 @@ export class StatusLine {
       if (field.textContent !== text) field.textContent = text;
     };
     const isResting = this.#frames.length === 0 && frame?.isFinal;
-    set('fps', !frame || !this.#isLive ? '' : isResting ? 'at rest' : String(this.#frames.length));
+    set('fps', !frame || !this.#isLive ? '' : isResting ? t('status.resting') : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
     set('detail', frame ? `${detailPercent(frame, this.#wanted(), this.#stats.coarse)} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');

@@ -7,21 +7,34 @@ import { KINDS, presetOf } from '../core/tissue.js';
 import {
   POINTS_MAX, colorAt, isSame, isSameGradient, leastGap, merge, opacityAt, paintPoint, stretchAll, tidy, windowOf,
 } from '../core/transfer.js';
+import { t } from '../core/text.js';
 import { nextFrame } from './animation.js';
 import { Curve } from './curve.js';
-import { setText, showNumber } from './fields.js';
+import { byId, setText } from './dom.js';
+import { showNumber } from './fields.js';
 
 const OWN = ''; // the choice "colours of the points"
 const LEVEL_REACH = 600; // px of a drag for the whole range
 const KEEP_MS = 300;
 const WINDOW_REACH = 180; // px of a drag for a factor e
 
-const byId = (id) => document.getElementById(id);
 const hex = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
 const css = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join(' ')})`;
 const theme = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
 
-export class Transfer {
+export function install(app) {
+  const { viewer, connection, participants, storage } = app;
+  const { api } = connection;
+  const transfer = new Transfer(viewer, {
+    load: (isJoint) => api.histogram(connection.session.id, connection.session.token, isJoint),
+    loadDefault: (id) => api.volumeView(id), storage,
+  });
+  viewer.on('view', (view) => transfer.show(view, viewer.canControl ? null : participants.whyNot));
+  connection.on('session', () => transfer.retry());
+  app.transfer = transfer;
+}
+
+class Transfer {
   #viewer; #load; #loadDefault; #storage; #curve;
   #history = new History();
   #volume = null;
@@ -46,7 +59,7 @@ export class Transfer {
     this.#loadDefault = loadDefault;
     this.#storage = storage;
     this.#curve = new Curve(byId('transfer-curve'), {
-      edit: (points, how) => this.edit({ points }, how), limit: POINTS_MAX, names: { point: 'Point', x: 'value', y: 'opacity' },
+      edit: (points, how) => this.edit({ points }, how), limit: POINTS_MAX, name: 'transfer',
       seal: () => this.#history.seal(),
     });
     byId('transfer-undo').addEventListener('click', ({ timeStamp }) => this.undo(timeStamp));
@@ -166,7 +179,7 @@ export class Transfer {
     let problem = '';
     try {
       const histogram = readHistogram(await this.#load(false));
-      if (histogram.volume !== volume) problem = 'the session shows another volume';
+      if (histogram.volume !== volume) problem = t('transfer.othervolume');
       else if (volume === this.#volume) this.#histogram = histogram;
     } catch (error) {
       problem = error.message;
@@ -215,7 +228,7 @@ export class Transfer {
 
   #attachMaps() {
     const choice = byId('transfer-map');
-    choice.replaceChildren(new Option('of the points', OWN), ...Object.entries(MAP_NAMES).map(([id, name]) => new Option(name, id)));
+    choice.replaceChildren(new Option(t('transfer.map.points'), OWN), ...MAP_NAMES.map((id) => new Option(t(`map.${id}`), id)));
     byId('transfer-steps').max = STEPS_MAX;
     choice.addEventListener('change', ({ timeStamp }) => this.useMap(choice.value, timeStamp));
     byId('transfer-reverse').addEventListener('change', ({ target, timeStamp }) => this.#changeMap({ isReversed: target.checked }, timeStamp));
@@ -262,7 +275,7 @@ export class Transfer {
     const choice = byId('transfer-map');
     let option = [...choice.options].find(({ value }) => value === 'custom');
     if (this.#custom && !option) choice.add(option = new Option('', 'custom'));
-    if (option) option.text = this.#custom?.name ?? 'imported';
+    if (option) option.text = this.#custom?.name ?? t('transfer.map.imported');
     choice.value = map ? (map.table ? 'custom' : map.name) : OWN;
     for (const id of ['transfer-map-shape', 'transfer-map-range']) byId(id).hidden = !map;
     if (!map) return;
@@ -276,10 +289,10 @@ export class Transfer {
 
   #attachKinds() {
     const choice = byId('transfer-kind');
-    choice.append(...Object.entries(KINDS).map(([id, name]) => new Option(name, id)));
+    choice.append(...KINDS.map((id) => new Option(t(`kind.${id}`), id)));
     choice.addEventListener('change', ({ timeStamp }) => {
       if (choice.value === 'default') this.#useDefault(timeStamp);
-      if (!Object.hasOwn(KINDS, choice.value) || !this.#histogram) return;
+      if (!KINDS.includes(choice.value) || !this.#histogram) return;
       const { points, map, note } = presetOf(choice.value, this.#histogram);
       const range = [points[0].value, points.at(-1).value];
       this.#note = `${note[0].toUpperCase()}${note.slice(1)}.`;
@@ -294,7 +307,7 @@ export class Transfer {
       const { points, gradient } = (await this.#loadDefault(volume)).transfer_function;
       if (volume === this.#volume) this.replace({ points, gradient }, time);
     } catch (error) {
-      this.#note = `The default could not be read: ${error.message}.`;
+      this.#note = t('transfer.default.failed', { reason: error.message });
       this.#plan();
     }
   }
@@ -330,7 +343,7 @@ export class Transfer {
   get windowText() {
     if (!this.state) return '';
     const { level, width } = windowOf(this.state.points, this.range);
-    return `Window ${showNumber(width)} · Level ${showNumber(level)}`;
+    return t('window.values', { width: showNumber(width), level: showNumber(level) });
   }
 
   // Drawing.
@@ -352,7 +365,7 @@ export class Transfer {
     setText(byId('transfer-why'), this.#why ?? '');
     byId('transfer-why').hidden = !this.#why;
     byId('transfer-kind').disabled = !this.#histogram;
-    setText(byId('transfer-note'), this.#problem ? `There is no histogram: ${this.#problem}.` : this.#note);
+    setText(byId('transfer-note'), this.#problem ? t('transfer.nohistogram', { reason: this.#problem }) : this.#note);
     byId('transfer-note').hidden = !byId('transfer-note').textContent;
     for (const told of this.#listeners) told();
     if (!byId('transfer').open) return;

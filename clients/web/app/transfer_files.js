@@ -1,10 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Import and export of transfer functions. A bad file leaves everything as it was and explains itself beside the button.
 import { BYTES_MAX, readTransferFile, writeOwn, writeParaview } from '../core/transfer_files.js';
+import { t } from '../core/text.js';
+import { byId } from './dom.js';
 
-const byId = (id) => document.getElementById(id);
+export function install({ transfer, viewer }) {
+  new TransferFiles(transfer, { name: () => viewer.view?.volume ?? 'splatd' });
+}
 
-export class TransferFiles {
+class TransferFiles {
   #transfer; #name;
 
   /** name(): for exported files, without an extension. */
@@ -39,15 +43,15 @@ export class TransferFiles {
     said.className = 'about';
     said.hidden = true;
     try {
-      if (file.size > BYTES_MAX) throw new Error(`The file has ${file.size} bytes; a transfer function has at most ${BYTES_MAX}.`);
+      if (file.size > BYTES_MAX) throw new Error(t('transfer.file.large', { bytes: file.size, most: BYTES_MAX }));
       const read = readTransferFile(await file.text());
-      if (!this.#transfer.isEditable) throw new Error('not taken, because another participant has control now.');
+      if (!this.#transfer.isEditable) throw new Error(t('transfer.file.locked'));
       if (read.kind === 'map') this.#transfer.takeMap(read, time);
       else this.#transfer.replace(read, time);
-      said.textContent = read.kind === 'map' ? `Took the colours “${read.name}” from ${file.name}.` : `Took the transfer function from ${file.name}.`;
+      said.textContent = read.kind === 'map' ? t('transfer.file.map', { map: read.name, file: file.name }) : t('transfer.file.whole', { file: file.name });
     } catch (error) {
       said.className = 'complaint';
-      said.textContent = `${file.name}: ${error.message}`;
+      said.textContent = t('transfer.file.wrong', { file: file.name, reason: error.message });
     }
     said.hidden = false;
     said.scrollIntoView?.({ block: 'nearest' });

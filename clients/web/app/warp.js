@@ -5,12 +5,33 @@
 // A browser that draws without a GPU may need longer for the warped picture than it saves. So the time between animation frames
 // is measured, and warping pauses for a while where it makes them slow.
 import { cssTransform, homography } from '../core/warp.js';
+import { byId } from './dom.js';
 
 const AHEAD_MIN = 2; // updates
 const SLOW_MS = 22; // between animation frames, on average over SLOW_FRAMES
 const SLOW_FRAMES = 12;
 const GAP_MS = 200; // a longer time between two of them says nothing: the tab was hidden
 const PAUSE_MS = 20000;
+
+export function install({ warp, viewer, frames, storage, overlay }) {
+  const show = () => {
+    warp.show(viewer.rig, viewer.ahead, viewer.view?.background ?? [0, 0, 0, 1]);
+    overlay.update();
+  };
+  const isOn = byId('warping');
+  isOn.checked = storage.recall('warping') !== 'no';
+  warp.isOn = isOn.checked;
+  isOn.addEventListener('change', () => {
+    storage.remember('warping', isOn.checked ? 'yes' : 'no');
+    warp.isOn = isOn.checked;
+  });
+  viewer.on('camera', show);
+  frames.on('drawn', ({ rig }) => {
+    warp.drew(rig);
+    overlay.drew(rig);
+    show();
+  });
+}
 
 export class Warp {
   #layer; #canvas; #screen;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of the daemon's HTTP interface that the page uses. All addresses are relative to `base`.
 import { eventReader } from './events.js';
+import { t } from './text.js';
 
 /** A failed request: the HTTP status, or 0 without an answer, and the text of the problem document. */
 export class ApiError extends Error {
@@ -27,7 +28,7 @@ export class Api {
 
   async volumes() {
     const { volumes } = await this.#request('GET', 'api/v1/volumes');
-    if (!Array.isArray(volumes)) throw new ApiError(200, 'the list of volumes is not a list');
+    if (!Array.isArray(volumes)) throw new ApiError(200, t('api.notlist'));
     return volumes;
   }
 
@@ -54,7 +55,7 @@ export class Api {
   /** Names of all presets. */
   async presets() {
     const { presets } = await this.#request('GET', 'api/v1/presets');
-    if (!Array.isArray(presets)) throw new ApiError(200, 'the list of presets is not a list');
+    if (!Array.isArray(presets)) throw new ApiError(200, t('api.notlist'));
     return presets;
   }
 
@@ -122,7 +123,7 @@ export class Api {
 
   /** The saved views of this token: [{id, name, saved, volume, size}]. */
   keptViews() {
-    return this.#all('views', 'views');
+    return this.#all('views');
   }
 
   /** A saved view, with every field. */
@@ -144,16 +145,16 @@ export class Api {
 
   /** All camera paths that this token may see. */
   paths() {
-    return this.#all('paths', 'camera paths');
+    return this.#all('paths');
   }
 
   /** All items of a list that comes in pages. */
-  async #all(name, what) {
+  async #all(name) {
     const all = [];
     let after = '';
     do {
       const page = await this.#request('GET', `api/v1/${name}?limit=1000${after && `&after=${encodeURIComponent(after)}`}`);
-      if (!Array.isArray(page[name])) throw new ApiError(200, `the list of ${what} is not a list`);
+      if (!Array.isArray(page[name])) throw new ApiError(200, t('api.notlist'));
       all.push(...page[name]);
       after = page.next;
     } while (after);
@@ -208,7 +209,7 @@ export class Api {
     try {
       json = JSON.parse(text);
     } catch { /* not of the daemon: its status has to do */ }
-    return new ApiError(answer.status, json?.detail || json?.title || `${what}: status ${answer.status}`, {
+    return new ApiError(answer.status, json?.detail || json?.title || t('api.status', { what, status: answer.status }), {
       pointer: json?.pointer ?? '', retryAfter: Number(answer.headers.get('Retry-After')) || 0,
     });
   }
@@ -221,13 +222,13 @@ export class Api {
       text = await answer.text();
     } catch (error) {
       throw new ApiError(0, error.name === 'TimeoutError'
-        ? `no answer within ${TIMEOUT_MS / 1000} s` : 'the daemon does not answer');
+        ? t('api.late', { seconds: TIMEOUT_MS / 1000 }) : t('api.silent'));
     }
     if (!answer.ok) throw this.#refusal(answer, `${method} ${path}`, text);
     try {
       return text ? JSON.parse(text) : null;
     } catch {
-      throw new ApiError(answer.status, `the answer to ${method} ${path} is not JSON`);
+      throw new ApiError(answer.status, t('api.notjson', { what: `${method} ${path}` }));
     }
   }
 }

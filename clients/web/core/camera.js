@@ -53,24 +53,6 @@ export function pointOnPlane(rig, [x, y], viewport) {
   return add(rig.target, rotate(rig.orientation, offset));
 }
 
-/** The screen point of a world point, or null if it is not in front of the camera. */
-export function project(rig, point, viewport) {
-  const { position } = cameraFromRig(rig);
-  const from = subtract(point, position);
-  const depth = -dot(from, rotate(rig.orientation, [0, 0, 1]));
-  let unit;
-  if (rig.projection === 'orthographic') {
-    unit = rig.height / viewport.height;
-  } else {
-    if (!(depth > 0)) return null;
-    unit = 2 * depth * Math.tan(rig.fovY * DEGREE / 2) / viewport.height;
-  }
-  return [
-    viewport.width / 2 + dot(from, rotate(rig.orientation, [1, 0, 0])) / unit,
-    viewport.height / 2 - dot(from, rotate(rig.orientation, [0, 1, 0])) / unit,
-  ];
-}
-
 /** Moves the camera in the image plane, so that points at the target's depth follow (dx, dy) px. */
 export function pan(rig, [dx, dy], viewport) {
   const unit = worldPerPixel(rig, viewport);

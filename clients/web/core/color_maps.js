@@ -17,9 +17,8 @@ const TABLES = {
   grey: '000000ffffff',
 };
 
-export const MAP_NAMES = Object.freeze({
-  viridis: 'Viridis', inferno: 'Inferno', cividis: 'Cividis', turbo: 'Turbo', 'blue-red': 'Blue to red', grey: 'Grey',
-});
+/** The names of the maps in TABLES, in the order of the page. */
+export const MAP_NAMES = Object.freeze(Object.keys(TABLES));
 export const STEPS_MAX = 32;
 
 const TOLERANCE = 3 / 255;

@@ -12,6 +12,7 @@ import { Emitter } from './emitter.js';
 import { FrameError, decodeFrame } from './frame.js';
 import { ConnectionState } from './connection_state.js';
 import { Rpc } from './rpc.js';
+import { t } from './text.js';
 
 export const SUBPROTOCOL = 'splatd.v1';
 const RETRY_FIRST_MS = 250;
@@ -145,7 +146,7 @@ export class Connection extends Emitter {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
         if (known.isJoined) {
           throw new ApiError(error.status,
-            'This shared session has ended, or the link to it is not valid. Ask for a new link, or open the daemon\'s own address.');
+            t('connection.ended'));
         }
         this.#session = null;
       }
@@ -195,7 +196,7 @@ export class Connection extends Emitter {
     } catch (error) {
       if (error.status !== 422 || epoch !== this.#epoch) throw error;
       this.#saved = null;
-      this.emit('fault', new Error(`the view of the link could not be shown: ${error.message}`));
+      this.emit('fault', new Error(t('connection.link.failed', { reason: error.message })));
       return null;
     }
   }
@@ -208,7 +209,7 @@ export class Connection extends Emitter {
       } catch (error) {
         // The daemon may have another version or backend. Then its default view is better than nothing.
         if (error.status !== 422) throw error;
-        this.emit('fault', new Error(`the last view could not be restored: ${error.message}`));
+        this.emit('fault', new Error(t('connection.restore.failed', { reason: error.message })));
       }
     }
     const view = { volume: volume.id, size };
@@ -232,7 +233,7 @@ export class Connection extends Emitter {
     const socket = new this.#env.WebSocket(this.#api.streamUrl(id, token), [SUBPROTOCOL]);
     socket.binaryType = 'arraybuffer';
     this.#socket = socket;
-    this.#arm(OPEN_TIMEOUT_MS, () => this.#lose(epoch, 'the stream did not open in time'));
+    this.#arm(OPEN_TIMEOUT_MS, () => this.#lose(epoch, t('connection.open.late')));
     socket.onopen = () => epoch === this.#epoch && this.#opened(epoch, socket);
     socket.onmessage = ({ data }) => epoch === this.#epoch && this.#message(data);
     socket.onclose = ({ code, reason }) => this.#closed(epoch, code, reason);
@@ -262,7 +263,7 @@ export class Connection extends Emitter {
     }, () => {});
     this.#ping = this.#env.setTimeout(() => {
       if (epoch !== this.#epoch) return;
-      if (this.#heard < sent) this.#lose(epoch, 'the daemon has stopped answering');
+      if (this.#heard < sent) this.#lose(epoch, t('connection.silent'));
       else this.#keepAlive(epoch);
     }, PING_MS);
   }
@@ -279,13 +280,13 @@ export class Connection extends Emitter {
       }
     } catch (error) {
       this.emit('fault', error instanceof FrameError
-        ? new Error(`a frame was not understood: ${error.message}`) : error);
+        ? new Error(t('connection.frame', { reason: error.message })) : error);
     }
   }
 
   #closed(epoch, code, reason) {
     if (epoch !== this.#epoch) return;
-    const what = reason || (code === 1006 ? '' : `the stream was closed with code ${code}`);
+    const what = reason || (code === 1006 ? '' : t('connection.closed', { code }));
     if (this.state === 'joining') this.#explain(epoch, what);
     else this.#lose(epoch, what);
   }
@@ -295,7 +296,7 @@ export class Connection extends Emitter {
     this.#clearTimer();
     try {
       await this.#askSession(this.#session);
-      this.#lose(epoch, what || 'the stream was refused');
+      this.#lose(epoch, what || t('connection.refused'));
     } catch (error) {
       if (epoch !== this.#epoch) return;
       const isGone = error.status === 404 || error.status === 410;
@@ -323,7 +324,7 @@ export class Connection extends Emitter {
 
   #lose(epoch, reason, error = null) {
     if (epoch !== this.#epoch || !this.#states.can('lose')) return;
-    this.#hangUp(new Error(reason || 'the connection was lost'));
+    this.#hangUp(new Error(reason || t('connection.lost')));
     const backoff = Math.min(RETRY_MAX_MS, RETRY_FIRST_MS * 2 ** this.#failures);
     const retryMs = Math.min(RETRY_MAX_MS, Math.max(backoff, (error?.retryAfter ?? 0) * 1000));
     this.#failures += 1;

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The participants of the session and the holder of control, from the messages session.participants and session.control.
 // `you` is the id of this client.
+import { t } from './text.js';
 
 export class Participants {
   #people = [];
@@ -43,7 +44,7 @@ export class Participants {
     return [...this.#people].sort((a, b) => rank(a) - rank(b)).map((p) => {
       const request = this.#requests.find((r) => r.id === p.id);
       return {
-        id: p.id, name: p.name || `Guest ${p.id}`, color: p.color ?? '#cccccc', isYou: p.id === this.#you,
+        id: p.id, name: p.name || t('people.guest', { id: p.id }), color: p.color ?? '#cccccc', isYou: p.id === this.#you,
         isHolder: p.id === this.#holder, asks: request ? { seconds: request.seconds ?? null } : null,
       };
     });
@@ -51,4 +52,11 @@ export class Participants {
 
   /** The holder of control, or null. */
   get holder() { return this.people.find((p) => p.isHolder) ?? null; }
+
+  /** Tells a user who may not change the view why. */
+  get whyNot() {
+    const { holder } = this;
+    if (holder) return t('people.whynot.holder', { name: holder.name });
+    return t(this.hasControlRole ? 'people.whynot.now' : 'people.whynot.watch');
+  }
 }

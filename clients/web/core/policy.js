@@ -1,23 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 // Describes stream.policy for the user: one line for frames while the view moves, one for the frame at rest.
+import { t } from './text.js';
 
 const REASONS = {
-  quality: () => 'lower quality is faster',
-  bandwidth: () => 'the network is too slow for larger images',
+  quality: () => t('policy.quality'),
+  bandwidth: () => t('policy.bandwidth'),
   time: ({ sharp_ms: sharp, budget_ms: budget }) =>
     (Number.isFinite(sharp) && Number.isFinite(budget)
-      ? `full detail would take ${Math.round(sharp)} ms of a budget of ${Math.round(budget)} ms` : 'full detail would take too long'),
-  unknown_time: () => 'the time for full detail is not known yet',
-  shared_time: () => 'other sessions are moving, too',
-  video_pixels: () => 'the video capacity is used up',
+      ? t('policy.time', { sharp: Math.round(sharp), budget: Math.round(budget) }) : t('policy.time.long')),
+  unknown_time: () => t('policy.time.unknown'),
+  shared_time: () => t('policy.shared'),
+  video_pixels: () => t('policy.video'),
 };
 
 function describe({ format, quality, subsampling, size, coarse } = {}) {
   if (!format) return '';
-  const parts = [format.toUpperCase() + (quality === undefined ? ', lossless' : `, quality ${quality}`)];
-  if (subsampling) parts.push(`colours ${subsampling}`);
+  const parts = [format.toUpperCase(), quality === undefined ? t('policy.format.lossless') : t('policy.format.quality', { quality })];
+  if (subsampling) parts.push(t('policy.colors', { subsampling }));
   if (size) parts.push(`${size[0]} × ${size[1]}`);
-  if (coarse) parts.push(`${2 ** coarse}×${2 ** coarse}×${2 ** coarse} voxels as one`);
+  if (coarse) parts.push(t('policy.coarse', { n: 2 ** coarse }));
   return parts.join(', ');
 }
 
@@ -26,5 +27,5 @@ export function policyText(policy) {
   const [moving, final] = [describe(policy?.moving), describe(policy?.final)];
   if (!moving || !final) return '';
   const why = (policy.why ?? []).filter((reason) => Object.hasOwn(REASONS, reason)).map((reason) => REASONS[reason](policy));
-  return `Moving: ${moving}${why.length ? ` (${why.join('; ')})` : ''}\nAt rest: ${final}`;
+  return `${t('policy.moving', { about: moving + (why.length ? ` (${why.join('; ')})` : '') })}\n${t('policy.final', { about: final })}`;
 }

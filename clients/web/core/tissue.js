@@ -2,12 +2,10 @@
 // Transfer functions by kind of data. CT presets are in Hounsfield units, which scaleOf() finds in the values of the file; the
 // others follow percentiles of the histogram. Opacities refer to the smallest spacing.
 import { peak, percentile, threshold } from './histogram.js';
+import { t } from './text.js';
 import { OPACITY_MAX } from './transfer.js';
 
-export const KINDS = Object.freeze({
-  'ct-bone': 'CT bone', 'ct-soft': 'CT soft tissue', 'ct-lung': 'CT lung', 'ct-vessels': 'CT vessels',
-  mr: 'MR', microscopy: 'Microscopy', simulation: 'Simulation',
-});
+export const KINDS = Object.freeze(['ct-bone', 'ct-soft', 'ct-lung', 'ct-vessels', 'mr', 'microscopy', 'simulation']);
 
 const AIR = -1000;
 const BACKGROUND = 0.2; // share of the samples
@@ -31,17 +29,17 @@ const CT = {
 /** How Hounsfield units lie in the values of a volume: {at(HU) → value, note}. */
 export function scaleOf(histogram) {
   const [low, high] = histogram.range;
-  if (low <= -200 && high >= 200) return { at: (hu) => hu, note: 'values are Hounsfield units' };
+  if (low <= -200 && high >= 200) return { at: (hu) => hu, note: t('kind.note.hu') };
   // Scanners without negative numbers store HU + 1024 or HU + 1000. Soft tissue, the peak between −150 and 150 HU, decides.
   const tissue = low > -200 && low < 400 && high > 1400 && high < 6000 ? peak(histogram, 850, 1180) : null;
   if (tissue !== null) {
     const offset = Math.abs(tissue - 1040) <= Math.abs(tissue - 1016) ? 1024 : 1000;
-    return { at: (hu) => hu + offset, note: `Hounsfield units = value − ${offset}` };
+    return { at: (hu) => hu + offset, note: t('kind.note.offset', { offset }) };
   }
   const air = peak(histogram, low, low + (high - low) / 3);
   const dense = percentile(histogram, 0.995, threshold(histogram));
   const span = Math.max(dense - air, (high - low) / 100);
-  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: 'the file has no Hounsfield units; placed by its histogram' };
+  return { at: (hu) => air + (hu - AIR) / (DENSE - AIR) * span, note: t('kind.note.none') };
 }
 
 const point = (value, opacity, color) => ({ value, opacity: Math.min(opacity, OPACITY_MAX), color });
@@ -81,12 +79,12 @@ function simulation(histogram) {
 /** {points, map, note} of a kind for a volume with this histogram {range, counts}. `map` names a colour map, or is null. */
 export function presetOf(kind, histogram) {
   const { range } = histogram;
-  if (!(range[1] > range[0])) return { points: [point(range[0], 0.1, WHITE)], map: null, note: 'all values are equal' };
+  if (!(range[1] > range[0])) return { points: [point(range[0], 0.1, WHITE)], map: null, note: t('kind.note.equal') };
   if (CT[kind]) {
     const { at, note } = scaleOf(histogram);
     return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note };
   }
-  const note = 'placed by the histogram';
+  const note = t('kind.note.histogram');
   const place = { mr, microscopy, simulation }[kind];
   return { points: rising(place(histogram), range), map: kind === 'simulation' ? 'viridis' : null, note };
 }

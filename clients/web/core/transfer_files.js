@@ -3,6 +3,7 @@
 // colour maps. Readers throw an Error whose text names the place and what to do.
 import { MIXES } from './color_space.js';
 import { simplify } from './color_maps.js';
+import { t } from './text.js';
 import { GRADIENT_POINTS_MAX, OPACITY_MAX, POINTS_MAX, colorAt, opacityAt, tidy } from './transfer.js';
 
 const FORMAT = 'splatd transfer function';
@@ -11,7 +12,7 @@ const STOPS_MAX = 512; // colours of a map
 const VALUE_MAX = 1e300; // so that differences of values are numbers
 const PARTS = 16; // samples between two points whose interpolation is not linear in RGB
 
-const fail = (text) => { throw new Error(text); };
+const fail = (key, values) => { throw new Error(t(`file.${key}`, values)); };
 const isNumber = (x) => typeof x === 'number' && Math.abs(x) <= VALUE_MAX;
 const isPart = (x) => isNumber(x) && x >= 0 && x <= 1;
 const isColor = (c) => Array.isArray(c) && c.length === 3 && c.every(isPart);
@@ -33,52 +34,52 @@ export function writeParaview(name, points) {
 }
 
 function readPoints(points) {
-  if (!Array.isArray(points) || points.length === 0) fail('"points" must be a list with at least one point.');
-  if (points.length > POINTS_MAX) fail(`The file has ${points.length} points; at most ${POINTS_MAX} are possible.`);
+  if (!Array.isArray(points) || points.length === 0) fail('points');
+  if (points.length > POINTS_MAX) fail('points.many', { count: points.length, most: POINTS_MAX });
   return points.map((p, i) => {
-    const at = `Point ${i + 1}`;
-    if (!isNumber(p?.value)) fail(`${at}: "value" is ${show(p?.value)}, not a number.`);
-    if (i > 0 && p.value <= points[i - 1].value) fail(`${at}: its value ${p.value} is not above the one before, ${points[i - 1].value}.`);
-    if (!isPart(p.opacity)) fail(`${at}: "opacity" is ${show(p.opacity)}, outside [0, 1].`);
-    if (!isColor(p.color)) fail(`${at}: "color" is ${show(p.color)}, not three numbers in [0, 1].`);
+    const number = i + 1;
+    if (!isNumber(p?.value)) fail('point.value', { number, value: show(p?.value) });
+    if (i > 0 && p.value <= points[i - 1].value) fail('point.order', { number, value: p.value, before: points[i - 1].value });
+    if (!isPart(p.opacity)) fail('point.opacity', { number, value: show(p.opacity) });
+    if (!isColor(p.color)) fail('point.color', { number, value: show(p.color) });
     return { value: p.value, opacity: Math.min(p.opacity, OPACITY_MAX), color: [...p.color] };
   });
 }
 
 function readGradient(gradient = []) {
-  if (!Array.isArray(gradient)) fail('"gradient" must be a list.');
-  if (gradient.length > GRADIENT_POINTS_MAX) fail(`The file has ${gradient.length} points of the gradient axis; at most ${GRADIENT_POINTS_MAX} are possible.`);
+  if (!Array.isArray(gradient)) fail('gradient');
+  if (gradient.length > GRADIENT_POINTS_MAX) fail('gradient.many', { count: gradient.length, most: GRADIENT_POINTS_MAX });
   return gradient.map((p, i) => {
     if (!isNumber(p?.magnitude) || p.magnitude < 0 || (i > 0 && p.magnitude <= gradient[i - 1].magnitude)) {
-      fail(`Gradient point ${i + 1}: "magnitude" is ${show(p?.magnitude)}; magnitudes must be numbers from 0 that rise.`);
+      fail('gradient.magnitude', { number: i + 1, value: show(p?.magnitude) });
     }
-    if (!isPart(p.scale)) fail(`Gradient point ${i + 1}: "scale" is ${show(p.scale)}, outside [0, 1].`);
+    if (!isPart(p.scale)) fail('gradient.scale', { number: i + 1, value: show(p.scale) });
     return { magnitude: p.magnitude, scale: p.scale };
   });
 }
 
 /** Groups of `size` numbers of a flat list whose first numbers rise; equal ones, which ParaView uses for steps, move apart. */
 function groups(list, size, name) {
-  if (!Array.isArray(list) || list.length === 0 || list.length % size) fail(`"${name}" must be a list of groups of ${size} numbers.`);
-  if (list.length > size * STOPS_MAX) fail(`"${name}" has ${list.length / size} groups; at most ${STOPS_MAX} are possible.`);
+  if (!Array.isArray(list) || list.length === 0 || list.length % size) fail('groups', { name, size });
+  if (list.length > size * STOPS_MAX) fail('groups.many', { name, count: list.length / size, most: STOPS_MAX });
   const wrong = list.findIndex((x) => !isNumber(x));
-  if (wrong >= 0) fail(`"${name}": entry ${wrong + 1} is ${show(list[wrong])}, not a number.`);
+  if (wrong >= 0) fail('groups.entry', { name, number: wrong + 1, value: show(list[wrong]) });
   const all = Array.from({ length: list.length / size }, (_, i) => list.slice(i * size, (i + 1) * size));
   const least = Math.max(all.at(-1)[0] - all[0][0], Math.abs(all[0][0]) * 1e-9, 1e-30) * 1e-5;
   let last = -Infinity;
   return all.map(([first, ...rest], i) => {
-    if (i > 0 && first < all[i - 1][0]) fail(`"${name}": the value ${first} is not above the one before, ${all[i - 1][0]}.`);
+    if (i > 0 && first < all[i - 1][0]) fail('groups.order', { name, value: first, before: all[i - 1][0] });
     last = first > last ? first : last + least;
     return [last, ...rest];
   });
 }
 
 function readColors({ RGBPoints, IndexedColors, ColorSpace = 'RGB' }) {
-  if (!RGBPoints && IndexedColors) fail('This is a map of ParaView for categories (IndexedColors); choose one with RGBPoints.');
+  if (!RGBPoints && IndexedColors) fail('indexed');
   const mix = Object.hasOwn(MIXES, ColorSpace) ? MIXES[ColorSpace]
-    : fail(`The colour space ${show(ColorSpace)} is not known; export the map from ParaView as RGB, Lab, HSV or Diverging.`);
+    : fail('space', { space: show(ColorSpace) });
   const stops = groups(RGBPoints, 4, 'RGBPoints').map(([value, ...color]) => {
-    if (!isColor(color)) fail(`"RGBPoints": the colour ${show(color)} at ${value} is outside [0, 1].`);
+    if (!isColor(color)) fail('rgb', { color: show(color), value });
     return [value, color];
   });
   const parts = ColorSpace === 'RGB' ? 1 : PARTS;
@@ -107,7 +108,7 @@ function bend(from, to, t, midpoint, sharpness) {
 
 function readOpacities(list) {
   const points = groups(list, 4, 'Points').map(([value, opacity, midpoint, sharpness]) => {
-    if (!isPart(opacity)) fail(`"Points": the opacity ${opacity} at ${value} is outside [0, 1].`);
+    if (!isPart(opacity)) fail('opacity', { opacity, value });
     return { value, opacity: Math.min(opacity, OPACITY_MAX), midpoint: Math.min(Math.max(midpoint, 1e-5), 1 - 1e-5), sharpness };
   });
   const all = [];
@@ -132,7 +133,7 @@ function readParaview(map) {
   const opacities = readOpacities(map.Points);
   const colors = stops.map(([value, color]) => ({ value, color }));
   const values = [...new Set([...opacities.map((p) => p.value), ...stops.map(([value]) => value)])].sort((a, b) => a - b);
-  if (values.length > POINTS_MAX) fail(`The map has ${values.length} points; at most ${POINTS_MAX} are possible.`);
+  if (values.length > POINTS_MAX) fail('map.many', { count: values.length, most: POINTS_MAX });
   return { kind: 'whole', name, points: tidy(values.map((value) => ({ value, color: colorAt(colors, value), opacity: opacityAt(opacities, value) }))), gradient: null };
 }
 
@@ -141,18 +142,18 @@ function readParaview(map) {
  * {kind: 'map', name, table: [[t, color], …]} only the colours.
  */
 export function readTransferFile(text) {
-  if (text.length > BYTES_MAX) fail(`The file has ${text.length} characters; a transfer function has at most ${BYTES_MAX}.`);
+  if (text.length > BYTES_MAX) fail('large', { count: text.length, most: BYTES_MAX });
   let json;
   try {
     json = JSON.parse(text);
   } catch (error) {
-    fail(`The file is not JSON: ${error.message}.`);
+    fail('json', { reason: error.message });
   }
   const first = Array.isArray(json) ? json[0] : json;
   if (first?.RGBPoints || first?.IndexedColors) return readParaview(first);
   const whole = json?.transfer_function ?? json?.view?.transfer_function;
-  if (!whole || typeof whole !== 'object') fail('This is neither a transfer function of splatd nor a JSON colour map of ParaView ("RGBPoints").');
-  if (json.version !== undefined && json.version !== 1) fail(`The file has version ${show(json.version)}; this page reads version 1.`);
+  if (!whole || typeof whole !== 'object') fail('unknown');
+  if (json.version !== undefined && json.version !== 1) fail('version', { version: show(json.version) });
   return {
     kind: 'whole', name: typeof json.name === 'string' ? json.name.slice(0, 60) : '', points: readPoints(whole.points),
     gradient: whole.gradient === undefined ? null : readGradient(whole.gradient ?? []),

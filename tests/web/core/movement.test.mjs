@@ -1,12 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { cameraFromRig, pointOnPlane, project, worldPerPixel } from '../../../clients/web/core/camera.js';
+import { cameraFromRig, pointOnPlane, worldPerPixel } from '../../../clients/web/core/camera.js';
+import { project as placeOf } from '../../../clients/web/core/project.js';
 import { between, eyeOf, look, walk, withFieldOfView, withProjection, zoomTo } from '../../../clients/web/core/movement.js';
 import { frameOf, orientationOf } from '../../../clients/web/core/orientation.js';
 import { length, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
 import { close } from '../support/numbers.mjs';
+
+const project = (...args) => {
+  const { x, y } = placeOf(...args);
+  return [x, y];
+};
 
 const VIEWPORT = { width: 800, height: 600 };
 const frame = frameOf(null);

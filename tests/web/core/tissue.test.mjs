@@ -61,7 +61,7 @@ test('every kind gives valid points on every histogram', () => {
     histogramOf([-1024, 3071], [[-1000, 1e6], [40, 1e5]]), histogramOf([0, 255], [[3, 1e6], [80, 1e4]]), histogramOf([0, 1], [[0, 1e6]], 0),
     histogramOf([-3e38, 3e38], [[0, 1e6]]), histogramOf([0, 65535], [[100, 1e7], [900, 1e4]]), { range: [7, 7], counts: [...[5], ...Array(255).fill(0)] },
   ];
-  for (const kind of Object.keys(KINDS)) {
+  for (const kind of KINDS) {
     for (const histogram of all) {
       const { points, note } = presetOf(kind, histogram);
       const what = `${kind} on ${histogram.range}: ${JSON.stringify(points)}`;

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { cameraFromRig, orbit, project, rigFromCamera } from '../../../clients/web/core/camera.js';
+import { cameraFromRig, orbit, rigFromCamera } from '../../../clients/web/core/camera.js';
+import { project } from '../../../clients/web/core/project.js';
 import { BALL_RADIUS, drag, pointOnBall, turn } from '../../../clients/web/core/trackball.js';
 import { add, dot, length, multiply, rotate, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
@@ -84,7 +85,7 @@ test('on the screen, the point that faces the viewer moves with the pointer', ()
     const front = add(rig.target, rotate(rig.orientation, [0, 0, 5]));
     const by = [60 * next(), 60 * next()];
     const turned = { ...rig, orientation: drag(rig.orientation, MIDDLE, [400 + by[0], 300 + by[1]], VIEWPORT) };
-    const [x, y] = project(turned, front, VIEWPORT);
+    const { x, y } = project(turned, front, VIEWPORT);
     assert.equal(Math.sign(x - 400), Math.sign(by[0]));
     assert.equal(Math.sign(y - 300), Math.sign(by[1]));
   }

@@ -80,7 +80,7 @@ test('the points of a colour map keep the opacity and take the colours of the ma
 });
 
 test('colour maps: ends, reverse, steps; simplified by at most 3/255', () => {
-  for (const name of Object.keys(MAP_NAMES)) {
+  for (const name of MAP_NAMES) {
     const [first, last] = [tableOf(name)[0][1], tableOf(name).at(-1)[1]];
     const forward = stopsOf({ name });
     const back = stopsOf({ name, isReversed: true });

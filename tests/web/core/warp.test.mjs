@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { orbit, pan, pointOnPlane, project, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
+import { orbit, pan, pointOnPlane, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
+import { project } from '../../../clients/web/core/project.js';
 import { cssTransform, homography } from '../../../clients/web/core/warp.js';
 
 const VIEWPORT = { width: 800, height: 500 };
@@ -30,7 +31,8 @@ for (const camera of CAMERAS)
       const to = move(from);
       const map = homography(from, to, VIEWPORT);
       for (const point of POINTS) {
-        const wanted = project(to, pointOnPlane(from, point, VIEWPORT), VIEWPORT);
+        const { x, y } = project(to, pointOnPlane(from, point, VIEWPORT), VIEWPORT);
+        const wanted = [x, y];
         const got = apply(map, point);
         for (const i of [0, 1]) assert.ok(Math.abs(got[i] - wanted[i]) < 1e-6, `${point}: ${got} instead of ${wanted}`);
       }

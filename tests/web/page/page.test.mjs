@@ -5,7 +5,7 @@ import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import {
-  camera, difference, drag, launch, openPage, firstFrame, pixels, rest, shot, touch, until,
+  camera, difference, drag, launch, openPage, firstFrame, pixels, rest, shot, touch, unfold, until,
 } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
@@ -30,6 +30,7 @@ async function setUp(context, options) {
   await opened.page.goto(daemon.url);
   await firstFrame(opened.page);
   await rest(opened.page);
+  await unfold(opened.page);
   return opened;
 }
 
@@ -261,7 +262,6 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
     return count;
   };
   const whole = lit(await pixels(page));
-  await page.locator('#clip summary').click();
   await changes(page, () => page.locator('#plane').click());
   await shot(page, 'plane');
   await changes(page, async () => {

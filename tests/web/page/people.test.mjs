@@ -2,7 +2,7 @@
 // Several pages in one session of the real daemon: participants, control, links, forks and saved views.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
-import { camera, launch, openPage, firstFrame, rest, shot, until } from '../support/browser.mjs';
+import { camera, launch, openPage, firstFrame, rest, shot, unfold, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 let browser;
@@ -146,6 +146,7 @@ test('a link to a view opens it in a new session, also in a page that is already
 
 test('a preset is saved, listed, applied for all participants, and deleted', async (context) => {
   const host = await open(context, daemon.url);
+  await unfold(host.page);
   const paint = (color) => host.page.click(`.swatches button[data-color="${color}"]`);
   assert.equal(await host.page.isVisible('#preset-row'), false, 'there is no preset yet');
   await paint('#ffffff');

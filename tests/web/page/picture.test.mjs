@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
+import { launch, openPage, firstFrame, shot, unfold, until } from '../support/browser.mjs';
 import { MockDaemon } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
@@ -21,6 +21,7 @@ async function setUp(context, options) {
   const { page } = opened;
   await page.goto(daemon.url);
   await firstFrame(page);
+  await unfold(page);
   const idle = () => until(page, 'all answered', (s) => s.isIdle);
   const [session] = daemon.sessions.values();
   return {
@@ -137,7 +138,6 @@ test('the controls follow the view when another participant changes it', async (
 test('the box: faces move by keyboard and mouse, and a face pushes the opposite one', async (context) => {
   const it = await setUp(context);
   const { page } = it;
-  await page.locator('#clip summary').click();
   const face = (axis, corner) => `.pair input[data-axis="${axis}"][data-corner="${corner}"]`;
   const press = (at, key) => it.patch(async () => {
     await page.focus(at);
@@ -162,7 +162,6 @@ test('the box: faces move by keyboard and mouse, and a face pushes the opposite 
 test('the plane is switched on, turned to the viewer, moved, switched off and on again', async (context) => {
   const it = await setUp(context);
   const { page } = it;
-  await page.locator('#clip summary').click();
   assert.ok(await page.locator('#plane-depth').isDisabled());
   const normalOf = ({ clip: { planes: [{ normal }] } }) => normal.map((part) => Number(part.toFixed(9)) + 0);
   const first = await it.patch(() => page.locator('#plane').click());
@@ -192,8 +191,6 @@ test('on a phone every control fits in the panel and responds to touch', async (
   const it = await setUp(context, PHONE);
   const { page } = it;
   await page.tap('#panel-toggle');
-  await page.tap('#clip summary');
-  await page.tap('#people-fold summary');
   await shot(page, 'phone-picture');
   const outside = await page.evaluate(() => {
     const panel = document.getElementById('panel').getBoundingClientRect();

@@ -366,7 +366,7 @@ test('window and level by dragging in the picture: visible while it is on, left 
   const { page } = it;
   const start = await it.points();
   await page.click('#transfer-window');
-  assert.ok(await page.locator('#window-bar').isVisible());
+  assert.ok(await page.locator('#mode-bar').isVisible());
   assert.equal(await page.getAttribute('#transfer-window', 'aria-pressed'), 'true');
   const camera = await page.evaluate(() => window.splatd.camera);
   const drag = (dx, dy) => it.patches(async () => {
@@ -378,7 +378,7 @@ test('window and level by dragging in the picture: visible while it is on, left 
   const wider = (await drag(180, 0)).at(-1).points;
   near(wider[1].value - wider[0].value, 140 * Math.E, 0.01);
   near(wider[1].value + wider[0].value, 260, 0.01, 'the level stays');
-  assert.match(await page.locator('#window-values').textContent(), /Window 381 · Level 130/);
+  assert.match(await page.locator('#mode-text').textContent(), /Window 381 · Level 130/);
   await shot(page, 'transfer-window');
   assert.deepEqual((await it.patch(() => page.click('#transfer-undo'))).points, start, 'a drag is one step');
   const higher = (await drag(0, -60)).at(-1).points;
@@ -387,10 +387,10 @@ test('window and level by dragging in the picture: visible while it is on, left 
   compare((await it.patch(() => page.keyboard.press('ArrowDown'))).points[0].value, '<', higher[0].value);
   assert.deepEqual(await page.evaluate(() => window.splatd.camera), camera);
   await page.keyboard.press('Escape');
-  assert.ok(!(await page.locator('#window-bar').isVisible()));
+  assert.ok(!(await page.locator('#mode-bar').isVisible()));
   await page.keyboard.press('w');
-  assert.ok(await page.locator('#window-bar').isVisible());
-  await page.click('#window-done');
+  assert.ok(await page.locator('#mode-bar').isVisible());
+  await page.click('#mode-done');
   await page.mouse.move(600, 500);
   await page.mouse.down();
   await page.mouse.move(650, 520, { steps: 3 });
@@ -444,7 +444,7 @@ test('without control the editor is read-only, says why, and follows', async (co
   daemon.notifyAll('session.control', { holder: 2, requests: [] });
   await page.locator('#transfer-why', { hasText: 'Grace has control. Ask for it under People' }).waitFor();
   await it.drawn();
-  assert.ok(!(await page.locator('#window-bar').isVisible()), 'the mode ends with control');
+  assert.ok(!(await page.locator('#mode-bar').isVisible()), 'the mode ends with control');
   for (const id of ['#transfer-undo', '#transfer-window', '#transfer-kind', '#transfer-map', '#transfer-import', '#transfer-value', '#transfer-color']) {
     assert.ok(await page.locator(id).isDisabled(), id);
   }

@@ -63,6 +63,11 @@ export const rest = (page) => until(page, 'the last view at rest',
 /** Waits until a frame of the live stream is drawn. */
 export const firstFrame = (page) => until(page, 'a frame', (s) => s.state === 'live' && s.count > 0);
 
+/** Opens all folds of the panel. */
+export const unfold = (page) => page.evaluate(() => {
+  for (const fold of document.querySelectorAll('#panel details')) fold.open = true;
+});
+
 export const camera = (page) => page.evaluate(() => window.splatd.camera);
 
 /** Returns the pixels of the canvas, without elements above it. */

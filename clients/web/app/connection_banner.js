@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The banner over the picture follows the state of the connection.
+import { t } from '../core/text.js';
+
+export function install({ connection, banner, frames, warp, viewer, participants }) {
+  let last = { state: 'idle', reason: '', retryMs: 0, error: null };
+
+  function showWaiting() {
+    const { volumes } = connection;
+    const loading = volumes.find((v) => v.state === 'loading');
+    const failed = volumes.find((v) => v.state === 'failed');
+    if (loading) {
+      banner.show({ kind: 'wait', title: t('banner.loading', { name: loading.name || loading.id }), progress: loading.progress ?? 0 });
+    } else if (failed) {
+      banner.show({
+        kind: 'error', title: t('banner.failed', { name: failed.name || failed.id }), text: failed.reason || t('banner.failed.noreason'),
+      });
+    } else {
+      banner.show({ kind: 'wait', title: t('banner.empty'), text: t('banner.empty.text') });
+    }
+  }
+
+  function showRefused(error) {
+    if (error?.status === 401 && !connection.session?.isJoined) {
+      banner.show({
+        kind: 'error', title: t(connection.api.token ? 'banner.token.wrong' : 'banner.token.missing'), text: t('banner.token.text'), asksToken: true,
+      });
+    } else {
+      banner.show({ kind: 'error', title: t('banner.refused'), text: error?.message ?? '', canRetry: true, asksToken: error?.status === 403 });
+    }
+  }
+
+  function show() {
+    const { state, reason, retryMs, error } = last;
+    switch (state) {
+      case 'live':
+        if (frames.hasPicture) banner.hide();
+        else banner.show({ kind: 'busy', title: t('banner.first') });
+        break;
+      case 'waiting': showWaiting(); break;
+      case 'draining': banner.show({ kind: 'lost', title: t('banner.draining'), text: reason }); break;
+      case 'lost': banner.showLost(reason, retryMs); break;
+      case 'refused': showRefused(error); break;
+      default: // After a lost connection the banner stays until a frame arrives.
+        if (!frames.hasPicture) banner.show({ kind: 'busy', title: t('banner.connecting') });
+    }
+  }
+
+  connection.on('state', (change) => {
+    last = change;
+    if (change.state !== 'live') warp.hide();
+    if (change.state === 'live') {
+      participants.reset();
+      viewer.resume();
+    } else if (change.state === 'lost' || change.state === 'refused') {
+      viewer.suspend();
+    }
+    show();
+  });
+  connection.on('volumes', () => connection.state === 'waiting' && showWaiting());
+  frames.on('drawn', () => frames.drawn.count === 1 && show());
+  window.addEventListener('online', () => connection.retryNow());
+  document.addEventListener('visibilitychange', () => !document.hidden && last.state === 'lost' && connection.retryNow());
+  show();
+}

@@ -1,0 +1,36 @@
+// SPDX-License-Identifier: Apache-2.0
+// window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
+// the page opened; videos: how many of them were video; sent: seq of the newest update.
+export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout }) {
+  const { drawn } = frames;
+  Object.defineProperty(window, 'splatd', {
+    value: Object.freeze({
+      get state() { return connection.state; },
+      get frame() { return drawn.frame; },
+      get seq() { return drawn.seq; },
+      get count() { return drawn.count; },
+      get videos() { return drawn.videos; },
+      get isVideo() { return drawn.isVideo; },
+      get size() { return [drawn.width, drawn.height]; },
+      get wanted() { return screen.size; },
+      get isFinal() { return drawn.isFinal; },
+      get isLossless() { return drawn.isLossless; },
+      get sent() { return viewer.updates.sent; },
+      get isIdle() { return viewer.updates.isIdle; },
+      get isWarped() { return warp.isVisible; },
+      get camera() { return structuredClone(viewer.camera); },
+      get view() { return structuredClone(viewer.view); },
+      get canControl() { return viewer.canControl; },
+      get people() { return participants.people; },
+      get volume() { return viewer.view?.volume ?? null; },
+      get background() { return structuredClone(viewer.view?.background ?? null); },
+      get transfer() { return structuredClone(viewer.view?.transfer_function ?? null); },
+      get session() { return connection.session?.id ?? null; },
+      get latencyMs() { return status.latencyMs; },
+      get stats() { return structuredClone(status.stats); },
+      get mode() { return modes.current; },
+      get layout() { return layout.current; },
+      get errors() { return [...errors]; },
+    }),
+  });
+}

@@ -1,0 +1,122 @@
+// SPDX-License-Identifier: Apache-2.0
+// The tools of the picture. One at a time owns the pointer; "navigate" is the default. A bar below the toolbar names the mode, shows what
+// it measures, and ends it; so does Escape.
+//
+// A mode is {label, hint, cursor, enter(), leave(), down(at, event), move(at, event), up(at, event), hover(at, event), double(at, event),
+// wheel(event), key(event), cancel()}; everything is optional. `at` is [x, y] in CSS px of the 3-D picture.
+//   down … up   one drag with the left button, the pen or one finger. Other buttons, Shift and two fingers always navigate.
+//   hover       the pointer moves with no button pressed
+//   key         a key on the page; true if the mode used it
+//   cancel      the drag ended without a result: a second finger came, or the mode ends; undo what down() began
+//   wheel       true if the mode used it; otherwise the wheel zooms
+import { Emitter } from '../core/emitter.js';
+import { t } from '../core/text.js';
+import { byId, setText } from './dom.js';
+
+export const NAVIGATE = 'navigate';
+
+/** Events: change (the name of the new mode). */
+export class Modes extends Emitter {
+  #modes = new Map([[NAVIGATE, {}]]);
+  #name = NAVIGATE;
+  #surface;
+  #isDragging = false;
+
+  /** surface: the element that gets the pointer of the 3-D picture. */
+  constructor(surface) {
+    super();
+    this.#surface = surface;
+    byId('mode-done').addEventListener('click', () => this.leave());
+    window.addEventListener('keydown', (event) => {
+      if (event.key !== 'Escape' || event.defaultPrevented || this.#name === NAVIGATE || event.target.closest?.('dialog')) return;
+      event.preventDefault();
+      this.leave();
+    });
+  }
+
+  get current() { return this.#name; }
+  get isNavigating() { return this.#name === NAVIGATE; }
+
+  add(name, mode) {
+    if (this.#modes.has(name)) throw new Error(`there is a mode ${name} already`);
+    this.#modes.set(name, mode);
+  }
+
+  enter(name) {
+    const mode = this.#modes.get(name);
+    if (!mode) throw new Error(`there is no mode ${name}`);
+    if (name === this.#name) return;
+    this.cancel();
+    const before = this.#modes.get(this.#name);
+    this.#name = name;
+    before.leave?.();
+    this.#show(mode);
+    mode.enter?.();
+    this.emit('change', name);
+  }
+
+  /** Returns to navigation; with a name, only from that mode. */
+  leave(name = this.#name) {
+    if (name !== this.#name || name === NAVIGATE) return;
+    const hadFocus = byId('mode-bar').contains(document.activeElement);
+    this.enter(NAVIGATE);
+    if (hadFocus) this.#surface.focus();
+  }
+
+  toggle(name) {
+    if (this.#name === name) this.leave();
+    else this.enter(name);
+  }
+
+  /** Shows what the current mode measures, in bold, and another hint if there is one. */
+  say(text, hint = null) {
+    setText(byId('mode-text'), text);
+    if (hint !== null) setText(byId('mode-hint'), hint);
+  }
+
+  #show({ label = '', hint = '', cursor = '' }) {
+    byId('mode-bar').hidden = this.isNavigating;
+    this.#surface.dataset.tool = this.#name;
+    this.#surface.style.cursor = cursor;
+    this.say(label, hint);
+    byId('mode-done').title = t('mode.done.title');
+  }
+
+  // For input.js.
+
+  /** Starts a drag; true if the mode takes it. */
+  down(at, event) {
+    const mode = this.#modes.get(this.#name);
+    if (!mode.down || mode.down(at, event) === false) return false;
+    this.#isDragging = true;
+    return true;
+  }
+
+  move(at, event) {
+    if (this.#isDragging) this.#modes.get(this.#name).move?.(at, event);
+  }
+
+  up(at, event) {
+    if (!this.#isDragging) return;
+    this.#isDragging = false;
+    this.#modes.get(this.#name).up?.(at, event);
+  }
+
+  cancel() {
+    if (!this.#isDragging) return;
+    this.#isDragging = false;
+    this.#modes.get(this.#name).cancel?.();
+  }
+
+  hover(at, event) { this.#modes.get(this.#name).hover?.(at, event); }
+
+  /** True if the mode has an action for a double click. */
+  double(at, event) {
+    const { double } = this.#modes.get(this.#name);
+    double?.(at, event);
+    return Boolean(double) || !this.isNavigating;
+  }
+
+  wheel(event) { return this.#modes.get(this.#name).wheel?.(event) === true; }
+  key(event) { return this.#modes.get(this.#name).key?.(event) === true; }
+}
