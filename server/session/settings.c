@@ -144,6 +144,22 @@ static void set_name(struct srv_call *call, const char *name) {
     srv_hub_notify_others(call->hub, p->session, 0, SRV_NOTIFY_PARTICIPANTS);
 }
 
+/* Returns the names of all formats that this daemon sends, so that a client offers no others. */
+static proto_json *encode_formats(void) {
+    proto_json *list = proto_json_array();
+    bool ok = list != NULL;
+    for (int f = 0; ok && f < SP_IMAGE_FORMAT_COUNT; f++)
+        if (f != SP_IMAGE_EXR)
+            ok =
+                proto_json_append_string(list, sp_image_format_info((enum sp_image_format)f)->name);
+    for (int v = 0; ok && v < SP_VIDEO_CODEC_COUNT; v++)
+        if (sp_video_is_available((enum sp_video_codec)v))
+            ok = proto_json_append_string(list, sp_video_codec_name((enum sp_video_codec)v));
+    if (!ok)
+        proto_json_free(&list);
+    return list;
+}
+
 /* Returns the settings as granted. */
 static proto_json *encode_settings(const struct srv_participant *p) {
     uint32_t size[2];
@@ -161,6 +177,7 @@ static proto_json *encode_settings(const struct srv_participant *p) {
     ok = proto_json_set_bool(result, "progressive", p->settings.progressive) && ok;
     ok = proto_json_set_bool(result, "lossless", p->settings.lossless) && ok;
     ok = proto_json_set_string(result, "name", p->identity.name) && ok;
+    ok = proto_json_set(result, "formats", encode_formats()) && ok;
     if (!ok)
         proto_json_free(&result);
     return result;

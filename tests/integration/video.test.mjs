@@ -42,6 +42,11 @@ test('formats are negotiated, with JPEG as the fallback', async () => {
   assert.equal(await granted(['av1', 'h265']), 'jpeg');
   assert.equal(await granted(['webp', 'vp9']), 'webp');
   assert.match(await granted(['h264', 'vp9']), /^(h264|vp9)$/);
+  const { formats } = await stream.call('stream.configure', {});
+  assert.deepEqual(formats.slice(0, 3).sort(), ['jpeg', 'png', 'webp']);
+  for (const format of ['vp8', 'vp9', 'h264']) { // the list says exactly what is granted
+    assert.equal(await granted([format]), formats.includes(format) ? format : 'jpeg', format);
+  }
   for (const format of ['av1', 'exr', [], ['vp9', 1], Array(17).fill('vp9'), 7, null, {}])
     await assert.rejects(granted(format), (error) => error.code === -32602 && error.data.pointer === '/format', JSON.stringify(format));
   await assert.rejects(stream.call('stream.key', { x: 1 }), (error) => error.code === -32602);
