@@ -11,7 +11,7 @@
 typedef int command_fn(const struct options *options, struct sp_error *err);
 
 command_fn command_volumes, command_load, command_unload, command_view; /* commands.c */
-command_fn command_render;                                              /* render.c */
+command_fn command_render, command_slice;                               /* render.c, slice.c */
 command_fn command_presets, command_preset, command_views, command_saved, command_save,
     command_sessions, command_session, command_share, command_paths; /* collections.c */
 command_fn command_path;                                             /* path.c */

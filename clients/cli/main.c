@@ -11,14 +11,14 @@ static const struct {
     command_fn *run;
     bool deletes; /* accepts --delete */
 } commands[] = {
-    { "volumes", command_volumes, false },   { "load", command_load, false },
-    { "unload", command_unload, false },     { "view", command_view, false },
-    { "render", command_render, false },     { "save", command_save, false },
-    { "saved", command_saved, true },        { "views", command_views, false },
-    { "preset", command_preset, true },      { "presets", command_presets, false },
-    { "share", command_share, false },       { "session", command_session, true },
-    { "sessions", command_sessions, false }, { "path", command_path, true },
-    { "paths", command_paths, false },
+    { "volumes", command_volumes, false }, { "load", command_load, false },
+    { "unload", command_unload, false },   { "view", command_view, false },
+    { "render", command_render, false },   { "save", command_save, false },
+    { "saved", command_saved, true },      { "views", command_views, false },
+    { "preset", command_preset, true },    { "presets", command_presets, false },
+    { "share", command_share, false },     { "session", command_session, true },
+    { "slice", command_slice, false },     { "sessions", command_sessions, false },
+    { "path", command_path, true },        { "paths", command_paths, false },
 };
 
 /* Drops the renderer's log: errors reach the user as errors; the rest is for daemons. */

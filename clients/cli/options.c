@@ -34,6 +34,13 @@ enum option_id {
     OPT_ELEVATION,
     OPT_DISTANCE,
     OPT_ROLL,
+    OPT_AXIS,
+    OPT_INDEX,
+    OPT_ORIGIN,
+    OPT_NORMAL,
+    OPT_UP,
+    OPT_SPACING,
+    OPT_WINDOW,
     OPT_HELP,
     OPT_VERSION
 };
@@ -62,6 +69,13 @@ static const struct option known[] = {
     { "elevation", required_argument, NULL, OPT_ELEVATION },
     { "distance", required_argument, NULL, OPT_DISTANCE },
     { "roll", required_argument, NULL, OPT_ROLL },
+    { "axis", required_argument, NULL, OPT_AXIS },
+    { "index", required_argument, NULL, OPT_INDEX },
+    { "origin", required_argument, NULL, OPT_ORIGIN },
+    { "normal", required_argument, NULL, OPT_NORMAL },
+    { "up", required_argument, NULL, OPT_UP },
+    { "spacing", required_argument, NULL, OPT_SPACING },
+    { "window", required_argument, NULL, OPT_WINDOW },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
     { NULL, 0, NULL, 0 },
@@ -77,6 +91,7 @@ static const char help_text[] =
     "  unload ID               remove a volume from the daemon\n"
     "  view ID                 print the default view of a volume\n"
     "  render                  render one image\n"
+    "  slice                   write one slice of a volume, as an image or as values\n"
     "  path FILE|-             render a camera path: frames into the folder --out, or a movie; "
     "the\n"
     "                          daemon keeps the path until everything is fetched\n"
@@ -131,6 +146,15 @@ static const char help_text[] =
     "  --gpu N                 with --local: the GPU, by its number in \"splatd --probe\"\n"
     "  --isa NAME              with --local: instruction set of the CPU backend: auto (default),\n"
     "                          scalar, sse41, avx2, avx512, neon\n"
+    "\n"
+    "slice:\n"
+    "  --volume, --out         as above; --format png, jpeg, or raw for the values\n"
+    "  --axis x|y|z            across an axis of the grid, through the sample --index N (default:\n"
+    "                          the middle)\n"
+    "  --origin X,Y,Z --normal X,Y,Z --size WxH\n"
+    "                          or a plane in world units, with --up X,Y,Z and --spacing S (units\n"
+    "                          per pixel)\n"
+    "  --window CENTRE,WIDTH   the values from black to white\n"
     "\n"
     "  --json                  print JSON on one line, for programs\n"
     "  --help, --version\n"
@@ -212,8 +236,23 @@ static bool parse_camera(const char *name, const char *text, double *out) {
     return false;
 }
 
+/* True if the option belongs to slices. */
+static bool apply_slice_option(struct slice_options *slice, int id, const char *value) {
+    const char **const members[] = {
+        [OPT_AXIS] = &slice->axis,     [OPT_INDEX] = &slice->index, [OPT_ORIGIN] = &slice->origin,
+        [OPT_NORMAL] = &slice->normal, [OPT_UP] = &slice->up,       [OPT_SPACING] = &slice->spacing,
+        [OPT_WINDOW] = &slice->window
+    };
+    if (id < OPT_AXIS || id > OPT_WINDOW)
+        return false;
+    *members[id] = value;
+    return true;
+}
+
 static bool apply_option(struct options *o, int id, const char *value) {
     long number;
+    if (apply_slice_option(&o->slice, id, value))
+        return true;
     switch ((enum option_id)id) {
     case OPT_URL:
         o->url = value;
@@ -281,6 +320,14 @@ static bool apply_option(struct options *o, int id, const char *value) {
         return parse_camera("--distance", value, &o->camera[CAMERA_DISTANCE]);
     case OPT_ROLL:
         return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
+    case OPT_AXIS:
+    case OPT_INDEX:
+    case OPT_ORIGIN:
+    case OPT_NORMAL:
+    case OPT_UP:
+    case OPT_SPACING:
+    case OPT_WINDOW:
+        break; /* of slices */
     case OPT_HELP:
         return o->help = true;
     case OPT_VERSION:

@@ -1,10 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c
- * and render.c are the commands; patch.c makes their view; http.c talks to the daemon; local.c
- * renders without a daemon; output.c writes files completely or not at all; print.c prints tables
- * and JSON. Errors are struct sp_error up to main(), which
- * prints `splatctl: place: text`.
+ * render.c and slice.c are the commands; patch.c makes their view; http.c talks to the daemon;
+ * local.c renders without a daemon; output.c writes files completely or not at all; print.c prints
+ * tables and JSON. Errors are struct sp_error up to main(), which prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -21,6 +20,11 @@ enum camera_option {
     CAMERA_OPTIONS
 };
 
+/* Of the command slice, as the daemon reads them; NULL = not given. */
+struct slice_options {
+    const char *axis, *index, *origin, *normal, *up, *spacing, *window;
+};
+
 struct options {
     const char *url, *token; /* NULL = from the environment, else the default */
     const char *command;     /* NULL = none */
@@ -29,9 +33,10 @@ struct options {
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
     const char *preset;            /* under the view; NULL = none */
     double camera[CAMERA_OPTIONS]; /* NAN = not given */
-    uint32_t size[2];              /* {0, 0} = the size of the view */
-    int quality;                   /* 0 = the default */
-    unsigned threads;              /* 0 = one per core */
+    struct slice_options slice;
+    uint32_t size[2]; /* {0, 0} = the size of the view */
+    int quality;      /* 0 = the default */
+    unsigned threads; /* 0 = one per core */
     unsigned timeout_s;
     bool local, json, no_wait, delete, help, version;
 };

@@ -88,6 +88,19 @@ test('a picture by a preset and by angles equals that of the same view', async (
   await succeeds(['preset', 'side', '--delete']);
 });
 
+test('a slice is written as an image and as values', async () => {
+  await succeeds(['load', 'cube.nrrd']);
+  const png = await succeeds(['slice', '--volume', 'cube', '--axis', 'z', '--out', '-']);
+  assert.equal(png.toString('latin1', 1, 4), 'PNG');
+  const values = await succeeds(['slice', '--volume', 'cube', '--axis', 'z', '--index', '1', '--format', 'raw', '--out', '-']);
+  assert.deepEqual([...values], [...Array(16).keys()].map((i) => 16 + i));
+  const oblique = await succeeds(['slice', '--volume', 'cube', '--origin', '1,1,2', '--normal', '1,1,0', '--size', '8x6', '--out', '-']);
+  assert.equal(oblique.readUInt32BE(16), 8);
+  const outside = await splatctl(['slice', '--volume', 'cube', '--axis', 'z', '--index', '4', '--out', '-']);
+  assert.equal(outside.status, 1);
+  assert.match(outside.err, /4.*3/);
+});
+
 test('https at a daemon without TLS is said', async () => {
   const { status, err } = await splatctl(['volumes'], { url: daemon.base.replace('http:', 'https:') });
   assert.equal(status, 1);

@@ -334,6 +334,29 @@ class Remote(RemoteCase):
         self.assertEqual([s[:2] for s in Daemon.seen[-4:-2]],
                          [('GET', '/api/v1/volumes/new.nrrd'), ('POST', '/api/v1/volumes')])
 
+    def test_slice(self):
+        Daemon.answers['GET', '/api/v1/volumes/head'] = [answer(200, {**volume('ready'), 'id': 'head', 'dims': [10, 21, 30]})]
+        Daemon.answers['GET', '/api/v1/volumes/head/slice'] = [(200, 'image/png', PIXELS, {})]
+
+        def query(*arguments):
+            result = self.run_at('slice', '--volume', 'head', '--out', self.out, *arguments)
+            self.assertEqual((result.returncode, result.stdout, result.stderr), (0, b'', b''))
+            with open(self.out, 'rb') as f:
+                self.assertEqual(f.read(), PIXELS)
+            return Daemon.seen[-1][1].split('?')[1]
+        self.assertEqual(query('--axis', 'y'), 'format=png&axis=1&index=10')
+        self.assertEqual(query('--axis', '2', '--index', '7', '--window', '100,2e3', '--format', 'raw'),
+                         'format=raw&axis=2&index=7&window=100%2C2e3')
+        self.assertEqual(query('--origin', '1,2,3', '--normal', '0,-1,0', '--up', '1,0,0', '--spacing', '0.5', '--size', '20x10'),
+                         'format=png&origin=1%2C2%2C3&normal=0%2C-1%2C0&up=1%2C0%2C0&spacing=0.5&size=20%2C10')
+        for wrong in ([], ['--axis', 'w'], ['--axis', ''], ['--origin', '1,2,3'], ['--axis', 'x', '--origin', '1,2,3', '--normal', '1,0,0'],
+                      ['--axis', 'x', '--format', 'exr'], ['--axis', 'x', '--index', '9' * 3000]):
+            result = self.run_at('slice', '--volume', 'head', '--out', self.out, *wrong)
+            self.assertEqual(result.returncode, 1 if '--index' in wrong else 2, wrong)
+        Daemon.answers['GET', '/api/v1/volumes/head/slice'] = [problem(422, '?index=: 99 is outside [0, 9]')]
+        result = self.run_at('slice', '--volume', 'head', '--axis', 'x', '--index', '99', '--out', self.out)
+        self.assertIn('99 is outside', result.stderr.decode())
+
     def refused(self, expected):
         result = self.run_at('render', '--volume', 'head', '--out', self.out)
         self.assertEqual((result.returncode, result.stdout), (1, b''))
