@@ -10,6 +10,7 @@
 
 #include "backend/backend.h"
 #include "base/clock.h"
+#include "compose/compose.h"
 #include "light/light.h"
 #include "resample/resample.h"
 #include "sp/inflight.h"
@@ -43,7 +44,9 @@ struct sp_renderer {
     bool is_auto;                     /* created with "auto": may change the backend */
     unsigned failures;                /* of the backend, in a row */
     struct inflight queue[SP_IN_FLIGHT_MAX];
-    unsigned oldest, begun; /* a ring: `begun` frames from queue[oldest] on */
+    unsigned oldest, begun;  /* a ring: `begun` frames from queue[oldest] on */
+    struct sp_pool *workers; /* compose slices; both are NULL until the first one */
+    struct sp_frame_pool *frames;
 };
 
 enum { THREADS_MAX = 256, GPUS_MAX = 64, FAILURES_MAX = 3 };
@@ -149,6 +152,8 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
         r->fallback.backend->destroy(r->fallback.state);
     while (r->begun)
         pop_oldest(r);
+    sp_pool_destroy(&r->workers);
+    sp_frame_pool_destroy(&r->frames);
     free((char *)r->wanted.isa);
     free(r);
     *renderer = NULL;
@@ -434,6 +439,67 @@ static bool draw(struct sp_renderer *r, struct inflight *f, struct sp_error *err
     return true;
 }
 
+/* A frame with slices in it. */
+struct composing {
+    struct sp_renderer *renderer;
+    const struct inflight *whole;
+};
+
+/* Adds the statistics of a part to those of the whole frame. */
+static void add_stats(struct sp_frame_stats *to, const struct sp_frame_stats *part) {
+    const struct sp_frame_stats sum = *to;
+    *to = *part;
+    to->visible_voxels =
+        sum.visible_voxels > part->visible_voxels ? sum.visible_voxels : part->visible_voxels;
+    to->splats += sum.splats;
+    to->fragments += sum.fragments;
+    for (uint32_t i = 0; i < sum.stage_count; i++) {
+        uint32_t at = 0;
+        while (at < to->stage_count && strcmp(to->stages[at].name, sum.stages[i].name) != 0)
+            at++;
+        if (at < to->stage_count)
+            to->stages[at].ms += sum.stages[i].ms;
+        else if (at < SP_STAGES_MAX)
+            to->stages[to->stage_count++] = sum.stages[i];
+    }
+}
+
+static bool draw_part(void *user, const struct sp_clip *clip, struct sp_frame *frame,
+                      struct sp_error *err) {
+    const struct composing *c = user;
+    struct inflight part = *c->whole;
+    part.view.clip = *clip;
+    memset(part.view.background, 0, sizeof part.view.background);
+    part.view.slices.mode = SP_SLICES_NONE;
+    part.job.view = &part.view;
+    part.job.frame = frame;
+    part.job.light_clip = &c->whole->view.clip;
+    if (!draw(c->renderer, &part, err))
+        return false;
+    add_stats(&c->whole->job.frame->stats, &frame->stats);
+    return true;
+}
+
+static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_error *err) {
+    const size_t idle_bytes = (size_t)64 << 20;
+    struct composing composing = { r, f };
+    if (!r->workers)
+        r->workers = sp_pool_create(r->wanted.threads, err);
+    if (r->workers && !r->frames)
+        r->frames = sp_frame_pool_create(idle_bytes, err);
+    if (!r->workers || !r->frames)
+        return false;
+    name_backend(f->job.frame, &r->info);
+    const struct sp_compose_job job = { .volume = f->job.volume,
+                                        .view = &f->view,
+                                        .workers = r->workers,
+                                        .frames = r->frames,
+                                        .interrupt = sp_job_interrupt(&f->job),
+                                        .draw = draw_part,
+                                        .user = &composing };
+    return sp_compose(&job, f->job.frame, err);
+}
+
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
     unsigned depth = atomic_load(&renderer->backend)->depth;
     return depth > 1 ? depth : 1;
@@ -446,6 +512,8 @@ static void begin(struct sp_renderer *r, struct inflight *f) {
     for (unsigned i = 0; i < r->begun; i++)
         if (!inflight_at(r, i)->is_begun)
             return;
+    if (sp_compose_is_wanted(&f->view))
+        return;
     f->is_begun = r->begun < backend->depth && backend->begin(r->state, &f->job, &f->why);
     for (unsigned i = 0; f->why.code == SP_ERR_BACKEND && i < r->begun; i++)
         inflight_at(r, i)->is_begun = false;
@@ -488,7 +556,9 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
     assert(renderer->begun > 0);
     struct inflight *f = inflight_at(renderer, 0);
     double start_ms = sp_job_clock_ms(&f->job), start_cpu_ms = sp_clock_cpu_ms();
-    struct sp_frame *frame = draw(renderer, f, err) ? sp_frame_ref(f->job.frame) : NULL;
+    bool ok =
+        sp_compose_is_wanted(&f->view) ? draw_composed(renderer, f, err) : draw(renderer, f, err);
+    struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);
         frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;

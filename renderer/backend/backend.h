@@ -59,10 +59,13 @@ struct sp_backend_options {
 struct sp_backend_job {
     struct sp_volume *volume;   /* the caller's reference, until the frame is finished */
     const struct sp_view *view; /* its transfer_function.order is never SP_TF_AUTO */
-    unsigned mip_level;         /* as in sp_render_options; a backend without levels ignores it */
-    struct sp_frame *frame;     /* size and format are set; the backend fills pixels and stats */
-    const atomic_bool *cancel;  /* NULL = never */
-    struct sp_pause *pause;     /* NULL = never */
+    /* If the frame shows a part of the volume, the clip of the whole one, which casts its shadows;
+     * NULL = the view's. */
+    const struct sp_clip *light_clip;
+    unsigned mip_level;        /* as in sp_render_options; a backend without levels ignores it */
+    struct sp_frame *frame;    /* size and format are set; the backend fills pixels and stats */
+    const atomic_bool *cancel; /* NULL = never */
+    struct sp_pause *pause;    /* NULL = never */
 };
 
 /* How the caller cancels or pauses the job. */

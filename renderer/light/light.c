@@ -63,6 +63,10 @@ static bool is_same_clip(const struct sp_clip *a, const struct sp_clip *b) {
     return true;
 }
 
+static const struct sp_clip *clip_of(const struct sp_light_job *job) {
+    return job->clip ? job->clip : &job->view->clip;
+}
+
 /* Frees memory for a new slot: the least recently used ones are dropped, at least one if all are
  * taken. NULL if it never fits. */
 static struct sp_light_slot *free_slot(struct sp_light_cache *cache, uint64_t bytes,
@@ -100,7 +104,7 @@ static double ahead_width(const struct sp_light_slot *slot) {
 static struct sp_light_slot *create_slot(struct sp_light_cache *cache,
                                          const struct sp_light_job *job, struct sp_error *err) {
     const uint32_t *dims = sp_volume_info(job->volume)->grid.dims;
-    struct sp_light_slot made = { .tf = job->view->transfer_function, .clip = job->view->clip };
+    struct sp_light_slot made = { .tf = job->view->transfer_function, .clip = *clip_of(job) };
     for (made.side = 1;; made.side *= 2) {
         for (int a = 0; a < 3; a++)
             made.dims[a] = (dims[a] + made.side - 1) / made.side + 2;
@@ -135,7 +139,7 @@ static struct sp_light_slot *find_slot(struct sp_light_cache *cache, const struc
         struct sp_light_slot *slot = &cache->slots[i];
         if (slot->volume == job->volume &&
             sp_transfer_function_equal(&slot->tf, &job->view->transfer_function) &&
-            is_same_clip(&slot->clip, &job->view->clip))
+            is_same_clip(&slot->clip, clip_of(job)))
             return slot;
     }
     return create_slot(cache, job, err);

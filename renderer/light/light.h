@@ -81,8 +81,9 @@ struct sp_light_cache {
 struct sp_light_job {
     struct sp_volume *volume;
     const struct sp_view *view;
-    const float *direction; /* unit, world, towards the first light; NULL = there is none */
-    uint64_t bytes_max;     /* of the cache */
+    const struct sp_clip *clip; /* of the volume that casts shadows; NULL = the view's */
+    const float *direction;     /* unit, world, towards the first light; NULL = there is none */
+    uint64_t bytes_max;         /* of the cache */
     const struct sp_light_kernels *kernels; /* of an instruction set */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;

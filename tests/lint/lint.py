@@ -41,11 +41,12 @@ RENDERER = {
     'classify': {'base', 'volume', 'frame'},
     'splat': {'base', 'volume', 'frame', 'classify'},
     'light': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'compose': {'base', 'volume', 'frame', 'classify', 'splat'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
     'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'backend'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'compose', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'session', 'schedule', 'render', 'paths', 'http', '.']

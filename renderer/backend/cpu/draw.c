@@ -64,6 +64,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
     const struct sp_light_job light_job = {
         .volume = job->volume,
         .view = job->view,
+        .clip = job->light_clip,
         .direction = is_lit && shade.light_count ? shade.lights[0].world : NULL,
         .bytes_max = rest_of(state, used + sp_samples_bytes(&state->samples, NULL)),
         .kernels = &state->kernels.light,

@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "compose/compose.h"
+
+#include <math.h>
+#include <stdatomic.h>
+#include <string.h>
+
+#include "compose/quad.h"
+#include "frame/resolve.h"
+
+/* The picture so far: transmittance and premultiplied colour. */
+struct picture {
+    const struct sp_compose_job *job;
+    struct sp_interpolator grid;
+    struct sp_quad_rays rays;
+    struct sp_compose_plan plan;
+    struct sp_frame *sum; /* red, green, blue, transmittance per pixel */
+    struct sp_frame *part;
+    struct sp_frame *out;
+    const struct sp_compose_step *step;
+    uint32_t low[2], high[2]; /* the outline of the step */
+    atomic_bool is_seen;      /* some pixel of the outline is not opaque */
+};
+
+enum { ROWS = 8 };
+
+static float *row_of(const struct sp_frame *frame, uint32_t y) {
+    return (float *)((char *)frame->pixels + y * frame->stride_bytes);
+}
+
+bool sp_compose_is_wanted(const struct sp_view *view) {
+    return view->slices.in_3d && view->slices.mode != SP_SLICES_NONE;
+}
+
+static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct picture *p = user;
+    for (size_t y = begin; y < end; y++) {
+        float *to = row_of(p->sum, (uint32_t)y);
+        for (uint32_t x = 0; x < p->sum->width; x++) {
+            to[4 * x] = to[4 * x + 1] = to[4 * x + 2] = 0;
+            to[4 * x + 3] = 1;
+        }
+    }
+}
+
+static void find_seen(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    struct picture *p = user;
+    for (size_t y = p->low[1] + begin; y < p->low[1] + end; y++) {
+        const float *from = row_of(p->sum, (uint32_t)y);
+        for (uint32_t x = p->low[0]; x < p->high[0]; x++)
+            if (from[4 * x + 3] >= SP_TRANSMITTANCE_MIN) {
+                atomic_store_explicit(&p->is_seen, true, memory_order_relaxed);
+                return;
+            }
+    }
+}
+
+/* Puts the part behind the picture so far. */
+static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct picture *p = user;
+    for (size_t y = begin; y < end; y++) {
+        const float *from = row_of(p->part, (uint32_t)y);
+        float *to = row_of(p->sum, (uint32_t)y);
+        for (uint32_t x = 0; x < p->sum->width; x++) {
+            float through = to[4 * x + 3];
+            for (int c = 0; c < 3; c++)
+                to[4 * x + c] += through * from[4 * x + c];
+            to[4 * x + 3] = through * (1 - from[4 * x + 3]);
+        }
+    }
+}
+
+/* Puts the slice behind the picture so far. */
+static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct picture *p = user;
+    const struct sp_slices *slices = &p->job->view->slices;
+    const double window[2] = { slices->center, slices->width };
+    double values[SP_INTERPOLATE_RUN];
+    for (uint32_t y = p->low[1] + (uint32_t)begin; y < p->low[1] + end; y++) {
+        float *to = row_of(p->sum, y);
+        for (uint32_t at = p->low[0]; at < p->high[0]; at += SP_INTERPOLATE_RUN) {
+            uint32_t left = p->high[0] - at;
+            uint32_t n = left < SP_INTERPOLATE_RUN ? left : SP_INTERPOLATE_RUN;
+            sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values);
+            for (uint32_t i = 0; i < n; i++) {
+                float *px = &to[4 * (at + i)];
+                if (isnan(values[i]))
+                    continue;
+                float grey = (float)sp_window_grey(values[i], window);
+                for (int c = 0; c < 3; c++)
+                    px[c] += px[3] * grey;
+                px[3] = 0;
+            }
+        }
+    }
+}
+
+static void resolve_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    (void)worker;
+    const struct picture *p = user;
+    float planes[4][SP_INTERPOLATE_RUN];
+    const float *const rows[4] = { planes[0], planes[1], planes[2], planes[3] };
+    for (size_t y = begin; y < end; y++)
+        for (uint32_t at = 0; at < p->out->width; at += SP_INTERPOLATE_RUN) {
+            uint32_t left = p->out->width - at;
+            uint32_t n = left < SP_INTERPOLATE_RUN ? left : SP_INTERPOLATE_RUN;
+            const float *from = &row_of(p->sum, (uint32_t)y)[4 * at];
+            for (uint32_t i = 0; i < n; i++) {
+                planes[0][i] = from[4 * i + 3];
+                for (int c = 0; c < 3; c++)
+                    planes[1 + c][i] = from[4 * i + c];
+            }
+            char *to = (char *)p->out->pixels + y * p->out->stride_bytes;
+            if (p->out->format == SP_RGBAF32)
+                sp_resolve_rgbaf32(rows, n, p->job->view->background, (float *)to + 4 * at);
+            else
+                sp_resolve_rgba8(rows, n, p->job->view->background,
+                                 (unsigned char *)to + 4 * (size_t)at);
+        }
+}
+
+/* True if a pixel of the step's outline is not opaque yet. */
+static bool is_seen(struct picture *p) {
+    if (p->low[0] >= p->high[0] || p->low[1] >= p->high[1])
+        return false;
+    atomic_store(&p->is_seen, false);
+    sp_parallel_for(p->job->workers, p->high[1] - p->low[1], ROWS, find_seen, p);
+    return atomic_load(&p->is_seen);
+}
+
+static bool draw_step(struct picture *p, const struct sp_compose_step *step, struct sp_error *err) {
+    const struct sp_compose_job *job = p->job;
+    static const struct sp_clip whole = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } };
+    p->step = step;
+    sp_quad_outline(&p->grid, &p->rays.camera, step->is_slice ? &whole : &step->clip,
+                    job->view->size, p->low, p->high);
+    if (!is_seen(p))
+        return true;
+    if (step->is_slice) {
+        sp_parallel_for(job->workers, p->high[1] - p->low[1], ROWS, add_slice, p);
+    } else {
+        if (!job->draw(job->user, &step->clip, p->part, err))
+            return false;
+        sp_parallel_for(job->workers, p->sum->height, ROWS, add_part, p);
+    }
+    return !sp_interrupt_is_cancelled(&job->interrupt) ||
+           sp_fail(err, SP_ERR_CANCELLED, "", "the frame was cancelled");
+}
+
+bool sp_compose(const struct sp_compose_job *job, struct sp_frame *frame, struct sp_error *err) {
+    const uint32_t *size = job->view->size;
+    struct picture p = { .job = job, .out = frame };
+    sp_interpolator_init(&p.grid, job->volume);
+    sp_quad_rays_init(&p.rays, &p.grid, job->view);
+    sp_compose_plan_init(&p.plan, &p.grid, job->view);
+    p.sum = sp_frame_create(job->frames, size[0], size[1], SP_RGBAF32, err);
+    p.part = p.sum ? sp_frame_create(job->frames, size[0], size[1], SP_RGBAF32, err) : NULL;
+    bool ok = p.part != NULL;
+    if (ok)
+        sp_parallel_for(job->workers, size[1], ROWS, clear_rows, &p);
+    for (unsigned i = 0; ok && i < p.plan.steps; i++)
+        ok = draw_step(&p, &p.plan.step[i], err);
+    if (ok)
+        sp_parallel_for(job->workers, size[1], ROWS, resolve_rows, &p);
+    sp_frame_unref(&p.part);
+    sp_frame_unref(&p.sum);
+    return ok;
+}
