@@ -105,6 +105,10 @@ static void making(void **state) {
     oom_token = OOM_ADMIN;
     snprintf(path, sizeof path, "sessions/%s", oom_session);
     oom_each_allocation("PATCH", path, "{\"view\":{\"background\":[0.%ld,0,0,1]}}", 200);
+    snprintf(path, sizeof path, "sessions/%s/snapshot?size=8,8", oom_session);
+    oom_each_allocation("GET", path, "", 200);
+    snprintf(path, sizeof path, "views/%s", oom_saved_view);
+    oom_each_allocation("PATCH", path, "{\"name\":\"%ld\"}", 204);
 }
 
 /* Replaces an existing preset (`status` 204) or creates a new one (201). */
