@@ -78,11 +78,12 @@ export class Toolbar {
     const groups = this.#ordered;
     for (const group of groups) this.#root.insertBefore(group, this.#more);
     this.#more.hidden = false;
-    const space = this.#root.parentElement.clientWidth - parseFloat(getComputedStyle(this.#root).getPropertyValue('--around') || '0');
-    const isPhone = window.matchMedia('(max-width: 640px)').matches;
-    let shown = isPhone ? 0 : groups.length;
+    const space = this.#root.parentElement.clientWidth;
+    let shown = window.matchMedia('(max-width: 640px)').matches ? 0 : groups.length;
+    Object.assign(this.#root.style, { width: 'max-content', maxWidth: 'none' }); // its natural width
     const widths = groups.map((group) => group.getBoundingClientRect().width);
     const frame = this.#root.offsetWidth - widths.reduce((a, b) => a + b, 0) - this.#more.offsetWidth;
+    Object.assign(this.#root.style, { width: '', maxWidth: '' });
     const width = (count) => frame + widths.slice(0, count).reduce((a, b) => a + b, 0) + (count < groups.length ? this.#more.offsetWidth : 0);
     while (shown > 0 && width(shown) > space) shown -= 1;
     this.#menu.replaceChildren(...groups.slice(shown));

@@ -1,0 +1,186 @@
+// SPDX-License-Identifier: Apache-2.0
+// The foundation for features: toolbar, modes, overlay, panes, sections of the panel, and texts. A feature of this test uses them in
+// the page.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
+import { drag, launch, openPage, firstFrame, shot, touch, until } from '../support/browser.mjs';
+import { MockDaemon } from '../support/mock-daemon.mjs';
+
+const PROBE = `
+import { ORDER } from './panel.js';
+import { svg } from './dom.js';
+import { layoutButton } from './layout.js';
+export function install(app) {
+  const said = window.probe = [];
+  const note = (name) => (at) => { said.push(at?.map ? name + ' ' + at.map(Math.round) : name); };
+  app.modes.add('probe', {
+    label: 'Probe', hint: 'Try it', cursor: 'crosshair', down: note('down'), move: note('move'), up: note('up'), cancel: note('cancel'),
+    enter: note('enter'), leave: note('leave'), key: ({ key }) => key === 'x' && Boolean(said.push('key')),
+  });
+  for (let i = 0; i < 14; i += 1) {
+    app.toolbar.button({ id: 'probe-' + i, icon: 'contrast', label: 'Probe ' + i, key: i === 0 ? 'q' : null, group: 'group' + (i >> 2), isToggle: i === 0,
+      press: () => app.modes.toggle('probe') });
+  }
+  const body = app.panel.section({ id: 'probe-section', title: 'Probe', order: ORDER.measure, isOpen: true });
+  body.textContent = 'inside';
+  const dot = svg('circle', { id: 'probe-dot', r: 3, fill: 'red' });
+  const layer = app.overlay.layer((project) => {
+    const { x, y } = project(app.viewer.rig.target);
+    dot.setAttribute('cx', x);
+    dot.setAttribute('cy', y);
+  });
+  layer.group.append(dot);
+  for (const id of ['a', 'b', 'c']) app.layout.pane('probe-' + id, 'Axis ' + id).textContent = id;
+  layoutButton(app, { name: '3d', icon: 'contrast', label: 'Picture', order: 0 });
+  layoutButton(app, { name: 'four', icon: 'contrast', label: 'Four', order: 1 });
+  layoutButton(app, { name: 'slices', icon: 'contrast', label: 'Slices', order: 2 });
+}`;
+
+let browser;
+before(async () => { browser = await launch(); });
+after(async () => { await browser?.close(); });
+
+async function setUp(context, options) {
+  const daemon = await MockDaemon.start();
+  const opened = await openPage(browser, options);
+  context.after(async () => {
+    await opened.context.close();
+    await daemon.kill().catch(() => {});
+  });
+  const { page } = opened;
+  await page.route('**/app/probe.js', (route) => route.fulfill({ contentType: 'text/javascript', body: PROBE }));
+  await page.route('**/app/main.js', async (route) => {
+    const response = await route.fetch();
+    const body = (await response.text()).replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
+    await route.fulfill({ response, body });
+  });
+  await page.goto(daemon.url);
+  await firstFrame(page);
+  return { daemon, ...opened, told: () => page.evaluate(() => window.probe.splice(0)) };
+}
+
+test('a mode owns the drag, its keys and the bar; Escape leaves it', async (context) => {
+  const { page, said, told } = await setUp(context);
+  const camera = () => page.evaluate(() => window.splatd.camera);
+  const start = await camera();
+  await page.click('#probe-0');
+  assert.equal(await page.evaluate(() => window.splatd.mode), 'probe');
+  assert.equal(await page.textContent('#mode-text'), 'Probe');
+  assert.equal(await page.evaluate(() => document.getElementById('screen').style.cursor), 'crosshair');
+  await drag(page, [500, 300], [540, 310], { steps: 1 });
+  await page.keyboard.press('x');
+  assert.deepEqual(await told(), ['enter', 'down 500,300', 'move 540,310', 'up 540,310', 'key']);
+  assert.deepEqual(await camera(), start);
+  await drag(page, [500, 300], [540, 310], { button: 'right' });
+  assert.notDeepEqual(await camera(), start, 'the right button moves the camera in every mode');
+  await page.keyboard.press('Escape');
+  assert.deepEqual(await told(), ['leave']);
+  assert.equal(await page.isVisible('#mode-bar'), false);
+  assert.equal(await page.getAttribute('#tool-navigate', 'aria-pressed'), 'true');
+  await page.keyboard.press('q');
+  assert.equal(await page.evaluate(() => window.splatd.mode), 'probe');
+  await page.keyboard.press('?');
+  await page.locator('#shortcuts tr', { hasText: 'Probe 0' }).waitFor();
+  assert.deepEqual(said, []);
+});
+
+test('a second finger cancels the drag of a mode and zooms', async (context) => {
+  const { page, said, told } = await setUp(context, { viewport: { width: 1100, height: 700 }, hasTouch: true });
+  await page.click('#probe-0');
+  await told();
+  await touch(page, [[[600, 300]], [[610, 300]], [[610, 300], [700, 300]], [[600, 300], [800, 300]]]);
+  assert.deepEqual((await told()).filter((name) => !name.startsWith('move')), ['down 276,300', 'cancel']);
+  assert.deepEqual(said, []);
+});
+
+test('the overlay stays on its place in the picture', async (context) => {
+  const { page, said } = await setUp(context);
+  const place = () => page.evaluate(() => ['cx', 'cy'].map((name) => Number(document.getElementById('probe-dot').getAttribute(name))));
+  assert.deepEqual((await place()).map(Math.round), [450, 300], 'the target is in the middle');
+  await page.mouse.move(450, 300);
+  await drag(page, [600, 300], [660, 330], { button: 'right' });
+  await until(page, 'all frames', (s) => s.isIdle && s.seq === s.sent);
+  await until(page, 'the target in the middle again, because it moves with the camera', () => {
+    const [x, y] = ['cx', 'cy'].map((name) => Number(document.getElementById('probe-dot').getAttribute(name)));
+    return Math.hypot(x - 450, y - 300) < 0.01;
+  });
+  assert.deepEqual(said, []);
+});
+
+test('panes: four, slices only, and back; frames follow the size of the picture', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 1300, height: 800 } });
+  const size = (condition) => until(page, 'the frame size', `(s) => String(s.size) === String(s.wanted) && (${condition})(s.wanted) && s.wanted`);
+  const whole = [1300 - 324, 800]; // the picture stands beside the panel
+  const isWhole = `([width, height]) => width === ${whole[0]} && height === ${whole[1]}`;
+  await size(isWhole);
+  await page.click('#layout-four');
+  assert.equal(await page.locator('.pane:visible').count(), 4);
+  const quarter = await size(([width]) => width < 600);
+  compare(quarter[0], '<=', whole[0] / 2);
+  compare(quarter[1], '<', whole[1] / 2);
+  await shot(page, 'layout-four');
+  await page.click('#layout-slices');
+  assert.equal(await page.locator('.pane:visible').count(), 3);
+  assert.equal(await page.isVisible('#screen'), false);
+  await page.click('#layout-3d');
+  await size(isWhole);
+  assert.equal(await page.getAttribute('#layout-3d', 'aria-pressed'), 'true');
+  assert.deepEqual(said, []);
+});
+
+test('the toolbar is one stop of Tab with arrow keys; groups that do not fit are in a menu, all of them on a phone', async (context) => {
+  const { page, said } = await setUp(context);
+  const shown = () => page.locator('#toolbar > .tools button:visible').count();
+  compare(await shown(), '<', 19);
+  compare(await shown(), '>', 4);
+  const fits = () => page.evaluate(() => document.getElementById('toolbar').getBoundingClientRect().right <= window.innerWidth);
+  assert.ok(await fits());
+  assert.equal(await page.locator('#toolbar button[tabindex="0"]').count(), 1);
+  await page.focus('#layout-3d');
+  await page.keyboard.press('ArrowRight');
+  assert.equal(await page.evaluate(() => document.activeElement.id), 'layout-four');
+  await page.keyboard.press('ArrowLeft');
+  await page.keyboard.press('ArrowLeft');
+  assert.equal(await page.evaluate(() => document.activeElement.id), 'toolbar-more');
+  await page.keyboard.press('Enter');
+  await page.locator('#toolbar-menu').waitFor();
+  await shot(page, 'toolbar-menu');
+  await page.keyboard.press('Escape');
+  await page.locator('#toolbar-menu').waitFor({ state: 'hidden' });
+  await page.setViewportSize({ width: 1400, height: 800 });
+  await page.locator('#toolbar-more').waitFor({ state: 'hidden' });
+  assert.equal(await shown(), 19);
+  await page.setViewportSize({ width: 390, height: 844 });
+  await page.locator('#toolbar-more').waitFor();
+  assert.equal(await shown(), 0);
+  await page.click('#panel-toggle');
+  await page.click('#toolbar-more');
+  await page.locator('#probe-0').waitFor();
+  await shot(page, 'phone-toolbar');
+  assert.ok(await fits());
+  assert.deepEqual(said, []);
+});
+
+test('sections of the panel stand in their order, and a reload keeps which are open', async (context) => {
+  const { page, said } = await setUp(context);
+  const order = await page.evaluate(() => [...document.querySelectorAll('#panel-body > [data-order]')].map((e) => Number(e.dataset.order)));
+  assert.deepEqual(order, [...order].sort((a, b) => a - b));
+  assert.equal(await page.evaluate(() => document.getElementById('probe-section').previousElementSibling.id), 'clip');
+  await page.click('#probe-section summary');
+  await page.click('#clip summary');
+  await page.reload();
+  await firstFrame(page);
+  assert.equal(await page.evaluate(() => document.getElementById('probe-section').open), false);
+  assert.equal(await page.evaluate(() => document.getElementById('clip').open), true);
+  assert.deepEqual(said, []);
+});
+
+test('an unknown language gives English', async (context) => {
+  const { page, daemon, said } = await setUp(context);
+  await page.goto(daemon.url.replace('?', '?lang=tlh&'));
+  await firstFrame(page);
+  assert.equal(await page.textContent('#transfer > summary'), 'Transfer function');
+  assert.equal(await page.getAttribute('html', 'lang'), 'en');
+  assert.deepEqual(said, []);
+});
