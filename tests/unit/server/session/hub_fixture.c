@@ -62,6 +62,16 @@ static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     }
 }
 
+static bool measure(void *user, void *volume, const struct sp_measure *measure, double samples,
+                    struct proto_measure_value *value, struct sp_error *err) {
+    (void)user;
+    (void)volume;
+    (void)samples;
+    (void)err;
+    value->result = (struct sp_measure_result){ .has_value = true, .value = measure->points[0][0] };
+    return true;
+}
+
 static bool token(void *user, const char *name, unsigned *rights, struct srv_quota *quota) {
     const struct fixture *f = user;
     if (!f->quota || strcmp(name, "ann") != 0)
@@ -85,7 +95,7 @@ int hub_set_up(void **state) {
     sp_view_init(&f->view, &f->info, "v"); /* once: it searches the histogram */
     f->metrics = srv_metrics_create();
     struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view,
-                                                    pick },
+                                                    pick, measure },
                                        .token = token,
                                        .sessions_max = 2,
                                        .participants_max = 3,
