@@ -2,6 +2,7 @@
 // The toolbar over the picture: groups of icons with tooltips. Groups that do not fit move into a menu with their names; on a phone
 // that is all of them. Arrow keys move between the buttons; the toolbar is one stop of the Tab key.
 import { t } from '../core/text.js';
+import { nextFrame } from './animation.js';
 import { icon, make } from './dom.js';
 
 /** The order of the groups, and of new ones after them. */
@@ -66,7 +67,7 @@ export class Toolbar {
   #plan() {
     if (this.#isPlanned) return;
     this.#isPlanned = true;
-    queueMicrotask(() => {
+    nextFrame(() => { // an observer of sizes must not change sizes itself
       this.#isPlanned = false;
       this.#arrange();
     });
