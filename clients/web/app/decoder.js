@@ -5,8 +5,14 @@ let worker = null;
 let hasFailed = false;
 let ids = 0;
 
+// A page of another origin that embeds <splat-view> may not start a worker of the daemon.
 function start() {
-  worker = new Worker(new URL('decode_worker.js', import.meta.url));
+  try {
+    worker = new Worker(new URL('decode_worker.js', import.meta.url));
+  } catch {
+    hasFailed = true;
+    return;
+  }
   worker.onmessage = ({ data: { id, image, error } }) => {
     const call = calls.get(id);
     calls.delete(id);
@@ -24,8 +30,8 @@ function start() {
 
 /** Decodes the payload of a frame and resolves to an ImageBitmap. The payload moves to the worker and is empty afterwards. */
 export function decodeImage({ payload, type }) {
+  if (!worker && !hasFailed) start();
   if (hasFailed) return createImageBitmap(new Blob([payload], { type }));
-  if (!worker) start();
   const id = ++ids;
   return new Promise((resolve, reject) => {
     calls.set(id, { resolve, reject });

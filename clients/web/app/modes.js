@@ -82,7 +82,7 @@ export class Modes extends Emitter {
     byId('mode-done').title = t('mode.done.title');
   }
 
-  // For input.js.
+  // For pointer.js.
 
   /** Starts a drag; true if the mode takes it. */
   down(at, event) {

@@ -2,7 +2,7 @@
 // V shows the value and the position under the cursor.
 import { t } from '../core/text.js';
 import { showNumber } from './fields.js';
-import { place } from './input.js';
+import { place } from './pointer.js';
 
 export function install({ connection, viewer, screen, notice, shortcuts }) {
   let pointer = null;
