@@ -23,6 +23,7 @@
 #include "render/render_pool.h"
 #include "session/hub.h"
 #include "store/store.h"
+#include "uploads/uploads.h"
 
 enum { REFUSALS_MAX = 8, REFUSAL_BYTES = 512 };
 
@@ -45,6 +46,7 @@ struct srv_daemon {
     struct srv_timer_thread *timers;
     struct srv_timer_task tick;
     struct srv_work_queue *disk;
+    struct srv_uploads *uploads; /* NULL = --upload-bytes is 0 */
     double
         ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
     struct srv_http_options http_options;
@@ -70,6 +72,22 @@ static void on_progress(void *user, const char *id, enum srv_volume_state state,
 static bool on_volume(void *user, const char *id, const struct srv_volume_request *request) {
     struct srv_daemon *d = user;
     return srv_persistence_put_volume(d->store, id, request);
+}
+
+static bool on_upload_open(void *user, const char *id, char path[PATH_MAX],
+                           char name[SP_NAME_BYTES], struct sp_error *err) {
+    struct srv_daemon *d = user;
+    return d->uploads ? srv_upload_open(d->uploads, id, path, name, err)
+                      : sp_fail(err, SP_ERR_DENIED, NULL, "this daemon takes no uploads");
+}
+
+static void on_upload_close(void *user, const char *id, enum srv_volume_state state) {
+    struct srv_daemon *d = user;
+    if (d->uploads)
+        srv_upload_close(d->uploads, id,
+                         state == SRV_VOLUME_READY     ? SRV_UPLOAD_LOADED
+                         : state == SRV_VOLUME_LOADING ? SRV_UPLOAD_RETURNED
+                                                       : SRV_UPLOAD_UNUSED);
 }
 
 static void on_changed(void *user) {
@@ -134,6 +152,8 @@ static double on_tick(void *user, double now_ms) {
     struct srv_paths *paths = atomic_load(&d->paths);
     if (paths)
         srv_paths_tick(paths, now_ms);
+    if (d->uploads)
+        srv_uploads_tick(d->uploads, now_ms);
     srv_render_pool_tick(d->render_pool);
     srv_log_tick(d->log, now_ms);
     atomic_store(&d->alive_ms, now_ms);
@@ -169,6 +189,29 @@ static bool open_store(struct srv_daemon *d, struct sp_error *err) {
         return false;
     d->ran_ms = srv_persistence_ran_ms(d->store) - srv_clock_ms();
     return true;
+}
+
+/* With --state the file of a loaded volume is kept, because the next start loads it again. */
+static bool start_uploads(struct srv_daemon *d, struct sp_error *err) {
+    const struct srv_config *c = d->config;
+    char in_state[SRV_FOLDER_BYTES];
+    if (c->upload_bytes == 0)
+        return true;
+    if (c->state && !c->upload_dir &&
+        snprintf(in_state, sizeof in_state, "%s/uploads", c->state) >= (int)sizeof in_state)
+        return sp_fail(err, SP_ERR_INVALID, c->state, "the path of this folder is too long");
+    struct srv_uploads_options options = { .folder = c->upload_dir ? c->upload_dir
+                                                     : c->state    ? in_state
+                                                                   : NULL,
+                                           .keeps_loaded = c->state != NULL,
+                                           .bytes_max = (uint64_t)c->upload_bytes,
+                                           .count_max = (unsigned)c->uploads,
+                                           .expiry_ms = (double)c->upload_time_ms,
+                                           .tokens = d->tokens,
+                                           .metrics = d->metrics,
+                                           .disk = d->disk };
+    d->uploads = srv_uploads_create(&options, srv_clock_ms(), err);
+    return d->uploads != NULL;
 }
 
 static void on_backend_refused(void *user, const char *backend, const struct sp_error *why) {
@@ -295,6 +338,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->store = d->store;
     o->paths = atomic_load(&d->paths);
     o->disk = d->disk;
+    o->uploads = d->uploads;
     o->metrics = d->metrics;
     if (!srv_cors_check_origins(c->allow_origin, err) ||
         !srv_address_parse(c->listen, &address, err))
@@ -371,13 +415,16 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .user = d,
         .progress = on_progress,
         .persist = on_volume,
+        .upload_open = on_upload_open,
+        .upload_close = on_upload_close,
         .unloaded = on_unloaded,
     };
     if ((d->disk = srv_work_queue_create(err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
-        open_store(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
-        start_renderer(d, err) && start_sessions(d, err) && start_volumes(d, err) &&
-        start_tokens(d, err) && start_paths(d, err) && start_http(d, err))
+        open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
+        (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
+        start_sessions(d, err) && start_volumes(d, err) && start_paths(d, err) &&
+        start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -459,6 +506,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);
     srv_work_queue_destroy(&d->disk);
+    srv_uploads_destroy(&d->uploads);
     srv_metrics_destroy(&d->metrics);
     free(d);
 }

@@ -96,6 +96,15 @@ static const struct setting settings[] = {
     { "path-bytes", SIZE, AT(path_bytes), "4G", 1024, 64 * TIB, "SIZE",
       "Total size of the files of all camera paths, in --state or else in a folder below "
       "$TMPDIR." },
+    { "uploads", COUNT, AT(uploads), "64", 1, 10000, "N",
+      "Uploaded files, finished or not, that are on the disk." },
+    { "upload-bytes", SIZE, AT(upload_bytes), "16G", 0, 64 * TIB, "SIZE",
+      "Total size of all uploaded files, and of one. 0 = clients cannot upload files." },
+    { "upload-dir", TEXT, AT(upload_dir), NULL, 0, 0, "DIR",
+      "Folder for uploaded files. Not set = in --state, or else in a folder below $TMPDIR that is "
+      "removed at the end." },
+    { "upload-time", SECONDS, AT(upload_time_ms), "86400", 50, 315360000000, "SECONDS",
+      "Time without a byte after which an upload that is not loaded is removed." },
     { "message-size", SIZE, AT(message_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
       "Largest message that a client may send on a stream." },
     { "body-size", SIZE, AT(body_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",

@@ -87,6 +87,7 @@ static const struct {
     size_t offset;    /* of a uint64_t in struct srv_quota */
 } sizes[] = {
     { "path-bytes", AT(path_bytes) },
+    { "upload-bytes", AT(upload_bytes) },
     { "frame-size", AT(frame_px) },
 };
 
@@ -109,7 +110,7 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
     }
     return fail(err, place, /* the key is not quoted: it could be a mistyped token */
                 "unknown key; the keys are role, name, sessions, snapshots, fps, views, paths, "
-                "path-bytes and frame-size");
+                "path-bytes, upload-bytes and frame-size");
 }
 
 /* Reads one "key=value" after the token. */

@@ -34,14 +34,15 @@ enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 
 
 /* Limits of one token. 0 = only the daemon's own limit holds. */
 struct srv_quota {
-    unsigned sessions;   /* sessions that it created, active or hibernated */
-    unsigned snapshots;  /* snapshots in progress */
-    unsigned views;      /* views that it saved first */
-    unsigned paths;      /* camera paths, finished or not */
-    unsigned fps;        /* snapshots per second; frames per second to each participant of its
-                            sessions */
-    uint64_t path_bytes; /* total size of the files of its camera paths, bytes */
-    uint64_t frame_px;   /* largest image, pixels; also in its sessions */
+    unsigned sessions;     /* sessions that it created, active or hibernated */
+    unsigned snapshots;    /* snapshots in progress */
+    unsigned views;        /* views that it saved first */
+    unsigned paths;        /* camera paths, finished or not */
+    unsigned fps;          /* snapshots per second; frames per second to each participant of its
+                              sessions */
+    uint64_t path_bytes;   /* total size of the files of its camera paths, bytes */
+    uint64_t upload_bytes; /* total declared size of its uploads, bytes */
+    uint64_t frame_px;     /* largest image, pixels; also in its sessions */
 };
 
 struct srv_token {

@@ -26,6 +26,7 @@ struct srv_streams;
 struct srv_store;
 struct srv_paths;
 struct srv_work_queue;
+struct srv_uploads;
 struct srv_metrics;
 
 struct srv_http_options {
@@ -39,6 +40,7 @@ struct srv_http_options {
     struct srv_store *store;
     struct srv_paths *paths;
     struct srv_work_queue *disk; /* for work that waits for a disk */
+    struct srv_uploads *uploads; /* NULL = there are none */
     struct srv_metrics *metrics;
     /* Why other backends were refused at startup; owned by the caller. */
     const char *const *refusals;

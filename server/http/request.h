@@ -42,7 +42,8 @@ struct srv_request {
     bool has_snapshot;       /* a snapshot is being rendered for it */
     uint64_t snapshot_bytes; /* taken from app->snapshot_memory */
     struct srv_reply reply;
-    void *upgrade; /* state of a stream's handshake; freed with the request */
+    struct srv_upload_body *upload_body; /* of PATCH /uploads/{id}; NULL = none */
+    void *upgrade;                       /* state of a stream's handshake; freed with the request */
 
     size_t body_max;  /* bytes of the body that are stored; the handler refuses a longer body. 0 =
                          --body-size */

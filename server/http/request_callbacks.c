@@ -11,6 +11,7 @@
 #include "http/request_checks.h"
 #include "http/response.h"
 #include "http/routes.h"
+#include "http/upload_body.h"
 #include "sp/log.h"
 
 /* The body of a refused request is read and discarded up to this size: a client that is still
@@ -138,6 +139,10 @@ static enum MHD_Result on_headers(struct srv_request *request, const char *versi
 /* Stores the bytes. Discards those of a refused body and those past body_max. */
 static enum MHD_Result on_body(struct srv_request *request, const char *bytes, size_t *size) {
     size_t limit = (size_t)request->app->config->body_size, take = *size;
+    if (request->upload_body && !request->is_refused) {
+        srv_upload_body_take(request, bytes, size);
+        return MHD_YES;
+    }
     *size = 0;
     request->body_seen += take;
     if (request->body_seen > DISCARD_BYTES)
@@ -231,6 +236,7 @@ void srv_on_completed(void *user, struct MHD_Connection *connection, void **stat
                           : 0);
     if (request->is_counted)
         uncount(request);
+    srv_upload_body_close(request);
     srv_reply_finish(&request->reply);
     srv_request_end_snapshot(request);
     srv_tokens_give_back(request->app->tokens, &request->grant);

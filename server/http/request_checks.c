@@ -11,6 +11,7 @@
 #include "http/listener_private.h"
 #include "http/response.h"
 #include "http/routes.h"
+#include "http/upload_body.h"
 
 void srv_request_refuse_token(struct srv_request *request, const char *how) {
     bool is_given = srv_request_token(request) != NULL;
@@ -181,9 +182,12 @@ bool srv_request_check(struct srv_request *request) {
         return false;
     srv_tokens_find(request->app->tokens, srv_request_token(request), &request->grant);
     request->route = srv_routes_find(request->method, request->path, request->param, &allowed);
-    if (allowed && srv_cors_is_preflight(request)) {
-        srv_cors_reply_preflight(reply, allowed);
-        return false;
+    if (srv_cors_is_preflight(request)) {
+        srv_routes_find("", request->path, request->param, &allowed);
+        if (allowed) {
+            srv_cors_reply_preflight(reply, allowed);
+            return false;
+        }
     }
     bool is_api = strncmp(request->path, "/api/", 5) == 0;
     enum srv_right unknown = is_api ? SRV_RIGHT_VIEW : SRV_RIGHT_NONE;
@@ -196,7 +200,11 @@ bool srv_request_check(struct srv_request *request) {
     }
     if (request->route && !check_query(request))
         return false;
-    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) &&
+    if (srv_upload_body_is_for(request->route))
+        return srv_upload_body_open(request);
+    bool is_tus = request->route && request->route->handle == srv_post_upload &&
+                  srv_request_header(request, "Upload-Length"); /* the headers say it all */
+    if (request->route && method & (SRV_POST | SRV_PUT | SRV_PATCH) && !is_tus &&
         !srv_header_is_json(srv_request_header(request, "Content-Type"))) {
         srv_reply_problem(reply, 415, NULL,
                           "the body must be application/json or application/merge-patch+json");

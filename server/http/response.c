@@ -9,12 +9,16 @@
 #include "http/gzip.h"
 #include "http/headers.h"
 
-static const char request_headers[] = "Authorization, Content-Type, If-None-Match, "
-                                      "If-Range, Last-Event-ID, Range";
+static const char request_headers[] =
+    "Authorization, Content-Type, If-None-Match, "
+    "If-Range, Last-Event-ID, Range, Tus-Resumable, Upload-Checksum, "
+    "Upload-Length, Upload-Metadata, Upload-Offset";
 static const char exposed_headers[] =
     "Accept-Ranges, Content-Disposition, Content-Range, ETag, Location, "
     "Retry-After, WWW-Authenticate, X-Render-Time, "
-    "X-Encode-Time, X-Backend, X-Splats, X-Slice, X-Durable";
+    "Tus-Checksum-Algorithm, Tus-Extension, Tus-Max-Size, Tus-Resumable, Tus-Version, "
+    "Upload-Expires, Upload-Length, Upload-Offset, X-Encode-Time, X-Backend, X-Splats, X-Slice, "
+    "X-Durable";
 
 static bool is_allowed_origin(const struct srv_request *request) {
     return srv_cors_allows(request->app->config->allow_origin,

@@ -30,8 +30,9 @@ static const struct {
     const char *name;
     unsigned method;
 } names[] = {
-    { "GET", SRV_GET }, { "HEAD", SRV_GET },    { "POST", SRV_POST },
-    { "PUT", SRV_PUT }, { "PATCH", SRV_PATCH }, { "DELETE", SRV_DELETE },
+    { "GET", SRV_GET },         { "HEAD", SRV_GET },    { "POST", SRV_POST },
+    { "PUT", SRV_PUT },         { "PATCH", SRV_PATCH }, { "DELETE", SRV_DELETE },
+    { "OPTIONS", SRV_OPTIONS },
 };
 enum { NAMES = sizeof names / sizeof *names };
 

@@ -10,7 +10,14 @@
 
 #include "config/token_file.h"
 
-enum srv_method { SRV_GET = 1, SRV_POST = 2, SRV_PUT = 4, SRV_PATCH = 8, SRV_DELETE = 16 };
+enum srv_method {
+    SRV_GET = 1,
+    SRV_POST = 2,
+    SRV_PUT = 4,
+    SRV_PATCH = 8,
+    SRV_DELETE = 16,
+    SRV_OPTIONS = 32
+};
 enum { SRV_PARAM_BYTES = 128, SRV_QUERY_NAMES = 9 };
 
 struct srv_request;

@@ -18,6 +18,9 @@ srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
+srv_handler srv_options_uploads, srv_get_uploads, srv_post_upload, srv_get_upload,
+    srv_delete_upload;                                           /* routes_uploads.c */
+srv_handler srv_patch_upload;                                    /* upload_body.c */
 srv_handler srv_get_files;                                       /* routes_files.c */
 srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
 srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */

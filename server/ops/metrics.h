@@ -58,6 +58,11 @@ enum srv_counter {
     SRV_COUNT_PATH_WAIT_MEMORY,  /* memory of the process */
     SRV_COUNT_PATH_WAIT_BACKEND, /* the backend failed */
     SRV_COUNT_PATH_FAILED,       /* camera paths that failed for good */
+    /* Uploads: */
+    SRV_COUNT_UPLOAD_BYTES, /* received */
+    SRV_COUNT_UPLOAD_COMPLETE,
+    SRV_COUNT_UPLOAD_EXPIRED, /* --upload-time */
+    SRV_COUNT_UPLOAD_REMOVED, /* by a client */
     /* Refused connections (http/connection_limits.h): */
     SRV_COUNT_REFUSED_FULL,
     SRV_COUNT_REFUSED_ADDRESS,

@@ -7,7 +7,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/file.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
@@ -19,83 +18,11 @@ static bool make_folder(const char *path, struct sp_error *err) {
     return mkdir(path, 0700) == 0 || errno == EEXIST || fail(path, "create this folder", err);
 }
 
-/* Private folders. The holder of the lock is alive, or is removing the folder. */
-
-#define PRIVATE "splatd-frames-"
-enum { ID_CHARACTERS = 32, TRIES = 100 };
-
-static const char *temporary(void) {
-    const char *folder = getenv("TMPDIR");
-    return folder && *folder ? folder : "/tmp";
-}
-
-static bool is_id(const char *name) {
-    return strlen(name) == ID_CHARACTERS && strspn(name, "0123456789abcdef") == ID_CHARACTERS;
-}
-
-/* Removes only folders of paths; anything else is not ours. */
-static void remove_paths(const struct srv_folder *left) {
-    DIR *paths = opendir(left->root);
-    for (struct dirent *entry; paths && (entry = readdir(paths));)
-        if (is_id(entry->d_name))
-            srv_folder_remove(left, entry->d_name, NULL);
-    if (paths)
-        closedir(paths);
-}
-
-/* Removes the folder of a killed process: it belongs to our user, and no process holds its lock. */
-static void remove_left(int parent, const char *name, const char *parent_path) {
-    struct srv_folder left = { .lock = -1 };
-    struct stat st;
-    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-    int n = snprintf(left.root, sizeof left.root, "%s/%s", parent_path, name);
-    if (fd >= 0 && n > 0 && (size_t)n < sizeof left.root && fstat(fd, &st) == 0 &&
-        st.st_uid == geteuid() && flock(fd, LOCK_EX | LOCK_NB) == 0) {
-        remove_paths(&left);
-        rmdir(left.root);
-    }
-    if (fd >= 0)
-        close(fd);
-}
-
-static void remove_all_left(const char *parent) {
-    DIR *folders = opendir(parent);
-    for (struct dirent *folder; folders && (folder = readdir(folders));)
-        if (strncmp(folder->d_name, PRIVATE, strlen(PRIVATE)) == 0)
-            remove_left(dirfd(folders), folder->d_name, parent);
-    if (folders)
-        closedir(folders);
-}
-
-/* Creates a folder and locks it. Tries again if another process removed the folder before the lock
- * was taken. */
-static bool open_private(struct srv_folder *folder, struct sp_error *err) {
-    struct stat st;
-    remove_all_left(temporary());
-    for (int i = 0; i < TRIES; i++) {
-        int n = snprintf(folder->root, sizeof folder->root, "%s/" PRIVATE "XXXXXX", temporary());
-        if (n < 0 || (size_t)n >= sizeof folder->root)
-            return sp_fail(err, SP_ERR_INVALID, NULL, "the path of $TMPDIR is too long");
-        if (!mkdtemp(folder->root))
-            return fail(folder->root, "create a folder for camera paths", err);
-        folder->lock = open(folder->root, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-        if (folder->lock < 0)
-            continue;
-        flock(folder->lock,
-              LOCK_EX); /* a file system without locks: no process removes it either */
-        if (fstat(folder->lock, &st) == 0 && st.st_nlink > 0)
-            return true;
-        close(folder->lock);
-    }
-    folder->lock = -1;
-    return fail(folder->root, "create a folder for camera paths", err);
-}
-
 bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_error *err) {
     folder->is_private = state == NULL;
     folder->lock = -1;
     if (!state)
-        return open_private(folder, err);
+        return srv_private_folder_open("splatd-frames-", folder->root, &folder->lock, err);
     int n = snprintf(folder->root, sizeof folder->root, "%s/paths", state);
     if (n < 0 || (size_t)n >= sizeof folder->root)
         return sp_fail(err, SP_ERR_INVALID, state, "the path of this folder is too long");
@@ -104,9 +31,7 @@ bool srv_folder_open(struct srv_folder *folder, const char *state, struct sp_err
 
 void srv_folder_close(struct srv_folder *folder) {
     if (folder->is_private && folder->root[0])
-        rmdir(folder->root); /* the folders of the paths have been removed */
-    if (folder->is_private && folder->lock >= 0)
-        close(folder->lock);
+        srv_private_folder_close(folder->root, folder->lock); /* the paths have been removed */
     folder->root[0] = 0;
 }
 
@@ -247,7 +172,7 @@ unsigned srv_folder_strays(const struct srv_folder *folder,
     DIR *paths = opendir(folder->root);
     *bytes = 0;
     for (struct dirent *entry; paths && (entry = readdir(paths));)
-        if (is_id(entry->d_name) && !known(user, entry->d_name))
+        if (srv_folder_is_id(entry->d_name) && !known(user, entry->d_name))
             count += add_bytes(dirfd(paths), entry->d_name, bytes);
     if (paths)
         closedir(paths);

@@ -11,9 +11,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "common/private_folder.h"
 #include "sp/status.h"
-
-enum { SRV_FOLDER_BYTES = 512, SRV_FILE_BYTES = 640 };
 
 struct srv_folder {
     char root[SRV_FOLDER_BYTES];

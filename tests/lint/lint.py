@@ -27,8 +27,9 @@ import shutil
 import subprocess
 import sys
 
-# The files whose purpose is the time of day: log lines carry it, and certificates have dates.
-TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c', 'server/http/routes_views.c'}  # the dates of log lines, certificates and saved views
+# The files whose purpose is the time of day: log lines carry it, certificates have dates, and Upload-Expires is one.
+TIME_OF_DAY = {'server/ops/log.c', 'server/http/tls_keys.c', 'server/http/routes_uploads.c',
+               'server/http/routes_views.c'}  # the dates of log lines, certificates, Upload-Expires and saved views
 
 # For each part, its folders and the folders of the same part that each may include besides itself. "." is what lies
 # loose at the top of the part. Every part may include "sp/" except where its entry says otherwise (SEES).
@@ -49,7 +50,7 @@ RENDERER = {
     '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'compose', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
-SERVER_ORDER = ['common', 'ops', 'config', 'store', 'session', 'schedule', 'render', 'paths', 'http', '.']
+SERVER_ORDER = ['common', 'ops', 'config', 'store', 'uploads', 'session', 'schedule', 'render', 'paths', 'http', '.']
 SERVER = {name: set(SERVER_ORDER[:rank]) for rank, name in enumerate(SERVER_ORDER)}
 # The other parts that a part may include: "sp" is renderer/include/sp, and nothing includes server/. Tests include all.
 SEES = {'sp': set(), 'renderer': {'sp'}, 'protocol': {'sp'}, 'server': {'sp', 'protocol'}, 'clients': {'sp', 'protocol'}}

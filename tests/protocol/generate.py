@@ -13,6 +13,7 @@ TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%'
 # Strings for each pattern: a generator of strings from regular expressions would be longer than this whole file.
 NUMBER = '[-+]?[0-9]{1,17}([.][0-9]{1,17})?(e[-+]?[0-9]{1,2})?'
 PATTERNS = {
+    '^[^\\u0000]*[.](nrrd|vtk|vti|vtr|tif|tiff)$': ['a.nrrd', 'größe.tif', '../../x.vti', '🦊.vtk', 'a\\b.tiff'],
     '^demo:[a-z-]+([?]size=[1-9][0-9]{0,3})?$': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing'],
     '^[1-9][0-9]{0,3},[1-9][0-9]{0,3}$': ['16,8', '1,1', '64,64', '9999,1', '8192,1'],
     '^(0[.]0{0,8})?[1-9][0-9]{0,8}([.][0-9]{1,9})?$': ['1', '0.25', '100.5', '0.001'],

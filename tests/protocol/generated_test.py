@@ -23,9 +23,10 @@ from generate import Requests
 
 MALFORMED = {400, 406, 422}
 REQUESTS = int(os.environ.get('SPLATD_REQUESTS', 120))
+FILE = b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n' + bytes(8)
 # Statuses that a request alone cannot cause: failures (integration.life, unit.server_interactive_worker), sessions of an
 # earlier run whose volume is still loading (integration.state), a full disk (integration.paths).
-ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('get', '/api/v1/sessions/{id}', '409'),
+ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads', '507'), ('delete', '/api/v1/uploads/{id}', '409'), ('patch', '/api/v1/uploads/{id}', '507'), ('get', '/api/v1/sessions/{id}', '409'),
              ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
              ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409'),
              ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409')}
@@ -105,7 +106,7 @@ class Caller:
 def operations(document):
     for template, item in document['paths'].items():
         for method in ('get', 'post', 'put', 'patch', 'delete'):
-            if method in item and not template.endswith('/stream'):
+            if method in item and not template.endswith('/stream') and (template, method) != ('/api/v1/uploads/{id}', 'patch'):
                 yield template, method
 
 
@@ -141,6 +142,7 @@ def bring_about(daemon, contract):
     stream = f'{api}/sessions/{{id}}/stream'
     ask(400, 'GET', stream, headers={**UPGRADE, 'Sec-WebSocket-Key': 'short'}, id=session['id'])
     ask(404, 'GET', stream, headers=UPGRADE, id='0' * 16)
+    uploads(ask, f'{api}/uploads')
     # A saved view whose volume was unloaded cannot be rendered.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:phantom?size=8', 'id': 'passing'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='passing')['state'] == 'loading':
@@ -148,6 +150,34 @@ def bring_about(daemon, contract):
     kept = ask(201, 'POST', f'{api}/views', {'volume': 'passing'})
     ask(204, 'DELETE', f'{api}/volumes/{{id}}', id='passing')
     ask(409, 'GET', f'{api}/render/{{id}}', **kept)
+
+
+def uploads(ask, template):
+    """Sends a file in parts, rightly and wrongly."""
+    one, tus = f'{template}/{{id}}', {'Tus-Resumable': '1'}
+    kind = {'Content-Type': 'application/offset+octet-stream'}
+    at, wrong = {**kind, 'Upload-Offset': '0'}, {'Upload-Checksum': 'md5 AAAAAAAAAAAAAAAAAAAAAA=='}
+    ask(204, 'OPTIONS', template)
+    for existing in ask(200, 'GET', template)['uploads']:
+        ask(204, 'DELETE', one, id=existing['id'])
+    made = ask(201, 'POST', template, {'name': 'a.nrrd', 'bytes': len(FILE)})
+    for method in ('GET', 'POST', 'OPTIONS'):
+        ask(412, method, template, headers=tus)
+    for method, body in (('GET', None), ('DELETE', None), ('PATCH', 'x')):
+        ask(412, method, one, body, {**at, **tus}, id=made['id'])
+    ask(404, 'PATCH', one, 'x', at, id='0' * 32)
+    ask(409, 'PATCH', one, 'x', {**kind, 'Upload-Offset': '1'}, id=made['id'])
+    ask(415, 'PATCH', one, 'x', {**at, 'Content-Type': 'text/plain'}, id=made['id'])
+    ask(400, 'PATCH', one, 'x', kind, id=made['id'])
+    ask(460, 'PATCH', one, 'x', {**at, **wrong}, id=made['id'])
+    ask(413, 'PATCH', one, FILE + b'x', at, id=made['id'])
+    ask(409, 'POST', '/api/v1/volumes', {'upload': made['id']})
+    ask(204, 'PATCH', one, FILE, at, id=made['id'])
+    ask(202, 'POST', '/api/v1/volumes', {'upload': made['id'], 'id': 'sent'})
+    while ask(200, 'GET', '/api/v1/volumes/{id}', id='sent')['state'] == 'loading':
+        pass
+    ask(404, 'GET', one, id=made['id'])
+    ask(204, 'DELETE', '/api/v1/volumes/{id}', id='sent')
 
 
 def all_operations(document):
@@ -171,7 +201,7 @@ def refused(daemon, contract, status, template, method, headers=(), query='', to
     check(answer.status == status, f'{method.upper()} {path[:100]}: {answer.status}, expected {status}: {data[:200]}')
     if status == 405:
         allowed = {m.strip().lower() for m in answer.headers.get('Allow', '').split(',')} - {'head'}
-        check(allowed == contract.document['paths'][template].keys() & {'get', 'post', 'put', 'patch', 'delete'},
+        check(allowed == contract.document['paths'][template].keys() & {'get', 'post', 'put', 'patch', 'delete', 'options'},
               f'{method.upper()} {template}: Allow: {answer.headers.get("Allow")}')
         for error in jsonschema.Draft202012Validator(contract.document['components']['schemas']['Problem']).iter_errors(json.loads(data)):
             check(False, f'{method.upper()} {template}: 405: {error.message}')

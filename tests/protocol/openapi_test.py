@@ -22,7 +22,7 @@ except ImportError as e:
 failures = 0
 # Statuses that any request may get; 405 belongs to a path.
 EVERYWHERE = {'400', '414', '429', '503'}
-METHODS = {'get', 'post', 'patch', 'delete', 'put'}
+METHODS = {'get', 'post', 'patch', 'delete', 'put', 'options'}
 
 
 def check(ok, text):

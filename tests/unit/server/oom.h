@@ -27,7 +27,9 @@ struct oom_client {
     char bytes[1 << 17]; /* received but not used yet, with a NUL after them */
 };
 extern struct oom_client oom_http; /* used by oom_ask(); its bytes are the last answer */
-extern const char *oom_token;      /* sent by oom_ask(); initially OOM_ADMIN */
+#define OOM_JSON "application/json"
+extern const char *oom_type;  /* Content-Type of what oom_ask() sends; initially OOM_JSON */
+extern const char *oom_token; /* sent by oom_ask(); initially OOM_ADMIN */
 extern char oom_session[64],
     oom_saved_view[64]; /* ids of a session and a saved view that exist during all tests */
 

@@ -70,6 +70,8 @@ int oom_set_up(void **state) {
                      f.folder,
                      (char *)"--token-file",
                      f.token_file,
+                     (char *)"--uploads",
+                     (char *)"1000",
                      (char *)"--views",
                      (char *)"1000000",
                      (char *)"--sessions",
@@ -108,7 +110,7 @@ int oom_tear_down(void **state) {
 /* The client. */
 
 struct oom_client oom_http;
-const char *oom_token = OOM_ADMIN;
+const char *oom_token = OOM_ADMIN, *oom_type = OOM_JSON;
 char oom_session[64], oom_saved_view[64];
 
 void oom_connect(struct oom_client *client) {
@@ -149,12 +151,12 @@ bool oom_receive(struct oom_client *client) {
 
 void oom_request(const char *method, const char *path, const char *body) {
     char text[2048];
-    int size =
-        snprintf(text, sizeof text,
-                 "%s %s%s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n"
-                 "Authorization: Bearer %s\r\nContent-Type: application/json\r\n"
-                 "Content-Length: %zu\r\n\r\n%s",
-                 method, path[0] == '/' ? "" : "/api/v1/", path, oom_token, strlen(body), body);
+    int size = snprintf(text, sizeof text,
+                        "%s %s%s HTTP/1.1\r\nHost: x\r\nConnection: close\r\n"
+                        "Authorization: Bearer %s\r\nContent-Type: %s\r\n"
+                        "Content-Length: %zu\r\n\r\n%s",
+                        method, path[0] == '/' ? "" : "/api/v1/", path, oom_token, oom_type,
+                        strlen(body), body);
     assert_compare(size, <, (int)sizeof text);
     oom_connect(&oom_http);
     oom_send(&oom_http, text, (size_t)size);

@@ -206,6 +206,43 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
     oom_cover("DELETE", path);
 }
 
+/* Sends the only byte of an upload: it counts, or it does not and can be sent again. */
+static void each_allocation_of_uploading(void) {
+    char id[64], path[96];
+    long n = 0;
+    for (bool refused = true; refused; n += OOM_STEP) {
+        int status;
+        oom_must("POST", "uploads", "{\"name\":\"a.nrrd\",\"bytes\":1}", 201);
+        oom_member("id", id);
+        snprintf(path, sizeof path, "uploads/%s", id);
+        oom_type = "application/offset+octet-stream\r\nUpload-Checksum: md5 "
+                   "DMF1ucDxtqgxw5niaXcmYQ==\r\nUpload-Offset: 0";
+        refused = oom_try(n, "PATCH", path, "a", 204, &status);
+        oom_type = OOM_JSON;
+        oom_must("GET", path, "", 200);
+        assert_non_null(strstr(oom_http.bytes, status == 204 ? "\"offset\":1" : "\"offset\":"));
+        oom_must("DELETE", path, "", 204);
+    }
+    print_message("PATCH uploads: %ld allocations\n", n - OOM_STEP);
+    assert_compare(n, >, 3);
+    oom_cover("PATCH", path);
+}
+
+static void uploading(void **state) {
+    (void)state;
+    char id[64], path[96];
+    oom_each_allocation("OPTIONS", "uploads", "", 204);
+    oom_each_allocation("POST", "uploads", "{\"name\":\"%ld.nrrd\",\"bytes\":8}", 201);
+    oom_must("POST", "uploads", "{\"name\":\"a.nrrd\",\"bytes\":1}", 201);
+    oom_member("id", id);
+    oom_each_allocation("GET", "uploads", "", 200);
+    snprintf(path, sizeof path, "uploads/%s", id);
+    oom_each_allocation("GET", path, "", 200);
+    oom_must("DELETE", path, "", 204);
+    each_allocation_of_uploading();
+    each_allocation_of_ending("uploads", "{\"name\":\"%ld.nrrd\",\"bytes\":8}", 201);
+}
+
 static void changing(void **state) {
     (void)state;
     each_allocation_of_putting(201);
@@ -276,6 +313,7 @@ int main(void) {
         cmocka_unit_test(reading),
         cmocka_unit_test(making),
         cmocka_unit_test(changing),
+        cmocka_unit_test(uploading),
         cmocka_unit_test(oom_paths),
         cmocka_unit_test(oom_streams),
         cmocka_unit_test(oom_all_is_covered),

@@ -1,0 +1,128 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Uploads: files that clients send in parts, to be loaded as volumes.
+ *
+ *   add ─► receiving ─► complete ─► loaded by the catalog ─► gone
+ *              └── no byte for --upload-time, or removed ──► gone
+ *
+ * An upload is a folder ROOT/ID with two files: "data" and the extension of the format, and "info",
+ * which says what it is and how many bytes count. The name that the client gave is only shown; it
+ * is never a part of a path. The declared size counts against the limits from the beginning.
+ *
+ * All functions are thread-safe. Those that wait for the disk say so; the HTTP threads let the disk
+ * thread call them.
+ */
+#ifndef SRV_UPLOADS_UPLOADS_H
+#define SRV_UPLOADS_UPLOADS_H
+
+#include <limits.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "common/private_folder.h"
+#include "common/work_queue.h"
+#include "config/tokens.h"
+#include "ops/metrics.h"
+#include "sp/volume.h"
+
+struct srv_uploads;
+
+enum { SRV_UPLOAD_ID_BYTES = 33 };
+
+struct srv_uploads_options {
+    const char *folder; /* survives a restart, and so do unfinished uploads; NULL = a private folder
+                           that is removed at the end */
+    bool keeps_loaded;  /* the file of a loaded volume stays, because a restart loads it again */
+    uint64_t bytes_max; /* declared sizes of all uploads together, and of one; at least 1 */
+    unsigned count_max;
+    double expiry_ms; /* an upload ends this long after its last byte */
+    struct srv_tokens *tokens;
+    struct srv_metrics *metrics; /* NULL = nothing is counted */
+    struct srv_work_queue *disk;
+};
+
+struct srv_upload_info {
+    char id[SRV_UPLOAD_ID_BYTES];
+    char name[SP_NAME_BYTES];         /* the client's, made safe to show */
+    char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that added it */
+    uint64_t bytes, offset;           /* declared; received so far */
+    double expires_ms;                /* from now; INFINITY = it belongs to a volume */
+};
+
+/* Opens the folder, removes what cannot be continued there, and finds the uploads of an earlier
+ * run. Waits for the disk. NULL with *err set: SP_ERR_IO, SP_ERR_INVALID, SP_ERR_MEMORY. */
+struct srv_uploads *srv_uploads_create(const struct srv_uploads_options *options, double now_ms,
+                                       struct sp_error *err);
+/* After the disk thread ended. Accepts NULL; nulls. */
+void srv_uploads_destroy(struct srv_uploads **uploads);
+
+/* Makes the name of a client safe to show: its last component, valid UTF-8, no control characters,
+ * cut to fit. False with SP_ERR_UNSUPPORTED or SP_ERR_INVALID if no file of this name can be
+ * loaded. */
+bool srv_upload_name(const char *given, size_t length, char name[SP_NAME_BYTES],
+                     struct sp_error *err);
+
+/* Begins an upload. `extension` is that of the format, a constant. Writes two small files.
+ * SP_ERR_INVALID (larger than bytes_max), SP_ERR_QUOTA (of the token), SP_ERR_BUDGET (all uploads
+ * together, or the disk), SP_ERR_IO, SP_ERR_MEMORY. */
+bool srv_uploads_add(struct srv_uploads *uploads, const char *owner, const char *name,
+                     const char *extension, uint64_t bytes, double now_ms,
+                     struct srv_upload_info *info, struct sp_error *err);
+/* SP_ERR_NOT_FOUND. */
+bool srv_uploads_get(struct srv_uploads *uploads, const char *id, double now_ms,
+                     struct srv_upload_info *info, struct sp_error *err);
+/* Gets upload i in the order of adding; false past the end. */
+bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, double now_ms,
+                    struct srv_upload_info *info);
+/* Removes an upload; the disk thread removes its files. SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (it
+ * belongs to a volume). */
+bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, struct sp_error *err);
+/* Removes expired uploads. */
+void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
+
+struct srv_uploads_numbers {
+    unsigned count;
+    uint64_t declared_bytes, received_bytes, bytes_max;
+};
+void srv_uploads_numbers(struct srv_uploads *uploads, struct srv_uploads_numbers *numbers);
+
+/* Receiving. One writer at a time: a new one, from a client that lost its connection, replaces an
+ * older one, whose next write fails. */
+
+struct srv_upload_writer {
+    struct srv_uploads *uploads;
+    char id[SRV_UPLOAD_ID_BYTES];
+    uint64_t number, start, position; /* number: of the writer; start: the offset at its begin */
+    bool is_atomic; /* the bytes count only at the end, when their checksum is known */
+    int fd;         /* -1 = not open yet */
+};
+
+/* Begins to write at `offset`, which must be the upload's. `size` is what will come, 0 = unknown.
+ * SP_ERR_NOT_FOUND, SP_ERR_INVALID (offset; *at is the right one), SP_ERR_UNSUPPORTED (more than is
+ * missing). */
+bool srv_upload_begin(struct srv_uploads *uploads, const char *id, uint64_t offset, uint64_t size,
+                      bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
+                      struct sp_error *err);
+/* Writes bytes. Waits for the disk. SP_ERR_NOT_FOUND (removed meanwhile), SP_ERR_CANCELLED (another
+ * writer continues), SP_ERR_UNSUPPORTED (more than was declared), SP_ERR_BUDGET (the disk is full),
+ * SP_ERR_IO. */
+bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_t size,
+                      double now_ms, struct sp_error *err);
+/* Ends writing, always. `keeps` false: the bytes of an atomic writer do not count. Waits for the
+ * disk. Writes the state of the upload to *info. Errors as above. */
+bool srv_upload_end(struct srv_upload_writer *writer, bool keeps, double now_ms,
+                    struct srv_upload_info *info, struct sp_error *err);
+
+/* For the catalog (struct srv_catalog_options). `user` is the uploads. SP_ERR_NOT_FOUND,
+ * SP_ERR_NOT_READY (bytes are missing). */
+bool srv_upload_open(void *user, const char *id, char path[PATH_MAX], char name[SP_NAME_BYTES],
+                     struct sp_error *err);
+enum srv_upload_end {
+    SRV_UPLOAD_LOADED,  /* the volume has its own copy of the data */
+    SRV_UPLOAD_UNUSED,  /* it failed, or was removed: the upload goes */
+    SRV_UPLOAD_RETURNED /* it was not loaded after all: the upload stays */
+};
+void srv_upload_close(void *user, const char *id, enum srv_upload_end end);
+
+#endif

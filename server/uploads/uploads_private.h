@@ -1,0 +1,60 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The list of uploads (uploads.c), their files (files.c) and writers (writer.c).
+ */
+#ifndef SRV_UPLOADS_UPLOADS_PRIVATE_H
+#define SRV_UPLOADS_UPLOADS_PRIVATE_H
+
+#include <pthread.h>
+
+#include "uploads/uploads.h"
+
+enum { SRV_EXTENSION_BYTES = 8 };
+
+struct srv_upload {
+    struct srv_upload *next;
+    char id[SRV_UPLOAD_ID_BYTES], name[SP_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
+    char extension[SRV_EXTENSION_BYTES]; /* ".nrrd" */
+    uint64_t bytes, offset;
+    uint64_t writer;   /* number of the newest writer */
+    double used_ms;    /* when its last byte came */
+    bool is_of_volume; /* the catalog has opened it */
+};
+
+struct srv_uploads {
+    struct srv_uploads_options options;
+    char root[SRV_FOLDER_BYTES];
+    bool is_private;
+    int lock;
+    pthread_mutex_t mutex; /* guards what follows */
+    struct srv_upload *first, **last;
+    unsigned count;
+    uint64_t declared_bytes, next_writer;
+};
+
+/* With the mutex held. The place in the list where the upload is, or would be. */
+struct srv_upload **srv_uploads_find(struct srv_uploads *uploads, const char *id);
+bool srv_upload_not_found(const char *id, struct sp_error *err);
+void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
+                         double now_ms, struct srv_upload_info *info);
+
+/* Files. `what` of ROOT/ID: its data or its info. */
+void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload *upload,
+                     char path[SRV_FILE_BYTES]);
+/* Creates the folder with an empty data file and the info. False: nothing is left. */
+bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
+                             struct sp_error *err);
+/* Replaces the info. */
+bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_upload *upload,
+                           struct sp_error *err);
+/* Reads the info of a folder. False: it cannot be continued. */
+bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
+                           struct srv_upload *upload);
+/* Makes an upload invisible to the next run. Quick; the rest is left to srv_folder_remove_id(). */
+void srv_upload_files_forget(const struct srv_uploads *uploads, const char *id);
+/* Bytes that the disk has free. */
+uint64_t srv_upload_files_free(const struct srv_uploads *uploads);
+/* The error of a call that failed with errno: SP_ERR_BUDGET if the disk is full. */
+bool srv_upload_disk_error(const char *what, struct sp_error *err);
+
+#endif
