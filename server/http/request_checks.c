@@ -12,6 +12,7 @@
 #include "http/response.h"
 #include "http/routes.h"
 #include "http/upload_body.h"
+#include "http/upload_headers.h"
 
 void srv_request_refuse_token(struct srv_request *request, const char *how) {
     bool is_given = srv_request_token(request) != NULL;
@@ -48,7 +49,12 @@ static void refuse_method(struct srv_request *request, unsigned allowed) {
     srv_reply_problem(&request->reply, 405, NULL, "the method %.16s is not allowed here; use %s",
                       request->method, allow);
     srv_reply_header(&request->reply, "Allow", "%s", allow);
-    list_patch_types(&request->reply, allowed);
+    const struct srv_route *patch =
+        srv_routes_find("PATCH", request->path, request->param, &(unsigned){ 0 });
+    if (srv_upload_body_is_for(patch))
+        srv_reply_header(&request->reply, "Accept-Patch", SRV_UPLOAD_TYPE);
+    else
+        list_patch_types(&request->reply, allowed);
 }
 
 static bool check_limits(struct srv_request *request) {
