@@ -22,8 +22,8 @@ function createConnection(base, address, { view, size }) {
   return new Connection({
     base, ...address, lastView: view, size,
     env: {
-      fetch: (...args) => window.fetch(...args), WebSocket: window.WebSocket,
-      setTimeout: (...args) => window.setTimeout(...args), clearTimeout: (id) => window.clearTimeout(id),
+      fetch: (address, options) => window.fetch(address, options), WebSocket: window.WebSocket,
+      setTimeout: (act, ms) => window.setTimeout(act, ms), clearTimeout: (id) => window.clearTimeout(id),
       now: () => performance.now(),
     },
   });

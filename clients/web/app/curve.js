@@ -21,6 +21,7 @@ export class Curve {
   #xs = null; // null: the whole extent
   #isEditable = false;
   #dirty = new Set(); // fields with text that is not taken yet
+  /** @type {any} */
   #view = { paint: () => {}, mode: '' };
   selected = 0;
 

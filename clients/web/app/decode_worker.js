@@ -3,7 +3,7 @@
 self.onmessage = async ({ data: { id, payload, type } }) => {
   try {
     const image = await createImageBitmap(new Blob([payload], { type }));
-    self.postMessage({ id, image }, [image]);
+    self.postMessage({ id, image }, { transfer: [image] });
   } catch (error) {
     self.postMessage({ id, error: error.message });
   }

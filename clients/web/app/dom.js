@@ -4,6 +4,7 @@ import { t } from '../core/text.js';
 
 const SVG = 'http://www.w3.org/2000/svg';
 
+/** @type {(id: string) => any} */
 export const byId = (id) => document.getElementById(id);
 
 /**

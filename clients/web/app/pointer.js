@@ -140,15 +140,19 @@ export function attachWheel(canvas, viewer, modes) {
   }, { passive: false });
 }
 
-/** The keys that move the camera: [keys, act(event)]. */
+/**
+ * The keys that move the camera: [keys, act(event)].
+ * @returns {[string[], (event: KeyboardEvent) => void][]}
+ */
 export function cameraKeys(viewer) {
   const turns = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
   const middle = () => [viewer.viewport.width / 2, viewer.viewport.height / 2];
-  const arrows = Object.entries(turns).map(([key, [x, y]]) => [[key], ({ shiftKey, timeStamp }) => {
+  /** @type {(of: any) => [string[], (event: KeyboardEvent) => void]} */
+  const arrow = ([key, [x, y]]) => [[key], ({ shiftKey, timeStamp }) => {
     if (shiftKey) viewer.pan([-x * KEY_PAN_PX, -y * KEY_PAN_PX], timeStamp);
     else viewer.orbit(x * KEY_TURN, y * KEY_TURN, 0, timeStamp);
-  }]);
-  return [...arrows,
+  }];
+  return [...Object.entries(turns).map(arrow),
     [['+', '='], ({ timeStamp }) => viewer.zoom(1 / KEY_ZOOM, middle(), timeStamp)],
     [['-', '_'], ({ timeStamp }) => viewer.zoom(KEY_ZOOM, middle(), timeStamp)],
     [[','], ({ timeStamp }) => viewer.orbit(0, 0, KEY_TURN, timeStamp)],

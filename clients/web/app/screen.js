@@ -9,16 +9,21 @@ const SHAPE_TOLERANCE = 0.02;
 export const THUMBNAIL = [120, 80];
 
 export class Screen {
-  #canvas; #context;
+  #canvas; #context; #observer;
   #resized = new Set();
   #css = { width: 1, height: 1 };
 
   constructor(canvas) {
     this.#canvas = canvas;
     this.#context = canvas.getContext('2d', { alpha: false });
-    const observer = new ResizeObserver(([entry]) => this.#measure(entry));
-    observer.observe(canvas);
+    this.#observer = new ResizeObserver(([entry]) => this.#measure(entry));
+    this.#observer.observe(canvas);
     this.#measure(null);
+  }
+
+  /** Ends the measuring; the canvas stays as it is. */
+  destroy() {
+    this.#observer.disconnect();
   }
 
   /** The canvas; it gets the pointer and the focus. */

@@ -124,7 +124,10 @@ class Transfer {
     this.#plan();
   }
 
-  /** Changes the state and the view. Changes of one gesture count as one step for undo. */
+  /**
+   * Changes the state and the view. Changes of one gesture count as one step for undo.
+   * @param {object} change @param {{gesture?: string | null, time?: number}} [how]
+   */
   edit(change, { gesture = null, time } = {}) {
     if (!this.isEditable) return;
     this.#history.put({ ...this.state, ...change }, gesture);
@@ -236,7 +239,7 @@ class Transfer {
       const steps = Math.round(Math.min(STEPS_MAX, Math.max(0, target.valueAsNumber || 0)));
       this.#changeMap({ steps }, timeStamp);
     });
-    for (const [id, i] of [['transfer-map-low', 0], ['transfer-map-high', 1]]) {
+    for (const [i, id] of ['transfer-map-low', 'transfer-map-high'].entries()) {
       byId(id).addEventListener('change', ({ target, timeStamp }) => {
         const range = this.state.map?.range.with?.(i, target.valueAsNumber) ?? this.state.map?.range.map((v, k) => (k === i ? target.valueAsNumber : v));
         if (range?.every(Number.isFinite) && range[1] > range[0]) this.#changeMap({ range }, timeStamp);

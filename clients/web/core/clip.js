@@ -84,7 +84,7 @@ export function section(volumeBox, { normal, offset }) {
   const u = normalize(subtract(points[0], middle));
   const v = [n[1] * u[2] - n[2] * u[1], n[2] * u[0] - n[0] * u[2], n[0] * u[1] - n[1] * u[0]];
   const angle = (p) => Math.atan2(dot(subtract(p, middle), v), dot(subtract(p, middle), u));
-  return points.map((p) => [angle(p), p]).sort((p, q) => p[0] - q[0]).map(([, p]) => p);
+  return points.map((at) => ({ at, turn: angle(at) })).sort((p, q) => p.turn - q.turn).map(({ at }) => at);
 }
 
 const middleOf = (points) => scale(points.reduce(add), 1 / points.length);

@@ -25,7 +25,7 @@ export class ConnectionState {
   #listener;
 
   /** listener(state, step, before) is called after each step. */
-  constructor(listener = () => {}) {
+  constructor(listener = /** @type {Function} */ (() => {})) {
     this.#listener = listener;
   }
 

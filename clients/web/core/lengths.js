@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Lengths with units, and the scale bar.
 
-/** Metric units in metres, and their usual spellings. */
+/** Metric units in metres, and their usual spellings.
+    @type {[string, number][]} */
 const METRIC = [['nm', 1e-9], ['µm', 1e-6], ['mm', 1e-3], ['m', 1], ['km', 1e3]];
 const SPELLINGS = {
   nm: 1e-9, um: 1e-6, µm: 1e-6, μm: 1e-6, micron: 1e-6, microns: 1e-6, mm: 1e-3, millimeter: 1e-3, millimeters: 1e-3, cm: 1e-2, m: 1,

@@ -21,7 +21,7 @@ export class UpdateQueue {
    * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
    * reports an accepted update, fail(error, patch) a refused one. At most `limit` updates are unanswered.
    */
-  constructor({ send, schedule, now, done = () => {}, fail, limit = 32 }) {
+  constructor({ send, schedule, now, done = /** @type {Function} */ (() => {}), fail, limit = 32 }) {
     this.#send = send;
     this.#schedule = schedule;
     this.#now = now;

@@ -55,6 +55,7 @@ export default {
   'help.zoom.keys': '[+] [−]',
   'help.zoom.mouse': 'wheel',
   'help.zoom.touch': 'pinch',
+  'element.label': 'The volume. Arrow keys turn it, plus and minus zoom.',
   // Connection.
   'banner.connect': 'Connect',
   'banner.connecting': 'Connecting …',
