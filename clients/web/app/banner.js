@@ -44,12 +44,12 @@ export class Banner {
     this.#form.hidden = !asksToken;
   }
 
-  /** The connection is lost and will be tried again in `retryMs`. */
-  showLost(reason, retryMs) {
+  /** The connection is lost and will be tried again in `retryMs`. why: lost, busy (the daemon is over a limit) or offline. */
+  showLost(reason, retryMs, why = 'lost') {
     const until = performance.now() + retryMs;
     const title = () => {
       const seconds = Math.max(0, Math.ceil((until - performance.now()) / 1000));
-      return seconds > 0 ? t('banner.lost.in', { seconds }) : t('banner.lost.now');
+      return seconds > 0 ? t(`banner.${why}.in`, { seconds }) : t(`banner.${why}.now`);
     };
     this.show({
       kind: 'lost', title: title(), canRetry: true,

@@ -2,6 +2,12 @@
 // The banner over the picture follows the state of the connection.
 import { t } from '../core/text.js';
 
+/** Why there is no connection: offline, busy (the daemon is over a limit), or lost. */
+function whyLost(error) {
+  if (!navigator.onLine) return 'offline';
+  return error?.status === 503 || error?.status === 429 ? 'busy' : 'lost';
+}
+
 export function install({ connection, banner, frames, warp, viewer, participants }) {
   let last = { state: 'idle', reason: '', retryMs: 0, error: null };
 
@@ -39,7 +45,7 @@ export function install({ connection, banner, frames, warp, viewer, participants
         break;
       case 'waiting': showWaiting(); break;
       case 'draining': banner.show({ kind: 'lost', title: t('banner.draining'), text: reason }); break;
-      case 'lost': banner.showLost(reason, retryMs); break;
+      case 'lost': banner.showLost(reason, retryMs, whyLost(error)); break;
       case 'refused': showRefused(error); break;
       default: // After a lost connection the banner stays until a frame arrives.
         if (!frames.hasPicture) banner.show({ kind: 'busy', title: t('banner.connecting') });
@@ -60,6 +66,7 @@ export function install({ connection, banner, frames, warp, viewer, participants
   connection.on('volumes', () => connection.state === 'waiting' && showWaiting());
   frames.on('drawn', () => frames.drawn.count === 1 && show());
   window.addEventListener('online', () => connection.retryNow());
+  window.addEventListener('offline', () => last.state === 'lost' && show());
   document.addEventListener('visibilitychange', () => !document.hidden && last.state === 'lost' && connection.retryNow());
   show();
 }

@@ -7,7 +7,7 @@ import { VideoStream } from '../core/video.js';
 import { nextFrame } from './animation.js';
 import { decodeImage } from './decoder.js';
 
-/** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null)}; video-failed Error. */
+/** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
 class Frames extends Emitter {
   /** Of the last drawn frame; count, videos: since the page opened. */
   drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false };
@@ -34,12 +34,12 @@ export function install(app) {
       Object.assign(drawn, {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
       });
-      frames.emit('drawn', { frame, rig: viewer.rigOf(seq), latency: viewer.updates.show(seq) });
+      frames.emit('drawn', { frame, rig: viewer.rigOf(seq), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
     },
     ack: ({ frame }) => connection.notify('stream.ack', { frame }),
     fail: (error, { frame }) => report(new Error(t('frames.undecodable', { frame, reason: error.message }))),
   });
-  connection.on('frame', (frame) => order.put(frame));
+  connection.on('frame', (frame) => order.put({ ...frame, arrived: performance.now() }));
   connection.on('state', ({ state }) => {
     if (state !== 'live') return;
     order.reset();

@@ -3,7 +3,9 @@
 // it to the list.
 import { chooseLanguage, useTexts } from '../core/text.js';
 import { createApp } from './app.js';
+import * as capture from './capture.js';
 import * as clip from './clip.js';
+import * as compare from './compare.js';
 import * as connectionBanner from './connection_banner.js';
 import { showTexts } from './dom.js';
 import * as formats from './formats.js';
@@ -11,6 +13,7 @@ import * as frames from './frames.js';
 import * as gradient from './gradient.js';
 import * as input from './input.js';
 import * as inspect from './inspect.js';
+import * as keptViews from './kept_views.js';
 import * as keyframes from './keyframes.js';
 import * as paths from './paths.js';
 import * as people from './people.js';
@@ -19,6 +22,7 @@ import * as picture from './picture.js';
 import * as presets from './presets.js';
 import * as session from './session.js';
 import * as status from './status.js';
+import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
@@ -29,7 +33,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, statusPanel, capture, keptViews, compare, inspect,
 ];
 
 async function start() {

@@ -12,6 +12,7 @@ export class Screen {
   #canvas; #context; #observer;
   #resized = new Set();
   #css = { width: 1, height: 1 };
+  #pixels = [1, 1];
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -35,6 +36,9 @@ export class Screen {
   /** The size of the canvas in CSS px, for input geometry. */
   get viewport() { return this.#css; }
 
+  /** [width, height] of the canvas in px of the screen. */
+  get pixels() { return this.#pixels; }
+
   /** [width, height] in px of the frame that fits. */
   get size() { return [this.#canvas.width, this.#canvas.height]; }
 
@@ -48,6 +52,7 @@ export class Screen {
     const device = entry?.devicePixelContentBoxSize?.[0];
     const exact = [device?.inlineSize, device?.blockSize];
     if (exact.every((n, i) => Math.abs(n - full[i]) <= 1)) full = exact;
+    this.#pixels = full.map((n) => Math.max(1, Math.round(n)));
     const shrink = Math.min(1, SIDE_MAX / Math.max(...full));
     const [width, height] = full.map((n) => Math.max(1, Math.round(n * shrink)));
     if (width === this.#canvas.width && height === this.#canvas.height) return;

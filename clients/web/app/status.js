@@ -26,7 +26,7 @@ export function shortBytes(n) {
 
 export function install(app) {
   const { connection, screen, frames } = app;
-  const status = new StatusLine(byId('status'), () => screen.size);
+  const status = new StatusLine(byId('status'), screen);
   connection.on('state', ({ state }) => status.setState(state));
   connection.on('notification', ({ method, params }) => {
     if (method === 'stream.stats') status.setStats(params);
@@ -42,14 +42,13 @@ class StatusLine {
   #stats = {};
   #latency = null;
   #newest = null;
-  #wanted;
+  #screen;
   #isLive = false;
   #about = null; // the title of the field itself
 
-  /** wanted(): [width, height] of the requested frame. */
-  constructor(root, wanted) {
+  constructor(root, screen) {
     this.#root = root;
-    this.#wanted = wanted;
+    this.#screen = screen;
     for (const item of root.querySelectorAll('[data-key]')) {
       this.#fields.set(item.dataset.key, item.querySelector('dd'));
     }
@@ -103,7 +102,7 @@ class StatusLine {
     const isResting = this.#frames.length === 0 && frame?.isFinal;
     set('fps', !frame || !this.#isLive ? '' : isResting ? t('status.resting') : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
-    set('detail', frame ? `${detailPercent(frame, this.#wanted(), this.#stats.coarse)} %` : '');
+    set('detail', frame ? `${detailPercent(frame, this.#screen.size, this.#stats.coarse, this.#screen.pixels)} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
     set('bytes', frame ? kilobytes(frame.bytes) : '');
     set('render', frame ? `${((frame.renderUs + frame.encodeUs) / 1000).toFixed(0)} ms` : '');

@@ -27,6 +27,7 @@ export class Viewer extends Emitter {
   #sphere = null;
   #home = null;
   #isSwitching = false;
+  #isRestoring = false; // to a complete view, whose camera stays
   #canControl = true;
   #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet; 0 = before the first one
 
@@ -80,9 +81,9 @@ export class Viewer extends Emitter {
   }
 
   /** Takes a complete view from the daemon. A default view fits a square, so a narrow window needs more distance. */
-  take(view, isDefault = this.#isSwitching) {
+  take(view, isDefault = this.#isSwitching && !this.#isRestoring) {
     this.#view = view;
-    this.#isSwitching = false;
+    this.#isSwitching = this.#isRestoring = false;
     this.#rig = rigOfView(view);
     this.#rigs.set(this.updates.sent, this.#rig); // frames of this view carry the seq of this client's last update
     this.#measure();
@@ -151,7 +152,7 @@ export class Viewer extends Emitter {
 
   #refused(error, patch) {
     if (error.code === -32004) this.allow(false);
-    this.#isSwitching = false;
+    this.#isSwitching = this.#isRestoring = false;
     this.emit('refused', error);
     // The daemon refused the change, so the page returns to the daemon's view.
     if (this.#connection.isLive && patch) this.#reload();
@@ -175,9 +176,27 @@ export class Viewer extends Emitter {
     this.emit('view', this.#view);
   }
 
+  /** Goes to a complete view, also of another volume; the size stays. */
+  restore(view, time) {
+    if (!this.#view || !this.#canControl) return;
+    if (view.volume === this.#view.volume) {
+      this.show(view, time);
+      return;
+    }
+    const { size, ...wanted } = view;
+    this.#isSwitching = true;
+    this.#isRestoring = true;
+    this.#home = null;
+    this.#view = { ...wanted, size: this.#view.size };
+    this.#rig = rigOfView(view);
+    this.updates.put(wanted, { alone: true, time });
+    this.emit('view', this.#view);
+  }
+
   selectVolume(id) {
     if (!this.#view || !this.#canControl || id === this.#view.volume) return;
     this.#isSwitching = true;
+    this.#isRestoring = false;
     this.#home = null;
     this.#view = { ...this.#view, volume: id };
     this.updates.put({ volume: id }, { alone: true });

@@ -201,6 +201,7 @@ export class Api {
     const fetch = this.#fetch;
     return fetch(new URL(path, this.#base), {
       method, headers, body: body && JSON.stringify(body), cache, credentials: 'same-origin', signal,
+      keepalive: method === 'DELETE', // also when the page is being left
     });
   }
 

@@ -63,6 +63,8 @@ export class Connection extends Emitter {
   /** Round trip of the newest ping in ms; 0 = not measured yet. */
   get rttMs() { return this.#rtt; }
   get api() { return this.#api; }
+  /** {fetch, WebSocket, setTimeout, clearTimeout, now}, for a second connection. */
+  get env() { return this.#env; }
   get isLive() { return this.state === 'live' || this.state === 'draining'; }
 
   start() {

@@ -21,3 +21,8 @@ test('a final frame has full detail, whatever earlier values were', () => {
 test('a frame larger than the current request has at most 100 %', () => {
   assert.equal(detailPercent(frame(800, 600), [400, 300]), 100);
 });
+
+test('a screen with more pixels than the page requests never has full detail', () => {
+  assert.equal(detailPercent(frame(2048, 1152, true), [2048, 1152], 0, [3840, 2160]), 53);
+  assert.equal(detailPercent(frame(1024, 576), [2048, 1152], 1, [3840, 2160]), 13);
+});

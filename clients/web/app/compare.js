@@ -1,0 +1,294 @@
+// SPDX-License-Identifier: Apache-2.0
+// Comparison of the session's picture (A) with a second one (B) under the same camera: side by side, or split by a divider. B is a session
+// of its own (companion.js), so that the daemon renders both halves in full quality, and nobody else sees B.
+import { sphereAround, volumeBox } from '../core/camera.js';
+import { isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
+import { t } from '../core/text.js';
+import { Companion } from './companion.js';
+import { byId, make, setText } from './dom.js';
+import { attachNavigation } from './input.js';
+import { ORDER } from './panel.js';
+
+const STEP = 2; // percent per press of an arrow key
+const COPY = 'copy';
+
+export function install(app) {
+  const body = app.panel.section({ id: 'compare', title: t('compare.section'), order: ORDER.compare });
+  app.layout.add('compare');
+  const compare = new Compare(app, body);
+  const button = app.toolbar.button({
+    id: 'tool-compare', icon: 'columns-2', label: t('compare.tool'), group: 'compare', isToggle: true, press: () => compare.toggle(),
+  });
+  compare.onChange(() => button.setAttribute('aria-pressed', String(compare.isOn)));
+  app.compare = compare;
+}
+
+/** The line between A and B: a separator that pointer and keys move. */
+class Divider {
+  #root; #moved;
+  #percent = 50;
+
+  /** root: the element whose width it divides; moved(percent). */
+  constructor(root, moved) {
+    this.#root = root;
+    this.#moved = moved;
+    this.element = make('div', {
+      id: 'compare-divider', role: 'separator', tabindex: 0, hidden: true, 'aria-orientation': 'vertical', 'aria-label': t('compare.divider'),
+      title: t('compare.divider.title'), 'aria-valuemin': 0, 'aria-valuemax': 100,
+    });
+    this.element.addEventListener('pointerdown', (event) => {
+      this.element.setPointerCapture(event.pointerId);
+      event.preventDefault();
+      this.element.focus();
+    });
+    this.element.addEventListener('pointermove', (event) => this.element.hasPointerCapture(event.pointerId) && this.#follow(event));
+    this.element.addEventListener('keydown', (event) => this.#key(event));
+  }
+
+  get percent() { return this.#percent; }
+
+  set(percent) {
+    this.#percent = Math.min(100, Math.max(0, percent));
+    this.element.style.left = `${this.#percent}%`;
+    this.element.setAttribute('aria-valuenow', String(Math.round(this.#percent)));
+    this.#moved(this.#percent);
+  }
+
+  #follow({ clientX }) {
+    const box = this.#root.getBoundingClientRect();
+    this.set(100 * (clientX - box.left) / box.width);
+  }
+
+  #key(event) {
+    const step = { ArrowLeft: -STEP, ArrowRight: STEP, PageDown: -5 * STEP, PageUp: 5 * STEP }[event.key];
+    const end = { Home: 0, End: 100 }[event.key];
+    if (step === undefined && end === undefined) return;
+    event.preventDefault();
+    event.stopPropagation();
+    this.set(end ?? this.#percent + step);
+  }
+}
+
+class Compare {
+  #app; #source; #start; #running; #fit; #fitRow; #note; #mode; #swap;
+  #canvas; #pane; #stage; #divider; #badges;
+  #companion = null;
+  #isStarting = false;
+  #told = new Set();
+
+  constructor(app, body) {
+    this.#app = app;
+    this.#stage = byId('pane-3d');
+    this.#canvas = make('canvas', { id: 'screen-b', role: 'img', 'aria-label': t('compare.label.b') });
+    this.#pane = app.layout.pane('compare', t('compare.b'), { layouts: ['compare'] });
+    this.#divider = new Divider(this.#stage, (percent) => { this.#canvas.style.clipPath = `inset(0 0 0 ${percent}%)`; });
+    this.#badges = ['a', 'b'].map((name) => make('p', { class: 'compare-badge', 'data-side': name, hidden: true }, make('strong', { text: t(`compare.${name}`) }), make('span')));
+    this.#stage.append(this.#divider.element, ...this.#badges);
+    this.#build(body);
+    this.#follow();
+    this.#show();
+  }
+
+  #build(body) {
+    this.#source = make('select', { id: 'compare-source' });
+    this.#source.addEventListener('change', () => this.#companion && this.#run(() => this.#load(this.#source.value)));
+    this.#mode = make('select', { id: 'compare-mode' }, make('option', { value: 'divider', text: t('compare.mode.divider') }), make('option', { value: 'side', text: t('compare.mode.side') }));
+    this.#mode.value = this.#app.storage.recall('compare') === 'side' ? 'side' : 'divider';
+    this.#mode.addEventListener('change', () => {
+      this.#app.storage.remember('compare', this.#mode.value);
+      this.#show();
+    });
+    this.#fit = make('input', { id: 'compare-fit', type: 'checkbox', role: 'switch' });
+    this.#fit.addEventListener('change', () => this.#look());
+    this.#fitRow = make('div', { class: 'row', title: t('compare.fit.title') }, make('label', { for: 'compare-fit', text: t('compare.fit') }), this.#fit);
+    this.#start = make('button', { id: 'compare-start', text: t('compare.start'), press: () => this.start() });
+    this.#swap = make('button', { id: 'compare-swap', text: t('compare.swap'), title: t('compare.swap.title'), press: () => this.#run(() => this.#exchange()) });
+    this.#running = make('div', { hidden: true }, this.#fitRow,
+      make('div', { class: 'buttons' }, this.#swap,
+        make('button', { id: 'compare-copy', text: t('compare.copy'), title: t('compare.copy.title'), press: () => this.#copy() }),
+        make('button', { id: 'compare-end', text: t('compare.end'), press: () => this.stop() })));
+    this.#note = make('p', { class: 'about', id: 'compare-note', role: 'status' });
+    body.append(
+      make('div', { class: 'row' }, make('label', { for: 'compare-source', text: t('compare.source') }), this.#source),
+      make('div', { class: 'row' }, make('label', { for: 'compare-mode', text: t('compare.mode') }), this.#mode),
+      make('div', { class: 'buttons' }, this.#start), this.#running, this.#note);
+  }
+
+  #follow() {
+    const { viewer, connection, layout, kept } = this.#app;
+    viewer.on('camera', () => this.#look());
+    viewer.on('view', () => {
+      this.#look();
+      this.#label();
+    });
+    connection.on('volumes', () => this.#listSources());
+    kept?.onChange(() => this.#listSources());
+    layout.on('change', (name) => {
+      if (!this.#companion || name === 'compare' || this.#mode.value !== 'side') return;
+      this.#mode.value = 'divider';
+      this.#show();
+    });
+    window.addEventListener('pagehide', () => this.#companion?.stop());
+    const nothing = () => false;
+    attachNavigation(this.#canvas, viewer, { down: nothing, move: nothing, up: nothing, hover: nothing, cancel: nothing, double: nothing, wheel: nothing });
+  }
+
+  get isOn() { return this.#companion !== null; }
+  /** For tests: B, or null. */
+  get companion() { return this.#companion; }
+
+  onChange(told) { this.#told.add(told); }
+
+  toggle() {
+    if (this.isOn) this.stop();
+    else this.start();
+  }
+
+  #listSources() {
+    const { connection, viewer, kept } = this.#app;
+    const before = this.#source.value || COPY;
+    const volumes = connection.volumes.filter((v) => v.state === 'ready' && v.id !== viewer.view?.volume);
+    const views = kept?.views ?? [];
+    const group = (label, options) => (options.length ? [make('optgroup', { label }, ...options)] : []);
+    this.#source.replaceChildren(
+      make('option', { value: COPY, text: t('compare.source.copy') }),
+      ...group(t('kept.section'), views.map((view) => make('option', { value: `view:${view.id}`, text: kept.nameOf(view) }))),
+      ...group(t('compare.source.volumes'), volumes.map((v) => make('option', { value: `volume:${v.id}`, text: v.name || v.id }))));
+    this.#source.value = before;
+    if (!this.#source.value) this.#source.value = COPY;
+  }
+
+  /** The view that B starts with. */
+  async #viewOf(source) {
+    const { api, viewer } = this.#app;
+    const [kind, id] = source.split(/:(.*)/s);
+    if (kind === 'view') return api.keptView(id);
+    if (kind === 'volume') return { ...await api.volumeView(id), background: viewer.view.background };
+    return viewer.view;
+  }
+
+  async #run(act) {
+    try {
+      setText(this.#note, '');
+      await act();
+    } catch (error) {
+      setText(this.#note, error.status === 429 || error.status === 503 ? t('compare.limit', { reason: error.message }) : error.message);
+      this.#app.panel.reveal('compare');
+    }
+  }
+
+  async start(source = this.#source.value || COPY) {
+    const { connection, viewer, participants } = this.#app;
+    if (this.#companion || this.#isStarting || !viewer.view || !connection.isLive) return;
+    if (connection.session.isJoined && !participants.hasControlRole) {
+      setText(this.#note, t('compare.watching'));
+      this.#app.panel.reveal('compare');
+      return;
+    }
+    this.#isStarting = true;
+    await this.#run(async () => this.#begin(await this.#viewOf(source)));
+    this.#isStarting = false;
+    this.#show();
+  }
+
+  async #begin(view) {
+    const { api, connection, viewer, screen, base } = this.#app;
+    const { session } = connection;
+    const size = screen.size;
+    const made = session.isJoined ? await api.sessionFrom(session.id, session.token)
+      : await api.createSession({ ...view, camera: linkedCamera(viewer.camera, ...this.#spheres(view.volume)), size });
+    this.#companion = new Companion({ base, env: connection.env, api, made, canvas: this.#canvas });
+    this.#companion.on('view', () => this.#label());
+    this.#companion.on('failed', (error) => setText(this.#note, error.message));
+    this.#companion.on('ended', () => {
+      this.stop();
+      setText(this.#note, t('compare.ended'));
+    });
+    const isElsewhere = !isSamePlace(this.#sphere(viewer.view.volume), this.#sphere(view.volume));
+    this.#fit.checked = isElsewhere;
+    if (this.#divider.percent === 50) this.#divider.set(50);
+    this.#look();
+  }
+
+  stop() {
+    this.#companion?.stop();
+    this.#companion = null;
+    setText(this.#note, '');
+    this.#show();
+  }
+
+  /** Shows other settings as B. */
+  async #load(source) {
+    const view = await this.#viewOf(source);
+    this.#companion?.change(settingsOf(view));
+    this.#look();
+  }
+
+  #copy() {
+    this.#companion.change(settingsOf(this.#app.viewer.view));
+    this.#look();
+  }
+
+  #exchange() {
+    const { viewer } = this.#app;
+    const [a, b] = [viewer.view, this.#companion.view].map(settingsOf);
+    viewer.restore({ ...viewer.view, ...b });
+    this.#companion.change(a);
+    this.#look();
+  }
+
+  #sphere(id) {
+    const volume = this.#app.connection.volumes.find((v) => v.id === id);
+    return volume?.dims ? sphereAround(volumeBox(volume)) : null;
+  }
+
+  /** The spheres of both volumes if B is fitted, else nothing. */
+  #spheres(id = this.#companion?.view.volume) {
+    return this.#fit.checked ? [this.#sphere(this.#app.viewer.view.volume), this.#sphere(id)] : [];
+  }
+
+  /** B gets the camera of A. */
+  #look(time) {
+    const { viewer } = this.#app;
+    if (!this.#companion || !viewer.isSettled) return;
+    this.#companion.look(linkedCamera(viewer.camera, ...this.#spheres()), time);
+  }
+
+  #label() {
+    if (!this.#companion) return;
+    const { viewer, connection } = this.#app;
+    const nameOf = (id) => connection.volumes.find((v) => v.id === id)?.name || id;
+    const volumes = [viewer.view.volume, this.#companion.view.volume];
+    this.#badges.forEach((badge, i) => setText(badge.lastChild, nameOf(volumes[i])));
+    this.#fitRow.hidden = volumes[0] === volumes[1];
+    this.#swap.disabled = !viewer.canControl;
+  }
+
+  #show() {
+    const { layout } = this.#app;
+    const isSide = this.isOn && this.#mode.value === 'side';
+    const isSplit = this.isOn && !isSide;
+    this.#start.hidden = this.isOn;
+    this.#running.hidden = !this.isOn;
+    this.#divider.element.hidden = !isSplit;
+    this.#stage.toggleAttribute('data-compare', isSplit);
+    for (const badge of this.#badges) badge.hidden = !this.isOn;
+    if (isSide) {
+      this.#pane.append(this.#canvas, this.#badges[1]);
+      this.#canvas.style.clipPath = 'none';
+      layout.set('compare');
+    } else {
+      if (layout.current === 'compare') layout.set('3d');
+      if (isSplit) {
+        this.#stage.insertBefore(this.#canvas, byId('overlay'));
+        this.#divider.element.append(...this.#badges);
+        this.#divider.set(this.#divider.percent);
+      } else {
+        this.#canvas.remove();
+      }
+    }
+    if (isSide) this.#stage.append(this.#badges[0]);
+    this.#label();
+    for (const told of this.#told) told();
+  }
+}
