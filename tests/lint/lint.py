@@ -423,7 +423,7 @@ def style(o):
 def length(o):
     for path in files(o.source, CODE):
         count = len(lines(o.source, path)) - 1
-        if count > LINES_MAX:
+        if count > LINES_MAX and not path.startswith('clients/web/text/'):  # a list: all texts of one language
             yield f'{path}:{LINES_MAX}: {count} lines, more than {LINES_MAX}; split it by concern'
 
 

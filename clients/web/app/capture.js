@@ -174,7 +174,7 @@ class Capture {
     const picture = this.#make('png');
     try {
       // The promise goes to the browser at once, because it takes only what a press of a button starts.
-      await navigator.clipboard.write([new ClipboardItem({ 'image/png': picture.then((blob) => blob ?? Promise.reject(new Error(t('kept.nopicture')))) })]);
+      await navigator.clipboard.write([new ClipboardItem({ 'image/png': picture.then((blob) => blob ?? Promise.reject(new Error(t('saved.nopicture')))) })]);
       this.#say(t('capture.copied'));
     } catch (error) {
       if (await picture.catch(() => null)) this.#say(t('capture.copy.failed', { reason: error.message }));
@@ -236,7 +236,7 @@ class Capture {
   async #link() {
     const { connection, api, viewer, base } = this.#app;
     if (connection.session?.isJoined) throw new Error(t('capture.link.joined'));
-    return `${base}#${new URLSearchParams({ view: (await api.keepView(viewer.view)).id })}`;
+    return `${base}#${new URLSearchParams({ view: (await api.saveView(viewer.view)).id })}`;
   }
 
   async #copy(of) {

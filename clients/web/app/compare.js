@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparison of the session's picture (A) with a second one (B) under the same camera: side by side, or split by a divider. B is a session
-// of its own (companion.js), so that the daemon renders both halves in full quality, and nobody else sees B.
+// of its own (companion.js), so that the daemon renders both halves in full quality, and only this page sees B.
 import { sphereAround, volumeBox } from '../core/camera.js';
 import { isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
 import { t } from '../core/text.js';
@@ -115,14 +115,14 @@ class Compare {
   }
 
   #follow() {
-    const { viewer, connection, layout, kept } = this.#app;
+    const { viewer, connection, layout, saved } = this.#app;
     viewer.on('camera', () => this.#look());
     viewer.on('view', () => {
       this.#look();
       this.#label();
     });
     connection.on('volumes', () => this.#listSources());
-    kept?.onChange(() => this.#listSources());
+    saved?.onChange(() => this.#listSources());
     layout.on('change', (name) => {
       if (!this.#companion || name === 'compare' || this.#mode.value !== 'side') return;
       this.#mode.value = 'divider';
@@ -145,14 +145,14 @@ class Compare {
   }
 
   #listSources() {
-    const { connection, viewer, kept } = this.#app;
+    const { connection, viewer, saved } = this.#app;
     const before = this.#source.value || COPY;
     const volumes = connection.volumes.filter((v) => v.state === 'ready' && v.id !== viewer.view?.volume);
-    const views = kept?.views ?? [];
+    const views = saved?.views ?? [];
     const group = (label, options) => (options.length ? [make('optgroup', { label }, ...options)] : []);
     this.#source.replaceChildren(
       make('option', { value: COPY, text: t('compare.source.copy') }),
-      ...group(t('kept.section'), views.map((view) => make('option', { value: `view:${view.id}`, text: kept.nameOf(view) }))),
+      ...group(t('saved.section'), views.map((view) => make('option', { value: `view:${view.id}`, text: saved.nameOf(view) }))),
       ...group(t('compare.source.volumes'), volumes.map((v) => make('option', { value: `volume:${v.id}`, text: v.name || v.id }))));
     this.#source.value = before;
     if (!this.#source.value) this.#source.value = COPY;
@@ -162,7 +162,7 @@ class Compare {
   async #viewOf(source) {
     const { api, viewer } = this.#app;
     const [kind, id] = source.split(/:(.*)/s);
-    if (kind === 'view') return api.keptView(id);
+    if (kind === 'view') return api.savedView(id);
     if (kind === 'volume') return { ...await api.volumeView(id), background: viewer.view.background };
     return viewer.view;
   }

@@ -13,7 +13,7 @@ import * as frames from './frames.js';
 import * as gradient from './gradient.js';
 import * as input from './input.js';
 import * as inspect from './inspect.js';
-import * as keptViews from './kept_views.js';
+import * as savedViews from './saved_views.js';
 import * as keyframes from './keyframes.js';
 import * as paths from './paths.js';
 import * as people from './people.js';
@@ -33,7 +33,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, statusPanel, capture, keptViews, compare, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
 ];
 
 async function start() {

@@ -10,7 +10,7 @@ function links({ connection, participants, viewer, base }, fork) {
   const none = { watch: null, control: null, view: null, fork: null };
   if (!isLive || !session) return none;
   const join = (token) => token && (async () => `${base}#${new URLSearchParams({ session: session.id, token })}`);
-  const keep = async () => `${base}#${new URLSearchParams({ view: (await api.keepView(viewer.view)).id })}`;
+  const keep = async () => `${base}#${new URLSearchParams({ view: (await api.saveView(viewer.view)).id })}`;
   return {
     watch: join(session.tokens?.view), control: join(session.tokens?.control),
     view: session.isJoined ? null : keep,

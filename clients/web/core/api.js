@@ -48,7 +48,7 @@ export class Api {
   }
 
   /** Saves a view for links; resolves to {id}. */
-  keepView(view) {
+  saveView(view) {
     return this.#request('POST', 'api/v1/views', { body: view });
   }
 
@@ -122,12 +122,12 @@ export class Api {
   }
 
   /** The saved views of this token: [{id, name, saved, volume, size}]. */
-  keptViews() {
+  savedViews() {
     return this.#all('views');
   }
 
   /** A saved view, with every field. */
-  keptView(id) {
+  savedView(id) {
     return this.#request('GET', `api/v1/views/${encodeURIComponent(id)}`);
   }
 

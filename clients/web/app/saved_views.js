@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The gallery of kept views: views that the daemon saved for this token, with names and thumbnails that it renders.
+// The gallery of saved views: views that the daemon saved for this token, with names and thumbnails that it renders.
 import { t } from '../core/text.js';
 import { ask } from './ask.js';
 import { byId, icon, make } from './dom.js';
@@ -42,17 +42,17 @@ class Thumbnails {
       image.addEventListener('load', () => URL.revokeObjectURL(url), { once: true });
       image.src = url;
     } catch (error) {
-      image.parentElement.dataset.missing = error.status === 409 ? t('kept.missing') : t('kept.nopicture');
+      image.parentElement.dataset.missing = error.status === 409 ? t('saved.missing') : t('saved.nopicture');
     }
   }
 }
 
 export function install(app) {
   const body = byId('capture').querySelector('.fold-body');
-  app.kept = new KeptViews(app, body);
+  app.saved = new SavedViews(app, body);
 }
 
-class KeptViews {
+class SavedViews {
   #app; #list; #note; #form; #name; #more; #thumbnails;
   #views = [];
   #isAll = false;
@@ -61,12 +61,12 @@ class KeptViews {
   constructor(app, body) {
     this.#app = app;
     this.#thumbnails = new Thumbnails(app);
-    this.#name = make('input', { id: 'kept-name', maxlength: 60, placeholder: t('kept.name'), 'aria-label': t('kept.name'), autocomplete: 'off' });
-    this.#form = make('form', { id: 'kept-form', class: 'row' }, this.#name, make('button', { type: 'submit', id: 'kept-add', text: t('kept.add'), title: t('kept.add.title') }));
-    this.#list = make('ul', { id: 'kept', 'aria-label': t('kept.section') });
-    this.#note = make('p', { class: 'about', id: 'kept-note', role: 'status' });
-    this.#more = make('button', { id: 'kept-more', hidden: true, press: () => this.#showAll() });
-    body.append(make('h3', { text: t('kept.section') }), this.#form, this.#note, this.#list, this.#more);
+    this.#name = make('input', { id: 'saved-name', maxlength: 60, placeholder: t('saved.name'), 'aria-label': t('saved.name'), autocomplete: 'off' });
+    this.#form = make('form', { id: 'saved-form', class: 'row' }, this.#name, make('button', { type: 'submit', id: 'saved-add', text: t('saved.add'), title: t('saved.add.title') }));
+    this.#list = make('ul', { id: 'saved', 'aria-label': t('saved.section') });
+    this.#note = make('p', { class: 'about', id: 'saved-note', role: 'status' });
+    this.#more = make('button', { id: 'saved-more', hidden: true, press: () => this.#showAll() });
+    body.append(make('h3', { text: t('saved.section') }), this.#form, this.#note, this.#list, this.#more);
     this.#form.addEventListener('submit', (event) => {
       event.preventDefault();
       this.#run(() => this.#add());
@@ -82,7 +82,7 @@ class KeptViews {
   /** Calls told() when the list changed. */
   onChange(told) { this.#told.add(told); }
 
-  /** What the page calls a kept view. */
+  /** What the page calls a saved view. */
   nameOf({ name, volume, id }) {
     return name || volume || id.slice(0, 8);
   }
@@ -95,7 +95,7 @@ class KeptViews {
     try {
       await act();
     } catch (error) {
-      this.#note.textContent = error.status === 403 ? t('kept.forbidden', { reason: error.message }) : error.message;
+      this.#note.textContent = error.status === 403 ? t('saved.forbidden', { reason: error.message }) : error.message;
     }
   }
 
@@ -104,19 +104,19 @@ class KeptViews {
       this.#form.hidden = !this.#isPossible;
       if (!this.#isPossible) {
         this.#views = [];
-        this.#show(t('kept.joined'));
+        this.#show(t('saved.joined'));
         return;
       }
-      const views = await this.#app.api.keptViews();
+      const views = await this.#app.api.savedViews();
       this.#views = views.filter(({ volume }) => volume).sort((a, b) => (b.saved ?? 0) - (a.saved ?? 0) || a.id.localeCompare(b.id));
-      this.#show(this.#views.length ? '' : t('kept.none'));
+      this.#show(this.#views.length ? '' : t('saved.none'));
     });
   }
 
   async #add() {
     const { api, viewer } = this.#app;
     if (!viewer.view) return;
-    const { id } = await api.keepView(viewer.view);
+    const { id } = await api.saveView(viewer.view);
     const name = this.#name.value.trim();
     if (name) await api.renameView(id, name);
     this.#name.value = '';
@@ -134,7 +134,7 @@ class KeptViews {
     const keyOf = ({ id, name }) => `${id} ${name ?? ''}`;
     this.#list.replaceChildren(...shown.map((view) => known.get(keyOf(view)) ?? this.#card(view, keyOf(view))));
     this.#more.hidden = shown.length === this.#views.length;
-    this.#more.textContent = t('kept.more', { count: this.#views.length });
+    this.#more.textContent = t('saved.more', { count: this.#views.length });
     this.#note.textContent = note;
     for (const told of this.#told) told();
   }
@@ -143,17 +143,17 @@ class KeptViews {
     const name = this.nameOf(view);
     const image = make('img', { alt: '', 'data-view': view.id, width: 120, height: 80 });
     const item = make('li', { 'data-key': key, 'data-id': view.id },
-      make('button', { class: 'picture', 'aria-label': t('kept.go', { name }), title: t('kept.go', { name }), press: () => this.#run(() => this.go(view)) }, image),
+      make('button', { class: 'picture', 'aria-label': t('saved.go', { name }), title: t('saved.go', { name }), press: () => this.#run(() => this.go(view)) }, image),
       this.#nameField(view, name),
       make('span', { class: 'acts' },
-        make('button', { class: 'link', 'aria-label': t('kept.link', { name }), title: t('kept.link', { name }), press: () => this.#run(() => this.#copyLink(view)) }, icon('link')),
-        make('button', { class: 'delete', 'aria-label': t('kept.delete', { name }), title: t('kept.delete', { name }), press: () => this.#run(() => this.#delete(view)) }, icon('trash-2'))));
+        make('button', { class: 'link', 'aria-label': t('saved.link', { name }), title: t('saved.link', { name }), press: () => this.#run(() => this.#copyLink(view)) }, icon('link')),
+        make('button', { class: 'delete', 'aria-label': t('saved.delete', { name }), title: t('saved.delete', { name }), press: () => this.#run(() => this.#delete(view)) }, icon('trash-2'))));
     this.#thumbnails.watch(image);
     return item;
   }
 
   #nameField(view, name) {
-    const field = make('input', { class: 'name', value: view.name ?? '', placeholder: name, maxlength: 60, 'aria-label': t('kept.rename', { name }), title: name });
+    const field = make('input', { class: 'name', value: view.name ?? '', placeholder: name, maxlength: 60, 'aria-label': t('saved.rename', { name }), title: name });
     field.addEventListener('change', () => this.#run(async () => {
       await this.#app.api.renameView(view.id, field.value.trim() || null);
       await this.refresh();
@@ -161,19 +161,19 @@ class KeptViews {
     return field;
   }
 
-  /** Goes to a kept view, also of another volume. */
+  /** Goes to a saved view, also of another volume. */
   async go(view) {
     const { api, viewer, notice, connection } = this.#app;
     if (!viewer.canControl) {
-      notice.show(t('kept.watching'));
+      notice.show(t('saved.watching'));
       return;
     }
     const volume = connection.volumes.find(({ id }) => id === view.volume);
     if (!volume) {
-      notice.show(t('kept.closed', { volume: view.volume }));
+      notice.show(t('saved.closed', { volume: view.volume }));
       return;
     }
-    viewer.restore(await api.keptView(view.id));
+    viewer.restore(await api.savedView(view.id));
   }
 
   async #copyLink(view) {
@@ -183,9 +183,9 @@ class KeptViews {
   }
 
   async #delete(view) {
-    if (!await ask(t('kept.delete.ask', { name: this.nameOf(view) }), t('kept.delete.act'))) return;
+    if (!await ask(t('saved.delete.ask', { name: this.nameOf(view) }), t('saved.delete.act'))) return;
     await this.#app.api.deleteView(view.id);
     await this.refresh();
-    byId('kept-add').focus();
+    byId('saved-add').focus();
   }
 }
