@@ -6,8 +6,8 @@ import { isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
 import { t } from '../core/text.js';
 import { Companion } from './companion.js';
 import { byId, make, setText } from './dom.js';
-import { attachNavigation } from './input.js';
 import { ORDER } from './panel.js';
+import { attachPointers, attachWheel } from './pointer.js';
 
 const STEP = 2; // percent per press of an arrow key
 const COPY = 'copy';
@@ -130,7 +130,10 @@ class Compare {
     });
     window.addEventListener('pagehide', () => this.#companion?.stop());
     const nothing = () => false;
-    attachNavigation(this.#canvas, viewer, { down: nothing, move: nothing, up: nothing, hover: nothing, cancel: nothing, double: nothing, wheel: nothing });
+    const noTool = { down: nothing, move: nothing, up: nothing, hover: nothing, cancel: nothing, double: nothing, wheel: nothing };
+    attachPointers(this.#canvas, viewer, noTool);
+    attachWheel(this.#canvas, viewer, noTool);
+    this.#canvas.addEventListener('contextmenu', (event) => event.preventDefault());
   }
 
   get isOn() { return this.#companion !== null; }

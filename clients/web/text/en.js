@@ -312,7 +312,7 @@ export default {
   'compare.fit': 'Fit B to A',
   'compare.fit.title': 'Shows the other volume from the same direction and equally large; otherwise both share the camera in world units',
   'compare.label.b': 'The second picture of the comparison',
-  'compare.limit': 'The daemon has no room for a second picture now: {reason}.',
+  'compare.limit': 'The daemon cannot show a second picture now: {reason}.',
   'compare.mode': 'Show',
   'compare.mode.divider': 'with a divider',
   'compare.mode.side': 'side by side',
