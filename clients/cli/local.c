@@ -77,7 +77,7 @@ static bool load_and_render(const struct options *options, struct sp_renderer *r
         return false;
     const struct sp_volume_info *info = sp_volume_info(volume);
     struct sp_view defaults, view;
-    sp_view_init(&defaults, info, info->name);
+    sp_view_choose(&defaults, volume, info->name);
     view = defaults;
     struct sp_frame *frame = NULL;
     struct sp_frame_pool *pool = sp_frame_pool_create(0, err);

@@ -24,7 +24,7 @@ int main(int argc, char **argv) {
     size_t size;
     if (encoder) {
         struct sp_view view;
-        sp_view_init(&view, sp_volume_info(volume), "example");
+        sp_view_choose(&view, volume, "example");
         frame = sp_renderer_render(renderer, volume, &view, pool, NULL, &err);
     }
     bool ok = frame && sp_encode(encoder, frame, SP_IMAGE_PNG, 100, &bytes, &size, &err) &&

@@ -201,10 +201,10 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     struct sp_volume *volume = sp_volume_load(v->file ? v->file : v->source, &options, &err);
     if (volume)
         v->fingerprint = srv_fingerprint_volume(volume);
-    log_load(v, volume, &err, srv_clock_ms() - start_ms);
     if (volume)
-        sp_view_init(&v->view, sp_volume_info(volume), v->id);
-    else
+        sp_view_choose(&v->view, volume, v->id);
+    log_load(v, volume, &err, srv_clock_ms() - start_ms);
+    if (!volume)
         redact(catalog, v, &err);
     end_load(catalog, v, volume, &err);
 }

@@ -3,13 +3,16 @@
 """Draws the images of renderer/gallery.md and fills in its measured values.
 
   gallery.py --build build/release [--data DIR] [--only PREFIX]
+  gallery.py --sheet FILE.png [--build build/release] [--data DIR] [--only PREFIX]
   gallery.py --check
 
 The page contains the input. The script draws the "images" of each ```json block with `splatctl render --local`.
 A view is the block's "view" with the merge patch of the image. "volume" is a built-in volume (demo:NAME), a volume
 that this script writes (made:NAME), or a file of the data folder (data:NAME). If that file does not exist, the
 image stays unchanged. "difference": [A, B, GAIN] makes an image of middle grey plus GAIN times B - A. Images whose
-names begin with _ are only for differences and are not kept. Each ```console block names a test program; the script
+names begin with _ are only for differences and are not kept. A block with "sheet" makes one image of the default views of its
+"volumes", in rows of "columns". --sheet makes such an image of all built-in volumes and of all volumes of the data folder whose
+names begin with PREFIX; look at it after a change of the first views. Each ```console block names a test program; the script
 replaces the block by the program's output. --check draws nothing: it compares the page with its folder of images.
 """
 import argparse
@@ -142,6 +145,31 @@ def write_difference(path, a, b, gain):
     write_png(path, width, height, rows)
 
 
+def write_sheet(path, tiles, columns):
+    """Tiles of one size in rows of `columns`, 2 px apart."""
+    width, height, _, _ = read_png(tiles[0])
+    lines = -(-len(tiles) // columns)
+    wide, grey = columns * (width + 2) - 2, b'\x30\x30\x30'
+    rows = [bytearray(grey * wide) for _ in range(lines * (height + 2) - 2)]
+    for n, tile in enumerate(tiles):
+        _, _, bpp, pixels = read_png(tile)
+        left, top = n % columns * (width + 2) * 3, n // columns * (height + 2)
+        for y, row in enumerate(pixels):
+            rgb = row if bpp == 3 else b''.join(bytes(row[x:x + 3]) for x in range(0, len(row), bpp))
+            rows[top + y][left:left + width * 3] = rgb
+    write_png(path, wide, len(rows), rows)
+
+
+DEMOS = 'phantom engine vessels marschner-lobb checkerboard hydrogen galaxy sparse turbulence noise'.split()
+SUFFIXES = ('.nrrd', '.nhdr', '.vti', '.vtk', '.vtr', '.tif', '.tiff', '.json')
+
+
+def all_volumes(data):
+    """The built-in volumes, and the files of the data folder that may be volumes."""
+    found = [os.path.join(folder, name) for folder, _, names in os.walk(data) for name in names if name.endswith(SUFFIXES)]
+    return [f'demo:{name}' for name in DEMOS] + sorted(path for path in found if f'{os.sep}broken{os.sep}' not in path)
+
+
 class Gallery:
     def __init__(self, options, work):
         self.options, self.work, self.failed = options, work, 0
@@ -180,15 +208,26 @@ class Gallery:
             else:
                 self.render(volume, merge(base, patch), path)
 
-    def render(self, volume, view, path):
+    def draw_sheet(self, path, volumes, columns, size):
+        tiles = []
+        for n, volume in enumerate(volumes):
+            tile = os.path.join(self.work, f'tile{n}.png')
+            if self.render(volume, {'size': size}, tile, shown=volume):
+                tiles.append(tile)
+        if tiles:
+            write_sheet(path, tiles, columns)
+            print(f'{os.path.basename(path)}: {os.path.getsize(path)} bytes')
+
+    def render(self, volume, view, path, shown=None):
         command = [os.path.join(self.options.build, 'bin', 'splatctl'), 'render', '--local', '--volume', volume,
                    '--view', '-', '--out', path]
         done = subprocess.run(command, input=json.dumps(view), text=True, capture_output=True, check=False)
         if done.returncode:
             self.failed += 1
-            print(f'FAILED {os.path.basename(path)}: {done.stderr.strip()}')
+            print(f'FAILED {shown or os.path.basename(path)}: {done.stderr.strip()}')
         else:
-            print(f'{os.path.basename(path)}: {os.path.getsize(path)} bytes')
+            print(shown or f'{os.path.basename(path)}: {os.path.getsize(path)} bytes')
+        return done.returncode == 0
 
     def measure(self, program):
         """Returns the output of a test program, without the lines of skipped targets."""
@@ -201,7 +240,7 @@ class Gallery:
 def check(text):
     """Returns the differences between the images that the page defines, those that it shows, and the folder."""
     made = {name for body in re.findall(r'```json\n(.*?)```', text, re.S)
-            for name in json.loads(body).get('images', {}) if name[0] != '_'}
+            for name in [*json.loads(body).get('images', {}), json.loads(body).get('sheet', '_')] if name[0] != '_'}
     shown = set(re.findall(r'\(gallery/([^)]+)\)', text))
     folder = os.path.join(RENDERER, 'gallery')
     there = set(os.listdir(folder))
@@ -221,7 +260,13 @@ def main():
     parser.add_argument('--data', default=os.path.join(HERE, '..', '..', '..', 'shared', 'data'))
     parser.add_argument('--only', default='', metavar='PREFIX', help='draw only images whose names begin with PREFIX; run no tests')
     parser.add_argument('--check', action='store_true', help='compare the page with its folder of images; draw nothing')
+    parser.add_argument('--sheet', metavar='FILE.png', help='make only an image of all default views')
     options = parser.parse_args()
+    if options.sheet:
+        with tempfile.TemporaryDirectory() as work:
+            volumes = [v for v in all_volumes(options.data) if re.split('[/:]', v)[-1].startswith(options.only)]
+            Gallery(options, work).draw_sheet(options.sheet, volumes, 6, [300, 250])
+        return 0  # formats that cannot be read are named, and left out
     page = os.path.join(RENDERER, 'gallery.md')
     with open(page, encoding='utf-8') as f:
         text = f.read()
@@ -235,6 +280,8 @@ def main():
             block = json.loads(body)
             if 'images' in block:
                 gallery.draw(block)
+            elif 'sheet' in block and block['sheet'].startswith(options.only):
+                gallery.draw_sheet(gallery.path(block['sheet']), block['volumes'], block['columns'], block['size'])
         if not options.only:
             text = re.sub(r'```console\n\$ (\S+)\n.*?```',
                           lambda m: f'```console\n$ {m[1]}\n{gallery.measure(m[1])}```', text, flags=re.S)

@@ -41,6 +41,7 @@ RENDERER = {
     'import': {'base', 'volume', 'frame'},
     'classify': {'base', 'volume', 'frame'},
     'splat': {'base', 'volume', 'frame', 'classify'},
+    'first': {'base', 'volume'},
     'light': {'base', 'volume', 'frame', 'classify', 'splat'},
     'compose': {'base', 'volume', 'frame', 'classify', 'splat'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},

@@ -179,9 +179,17 @@ struct sp_view {
     struct sp_slices slices;
 };
 
-/* Fills *view with the defaults for a volume: the camera frames it, and the transfer function comes
- * from its histogram. `id` is copied to view->volume. Thread-safe; never fails. */
+/* Fills *view with the defaults that the description of a volume gives: the camera frames the grid,
+ * and the transfer function comes from the histogram. `id` is copied to view->volume. Thread-safe;
+ * never fails. */
 SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id);
+
+/* The same, with the camera and the transfer function from the samples: the first view that a
+ * person sees of a volume. The surroundings are transparent, what is visible fills the image, and
+ * up is up as far as the file or the shape tells; renderer/first/README.md. Reads at most 2 million
+ * samples, on this thread. The result depends on the volume alone. Where nothing can be found
+ * (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
+SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
 
 /* True if the two views give the same picture, although they may differ in slices that are not
  * drawn in it. Thread-safe. */

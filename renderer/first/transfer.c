@@ -1,0 +1,323 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "first/transfer.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { BINS = SP_FIRST_BINS, CLASSES = 4 };
+
+/* The values of the volume in classes: class c holds the bins [cut[c], cut[c + 1]). Class 0 is
+ * transparent. */
+struct classes {
+    bool has_surroundings;
+    unsigned cut[CLASSES + 1];
+    double depth[CLASSES]; /* mean length of a line of sight in the class, world units */
+    double hidden;         /* share of classes 1 and 2 that class 3 hides along a line of sight */
+    double hidden_middle;  /* the same of class 2 alone */
+    double roughness;      /* of visible values: mean second difference / mean first difference */
+};
+
+static uint64_t total_of(const uint64_t counts[BINS]) {
+    uint64_t n = 0;
+    for (int b = 0; b < BINS; b++)
+        n += counts[b];
+    return n;
+}
+
+/* The bin that the share q of the counts does not exceed. */
+static unsigned quantile(const uint64_t counts[BINS], double q) {
+    double target = q * (double)total_of(counts), sum = 0;
+    for (unsigned b = 0; b < BINS; b++)
+        if ((sum += (double)counts[b]) > target)
+            return b;
+    return BINS - 1;
+}
+
+static int compare(const void *a, const void *b) {
+    return *(const int *)a - *(const int *)b;
+}
+
+enum { FULL = -1, MASKED = -2 };
+
+/* The surroundings are what most of the volume's faces show. An object may be cut by some faces, so
+ * the second darkest of them decides. Returns the highest bin of the surroundings; FULL if the
+ * faces show many values, as the object fills the volume; MASKED if they show no number. */
+static int find_surroundings(const struct sp_first_samples *s) {
+    int tops[6], faces = 0;
+    for (int f = 0; f < 6; f++)
+        if (total_of(s->faces[f])) {
+            int bottom = (int)quantile(s->faces[f], 0.1), middle = (int)quantile(s->faces[f], 0.5);
+            int top = (int)quantile(s->faces[f], 0.9);
+            /* Twice the way from the median to 90 % is 2.6 deviations of a normal noise. */
+            tops[faces++] = top - bottom < BINS / 6 ? 2 * top - middle : BINS;
+        }
+    if (faces == 0)
+        return MASKED;
+    qsort(tops, (size_t)faces, sizeof *tops, compare);
+    int top = tops[faces > 3]; /* without padding, two to four faces are left */
+    double below = 0;
+    for (int b = 0; b <= top && b < BINS; b++)
+        below += (double)s->histogram[b];
+    double share = below / (double)total_of(s->histogram);
+    return top < BINS / 2 && share > 0.15 ? top : FULL;
+}
+
+/* Splits the bins [begin, end) into `count` classes with the least variance inside them (Otsu 1979,
+ * by dynamic programming over the cuts). Counts are damped to their square root, so that a large
+ * class does not decide alone. cut[c] becomes the first bin of class c, cut[count] the end. */
+static void split_histogram(const uint64_t histogram[BINS], unsigned begin, unsigned end,
+                            unsigned count, unsigned *cut) {
+    double weight[BINS + 1] = { 0 }, moment[BINS + 1] = { 0 }, best[CLASSES][BINS + 1];
+    uint16_t from[CLASSES][BINS + 1];
+    for (unsigned b = begin; b < end; b++) {
+        double w = sqrt((double)histogram[b]) + 1e-9; /* an empty class is still one */
+        weight[b + 1] = weight[b] + w;
+        moment[b + 1] = moment[b] + w * b;
+    }
+    for (unsigned c = 0; c < count; c++)
+        for (unsigned stop = begin + c + 1; stop <= end; stop++) {
+            best[c][stop] = -1;
+            for (unsigned start = begin + c; start < (c ? stop : begin + 1); start++) {
+                double m = moment[stop] - moment[start], w = weight[stop] - weight[start];
+                double sum = m * m / w + (c ? best[c - 1][start] : 0);
+                if (sum > best[c][stop]) {
+                    best[c][stop] = sum;
+                    from[c][stop] = (uint16_t)start;
+                }
+            }
+        }
+    cut[0] = begin;
+    cut[count] = end;
+    for (unsigned c = count - 1, stop = end; c > 0; c--)
+        cut[c] = stop = from[c][stop];
+}
+
+enum { LINES = 64 }; /* lines of sight across an axis, nearly */
+
+/* Sums what the lines of sight along an axis meet. */
+struct lines {
+    uint64_t hits[CLASSES];                  /* lines that meet the class */
+    uint64_t exposed[CLASSES], all[CLASSES]; /* samples that class 3 does not hide; all, twice */
+    double first, second;                    /* sums of first and second differences */
+};
+
+static void measure_line(const uint16_t *bin, size_t stride, uint32_t n,
+                         const uint8_t class_of[BINS], struct lines *lines, unsigned met[CLASSES]) {
+    uint32_t before = n, after = 0; /* the first and last sample of class 3 */
+    for (uint32_t i = 0; i < n; i++) {
+        unsigned v = bin[i * stride], class = v == SP_FIRST_NONE ? 0 : class_of[v];
+        met[class]++;
+        if (class == CLASSES - 1) {
+            before = before < n ? before : i;
+            after = i;
+        }
+    }
+    for (uint32_t i = 0; i < n; i++) {
+        unsigned v = bin[i * stride], class = v == SP_FIRST_NONE ? 0 : class_of[v];
+        if (class == 0)
+            continue;
+        lines->all[class] += 2;
+        lines->exposed[class] += (uint64_t)(i < before) + (before == n || i > after);
+        if (i == 0 || i + 1 == n)
+            continue;
+        int low = bin[(i - 1) * stride], high = bin[(i + 1) * stride];
+        if (low != SP_FIRST_NONE && high != SP_FIRST_NONE) {
+            lines->first += abs(high - low);
+            lines->second += abs(high - 2 * (int)v + low);
+        }
+    }
+}
+
+static void measure_lines(const struct sp_first_samples *s, unsigned axis,
+                          const uint8_t class_of[BINS], struct classes *c, struct lines *lines) {
+    const size_t stride[3] = { 1, s->count[0], (size_t)s->count[0] * s->count[1] };
+    unsigned b = (axis + 1) % 3, d = (axis + 2) % 3;
+    uint32_t over_b = 1 + s->count[b] / LINES, over_d = 1 + s->count[d] / LINES;
+    for (uint32_t k = over_d / 2; k < s->count[d]; k += over_d)
+        for (uint32_t j = over_b / 2; j < s->count[b]; j += over_b) {
+            unsigned met[CLASSES] = { 0 };
+            measure_line(s->bins + k * stride[d] + j * stride[b], stride[axis], s->count[axis],
+                         class_of, lines, met);
+            for (int x = 1; x < CLASSES; x++) {
+                lines->hits[x] += met[x] > 0;
+                c->depth[x] += met[x] * s->cell[axis];
+            }
+        }
+}
+
+static void measure_classes(const struct sp_first_samples *s, struct classes *c) {
+    memset(c->depth, 0, sizeof c->depth);
+    uint8_t class_of[BINS];
+    struct lines lines = { 0 };
+    for (unsigned b = 0, x = 0; b < BINS; b++) {
+        while (x < CLASSES && b >= c->cut[x + 1])
+            x++;
+        class_of[b] = (uint8_t)(x < CLASSES ? x : 0);
+    }
+    for (unsigned axis = 0; axis < 3; axis++)
+        measure_lines(s, axis, class_of, c, &lines);
+    for (int x = 1; x < CLASSES; x++)
+        c->depth[x] /= lines.hits[x] ? (double)lines.hits[x] : 1;
+    double middle = (double)lines.all[2], inner = (double)lines.all[1] + middle;
+    c->hidden_middle = middle > 0 ? 1 - (double)lines.exposed[2] / middle : 0;
+    c->hidden = inner > 0 ? 1 - ((double)lines.exposed[1] + (double)lines.exposed[2]) / inner : 0;
+    c->roughness = lines.first > 0 ? lines.second / lines.first : 1;
+}
+
+enum { HALF = 3 }; /* bins on each side that smooth a histogram */
+
+/* The end of a peak that falls at `bin`, before `limit`: noise of the surroundings. */
+static unsigned leave_peak(const uint64_t histogram[BINS], unsigned bin, unsigned limit) {
+    double last = INFINITY;
+    for (; bin < limit; bin++) {
+        double sum = 0;
+        for (unsigned b = bin > HALF ? bin - HALF : 0; b <= bin + HALF && b < BINS; b++)
+            sum += (double)histogram[b];
+        if (last < INFINITY && !(last > 1.15 * sum))
+            break;
+        last = sum;
+    }
+    return bin;
+}
+
+static void find_classes(const struct sp_first_samples *s, struct classes *c) {
+    *c = (struct classes){ 0 };
+    int top = find_surroundings(s);
+    c->has_surroundings = top != FULL;
+    split_histogram(s->histogram, 0, BINS, CLASSES, c->cut);
+    if (top >= 0 && (int)c->cut[1] <= top)
+        split_histogram(s->histogram, (unsigned)top + 1, BINS, CLASSES - 1, c->cut + 1);
+    if (top == MASKED)
+        c->cut[1] = 0;
+    if (top >= 0)
+        c->cut[1] = leave_peak(s->histogram, c->cut[1], (c->cut[1] + c->cut[2]) / 2);
+    if (top == FULL) { /* show the highest values */
+        c->cut[1] = c->cut[2];
+        c->cut[2] = (c->cut[1] + c->cut[3]) / 2;
+    }
+    measure_classes(s, c);
+}
+
+/* Opacity over the reference length at which a line of sight through `depth` has this optical
+ * depth. */
+static float opacity_for(double optical_depth, double depth, double reference) {
+    return (float)(1 - exp(-optical_depth * reference / fmax(depth, reference)));
+}
+
+static float clamp(float x, float low, float high) {
+    return x < low ? low : x > high ? high : x;
+}
+
+static void add_point(const struct sp_first_samples *s, struct sp_transfer_function *tf, double bin,
+                      const float color[3], float opacity) {
+    double value = sp_first_value(s, bin);
+    if (tf->point_count && !(value > tf->points[tf->point_count - 1].value))
+        return;
+    struct sp_tf_point *p = &tf->points[tf->point_count++];
+    p->value = value;
+    memcpy(p->color, color, sizeof p->color);
+    p->opacity = opacity;
+}
+
+/* From skin to bone: matter with surfaces. */
+static const float warm[7][3] = { { 0.62f, 0.26f, 0.18f }, { 0.84f, 0.48f, 0.34f },
+                                  { 0.92f, 0.66f, 0.50f }, { 0.95f, 0.78f, 0.60f },
+                                  { 0.98f, 0.90f, 0.76f }, { 1.00f, 0.96f, 0.88f },
+                                  { 1.00f, 1.00f, 1.00f } };
+/* From violet to yellow: smooth fields, whose values tell more than their surfaces. */
+static const float glow[7][3] = { { 0.36f, 0.26f, 0.80f }, { 0.58f, 0.34f, 0.86f },
+                                  { 0.84f, 0.38f, 0.70f }, { 0.97f, 0.50f, 0.48f },
+                                  { 1.00f, 0.68f, 0.36f }, { 1.00f, 0.86f, 0.46f },
+                                  { 1.00f, 0.98f, 0.78f } };
+
+/* How the classes look: colours, and the optical depth of a line of sight through the mean depth of
+ * each class. */
+struct look {
+    const float (*colors)[3]; /* 7 */
+    double depth[CLASSES];
+    double shell;       /* the bin from which on values belong to a shell; 0 = there is none */
+    double shell_depth; /* as classes.depth, and its optical depth */
+    double shell_optical;
+};
+
+/* Below this roughness a field is smooth. CT and MR have 0.45 and more, simulations less. */
+static const double smooth = 0.42;
+
+static struct look choose_look(const struct classes *c) {
+    if (c->roughness < smooth)
+        return (struct look){ glow, { 0, 0.9, 1.8, 6 }, 0, 0, 0 };
+    if (!c->has_surroundings)
+        return (struct look){ warm, { 0, 0.5, 2, 8 }, 0, 0, 0 };
+    return (struct look){ warm, { 0, 1.5, 5, 12 }, 0, 0, 0 };
+}
+
+/* Makes the densest class, which encloses all else, a thin veil, and splits what is inside. The
+ * middle class is either inside as well, or the blurred edge of the shell. */
+static void look_inside(const struct sp_first_samples *s, struct classes *c, struct look *look) {
+    unsigned end = c->hidden_middle > 0.9 ? c->cut[3] : c->cut[2], most = c->cut[1];
+    for (unsigned b = most; b < end; b++)
+        most = s->histogram[b] > s->histogram[most] ? b : most;
+    unsigned rest = leave_peak(s->histogram, most + HALF, end); /* denser than what fills it */
+    if (rest + 2 > end)
+        return;
+    *look = (struct look){ glow, { 0, 0.25, 4, 8 }, end, c->depth[3], 0.15 };
+    split_histogram(s->histogram, rest, end, 2, c->cut + 2);
+    measure_classes(s, c);
+}
+
+static void add_points(const struct sp_first_samples *s, const struct classes *c,
+                       const struct look *look, struct sp_transfer_function *tf) {
+    static const float least[CLASSES] = { 0, 0.002f, 0.005f, 0.01f };
+    /* The blurred edge of a shell has all values of the inside: they must not be opaque there. */
+    bool is_inside = look->shell > 0;
+    const float most[CLASSES] = { 0, 0.3f, is_inside ? 0.12f : 0.5f, is_inside ? 0.2f : 0.85f };
+    const float(*colors)[3] = look->colors;
+    double first = c->cut[1], second = c->cut[2], third = c->cut[3], length = tf->reference_length;
+    float o[CLASSES];
+    for (int x = 1; x < CLASSES; x++)
+        o[x] = clamp(opacity_for(look->depth[x], c->depth[x], length), least[x], most[x]);
+    add_point(s, tf, first, colors[0], 0);
+    add_point(s, tf, first + 0.35 * (second - first), colors[1], 0.6f * o[1]);
+    add_point(s, tf, first + 0.8 * (second - first), colors[2], o[1]);
+    add_point(s, tf, second, colors[3], is_inside ? o[1] : 0.5f * (o[1] + o[2]));
+    add_point(s, tf, second + 0.5 * (third - second), colors[4], o[2]);
+    add_point(s, tf, third, colors[5], 0.5f * (o[2] + o[3]));
+    if (look->shell > 0) {
+        add_point(s, tf, 0.5 * (third + look->shell), colors[6], o[3]);
+        o[3] = opacity_for(look->shell_optical, look->shell_depth, length);
+        add_point(s, tf, look->shell, colors[6], o[3]);
+    }
+    add_point(s, tf, BINS, colors[6], o[3]);
+}
+
+bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
+    const double *spacing = s->info->grid.spacing;
+    struct classes c;
+    find_classes(s, &c);
+    struct look look = choose_look(&c);
+    if (c.hidden > 0.9)
+        look_inside(s, &c, &look);
+    tf->reference_length = fmin(spacing[0], fmin(spacing[1], spacing[2]));
+    tf->point_count = 0;
+    add_points(s, &c, &look, tf);
+    return look.colors == glow;
+}
+
+void sp_first_extinction(const struct sp_first_samples *samples,
+                         const struct sp_transfer_function *tf, double extinction[SP_FIRST_BINS]) {
+    for (int b = 0; b < BINS; b++) {
+        double value = sp_first_value(samples, b + 0.5), opacity;
+        const struct sp_tf_point *p = tf->points, *end = p + tf->point_count;
+        while (p < end && p->value <= value)
+            p++;
+        if (p == tf->points)
+            opacity = p->opacity;
+        else if (p == end)
+            opacity = p[-1].opacity;
+        else
+            opacity = p[-1].opacity + (p->opacity - p[-1].opacity) * (value - p[-1].value) /
+                                          (p->value - p[-1].value);
+        extinction[b] = -log(1 - opacity) / tf->reference_length;
+    }
+}
