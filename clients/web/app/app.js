@@ -6,6 +6,7 @@ import { readAddress } from './address.js';
 import { Banner, Notice } from './banner.js';
 import { byId } from './dom.js';
 import { Layout } from './layout.js';
+import { marginsOf } from './margins.js';
 import { Modes } from './modes.js';
 import { Overlay } from './overlay.js';
 import { Panel } from './panel.js';
@@ -47,7 +48,7 @@ export function createApp(base) {
   const layout = new Layout(document.querySelector('main'));
   const screen = new Screen(byId('screen'));
   const connection = createConnection(base, address, { view: () => viewer.lastView, size: () => screen.size });
-  const viewer = new Viewer({ connection, viewport: () => screen.viewport });
+  const viewer = new Viewer({ connection, viewport: () => screen.viewport, margins: () => marginsOf(screen.element) });
   const warp = new Warp(byId('warp'), screen);
   const modes = new Modes(byId('screen'));
   const shortcuts = new Shortcuts(byId('shortcuts'), (event) => modes.key(event));

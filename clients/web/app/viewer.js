@@ -20,7 +20,7 @@ function rigOfView(view) {
 }
 
 export class Viewer extends Emitter {
-  #connection; #viewport;
+  #connection; #viewport; #margins;
   #view = null;
   #rig = null;
   #box = null;
@@ -31,10 +31,12 @@ export class Viewer extends Emitter {
   #canControl = true;
   #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet; 0 = before the first one
 
-  constructor({ connection, viewport }) {
+  /** viewport, margins: functions that return the size of the canvas and what covers its edges, in CSS px. */
+  constructor({ connection, viewport, margins }) {
     super();
     this.#connection = connection;
     this.#viewport = viewport;
+    this.#margins = margins;
     this.updates = new UpdateQueue({
       send: (params) => {
         this.#rigs.set(params.seq, this.#rig);
@@ -87,7 +89,7 @@ export class Viewer extends Emitter {
     this.#rig = rigOfView(view);
     this.#rigs.set(this.updates.sent, this.#rig); // frames of this view carry the seq of this client's last update
     this.#measure();
-    const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport()) : this.#rig;
+    const rig = isDefault && this.isReady ? widen(this.#rig, this.#viewport(), this.#margins()) : this.#rig;
     if (rig !== this.#rig) this.#move(rig);
     this.emit('view', this.#view);
   }
@@ -250,7 +252,7 @@ export class Viewer extends Emitter {
     }
     if (!this.isReady || this.#view.volume !== id) return;
     const home = rigFromCamera(this.#home);
-    this.#rig = widen(home, this.#viewport());
+    this.#rig = widen(home, this.#viewport(), this.#margins());
     const camera = this.#rig === home ? this.#home : { ...this.#home, ...cameraFromRig(this.#rig) };
     this.#view = { ...this.#view, camera };
     this.updates.put({ camera }, { time });

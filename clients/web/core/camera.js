@@ -107,10 +107,27 @@ export function sphereAround({ center, half: [a, b, c] }) {
 /** The limits of zooming around a sphere. */
 export const zoomLimits = ({ radius }) => ({ nearest: radius * 0.02, farthest: radius * 40 });
 
-/** Moves a camera that frames its volume in a square back, so that a narrower viewport shows the same width. */
-export function widen(rig, viewport) {
-  const aspect = viewport.width / viewport.height;
-  return aspect < 1 ? { ...rig, distance: rig.distance / aspect, height: rig.height / aspect } : rig;
+/** The visible matter of a default view and a small border need this share of its square. */
+const FRAMED = 0.9;
+/** No margin makes the volume smaller than this. */
+const SHRINK_MAX = 1.5;
+const NO_MARGINS = Object.freeze({ left: 0, right: 0, top: 0, bottom: 0 });
+
+/** The side in px of the square that a default view is fitted into: in the middle, clear of the margins as far as SHRINK_MAX allows. */
+function squareOf({ width, height }, { left, right, top, bottom }) {
+  const side = Math.min(width, height);
+  const clear = Math.min(width - 2 * Math.max(left, right), height - 2 * Math.max(top, bottom)) / FRAMED;
+  return Math.min(side, Math.max(clear, side / SHRINK_MAX));
+}
+
+/**
+ * Moves a camera that frames its volume in a square back, so that a narrower viewport shows the same width, and so that the volume stays
+ * clear of the margins {left, right, top, bottom} in px, which the panel and the status bar cover. The target stays in the centre, because
+ * the camera orbits around it.
+ */
+export function widen(rig, viewport, margins = NO_MARGINS) {
+  const factor = viewport.height / squareOf(viewport, margins);
+  return factor > 1 ? { ...rig, distance: rig.distance * factor, height: rig.height * factor } : rig;
 }
 
 /** Keeps the orientation and fits the whole sphere into the viewport. */

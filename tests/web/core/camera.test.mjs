@@ -131,6 +131,18 @@ test('widen keeps the horizontal extent of a square in a narrow window, and does
   }
 });
 
+test('widen keeps the volume clear of what covers the edges, in the centre, but not below two thirds of its size', () => {
+  const rig = rigFromCamera({ position: [3, -40, 5], target: [1, 2, 3], up: [0, 0, 1], fov_y: 30 });
+  const viewport = { width: 1440, height: 900 };
+  const factor = (margins) => widen(rig, viewport, { left: 0, right: 0, top: 0, bottom: 0, ...margins }).distance / rig.distance;
+  assert.equal(widen(rig, viewport, { left: 312, right: 0, top: 40, bottom: 44 }), rig, 'nothing is covered');
+  close([factor({ left: 420 })], [900 / (600 / 0.9)], 1e-9);
+  close([factor({ bottom: 45 })], [1], 1e-9);
+  close([factor({ bottom: 120 })], [900 / (660 / 0.9)], 1e-9);
+  close([factor({ left: 700 })], [1.5], 1e-9);
+  assert.deepEqual(widen(rig, viewport, { left: 420, right: 0, top: 0, bottom: 0 }).target, rig.target);
+});
+
 test('fit shows the whole sphere, which touches the shorter side, in any window and projection', () => {
   const sphere = { center: [10, -20, 30], radius: 77 };
   for (const viewport of [VIEWPORT, { width: 400, height: 900 }]) {
