@@ -161,7 +161,7 @@ static void init_slices(struct sp_slices *slices, const struct sp_volume_info *i
         slices->position[i] = middle.v[i] + 0.0; /* -0 becomes 0 */
 }
 
-bool sp_view_is_same_picture(const struct sp_view *a, const struct sp_view *b) {
+bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b) {
     const bool a_draws = a->slices.in_3d && a->slices.mode != SP_SLICES_NONE;
     const bool b_draws = b->slices.in_3d && b->slices.mode != SP_SLICES_NONE;
     struct sp_view like_a;
@@ -416,7 +416,7 @@ static bool check_slices(const struct sp_view *view, struct sp_error *err) {
     return s->mode != SP_SLICES_OBLIQUE || !s->in_3d ||
            view->clip.plane_count < SP_CLIP_PLANES_MAX ||
            sp_fail(err, SP_ERR_INVALID, "/slices/in_3d",
-                   "an oblique slice in the picture needs one of the %d clip planes, and all are "
+                   "an oblique slice in the image needs one of the %d clip planes, and all are "
                    "in use; remove one of them",
                    SP_CLIP_PLANES_MAX);
 }

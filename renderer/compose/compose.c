@@ -8,8 +8,8 @@
 #include "compose/quad.h"
 #include "frame/resolve.h"
 
-/* The picture so far: transmittance and premultiplied colour. */
-struct picture {
+/* The image so far: transmittance and premultiplied colour. */
+struct image {
     const struct sp_compose_job *job;
     struct sp_interpolator grid;
     struct sp_quad_rays rays;
@@ -34,7 +34,7 @@ bool sp_compose_is_wanted(const struct sp_view *view) {
 
 static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    const struct picture *p = user;
+    const struct image *p = user;
     for (size_t y = begin; y < end; y++) {
         float *to = row_of(p->sum, (uint32_t)y);
         for (uint32_t x = 0; x < p->sum->width; x++) {
@@ -46,7 +46,7 @@ static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
 
 static void find_seen(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    struct picture *p = user;
+    struct image *p = user;
     for (size_t y = p->low[1] + begin; y < p->low[1] + end; y++) {
         const float *from = row_of(p->sum, (uint32_t)y);
         for (uint32_t x = p->low[0]; x < p->high[0]; x++)
@@ -57,10 +57,10 @@ static void find_seen(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Puts the part behind the picture so far. */
+/* Puts the part behind the image so far. */
 static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    const struct picture *p = user;
+    const struct image *p = user;
     for (size_t y = begin; y < end; y++) {
         const float *from = row_of(p->part, (uint32_t)y);
         float *to = row_of(p->sum, (uint32_t)y);
@@ -73,10 +73,10 @@ static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Puts the slice behind the picture so far. */
+/* Puts the slice behind the image so far. */
 static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    const struct picture *p = user;
+    const struct image *p = user;
     const struct sp_slices *slices = &p->job->view->slices;
     const double window[2] = { slices->center, slices->width };
     double values[SP_INTERPOLATE_RUN];
@@ -101,7 +101,7 @@ static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
 
 static void resolve_rows(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
-    const struct picture *p = user;
+    const struct image *p = user;
     float planes[4][SP_INTERPOLATE_RUN];
     const float *const rows[4] = { planes[0], planes[1], planes[2], planes[3] };
     for (size_t y = begin; y < end; y++)
@@ -124,7 +124,7 @@ static void resolve_rows(void *user, size_t begin, size_t end, unsigned worker) 
 }
 
 /* True if a pixel of the step's outline is not opaque yet. */
-static bool is_seen(struct picture *p) {
+static bool is_seen(struct image *p) {
     if (p->low[0] >= p->high[0] || p->low[1] >= p->high[1])
         return false;
     atomic_store(&p->is_seen, false);
@@ -132,7 +132,7 @@ static bool is_seen(struct picture *p) {
     return atomic_load(&p->is_seen);
 }
 
-static bool draw_step(struct picture *p, const struct sp_compose_step *step, struct sp_error *err) {
+static bool draw_step(struct image *p, const struct sp_compose_step *step, struct sp_error *err) {
     const struct sp_compose_job *job = p->job;
     static const struct sp_clip whole = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } };
     p->step = step;
@@ -153,7 +153,7 @@ static bool draw_step(struct picture *p, const struct sp_compose_step *step, str
 
 bool sp_compose(const struct sp_compose_job *job, struct sp_frame *frame, struct sp_error *err) {
     const uint32_t *size = job->view->size;
-    struct picture p = { .job = job, .out = frame };
+    struct image p = { .job = job, .out = frame };
     sp_interpolator_init(&p.grid, job->volume);
     sp_quad_rays_init(&p.rays, &p.grid, job->view);
     sp_compose_plan_init(&p.plan, &p.grid, job->view);

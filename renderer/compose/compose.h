@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Slices in the picture (README.md): the volume is drawn in convex parts, with slices between them.
+ * Slices in the image (README.md): the volume is drawn in convex parts, with slices between them.
  */
 #ifndef SP_COMPOSE_COMPOSE_H
 #define SP_COMPOSE_COMPOSE_H
@@ -23,7 +23,7 @@ struct sp_compose_job {
     void *user; /* passed to draw() */
 };
 
-/* True if slices are visible in the picture of the view. */
+/* True if slices are visible in the image of the view. */
 bool sp_compose_is_wanted(const struct sp_view *view);
 
 /* Fills the pixels of the frame. False: draw() failed, SP_ERR_MEMORY or SP_ERR_CANCELLED. */

@@ -64,7 +64,7 @@ static void change_view(struct srv_schedule *schedule, struct srv_session *sessi
               is_useless ? SRV_INTERRUPT_UNWANTED : SRV_INTERRUPT_NEWER_VIEW);
 }
 
-/* The new version gives the same picture: frames of the version before it are frames of this one.
+/* The new version gives the same image: frames of the version before it are frames of this one.
  */
 static void keep_image(struct srv_session *session) {
     const uint64_t version = session->shared.version;

@@ -44,6 +44,7 @@ static bool view_update(struct srv_call *call) {
                    : srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
                                      "this token may only watch; changing the view needs the "
                                      "control token, or a grant from the holder of control");
+    const uint64_t image = p->session->shared.image;
     if (!srv_hub_apply(call->hub, p->session, patch, p->identity.id, call->now_ms, &call->err)) {
         call->code = proto_rpc_code_from(call->err.code);
         return false;
@@ -51,7 +52,10 @@ static bool view_update(struct srv_call *call) {
     p->delivery.seq = (uint32_t)seq;
     p->delivery.updated_ms = call->now_ms;
     call->result = proto_json_object();
-    if (!proto_json_set_integer(call->result, "seq", seq))
+    bool ok = proto_json_set_integer(call->result, "seq", seq);
+    if (p->session->shared.image == image)
+        ok = proto_json_set(call->result, "same_image", proto_json_new_bool(true)) && ok;
+    if (!ok)
         proto_json_free(&call->result);
     return true;
 }

@@ -122,6 +122,7 @@ struct srv_view_state {
     struct sp_view view;
     void *volume;        /* a counted use */
     uint64_t version;    /* rises with every change, from 1 */
+    uint64_t image;      /* rises with every change that gives another image */
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms;
 };
@@ -166,7 +167,7 @@ enum srv_session_event {
     SRV_VIEW_CHANGED,              /* the view has a new version; so it has with the next two: */
     SRV_TRANSFER_FUNCTION_CHANGED, /* all voxels have to be classified again */
     SRV_VOLUME_CHANGED,
-    SRV_SLICES_CHANGED, /* the view has a new version, which gives the same picture */
+    SRV_SLICES_CHANGED, /* the view has a new version, which gives the same image */
     SRV_PARTICIPANT_JOINED,
     SRV_IMAGE_CHANGED, /* the participant asked for another size, format or quality */
     SRV_CONFIGURED,    /* the participant's settings were read, changed or not */

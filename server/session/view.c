@@ -70,7 +70,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
                     sizeof view.transfer_function) != 0)
         event = SRV_TRANSFER_FUNCTION_CHANGED;
     else if (memcmp(&session->shared.view, &view, sizeof view) != 0 &&
-             sp_view_is_same_picture(&session->shared.view, &view))
+             sp_view_is_same_image(&session->shared.view, &view))
         event = SRV_SLICES_CHANGED;
     if (volume) {
         source->release(source->user, session->shared.volume);
@@ -78,6 +78,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     }
     session->shared.view = view;
     session->shared.version++;
+    session->shared.image += event != SRV_SLICES_CHANGED;
     session->shared.changed_by = by;
     session->shared.changed_ms = now_ms;
     srv_hub_unsaved(hub, session);

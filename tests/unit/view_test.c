@@ -270,22 +270,22 @@ static void degenerate_cameras_are_refused(void **state) {
     assert_true(sp_view_validate(&view, NULL));
 }
 
-static void slices_beside_the_picture_do_not_change_it(void **state) {
+static void slices_beside_the_image_do_not_change_it(void **state) {
     (void)state;
     const struct sp_view view = make_view();
     struct sp_view moved = view;
     moved.slices.mode = SP_SLICES_ORTHOGONAL;
     moved.slices.position[0] += 3;
-    assert_true(sp_view_is_same_picture(&view, &moved));
+    assert_true(sp_view_is_same_image(&view, &moved));
     moved.slices.in_3d = true;
-    assert_false(sp_view_is_same_picture(&view, &moved));
+    assert_false(sp_view_is_same_image(&view, &moved));
     struct sp_view again = moved;
-    assert_true(sp_view_is_same_picture(&again, &moved));
+    assert_true(sp_view_is_same_image(&again, &moved));
     again.slices.width *= 2;
-    assert_false(sp_view_is_same_picture(&again, &moved));
+    assert_false(sp_view_is_same_image(&again, &moved));
     moved = view;
     moved.camera.fov_y = 12;
-    assert_false(sp_view_is_same_picture(&view, &moved));
+    assert_false(sp_view_is_same_image(&view, &moved));
 }
 
 int main(void) {
@@ -294,7 +294,7 @@ int main(void) {
         cmocka_unit_test(the_default_frames_a_rectilinear_volume),
         cmocka_unit_test(the_default_hides_the_background),
         cmocka_unit_test(ranges_are_checked),
-        cmocka_unit_test(slices_beside_the_picture_do_not_change_it),
+        cmocka_unit_test(slices_beside_the_image_do_not_change_it),
         cmocka_unit_test(single_splats_are_not_classified_after_interpolation),
         cmocka_unit_test(degenerate_cameras_are_refused),
     };

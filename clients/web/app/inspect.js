@@ -7,7 +7,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
     value: Object.freeze({
       get state() { return connection.state; },
       get frame() { return drawn.frame; },
-      get seq() { return drawn.seq; },
+      get seq() { return Math.max(drawn.seq, viewer.updates.drawn); },
       get count() { return drawn.count; },
       get videos() { return drawn.videos; },
       get isVideo() { return drawn.isVideo; },

@@ -22,6 +22,7 @@ import * as picture from './picture.js';
 import * as presets from './presets.js';
 import * as session from './session.js';
 import * as status from './status.js';
+import * as slices from './slices.js';
 import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
 import * as transfer from './transfer.js';
@@ -33,6 +34,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, volumes, presets, paths, keyframes, people, inspect,
   picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
 ];
 

@@ -9,6 +9,8 @@
 //   key         a key on the page; true if the mode used it
 //   cancel      the drag ended without a result: a second finger came, or the mode ends; undo what down() began
 //   wheel       true if the mode used it; otherwise the wheel zooms
+// A mode that works on slices (pane.js), too, has `panes` with down, move, up, hover, double, cancel and cursor; they get the pane as third
+// argument, and `at` in px of that pane.
 import { Emitter } from '../core/emitter.js';
 import { t } from '../core/text.js';
 import { byId, setText } from './dom.js';
@@ -21,6 +23,7 @@ export class Modes extends Emitter {
   #name = NAVIGATE;
   #surface;
   #isDragging = false;
+  #pane = null; // of the drag; null = the 3-D picture
 
   /** surface: the element that gets the pointer of the 3-D picture. */
   constructor(surface) {
@@ -41,6 +44,19 @@ export class Modes extends Emitter {
     if (this.#modes.has(name)) throw new Error(`there is a mode ${name} already`);
     this.#modes.set(name, mode);
   }
+
+  /** Adds members to a mode of another feature, such as `panes`. */
+  extend(name, members) {
+    Object.assign(this.#modes.get(name), members);
+  }
+
+  #part(pane) {
+    const mode = this.#modes.get(this.#name);
+    return (pane ? mode.panes : mode) ?? {};
+  }
+
+  /** The cursor of the mode in a pane. */
+  cursorIn(pane) { return this.#part(pane).cursor ?? ''; }
 
   enter(name) {
     const mode = this.#modes.get(name);
@@ -85,35 +101,36 @@ export class Modes extends Emitter {
   // For pointer.js.
 
   /** Starts a drag; true if the mode takes it. */
-  down(at, event) {
-    const mode = this.#modes.get(this.#name);
-    if (!mode.down || mode.down(at, event) === false) return false;
+  down(at, event, pane = null) {
+    const part = this.#part(pane);
+    if (!part.down || part.down(at, event, pane) === false) return false;
     this.#isDragging = true;
+    this.#pane = pane;
     return true;
   }
 
-  move(at, event) {
-    if (this.#isDragging) this.#modes.get(this.#name).move?.(at, event);
+  move(at, event, pane = null) {
+    if (this.#isDragging) this.#part(pane).move?.(at, event, pane);
   }
 
-  up(at, event) {
+  up(at, event, pane = null) {
     if (!this.#isDragging) return;
     this.#isDragging = false;
-    this.#modes.get(this.#name).up?.(at, event);
+    this.#part(pane).up?.(at, event, pane);
   }
 
   cancel() {
     if (!this.#isDragging) return;
     this.#isDragging = false;
-    this.#modes.get(this.#name).cancel?.();
+    this.#part(this.#pane).cancel?.(this.#pane);
   }
 
-  hover(at, event) { this.#modes.get(this.#name).hover?.(at, event); }
+  hover(at, event, pane = null) { this.#part(pane).hover?.(at, event, pane); }
 
   /** True if the mode has an action for a double click. */
-  double(at, event) {
-    const { double } = this.#modes.get(this.#name);
-    double?.(at, event);
+  double(at, event, pane = null) {
+    const { double } = this.#part(pane);
+    double?.(at, event, pane);
     return Boolean(double) || !this.isNavigating;
   }
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The part of the daemon's HTTP interface that the page uses. All addresses are relative to `base`.
 import { eventReader } from './events.js';
+import { readSlice } from './slice_image.js';
 import { t } from './text.js';
 
 /** A failed request: the HTTP status, or 0 without an answer, and the text of the problem document. */
@@ -80,6 +81,14 @@ export class Api {
   histogram(id, token, isJoint) {
     const what = `api/v1/sessions/${encodeURIComponent(id)}/histogram?axis=value${isJoint ? ',gradient' : ''}`;
     return this.#request('GET', what, { token });
+  }
+
+  /** A slice of the volume that the session shows: {meta, values}. query: see GET /sessions/{id}/slice. */
+  async slice(id, token, query, signal) {
+    const what = `api/v1/sessions/${encodeURIComponent(id)}/slice?${new URLSearchParams({ ...query, format: 'raw' })}`;
+    const answer = await this.#send('GET', what, { token, signal, accept: 'application/octet-stream' });
+    if (!answer.ok) throw this.#refusal(answer, `GET ${what}`, await answer.text());
+    return readSlice(answer.headers.get('X-Slice'), await answer.arrayBuffer());
   }
 
   /** The address of a session's stream. */

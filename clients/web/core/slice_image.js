@@ -29,3 +29,22 @@ export function paintSlice(values, { center, width }, pixels) {
     pixels[i] = value === value ? 0xff000000 | grey << 16 | grey << 8 | grey : 0;
   }
 }
+
+/** The daemon's default window: of all values but half a percent at each end of the histogram {counts, range}. */
+export function defaultWindow({ counts, range: [low, high] }) {
+  const total = counts.reduce((a, b) => a + b, 0);
+  const bin = (high - low) / counts.length;
+  let below = 0;
+  let first = -1;
+  let end = counts.length;
+  for (let i = 0; i < counts.length; i++) {
+    below += counts[i];
+    if (first < 0 && below > 0.005 * total) first = i;
+    if (below >= 0.995 * total) {
+      end = i + 1;
+      break;
+    }
+  }
+  first = Math.max(first, 0);
+  return { center: low + bin * (first + end) / 2, width: bin * (end - first) || 1 };
+}

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Loads slices: at most one request in flight per loader, the newest wish wins, neighbours are loaded ahead, and slices that
-// were seen stay in a cache that all loaders share.
+// Loads slices: at most one request per loader at a time, the newest one wins, neighbours are loaded ahead, and slices that were
+// seen stay in a cache that all loaders share.
 
 /** Keeps the most recently used values up to a number of bytes. */
 export class SliceCache {
@@ -48,9 +48,9 @@ export class SliceLoader {
   #load; #show; #fail; #cache;
   #wanted = null;
   #ahead = [];
-  #flight = null;
+  #request = null;
 
-  /** load(query, signal) → Promise of a slice; show(slice, key) for the newest wish and those on the way to it; fail(error). */
+  /** load(query, signal) → Promise of a slice; show(slice, key) for the newest one that is wanted and those on the way to it; fail(error). */
   constructor({ load, show, fail, cache }) {
     this.#load = load;
     this.#show = show;
@@ -59,48 +59,48 @@ export class SliceLoader {
   }
 
   get isBusy() {
-    return this.#flight !== null;
+    return this.#request !== null;
   }
 
-  /** Wishes for the slice of {key, query}; `ahead`: further ones to load while nothing else is wished for. */
-  want(wish, ahead = []) {
+  /** Wants the slice of {key, query}; `ahead`: further ones to load while nothing else is wanted. */
+  want(wanted, ahead = []) {
     this.#ahead = ahead;
-    const known = this.#cache.get(wish.key);
+    const known = this.#cache.get(wanted.key);
     if (known) {
       this.#wanted = null;
-      this.#show(known, wish.key);
+      this.#show(known, wanted.key);
     } else {
-      this.#wanted = wish;
-      if (this.#flight?.isAhead && this.#flight.key !== wish.key) this.#flight.abort.abort();
+      this.#wanted = wanted;
+      if (this.#request?.isAhead && this.#request.key !== wanted.key) this.#request.abort.abort();
     }
     this.#next();
   }
 
-  /** Forgets all wishes. */
+  /** Wants nothing any more. */
   stop() {
     this.#wanted = null;
     this.#ahead = [];
-    this.#flight?.abort.abort();
+    this.#request?.abort.abort();
   }
 
   #next() {
-    if (this.#flight) return;
+    if (this.#request) return;
     const isAhead = !this.#wanted;
-    const wish = this.#wanted ?? this.#ahead.find(({ key }) => !this.#cache.get(key));
-    if (!wish) return;
-    const flight = { key: wish.key, isAhead, abort: new AbortController() };
-    this.#flight = flight;
-    this.#load(wish.query, flight.abort.signal).then((slice) => {
-      this.#cache.put(wish.key, slice);
-      const isWanted = this.#wanted?.key === wish.key;
+    const wanted = this.#wanted ?? this.#ahead.find(({ key }) => !this.#cache.get(key));
+    if (!wanted) return;
+    const request = { key: wanted.key, isAhead, abort: new AbortController() };
+    this.#request = request;
+    this.#load(wanted.query, request.abort.signal).then((slice) => {
+      this.#cache.put(wanted.key, slice);
+      const isWanted = this.#wanted?.key === wanted.key;
       if (isWanted) this.#wanted = null;
-      if (isWanted || (this.#wanted && !isAhead)) this.#show(slice, wish.key);
+      if (isWanted || (this.#wanted && !isAhead)) this.#show(slice, wanted.key);
     }, (error) => {
-      if (this.#wanted?.key === wish.key) this.#wanted = null;
+      if (this.#wanted?.key === wanted.key) this.#wanted = null;
       if (isAhead) this.#ahead = [];
-      else if (!flight.abort.signal.aborted) this.#fail(error);
+      else if (!request.abort.signal.aborted) this.#fail(error);
     }).finally(() => {
-      this.#flight = null;
+      this.#request = null;
       this.#next();
     });
   }

@@ -16,9 +16,10 @@ export class UpdateQueue {
   #flying = new Map();
   #times = new Map(); // by seq: {since, sent}
   #waited = 0;
+  #pictures = new Set(); // accepted updates that no drawn frame shows yet, but one will
 
   /**
-   * send({seq, patch}) → Promise of the answer; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
+   * send({seq, patch}) → Promise of the answer, whose same_image says that no frame follows; schedule(f) calls f at the next animation frame; now() in ms; done(patch)
    * reports an accepted update, fail(error, patch) a refused one. At most `limit` updates are unanswered.
    */
   constructor({ send, schedule, now, done = /** @type {Function} */ (() => {}), fail, limit = 32 }) {
@@ -32,7 +33,7 @@ export class UpdateQueue {
 
   /** The newest seq that was sent on this stream and not refused; a frame will show it. 0 before the first. */
   get sent() { return Math.max(this.#taken, ...this.#flying.keys()); }
-  /** The newest seq that a drawn frame shows. */
+  /** The newest seq that a drawn frame shows, or that needs no frame. */
   get drawn() { return this.#drawn; }
   /** The number of unanswered updates. */
   get unanswered() { return this.#flying.size; }
@@ -58,6 +59,7 @@ export class UpdateQueue {
     this.#seq = 0;
     this.#taken = 0;
     this.#drawn = 0;
+    this.#pictures.clear();
     this.#plan();
   }
 
@@ -86,11 +88,19 @@ export class UpdateQueue {
   show(seq) {
     if (seq <= this.#drawn || seq > this.#seq) return null;
     this.#drawn = seq;
+    for (const key of this.#pictures) if (key <= seq) this.#pictures.delete(key);
+    this.#skip();
     const then = this.#times.get(seq);
     for (const key of this.#times.keys()) if (key <= seq) this.#times.delete(key);
     if (!then) return null;
     this.#waited = then.sent - then.since;
     return this.#now() - then.since;
+  }
+
+  /** Counts updates that gave no new picture as drawn, once all before them are. */
+  #skip() {
+    const isOlder = (seq) => seq < this.#taken;
+    if (this.#pictures.size === 0 && ![...this.#flying.keys()].some(isOlder)) this.#drawn = Math.max(this.#drawn, this.#taken);
   }
 
   #plan() {
@@ -110,7 +120,7 @@ export class UpdateQueue {
     this.#waiting = null;
     this.#flying.set(seq, patch);
     this.#times.set(seq, { since: this.#since, sent: this.#now() });
-    const settle = (error) => {
+    const settle = (error, answer) => {
       if (epoch !== this.#epoch) return;
       this.#flying.delete(seq);
       if (error) {
@@ -118,10 +128,13 @@ export class UpdateQueue {
         this.#fail(error, patch);
       } else {
         this.#taken = Math.max(this.#taken, seq);
+        if (answer?.same_image) this.#times.delete(seq);
+        else if (seq > this.#drawn) this.#pictures.add(seq);
+        this.#skip();
         this.#done(patch);
       }
       this.#plan();
     };
-    this.#send({ seq, patch }).then(() => settle(null), settle);
+    this.#send({ seq, patch }).then((answer) => settle(null, answer), settle);
   }
 }

@@ -150,13 +150,13 @@ enum sp_slice_mode {
     SP_SLICES_ORTHOGONAL, /* three planes through the position, along the axes of the grid */
     SP_SLICES_OBLIQUE     /* one plane through the position */
 };
-/* Slices of the volume (sp/slice.h) that clients show beside the picture, and in it. A slice in the
- * picture is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
+/* Slices of the volume (sp/slice.h) that clients show beside the image, and in it. A slice in the
+ * image is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
  * behind it; the volume in front of it is drawn as always. Values that are not finite leave a
  * hole. */
 struct sp_slices {           /* "/slices" */
     enum sp_slice_mode mode; /* [none] */
-    bool in_3d;              /* draw them in the picture [false]; oblique: needs one of the clip
+    bool in_3d;              /* draw them in the image [false]; oblique: needs one of the clip
                                 planes, so that the view has at most SP_CLIP_PLANES_MAX - 1 */
     double position[3];      /* world [the volume's centre] */
     double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
@@ -191,9 +191,9 @@ SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info
  * (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
 SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
 
-/* True if the two views give the same picture, although they may differ in slices that are not
+/* True if the two views give the same image, although they may differ in slices that are not
  * drawn in it. Thread-safe. */
-SP_API bool sp_view_is_same_picture(const struct sp_view *a, const struct sp_view *b);
+SP_API bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b);
 
 /* True if all of view->filter is as sp_view_init() sets it. Thread-safe. */
 SP_API bool sp_view_has_default_filter(const struct sp_view *view);

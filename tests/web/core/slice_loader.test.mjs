@@ -4,72 +4,72 @@ import { test } from 'node:test';
 import { SliceCache, SliceLoader } from '../../../clients/web/core/slice_loader.js';
 
 const slice = (bytes) => ({ values: new Uint8Array(bytes) });
-const wish = (key) => ({ key, query: { key } });
+const want = (key) => ({ key, query: { key } });
 const settle = () => new Promise((resolve) => { setImmediate(resolve); });
 
 /** A loader whose requests the test answers. */
 function rig() {
-  const flights = [];
+  const requests = [];
   const shown = [];
   const errors = [];
   const cache = new SliceCache(100);
   const loader = new SliceLoader({
     cache, show: (_, key) => shown.push(key), fail: (error) => errors.push(error.message),
     load: (query, signal) => new Promise((resolve, reject) => {
-      flights.push({ key: query.key, signal, resolve: () => resolve(slice(10)), reject: () => reject(new Error(query.key)) });
+      requests.push({ key: query.key, signal, resolve: () => resolve(slice(10)), reject: () => reject(new Error(query.key)) });
       signal.addEventListener('abort', () => reject(new Error('aborted')));
     }),
   });
-  return { flights, shown, errors, cache, loader };
+  return { requests, shown, errors, cache, loader };
 }
 
-test('one request is in flight, and the newest wish comes next', async () => {
-  const { flights, shown, loader } = rig();
-  for (const key of ['a', 'b', 'c', 'd']) loader.want(wish(key));
-  assert.deepEqual(flights.map(({ key }) => key), ['a']);
-  flights[0].resolve();
+test('one request is under way, and the newest one comes next', async () => {
+  const { requests, shown, loader } = rig();
+  for (const key of ['a', 'b', 'c', 'd']) loader.want(want(key));
+  assert.deepEqual(requests.map(({ key }) => key), ['a']);
+  requests[0].resolve();
   await settle();
   assert.deepEqual(shown, ['a'], 'a slice on the way is shown');
-  assert.deepEqual(flights.map(({ key }) => key), ['a', 'd']);
-  flights[1].resolve();
+  assert.deepEqual(requests.map(({ key }) => key), ['a', 'd']);
+  requests[1].resolve();
   await settle();
   assert.deepEqual(shown, ['a', 'd']);
-  loader.want(wish('a'));
+  loader.want(want('a'));
   assert.deepEqual(shown, ['a', 'd', 'a'], 'from the cache, at once');
   assert.equal(loader.isBusy, false);
 });
 
-test('neighbours are loaded ahead, and give way to a wish', async () => {
-  const { flights, shown, errors, loader } = rig();
-  loader.want(wish('a'), [wish('b'), wish('c')]);
-  flights[0].resolve();
+test('neighbours are loaded ahead, and give way to what is wanted', async () => {
+  const { requests, shown, errors, loader } = rig();
+  loader.want(want('a'), [want('b'), want('c')]);
+  requests[0].resolve();
   await settle();
-  assert.deepEqual(flights.map(({ key }) => key), ['a', 'b']);
-  flights[1].resolve();
+  assert.deepEqual(requests.map(({ key }) => key), ['a', 'b']);
+  requests[1].resolve();
   await settle();
-  assert.equal(flights[2].key, 'c');
-  loader.want(wish('x'));
-  assert.equal(flights[2].signal.aborted, true);
+  assert.equal(requests[2].key, 'c');
+  loader.want(want('x'));
+  assert.equal(requests[2].signal.aborted, true);
   await settle();
-  assert.equal(flights[3].key, 'x');
-  flights[3].resolve();
+  assert.equal(requests[3].key, 'x');
+  requests[3].resolve();
   await settle();
   assert.deepEqual(shown, ['a', 'x'], 'what was loaded ahead is not shown');
   assert.deepEqual(errors, []);
 });
 
-test('a failure is told once, and does not stop the next wish', async () => {
-  const { flights, shown, errors, loader } = rig();
-  loader.want(wish('a'), [wish('b')]);
-  flights[0].reject();
+test('a failure is told once, and does not stop the next request', async () => {
+  const { requests, shown, errors, loader } = rig();
+  loader.want(want('a'), [want('b')]);
+  requests[0].reject();
   await settle();
   assert.deepEqual(errors, ['a']);
-  flights[1].reject();
+  requests[1].reject();
   await settle();
-  assert.deepEqual(errors, ['a'], 'of a neighbour nobody hears');
-  assert.equal(flights.length, 2, 'it is not tried again');
-  loader.want(wish('c'));
-  flights[2].resolve();
+  assert.deepEqual(errors, ['a'], 'a neighbour's failure is not told');
+  assert.equal(requests.length, 2, 'it is not tried again');
+  loader.want(want('c'));
+  requests[2].resolve();
   await settle();
   assert.deepEqual(shown, ['c']);
 });

@@ -152,3 +152,25 @@ test('merge patches (RFC 7396): null removes a member from a value and stays in 
   const [first, second] = [{ camera: { position: [4, 5, 6] } }, { camera: { up: [1, 0, 0] }, background: null }];
   assert.deepEqual(applyPatch(view, joinPatches(first, second)), applyPatch(applyPatch(view, first), second));
 });
+
+test('an update that gives the same picture counts as drawn once all before it are', async () => {
+  const it = setUp();
+  for (const n of [1, 2, 3]) {
+    it.updates.put({ n });
+    it.frame();
+  }
+  it.answers[1].resolve({ seq: 2, same_image: true });
+  await it.settle();
+  assert.equal(it.updates.drawn, 0, 'the first one may need a frame');
+  it.answers[0].resolve({ seq: 1 });
+  it.answers[2].resolve({ seq: 3, same_image: true });
+  await it.settle();
+  assert.deepEqual([it.updates.sent, it.updates.drawn], [3, 0]);
+  it.updates.show(1);
+  assert.equal(it.updates.drawn, 3);
+  it.updates.put({ n: 4 });
+  it.frame();
+  it.answers[3].resolve({ seq: 4, same_image: true });
+  await it.settle();
+  assert.equal(it.updates.drawn, 4);
+});

@@ -1,0 +1,57 @@
+// SPDX-License-Identifier: Apache-2.0
+// The section "Slices" of the panel.
+import { t } from '../core/text.js';
+import { make } from './dom.js';
+import { showNumber } from './fields.js';
+import { ORDER } from './panel.js';
+
+const MODES = ['none', 'orthogonal', 'oblique'];
+const FIELDS = [['center', 'slices.center'], ['width', 'slices.width']];
+
+export function installSection({ panel, slices, viewer }) {
+  const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices });
+  const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
+  const inPicture = make('input', { id: 'slices-in-3d', type: 'checkbox', role: 'switch' });
+  const places = [0, 1, 2].map((axis) => make('input', { type: 'number', step: 'any', 'aria-label': t('slices.position.axis', { axis: 'xyz'[axis] }) }));
+  const values = FIELDS.map(([name, label]) => make('input', { id: `slices-${name}`, type: 'number', step: 'any', 'aria-label': t(label) }));
+  const align = make('button', { id: 'slices-align', text: t('slices.align'), title: t('slices.align.title'), press: ({ timeStamp }) => slices.alignWithView(timeStamp) });
+  const reset = make('button', { id: 'slices-reset', text: t('slices.reset'), title: t('slices.reset.title'), press: ({ timeStamp }) => slices.reset(timeStamp) });
+  const row = (label, pointer, ...controls) => make('div', { class: 'row', 'data-pointer': pointer },
+    make('label', { text: label, ...(controls[0].id ? { for: controls[0].id } : {}) }), ...controls);
+  const together = (inputs) => make('span', { class: 'slice-numbers' }, ...inputs);
+  const controls = make('fieldset', { class: 'slice-fields' },
+    row(t('slices.mode'), '/slices/mode', mode),
+    row(t('slices.in3d'), '/slices/in_3d', inPicture),
+    row(t('slices.position'), '/slices/position', together(places)),
+    row(t('slices.window'), '/slices/window', together(values)),
+    make('div', { class: 'buttons', 'data-pointer': '/slices/normal' }, align, reset));
+  body.append(controls);
+
+  mode.addEventListener('change', ({ timeStamp }) => slices.setMode(mode.value, timeStamp));
+  inPicture.addEventListener('change', ({ timeStamp }) => {
+    const needsMode = inPicture.checked && slices.shared.mode === 'none';
+    slices.change({ in_3d: inPicture.checked, ...(needsMode ? { mode: 'orthogonal' } : {}) }, timeStamp);
+  });
+  places.forEach((input, axis) => input.addEventListener('change', ({ timeStamp }) => {
+    if (Number.isFinite(input.valueAsNumber) && slices.grid) slices.setPosition(slices.position.with(axis, input.valueAsNumber), timeStamp);
+  }));
+  values.forEach((input, i) => input.addEventListener('change', ({ timeStamp }) => {
+    if (Number.isFinite(input.valueAsNumber)) slices.change({ window: { [FIELDS[i][0]]: input.valueAsNumber } }, timeStamp);
+  }));
+
+  function show() {
+    const { shared } = slices;
+    controls.disabled = !shared || !viewer.canControl;
+    if (!shared) return;
+    mode.value = shared.mode;
+    inPicture.checked = shared.in_3d && shared.mode !== 'none';
+    align.hidden = shared.mode !== 'oblique';
+    const set = (input, value) => {
+      if (document.activeElement !== input) input.value = showNumber(value);
+    };
+    places.forEach((input, axis) => set(input, shared.position[axis]));
+    values.forEach((input, i) => set(input, shared.window[FIELDS[i][0]]));
+  }
+  slices.on('change', show);
+  viewer.on('view', show);
+}
