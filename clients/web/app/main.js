@@ -34,8 +34,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, volumes, presets, paths, keyframes, people, inspect,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
 ];
 
 async function start() {

@@ -66,7 +66,7 @@ test('a failure is told once, and does not stop the next request', async () => {
   assert.deepEqual(errors, ['a']);
   requests[1].reject();
   await settle();
-  assert.deepEqual(errors, ['a'], 'a neighbour's failure is not told');
+  assert.deepEqual(errors, ['a'], 'the failure of a neighbour is not told');
   assert.equal(requests.length, 2, 'it is not tried again');
   loader.want(want('c'));
   requests[2].resolve();
