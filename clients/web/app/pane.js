@@ -24,7 +24,8 @@ export class Pane {
   #view = null; // {center, zoom}; null = fit
   #size = [1, 1];
   #slice = null;
-  #key = '';
+  #key = ''; // of the slice that was asked for last
+  #shownKey = null;
   #painted = null; // {canvas, slice, window}
   #isPlanned = false;
   #hovered = null;
@@ -117,6 +118,7 @@ export class Pane {
 
   /** Draws again at the next animation frame. */
   update() {
+    this.body.dataset.state = 'waiting';
     if (this.#isPlanned) return;
     this.#isPlanned = true;
     nextFrame(() => {
@@ -130,6 +132,7 @@ export class Pane {
     this.#loader.stop();
     this.#slice = this.#painted = this.#view = null;
     this.#key = '';
+    this.#shownKey = null;
     this.#problem.hidden = true;
     this.update();
   }
@@ -150,6 +153,7 @@ export class Pane {
     this.#paint();
     this.#drawLines();
     this.#label();
+    if (this.#shownKey === this.#key && !this.#isPlanned) this.body.dataset.state = 'newest';
   }
 
   #request(plane) {
@@ -177,7 +181,7 @@ export class Pane {
   #take(slice, key) {
     this.#slice = slice;
     this.#problem.hidden = true;
-    this.body.dataset.shown = key === this.#key ? 'newest' : 'older';
+    this.#shownKey = key;
     this.update();
   }
 

@@ -60,6 +60,7 @@ class Slices extends Emitter {
     connection.on('volumes', () => this.#follow());
     connection.on('session', () => this.#forget());
     modes.extend('window', { panes: this.#windowTool() });
+    this.#addPicking();
     overlay.layer((project, { group }) => this.#drawIn3d(project, group));
   }
 
@@ -86,9 +87,11 @@ class Slices extends Emitter {
     this.change({ position: this.grid.clamp(world) }, time);
   }
 
-  /** Changes what is shared and switches slices on. */
+  /** An oblique plane that would look like another slice begins as the slice that it replaces. */
   setMode(mode, time) {
-    this.change({ mode }, time);
+    const [axial, coronal, sagittal] = this.grid ? orthogonalPlanes(this.grid, this.frame, this.position) : [];
+    const isTwice = [axial, coronal].some((plane) => plane && Math.abs(dot(plane.normal, normalize(this.normal))) > 0.999);
+    this.change({ mode, ...(mode === 'oblique' && isTwice ? { normal: sagittal.normal } : {}) }, time);
   }
 
   load(query, signal) {
@@ -167,7 +170,7 @@ class Slices extends Emitter {
 
   /** The plane that a pane shows: the third one shows the oblique plane instead if there is one. */
   planeOf(id) {
-    if (this.isOblique && id === 'sagittal') return obliquePlane(this.position, this.normal, this.frame.up);
+    if (this.isOblique && id === 'sagittal') return obliquePlane(this.position, this.normal, this.frame.up, this.frame.front);
     return orthogonalPlanes(this.grid, this.frame, this.position).find(({ kind }) => kind === id);
   }
 
@@ -302,6 +305,39 @@ class Slices extends Emitter {
   }
 
   // In the 3-D picture.
+
+  /** The mode in which a click or a drag in the picture moves the crosshair to what is seen there. */
+  #addPicking() {
+    const { modes, toolbar, connection, screen, notice, viewer } = this.#app;
+    let wanted = null; // {at, time}
+    let isAsking = false;
+    const pick = async () => {
+      if (isAsking || !wanted) return;
+      const { at, time } = wanted;
+      const { width, height } = screen.viewport;
+      wanted = null;
+      isAsking = true;
+      try {
+        const { position } = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
+        if (position) this.setPosition(position, time);
+      } catch (error) {
+        notice.show(error.message);
+      } finally {
+        isAsking = false;
+        pick();
+      }
+    };
+    const want = (at, { timeStamp }) => {
+      wanted = { at, time: timeStamp };
+      pick();
+    };
+    modes.add('crosshair', { label: t('slices.crosshair'), hint: t('slices.crosshair.hint'), cursor: 'crosshair', down: want, move: want });
+    const button = toolbar.button({
+      id: 'tool-crosshair', icon: 'crosshair', label: t('slices.crosshair'), group: 'tools', isToggle: true, press: () => modes.toggle('crosshair'),
+    });
+    modes.on('change', (name) => button.setAttribute('aria-pressed', String(name === 'crosshair')));
+    viewer.on('view', () => { button.disabled = !viewer.canControl; });
+  }
 
   /** Outlines of the slices, and the crosshair, above the picture. */
   #drawIn3d(project, group) {

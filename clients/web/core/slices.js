@@ -127,11 +127,11 @@ export function orthogonalPlanes(grid, frame, position) {
   });
 }
 
-/** The oblique plane across `normal`; `up` points up in it as far as it can. */
-export function obliquePlane(position, normal, up = [0, 0, 1]) {
+/** The oblique plane across `normal`; the first of `ups` that is not too close to the normal points up in it as far as it can. */
+export function obliquePlane(position, normal, ...ups) {
   const n = normalize(normal);
-  const steep = length(cross(up, n)) > 0.3 * length(up) ? up : [[0, 1, 0], [0, 0, 1], [1, 0, 0]].find((v) => length(cross(v, n)) > 0.3);
-  const right = normalize(cross(steep, n));
+  const up = [...ups, [0, 0, 1], [0, 1, 0]].find((v) => length(cross(v, n)) > 0.3 * length(v));
+  const right = normalize(cross(up, n));
   return { kind: 'oblique', axis: null, origin: position, right, down: cross(right, n), normal: n };
 }
 

@@ -64,6 +64,8 @@ export default {
   'slices.canvas': '{name} slice, {place}. Arrow keys and PageUp, PageDown go through the slices, plus and minus zoom.',
   'slices.center': 'Centre of the window',
   'slices.coronal': 'Coronal',
+  'slices.crosshair': 'Crosshair',
+  'slices.crosshair.hint': 'Click or drag in the picture: the slices go to what you see there',
   'slices.failed': 'No slice: {reason}',
   'slices.held': '{name} has control. Ask for it under People to move the slices.',
   'slices.in3d': 'In the picture',

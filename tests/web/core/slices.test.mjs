@@ -104,7 +104,7 @@ test('the query asks for the sample under the plane, or for as many pixels as he
   const grid = new Grid(plain());
   const [axial] = orthogonalPlanes(grid, frameOf(null), [3, 4, 21.4]);
   assert.deepEqual(sliceQuery(grid, axial, { center: [0, 0, 0], zoom: 1, size: [9, 9] }), { axis: 2, index: 11 });
-  const oblique = obliquePlane([3, 4, 5], [0, 0, 2], [0, 1, 0]);
+  const oblique = obliquePlane([3, 4, 5], [0, 0, 2], [0, 0, 1], [0, 1, 0]);
   assert.deepEqual(sliceQuery(grid, oblique, { center: [1, 1, 0], zoom: 1, size: [40, 20] }),
     { origin: '1,1,5', normal: '0,0,1', up: '0,1,0', size: '40,20', spacing: 1 });
   assert.equal(sliceQuery(grid, oblique, { center: [1, 1, 5], zoom: 100, size: [400, 200] }).size, '8,4');

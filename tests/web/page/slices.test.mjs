@@ -1,0 +1,189 @@
+// SPDX-License-Identifier: Apache-2.0
+// Slices beside the picture and in it, with the real daemon.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
+import { difference, drag, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+import { decodePng } from '../support/png.mjs';
+
+let browser;
+let daemon;
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function open(context, address = daemon.url) {
+  const opened = await openPage(browser, { viewport: { width: 1200, height: 800 } });
+  context.after(() => opened.context.close());
+  await opened.page.goto(address);
+  await firstFrame(opened.page);
+  return opened;
+}
+
+const base = () => new URL(daemon.url).origin;
+const token = () => new URL(daemon.url).searchParams.get('token');
+
+/** The picture of a pane, without what lies above it. */
+async function slice(page, id) {
+  const url = await page.evaluate((name) => document.querySelector(`#pane-${name} canvas`).toDataURL('image/png'), id);
+  return decodePng(Buffer.from(url.slice(url.indexOf(',') + 1), 'base64'));
+}
+
+const settled = (page) => until(page, 'the newest slices', (s) => s.isIdle && s.seq === s.sent && ['axial', 'coronal', 'sagittal']
+  .every((id) => document.querySelector(`#pane-${id} .pane-body`).dataset.state === 'newest'));
+
+async function four(page) {
+  await page.click('#layout-four');
+  await settled(page);
+}
+
+const position = (page) => page.evaluate(() => window.splatd.view.slices.position);
+const middleOf = async (page, id) => {
+  const box = await page.locator(`#pane-${id} canvas`).boundingBox();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+};
+const light = (image) => {
+  let sum = 0;
+  for (let y = 0; y < image.height; y += 3) for (let x = 0; x < image.width; x += 3) sum += image.at(x, y)[0];
+  return sum / (image.width * image.height / 9);
+};
+
+test('wheel, keys, slider and number go through the slices; the crosshair links the panes', async (context) => {
+  const { page, said } = await open(context);
+  await four(page);
+  const frames = await page.evaluate(() => window.splatd.count);
+  const first = { axial: await slice(page, 'axial'), coronal: await slice(page, 'coronal') };
+  compare(light(first.axial), '>', 5, 'there is a picture');
+  const start = await position(page);
+
+  await page.mouse.move(...await middleOf(page, 'axial'));
+  for (let i = 0; i < 12; i += 1) await page.mouse.wheel(0, 100);
+  await until(page, 'other slices', (s) => Math.abs(s.view.slices.position[2] - 31.5) > 5);
+  await settled(page);
+  compare(difference(await slice(page, 'axial'), first.axial), '>', 0.01);
+  assert.equal(difference(await slice(page, 'coronal'), first.coronal), 0, 'the other slices stay');
+  assert.deepEqual((await position(page)).slice(0, 2), start.slice(0, 2));
+
+  await page.focus('#pane-axial canvas');
+  const before = await position(page);
+  await page.keyboard.press('PageUp');
+  await until(page, 'the next slice', () => true);
+  await settled(page);
+  compare(Math.abs((await position(page))[2] - before[2]), '>', 0.4);
+  await page.fill('#pane-axial .slice-foot input', '20');
+  await page.press('#pane-axial .slice-foot input', 'Enter');
+  await settled(page);
+  assert.equal((await page.evaluate(() => document.querySelector('#pane-axial .slice-slider').value)), '19');
+
+  const [x, y] = await middleOf(page, 'axial');
+  await page.mouse.click(x + 40, y - 30);
+  await settled(page);
+  const clicked = await position(page);
+  assert.equal(clicked[2], (await position(page))[2]);
+  compare(Math.abs(clicked[0] - start[0]), '>', 2);
+  compare(Math.abs(clicked[1] - start[1]), '>', 2);
+  compare(difference(await slice(page, 'coronal'), first.coronal), '>', 0.005);
+  assert.equal(await page.evaluate(() => window.splatd.count), frames, 'the picture is not drawn again for slices beside it');
+  assert.match(await page.textContent('#pane-axial .slice-read'), /^[-\d.]+ at /);
+
+  await shot(page, 'slices-four');
+  assert.deepEqual(said, []);
+  assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
+});
+
+test('window, zoom and pan change the panes as they should', async (context) => {
+  const { page } = await open(context);
+  await four(page);
+  const first = await slice(page, 'axial');
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  const center = Number(await page.inputValue('#slices-center'));
+  await page.fill('#slices-center', String(center * 0.3));
+  await page.press('#slices-center', 'Enter');
+  await settled(page);
+  const brighter = await slice(page, 'axial');
+  compare(light(brighter), '>', light(first) + 10, 'a lower centre is brighter');
+  await page.click('#slices-reset');
+  await settled(page);
+  compare(difference(await slice(page, 'axial'), first), '<', 0.002);
+
+  const middle = await middleOf(page, 'axial');
+  await page.click('#tool-window');
+  await drag(page, middle, [middle[0], middle[1] + 60]);
+  await page.keyboard.press('Escape');
+  await settled(page);
+  compare(light(await slice(page, 'axial')), '>', light(first) + 2, 'dragging down lowers the level');
+  await page.click('#slices-reset');
+  await settled(page);
+
+  await page.focus('#pane-axial canvas');
+  for (let i = 0; i < 6; i += 1) await page.keyboard.press('+');
+  await settled(page);
+  const larger = await slice(page, 'axial');
+  compare(difference(larger, first), '>', 0.05);
+  await drag(page, middle, [middle[0] + 80, middle[1]], { button: 'right' });
+  await settled(page);
+  compare(difference(await slice(page, 'axial'), larger), '>', 0.02);
+  await page.focus('#pane-axial canvas');
+  await page.keyboard.press('0');
+  await settled(page);
+  compare(difference(await slice(page, 'axial'), first), '<', 0.002);
+});
+
+test('an oblique plane turns by its handles and with the view', async (context) => {
+  const { page } = await open(context);
+  await four(page);
+  const sagittal = await slice(page, 'sagittal');
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  await page.selectOption('#slices-mode', 'oblique');
+  await settled(page);
+  const handle = await page.locator('#pane-axial .slice-handle').first().boundingBox();
+  const from = [handle.x + handle.width / 2, handle.y + handle.height / 2];
+  await drag(page, from, [from[0] + 60, from[1] + 30]);
+  await settled(page);
+  const turned = await page.evaluate(() => window.splatd.view.slices.normal);
+  assert.ok(turned.filter((part) => Math.abs(part) > 0.1).length >= 2, `the plane is tilted: ${turned}`);
+  compare(difference(await slice(page, 'sagittal'), sagittal), '>', 0.01);
+  await page.click('#slices-align');
+  await settled(page);
+  const [normal, camera] = await page.evaluate(() => [window.splatd.view.slices.normal, window.splatd.camera]);
+  const away = camera.position.map((part, i) => part - camera.target[i]);
+  const cosine = away.reduce((sum, part, i) => sum + part * normal[i], 0) / Math.hypot(...away) / Math.hypot(...normal);
+  compare(cosine, '>', 0.999999);
+  await shot(page, 'slices-oblique');
+});
+
+test('slices in the picture change it, and two windows of one session share the crosshair', async (context) => {
+  const { page } = await open(context);
+  await rest(page);
+  const plain = await pixels(page);
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  await page.click('#slices-in-3d');
+  await rest(page);
+  const cut = await pixels(page);
+  compare(difference(cut, plain), '>', 0.02);
+  const session = await page.evaluate(() => window.splatd.session);
+  const { tokens } = await (await fetch(`${base()}/api/v1/sessions/${session}`, { headers: { Authorization: `Bearer ${token()}` } })).json();
+  const guest = await open(context, `${base()}/#session=${session}&token=${tokens.view}`);
+  await four(guest.page);
+  await page.click('#layout-four');
+  await settled(page);
+  const [x, y] = await middleOf(page, 'coronal');
+  await page.mouse.click(x - 30, y + 20);
+  await settled(page);
+  const wanted = await position(page);
+  await until(guest.page, 'the same crosshair', `(s) => JSON.stringify(s.view.slices.position) === '${JSON.stringify(wanted)}'`);
+  await settled(guest.page);
+  compare(difference(await slice(guest.page, 'coronal'), await slice(page, 'coronal')), '<', 0.02);
+  await guest.page.mouse.click(x + 50, y);
+  assert.deepEqual(await position(guest.page), wanted, 'a guest without control cannot move it');
+  await page.evaluate(() => document.getElementById('slices-in-3d').click());
+  await page.click('#layout-3d');
+  await rest(page);
+  compare(difference(await pixels(page), plain), '<', 0.002);
+});
