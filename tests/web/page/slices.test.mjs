@@ -57,6 +57,7 @@ const light = (image) => {
 test('wheel, keys, slider and number go through the slices; the crosshair links the panes', async (context) => {
   const { page, said } = await open(context);
   await four(page);
+  await rest(page);
   const frames = await page.evaluate(() => window.splatd.count);
   const first = { axial: await slice(page, 'axial'), coronal: await slice(page, 'coronal') };
   compare(light(first.axial), '>', 5, 'there is a picture');
