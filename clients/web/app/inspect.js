@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
 // the page opened; videos: how many of them were video; sent: seq of the newest update.
-export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout }) {
+export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, measures }) {
   const { drawn } = frames;
   Object.defineProperty(window, 'splatd', {
     value: Object.freeze({
@@ -30,6 +30,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get stats() { return structuredClone(status.stats); },
       get mode() { return modes.current; },
       get layout() { return layout.current; },
+      get measures() { return structuredClone(measures.items); },
       get errors() { return [...errors]; },
     }),
   });

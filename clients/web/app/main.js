@@ -15,6 +15,7 @@ import * as input from './input.js';
 import * as inspect from './inspect.js';
 import * as savedViews from './saved_views.js';
 import * as keyframes from './keyframes.js';
+import * as measures from './measures.js';
 import * as paths from './paths.js';
 import * as people from './people.js';
 import * as pick from './pick.js';
@@ -34,7 +35,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
 ];
 
 async function start() {

@@ -91,6 +91,20 @@ export class Api {
     return readSlice(answer.headers.get('X-Slice'), await answer.arrayBuffer());
   }
 
+  /** Measures in the volume that the session shows; nothing is stored. what: {kind, points, samples}. */
+  measure(id, token, what) {
+    return this.#request('POST', `api/v1/sessions/${encodeURIComponent(id)}/measure`, { token, body: what });
+  }
+
+  /** The measurements of a session as the text of a file: json or csv. */
+  async measures(id, token, format) {
+    const what = `api/v1/sessions/${encodeURIComponent(id)}/measures?format=${format}`;
+    const answer = await this.#send('GET', what, { token, accept: '*/*', signal: AbortSignal.timeout(TIMEOUT_MS) });
+    const text = await answer.text();
+    if (!answer.ok) throw this.#refusal(answer, `GET ${what}`, text);
+    return text;
+  }
+
   /** The address of a session's stream. */
   streamUrl(id, token) {
     const url = new URL(`api/v1/sessions/${encodeURIComponent(id)}/stream`, this.#base);

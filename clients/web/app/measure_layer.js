@@ -1,0 +1,264 @@
+// SPDX-License-Identifier: Apache-2.0
+// Draws the measurements above the 3-D picture and above the slices: lines, handles of the selected one, and labels. Handles are dragged
+// here; the keyboard moves them in the panel (measure_section.js).
+import { handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners, valueText } from '../core/measures.js';
+import { meetPlane, pointAtDepth, ray } from '../core/project.js';
+import { add, cross, dot, scale, subtract } from '../core/vector.js';
+import { svg } from './dom.js';
+import { t } from '../core/text.js';
+import { surfaceAt } from './measure_tools.js';
+
+const FONT = '600 12px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
+const LINE_PX = 16;
+const PADDING_PX = 6;
+const DOT_PX = 5;
+const HIT_PX = 14;
+const context = new OffscreenCanvas(1, 1).getContext('2d');
+context.font = FONT;
+const widths = new Map();
+
+/** The width of a text in px. */
+function widthOf(text) {
+  if (!widths.has(text)) {
+    if (widths.size > 500) widths.clear();
+    widths.set(text, context.measureText(text).width);
+  }
+  return widths.get(text);
+}
+
+/** The lines of a label: name or value, and the statistics of a region. */
+function labelLines(item, name) {
+  const value = valueText(item, t('measure.novalue'));
+  const { statistics: s } = item;
+  if (item.kind === 'marker') return item.text ? [item.text] : [value];
+  const first = item.text ? `${name}  ${value}` : value;
+  if ((item.kind === 'rectangle' || item.kind === 'ellipse') && s && s.mean !== null) {
+    return [first, t('measure.mean', { mean: valueText({ value: s.mean, unit: '' }), deviation: valueText({ value: s.deviation, unit: '' }, '–') })];
+  }
+  return [first];
+}
+
+/** The elements of one <g> by key; those that a drawing does not use are removed. */
+class Sheet {
+  #group; #known = new Map(); #used = new Set();
+  constructor(group) { this.#group = group; }
+
+  put(key, tag, attributes, text) {
+    let element = this.#known.get(key);
+    if (!element) {
+      element = svg(tag);
+      this.#known.set(key, element);
+      this.#group.append(element);
+    }
+    for (const [name, value] of Object.entries(attributes)) if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+    if (text !== undefined && element.textContent !== text) element.textContent = text;
+    this.#used.add(key);
+    return element;
+  }
+
+  end() {
+    for (const [key, element] of this.#known) {
+      if (this.#used.has(key)) continue;
+      element.remove();
+      this.#known.delete(key);
+    }
+    this.#used.clear();
+  }
+}
+
+const hasPlace = ({ x, y }) => Number.isFinite(x) && Number.isFinite(y) && Math.abs(x) < 1e5 && Math.abs(y) < 1e5;
+
+/** The d of a path through points, with gaps where a point has no place. */
+function pathOf(points) {
+  let isDown = false;
+  return points.map((point) => {
+    if (!hasPlace(point)) {
+      isDown = false;
+      return '';
+    }
+    const step = `${isDown ? 'L' : 'M'}${point.x.toFixed(1)} ${point.y.toFixed(1)}`;
+    isDown = true;
+    return step;
+  }).join('');
+}
+
+/** The middle of the label of `size` px, so that it covers no line. */
+function labelPlace(item, points, size) {
+  const [width, height] = size;
+  if (item.kind === 'marker') return { x: points[0].x + DOT_PX + 7 + width / 2, y: points[0].y };
+  if (item.kind === 'distance' || item.kind === 'profile') return labelBeside(points[0], points[1], width, height);
+  if (item.kind === 'angle') {
+    const [a, v, c] = points;
+    const towards = { x: a.x + c.x - 2 * v.x, y: a.y + c.y - 2 * v.y };
+    const far = Math.hypot(towards.x, towards.y) || 1;
+    const [x, y] = [-towards.x / far, -towards.y / far];
+    const reach = Math.abs(x) * width / 2 + Math.abs(y) * height / 2 + DOT_PX + 6;
+    return { x: v.x + x * reach, y: v.y + y * reach };
+  }
+  const seen = points.filter(hasPlace);
+  const [left, right] = [Math.min(...seen.map((p) => p.x)), Math.max(...seen.map((p) => p.x))];
+  return { x: (left + right) / 2, y: Math.min(...seen.map((p) => p.y)) - height / 2 - 8 };
+}
+
+function drawLabel(sheet, key, item, name, points, className) {
+  if (!points.some(hasPlace)) return;
+  const lines = labelLines(item, name);
+  const size = [Math.max(...lines.map(widthOf)) + 2 * PADDING_PX, lines.length * LINE_PX + 4];
+  const at = labelPlace(item, points, size);
+  if (!hasPlace(at)) return;
+  sheet.put(`${key}:box`, 'rect', {
+    class: `measure-box ${className}`, x: at.x - size[0] / 2, y: at.y - size[1] / 2, width: size[0], height: size[1], rx: 5, stroke: item.color,
+  });
+  lines.forEach((line, i) => sheet.put(`${key}:text${i}`, 'text', {
+    class: `measure-label ${className}`, x: at.x, y: at.y - size[1] / 2 + 2 + LINE_PX * (i + 0.5),
+  }, line));
+}
+
+function drawItem(sheet, item, { toScreen, name, isSelected, handle, className }) {
+  const key = item.id;
+  linesOf(item).forEach((line, i) => {
+    const d = pathOf(line.map(toScreen));
+    sheet.put(`${key}:halo${i}`, 'path', { class: `measure-halo ${className}`, d });
+    sheet.put(`${key}:line${i}`, 'path', { class: `measure-line ${className}`, d, stroke: item.color });
+    sheet.put(`${key}:hit${i}`, 'path', { class: 'measure-hit', d, 'data-item': key });
+  });
+  const handles = handlesOf(item).map(toScreen);
+  handles.forEach((point, i) => {
+    if (!hasPlace(point) || !(isSelected || item.kind === 'marker' || (i < 3 && item.kind !== 'rectangle' && item.kind !== 'ellipse'))) return;
+    sheet.put(`${key}:dot${i}`, 'circle', {
+      class: `measure-dot ${className}`, cx: point.x, cy: point.y, r: isSelected ? DOT_PX : 3.5, fill: item.color,
+      'data-focus': isSelected && handle === i,
+    });
+    sheet.put(`${key}:grip${i}`, 'circle', { class: 'measure-grip', cx: point.x, cy: point.y, r: HIT_PX, 'data-item': key, 'data-handle': i });
+  });
+  const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : handles;
+  if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, name, ends, className);
+}
+
+/** The measurement that is being drawn, up to the cursor. */
+function drawDraft(sheet, draft, pane, toScreen) {
+  const points = draft.points.map(toScreen);
+  const cursor = draft.cursor?.pane === pane ? { x: draft.cursor.at[0], y: draft.cursor.at[1] } : null;
+  const isRegion = draft.kind === 'rectangle' || draft.kind === 'ellipse';
+  let line = cursor ? [...points, cursor] : points;
+  if (isRegion) {
+    const to = cursor && pane ? pane.toWorld(cursor.x, cursor.y) : null;
+    const made = to && draft.points[0] && draft.pane === pane ? pointsFromCorners(draft.kind, draft.points[0], to, draft.plane) : null;
+    line = made ? linesOf({ kind: draft.kind, points: made })[0].map(toScreen) : [];
+  }
+  const d = pathOf(line);
+  sheet.put('draft:halo', 'path', { class: 'measure-halo', d });
+  sheet.put('draft:line', 'path', { class: 'measure-draft-line', d });
+  points.forEach((point, i) => hasPlace(point) && sheet.put(`draft:dot${i}`, 'circle', { class: 'measure-draft-dot', cx: point.x, cy: point.y, r: DOT_PX }));
+}
+
+function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
+  for (const item of measures.items) {
+    if (item.hidden) continue;
+    const place = pane ? placeIn(item, pane.plane, near) : 'in';
+    if (place === 'apart') continue;
+    drawItem(sheet, item, {
+      toScreen, name: measures.nameOf(item), isSelected: measures.selected === item, handle: measures.handle,
+      className: place === 'across' ? 'measure-dim' : '',
+    });
+  }
+  if (measures.draft) drawDraft(sheet, measures.draft, pane, toScreen);
+  if (measures.probe) {
+    const { x, y } = toScreen(measures.probe);
+    if (hasPlace({ x, y })) sheet.put('probe', 'circle', { class: 'measure-probe', cx: x, cy: y, r: 4 });
+  }
+  sheet.end();
+}
+
+/** Selects what is pressed, and drags handles. move(item, handle, at) gives the world point; settle(world, at) the final one. */
+function listen(group, measures, { place, move, settle }) {
+  group.addEventListener('pointerdown', (event) => {
+    const { item: id, handle: grip } = event.target.dataset;
+    if (!id || event.button !== 0) return;
+    event.preventDefault();
+    event.stopPropagation();
+    measures.select(id);
+    if (grip === undefined || !measures.canEdit) return;
+    const handle = Number(grip);
+    const { target } = event;
+    let moved = null;
+    const put = (world, isDrag) => {
+      const item = measures.selected;
+      const points = item && world ? moveHandle(item, handle, world) : null;
+      if (points) measures.edit(id, { points }, { isDrag });
+    };
+    const drag = (next) => {
+      const item = measures.selected;
+      if (next.pointerId !== event.pointerId || !item) return;
+      moved = place(next);
+      put(move(handlesOf(item)[handle], item, moved), true);
+    };
+    const stop = async (last) => {
+      if (last.pointerId !== event.pointerId) return;
+      target.removeEventListener('pointermove', drag);
+      for (const name of ['pointerup', 'pointercancel']) target.removeEventListener(name, stop);
+      if (moved && settle && measures.selected) put(await settle(measures.selected, moved), true);
+      measures.end();
+    };
+    target.setPointerCapture(event.pointerId);
+    target.addEventListener('pointermove', drag);
+    for (const name of ['pointerup', 'pointercancel']) target.addEventListener(name, stop);
+  });
+}
+
+/** The normal of the plane of a region; null for other kinds. */
+function normalOf({ kind, points }) {
+  if (kind !== 'rectangle' && kind !== 'ellipse') return null;
+  return cross(subtract(points[1], points[0]), subtract(points[2], points[0]));
+}
+
+export function installLayers(app, measures) {
+  const { overlay, screen } = app;
+  let sheet = null;
+  const layer = overlay.layer((project, { group }) => {
+    sheet ??= new Sheet(group);
+    drawAll(sheet, app, measures, { toScreen: project });
+  });
+  layer.group.classList.add('measures');
+  const layers = [layer];
+  listen(layer.group, measures, {
+    place: ({ clientX, clientY }) => {
+      const box = screen.element.getBoundingClientRect();
+      return [clientX - box.left, clientY - box.top];
+    },
+    move: (point, item, at) => {
+      const normal = normalOf(item);
+      return normal ? meetPlane(ray(overlay.rig, at, screen.viewport), item.points[0], normal) : pointAtDepth(overlay.rig, at, screen.viewport, point);
+    },
+    settle: (item, at) => (normalOf(item) ? null : surfaceAt(app, at)),
+  });
+  for (const pane of app.slices?.panes ?? []) layers.push(paneLayer(app, measures, pane));
+  const update = () => {
+    for (const { group, update: redraw } of layers) {
+      group.toggleAttribute('data-passive', !app.modes.isNavigating);
+      redraw();
+    }
+  };
+  measures.on('change', update);
+  app.modes.on('change', update);
+}
+
+function paneLayer(app, measures, pane) {
+  let sheet = null;
+  const layer = pane.layer(({ group, toPane }) => {
+    sheet ??= new Sheet(group);
+    const near = app.slices.grid ? app.slices.grid.smallest * 0.5 : 0;
+    drawAll(sheet, app, measures, { toScreen: toPane, pane, near: near * (1 + 1e-6) });
+  });
+  layer.group.classList.add('measures');
+  listen(layer.group, measures, {
+    place: (event) => pane.place(event),
+    // A handle that does not lie in the slice keeps its distance from it.
+    move: (point, item, at) => {
+      const world = pane.toWorld(...at);
+      return add(world, scale(pane.plane.normal, dot(subtract(point, world), pane.plane.normal)));
+    },
+  });
+  return layer;
+}
+
