@@ -6,7 +6,7 @@ import { meetPlane, pointAtDepth, ray } from '../core/project.js';
 import { add, cross, dot, scale, subtract } from '../core/vector.js';
 import { svg } from './dom.js';
 import { t } from '../core/text.js';
-import { surfaceAt } from './measure_tools.js';
+import { panesOf, surfaceAt } from './measure_tools.js';
 
 const FONT = '600 12px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
 const LINE_PX = 16;
@@ -232,7 +232,7 @@ export function installLayers(app, measures) {
     },
     settle: (item, at) => (normalOf(item) ? null : surfaceAt(app, at)),
   });
-  for (const pane of app.slices?.panes ?? []) layers.push(paneLayer(app, measures, pane));
+  for (const pane of panesOf(app)) layers.push(paneLayer(app, measures, pane));
   const update = () => {
     for (const { group, update: redraw } of layers) {
       group.toggleAttribute('data-passive', !app.modes.isNavigating);

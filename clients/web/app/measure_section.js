@@ -6,6 +6,7 @@ import { t } from '../core/text.js';
 import { add, cross, normalize, rotate, scale, subtract } from '../core/vector.js';
 import { icon, make, setText } from './dom.js';
 import { histogramPlot, profilePlot, statisticsTable } from './measure_plot.js';
+import { panesOf } from './measure_tools.js';
 import { ORDER } from './panel.js';
 
 const ICONS = {
@@ -196,8 +197,8 @@ class Section {
 
   /** Directions of the arrow keys: in the region's plane, in the slice that holds the point, or on the screen. */
   #directions(item) {
-    const { slices, viewer } = this.#app;
-    const pane = slices?.panes?.find(({ isShown, plane }) => isShown && plane?.kind !== 'oblique' && plane);
+    const { viewer } = this.#app;
+    const pane = panesOf(this.#app).find(({ isShown, plane }) => isShown && plane?.kind !== 'oblique' && plane);
     if (item.kind === 'rectangle' || item.kind === 'ellipse') {
       const [u, v] = [1, 2].map((i) => normalize(subtract(item.points[i], item.points[0])));
       return [u, v, normalize(cross(u, v))];
@@ -256,7 +257,7 @@ class Section {
     const { viewer, slices } = this.#app;
     const center = centerOf(item);
     this.#measures.select(item.id);
-    slices?.moveTo?.(center, time);
+    if (slices?.grid) slices.setPosition(center, time);
     if (!viewer.isReady) return;
     const rig = { ...viewer.rig, target: center };
     const camera = { ...viewer.camera, ...cameraFromRig(rig) };

@@ -6,7 +6,7 @@ import { t } from '../core/text.js';
 
 const TOOLS = [
   { kind: 'distance', icon: 'ruler', key: 'd' }, { kind: 'angle', icon: 'triangle-right', key: 'a' },
-  { kind: 'profile', icon: 'chart-line', key: 'l' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r' },
+  { kind: 'profile', icon: 'chart-line', key: 'i' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r' },
   { kind: 'ellipse', icon: 'circle-dashed', key: 'e' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
 ];
 const DRAG_PX = 6;
@@ -48,8 +48,11 @@ export async function surfaceAt({ connection, screen, notice }, at) {
   }
 }
 
+/** The panes with slices. */
+export const panesOf = (app) => [...(app.slices?.panes.values() ?? [])];
+
 /** The pane with slices whose canvas is this element; null = none. */
-const paneWith = (app, element) => app.slices?.panes?.find((pane) => pane.element === element) ?? null;
+const paneWith = (app, element) => panesOf(app).find((pane) => pane.element === element) ?? null;
 
 function toolMode(app, measures, kind) {
   const { modes, screen, notice } = app;
