@@ -13,6 +13,7 @@ const LINE_PX = 16;
 const PADDING_PX = 6;
 const DOT_PX = 5;
 const HIT_PX = 14;
+const LABEL_TRIES = 15;
 const context = new OffscreenCanvas(1, 1).getContext('2d');
 context.font = FONT;
 const widths = new Map();
@@ -40,7 +41,7 @@ function labelLines(item, name) {
 
 /** The elements of one <g> by key; those that a drawing does not use are removed. */
 class Sheet {
-  #group; #known = new Map(); #used = new Set();
+  #group; #known = new Map(); #used = new Set(); #labels = [];
   constructor(group) { this.#group = group; }
 
   put(key, tag, attributes, text) {
@@ -56,7 +57,18 @@ class Sheet {
     return element;
   }
 
+  /** The place for a label of `size` px nearest to `wanted` that no earlier label covers: above or below it. */
+  free(wanted, [width, height]) {
+    const isTaken = ({ x, y }) => this.#labels.some((other) => Math.abs(other.x - x) < (other.width + width) / 2 + 2
+      && Math.abs(other.y - y) < (other.height + height) / 2 + 2);
+    const tries = Array.from({ length: LABEL_TRIES }, (_, i) => ({ x: wanted.x, y: wanted.y + Math.ceil(i / 2) * (i % 2 ? -1 : 1) * LINE_PX }));
+    const at = tries.find((place) => !isTaken(place)) ?? wanted;
+    this.#labels.push({ ...at, width, height });
+    return at;
+  }
+
   end() {
+    this.#labels = [];
     for (const [key, element] of this.#known) {
       if (this.#used.has(key)) continue;
       element.remove();
@@ -104,8 +116,9 @@ function drawLabel(sheet, key, item, name, points, className) {
   if (!points.some(hasPlace)) return;
   const lines = labelLines(item, name);
   const size = [Math.max(...lines.map(widthOf)) + 2 * PADDING_PX, lines.length * LINE_PX + 4];
-  const at = labelPlace(item, points, size);
-  if (!hasPlace(at)) return;
+  const wanted = labelPlace(item, points, size);
+  if (!hasPlace(wanted)) return;
+  const at = sheet.free(wanted, size);
   sheet.put(`${key}:box`, 'rect', {
     class: `measure-box ${className}`, x: at.x - size[0] / 2, y: at.y - size[1] / 2, width: size[0], height: size[1], rx: 5, stroke: item.color,
   });
@@ -114,7 +127,8 @@ function drawLabel(sheet, key, item, name, points, className) {
   }, line));
 }
 
-function drawItem(sheet, item, { toScreen, name, isSelected, handle, className }) {
+function drawItem(sheet, item, { toScreen, name, isSelected, handle, isApart }) {
+  const className = isApart ? 'measure-dim' : '';
   const key = item.id;
   linesOf(item).forEach((line, i) => {
     const d = pathOf(line.map(toScreen));
@@ -132,6 +146,7 @@ function drawItem(sheet, item, { toScreen, name, isSelected, handle, className }
     sheet.put(`${key}:grip${i}`, 'circle', { class: 'measure-grip', cx: point.x, cy: point.y, r: HIT_PX, 'data-item': key, 'data-handle': i });
   });
   const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : handles;
+  if (isApart && !isSelected) return; // lines alone, or labels would cover the slice
   if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, name, ends, className);
 }
 
@@ -159,7 +174,7 @@ function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
     if (place === 'apart') continue;
     drawItem(sheet, item, {
       toScreen, name: measures.nameOf(item), isSelected: measures.selected === item, handle: measures.handle,
-      className: place === 'across' ? 'measure-dim' : '',
+      isApart: place === 'across',
     });
   }
   if (measures.draft) drawDraft(sheet, measures.draft, pane, toScreen);

@@ -58,7 +58,7 @@ class Section {
       app.panel.reveal('measure');
       measures.select(id);
       this.#show();
-      this.#fields?.text.focus();
+      setTimeout(() => this.#fields?.text.focus()); // after the press, which focuses the picture
     });
     app.shortcuts.add('Delete', () => {
       if (!measures.selected || !measures.canEdit) return false;

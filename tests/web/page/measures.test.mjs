@@ -1,0 +1,183 @@
+// SPDX-License-Identifier: Apache-2.0
+// Measuring in the page: each tool gives the right value on volumes whose truth is known; two windows; the keyboard alone; export.
+import assert from 'node:assert/strict';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { drag, firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+
+const SIDE = 20;
+const SPACING = [2, 1, 1]; // mm
+let browser;
+let daemon;
+let folder;
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-measures-'));
+  // The value is that of the column plus ten times the slice: 0 to 209.
+  const voxels = Buffer.from(Array.from({ length: SIDE ** 3 }, (_, i) => (i % SIDE) + 10 * Math.floor(i / SIDE / SIDE)));
+  writeFileSync(path.join(folder, 'ramp.nrrd'), Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nspace dimension: 3\n`
+    + 'space directions: (2,0,0) (0,1,0) (0,0,1)\nspace units: "mm" "mm" "mm"\nspace origin: (0,0,0)\nencoding: raw\n\n'), voxels]));
+  [browser, daemon] = await Promise.all([launch(), startDaemon(['--volume', path.join(folder, 'ramp.nrrd'), '--volume', 'demo:phantom?size=8', '--backend', 'cpu'])]);
+});
+after(async () => {
+  await browser?.close();
+  assert.equal(await daemon.stop(), 0);
+  rmSync(folder, { recursive: true });
+});
+
+async function open(context, { url = daemon.url, layout = 'four', viewport = { width: 1300, height: 860 } } = {}) {
+  const opened = await openPage(browser, { viewport, acceptDownloads: true });
+  context.after(() => opened.context.close());
+  const { page } = opened;
+  await page.goto(url);
+  await firstFrame(page);
+  if (layout !== '3d') {
+    await page.click(`#layout-${layout}`);
+    await page.locator('.pane-body[data-shown="newest"]').nth(2).waitFor();
+  }
+  return { ...opened, measured: (count, ready = '() => true') => measured(page, count, ready) };
+}
+
+/** The measurements once there are `count` and the last one has the daemon's answer. */
+async function measured(page, count, ready) {
+  return until(page, `${count} measurements`, `(s) => s.measures.length === ${count} && s.measures.every((m) => m.unit !== '' || m.kind === 'marker') && (${ready})(s.measures) && s.measures`);
+}
+
+/** Page coordinates of a place in a pane: u and v from 0 to 1. */
+async function spot(page, pane, u, v) {
+  const box = await page.locator(`#pane-${pane} canvas.slice`).boundingBox();
+  return [box.x + box.width * u, box.y + box.height * v];
+}
+
+const length = (a, b) => Math.hypot(...a.map((part, i) => part - b[i]));
+const near = (value, expected, slack = 1e-6) => assert.ok(Math.abs(value - expected) <= slack * Math.max(1, Math.abs(expected)), `${value} is not ${expected}`);
+
+/** The mean of the value in the columns that a rectangle in a slice across z covers. */
+function meanOf({ points, statistics }) {
+  const xs = points.map(([x]) => x);
+  const columns = Array.from({ length: SIDE }, (_, i) => i).filter((i) => i * SPACING[0] >= Math.min(...xs) && i * SPACING[0] <= Math.max(...xs));
+  assert.equal(statistics.count % columns.length, 0);
+  return columns.reduce((a, b) => a + b) / columns.length;
+}
+
+test('tools in slices: each gives the value that is true', async (context) => {
+  const { page, said, measured: all } = await open(context);
+  await page.keyboard.press('d');
+  await drag(page, await spot(page, 'axial', 0.35, 0.4), await spot(page, 'axial', 0.6, 0.6));
+  await all(1);
+  await page.keyboard.press('a');
+  for (const [u, v] of [[0.4, 0.6], [0.5, 0.4], [0.65, 0.6]]) await page.mouse.click(...await spot(page, 'axial', u, v));
+  await all(2);
+  await page.keyboard.press('r');
+  await drag(page, await spot(page, 'axial', 0.4, 0.35), await spot(page, 'axial', 0.55, 0.55));
+  await all(3, '(m) => m[2].statistics');
+  await page.keyboard.press('e');
+  await drag(page, await spot(page, 'coronal', 0.4, 0.4), await spot(page, 'coronal', 0.6, 0.6));
+  await all(4, '(m) => m[3].statistics');
+  await page.keyboard.press('i');
+  await page.mouse.click(...await spot(page, 'axial', 0.4, 0.5));
+  await page.mouse.click(...await spot(page, 'axial', 0.6, 0.5));
+  const items = await all(5, '(m) => m[4].statistics');
+  const [distance, angle, rectangle, ellipse, profile] = items;
+  near(distance.value, length(...distance.points));
+  assert.equal(distance.unit, 'mm');
+  const arms = [0, 2].map((i) => angle.points[i].map((part, axis) => part - angle.points[1][axis]));
+  near(angle.value, Math.acos(arms[0].reduce((sum, part, i) => sum + part * arms[1][i], 0) / (Math.hypot(...arms[0]) * Math.hypot(...arms[1]))) * 180 / Math.PI);
+  near(rectangle.value, length(rectangle.points[0], rectangle.points[1]) * length(rectangle.points[0], rectangle.points[2]));
+  assert.equal(rectangle.unit, 'mm^2');
+  near(rectangle.statistics.mean, meanOf(rectangle) + 10 * rectangle.points[0][2]);
+  near(ellipse.value, Math.PI * length(ellipse.points[0], ellipse.points[1]) * length(ellipse.points[0], ellipse.points[2]));
+  near(profile.value, length(...profile.points));
+  near(profile.statistics.mean, (profile.points[0][0] + profile.points[1][0]) / 2 / SPACING[0] + 10 * profile.points[0][2], 1e-3);
+  // The list, the plot, and the lines in the right panes.
+  await page.evaluate(() => { document.getElementById('measure').open = true; });
+  assert.equal(await page.locator('#measures li').count(), 5);
+  await page.locator('#measure-plot svg .measure-curve').waitFor({ state: 'attached' });
+  assert.match(await page.textContent('#measures li:nth-child(3) .measure-value'), /mm²$/);
+  assert.equal(await page.locator(`#pane-axial [data-item="${rectangle.id}"].measure-hit`).count(), 1);
+  assert.equal(await page.locator(`#overlay [data-item="${distance.id}"].measure-hit`).count(), 1);
+  await shot(page, 'measures');
+  // Another slice hides what lies in this one.
+  await page.focus('#pane-axial canvas.slice');
+  await page.keyboard.press('PageUp');
+  await page.keyboard.press('PageUp');
+  await page.locator(`#pane-axial [data-item="${rectangle.id}"]`).first().waitFor({ state: 'detached' });
+  await page.click(`#measures li:nth-child(3) [data-act="go"]`);
+  await page.locator(`#pane-axial [data-item="${rectangle.id}"].measure-hit`).waitFor({ state: 'attached' });
+  assert.deepEqual(said, []);
+});
+
+test('handles are dragged, undo returns, hide and delete work', async (context) => {
+  const { page, said, measured: all } = await open(context);
+  await page.keyboard.press('d');
+  await drag(page, await spot(page, 'axial', 0.35, 0.5), await spot(page, 'axial', 0.5, 0.5));
+  const [before_] = await all(1);
+  await drag(page, await spot(page, 'axial', 0.5, 0.5), await spot(page, 'axial', 0.65, 0.5));
+  const [moved] = await all(1, `(m) => m[0].value > ${before_.value} * 1.5`);
+  near(moved.value, 2 * before_.value, 0.02);
+  await page.keyboard.press('Control+z');
+  near((await all(1, `(m) => m[0].value < ${moved.value} * 0.7`))[0].value, before_.value);
+  await page.keyboard.press('Control+Shift+z');
+  await all(1, `(m) => m[0].value > ${before_.value} * 1.5`);
+  await page.evaluate(() => { document.getElementById('measure').open = true; });
+  await page.click('#measures [data-act="hide"]');
+  await page.locator('#pane-axial .measure-line').waitFor({ state: 'detached' });
+  await page.click('#measures [data-act="remove"]');
+  await all(0);
+  await page.click('#measure-undo');
+  assert.equal((await all(1))[0].hidden, true);
+  assert.deepEqual(said, []);
+});
+
+test('what another window measures appears at once; a watcher cannot edit; files are exported', async (context) => {
+  const first = await open(context);
+  await first.page.keyboard.press('m');
+  await first.page.mouse.click(...await spot(first.page, 'axial', 0.5, 0.5));
+  await until(first.page, 'the name field', () => document.activeElement.id === 'measure-text');
+  await first.page.keyboard.type('=Ünï "1"');
+  await first.page.keyboard.press('Enter');
+  const [marker] = await first.measured(1, '(m) => m[0].text && m[0].value !== null');
+  near(marker.value, marker.points[0][0] / SPACING[0] + 10 * marker.points[0][2]);
+  await first.page.evaluate(() => {
+    document.getElementById('people-fold').open = true;
+    document.getElementById('link-watch').click();
+  });
+  const link = await until(first.page, 'the link', () => document.getElementById('link-text').value);
+  const second = await open(context, { url: link, layout: '3d' });
+  const [seen] = await second.measured(1);
+  assert.deepEqual(seen, marker);
+  assert.equal(await second.page.isDisabled('#tool-distance'), true);
+  const download = first.page.waitForEvent('download');
+  await first.page.click('#measure-csv');
+  const csv = readFileSync(await (await download).path(), 'utf8');
+  assert.match(csv.split('\r\n')[1], /^\w+,marker,ramp,"'=Ünï ""1""",Guest 1,/);
+  await first.page.click('#measures [data-act="remove"]');
+  await second.measured(0);
+  assert.deepEqual(first.said, []);
+  // A guest may not read everything that other parts of the page ask for.
+  assert.deepEqual(second.said.filter((text) => !text.includes('401')), []);
+});
+
+test('with the keyboard alone: a distance on the surface, its points moved, its text', async (context) => {
+  const { page, said, measured: all } = await open(context, { layout: '3d', viewport: { width: 900, height: 600 } });
+  await page.focus('#screen');
+  await page.keyboard.press('d');
+  await page.keyboard.press('Enter');
+  await until(page, 'the first point', () => document.querySelector('.measure-draft-dot'));
+  for (let i = 0; i < 3; i += 1) await page.keyboard.press('ArrowLeft');
+  await until(page, 'the turned picture', (s) => s.isIdle && s.seq === s.sent);
+  await page.keyboard.press('Enter');
+  const [made] = await all(1);
+  near(made.value, length(...made.points));
+  await page.evaluate(() => { document.getElementById('measure').open = true; });
+  await page.focus('#measure-detail .steps button');
+  await page.keyboard.press('ArrowRight');
+  const [moved] = await all(1, `(m) => m[0].value !== ${made.value}`);
+  near(length(made.points[0], moved.points[0]), 1, 1e-3); // one voxel of the smallest spacing
+  near((await all(1, `(m) => Math.abs(m[0].value - ${made.value}) > 1e-9`))[0].value, length(...moved.points), 1e-6);
+  await page.keyboard.press('Delete');
+  await all(0);
+  assert.deepEqual(said, []);
+});
