@@ -296,7 +296,7 @@ bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_func
     struct classes c;
     find_classes(s, &c);
     struct look look = choose_look(&c);
-    if (c.hidden > 0.9)
+    if (c.has_surroundings && c.hidden > 0.9)
         look_inside(s, &c, &look);
     tf->reference_length = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     tf->point_count = 0;

@@ -149,6 +149,25 @@ test('keys rotate, move, zoom, fit and reset', async (context) => {
   assert.deepEqual(said, []);
 });
 
+test('the default view fills the free part of the window, in its centre, clear of the panel and the status bar', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 1280, height: 800 } });
+  const canvas = await page.locator('#screen').boundingBox();
+  const [panel, status] = [await page.locator('#panel').boundingBox(), await page.locator('#status').boundingBox()];
+  const image = await pixels(page);
+  const scale = canvas.width / image.width;
+  const [xs, ys] = [[], []];
+  for (let y = 0; y < image.height; y += 2) {
+    for (let x = 0; x < image.width; x += 2) if (Math.max(...image.at(x, y)) > 25) { xs.push(x * scale); ys.push(y * scale); }
+  }
+  const ends = (values) => [values.reduce((a, b) => Math.min(a, b)), values.reduce((a, b) => Math.max(a, b))];
+  const [[left, right], [top, bottom]] = [ends(xs), ends(ys)];
+  compare(canvas.x + left, '>', panel.x + panel.width, 'the volume begins beside the panel');
+  compare(canvas.y + bottom, '<', status.y, 'it ends above the status bar');
+  compare(Math.abs((left + right) / 2 - canvas.width / 2), '<', 0.05 * canvas.width, 'it is in the centre');
+  compare(Math.max(right - left, bottom - top), '>', 0.6 * Math.min(canvas.width, canvas.height), 'it is large');
+  assert.deepEqual(said, []);
+});
+
 test('touch: one finger rotates, two fingers move and zoom', async (context) => {
   const { page, said } = await setUp(context, { viewport: { width: 390, height: 700 }, hasTouch: true, isMobile: true, deviceScaleFactor: 2 });
   await shot(page, 'touch');
