@@ -32,7 +32,7 @@ export class Viewer extends Emitter {
   #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet; 0 = before the first one
 
   /** viewport, margins: functions that return the size of the canvas and what covers its edges, in CSS px. */
-  constructor({ connection, viewport, margins }) {
+  constructor({ connection, viewport, margins = () => undefined }) {
     super();
     this.#connection = connection;
     this.#viewport = viewport;
