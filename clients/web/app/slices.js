@@ -126,7 +126,8 @@ class Slices extends Emitter {
   }
 
   async #findHome(id) {
-    const { camera } = await this.#app.api.volumeView(id).catch(() => ({ camera: null })); // a guest does not get it
+    const { api, viewer } = this.#app;
+    const { camera } = await api.volumeView(id).catch(() => viewer.view); // a guest does not get it: the camera now is a guess
     if (id !== this.#volume || !camera) return;
     this.#home = camera;
     this.update();

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices beside the picture and in it, with the real daemon.
 import assert from 'node:assert/strict';
+import { existsSync, readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
 import { difference, drag, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
@@ -18,8 +20,8 @@ after(async () => {
   await daemon?.stop();
 });
 
-async function open(context, address = daemon.url) {
-  const opened = await openPage(browser, { viewport: { width: 1200, height: 800 } });
+async function open(context, address = daemon.url, options = {}) {
+  const opened = await openPage(browser, { viewport: { width: 1200, height: 800 }, ...options });
   context.after(() => opened.context.close());
   await opened.page.goto(address);
   await firstFrame(opened.page);
@@ -135,6 +137,21 @@ test('window, zoom and pan change the panes as they should', async (context) => 
   await settled(page);
   compare(difference(await slice(page, 'axial'), first), '<', 0.002);
 });
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+for (const colorScheme of ['dark', 'light']) {
+  test(`axe finds nothing in the panes, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const { page } = await open(context, daemon.url, { colorScheme });
+    await four(page);
+    await page.evaluate(() => {
+      document.getElementById('transfer').open = false;
+      document.getElementById('slices').open = true;
+    });
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run({ include: [['main'], ['#slices'], ['#toolbar']] }, { resultTypes: ['violations'] }));
+    assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target }) => target).join(' ')}`), []);
+  });
+}
 
 test('an oblique plane turns by its handles and with the view', async (context) => {
   const { page } = await open(context);
