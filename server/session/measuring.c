@@ -121,7 +121,8 @@ bool srv_call_measure_put(struct srv_call *call) {
 bool srv_call_measure_remove(struct srv_call *call) {
     static const char *const known[] = { "id", NULL };
     char id[PROTO_MEASURE_ID_MAX + 1];
-    if (!srv_call_knows(call, known) || !may_edit(call) || !read_id(call, true, id))
+    if (!srv_call_knows(call, known) || !may_edit(call) || !read_id(call, true, id) ||
+        !has_quota(call))
         return false;
     if (!srv_measures_remove(&call->participant->session->measures, id)) {
         call->code = PROTO_RPC_NOT_FOUND;

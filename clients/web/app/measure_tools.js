@@ -65,7 +65,10 @@ function toolMode(app, measures, kind) {
   const show = () => {
     measures.draft = draft;
     if (draft) {
-      const text = draft.points.length >= 2 ? valueText({ value: quickValue(draft), unit: '' }, '') : '';
+      const { at, pane } = draft.cursor ?? {};
+      const points = pane && draft.points.length < wanted ? [...draft.points, pane.toWorld(...at)] : draft.points;
+      const unit = kind === 'angle' ? 'deg' : app.viewer.volume?.unit ?? '';
+      const text = points.length === count && !hasPlane ? valueText({ value: quickValue({ kind, points }), unit }, '') : '';
       modes.say(text || t(`measure.${kind}`), t(`measure.${kind}.hint`));
     }
     measures.emit('change');
