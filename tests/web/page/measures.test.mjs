@@ -35,7 +35,7 @@ async function open(context, { url = daemon.url, layout = 'four', viewport = { w
   await firstFrame(page);
   if (layout !== '3d') {
     await page.click(`#layout-${layout}`);
-    await page.locator('.pane-body[data-shown="newest"]').nth(2).waitFor();
+    await page.locator('.pane-body[data-state="newest"]').nth(2).waitFor();
   }
   return { ...opened, measured: (count, ready = '() => true') => measured(page, count, ready) };
 }
