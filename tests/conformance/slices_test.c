@@ -19,6 +19,8 @@
 
 #include "sp/renderer.h"
 #include "support/compare.h"
+#include "support/image.h"
+#include "support/render.h"
 
 enum { N = 24, SIDE = 96 };
 
@@ -186,16 +188,18 @@ static bool is_edge(const struct scene *s, double x, double y) {
     return false;
 }
 
-static void check(struct scene *s, const char *what) {
+/* Compares the image of one backend with the closed form. */
+static void check_target(const struct scene *s, const char *what,
+                         const struct test_target *target) {
+    struct test_renderer renderer;
+    struct test_image image;
     struct sp_error err;
-    struct sp_renderer *renderer =
-        sp_renderer_create(&(struct sp_renderer_options){ .backend = "cpu", .threads = 2 }, &err);
-    struct sp_frame_pool *pool = sp_frame_pool_create(0, &err);
-    const struct sp_render_options options = { .format = SP_RGBAF32 };
-    struct sp_frame *frame =
-        sp_renderer_render(renderer, s->volume, &s->view, pool, &options, &err);
-    if (!frame)
-        fail_msg("%s: %s", what, err.text);
+    if (!test_renderer_open(&renderer, target, 2, &err)) {
+        printf("%-28s %-12s skipped: %s\n", what, target->backend, err.text);
+        return;
+    }
+    if (!test_render(&renderer, s->volume, &s->view, &image, &err))
+        fail_msg("%s on %s: %s", what, target->backend, err.text);
     double worst = 0, sum = 0;
     int count = 0;
     for (uint32_t y = 0; y < SIDE; y++)
@@ -204,21 +208,26 @@ static void check(struct scene *s, const char *what) {
             if (is_edge(s, x + 0.5, y + 0.5))
                 continue;
             expect(s, x + 0.5, y + 0.5, rgb);
-            const float *px =
-                (const float *)((const char *)frame->pixels + y * frame->stride_bytes) + 4 * x;
+            const double *px = test_image_at(&image, x, y);
             for (int c = 0; c < 3; c++) {
-                worst = fmax(worst, fabs((double)px[c] - rgb[c]));
-                sum += fabs((double)px[c] - rgb[c]);
+                worst = fmax(worst, fabs(px[c] - rgb[c]));
+                sum += fabs(px[c] - rgb[c]);
             }
             count++;
         }
-    printf("%-28s %5d px, mean %.5f, worst %.5f\n", what, count, sum / (3 * count), worst);
+    printf("%-28s %-12s %-7s %5d px, mean %.6f, worst %.5f\n", what, target->backend, target->isa,
+           count, sum / (3 * count), worst);
     assert_compare(count, >, 4000);
     assert_compare(sum / (3 * count), <, 1e-4);
     assert_compare(worst, <, 1e-3);
-    sp_frame_unref(&frame);
-    sp_frame_pool_destroy(&pool);
-    sp_renderer_destroy(&renderer);
+    test_image_finish(&image);
+    test_renderer_close(&renderer);
+}
+
+static void check(struct scene *s, const char *what) {
+    struct test_target target;
+    for (unsigned i = 0; test_target_at(i, &target); i++)
+        check_target(s, what, &target);
     sp_volume_unref(&s->volume);
 }
 
