@@ -81,6 +81,20 @@ static proto_json *encode_volume(const struct srv_volume_status *status, bool in
     return json;
 }
 
+/* Encodes what the token may do with volumes, so that a page offers nothing else. NULL when out of
+ * memory. */
+static proto_json *encode_rights(const struct srv_request *request) {
+    const struct srv_http_options *app = request->app;
+    bool may_open = request->grant.rights & SRV_RIGHT_ADMIN;
+    proto_json *may = proto_json_object();
+    bool ok = proto_json_set_bool(may, "open", may_open);
+    ok = proto_json_set_bool(may, "browse", may_open && srv_catalog_data(app->catalog)) && ok;
+    ok = proto_json_set_bool(may, "upload", may_open && app->uploads) && ok;
+    if (!ok)
+        proto_json_free(&may);
+    return may;
+}
+
 void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_status status;
     proto_json *json = proto_json_object(), *list = proto_json_array();
@@ -90,6 +104,7 @@ void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
         sp_volume_unref(&status.volume);
     }
     ok = proto_json_set(json, "volumes", list) && ok;
+    ok = proto_json_set(json, "may", encode_rights(request)) && ok;
     if (!ok)
         proto_json_free(&json);
     srv_reply_json(reply, 200, json);

@@ -5,7 +5,7 @@ import { t } from '../core/text.js';
 const NOTICE_MS = 9000;
 
 export class Banner {
-  #root; #title; #text; #progress; #retry; #form;
+  #root; #title; #text; #progress; #retry; #form; #open;
   #countdown = null;
 
   /** retry() and useToken(token) are what the user can do about it. */
@@ -16,6 +16,7 @@ export class Banner {
     this.#progress = root.querySelector('#banner-progress');
     this.#retry = root.querySelector('#banner-retry');
     this.#form = root.querySelector('#token-form');
+    this.#open = root.querySelector('#banner-open');
     this.#retry.addEventListener('click', retry);
     this.#form.addEventListener('submit', (event) => {
       event.preventDefault();
@@ -32,7 +33,7 @@ export class Banner {
   }
 
   /** kind: busy | wait | error, shown in the middle; lost: shown at the top, above the last frame */
-  show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false }) {
+  show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false, canOpen = false }) {
     this.#stop();
     this.#root.hidden = false;
     this.#root.dataset.kind = kind;
@@ -42,6 +43,7 @@ export class Banner {
     if (progress !== null) this.#progress.value = progress;
     this.#retry.hidden = !canRetry;
     this.#form.hidden = !asksToken;
+    this.#open.hidden = !canOpen;
   }
 
   /** The connection is lost and will be tried again in `retryMs`. why: lost, busy (the daemon is over a limit) or offline. */

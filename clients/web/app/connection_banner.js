@@ -8,21 +8,23 @@ function whyLost(error) {
   return error?.status === 503 || error?.status === 429 ? 'busy' : 'lost';
 }
 
-export function install({ connection, banner, frames, warp, viewer, participants }) {
+export function install(app) {
+  const { connection, banner, frames, warp, viewer, participants } = app;
   let last = { state: 'idle', reason: '', retryMs: 0, error: null };
 
   function showWaiting() {
     const { volumes } = connection;
+    const canOpen = Boolean(app.api.may.open);
     const loading = volumes.find((v) => v.state === 'loading');
     const failed = volumes.find((v) => v.state === 'failed');
     if (loading) {
       banner.show({ kind: 'wait', title: t('banner.loading', { name: loading.name || loading.id }), progress: loading.progress ?? 0 });
     } else if (failed) {
       banner.show({
-        kind: 'error', title: t('banner.failed', { name: failed.name || failed.id }), text: failed.reason || t('banner.failed.noreason'),
+        kind: 'error', title: t('banner.failed', { name: failed.name || failed.id }), text: failed.reason || t('banner.failed.noreason'), canOpen,
       });
     } else {
-      banner.show({ kind: 'wait', title: t('banner.empty'), text: t('banner.empty.text') });
+      banner.show({ kind: 'wait', title: t('banner.empty'), text: canOpen ? '' : t('banner.empty.text'), canOpen });
     }
   }
 

@@ -16,6 +16,7 @@ import * as inspect from './inspect.js';
 import * as savedViews from './saved_views.js';
 import * as keyframes from './keyframes.js';
 import * as measures from './measures.js';
+import * as open from './open.js';
 import * as paths from './paths.js';
 import * as people from './people.js';
 import * as pick from './pick.js';
@@ -28,6 +29,7 @@ import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
+import * as uploads from './uploads.js';
 import * as volumes from './volumes.js';
 import * as warp from './warp.js';
 import * as windowLevel from './window_level.js';
@@ -35,7 +37,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
 ];
 
 async function start() {

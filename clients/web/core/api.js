@@ -20,6 +20,8 @@ const TIMEOUT_MS = 10000;
 export class Api {
   #base; #fetch;
   token;
+  /** What the token may do with volumes: {open, browse, upload}; known after volumes(). */
+  may = {};
 
   constructor({ base, token, fetch }) {
     this.#base = base;
@@ -28,9 +30,61 @@ export class Api {
   }
 
   async volumes() {
-    const { volumes } = await this.#request('GET', 'api/v1/volumes');
+    const { volumes, may = {} } = await this.#request('GET', 'api/v1/volumes');
     if (!Array.isArray(volumes)) throw new ApiError(200, t('api.notlist'));
+    this.may = may;
     return volumes;
+  }
+
+  /** A volume with all that is known of it. */
+  volume(id) {
+    return this.#request('GET', `api/v1/volumes/${encodeURIComponent(id)}`);
+  }
+
+  /** Loads {source} or {upload}; resolves to the volume, which may still be loading. */
+  openVolume(what) {
+    return this.#request('POST', 'api/v1/volumes', { body: what });
+  }
+
+  closeVolume(id) {
+    return this.#request('DELETE', `api/v1/volumes/${encodeURIComponent(id)}`);
+  }
+
+  /** A page of a folder of the data folder: {entries, next}. */
+  files(path, after = '') {
+    const query = new URLSearchParams({ path, limit: 500, ...(after ? { after } : {}) });
+    return this.#request('GET', `api/v1/files?${query}`);
+  }
+
+  /** {uploads, bytes, bytes_max} */
+  uploads() {
+    return this.#request('GET', 'api/v1/uploads');
+  }
+
+  /** Begins an upload: {id, name, bytes, offset}. */
+  createUpload(name, bytes) {
+    return this.#request('POST', 'api/v1/uploads', { body: { name, bytes } });
+  }
+
+  upload(id) {
+    return this.#request('GET', `api/v1/uploads/${encodeURIComponent(id)}`);
+  }
+
+  deleteUpload(id) {
+    return this.#request('DELETE', `api/v1/uploads/${encodeURIComponent(id)}`);
+  }
+
+  /** Sends a part of an upload, and resolves to the new offset. checksum: the value of Upload-Checksum, or ''. */
+  async sendPart(id, offset, part, { checksum = '', signal } = {}) {
+    const path = `api/v1/uploads/${encodeURIComponent(id)}`;
+    const headers = { 'Content-Type': 'application/offset+octet-stream', 'Tus-Resumable': '1.0.0', 'Upload-Offset': String(offset) };
+    if (checksum) headers['Upload-Checksum'] = checksum;
+    if (this.token) headers.Authorization = `Bearer ${this.token}`;
+    const fetch = this.#fetch;
+    const answer = await fetch(new URL(path, this.#base), { method: 'PATCH', headers, body: part, credentials: 'same-origin', signal });
+    const text = await answer.text();
+    if (!answer.ok) throw this.#refusal(answer, `PATCH ${path}`, text);
+    return Number(answer.headers.get('Upload-Offset'));
   }
 
   /** The complete default view of a volume. */

@@ -1,0 +1,216 @@
+// SPDX-License-Identifier: Apache-2.0
+// The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, and files of this computer.
+import { arranged, crumbs, joined, parentOf, sizeText, withRecent } from '../core/files.js';
+import { t } from '../core/text.js';
+import { byId, icon, make, setText } from './dom.js';
+
+const RECENT_MAX = 6;
+
+/** Recently opened volumes of this browser; where storage is forbidden, of this page. */
+class Recent {
+  #place;
+  #list = [];
+
+  constructor(base) {
+    this.#place = `splatd:${new URL(base).pathname}recent`;
+    try {
+      const read = JSON.parse(localStorage.getItem(this.#place) ?? '[]');
+      this.#list = Array.isArray(read) ? read.filter(({ source, name }) => typeof source === 'string' && typeof name === 'string') : [];
+    } catch { /* unreadable, or forbidden */ }
+  }
+
+  get list() { return this.#list; }
+
+  add(entry) {
+    this.#list = withRecent(this.#list, entry, RECENT_MAX);
+    try {
+      localStorage.setItem(this.#place, JSON.stringify(this.#list));
+    } catch { /* see above */ }
+  }
+}
+
+const about = ({ dims, type, bytes }) => [dims?.join(' × '), type, bytes === undefined ? '' : sizeText(bytes)].filter(Boolean).join(' · ');
+
+class OpenDialog {
+  #app; #dialog; #list; #filter; #said; #recent;
+  #folder = '';
+  #entries = [];
+  #asked = 0;
+
+  constructor(app) {
+    this.#app = app;
+    this.#dialog = byId('open');
+    this.#list = byId('open-list');
+    this.#filter = byId('open-filter');
+    this.#said = byId('open-said');
+    this.#recent = new Recent(app.base);
+    this.#filter.addEventListener('input', () => this.#showEntries());
+    this.#dialog.addEventListener('keydown', (event) => this.#key(event));
+    byId('open-choose').addEventListener('click', () => byId('open-file').click());
+    byId('open-file').addEventListener('change', ({ target }) => {
+      app.uploads.take([...target.files]);
+      target.value = ''; // the same file may be chosen again
+      this.#dialog.close();
+    });
+    byId('open-close').addEventListener('click', () => this.#dialog.close());
+  }
+
+  show() {
+    const { may } = this.#app.api;
+    byId('open-browser').hidden = !may.browse;
+    byId('open-nothing').hidden = Boolean(may.browse);
+    byId('open-upload').hidden = !may.upload;
+    this.#showRecent();
+    this.#showQuota();
+    this.#dialog.showModal();
+    if (may.browse) this.#enter(this.#folder);
+    else byId('open-choose').focus();
+  }
+
+  #showRecent() {
+    const { list } = this.#recent;
+    byId('open-recent').hidden = list.length === 0;
+    byId('open-recent-list').replaceChildren(...list.map((entry) => make('button', {
+      class: 'chip', text: entry.name, title: entry.source, press: () => this.open(entry),
+    })));
+  }
+
+  async #showQuota() {
+    if (!this.#app.api.may.upload) return;
+    try {
+      const { bytes, bytes_max: most } = await this.#app.api.uploads();
+      setText(byId('open-quota'), t('open.quota', { used: sizeText(bytes), most: sizeText(most) }));
+    } catch { /* an upload will say what is wrong */ }
+  }
+
+  #say(text, isError = false) {
+    this.#said.className = isError ? 'complaint' : 'about';
+    setText(this.#said, text);
+    this.#said.hidden = !text;
+  }
+
+  /** Shows a folder; `focus`: the name of the entry to focus. */
+  async #enter(folder, focus = null) {
+    const asked = ++this.#asked;
+    this.#folder = folder;
+    this.#filter.value = '';
+    this.#showCrumbs();
+    this.#say(t('open.reading'));
+    try {
+      const entries = [];
+      let after = '';
+      do {
+        const page = await this.#app.api.files(folder, after);
+        if (asked !== this.#asked) return;
+        entries.push(...page.entries);
+        after = page.next ?? '';
+        this.#entries = entries;
+        this.#showEntries();
+      } while (after);
+      this.#focus(focus);
+    } catch (error) {
+      if (asked !== this.#asked) return;
+      this.#entries = [];
+      this.#showEntries();
+      this.#say(error.message, true);
+    }
+  }
+
+  #showCrumbs() {
+    const steps = [{ name: t('open.root'), path: '' }, ...crumbs(this.#folder)];
+    byId('open-crumbs').replaceChildren(...steps.map(({ name, path }, i) => make('li', {}, make('button', {
+      text: name, 'aria-current': i === steps.length - 1 ? 'location' : false, press: () => this.#enter(path),
+    }))));
+  }
+
+  #showEntries() {
+    const shown = arranged(this.#entries, this.#filter.value);
+    this.#list.replaceChildren(...shown.map((entry) => {
+      const isFolder = entry.kind === 'folder';
+      const button = make('button', {
+        'data-name': entry.name, 'data-kind': entry.kind, tabindex: '-1',
+        press: () => (isFolder ? this.#enter(joined(this.#folder, entry.name)) : this.open({ source: joined(this.#folder, entry.name), name: entry.name })),
+      }, isFolder ? icon('folder') : icon('box'), make('span', { class: 'name', text: entry.name, title: entry.name }), make('span', { class: 'about', text: about(entry) }));
+      return make('li', {}, button);
+    }));
+    const [first] = this.#buttons;
+    if (first) first.tabIndex = 0;
+    const { value } = this.#filter;
+    if (shown.length > 0) this.#say('');
+    else this.#say(this.#entries.length > 0 ? t('open.nomatch', { filter: value }) : t('open.empty'));
+  }
+
+  get #buttons() { return [...this.#list.querySelectorAll('button')]; }
+
+  #focus(name) {
+    const buttons = this.#buttons;
+    (buttons.find((button) => button.dataset.name === name) ?? this.#filter).focus();
+  }
+
+  #key(event) {
+    const buttons = this.#buttons;
+    const at = buttons.indexOf(document.activeElement);
+    const isFilter = document.activeElement === this.#filter;
+    const steps = { ArrowDown: at + 1, ArrowUp: at - 1, Home: 0, End: buttons.length - 1, PageDown: at + 10, PageUp: at - 10 };
+    if (event.ctrlKey || event.altKey || event.metaKey || (at < 0 && !isFilter)) return;
+    if (event.key in steps && (at >= 0 || event.key === 'ArrowDown')) {
+      event.preventDefault();
+      if (at === 0 && event.key === 'ArrowUp') {
+        this.#filter.focus();
+        return;
+      }
+      const to = buttons[Math.min(Math.max(steps[event.key], 0), buttons.length - 1)];
+      for (const button of buttons) button.tabIndex = button === to ? 0 : -1;
+      to?.focus();
+    } else if (event.key === 'Enter' && isFilter) {
+      event.preventDefault();
+      if (buttons.length === 1) buttons[0].click();
+      else buttons[0]?.focus();
+    } else if (event.key === 'Backspace' && this.#folder && (at >= 0 || !this.#filter.value)) {
+      event.preventDefault();
+      this.#enter(parentOf(this.#folder), crumbs(this.#folder).at(-1).name);
+    }
+  }
+
+  /** Loads a source, and shows it once it is ready. */
+  async open({ source, name }) {
+    try {
+      this.#say(t('open.opening', { name }));
+      const volume = await this.#app.api.openVolume({ source });
+      this.#recent.add({ source, name });
+      this.#dialog.close();
+      this.#app.openVolume(volume);
+    } catch (error) {
+      this.#say(error.message, true);
+      if (!this.#dialog.open) this.#app.notice.show(error.message);
+    }
+  }
+}
+
+/** Shows a volume as soon as it is ready. */
+function showWhenReady({ connection, viewer, notice }) {
+  let wanted = null;
+
+  function look(volumes) {
+    const volume = wanted && volumes.find(({ id }) => id === wanted);
+    if (!volume || volume.state === 'loading') return;
+    wanted = null;
+    if (volume.state === 'ready') viewer.selectVolume(volume.id);
+    else notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }));
+  }
+
+  connection.on('volumes', look);
+  return (volume) => {
+    wanted = volume.id;
+    connection.refresh().catch(() => {}); // the stream reports a lost daemon
+  };
+}
+
+export function install(app) {
+  app.openVolume = showWhenReady(app);
+  const dialog = new OpenDialog(app);
+  app.open = () => { if (app.api.may.open && !app.connection.session?.isJoined) dialog.show(); };
+  byId('open-button').addEventListener('click', app.open);
+  byId('banner-open').addEventListener('click', app.open);
+  app.shortcuts.add('o', app.open, t('open.shortcut'));
+}

@@ -1,0 +1,230 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files of this computer: dropped on the page or chosen, sent with progress, then loaded. An upload that a reload or a crash
+// interrupted continues when the same file is chosen again.
+import { sizeText } from '../core/files.js';
+import { t } from '../core/text.js';
+import { Upload } from '../core/upload.js';
+import { byId, icon, make, setText } from './dom.js';
+
+/** The digest of a part for Upload-Checksum; '' where the browser has none (http from another machine). */
+async function checksum(part) {
+  if (!crypto.subtle) return '';
+  const digest = new Uint8Array(await crypto.subtle.digest('SHA-256', await part.arrayBuffer()));
+  return `sha256 ${btoa(String.fromCharCode(...digest))}`;
+}
+
+const ENV = {
+  now: () => performance.now(), checksum,
+  setTimeout: (...args) => window.setTimeout(...args), clearTimeout: (id) => window.clearTimeout(id),
+};
+
+function timeText(seconds) {
+  if (seconds < 60) return t('upload.left.seconds', { seconds: Math.max(1, Math.round(seconds)) });
+  return t('upload.left.minutes', { minutes: Math.round(seconds / 60) });
+}
+
+function stateText(upload) {
+  const percent = Math.floor(100 * upload.sent / upload.bytes);
+  const size = sizeText(upload.bytes);
+  switch (upload.state) {
+    case 'paused': return t('upload.paused', { percent, size });
+    case 'waiting': return t('upload.waiting', { percent });
+    case 'failed': return upload.error?.message ?? '';
+    case 'sent': return t('upload.opening');
+    default: return [t('upload.sending', { percent, size }), upload.rate > 0 ? t('upload.rate', { rate: sizeText(upload.rate) }) : '',
+      upload.secondsLeft === null ? '' : timeText(upload.secondsLeft)].filter(Boolean).join(' · ');
+  }
+}
+
+/** A row below the list of volumes. */
+class Row {
+  #text; #progress; #toggle;
+
+  constructor(upload, remove) {
+    this.upload = upload;
+    this.#text = make('span', { class: 'about' });
+    this.#progress = make('progress', { max: 1, 'aria-label': t('upload.progress', { name: upload.name }) });
+    this.#toggle = make('button', { class: 'close', press: () => (upload.isActive ? upload.pause() : upload.resume()) });
+    const cancel = make('button', { class: 'close', 'aria-label': t('upload.cancel', { name: upload.name }), title: t('upload.cancel', { name: upload.name }), press: remove });
+    cancel.append(icon('x'));
+    this.element = make('li', { 'data-upload': upload.name }, make('div', { class: 'pick' }, make('span', { class: 'name', text: upload.name, title: upload.name }), this.#text, this.#progress),
+      this.#toggle, cancel);
+    this.show();
+  }
+
+  show() {
+    const { upload } = this;
+    this.element.dataset.state = upload.state;
+    setText(this.#text, stateText(upload));
+    this.#progress.value = upload.sent / upload.bytes;
+    this.#toggle.hidden = upload.state === 'sent';
+    const [name, label] = upload.isActive ? ['pause', t('upload.pause', { name: upload.name })]
+      : upload.state === 'failed' ? ['again', t('upload.again', { name: upload.name })] : ['play', t('upload.resume', { name: upload.name })];
+    if (this.#toggle.dataset.icon === name) return;
+    this.#toggle.dataset.icon = name;
+    this.#toggle.replaceChildren(name === 'pause' ? icon('pause') : name === 'play' ? icon('play') : icon('refresh-cw'));
+    Object.assign(this.#toggle, { title: label, ariaLabel: label });
+  }
+}
+
+class Uploads {
+  #app; #list;
+  #rows = [];
+  #wanted = null; // an upload of before whose file the user is about to choose
+
+  constructor(app) {
+    this.#app = app;
+    this.#list = byId('uploads');
+  }
+
+  /** Sends files one after the other of this call, or continues what an earlier page began with the same file. */
+  async take(files) {
+    const wanted = this.#wanted;
+    this.#wanted = null;
+    let known = [];
+    try {
+      known = (await this.#app.api.uploads()).uploads;
+    } catch { /* the upload will say what is wrong */ }
+    for (const file of files) {
+      if (file.size === 0) {
+        this.#app.notice.show(t('upload.empty', { name: file.name }));
+        continue;
+      }
+      if (this.#rows.some(({ upload }) => upload.name === file.name && upload.bytes === file.size && upload.state !== 'failed')) continue;
+      this.#begin(file, this.#findBefore(known, file, wanted));
+    }
+  }
+
+  #findBefore(known, file, wanted) {
+    const fits = ({ id, name, bytes, offset }) => name === file.name && bytes === file.size && offset < bytes
+      && (id === wanted || this.#app.storage.recall(`upload:${id}`) === String(file.lastModified));
+    return known.find(fits)?.id ?? null;
+  }
+
+  #begin(file, id) {
+    const upload = new Upload({ file, api: () => this.#app.api, id, env: ENV });
+    const row = new Row(upload, () => this.#remove(row));
+    this.#rows.push(row);
+    this.#list.querySelector(`[data-before="${CSS.escape(id ?? '')}"]`)?.remove();
+    this.#list.append(row.element);
+    this.#list.hidden = false;
+    upload.on('change', () => {
+      row.show();
+      if (upload.id) this.#app.storage.remember(`upload:${upload.id}`, String(file.lastModified));
+      if (upload.state === 'sent') this.#load(row);
+    });
+    upload.resume();
+    this.#app.panel.toggle(true);
+  }
+
+  async #load(row) {
+    try {
+      const volume = await this.#app.api.openVolume({ upload: row.upload.id });
+      this.#drop(row);
+      this.#app.openVolume(volume);
+    } catch (error) {
+      this.#drop(row);
+      this.#app.notice.show(t('open.failed', { name: row.upload.name, reason: error.message }));
+    }
+  }
+
+  #remove(row) {
+    row.upload.cancel();
+    this.#drop(row);
+  }
+
+  #drop(row) {
+    const hadFocus = row.element.contains(document.activeElement);
+    this.#rows = this.#rows.filter((other) => other !== row);
+    row.element.remove();
+    this.#list.hidden = this.#list.children.length === 0;
+    if (hadFocus) byId('open-button').focus();
+  }
+
+  resumeWaiting() {
+    for (const { upload } of this.#rows) if (upload.state === 'waiting') upload.resume();
+  }
+
+  /** Shows the uploads that an earlier page began and did not finish. */
+  async showBefore() {
+    let known;
+    try {
+      ({ uploads: known } = await this.#app.api.uploads());
+    } catch {
+      return; // an upload will say what is wrong
+    }
+    for (const before of known) {
+      if (before.expires === undefined || before.offset === before.bytes || this.#rows.some(({ upload }) => upload.id === before.id)
+          || this.#list.querySelector(`[data-before="${before.id}"]`)) continue;
+      this.#list.append(this.#beforeRow(before));
+    }
+    this.#list.hidden = this.#list.children.length === 0;
+  }
+
+  #beforeRow({ id, name, bytes, offset }) {
+    const discard = make('button', {
+      class: 'close', 'aria-label': t('upload.cancel', { name }), title: t('upload.cancel', { name }),
+      press: () => {
+        this.#app.api.deleteUpload(id).catch(() => {}); // it expires otherwise
+        item.remove();
+        this.#list.hidden = this.#list.children.length === 0;
+      },
+    });
+    discard.append(icon('x'));
+    const item = make('li', { 'data-before': id, 'data-state': 'before' }, make('div', { class: 'pick' }, make('span', { class: 'name', text: name, title: name }),
+      make('span', { class: 'about', text: t('upload.before', { percent: Math.floor(100 * offset / bytes), size: sizeText(bytes) }) }),
+      make('button', {
+        class: 'link', text: t('upload.before.choose'),
+        press: () => {
+          this.#wanted = id;
+          byId('open-file').click();
+        },
+      })), discard);
+    return item;
+  }
+}
+
+/** The whole page takes files; a sheet says so while one is dragged over it. */
+function installDrop(app) {
+  const zone = byId('drop');
+  const may = () => app.api.may.upload && !app.connection.session?.isJoined;
+  const isFile = (event) => event.dataTransfer?.types.includes('Files');
+  const isOther = (event) => event.target.closest?.('#transfer'); // which takes transfer functions
+  let depth = 0;
+  const end = () => {
+    depth = 0;
+    zone.hidden = true;
+  };
+  window.addEventListener('dragenter', (event) => {
+    if (!isFile(event)) return;
+    depth += 1;
+    setText(byId('drop-text'), may() ? t('drop.text') : t('drop.denied'));
+    zone.hidden = Boolean(isOther(event));
+  });
+  window.addEventListener('dragleave', (event) => {
+    if (!isFile(event)) return;
+    depth -= 1;
+    if (depth <= 0) end();
+  });
+  window.addEventListener('dragover', (event) => { if (isFile(event)) event.preventDefault(); });
+  window.addEventListener('drop', (event) => {
+    end();
+    if (!isFile(event) || event.defaultPrevented || isOther(event)) return;
+    event.preventDefault(); // else the browser leaves the page and shows the file
+    if (may()) app.uploads.take([...event.dataTransfer.files]);
+  });
+}
+
+export function install(app) {
+  const { connection } = app;
+  app.uploads = new Uploads(app);
+  installDrop(app);
+  let isFirst = true;
+  connection.on('volumes', () => {
+    if (!isFirst || !app.api.may.upload || connection.session?.isJoined) return;
+    isFirst = false;
+    app.uploads.showBefore();
+  });
+  connection.on('state', ({ state }) => { if (state === 'live') app.uploads.resumeWaiting(); });
+  window.addEventListener('online', () => app.uploads.resumeWaiting());
+}

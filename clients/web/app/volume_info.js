@@ -1,0 +1,64 @@
+// SPDX-License-Identifier: Apache-2.0
+// What is known of the shown volume: a fold below the list.
+import { sizeText } from '../core/files.js';
+import { t } from '../core/text.js';
+import { make } from './dom.js';
+
+const number = (value) => String(Number(Number(value).toPrecision(6)));
+
+/** [label, value] of all that the daemon tells. */
+function rows(volume) {
+  const unit = volume.unit ? ` ${volume.unit}` : '';
+  const list = [
+    [t('info.dims'), volume.dims?.join(' × ')],
+    [t('info.spacing'), volume.spacing && volume.spacing.map(number).join(' × ') + unit],
+    [t('info.size'), volume.dims && volume.spacing && volume.dims.map((n, i) => number(Math.max(n - 1, 0) * volume.spacing[i])).join(' × ') + unit],
+    [t('info.type'), volume.type],
+    [t('info.range'), volume.range && t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })],
+    [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],
+    [t('info.anatomy'), volume.anatomy?.join(' ')],
+    [t('info.format'), volume.format],
+    [t('info.source'), volume.source],
+    [t('info.id'), volume.id],
+    [t('info.memory'), volume.memory && t('info.memory.value', { voxels: sizeText(volume.memory.voxels), derived: sizeText(volume.memory.derived) })],
+  ];
+  return list.filter(([, value]) => value);
+}
+
+export class VolumeInfo {
+  #app; #fold; #list;
+  #volume = null;
+  #isNew = false;
+
+  constructor(app, fold) {
+    this.#app = app;
+    this.#fold = fold;
+    this.#list = fold.querySelector('dl');
+    fold.addEventListener('toggle', () => this.#fill());
+    app.frames.on('drawn', () => { // now the renderer has derived its data
+      if (this.#isNew) this.#fill();
+      this.#isNew = false;
+    });
+  }
+
+  /** The shown volume, as in the list; null = unknown. */
+  show(volume) {
+    const isOther = volume?.id !== this.#volume?.id || volume?.state !== this.#volume?.state;
+    this.#volume = volume;
+    this.#fold.hidden = volume?.state !== 'ready';
+    if (!isOther) return;
+    this.#isNew = true;
+    this.#fill();
+  }
+
+  async #fill() {
+    const volume = this.#volume;
+    if (!this.#fold.open || this.#fold.hidden || !volume) return;
+    let whole = volume;
+    try {
+      whole = await this.#app.api.volume(volume.id);
+    } catch { /* what the list tells has to do */ }
+    if (volume !== this.#volume && volume.id !== this.#volume?.id) return;
+    this.#list.replaceChildren(...rows(whole).map(([label, value]) => make('div', {}, make('dt', { text: label }), make('dd', { text: value, title: value }))));
+  }
+}

@@ -1,0 +1,39 @@
+// SPDX-License-Identifier: Apache-2.0
+// Files and folders: sizes for people, paths, and filters.
+
+const UNITS = ['B', 'kB', 'MB', 'GB', 'TB'];
+
+/** A size as people read it: 999 B, 1.2 MB, 34 GB. */
+export function sizeText(bytes) {
+  let value = bytes;
+  let unit = 0;
+  while (value >= 999.5 && unit < UNITS.length - 1) {
+    value /= 1000;
+    unit += 1;
+  }
+  const digits = unit > 0 && value < 9.95 ? 1 : 0;
+  return `${value.toFixed(digits)} ${UNITS[unit]}`;
+}
+
+export const joined = (folder, name) => (folder ? `${folder}/${name}` : name);
+
+export const parentOf = (folder) => folder.slice(0, Math.max(0, folder.lastIndexOf('/')));
+
+/** The folders on the way to a folder: [{name, path}], without the data folder itself. */
+export function crumbs(folder) {
+  const names = folder.split('/').filter(Boolean);
+  return names.map((name, i) => ({ name, path: names.slice(0, i + 1).join('/') }));
+}
+
+/** Entries whose names have all words of the filter, in natural order: folders first, 2 before 10. */
+export function arranged(entries, filter, compare = new Intl.Collator(undefined, { numeric: true, sensitivity: 'base' }).compare) {
+  const words = filter.toLowerCase().split(/\s+/).filter(Boolean);
+  return entries
+    .filter(({ name }) => words.every((word) => name.toLowerCase().includes(word)))
+    .sort((a, b) => (a.kind === b.kind ? compare(a.name, b.name) : a.kind === 'folder' ? -1 : 1));
+}
+
+/** The newest first, each source once, at most `max`. */
+export function withRecent(list, entry, max) {
+  return [entry, ...list.filter(({ source }) => source !== entry.source)].slice(0, max);
+}

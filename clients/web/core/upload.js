@@ -1,0 +1,171 @@
+// SPDX-License-Identifier: Apache-2.0
+// One file on its way to the daemon, in parts. After a lost connection it asks the daemon how much arrived and continues there.
+//
+//   idle ─► starting ─► sending ─► sent
+//              ▲           │  └─► paused ─► starting
+//              └─ waiting ◄┘ (no connection; tries again)        any ─► failed (resume() tries again) or cancelled
+import { Emitter } from './emitter.js';
+
+const PART_FIRST = 1 << 20;
+const PART_MIN = 1 << 18;
+const PART_MAX = 1 << 24;
+const PART_FAST_MS = 300; // a part that takes less is followed by a larger one
+const PART_SLOW_MS = 1500;
+const RETRY_FIRST_MS = 500;
+const RETRY_MAX_MS = 10000;
+const MISMATCHES_MAX = 3;
+const RATE_WINDOW_MS = 5000;
+const PASSING = new Set([0, 408, 500, 502, 503, 504]);
+
+/** Events: change (the upload). */
+export class Upload extends Emitter {
+  #api; #env; #timer = null;
+  #abort = null;
+  #epoch = 0;
+  #part = PART_FIRST;
+  #failures = 0;
+  #mismatches = 0;
+  #steps = []; // [ms, bytes] of the last seconds
+  state = 'idle';
+  id = null;
+  sent = 0;
+  /** The ApiError that made it fail or wait; null = none. */
+  error = null;
+
+  /**
+   * file: a Blob with a name; api(): the Api; id: of an upload that was begun before, or null; env: {setTimeout, clearTimeout, now,
+   * checksum(bytes) → text of Upload-Checksum or '', as a promise}.
+   */
+  constructor({ file, api, id = null, env }) {
+    super();
+    this.file = file;
+    this.#api = api;
+    this.#env = env;
+    this.id = id;
+  }
+
+  get name() { return this.file.name; }
+  get bytes() { return this.file.size; }
+  get isActive() { return ['starting', 'sending', 'waiting'].includes(this.state); }
+
+  /** Bytes per second over the last seconds; 0 = not known. */
+  get rate() {
+    const [first] = this.#steps;
+    const last = this.#steps.at(-1);
+    return this.state === 'sending' && last && last[0] > first[0] ? (last[1] - first[1]) / (last[0] - first[0]) * 1000 : 0;
+  }
+
+  /** Seconds that the rest will take; null = not known. */
+  get secondsLeft() {
+    return this.rate > 0 ? (this.bytes - this.sent) / this.rate : null;
+  }
+
+  /** Starts, or continues after pause(), a failure or a wait. */
+  resume() {
+    if (!['idle', 'paused', 'failed', 'waiting'].includes(this.state)) return;
+    this.#stop();
+    this.#mismatches = 0;
+    this.#set('starting');
+    this.#run(this.#epoch);
+  }
+
+  pause() {
+    if (!this.isActive) return;
+    this.#stop();
+    this.#set('paused');
+  }
+
+  /** Ends it and has the daemon forget what arrived. */
+  cancel() {
+    if (['sent', 'cancelled'].includes(this.state)) return;
+    this.#stop();
+    if (this.id) this.#api().deleteUpload(this.id).catch(() => {}); // it expires otherwise
+    this.#set('cancelled');
+  }
+
+  #stop() {
+    this.#epoch += 1;
+    this.#abort?.abort();
+    this.#abort = null;
+    this.#env.clearTimeout(this.#timer);
+    this.#steps = [];
+  }
+
+  #set(state, error = null) {
+    this.state = state;
+    this.error = error;
+    this.emit('change', this);
+  }
+
+  async #run(epoch) {
+    try {
+      await this.#locate(epoch);
+      while (epoch === this.#epoch && this.sent < this.bytes) await this.#send(epoch);
+      if (epoch === this.#epoch) this.#set('sent');
+    } catch (error) {
+      if (epoch === this.#epoch) this.#failed(error);
+    }
+  }
+
+  /** Begins the upload, or asks where to continue. */
+  async #locate(epoch) {
+    if (this.id) {
+      try {
+        const { offset } = await this.#api().upload(this.id);
+        if (epoch === this.#epoch) this.#arrived(offset);
+        return;
+      } catch (error) {
+        if (error.status !== 404) throw error;
+        this.id = null; // it expired: from the beginning
+      }
+    }
+    const { id } = await this.#api().createUpload(this.name, this.bytes);
+    if (epoch === this.#epoch) {
+      this.id = id;
+      this.#arrived(0);
+    } else {
+      this.#api().deleteUpload(id).catch(() => {});
+    }
+  }
+
+  #arrived(offset) {
+    this.sent = offset;
+    this.#steps.push([this.#env.now(), offset]);
+    while (this.#steps.length > 2 && this.#steps.at(-1)[0] - this.#steps[0][0] > RATE_WINDOW_MS) this.#steps.shift();
+    this.#set('sending');
+  }
+
+  async #send(epoch) {
+    const part = this.file.slice(this.sent, this.sent + this.#part);
+    const checksum = await this.#env.checksum(part);
+    if (epoch !== this.#epoch) return;
+    this.#abort = new AbortController();
+    const began = this.#env.now();
+    const offset = await this.#api().sendPart(this.id, this.sent, part, { checksum, signal: this.#abort.signal });
+    if (epoch !== this.#epoch) return;
+    const took = this.#env.now() - began;
+    if (took < PART_FAST_MS) this.#part = Math.min(PART_MAX, this.#part * 2);
+    else if (took > PART_SLOW_MS) this.#part = Math.max(PART_MIN, this.#part / 2);
+    this.#failures = 0;
+    this.#mismatches = 0;
+    this.#arrived(offset);
+  }
+
+  #failed(error) {
+    const status = error.status ?? 0; // fetch() fails with a TypeError
+    const isWrong = (status === 409 || status === 460) && this.#mismatches < MISMATCHES_MAX;
+    if (isWrong) { // the daemon has another offset, or bytes changed on their way
+      this.#mismatches += 1;
+      this.#set('starting');
+      this.#run(this.#epoch);
+    } else if (PASSING.has(status)) {
+      const wait = Math.min(RETRY_MAX_MS, RETRY_FIRST_MS * 2 ** this.#failures);
+      this.#failures += 1;
+      this.#steps = [];
+      this.#set('waiting', error);
+      this.#timer = this.#env.setTimeout(() => this.resume(), wait);
+    } else {
+      this.#set('failed', error);
+    }
+  }
+}

@@ -1,0 +1,205 @@
+// SPDX-License-Identifier: Apache-2.0
+// Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
+import assert from 'node:assert/strict';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { after, before, test } from 'node:test';
+import { firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+let browser;
+let daemon;
+let folder;
+
+/** An NRRD file with a box in side³ voxels. */
+function cube(side) {
+  const voxels = Buffer.alloc(side ** 3);
+  for (let i = 0; i < voxels.length; i++) voxels[i] = [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)].every((x) => x > side / 4 && x < side * 3 / 4) ? 200 : 0;
+  return Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\n\n`), voxels]);
+}
+
+const LARGE = { name: 'large.nrrd', mimeType: '', buffer: cube(150) }; // 3.4 MB: several parts
+const SMALL = { name: 'Größe 1.nrrd', mimeType: '', buffer: cube(24) };
+
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-open-'));
+  mkdirSync(path.join(folder, 'scans', 'old'), { recursive: true });
+  writeFileSync(path.join(folder, 'cube.nrrd'), cube(24));
+  writeFileSync(path.join(folder, 'scans', 'head10.nrrd'), cube(16));
+  writeFileSync(path.join(folder, 'scans', 'head2.nrrd'), cube(16));
+  writeFileSync(path.join(folder, 'broken.nrrd'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 9 9 9\nencoding: raw\n\nshort');
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  rmSync(folder, { recursive: true });
+});
+
+async function open(context, { args = [], options } = {}) {
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'null', '--data', folder, '--upload-bytes', '20M', ...args]);
+  context.after(() => daemon.stop());
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  await opened.page.goto(daemon.url);
+  await firstFrame(opened.page);
+  return opened;
+}
+
+const shows = (page, name) => page.locator('#volumes .pick[aria-current]', { hasText: name }).waitFor();
+const entries = (page) => page.locator('#open-list .name').allTextContents();
+
+async function axe(page) {
+  if (!existsSync(AXE)) return;
+  await page.evaluate(readFileSync(AXE, 'utf8'));
+  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
+  assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes[0].html.slice(0, 160)}`), []);
+}
+
+test('the data folder by keyboard: folders, filter, back, open; then it is among the recent ones', async (context) => {
+  const { page, said } = await open(context);
+  await page.focus('#screen');
+  await page.keyboard.press('o');
+  await page.locator('#open-list [data-name="scans"]').waitFor();
+  assert.deepEqual(await entries(page), ['scans', 'broken.nrrd', 'cube.nrrd']);
+  assert.match(await page.locator('[data-name="cube.nrrd"] .about').textContent(), /^24 × 24 × 24 · uint8 · 14 kB$/);
+  await axe(page);
+  await shot(page, 'open-folder');
+  await page.keyboard.press('ArrowDown');
+  await page.keyboard.press('Enter');
+  await page.locator('[data-name="head2.nrrd"]').waitFor();
+  assert.deepEqual(await entries(page), ['old', 'head2.nrrd', 'head10.nrrd']);
+  await page.keyboard.press('Backspace');
+  await page.locator('#open-list [data-name="scans"]:focus').waitFor();
+  await page.keyboard.press('Enter');
+  await page.locator('[data-name="head2.nrrd"]').waitFor();
+  await page.fill('#open-filter', 'head 10');
+  assert.deepEqual(await entries(page), ['head10.nrrd']);
+  await page.keyboard.press('Enter');
+  await shows(page, 'head10');
+  await page.locator('#open').waitFor({ state: 'hidden' });
+  await page.click('#open-button');
+  await page.locator('#open-recent-list button', { hasText: 'head10.nrrd' }).waitFor();
+  await page.keyboard.press('Escape');
+  assert.deepEqual(said, []);
+});
+
+test('a file is uploaded with progress, continues by itself after lost connections, and is shown', async (context) => {
+  const { page } = await open(context);
+  let parts = 0;
+  await page.route('**/api/v1/uploads/*', (route) => {
+    if (route.request().method() !== 'PATCH') return route.continue();
+    parts += 1;
+    return parts === 2 || parts === 3 ? route.abort('connectionreset') : route.continue();
+  });
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', LARGE);
+  await page.locator('#uploads [data-state="waiting"]', { hasText: 'no connection' }).waitFor();
+  await shot(page, 'open-waiting');
+  await shows(page, 'large');
+  await page.locator('#uploads li').waitFor({ state: 'detached' });
+  assert.ok(parts >= 4, `${parts} parts`);
+});
+
+test('an upload is paused, a reload interrupts it, and the same file continues it', async (context) => {
+  const { page, said } = await open(context);
+  const offsets = [];
+  let isHeld = true;
+  await page.route('**/api/v1/uploads/*', (route) => {
+    if (route.request().method() !== 'PATCH') return route.continue();
+    offsets.push(Number(route.request().headers()['upload-offset']));
+    return offsets.length > 1 && isHeld ? undefined : route.continue(); // the second part hangs
+  });
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', LARGE);
+  await page.locator('#uploads .about', { hasText: /^31 % of 3.4 MB/ }).waitFor();
+  await page.getByRole('button', { name: 'Pause the upload of large.nrrd' }).click();
+  await page.locator('#uploads [data-state="paused"]', { hasText: 'paused at 31 %' }).waitFor();
+  await axe(page);
+  await page.reload();
+  await firstFrame(page);
+  await page.locator('#uploads [data-before]', { hasText: '31 % of 3.4 MB arrived before' }).waitFor();
+  await shot(page, 'open-before');
+  isHeld = false;
+  const chooser = page.waitForEvent('filechooser');
+  await page.click('#uploads .link');
+  await (await chooser).setFiles(LARGE);
+  await shows(page, 'large');
+  assert.deepEqual(offsets.slice(0, 3), [0, 1 << 20, 1 << 20]);
+  assert.deepEqual(said, []);
+});
+
+test('files are dropped on the page: one is shown, the errors of others stand beside their names', async (context) => {
+  const { page } = await open(context);
+  const drop = (type, files) => page.evaluate(([kind, list]) => {
+    const data = new DataTransfer();
+    for (const { name, bytes } of list) data.items.add(new File([new Uint8Array(bytes)], name));
+    document.getElementById('screen').dispatchEvent(new DragEvent(kind, { bubbles: true, cancelable: true, dataTransfer: data }));
+  }, [type, files]);
+  const files = [{ name: SMALL.name, bytes: [...SMALL.buffer] }, { name: 'notes.txt', bytes: [1] }];
+  await drop('dragenter', files);
+  await page.locator('#drop', { hasText: 'Drop the file' }).waitFor();
+  await shot(page, 'open-drop');
+  await drop('drop', files);
+  assert.ok(await page.locator('#drop').isHidden());
+  await shows(page, 'Größe 1');
+  await page.locator('#uploads [data-upload="notes.txt"] .about', { hasText: 'the name must end in .nrrd' }).waitFor();
+  await page.getByRole('button', { name: 'Cancel the upload of notes.txt' }).click();
+  await page.locator('#uploads').waitFor({ state: 'hidden' });
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', { name: 'huge.nrrd', mimeType: '', buffer: Buffer.alloc(21 << 20) });
+  await page.locator('#uploads [data-state="failed"]', { hasText: '--upload-bytes allows 20971520' }).waitFor();
+});
+
+test('a failed load says why and is removed; closing the shown volume shows another one; the info follows', async (context) => {
+  const { page, said } = await open(context);
+  await page.click('#open-button');
+  await page.click('[data-name="broken.nrrd"]');
+  await page.locator('#volumes [data-state="failed"] .about', { hasText: 'the samples need 729 bytes' }).waitFor();
+  await page.click('#volumes .link');
+  await page.locator('#volumes .details', { hasText: /^broken.nrrd: byte \d+: sizes/ }).waitFor();
+  await axe(page);
+  await shot(page, 'open-failed');
+  await page.getByRole('button', { name: 'Remove broken from the list' }).click();
+  await page.locator('#volumes .pick[data-id="broken"]').waitFor({ state: 'detached' });
+  await page.click('#volume-info summary');
+  await page.locator('#volume-info dd', { hasText: 'demo:phantom?size=32' }).waitFor();
+  await page.click('#open-button');
+  await page.click('[data-name="cube.nrrd"]');
+  await shows(page, 'cube');
+  await page.locator('#volume-info dd', { hasText: '24 × 24 × 24' }).waitFor();
+  await page.getByRole('button', { name: 'Close cube' }).click();
+  await shows(page, 'phantom');
+  await page.locator('#notice', { hasText: 'cube was closed' }).waitFor();
+  await page.getByRole('button', { name: 'Close phantom' }).click();
+  await page.locator('#banner', { hasText: 'No volume is loaded' }).waitFor();
+  await page.click('#banner-open');
+  await page.click('[data-name="cube.nrrd"]');
+  await shows(page, 'cube');
+  await until(page, 'a picture again', (s) => s.state === 'live' && s.count > 0);
+  assert.deepEqual(said.filter((text) => !/404/.test(text)), []);
+});
+
+test('a guest by a join link opens and closes nothing, and reads why; a phone shows the whole dialog', async (context) => {
+  const { page } = await open(context, { options: { viewport: { width: 390, height: 844 }, hasTouch: true } });
+  await page.click('#panel-toggle');
+  await page.click('#open-button');
+  await page.locator('#open-list button').first().waitFor();
+  const box = await page.locator('#open').boundingBox();
+  assert.ok(box.x >= 0 && box.x + box.width <= 390 && box.y >= 0 && box.y + box.height <= 844, JSON.stringify(box));
+  await shot(page, 'open-phone');
+  await page.keyboard.press('Escape');
+  const { url } = daemon;
+  const token = new URL(url).searchParams.get('token');
+  const base = new URL('.', url).href;
+  const session = await (await fetch(`${base}api/v1/sessions`, { method: 'POST', body: '{}', headers: { Authorization: `Bearer ${token}`, 'Content-Type': 'application/json' } })).json();
+  const guest = await openPage(browser);
+  context.after(() => guest.context.close());
+  await guest.page.goto(`${base}#session=${session.id}&token=${session.tokens.control}`);
+  await firstFrame(guest.page);
+  await guest.page.locator('#volumes-why', { hasText: 'joined by a link' }).waitFor();
+  assert.ok(await guest.page.locator('#open-button').isHidden());
+  assert.deepEqual(guest.said, []);
+});
