@@ -126,8 +126,9 @@ class Slices extends Emitter {
   }
 
   async #findHome(id) {
-    const { api, viewer } = this.#app;
-    const { camera } = await api.volumeView(id).catch(() => viewer.view); // a guest does not get it: the camera now is a guess
+    const { api, viewer, connection } = this.#app;
+    // A guest does not get it: the camera now is a guess.
+    const { camera } = connection.session?.isJoined ? viewer.view : await api.volumeView(id).catch(() => viewer.view);
     if (id !== this.#volume || !camera) return;
     this.#home = camera;
     this.update();

@@ -31,10 +31,11 @@ export function install(app) {
     dot.setAttribute('cy', y);
   });
   layer.group.append(dot);
-  for (const id of ['a', 'b', 'c']) app.layout.pane('probe-' + id, 'Axis ' + id).textContent = id;
-  layoutButton(app, { name: '3d', icon: 'contrast', label: 'Picture', order: 0 });
-  layoutButton(app, { name: 'four', icon: 'contrast', label: 'Four', order: 1 });
-  layoutButton(app, { name: 'slices', icon: 'contrast', label: 'Slices', order: 2 });
+  app.layout.add('probe4');
+  app.layout.add('probe3', { hasPicture: false });
+  for (const id of ['a', 'b', 'c']) app.layout.pane('probe-' + id, 'Axis ' + id, { layouts: ['probe4', 'probe3'] }).textContent = id;
+  layoutButton(app, { name: 'probe4', icon: 'contrast', label: 'Picture and panes', order: 11 });
+  layoutButton(app, { name: 'probe3', icon: 'contrast', label: 'Panes', order: 12 });
 }`;
 
 let browser;
@@ -114,13 +115,13 @@ test('panes: four, slices only, and back; frames follow the size of the picture'
   const whole = [1300 - 324, 800]; // the picture stands beside the panel
   const isWhole = `([width, height]) => width === ${whole[0]} && height === ${whole[1]}`;
   await size(isWhole);
-  await page.click('#layout-four');
+  await page.click('#layout-probe4');
   assert.equal(await page.locator('.pane:visible').count(), 4);
   const quarter = await size(([width]) => width < 600);
   compare(quarter[0], '<=', whole[0] / 2);
   compare(quarter[1], '<', whole[1] / 2);
   await shot(page, 'layout-four');
-  await page.click('#layout-slices');
+  await page.click('#layout-probe3');
   assert.equal(await page.locator('.pane:visible').count(), 3);
   assert.equal(await page.isVisible('#screen'), false);
   await page.click('#layout-3d');
