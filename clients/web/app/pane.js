@@ -333,6 +333,7 @@ export class Pane {
     const pointers = new Map();
     let gesture = null; // tool, cross, pan or pinch
     let last = null;
+    let before = null; // the crosshair before the drag
     const pinch = () => {
       const [a, b] = [...pointers.values()];
       return { middle: [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], spread: Math.max(1, Math.hypot(a[0] - b[0], a[1] - b[1])) };
@@ -344,6 +345,7 @@ export class Pane {
       pointers.set(event.pointerId, at);
       if (gesture === 'tool') this.#modes.cancel();
       if (pointers.size === 2) {
+        if (before) this.#slices.setPosition(before, event.timeStamp); // the first finger has moved the crosshair
         gesture = 'pinch';
         last = pinch();
       } else if (pointers.size > 2 || event.button !== 0 || event.shiftKey) {
@@ -353,6 +355,7 @@ export class Pane {
         gesture = 'tool';
       } else {
         gesture = this.#slices.grab(this, at) ?? 'cross';
+        before = gesture === 'cross' ? this.#slices.position : null;
         this.#slices.drag(this, gesture, at, event.timeStamp);
       }
     });
@@ -384,7 +387,7 @@ export class Pane {
         if (event.type === 'pointerup') this.#modes.up(this.place(event), event, this);
         else this.#modes.cancel();
       }
-      gesture = null;
+      gesture = before = null;
       if (pointers.size === 1) {
         gesture = 'pan';
         [last] = pointers.values();

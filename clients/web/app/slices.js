@@ -5,6 +5,7 @@
 // app.slices for other features: `panes` (by id), layer(draw) for all of them, `position`, setPosition(world), `grid`; event change.
 import { Emitter } from '../core/emitter.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
+import { meetPlane, ray } from '../core/project.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
 import { Grid, cutLine, gridOfSlices, obliquePlane, orthogonalPlanes, turnNormal } from '../core/slices.js';
@@ -321,7 +322,8 @@ class Slices extends Emitter {
       isAsking = true;
       try {
         const { position } = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
-        if (position) this.setPosition(position, time);
+        const nearest = this.#nearest(at, position);
+        if (nearest) this.setPosition(nearest, time);
       } catch (error) {
         notice.show(error.message);
       } finally {
@@ -339,6 +341,18 @@ class Slices extends Emitter {
     });
     modes.on('change', (name) => button.setAttribute('aria-pressed', String(name === 'crosshair')));
     viewer.on('view', () => { button.disabled = !viewer.canControl; });
+  }
+
+  /** The point seen at a place of the picture: of a slice in it, or of the volume (`position`) if that lies in front. */
+  #nearest(at, position) {
+    const { viewer, screen } = this.#app;
+    const { in_3d: isDrawn, mode } = this.shared;
+    if (!isDrawn || mode === 'none' || !this.grid) return position;
+    const sight = ray(viewer.rig, at, screen.viewport);
+    const planes = this.isOblique ? [this.planeOf('sagittal')] : orthogonalPlanes(this.grid, this.frame, this.position);
+    const points = planes.map((plane) => meetPlane(sight, plane.origin, plane.normal)).filter((point) => point && this.grid.has(point));
+    const way = (point) => dot(subtract(point, sight.origin), sight.direction);
+    return [...points, ...(position ? [position] : [])].sort((a, b) => way(a) - way(b))[0] ?? null;
   }
 
   /** Outlines of the slices, and the crosshair, above the picture. */

@@ -78,6 +78,14 @@ export class Grid {
       (point, axis, a) => add(point, scale(axis, ends[a][corner >> a & 1])), this.origin));
   }
 
+  /** True if the point lies in the volume. */
+  has(world) {
+    return this.distances(world).every((distance, a) => {
+      const [low, high] = this.extent(a);
+      return distance >= low && distance <= high;
+    });
+  }
+
   get smallest() {
     return Math.min(...this.volume.spacing);
   }

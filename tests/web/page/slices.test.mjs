@@ -185,6 +185,12 @@ test('slices in the picture change it, and two windows of one session share the 
   await rest(page);
   const cut = await pixels(page);
   compare(difference(cut, plain), '>', 0.02);
+  await page.click('#tool-crosshair');
+  const picture = await page.locator('#screen').boundingBox();
+  const at = await position(page);
+  await page.mouse.click(picture.x + picture.width * 0.53, picture.y + picture.height * 0.46);
+  await until(page, 'the crosshair where the picture was clicked', `(s) => JSON.stringify(s.view.slices.position) !== '${JSON.stringify(at)}'`);
+  await page.keyboard.press('Escape');
   const session = await page.evaluate(() => window.splatd.session);
   const { tokens } = await (await fetch(`${base()}/api/v1/sessions/${session}`, { headers: { Authorization: `Bearer ${token()}` } })).json();
   const guest = await open(context, `${base()}/#session=${session}&token=${tokens.view}`);
