@@ -1,0 +1,315 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The store of uploads on a disk that fails: full, short writes, errors of every call; and limits,
+ * expiry, replaced writers and restarts.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/types.h>
+#include <unistd.h>
+
+#include "uploads/uploads.h"
+
+static struct {
+    unsigned calls, fails_at; /* counted from 1; 0 = no call fails */
+    int error;                /* 0 = the write is short, and the next one fails with ENOSPC */
+} disk;
+
+ssize_t __real_pwrite(int fd, const void *bytes, size_t size, off_t at);
+ssize_t __wrap_pwrite(int fd, const void *bytes, size_t size, off_t at);
+int __real_rename(const char *from, const char *to);
+int __wrap_rename(const char *from, const char *to);
+int __real_fdatasync(int fd);
+int __wrap_fdatasync(int fd);
+
+static bool fails(void) {
+    if (disk.fails_at == 0 || ++disk.calls != disk.fails_at)
+        return false;
+    errno = disk.error ? disk.error : ENOSPC;
+    return true;
+}
+
+ssize_t __wrap_pwrite(int fd, const void *bytes, size_t size, off_t at) {
+    if (!fails())
+        return __real_pwrite(fd, bytes, size, at);
+    if (disk.error)
+        return -1;
+    disk.fails_at = disk.calls + 1;
+    disk.error = ENOSPC;
+    return __real_pwrite(fd, bytes, size / 2, at);
+}
+
+int __wrap_rename(const char *from, const char *to) {
+    return fails() ? -1 : __real_rename(from, to);
+}
+
+int __wrap_fdatasync(int fd) {
+    return fails() ? -1 : __real_fdatasync(fd);
+}
+
+static char folder[64];
+static struct srv_work_queue *queue;
+
+static void set_disk(unsigned fails_at, int error) {
+    disk.calls = 0;
+    disk.fails_at = fails_at;
+    disk.error = error;
+}
+
+static struct srv_uploads *create(double expiry_ms) {
+    const struct srv_uploads_options options = {
+        .folder = folder, .bytes_max = 1000, .count_max = 3, .expiry_ms = expiry_ms, .disk = queue
+    };
+    struct sp_error err = { .text = "" };
+    struct srv_uploads *uploads = srv_uploads_create(&options, 0, &err);
+    if (!uploads)
+        fail_msg("%s: %s", err.place, err.text);
+    return uploads;
+}
+
+static int set_up(void **state) {
+    (void)state;
+    strcpy(folder, "/tmp/splatd-uploads-unit-XXXXXX");
+    queue = srv_work_queue_create(NULL);
+    return mkdtemp(folder) && queue ? 0 : -1;
+}
+
+static unsigned count_folders(void) {
+    unsigned count = 0;
+    DIR *entries = opendir(folder);
+    assert_non_null(entries);
+    for (struct dirent *entry; (entry = readdir(entries));)
+        count += entry->d_name[0] != '.';
+    closedir(entries);
+    return count;
+}
+
+/* Runs what the disk thread has to do. */
+static void drain(void) {
+    srv_work_queue_destroy(&queue);
+    assert_non_null(queue = srv_work_queue_create(NULL));
+}
+
+static int tear_down(void **state) {
+    (void)state;
+    char command[96];
+    srv_work_queue_destroy(&queue);
+    snprintf(command, sizeof command, "rm -r '%s'", folder);
+    return system(command);
+}
+
+static void add(struct srv_uploads *uploads, uint64_t bytes, struct srv_upload_info *info) {
+    struct sp_error err;
+    if (!srv_uploads_add(uploads, "ann", "a.nrrd", ".nrrd", bytes, 0, info, &err))
+        fail_msg("%s", err.text);
+}
+
+static void begin(struct srv_uploads *uploads, const char *id, uint64_t offset, bool is_atomic,
+                  struct srv_upload_writer *writer) {
+    struct sp_error err;
+    uint64_t at;
+    if (!srv_upload_begin(uploads, id, offset, 0, is_atomic, writer, &at, &err))
+        fail_msg("%s", err.text);
+}
+
+static uint64_t offset_of(struct srv_uploads *uploads, const char *id) {
+    struct srv_upload_info info;
+    assert_true(srv_uploads_get(uploads, id, 0, &info, NULL));
+    return info.offset;
+}
+
+/* Whatever call fails: an error, never a wrong offset, and the upload can be continued. */
+static void a_disk_that_fails(void **state) {
+    (void)state;
+    static const int errors[] = { ENOSPC, EIO, 0 };
+    static const char bytes[] = "0123456789";
+    for (size_t e = 0; e < sizeof errors / sizeof *errors; e++) {
+        bool has_failed = true;
+        for (unsigned n = 1; has_failed; n++) {
+            struct srv_uploads *uploads = create(1000);
+            struct srv_upload_info info;
+            struct srv_upload_writer writer;
+            struct sp_error err = { .code = SP_OK };
+            set_disk(n, errors[e]);
+            bool ok = srv_uploads_add(uploads, "ann", "a.nrrd", ".nrrd", 10, 0, &info, &err);
+            if (!ok) {
+                assert_int_equal(err.code, errors[e] == EIO ? SP_ERR_IO : SP_ERR_BUDGET);
+                assert_int_equal(count_folders(), 0);
+                srv_uploads_destroy(&uploads);
+                continue;
+            }
+            begin(uploads, info.id, 0, false, &writer);
+            ok = srv_upload_write(&writer, bytes, 10, 0, &err);
+            struct sp_error *end_err = ok ? &err : NULL;
+            ok = srv_upload_end(&writer, true, 0, &info, end_err) && ok;
+            has_failed = disk.calls >= n;
+            assert_true(ok || has_failed);
+            if (!ok)
+                assert_int_equal(err.code, errors[e] == EIO ? SP_ERR_IO : SP_ERR_BUDGET);
+            set_disk(0, 0);
+            uint64_t at = offset_of(uploads, writer.id);
+            assert_true(at == 0 || at == 10);
+            begin(uploads, writer.id, at, false, &writer); /* it continues */
+            assert_true(srv_upload_write(&writer, bytes + at, 10 - at, 0, NULL));
+            assert_true(srv_upload_end(&writer, true, 0, &info, NULL));
+            assert_int_equal(info.offset, 10);
+            assert_true(srv_uploads_remove(uploads, writer.id, NULL));
+            drain();
+            assert_int_equal(count_folders(), 0);
+            srv_uploads_destroy(&uploads);
+        }
+    }
+}
+
+static void limits_and_expiry(void **state) {
+    (void)state;
+    struct srv_uploads *uploads = create(100);
+    struct srv_upload_info info;
+    struct sp_error err;
+    assert_false(srv_uploads_add(uploads, "ann", "a.nrrd", ".nrrd", 1001, 0, &info, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_string_equal(err.place, "/bytes");
+    add(uploads, 900, &info);
+    assert_false(srv_uploads_add(uploads, "ann", "a.nrrd", ".nrrd", 101, 0, &info, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    add(uploads, 50, &info);
+    add(uploads, 50, &info);
+    assert_false(srv_uploads_add(uploads, "ann", "a.nrrd", ".nrrd", 0, 0, &info, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    struct srv_upload_writer writer;
+    begin(uploads, info.id, 0, false, &writer);
+    assert_true(srv_upload_write(&writer, "x", 1, 60, NULL)); /* used at 60 ms */
+    srv_uploads_tick(uploads, 99);
+    struct srv_uploads_numbers numbers;
+    srv_uploads_numbers(uploads, &numbers);
+    assert_int_equal(numbers.count, 3);
+    srv_uploads_tick(uploads, 100);
+    srv_uploads_numbers(uploads, &numbers);
+    assert_int_equal(numbers.count, 1);
+    assert_int_equal(numbers.declared_bytes, 50);
+    srv_uploads_tick(uploads, 160);
+    assert_false(srv_upload_write(&writer, "x", 1, 160, &err)); /* it expired meanwhile */
+    assert_int_equal(err.code, SP_ERR_NOT_FOUND);
+    assert_false(srv_upload_end(&writer, true, 160, &info, &err));
+    drain();
+    assert_int_equal(count_folders(), 0);
+    srv_uploads_destroy(&uploads);
+}
+
+static void writers_replace_each_other(void **state) {
+    (void)state;
+    struct srv_uploads *uploads = create(1000);
+    struct srv_upload_info info;
+    struct srv_upload_writer old, new;
+    struct sp_error err;
+    uint64_t at = 0;
+    add(uploads, 10, &info);
+    begin(uploads, info.id, 0, false, &old);
+    assert_true(srv_upload_write(&old, "012", 3, 0, NULL));
+    assert_false(srv_upload_begin(uploads, info.id, 0, 0, false, &new, &at, &err));
+    assert_int_equal(at, 3);
+    assert_false(srv_upload_begin(uploads, info.id, 3, 8, false, &new, &at, &err));
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED); /* more than is missing */
+    begin(uploads, info.id, 3, false, &new);
+    assert_false(srv_upload_write(&old, "XX", 2, 0, &err));
+    assert_int_equal(err.code, SP_ERR_CANCELLED);
+    assert_false(srv_upload_end(&old, true, 0, &info, NULL));
+    assert_false(srv_upload_write(&new, "34567890", 8, 0, &err)); /* 8 > 7 */
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+    assert_true(srv_upload_write(&new, "3456789", 7, 0, NULL));
+    assert_true(srv_upload_end(&new, true, 0, &info, NULL));
+    assert_int_equal(info.offset, 10);
+    srv_uploads_destroy(&uploads);
+}
+
+/* Bytes without their checksum do not count, neither now nor after a restart. */
+static void a_restart_finds_what_counts(void **state) {
+    (void)state;
+    struct srv_uploads *uploads = create(1000);
+    struct srv_upload_info info;
+    struct srv_upload_writer writer;
+    char path[PATH_MAX], name[SP_NAME_BYTES], id[SRV_UPLOAD_ID_BYTES];
+    struct sp_error err;
+    add(uploads, 10, &info);
+    memcpy(id, info.id, sizeof id);
+    begin(uploads, id, 0, false, &writer);
+    assert_true(srv_upload_write(&writer, "01234", 5, 0, NULL));
+    assert_true(srv_upload_end(&writer, true, 0, &info, NULL));
+    begin(uploads, id, 5, true, &writer);
+    assert_true(srv_upload_write(&writer, "XXX", 3, 0, NULL));
+    assert_int_equal(offset_of(uploads, id), 5);
+    close(writer.fd); /* the process is killed here */
+    srv_uploads_destroy(&uploads);
+    snprintf(path, sizeof path, "%s/%032d", folder, 7); /* a folder without its files */
+    assert_int_equal(mkdir(path, 0700), 0);
+    uploads = create(1000);
+    assert_int_equal(count_folders(), 1);
+    assert_int_equal(offset_of(uploads, id), 5);
+    assert_false(srv_upload_open(uploads, id, path, name, &err));
+    assert_int_equal(err.code, SP_ERR_NOT_READY);
+    begin(uploads, id, 5, true, &writer);
+    assert_true(srv_upload_write(&writer, "XXXXX", 5, 0, NULL));
+    assert_true(srv_upload_end(&writer, false, 0, &info, NULL)); /* a wrong checksum */
+    assert_int_equal(info.offset, 5);
+    begin(uploads, id, 5, true, &writer);
+    assert_true(srv_upload_write(&writer, "56789", 5, 0, NULL));
+    assert_true(srv_upload_end(&writer, true, 0, &info, NULL));
+    assert_true(srv_upload_open(uploads, id, path, name, NULL));
+    char bytes[16] = "";
+    FILE *file = fopen(path, "rb");
+    assert_non_null(file);
+    assert_int_equal(fread(bytes, 1, sizeof bytes, file), 10);
+    fclose(file);
+    assert_string_equal(bytes, "0123456789");
+    assert_false(srv_uploads_remove(uploads, id, &err)); /* it belongs to a volume */
+    srv_uploads_tick(uploads, 1e9);
+    srv_upload_close(uploads, id, SRV_UPLOAD_LOADED);
+    drain();
+    assert_int_equal(count_folders(), 0);
+    srv_uploads_destroy(&uploads);
+}
+
+static void names_are_only_shown(void **state) {
+    (void)state;
+    static const char *const cases[][2] = {
+        { "../../etc/passwd.nrrd", "passwd.nrrd" },
+        { "C:\\scans\\größe.tif", "größe.tif" },
+        { "a\nb\x7f.vti", "a b .vti" },
+        { ".nrrd", ".nrrd" },
+    };
+    char name[SP_NAME_BYTES], long_name[400] = "";
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        assert_true(srv_upload_name(cases[i][0], strlen(cases[i][0]), name, NULL));
+        assert_string_equal(name, cases[i][1]);
+    }
+    assert_false(srv_upload_name("a/", 2, name, NULL));
+    assert_false(srv_upload_name("", 0, name, NULL));
+    for (int i = 0; i < 150; i++)
+        strcat(long_name, "ä");
+    strcat(long_name, ".nrrd");
+    assert_true(srv_upload_name(long_name, strlen(long_name), name, NULL));
+    assert_int_equal(strlen(name) % 2, 1); /* whole characters and ".nrrd" */
+    assert_string_equal(name + strlen(name) - 7, "ä.nrrd");
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(a_disk_that_fails, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(limits_and_expiry, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(writers_replace_each_other, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(a_restart_finds_what_counts, set_up, tear_down),
+        cmocka_unit_test(names_are_only_shown),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
