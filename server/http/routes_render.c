@@ -217,7 +217,7 @@ static void set_owner(const struct srv_request *request, struct srv_snapshot *sn
 static void submit(struct srv_request *request, struct srv_snapshot *snapshot, const char *etag,
                    const char *caching, struct srv_reply *reply) {
     struct sp_error err;
-    uint64_t bytes = srv_snapshot_memory_of(snapshot->view.size, snapshot->format);
+    uint64_t bytes = srv_snapshot_memory_of(&snapshot->view, snapshot->format);
     struct render *render = malloc(sizeof *render);
     if (!render)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for a render request");

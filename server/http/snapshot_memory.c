@@ -28,9 +28,11 @@ void srv_snapshot_memory_destroy(struct srv_snapshot_memory **memory) {
     *memory = NULL;
 }
 
-uint64_t srv_snapshot_memory_of(const uint32_t size[2], enum sp_image_format format) {
+uint64_t srv_snapshot_memory_of(const struct sp_view *view, enum sp_image_format format) {
     unsigned px_bytes = sp_image_format_info(format)->wants_float ? 16 : 4;
-    return (uint64_t)size[0] * size[1] * px_bytes;
+    if (view->slices.in_3d && view->slices.mode != SP_SLICES_NONE)
+        px_bytes += 2 * 16;
+    return (uint64_t)view->size[0] * view->size[1] * px_bytes;
 }
 
 bool srv_snapshot_memory_reserve(struct srv_snapshot_memory *memory, uint64_t bytes,

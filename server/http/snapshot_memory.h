@@ -12,6 +12,7 @@
 
 #include "sp/encode.h"
 #include "sp/status.h"
+#include "sp/view.h"
 
 struct srv_snapshot_memory;
 
@@ -19,8 +20,9 @@ struct srv_snapshot_memory *srv_snapshot_memory_create(uint64_t bytes_max, struc
 void srv_snapshot_memory_destroy(
     struct srv_snapshot_memory **memory); /* all bytes must be returned */
 
-/* Returns the bytes that a snapshot of this size and format takes while it is rendered. */
-uint64_t srv_snapshot_memory_of(const uint32_t size[2], enum sp_image_format format);
+/* Returns the bytes that a snapshot of this view and format takes while it is rendered: slices in
+ * the image need two more frames in floating point. */
+uint64_t srv_snapshot_memory_of(const struct sp_view *view, enum sp_image_format format);
 
 /* Fails with SP_ERR_BUDGET if all snapshots together would exceed the limit. A single snapshot is
  * never refused, because --frame-size limits it. */
