@@ -112,7 +112,7 @@ function labelPlace(item, points, size) {
   return { x: (left + right) / 2, y: Math.min(...seen.map((p) => p.y)) - height / 2 - 8 };
 }
 
-function drawLabel(sheet, key, item, name, points, className) {
+function drawLabel(sheet, key, item, name, points) {
   if (!points.some(hasPlace)) return;
   const lines = labelLines(item, name);
   const size = [Math.max(...lines.map(widthOf)) + 2 * PADDING_PX, lines.length * LINE_PX + 4];
@@ -120,10 +120,10 @@ function drawLabel(sheet, key, item, name, points, className) {
   if (!hasPlace(wanted)) return;
   const at = sheet.free(wanted, size);
   sheet.put(`${key}:box`, 'rect', {
-    class: `measure-box ${className}`, x: at.x - size[0] / 2, y: at.y - size[1] / 2, width: size[0], height: size[1], rx: 5, stroke: item.color,
+    class: 'measure-box', x: at.x - size[0] / 2, y: at.y - size[1] / 2, width: size[0], height: size[1], rx: 5, stroke: item.color,
   });
   lines.forEach((line, i) => sheet.put(`${key}:text${i}`, 'text', {
-    class: `measure-label ${className}`, x: at.x, y: at.y - size[1] / 2 + 2 + LINE_PX * (i + 0.5),
+    class: 'measure-label', x: at.x, y: at.y - size[1] / 2 + 2 + LINE_PX * (i + 0.5),
   }, line));
 }
 
@@ -146,8 +146,8 @@ function drawItem(sheet, item, { toScreen, name, isSelected, handle, isApart }) 
     sheet.put(`${key}:grip${i}`, 'circle', { class: 'measure-grip', cx: point.x, cy: point.y, r: HIT_PX, 'data-item': key, 'data-handle': i });
   });
   const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : handles;
-  if (isApart && !isSelected) return; // lines alone, or labels would cover the slice
-  if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, name, ends, className);
+  if (isApart) return; // lines alone, or labels would cover the slice
+  if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, name, ends);
 }
 
 /** The measurement that is being drawn, up to the cursor. */

@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measuring in the page: each tool gives the right value on volumes whose truth is known; two windows; the keyboard alone; export.
 import assert from 'node:assert/strict';
-import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
 import { drag, firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
 const SIDE = 20;
 const SPACING = [2, 1, 1]; // mm
 let browser;
@@ -27,8 +29,8 @@ after(async () => {
   rmSync(folder, { recursive: true });
 });
 
-async function open(context, { url = daemon.url, layout = 'four', viewport = { width: 1300, height: 860 } } = {}) {
-  const opened = await openPage(browser, { viewport, acceptDownloads: true });
+async function open(context, { url = daemon.url, layout = 'four', viewport = { width: 1300, height: 860 }, colorScheme = 'dark' } = {}) {
+  const opened = await openPage(browser, { viewport, colorScheme, acceptDownloads: true });
   context.after(() => opened.context.close());
   const { page } = opened;
   await page.goto(url);
@@ -181,3 +183,21 @@ test('with the keyboard alone: a distance on the surface, its points moved, its 
   await all(0);
   assert.deepEqual(said, []);
 });
+
+for (const colorScheme of ['dark', 'light']) {
+  test(`axe finds nothing in the section, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const { page, measured: all } = await open(context, { colorScheme });
+    await page.keyboard.press('r');
+    await drag(page, await spot(page, 'axial', 0.4, 0.35), await spot(page, 'axial', 0.55, 0.55));
+    await all(1, '(m) => m[0].statistics');
+    await page.evaluate(() => {
+      document.getElementById('transfer').open = false;
+      document.getElementById('measure').open = true;
+    });
+    await page.locator('#measure-plot .measure-bar').first().waitFor({ state: 'attached' });
+    await shot(page, `measure-${colorScheme}`);
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run({ include: [['#measure'], ['#toolbar'], ['main']] }, { resultTypes: ['violations'] }));
+    assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html).join(' ')}`), []);
+  });
+}
