@@ -222,7 +222,7 @@ static void writers_replace_each_other(void **state) {
     assert_false(srv_upload_begin(uploads, info.id, 3, 8, false, &new, &at, &err));
     assert_int_equal(err.code, SP_ERR_UNSUPPORTED); /* more than is missing */
     begin(uploads, info.id, 3, false, &new);
-    assert_false(srv_upload_write(&old, "XX", 2, 0, &err));
+    assert_false(srv_upload_write(&old, "zz", 2, 0, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     assert_false(srv_upload_end(&old, true, 0, &info, NULL));
     assert_false(srv_upload_write(&new, "34567890", 8, 0, &err)); /* 8 > 7 */
@@ -247,7 +247,7 @@ static void a_restart_finds_what_counts(void **state) {
     assert_true(srv_upload_write(&writer, "01234", 5, 0, NULL));
     assert_true(srv_upload_end(&writer, true, 0, &info, NULL));
     begin(uploads, id, 5, true, &writer);
-    assert_true(srv_upload_write(&writer, "XXX", 3, 0, NULL));
+    assert_true(srv_upload_write(&writer, "zzz", 3, 0, NULL));
     assert_int_equal(offset_of(uploads, id), 5);
     close(writer.fd); /* the process is killed here */
     srv_uploads_destroy(&uploads);
@@ -259,7 +259,7 @@ static void a_restart_finds_what_counts(void **state) {
     assert_false(srv_upload_open(uploads, id, path, name, &err));
     assert_int_equal(err.code, SP_ERR_NOT_READY);
     begin(uploads, id, 5, true, &writer);
-    assert_true(srv_upload_write(&writer, "XXXXX", 5, 0, NULL));
+    assert_true(srv_upload_write(&writer, "zzzzz", 5, 0, NULL));
     assert_true(srv_upload_end(&writer, false, 0, &info, NULL)); /* a wrong checksum */
     assert_int_equal(info.offset, 5);
     begin(uploads, id, 5, true, &writer);
