@@ -10,6 +10,7 @@ import { marginsOf } from './margins.js';
 import { Modes } from './modes.js';
 import { Overlay } from './overlay.js';
 import { Panel } from './panel.js';
+import { Prompts } from './prompts.js';
 import { Screen } from './screen.js';
 import { Shortcuts } from './shortcuts.js';
 import { createStorage } from './storage.js';
@@ -32,7 +33,7 @@ function createConnection(base, address, { view, size }) {
 
 /**
  * Creates the parts: base (address of the page's folder), storage {recall, remember}, address, connection, api, participants, viewer, screen,
- * warp, overlay, layout, modes, shortcuts, toolbar, panel, banner, notice, errors (texts), report(error). Features add frames, formats,
+ * warp, overlay, layout, modes, shortcuts, toolbar, panel, prompts, banner, notice, errors (texts), report(error). Features add frames, formats,
  * configure(), transfer, status and showParticipants().
  */
 export function createApp(base) {
@@ -66,5 +67,6 @@ export function createApp(base) {
     overlay: new Overlay(byId('overlay'), { viewer, screen, warp }),
     toolbar: new Toolbar(byId('toolbar'), shortcuts),
     panel: new Panel(storage),
+    prompts: new Prompts(byId('messages')),
   };
 }

@@ -7,6 +7,7 @@ const NOTICE_MS = 9000;
 export class Banner {
   #root; #title; #text; #progress; #retry; #form; #open;
   #countdown = null;
+  #isAsking = false;
 
   /** retry() and useToken(token) are what the user can do about it. */
   constructor(root, { retry, useToken }) {
@@ -18,6 +19,11 @@ export class Banner {
     this.#form = root.querySelector('#token-form');
     this.#open = root.querySelector('#banner-open');
     this.#retry.addEventListener('click', retry);
+    this.#form.addEventListener('keydown', (event) => {
+      if (event.key !== 'Escape' || !this.#isAsking) return;
+      this.#isAsking = false;
+      this.hide();
+    });
     this.#form.addEventListener('submit', (event) => {
       event.preventDefault();
       const input = this.#form.elements.token;
@@ -27,7 +33,9 @@ export class Banner {
     });
   }
 
+  /** Hides it, but not while it asks for a token beside the picture. */
   hide() {
+    if (this.#isAsking) return;
     this.#stop();
     this.#root.hidden = true;
   }
@@ -35,6 +43,7 @@ export class Banner {
   /** kind: busy | wait | error, shown in the middle; lost: shown at the top, above the last frame */
   show({ kind, title, text = '', progress = null, canRetry = false, asksToken = false, canOpen = false }) {
     this.#stop();
+    this.#isAsking = false;
     this.#root.hidden = false;
     this.#root.dataset.kind = kind;
     this.#set(this.#title, title);
@@ -44,6 +53,13 @@ export class Banner {
     this.#retry.hidden = !canRetry;
     this.#form.hidden = !asksToken;
     this.#open.hidden = !canOpen;
+  }
+
+  /** Asks for a token although the picture is there; Escape ends it. */
+  askToken() {
+    this.show({ kind: 'lost', title: t('banner.token.new'), text: t('banner.token.text'), asksToken: true });
+    this.#isAsking = true;
+    this.#form.elements.token.focus();
   }
 
   /** The connection is lost and will be tried again in `retryMs`. why: lost, busy (the daemon is over a limit) or offline. */

@@ -11,7 +11,7 @@ export function install(app) {
   const { storage, notice, frames, report } = app;
   const moving = byId('moving');
   const lossless = byId('lossless');
-  let videos = [];
+  let videos = []; // what this browser decodes, and the daemon has as far as it is known
   const nameOf = (choice) => t(`moving.${choice}`);
   const formatOf = (choice) => (choice === AUTO ? ['jpeg', ...CHEAPEST_FIRST.filter((name) => videos.includes(name))] : [choice, 'jpeg']);
   const isKnown = videoFormats(window.VideoDecoder).then((names) => {
@@ -33,6 +33,14 @@ export function install(app) {
     }
   }
 
+  /** Removes the formats that the daemon does not have: formats of the answer to stream.configure. */
+  function keepGranted(formats) {
+    videos = videos.filter((name) => formats.includes(name));
+    for (const option of [...moving.options]) {
+      if (![AUTO, 'jpeg', ...videos].includes(option.value) || (option.value === AUTO && videos.length === 0)) option.remove();
+    }
+  }
+
   moving.addEventListener('change', () => choose(moving.value));
   lossless.checked = storage.recall('lossless') === 'yes';
   lossless.addEventListener('change', () => {
@@ -49,5 +57,6 @@ export function install(app) {
       await isKnown;
       return { format: formatOf(moving.value), lossless: lossless.checked };
     },
+    keepGranted,
   };
 }

@@ -15,6 +15,7 @@ export function install({ viewer, modes, shortcuts, panel, screen, toolbar }) {
   byId('help-open').addEventListener('click', toggleHelp);
   byId('fit').addEventListener('click', (event) => viewer.fit(event.timeStamp));
   byId('reset').addEventListener('click', (event) => viewer.reset(event.timeStamp));
+  byId('reset-all').addEventListener('click', (event) => viewer.resetAll(event.timeStamp));
   viewer.on('view', () => { byId('moves').inert = !viewer.canControl; });
   canvas.addEventListener('contextmenu', (event) => event.preventDefault());
   const navigate = toolbar.button({

@@ -28,10 +28,12 @@ async function fork(app) {
   location.reload();
 }
 
+const DENIED_MS = 6000;
+
 export function install(app) {
-  const { connection, participants, viewer, storage, status, report } = app;
+  const { connection, participants, viewer, storage, status, prompts, report } = app;
   const people = new People(participants, {
-    call: (method, params) => connection.call(method, params), fail: report, links: () => links(app, () => fork(app)),
+    call: (method, params) => connection.call(method, params), fail: report, links: () => links(app, () => fork(app)), prompts,
     rename: (name) => {
       storage.remember('name', name);
       app.configure({ name });
@@ -42,23 +44,24 @@ export function install(app) {
     status.setParticipants(participants);
     people.show();
   };
+  viewer.on('denied', () => people.sayDenied());
 }
 
 class People {
-  #participants; #call; #fail; #links;
+  #participants; #call; #fail; #links; #prompts;
   #key = '';
-  #asked = 0;
 
   /**
    * call(method, params) → promise; fail(Error) shows it; links(): {watch, control, view, fork}. Each is a function that
    * resolves to an address (fork resolves to nothing and leaves the page), or null if this client cannot create it.
-   * rename(name) sets the name of this participant.
+   * rename(name) sets the name of this participant; prompts: prompts.js.
    */
-  constructor(participants, { call, fail, links, rename }) {
+  constructor(participants, { call, fail, links, rename, prompts }) {
     this.#participants = participants;
     this.#call = (method, params) => call(method, params).catch(fail);
     this.#fail = fail;
     this.#links = links;
+    this.#prompts = prompts;
     byId('person-name').addEventListener('change', (event) => {
       const name = event.target.value.trim();
       if (name) rename(name);
@@ -104,9 +107,32 @@ class People {
     byId('people-dots').replaceChildren(...people.map((p) => this.#dot(p)));
     byId('people-dots').hidden = count < 2;
     byId('people').replaceChildren(...people.map((p) => this.#entry(p)));
-    const asking = people.filter((p) => p.asks && !p.isYou).length;
-    if (this.#participants.isHolder && asking > this.#asked) byId('people-fold').open = true;
-    this.#asked = asking;
+    this.#showRequests(this.#participants.isHolder ? people.filter((p) => p.asks && !p.isYou) : []);
+    if (this.#participants.mayChange || this.#participants.isAsking) this.#prompts.hide('denied');
+  }
+
+  /** Requests for control are shown over the picture, wherever the panel is. */
+  #showRequests(asking) {
+    for (const { id, name, asks: { seconds } } of asking) {
+      this.#prompts.show(`asked:${id}`, {
+        text: seconds === null ? t('people.asked', { name }) : t('people.asked.until', { name, seconds: Math.ceil(seconds) }), isUrgent: true,
+        actions: [
+          { label: t('people.grant'), press: () => this.#call('session.grant_control', { to: id }) },
+          { label: t('people.refuse'), press: () => this.#call('session.refuse_control', { to: id }) },
+        ],
+      });
+    }
+    this.#prompts.hideOthers('asked:', asking.map(({ id }) => `asked:${id}`));
+  }
+
+  /** Says why the view does not follow the hand, and offers to ask for control. A gesture that goes on does not repeat it. */
+  sayDenied() {
+    const { holder, isAsking, mayAsk, hasControlRole } = this.#participants;
+    const name = holder?.name ?? '';
+    const text = isAsking ? t('view.denied.asking', { name }) : holder ? t('view.denied.holder', { name })
+      : t(hasControlRole ? 'view.denied.free' : 'view.denied.watch');
+    const ask = { label: t('people.ask'), press: () => this.#call('session.request_control') };
+    this.#prompts.show('denied', { text, actions: mayAsk ? [ask] : [], ms: DENIED_MS });
   }
 
   #dot({ color, name }) {

@@ -13,11 +13,14 @@ export function install({ connection, viewer, screen, notice, shortcuts }) {
     const at = [point[0] * screen.size[0] / width, point[1] * screen.size[1] / height];
     try {
       const { position, value, opacity } = await connection.call('pick', { at });
-      notice.show(position
+      notice.show(position // the value belongs to this picture alone
         ? t('pick.value', { value: showNumber(value), place: position.map(showNumber).join(', '), unit: viewer.volume?.unit ?? '' }).trim()
-        : t('pick.nothing', { percent: Math.round(opacity * 100) }));
+        : t('pick.nothing', { percent: Math.round(opacity * 100) }), 'pick');
     } catch (error) {
       notice.show(error.message);
     }
   });
+  const forget = () => notice.hide('pick');
+  viewer.on('camera', forget);
+  viewer.on('view', forget);
 }

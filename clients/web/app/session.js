@@ -3,16 +3,40 @@
 import { t } from '../core/text.js';
 import { rememberSession } from './address.js';
 
+const NAMES_MAX = 8;
+
 export function install(app) {
-  const { connection, viewer, participants, notice, panel, address, report } = app;
+  const { connection, viewer, participants, notice, panel, prompts, address, report } = app;
+  let hadGuests = false; // in this session
 
   connection.on('session', (session) => {
-    if (session.isNew) {
-      rememberSession(app, session);
-      // The session replaces the address: a reload returns to it.
-      if (address.saved) history.replaceState(null, '', location.pathname);
+    if (!session.isJoined) rememberSession(app, session);
+    // The session replaces the address: a reload returns to it.
+    if (session.isNew && address.saved) history.replaceState(null, '', location.pathname);
+    if (session.replaced && hadGuests) {
+      prompts.show('replaced', {
+        text: t('connection.replaced'), isUrgent: true,
+        actions: [{ label: t('connection.replaced.links'), press: () => panel.reveal('people-fold') }],
+      });
     }
+    if (session.isLocked) {
+      prompts.show('locked', {
+        text: t('connection.locked'), isUrgent: true,
+        actions: [{ label: t('connection.locked.enter'), press: () => app.banner.askToken() }],
+      });
+    } else {
+      prompts.hide('locked');
+    }
+    if (session.isNew) hadGuests = false;
     viewer.adopt(session);
+  });
+  connection.on('missing', ({ wanted, volume, shown, volumes }) => {
+    const values = { wanted, shown: shown.name || shown.id };
+    const names = volumes.slice(0, NAMES_MAX).map(({ id }) => id).join(', ') + (volumes.length > NAMES_MAX ? ', …' : '');
+    prompts.show('missing', {
+      text: volume?.reason ? t('connection.volume.failed', { ...values, reason: volume.reason })
+        : `${t('connection.volume.unknown', values)} ${t('connection.volume.loaded', { names })}`,
+    });
   });
   connection.on('fault', report);
   connection.on('notification', ({ method, params }) => {
@@ -20,7 +44,10 @@ export function install(app) {
       case 'view.changed':
         if (params.view && params.by !== participants.you) viewer.takeShared(params.view);
         break;
-      case 'session.participants': participants.takeParticipants(params); break;
+      case 'session.participants':
+        participants.takeParticipants(params);
+        hadGuests ||= participants.count > 1;
+        break;
       case 'session.control': participants.takeControl(params); break;
       case 'render.error': {
         const values = { reason: params.message ?? t('render.noreason'), place: params.pointer ?? '' };

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The current view, the camera as a rig, and the actions on them. Every change is sent as a patch through the update queue.
-// Events: view (the view changed), camera (the user moved it), refused Error.
+// Events: view (the view changed), camera (the user moved it), refused Error, denied (the user may not move the camera now).
 import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
@@ -44,7 +44,7 @@ export class Viewer extends Emitter {
       },
       schedule: nextFrame,
       now: () => performance.now(),
-      done: (patch) => patch.volume && this.#reload(),
+      done: (patch) => (patch.volume || patch.camera === null) && this.#reload(),
       fail: (error, patch) => this.#refused(error, patch),
     });
   }
@@ -205,6 +205,12 @@ export class Viewer extends Emitter {
     this.emit('view', this.#view);
   }
 
+  /** True if the user may move the camera; otherwise says so. */
+  #mayMove() {
+    if (this.isSettled && !this.#canControl) this.emit('denied');
+    return this.isReady;
+  }
+
   #move(rig, time) {
     this.#rig = rig;
     const camera = cameraFromRig(rig);
@@ -215,31 +221,31 @@ export class Viewer extends Emitter {
 
   /** Orbits for a drag between two points of the viewport that started with orientation `start`. */
   turn(start, from, to, time) {
-    if (!this.isReady) return;
+    if (!this.#mayMove()) return;
     this.#move({ ...this.#rig, orientation: drag(start, from, to, this.#viewport()) }, time);
   }
 
   orbit(yaw, pitch, roll, time) {
-    if (this.isReady) this.#move(orbit(this.#rig, yaw, pitch, roll), time);
+    if (this.#mayMove()) this.#move(orbit(this.#rig, yaw, pitch, roll), time);
   }
 
   pan(delta, time) {
-    if (this.isReady) this.#move(pan(this.#rig, delta, this.#viewport()), time);
+    if (this.#mayMove()) this.#move(pan(this.#rig, delta, this.#viewport()), time);
   }
 
   zoom(factor, at, time) {
-    if (!this.isReady) return;
+    if (!this.#mayMove()) return;
     this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
   }
 
   /** Keeps the direction and fits the whole volume into the window. */
   fit(time) {
-    if (this.isReady) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
+    if (this.#mayMove()) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
   }
 
   /** Returns to the camera of the volume's default view. */
   async reset(time) {
-    if (!this.isReady) return;
+    if (!this.#mayMove()) return;
     const id = this.#view.volume;
     if (!this.#home) {
       try {
@@ -256,5 +262,14 @@ export class Viewer extends Emitter {
     const camera = this.#rig === home ? this.#home : { ...this.#home, ...cameraFromRig(this.#rig) };
     this.#view = { ...this.#view, camera };
     this.updates.put({ camera }, { time });
+  }
+
+  /** Returns to the default picture of the volume; the size stays. The daemon knows the defaults. */
+  resetAll(time) {
+    if (!this.#mayMove()) return;
+    const fields = Object.keys(this.#view).filter((name) => name !== 'volume' && name !== 'size');
+    this.#isSwitching = true;
+    this.updates.put(Object.fromEntries(fields.map((name) => [name, null])), { time, alone: true });
+    this.emit('view', this.#view);
   }
 }

@@ -4,8 +4,12 @@
 //   GET volumes ─► a ready one ─► POST sessions ─► stream (WebSocket) ─► frames
 //
 // A session outlives its connections. After a lost connection the client joins the same session again if it still exists,
-// and otherwise creates one from the last view. Events: state {state, reason, retryMs, error}, volumes [list],
-// session {id, token, tokens, view, isNew, isDefault}, frame {header and payload}, notification {method, params},
+// and otherwise creates one from the last view. A daemon that keeps its sessions over a restart keeps their join tokens, but may
+// have a new token of its own: then the client returns by its join token, and the session is locked until useToken(). Events:
+// state {state, reason, retryMs, error}, volumes [list],
+// session {id, token, tokens, view, isNew, isDefault, isJoined, isLocked, replaced (id of the session that the daemon no longer has)},
+// missing {wanted, volume (its description, or null), shown (the volume instead), volumes}: the requested volume cannot be shown,
+// frame {header and payload}, notification {method, params},
 // fault Error (a wrong message from the daemon or an unexpected failure; the stream continues).
 import { Api, ApiError } from './api.js';
 import { Emitter } from './emitter.js';
@@ -29,6 +33,7 @@ export class Connection extends Emitter {
   #socket = null;
   #rpc = null;
   #session = null;
+  #replaced = null;
   #volumes = [];
   #wanted; #saved;
   #epoch = 0;
@@ -80,11 +85,16 @@ export class Connection extends Emitter {
     this.#seek();
   }
 
-  /** Takes another token from the user and forgets the old session. */
+  /** Takes another token from the user. The client returns to its own session if the daemon still has it. */
   useToken(token) {
+    const own = this.#session;
     this.#api.token = token;
-    this.#session = null;
+    this.#session = own?.isJoined && !own.isLocked ? null : own && { ...own, isJoined: false, isLocked: false };
     this.#failures = 0;
+    if (this.isLive) {
+      this.#hangUp(new Error(t('connection.lost')));
+      this.#step('lose');
+    }
     this.retryNow();
   }
 
@@ -127,7 +137,8 @@ export class Connection extends Emitter {
       const session = await this.#findSession(epoch);
       if (epoch !== this.#epoch || !session) return;
       this.#session = session;
-      this.emit('session', session);
+      this.emit('session', { ...session, replaced: session.isNew ? this.#replaced : null });
+      this.#replaced = null;
       this.#step('found');
       this.#join(epoch);
     } catch (error) {
@@ -138,7 +149,13 @@ export class Connection extends Emitter {
   /** The session to join, existing or new; null if there is nothing to show yet (state: waiting). */
   async #findSession(epoch) {
     const known = this.#session;
-    if (!known?.isJoined) await this.#readVolumes(epoch);
+    try {
+      if (!known?.isJoined) await this.#readVolumes(epoch);
+    } catch (error) {
+      const token = known?.tokens?.control ?? known?.token;
+      if (error.status !== 401 || !token) throw error;
+      return this.#returnByJoinToken({ ...known, token }, error);
+    }
     if (epoch !== this.#epoch) return null;
     if (known) {
       try {
@@ -146,10 +163,12 @@ export class Connection extends Emitter {
         return { ...known, view, tokens, isNew: false };
       } catch (error) {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
-        if (known.isJoined) {
-          throw new ApiError(error.status,
-            t('connection.ended'));
+        if (known.isLocked) {
+          this.#session = { ...known, isJoined: false, isLocked: false };
+          throw new ApiError(401, error.message);
         }
+        if (known.isJoined) throw new ApiError(error.status, t('connection.ended'));
+        this.#replaced = known.id;
         this.#session = null;
       }
     }
@@ -165,6 +184,16 @@ export class Connection extends Emitter {
       return null;
     }
     return this.#create(volume, last);
+  }
+
+  /** The own session `known` without a valid token of the daemon. Throws `error` if its join token is not valid either. */
+  async #returnByJoinToken(known, error) {
+    try {
+      const { view } = await this.#api.session(known.id, known.token);
+      return { ...known, view, isNew: false, isJoined: true, isLocked: true };
+    } catch (refusal) {
+      throw [401, 403, 404, 410].includes(refusal.status) ? error : refusal;
+    }
   }
 
   /** Asks for our own session with the daemon's token, so that 404 means that the session is gone. */
@@ -186,7 +215,12 @@ export class Connection extends Emitter {
       if (volume?.state === 'ready') return volume;
       if (volume?.state === 'loading') return null;
     }
-    return ready[0] ?? null;
+    const shown = ready[0] ?? null;
+    if (!last && this.#wanted && shown) {
+      this.emit('missing', { wanted: this.#wanted, volume: byId(this.#wanted) ?? null, shown, volumes: this.#volumes });
+      this.#wanted = null;
+    }
+    return shown;
   }
 
   /** A session from the saved view, or null if it cannot be shown. Used at the start only; later the last view counts. */
@@ -304,6 +338,7 @@ export class Connection extends Emitter {
       const isGone = error.status === 404 || error.status === 410;
       if (isGone && !this.#session.isJoined && this.#failures < GONE_MAX) {
         this.#failures += 1;
+        this.#replaced = this.#session.id;
         this.#session = null;
         this.#step('gone');
         this.#seek();

@@ -281,3 +281,82 @@ test('a shared session that has ended is reported, not replaced', async (context
   assert.match(refused.reason, /has ended/);
   assert.equal(it.daemon.sessions.size, 0);
 });
+
+test('a requested volume that cannot be shown is reported once, with what is shown instead', async (context) => {
+  const volumes = [volume('a'), volume('bad', { state: 'failed', reason: 'no voxels' })];
+  for (const [wanted, reason] of [['nosuch', undefined], ['bad', 'no voxels']]) {
+    const it = await setUp(context, { daemon: { volumes }, client: { volume: wanted } });
+    const missing = [];
+    it.connection.on('missing', (event) => missing.push(event));
+    it.connection.start();
+    await it.event('frame');
+    assert.equal((await it.event('session')).view.volume, 'a');
+    assert.deepEqual(missing.map((m) => [m.wanted, m.shown.id, m.volume?.reason, m.volumes.length]), [[wanted, 'a', reason, 2]]);
+  }
+});
+
+/** Restarts the daemon on its port with another token; its sessions survive if `isKept`. */
+async function restartWithNewToken(it, isKept) {
+  const { port, sessions } = it.daemon;
+  await it.daemon.kill();
+  await it.state('lost');
+  it.daemon = await MockDaemon.start({ port, token: 'new' });
+  if (isKept) for (const [id, session] of sessions) it.daemon.sessions.set(id, session);
+  it.events.length = 0;
+}
+
+test('a restarted daemon with a new token lets the host back into its session, first by the join token', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  const { id } = await it.event('session');
+  await it.event('frame');
+  await restartWithNewToken(it, true);
+  await it.event('frame');
+  const back = await it.event('session');
+  assert.deepEqual([back.id, back.isNew, back.isLocked, back.isJoined, back.replaced], [id, false, true, true, null]);
+  assert.deepEqual(await it.connection.call('view.update', { seq: 1, patch: { background: [1, 1, 1, 1] } }), { seq: 1 }, 'with control');
+  it.events.length = 0;
+  it.connection.useToken('new');
+  await it.event('frame');
+  const own = await it.event('session');
+  assert.deepEqual([own.id, own.isNew, own.isLocked, own.isJoined], [id, false, false, false]);
+  assert.equal(it.daemon.sessions.size, 1);
+  assert.equal((await it.connection.refresh()).length, 1, 'the daemon accepts the token again');
+});
+
+test('a restarted daemon without the session needs the new token; then a new session replaces the old one', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  const { id } = await it.event('session');
+  await it.event('frame');
+  it.last = { volume: 'phantom', background: [1, 0, 0, 1] };
+  await restartWithNewToken(it, false);
+  assert.equal((await it.event('state', (e) => e.state === 'refused')).error.status, 401);
+  it.connection.useToken('new');
+  const made = await it.event('session');
+  assert.deepEqual([made.isNew, made.replaced], [true, id]);
+  assert.deepEqual(made.view.background, [1, 0, 0, 1], 'with the last view');
+});
+
+test('a session that is known by its id alone is joined by the token of the daemon', async (context) => {
+  const it = await setUp(context);
+  it.connection.start();
+  const { id } = await it.event('session');
+  const again = new Connection({
+    base: it.daemon.base, token: it.daemon.token, session: { id }, lastView: () => null, size: () => [64, 64],
+    env: { fetch, WebSocket, setTimeout, clearTimeout, now: () => performance.now() },
+  });
+  context.after(() => again.stop());
+  const session = new Promise((resolve) => { again.on('session', resolve); });
+  again.start();
+  assert.deepEqual([(await session).id, (await session).isNew], [id, false]);
+  assert.equal(it.daemon.sessions.size, 1);
+});
+
+test('a new token from a guest leads to a session of their own', async (context) => {
+  const it = await setUp(context, { client: { session: { id: 'gone', token: 'secret', isJoined: true } } });
+  it.connection.start();
+  await it.event('state', (e) => e.state === 'refused');
+  it.connection.useToken(it.daemon.token);
+  assert.equal((await it.event('session')).isNew, true);
+});

@@ -102,6 +102,7 @@ test('a refused change is explained beside its control, and the page returns to 
     if (method !== 'view.update' || !params.patch.filter) return null;
     throw Object.assign(new Error('"swan" is not supported by this backend'), { code: -32001, pointer: '/filter/mode' });
   };
+  await it.page.evaluate(() => { document.getElementById('expert').open = true; });
   await it.page.selectOption('#filter', 'swan');
   await it.page.locator('[data-pointer="/filter/mode"] + .complaint', { hasText: 'is not supported' }).waitFor();
   await until(it.page, 'the filter as before', () => document.getElementById('filter').value === 'adaptive');
