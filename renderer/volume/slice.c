@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "base/vec.h"
+#include "sp/view.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
 
@@ -196,13 +197,44 @@ void sp_slice_sample(const struct sp_volume *volume, const struct sp_slice *slic
         }
 }
 
+/* The colour of a value that is not NaN, between the points of a transfer function. */
+static void find_color(const struct sp_transfer_function *tf, double value, double rgb[3]) {
+    uint32_t low = 0, high = tf->point_count - 1;
+    while (high - low > 1) {
+        uint32_t middle = low + (high - low) / 2;
+        if (tf->points[middle].value <= value)
+            low = middle;
+        else
+            high = middle;
+    }
+    const struct sp_tf_point *a = &tf->points[low], *b = &tf->points[high];
+    double half_span = b->value * 0.5 - a->value * 0.5; /* half: the span may overflow */
+    double t = half_span > 0 ? (value * 0.5 - a->value * 0.5) / half_span : 0;
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    for (int c = 0; c < 3; c++)
+        rgb[c] = (1 - t) * (double)a->color[c] + t * (double)b->color[c];
+}
+
+static void draw_pixel(double value, const double window[2],
+                       const struct sp_transfer_function *colors, uint8_t px[4]) {
+    double rgb[3] = { 0 };
+    if (!isnan(value) && colors)
+        find_color(colors, value, rgb);
+    else if (!isnan(value))
+        rgb[0] = rgb[1] = rgb[2] = sp_window_grey(value, window);
+    for (int c = 0; c < 3; c++)
+        px[c] = (uint8_t)(255 * rgb[c] + 0.5);
+    px[3] = isnan(value) ? 0 : 255;
+}
+
 void sp_slice_draw(const struct sp_volume *volume, const struct sp_slice *slice,
-                   const double window[2], struct sp_frame *frame) {
+                   const double window[2], const struct sp_transfer_function *colors,
+                   struct sp_frame *frame) {
     struct sp_interpolator it;
     double run[SP_INTERPOLATE_RUN];
     bool is_opaque = true;
     assert(frame->format == SP_RGBA8 && frame->width == slice->size[0] &&
-           frame->height == slice->size[1] && window[1] > 0);
+           frame->height == slice->size[1] && (colors || window[1] > 0));
     sp_interpolator_init(&it, volume);
     for (uint32_t row = 0; row < slice->size[1]; row++)
         for (uint32_t at = 0; at < slice->size[0]; at += SP_INTERPOLATE_RUN) {
@@ -211,11 +243,8 @@ void sp_slice_draw(const struct sp_volume *volume, const struct sp_slice *slice,
             uint8_t *px = (uint8_t *)frame->pixels + row * frame->stride_bytes + 4 * (size_t)at;
             sample_run(&it, slice, row, at, n, run);
             for (uint32_t i = 0; i < n; i++, px += 4) {
-                bool is_seen = !isnan(run[i]);
-                double grey = is_seen ? sp_window_grey(run[i], window) : 0;
-                is_opaque = is_opaque && is_seen;
-                px[0] = px[1] = px[2] = (uint8_t)(255 * grey + 0.5);
-                px[3] = is_seen ? 255 : 0;
+                draw_pixel(run[i], window, colors, px);
+                is_opaque = is_opaque && px[3] == 255;
             }
         }
     frame->is_opaque = is_opaque;

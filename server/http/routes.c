@@ -10,7 +10,7 @@
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis" }
 #define LIST { "format" }
-#define SLICE { "axis", "index", "origin", "normal", "up", "size", "spacing", "window", "format" }
+#define SLICE {"axis","index","origin","normal","up","size","spacing","window","color","format"}
 #define FILES { "path", "after", "limit" }
 /* clang-format on */
 

@@ -12,13 +12,16 @@
 #include "http/headers.h"
 #include "http/routes.h"
 #include "http/slice_query.h"
+#include "protocol/view.h"
 
 enum { JPEG_QUALITY = 90, ETAG_TEXT = SRV_FINGERPRINT_TEXT + 2 };
 
 struct slice_request {
     struct srv_slice_query query;
     struct sp_slice slice;
-    struct sp_volume *volume; /* borrowed */
+    struct sp_volume *volume;  /* borrowed */
+    const proto_json *session; /* the view of the session; NULL = the volume's default view */
+    const struct sp_transfer_function *colors; /* NULL = grey */
 };
 
 static const char *get_query(void *user, const char *name) {
@@ -37,6 +40,7 @@ static void make_etag(const struct srv_request *request, const struct slice_requ
     char digits[SRV_FINGERPRINT_TEXT];
     const struct sp_slice *s = &wanted->slice;
     const int32_t format = (int32_t)wanted->query.format;
+    const struct sp_transfer_function *colors = wanted->colors;
     const struct srv_part parts[] = {
         { &request->app->program, sizeof request->app->program },
         { volume, sizeof *volume },
@@ -45,6 +49,8 @@ static void make_etag(const struct srv_request *request, const struct slice_requ
         { s->grid_step, sizeof s->grid_step },
         { wanted->query.window, sizeof wanted->query.window },
         { &format, sizeof format },
+        { colors ? colors->points : NULL,
+          colors ? colors->point_count * sizeof *colors->points : 0 },
     };
     struct srv_fingerprint all = srv_fingerprint_of(parts, sizeof parts / sizeof *parts);
     srv_fingerprint_encode(&all, digits);
@@ -99,7 +105,7 @@ static bool write_image(const struct slice_request *wanted, struct srv_reply *re
     struct sp_encoder *encoder = frame ? sp_encoder_create(err) : NULL;
     bool ok = false;
     if (encoder) {
-        sp_slice_draw(wanted->volume, &wanted->slice, wanted->query.window, frame);
+        sp_slice_draw(wanted->volume, &wanted->slice, wanted->query.window, wanted->colors, frame);
         ok = sp_encode(encoder, frame, format, JPEG_QUALITY, &bytes, &size, err);
     }
     void *copy = ok ? malloc(size) : NULL;
@@ -146,9 +152,26 @@ static void reply_from(struct srv_request *request, struct slice_request *wanted
     set_headers(reply, wanted, etag);
 }
 
-static void reply_slice(struct srv_request *request, const char *id, struct srv_reply *reply) {
+/* Answers from a volume in use, in the colours of a view. */
+static void reply_colored(struct srv_request *request, struct slice_request *wanted, void *volume,
+                          struct srv_reply *reply) {
     struct sp_error err;
-    struct slice_request wanted;
+    struct sp_view defaults, view;
+    srv_catalog_default_view(request->app->catalog, volume, &defaults);
+    memcpy(&view, &defaults, sizeof view);
+    if (wanted->session && !proto_view_apply(wanted->session, &defaults, &view, &err)) {
+        srv_reply_error(reply, &err);
+        return;
+    }
+    wanted->colors = &view.transfer_function;
+    reply_from(request, wanted, srv_volume_fingerprint(volume), reply);
+}
+
+/* `session`: the view of the session that shows the volume; NULL = none. */
+static void reply_slice(struct srv_request *request, const char *id, const proto_json *session,
+                        struct srv_reply *reply) {
+    struct sp_error err;
+    struct slice_request wanted = { .session = session };
     if (!srv_slice_query_read(&wanted.query, get_query, request, &err)) {
         reply_refused(reply, &err);
         return;
@@ -161,24 +184,28 @@ static void reply_slice(struct srv_request *request, const char *id, struct srv_
         return;
     }
     wanted.volume = srv_volume_voxels(volume);
-    reply_from(request, &wanted, srv_volume_fingerprint(volume), reply);
+    if (wanted.query.is_colored && wanted.query.format != SRV_SLICE_RAW)
+        reply_colored(request, &wanted, volume, reply);
+    else
+        reply_from(request, &wanted, srv_volume_fingerprint(volume), reply);
     srv_catalog_release(request->app->catalog, volume);
 }
 
 void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) {
-    reply_slice(request, request->param, reply);
+    reply_slice(request, request->param, NULL, reply);
 }
 
 void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     proto_json *session =
         srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
-    const char *id = proto_json_string(proto_json_get(proto_json_get(session, "view"), "volume"));
+    const proto_json *view = proto_json_get(session, "view");
+    const char *id = proto_json_string(proto_json_get(view, "volume"));
     if (!session)
         srv_reply_error(reply, &err);
     else if (!id)
         srv_reply_problem(reply, 409, NULL, "the session has no volume");
     else
-        reply_slice(request, id, reply);
+        reply_slice(request, id, view, reply);
     proto_json_free(&session);
 }

@@ -46,6 +46,14 @@ static bool read_format(struct srv_slice_query *query, srv_query_get *get, void 
     return !text || refuse(err, "format", text, "png, jpeg or raw");
 }
 
+static bool read_color(struct srv_slice_query *query, srv_query_get *get, void *user,
+                       struct sp_error *err) {
+    const char *text = get(user, "color");
+    query->is_colored = text && strcmp(text, "transfer") == 0;
+    return !text || query->is_colored || strcmp(text, "grey") == 0 ||
+           refuse(err, "color", text, "grey or transfer");
+}
+
 static bool read_plane(struct srv_slice_query *query, srv_query_get *get, void *user,
                        struct sp_error *err) {
     struct sp_slice_plane *plane = &query->plane;
@@ -72,7 +80,7 @@ bool srv_slice_query_read(struct srv_slice_query *query, srv_query_get *get, voi
                           struct sp_error *err) {
     bool has_axis, has_index, has_window;
     *query = (struct srv_slice_query){ .format = SRV_SLICE_PNG };
-    if (!read_format(query, get, user, err) ||
+    if (!read_format(query, get, user, err) || !read_color(query, get, user, err) ||
         !read_numbers(get, user, "window", 2, query->window, &has_window, err) ||
         !read_count(get, user, "axis", &query->axis, &has_axis, err) ||
         !read_count(get, user, "index", &query->index, &has_index, err))

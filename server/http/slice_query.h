@@ -15,6 +15,7 @@ struct srv_slice_query {
     struct sp_slice_plane plane; /* oblique */
     double window[2];            /* centre, width > 0; {0, 0} = the volume's */
     enum srv_slice_format format;
+    bool is_colored; /* by the transfer function of the view; images only */
 };
 
 /* Returns the value of a query parameter; NULL = it is not given. */

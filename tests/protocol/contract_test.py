@@ -137,7 +137,9 @@ def walk_slices(daemon, ask, template, token=True, **names):
             size = {'uint8': 1, 'float32': 4}[about['type']]
             check(data == again and (kind != 'raw' or len(data) == about['shape'][0] * about['shape'][1] * size), f'{plane} as {kind}: {about}')
             ask(304, 'GET', template, token=token, headers={'If-None-Match': headers['ETag']}, query=f'?{plane}&format={kind}', **names)
-    for wrong in ('axis=x&index=0', 'axis=0&index=-1', 'axis=1&index=0&format=gif', 'axis=1&index=0&window=3', 'origin=1,2&normal=0,0,1&size=1,1',
+    grey, colored = (ask(200, 'GET', template, token=token, query=f'?axis=2&index=3&color={color}', **names) for color in ('grey', 'transfer'))
+    check(grey != colored, 'a slice in the colours of the transfer function is not grey')
+    for wrong in ('axis=x&index=0', 'axis=0&index=0&color=red', 'axis=0&index=-1', 'axis=1&index=0&format=gif', 'axis=1&index=0&window=3', 'origin=1,2&normal=0,0,1&size=1,1',
                   'axis=1&index=0&slab=3'):
         ask(400, 'GET', template, token=token, query=f'?{wrong}', **names)
     for wrong in ('axis=0', 'index=0', '', 'axis=3&index=0', 'axis=0&index=9999', 'origin=1,2,3&size=1,1', 'axis=0&index=0&size=4,4',

@@ -64,11 +64,15 @@ SP_API bool sp_slice_init_oblique(struct sp_slice *slice, const struct sp_volume
 SP_API void sp_slice_sample(const struct sp_volume *volume, const struct sp_slice *slice,
                             void *values);
 
-/* Draws the slice in grey into a frame of its size and format SP_RGBA8: black at or below
- * window[0] − window[1] / 2, white at or above window[0] + window[1] / 2; NaN is transparent.
- * window[1] > 0. Sets frame->is_opaque. Thread-safe. */
+struct sp_transfer_function; /* sp/view.h */
+
+/* Draws the slice into a frame of its size and format SP_RGBA8. In grey: black at or below
+ * window[0] − window[1] / 2, white at or above window[0] + window[1] / 2; window[1] > 0. With
+ * `colors` (NULL = grey): in the colours of its points, linear between them, whatever their
+ * opacity; the window is not read. NaN is transparent. Sets frame->is_opaque. Thread-safe. */
 SP_API void sp_slice_draw(const struct sp_volume *volume, const struct sp_slice *slice,
-                          const double window[2], struct sp_frame *frame);
+                          const double window[2], const struct sp_transfer_function *colors,
+                          struct sp_frame *frame);
 
 /* Writes centre and width of the window of a volume: all values but half a percent at each end of
  * the histogram. The width is above 0. Thread-safe. */

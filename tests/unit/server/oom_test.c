@@ -67,7 +67,7 @@ static void reading(void **state) {
     oom_each_allocation("GET", path, "", 200);
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1&format=raw", "", 200);
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1", "", 200);
-    snprintf(path, sizeof path, "sessions/%s/slice?axis=0&index=0", oom_session);
+    snprintf(path, sizeof path, "sessions/%s/slice?axis=0&index=0&color=transfer", oom_session);
     oom_each_allocation("GET", path, "", 200);
     snprintf(path, sizeof path, "sessions/%s/measures", oom_session);
     oom_each_allocation("GET", path, "", 200);

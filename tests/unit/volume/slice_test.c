@@ -14,6 +14,7 @@
 #include <string.h>
 
 #include "sp/slice.h"
+#include "sp/view.h"
 #include "support/compare.h"
 #include "volume/grid.h"
 
@@ -292,11 +293,19 @@ static void a_window_makes_grey(void **state) {
     assert_true(sp_slice_init_orthogonal(&s, sp_volume_info(volume), 2, 0, NULL));
     struct sp_frame_pool *pool = sp_frame_pool_create(0, NULL);
     struct sp_frame *frame = sp_frame_create(pool, 5, 1, SP_RGBA8, NULL);
-    sp_slice_draw(volume, &s, (double[2]){ 15, 20 }, frame);
+    sp_slice_draw(volume, &s, (double[2]){ 15, 20 }, NULL, frame);
     const uint8_t expected[20] = { 0,   0,   0,   255, 64,  64,  64, 255, 191, 191,
                                    191, 255, 255, 255, 255, 255, 0,  0,   0,   0 };
     assert_memory_equal(frame->pixels, expected, sizeof expected);
     assert_false(frame->is_opaque);
+    const struct sp_transfer_function colors = {
+        .point_count = 3,
+        .points = { { 0, { 1, 0, 0 }, 0 }, { 20, { 0, 1, 0 }, 0.5f }, { 25, { 0, 0, 1 }, 0 } }
+    };
+    sp_slice_draw(volume, &s, (double[2]){ 0, 0 }, &colors, frame);
+    const uint8_t colored[20] = { 255, 0,   0, 255, 128, 128, 0, 255, 0, 255,
+                                  0,   255, 0, 0,   255, 255, 0, 0,   0, 0 };
+    assert_memory_equal(frame->pixels, colored, sizeof colored);
     sp_frame_unref(&frame);
     sp_frame_pool_destroy(&pool);
     sp_volume_unref(&volume);
