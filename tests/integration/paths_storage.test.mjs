@@ -255,7 +255,8 @@ test('without --state frames are stored in a private folder that is removed at e
 test('the next daemon removes the files of a killed daemon without --state, and nothing else', async () => {
   const folder = newFolder();
   const start = async () => {
-    const own = await Daemon.start(VOLUME, { backend: 'cpu', prefix: ['env', `TMPDIR=${folder}`] });
+    // Uploads would have a folder of their own there.
+    const own = await Daemon.start([...VOLUME, '--upload-bytes', '0'], { backend: 'cpu', prefix: ['env', `TMPDIR=${folder}`] });
     await own.loaded('engine');
     return own;
   };
