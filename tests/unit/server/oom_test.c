@@ -58,7 +58,7 @@ static void reading(void **state) {
         "views",
         "files",
     };
-    char path[96];
+    char path[128];
     wait_for_volume();
     for (size_t i = 0; i < sizeof texts / sizeof *texts; i++)
         oom_each_allocation("GET", texts[i], "", 200);
