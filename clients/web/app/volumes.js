@@ -60,6 +60,20 @@ export function install(app) {
   const info = new VolumeInfo(app, byId('volume-info'));
   let shown = '';
   let timer = null;
+  let seen = null; // the shown volume
+  let left = null; // the one before, if the daemon or another participant left it
+
+  function note() {
+    const current = viewer.view?.volume;
+    if (current === seen) return;
+    left = seen;
+    seen = current;
+  }
+
+  function select(id) {
+    viewer.selectVolume(id);
+    left = null;
+  }
 
   async function close(volume) {
     const others = app.participants.list?.length > 1;
@@ -75,7 +89,7 @@ export function install(app) {
   }
 
   function entry(volume, current, mayClose) {
-    const item = make('li', { 'data-state': volume.state }, picker(volume, current, (id) => viewer.selectVolume(id)));
+    const item = make('li', { 'data-state': volume.state }, picker(volume, current, select));
     if (mayClose) {
       const label = closeText(volume);
       const button = make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press: () => close(volume) });
@@ -116,6 +130,7 @@ export function install(app) {
     }, LIST_MS);
   }
 
+  viewer.on('view', note);
   viewer.on('view', show);
   connection.on('session', show);
   connection.on('volumes', (volumes) => {
@@ -125,7 +140,8 @@ export function install(app) {
   connection.on('notification', ({ method, params }) => {
     if (method !== 'volume.progress') return;
     const known = connection.volumes.find(({ id }) => id === params.volume);
-    if (params.state === 'unloaded' && params.volume === viewer.view?.volume) {
+    // The daemon may tell the other volume before or after it.
+    if (params.state === 'unloaded' && [viewer.view?.volume, left].includes(params.volume)) {
       notice.show(t('volumes.closed', { name: known ? nameOf(known) : params.volume }));
     }
     refresh();
