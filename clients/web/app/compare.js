@@ -115,14 +115,13 @@ class Compare {
   }
 
   #follow() {
-    const { viewer, connection, layout, saved } = this.#app;
+    const { viewer, connection, layout } = this.#app;
     viewer.on('camera', () => this.#look());
     viewer.on('view', () => {
       this.#look();
       this.#label();
     });
-    connection.on('volumes', () => this.#listSources());
-    saved?.onChange(() => this.#listSources());
+    connection.on('volumes', () => this.listSources());
     layout.on('change', (name) => {
       if (!this.#companion || name === 'compare' || this.#mode.value !== 'side') return;
       this.#mode.value = 'divider';
@@ -147,7 +146,8 @@ class Compare {
     else this.start();
   }
 
-  #listSources() {
+  /** Lists what B can be. */
+  listSources() {
     const { connection, viewer, saved } = this.#app;
     const before = this.#source.value || COPY;
     const volumes = connection.volumes.filter((v) => v.state === 'ready' && v.id !== viewer.view?.volume);

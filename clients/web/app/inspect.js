@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
-// the page opened; videos: how many of them were video; sent: seq of the newest update.
-export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, measures }) {
+// the page opened; videos: how many of them were video; sent: seq of the newest update;
+// compared: the second picture of a comparison.
+export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, measures, compare, statusPanel }) {
   const { drawn } = frames;
   Object.defineProperty(window, 'splatd', {
     value: Object.freeze({
@@ -27,6 +28,11 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get transfer() { return structuredClone(viewer.view?.transfer_function ?? null); },
       get session() { return connection.session?.id ?? null; },
       get latencyMs() { return status.latencyMs; },
+      get latency() { return statusPanel.latency; },
+      get compared() {
+        const other = compare.companion;
+        return other && { id: other.id, isAtRest: other.isAtRest, view: structuredClone(other.view) };
+      },
       get stats() { return structuredClone(status.stats); },
       get mode() { return modes.current; },
       get layout() { return layout.current; },

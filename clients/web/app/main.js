@@ -37,7 +37,7 @@ import * as windowLevel from './window_level.js';
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, savedViews, compare, inspect,
+  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
 ];
 
 async function start() {

@@ -50,12 +50,14 @@ class Thumbnails {
 export function install(app) {
   const body = byId('capture').querySelector('.fold-body');
   app.saved = new SavedViews(app, body);
+  app.saved.onChange(() => app.compare.listSources());
 }
 
 class SavedViews {
   #app; #list; #note; #form; #name; #more; #thumbnails;
   #views = [];
   #isAll = false;
+  #folds;
   #told = new Set();
 
   constructor(app, body) {
@@ -71,9 +73,10 @@ class SavedViews {
       event.preventDefault();
       this.#run(() => this.#add());
     });
-    const fold = body.closest('details');
-    fold.addEventListener('toggle', () => fold.open && this.refresh());
-    app.connection.on('session', () => this.refresh());
+    // Only where somebody sees the list: here, or as a choice of the comparison.
+    this.#folds = [body.closest('details'), byId('compare')];
+    for (const fold of this.#folds) fold.addEventListener('toggle', () => fold.open && this.refresh());
+    app.connection.on('session', () => this.#folds.some(({ open }) => open) && this.refresh());
   }
 
   /** [{id, name, volume}], the newest first. */

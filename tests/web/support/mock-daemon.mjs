@@ -193,6 +193,8 @@ export class MockDaemon {
       problem(401, 'the token is missing or wrong');
     } else if (url.pathname === '/api/v1/volumes') {
       reply(200, { volumes: this.volumes });
+    } else if (url.pathname === '/api/v1/views' && request.method === 'GET') {
+      reply(200, { views: [] });
     } else if (url.pathname === '/api/v1/presets') {
       reply(200, { presets: [] });
     } else if (url.pathname === '/api/v1/views' && request.method === 'GET') {

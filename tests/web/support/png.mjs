@@ -35,7 +35,7 @@ export function encodePng(width, height, color) {
   ]);
 }
 
-/** Decodes an 8-bit RGB or RGBA PNG without interlacing, as Chromium writes it, to {width, height, at(x, y) → [r, g, b]}. */
+/** Decodes an 8-bit RGB or RGBA PNG without interlacing, as Chromium writes it, to {width, height, at(x, y) → [r, g, b], alpha(x, y)}. */
 export function decodePng(bytes) {
   const width = bytes.readUInt32BE(16);
   const height = bytes.readUInt32BE(20);
@@ -59,7 +59,11 @@ export function decodePng(bytes) {
       out[y * stride + x] = raw[y * (stride + 1) + 1 + x] + predict(filter, left, up, corner);
     }
   }
-  return { width, height, at: (x, y) => [...out.subarray((y * width + x) * channels, (y * width + x) * channels + 3)] };
+  return {
+    width, height,
+    at: (x, y) => [...out.subarray((y * width + x) * channels, (y * width + x) * channels + 3)],
+    alpha: (x, y) => (channels === 4 ? out[(y * width + x) * 4 + 3] : 255),
+  };
 }
 
 function predict(filter, left, up, corner) {

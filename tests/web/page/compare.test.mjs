@@ -1,0 +1,179 @@
+// SPDX-License-Identifier: Apache-2.0
+// Comparison with a second picture, and the panel of the status line, with the real daemon.
+import assert from 'node:assert/strict';
+import { existsSync, readFileSync } from 'node:fs';
+import { fileURLToPath } from 'node:url';
+import { after, before, test } from 'node:test';
+import { difference, drag, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+import { decodePng } from '../support/png.mjs';
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+let browser;
+let daemon;
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '8']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function open(context, options = { viewport: { width: 700, height: 500 } }) {
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  await opened.page.goto(daemon.url);
+  await firstFrame(opened.page);
+  await rest(opened.page);
+  return opened;
+}
+
+async function other(page) {
+  const url = await page.evaluate(() => document.getElementById('screen-b').toDataURL('image/png'));
+  return decodePng(Buffer.from(url.slice(url.indexOf(',') + 1), 'base64'));
+}
+
+/** Waits until both pictures are at rest; returns the fraction of pixels in which they differ. */
+async function compared(page) {
+  await rest(page);
+  await until(page, 'the second picture at rest', (s) => s.compared?.isAtRest);
+  return difference(await pixels(page), await other(page));
+}
+
+// The toolbar of a narrow window has the button in its menu; the section always has one.
+async function begin(page) {
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.click('#compare-start');
+}
+
+const sessions = (page) => page.evaluate(async () => {
+  const token = sessionStorage.getItem(Object.keys(sessionStorage).find((key) => key.endsWith('/token')));
+  return (await (await fetch('api/v1/sessions', { headers: { Authorization: `Bearer ${token}` } })).json()).sessions.map(({ id }) => id);
+});
+
+test('B follows the camera of A, and differs by its settings alone', async (context) => {
+  const { page, said } = await open(context);
+  await begin(page);
+  assert.equal(await compared(page), 0, 'a copy of now is the same picture');
+  const id = (await page.evaluate(() => window.splatd.compared)).id;
+  await drag(page, [450, 200], [560, 260]);
+  assert.equal(await compared(page), 0, 'the same camera after a drag');
+
+  await page.locator('#picture').evaluate((fold) => { fold.open = true; });
+  await page.click('#picture .swatches button[data-color="#ffffff"]');
+  assert.ok(await compared(page) > 0.2, 'only A has the new background');
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.click('#compare-swap');
+  await until(page, 'the swap', (s) => s.isIdle && s.background[0] === 0 && s.compared.view.background[0] === 1);
+  assert.ok(await compared(page) > 0.2);
+  await page.click('#compare-copy');
+  assert.equal(await compared(page), 0, 'A was copied to B');
+  await shot(page, 'compare-divider');
+
+  assert.ok((await sessions(page)).includes(id));
+  await page.click('#compare-end');
+  await page.locator('#screen-b').waitFor({ state: 'detached' });
+  while ((await sessions(page)).includes(id));
+  assert.deepEqual(said, []);
+});
+
+test('the divider moves by keys and by the pointer', async (context) => {
+  const { page } = await open(context);
+  await begin(page);
+  await until(page, 'the second picture', (s) => s.compared?.isAtRest);
+  const divider = page.locator('#compare-divider');
+  const value = async () => Number(await divider.getAttribute('aria-valuenow'));
+  assert.equal(await value(), 50);
+  await divider.focus();
+  for (const [key, wanted] of [['ArrowLeft', 48], ['PageUp', 58], ['Home', 0], ['End', 100], ['ArrowLeft', 98]]) {
+    await page.keyboard.press(key);
+    assert.equal(await value(), wanted, key);
+  }
+  const clip = () => page.locator('#screen-b').evaluate((canvas) => canvas.style.clipPath);
+  assert.match(await clip(), / 98%/);
+  const stage = await page.locator('#pane-3d').boundingBox();
+  const box = await divider.boundingBox();
+  await drag(page, [box.x + box.width / 2, 250], [stage.x + stage.width / 4, 250]);
+  assert.ok(Math.abs(await value() - 25) <= 1, `${await value()} %`);
+});
+
+test('side by side, both panes have the same size and either turns the camera', async (context) => {
+  const { page } = await open(context, { viewport: { width: 1201, height: 600 } });
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.selectOption('#compare-mode', 'side');
+  await page.click('#compare-start');
+  assert.equal(await compared(page), 0);
+  const boxes = await Promise.all(['#screen', '#screen-b'].map((name) => page.locator(name).boundingBox()));
+  assert.ok(Math.abs(boxes[0].width - boxes[1].width) <= 1 && boxes[0].height === boxes[1].height, JSON.stringify(boxes));
+  const before_ = await page.evaluate(() => window.splatd.camera);
+  const [, b] = boxes;
+  await drag(page, [b.x + b.width / 2, b.y + b.height / 2], [b.x + b.width / 2 + 80, b.y + b.height / 2]);
+  assert.equal(await compared(page), 0);
+  assert.notDeepEqual(await page.evaluate(() => window.splatd.camera), before_);
+  await shot(page, 'compare-side');
+  await page.click('#compare-end');
+  await until(page, 'one pane', (s) => s.layout === '3d');
+});
+
+test('another volume is compared, and a daemon without a free session says so', async (context) => {
+  const { page } = await open(context);
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.selectOption('#compare-source', 'volume:phantom');
+  await page.click('#compare-start');
+  assert.ok(await compared(page) > 0.05);
+  assert.equal(await page.evaluate(() => window.splatd.compared.view.volume), 'phantom');
+  await page.locator('.compare-badge[data-side="b"]', { hasText: 'phantom' }).waitFor();
+  await page.click('#compare-end');
+  await page.route('**/api/v1/sessions', (route) => route.fulfill({
+    status: 429, headers: { 'Retry-After': '1', 'Content-Type': 'application/problem+json' }, body: '{"title":"x","status":429,"detail":"4 sessions are open"}' }));
+  await page.click('#compare-start');
+  await page.locator('#compare-note', { hasText: '4 sessions are open' }).waitFor();
+  assert.ok(await page.isVisible('#compare-start'));
+});
+
+test('the status panel splits the latency, and offline is said', async (context) => {
+  const { page, context: browserContext } = await open(context);
+  await page.click('#stats-toggle');
+  await page.focus('#screen');
+  for (let i = 0; i < 5; i += 1) await page.keyboard.press('ArrowLeft');
+  await rest(page);
+  const latency = await until(page, 'a latency', (s) => s.latency);
+  const parts = ['network', 'queue', 'render', 'encode', 'decode'];
+  const sum = parts.reduce((total, name) => total + latency[name], 0);
+  assert.ok(Math.abs(sum - latency.total) < 1e-6, JSON.stringify(latency));
+  assert.ok(latency.render > 0 && latency.decode > 0, JSON.stringify(latency));
+  for (const name of parts) await page.locator(`#stats .parts [data-part="${name}"] dd`, { hasText: 'ms' }).waitFor();
+  assert.equal(await page.locator('#stats svg.graph').count(), 4);
+  await shot(page, 'status-panel');
+  await browserContext.setOffline(true);
+  await page.locator('#status-load', { hasText: 'offline' }).waitFor();
+  await browserContext.setOffline(false);
+  await page.locator('#status-load').waitFor({ state: 'hidden' });
+  await page.locator('#stats-close').press('Escape');
+  assert.ok(await page.isHidden('#stats'));
+  assert.ok(await page.locator('#stats-toggle').evaluate((button) => button === document.activeElement));
+});
+
+for (const options of [{ viewport: { width: 1000, height: 700 }, colorScheme: 'light' }, { viewport: { width: 390, height: 844 }, hasTouch: true, colorScheme: 'dark' }]) {
+  const name = `${options.viewport.width} × ${options.viewport.height}, ${options.colorScheme}`;
+  test(`axe finds nothing in capture, comparison and status, ${name}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const { page } = await open(context, { ...options, bypassCSP: true });
+    await page.evaluate(() => {
+      if (document.getElementById('panel').dataset.open !== 'true') document.getElementById('panel-toggle').click();
+      for (const fold of document.querySelectorAll('#panel details')) fold.open = ['capture', 'compare'].includes(fold.id);
+    });
+    await page.click('#compare-start');
+    await until(page, 'the second picture', (s) => s.compared?.isAtRest);
+    await page.click('#saved-add');
+    await page.locator('#saved li').first().waitFor();
+    await page.locator('#stats-toggle').press('Enter');
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
+    await shot(page, `capture-${options.viewport.width}`);
+    assert.deepEqual(violations.map(({ id, nodes }) => [id, nodes.map(({ html }) => html.slice(0, 120))]), []);
+    const wide = await page.evaluate(() => [...document.querySelectorAll('#capture *, #compare *, #stats *')]
+      .filter((element) => element.checkVisibility() && element.getBoundingClientRect().right > window.innerWidth + 1).length);
+    assert.equal(wide, 0, 'nothing overflows the window');
+  });
+}
