@@ -76,7 +76,7 @@ export function install(app) {
   }
 
   async function close(volume) {
-    const others = app.participants.list?.length > 1;
+    const others = app.participants.count > 1;
     if (volume.state === 'ready' && volume.id === viewer.view?.volume && others
         && !await ask(t('volumes.close.ask', { name: nameOf(volume) }), t('volumes.close.act'))) return;
     try {
