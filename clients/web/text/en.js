@@ -417,7 +417,7 @@ export default {
   // Compare.
   'compare.a': 'A',
   'compare.b': 'B',
-  'compare.copy': 'Copy A to B',
+  'compare.copy': 'Copy to B',
   'compare.copy.title': 'B gets the settings of A, to change A and see the difference',
   'compare.divider': 'Divider between A and B',
   'compare.divider.title': 'Drag it, or use the arrow keys',
