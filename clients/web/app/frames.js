@@ -10,7 +10,7 @@ import { decodeImage } from './decoder.js';
 /** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
 class Frames extends Emitter {
   /** Of the last drawn frame; count, videos: since the page opened. */
-  drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false };
+  drawn = { frame: 0, seq: 0, count: 0, videos: 0, width: 0, height: 0, isFinal: false, isLossless: false, isVideo: false, renderMs: 0 };
 
   get hasPicture() { return this.drawn.count > 0; }
 }
@@ -30,9 +30,10 @@ export function install(app) {
     schedule: nextFrame,
     draw: (image, frame) => {
       screen.draw(image);
-      const { frame: number, seq, width, height, isFinal, isLossless, isVideo } = frame;
+      const { frame: number, seq, width, height, isFinal, isLossless, isVideo, renderUs, encodeUs } = frame;
       Object.assign(drawn, {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),
+        renderMs: (renderUs + encodeUs) / 1000,
       });
       frames.emit('drawn', { frame, rig: viewer.rigOf(seq), latency: viewer.updates.show(seq), decodeMs: performance.now() - frame.arrived });
     },

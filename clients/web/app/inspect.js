@@ -15,6 +15,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get size() { return [drawn.width, drawn.height]; },
       get wanted() { return screen.size; },
       get isFinal() { return drawn.isFinal; },
+      get renderMs() { return drawn.renderMs; },
       get isLossless() { return drawn.isLossless; },
       get sent() { return viewer.updates.sent; },
       get isIdle() { return viewer.updates.isIdle; },
