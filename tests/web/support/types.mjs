@@ -5,11 +5,15 @@ import { fileURLToPath, pathToFileURL } from 'node:url';
 
 const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 
-// TypeScript reads a destructured parameter ([x, y]) as a tuple and a default ({} for named options) as an empty type. Neither is a bug.
+// TypeScript reads a destructured parameter ([x, y]) as a tuple, and the defaults of named options ({ title = true } = {}) as all that there
+// are. URLSearchParams takes numbers. None of these is a bug.
 const NOT_A_BUG = [
   /Argument of type '\w+\[\](\[\])*' is not assignable to parameter of type '\[/,
+  /Target requires \d+ element\(s\) but source may have fewer/,
   /does not exist on type '\{\}'/,
+  /Object literal may only specify known properties, and '\w+' does not exist in type '\{ \w+\?: /,
   /is not assignable to parameter of type '\{ (\w+\??: \w+(\[\])?; )*\}'/,
+  /is not assignable to parameter of type 'string \| Record<string, string> \| URLSearchParams/,
 ];
 
 /** The errors as lines of text. */

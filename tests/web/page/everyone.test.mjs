@@ -1,0 +1,126 @@
+// SPDX-License-Identifier: Apache-2.0
+// The page for everyone: keyboard, touch, contrast, reduced motion, and the policy that it runs under. All parts of the panel are open.
+import assert from 'node:assert/strict';
+import { existsSync, readFileSync } from 'node:fs';
+import { get } from 'node:http';
+import { after, before, test } from 'node:test';
+import { fileURLToPath } from 'node:url';
+import { compare } from '../../support/compare.mjs';
+import { launch, openPage, firstFrame, shot, unfold, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+let browser;
+let daemon;
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function setUp(context, options) {
+  const opened = await openPage(browser, options);
+  context.after(() => opened.context.close());
+  await opened.page.goto(daemon.url);
+  await firstFrame(opened.page);
+  await until(opened.page, 'rest', (s) => s.isFinal && s.isIdle);
+  await unfold(opened.page);
+  return opened;
+}
+
+/** The bytes of a body as they are sent. */
+const sizeOf = (url) => new Promise((resolve, reject) => {
+  get(url, { headers: { 'Accept-Encoding': 'gzip' } }, (answer) => {
+    assert.equal(answer.statusCode, 200, url.pathname);
+    let bytes = 0;
+    answer.on('data', (part) => { bytes += part.length; });
+    answer.on('end', () => resolve(bytes));
+  }).on('error', reject);
+});
+
+test('the policy allows what the page needs from the daemon itself, and nothing else', async () => {
+  const answer = await fetch(new URL('/', daemon.url));
+  const policy = Object.fromEntries(answer.headers.get('Content-Security-Policy').split(';').map((part) => part.trim().split(/\s+/)).map(([name, ...from]) => [name, from.join(' ')]));
+  const { 'default-src': others, 'img-src': images, ...rest } = policy;
+  assert.equal(others, "'none'");
+  assert.equal(images, "'self' blob: data:");
+  for (const name of ['script-src', 'style-src', 'connect-src', 'worker-src']) assert.equal(rest[name], "'self'", name);
+  for (const name of ['base-uri', 'form-action', 'frame-ancestors']) assert.equal(rest[name], "'none'", name);
+  for (const [name, from] of Object.entries(rest)) assert.match(from, /^'(self|none)'$/, name);
+  assert.equal(answer.headers.get('X-Content-Type-Options'), 'nosniff');
+});
+
+test('the page has less than 200 kB, as the daemon compresses it', async () => {
+  const list = readFileSync(new URL('../../../clients/web/CMakeLists.txt', import.meta.url), 'utf8');
+  const names = /SPLATD_WEB_FILES\s([^)]*)\)/.exec(list)[1].trim().split(/\s+/);
+  assert.ok(names.includes('app/main.js'));
+  const sizes = [];
+  for (const name of names) sizes.push([await sizeOf(new URL(name, daemon.url)), name]);
+  const total = sizes.reduce((sum, [size]) => sum + size, 0);
+  const largest = sizes.sort((a, b) => b[0] - a[0]).slice(0, 5).map(([size, name]) => `${name} ${size}`).join(', ');
+  compare(total, '<', 200000, `${total} bytes; the largest: ${largest}`);
+  console.log(`${total} bytes in ${names.length} files`);
+});
+
+for (const colorScheme of ['dark', 'light']) {
+  test(`axe finds nothing with all parts open, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const { page } = await setUp(context, { viewport: { width: 1300, height: 4000 }, colorScheme, bypassCSP: true });
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
+    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
+    await shot(page, `everything-${colorScheme}`);
+  });
+}
+
+test('Tab reaches every control once, in the order of the document, and leaves the page', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 1300, height: 900 } });
+  const expected = await page.evaluate(() => {
+    const all = [...document.querySelectorAll('a[href], button, input, select, textarea, summary, [tabindex]')].filter((element) => element.tabIndex >= 0
+      && !element.disabled && !element.matches('fieldset:disabled *, [inert] *') && element.checkVisibility({ visibilityProperty: true })
+      && element.getClientRects().length > 0);
+    all.forEach((element, i) => { element.dataset.stop = i; });
+    return all.length;
+  });
+  compare(expected, '>', 40);
+  await page.evaluate(() => {
+    window.stops = [];
+    document.activeElement?.blur();
+    document.addEventListener('focusin', ({ target }) => window.stops.push(Number(target.dataset.stop)));
+  });
+  for (let i = 0; i < expected; i += 1) await page.keyboard.press('Tab');
+  const stops = await page.evaluate(() => window.stops);
+  assert.deepEqual(stops, [...stops].sort((a, b) => a - b), 'in the order of the document');
+  const missed = Array.from({ length: expected }, (_, i) => i).filter((i) => !stops.includes(i));
+  const names = await page.evaluate((list) => list.map((i) => document.querySelector(`[data-stop="${i}"]`).outerHTML.slice(0, 90)), missed);
+  assert.deepEqual(names, []);
+  assert.deepEqual(said, []);
+});
+
+test('nothing moves by itself with reduced motion', async (context) => {
+  const { page, said } = await setUp(context, { reducedMotion: 'reduce' });
+  const moving = await page.evaluate(() => [...document.querySelectorAll('*')].flatMap((element) => ['', '::before', '::after'].filter((part) => {
+    const { transitionDuration, animationName } = getComputedStyle(element, part || null);
+    return animationName !== 'none' || transitionDuration.split(',').some((time) => parseFloat(time) > 0);
+  }).map((part) => `${element.id || element.tagName}${part}`)));
+  assert.deepEqual(moving, []);
+  assert.deepEqual(said, []);
+});
+
+test('controls are at least 24 px high and wide for a mouse, and 34 px for a finger', async (context) => {
+  const small = (page, least) => page.evaluate((limit) => [...document.querySelectorAll('button, select, summary, input, label:has(input)')]
+    .filter((element) => element.checkVisibility() && !element.matches('label *, .handle, [type="file"], .pair input'))
+    // A label is part of the target.
+    .map((element) => ({ element, boxes: [element, ...(element.labels ?? [])].map((part) => part.getBoundingClientRect()) }))
+    .filter(({ boxes }) => boxes[0].width > 1 && !boxes.some(({ width, height }) => Math.min(width, height) >= limit))
+    .map(({ element, boxes: [box] }) => `${element.id || element.outerHTML.slice(0, 70)}: ${Math.round(box.width)} × ${Math.round(box.height)}`), least);
+  const mouse = await setUp(context);
+  assert.deepEqual(await small(mouse.page, 24), [], 'mouse');
+  const phone = await setUp(context, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true });
+  await phone.page.click('#panel-toggle');
+  assert.deepEqual(await small(phone.page, 34), [], 'finger');
+  await shot(phone.page, 'phone-everything');
+  for (const { said } of [mouse, phone]) assert.deepEqual(said, []);
+});
