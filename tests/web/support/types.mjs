@@ -9,6 +9,7 @@ const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 // are. URLSearchParams takes numbers. None of these is a bug.
 const NOT_A_BUG = [
   /Argument of type '\w+\[\](\[\])*' is not assignable to parameter of type '\[/,
+  /A spread argument must either have a tuple type/,
   /Target requires \d+ element\(s\) but source may have fewer/,
   /does not exist on type '\{\}'/,
   /Object literal may only specify known properties, and '\w+' does not exist in type '\{ \w+\?: /,
