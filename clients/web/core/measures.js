@@ -24,7 +24,7 @@ export class MeasureList {
   of(volume) { return this.all.filter((item) => item.volume === volume); }
 
   /** Takes a notification session.measures. isBusy(id): this client changes the item now, so its own state is newer. */
-  take({ ids, changed }, isBusy = () => false) {
+  take({ ids, changed }, isBusy = (/** @type {number} */ _id) => false) {
     const next = new Map(changed.map((item) => [item.id, item]));
     const kept = new Map([...ids, ...this.#items.keys()].map((id) => {
       const known = this.#items.get(id);

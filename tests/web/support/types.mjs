@@ -11,7 +11,7 @@ const NOT_A_BUG = [
   /Argument of type '\w+\[\](\[\])*' is not assignable to parameter of type '\[/,
   /A spread argument must either have a tuple type/,
   /Target requires \d+ element\(s\) but source may have fewer/,
-  /does not exist on type '\{\}'/,
+  /does not exist on type '\{( \w+\?: \w+;)* ?\}'/,
   /Object literal may only specify known properties, and '\w+' does not exist in type '\{ \w+\?: /,
   /is not assignable to parameter of type '\{ (\w+\??: \w+(\[\])?; )*\}'/,
   /is not assignable to parameter of type 'string \| Record<string, string> \| URLSearchParams/,
