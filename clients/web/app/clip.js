@@ -1,85 +1,216 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel "Clip": a box with two sliders per axis, and one plane with its depth along its normal.
-import { WHOLE, depthOf, moveFace, planeAt, sight } from '../core/clip.js';
-import { byId } from './dom.js';
-import { showValue } from './fields.js';
+// The section "Clip": the box in coordinates of the volume, and a list of planes. The handles in the picture are in clip_handles.js.
+import { depthOf, flipPlane, moveFace, planeAt, planeFrom, positionOf } from '../core/clip.js';
+import { length, scale } from '../core/vector.js';
+import { t } from '../core/text.js';
+import { ClipHandles } from './clip_handles.js';
+import { ClipState } from './clip_state.js';
+import { byId, icon, make, setText } from './dom.js';
+import { ORDER } from './panel.js';
 
-const DEPTH = 0.5;
-const percent = (part) => `${Math.round(part * 100)} %`;
+const AXES = ['x', 'y', 'z'];
 
-export function install({ viewer }) {
-  const panel = new ClipPanel(viewer);
-  viewer.on('view', () => {
-    for (const id of ['clip-section', 'plane-section']) byId(id).inert = !viewer.canControl;
-    panel.show();
+export function install(app) {
+  const { viewer, panel, toolbar } = app;
+  const state = new ClipState(app);
+  const body = panel.section({ id: 'clip', title: t('clip.section'), order: ORDER.clip });
+  const handles = switchRow('clip-handles-on', t('clip.handles'), t('clip.handles.title'));
+  const box = new BoxRows(state);
+  const planes = new PlaneList(state);
+  const reset = make('button', { id: 'clip-reset', text: t('clip.reset'), title: t('clip.reset.title'), press: ({ timeStamp }) => state.reset(timeStamp) });
+  body.append(handles.row, box.root, planes.root, make('div', { class: 'buttons' }, reset));
+
+  const toggle = (isOn = !state.hasHandles) => {
+    state.hasHandles = isOn;
+    if (isOn && byId('panel').dataset.open === 'true') byId('clip').open = true;
+  };
+  handles.input.addEventListener('change', () => toggle(handles.input.checked));
+  const button = toolbar.button({
+    id: 'clip-tool', icon: 'scissors', label: t('clip.tool'), key: 'c', group: 'tools', order: 50, isToggle: true, press: () => toggle(),
+  });
+  new ClipHandles(app, state, () => toggle(false));
+
+  state.on('change', () => {
+    body.toggleAttribute('inert', !viewer.canControl);
+    button.setAttribute('aria-pressed', String(state.hasHandles));
+    handles.input.checked = state.hasHandles;
+    box.show();
+    planes.show();
   });
 }
 
-class ClipPanel {
-  #viewer; #faces; #toggle; #depth; #button;
-  /** The planes that the user switched off last, with their volume; switching on restores them. */
-  #saved = null;
+function switchRow(id, label, title) {
+  const input = make('input', { id, type: 'checkbox', role: 'switch' });
+  return { row: make('div', { class: 'row', title }, make('label', { for: id, text: label }), input), input };
+}
 
-  constructor(viewer) {
-    this.#viewer = viewer;
-    this.#faces = [...byId('clip-section').querySelectorAll('input')];
-    this.#toggle = byId('plane');
-    this.#depth = byId('plane-depth');
-    this.#button = byId('plane-sight');
-    for (const face of this.#faces) {
-      face.addEventListener('input', ({ timeStamp }) => {
-        const { corner, axis } = face.dataset;
-        viewer.change({ clip: { box: moveFace(this.#box, Number(corner), Number(axis), face.valueAsNumber) } }, timeStamp);
+/** Two numbers and two sliders per axis. */
+class BoxRows {
+  #state;
+  #rows;
+
+  constructor(state) {
+    this.#state = state;
+    this.#rows = [0, 1, 2].map((axis) => this.#row(axis));
+    this.root = make('div', { id: 'clip-box', 'data-pointer': '/clip/box' }, ...this.#rows.map(({ row }) => row));
+  }
+
+  #row(axis) {
+    const name = make('span', { class: 'name' });
+    const unit = make('span', { class: 'unit' });
+    const [numbers, sliders] = ['number', 'range'].map((type) => [0, 1].map((corner) => make('input', {
+      type, 'data-axis': axis, 'data-corner': corner, ...(type === 'range' ? { min: 0, max: 1, step: 0.01 } : { step: 'any' }),
+    })));
+    for (const corner of [0, 1]) {
+      const move = (fraction, time) => this.#state.setBox(moveFace(this.#state.box, corner, axis, fraction), time);
+      sliders[corner].addEventListener('input', ({ timeStamp }) => move(sliders[corner].valueAsNumber, timeStamp));
+      numbers[corner].addEventListener('change', ({ timeStamp }) => {
+        const value = numbers[corner].valueAsNumber;
+        if (Number.isFinite(value)) move(this.#state.fraction(axis, value), timeStamp);
+        this.show();
       });
     }
-    this.#toggle.addEventListener('change', ({ timeStamp }) => this.#switch(this.#toggle.checked, timeStamp));
-    this.#depth.addEventListener('input', ({ timeStamp }) => {
-      const [first, ...others] = this.#planes;
-      if (first) this.#set(() => [planeAt(viewer.box, first.normal, this.#depth.valueAsNumber), ...others], timeStamp);
-    });
-    this.#button.addEventListener('click', ({ timeStamp }) => {
-      const [first, ...others] = this.#planes;
-      this.#set(() => [this.#facing(first ? depthOf(viewer.box, first) : DEPTH), ...others], timeStamp);
-    });
+    const row = make('div', { class: 'clip-axis', role: 'group' },
+      make('div', { class: 'row' }, name, make('span', { class: 'range' }, numbers[0], '–', numbers[1], unit)),
+      make('span', { class: 'pair' }, ...sliders));
+    return { row, name, unit, numbers, sliders, axis };
   }
 
-  get #box() { return this.#viewer.view?.clip?.box ?? WHOLE; }
-  get #planes() { return this.#viewer.view?.clip?.planes ?? []; }
-
-  /** make() returns the new planes; it runs once camera and volume are known. */
-  #set(make, time) {
-    if (this.#viewer.isReady) this.#viewer.change({ clip: { planes: make() } }, time);
-  }
-
-  /** A plane perpendicular to the view direction. */
-  #facing(depth) {
-    return planeAt(this.#viewer.box, sight(this.#viewer.camera), depth);
-  }
-
-  #switch(isOn, time) {
-    const { volume } = this.#viewer.view;
-    if (!isOn) this.#saved = { volume, planes: this.#planes };
-    const saved = this.#saved?.volume === volume ? this.#saved.planes : [];
-    this.#set(() => (!isOn ? [] : saved.length ? saved : [this.#facing(DEPTH)]), time);
-  }
-
-  /** Shows the values of the view. */
   show() {
-    const box = this.#box;
-    for (const face of this.#faces) {
-      const { corner, axis } = face.dataset;
-      const value = box[corner][axis];
-      face.value = value;
-      face.setAttribute('aria-valuetext', percent(value));
-      face.parentElement.style.setProperty(corner === '0' ? '--low' : '--high', value);
-      face.closest('.row').querySelector('output').textContent = `${Math.round(box[0][axis] * 100)}–${percent(box[1][axis])}`;
+    const { box } = this.#state;
+    for (const { row, name, unit, numbers, sliders, axis } of this.#rows) {
+      const names = this.#state.axisNames(axis);
+      row.setAttribute('aria-label', names.label);
+      row.title = t('clip.axis.title', { name: names.label });
+      setText(name, names.name);
+      setText(unit, this.#state.unit);
+      for (const corner of [0, 1]) {
+        const fraction = box[corner][axis];
+        const value = this.#state.coordinate(axis, fraction);
+        const label = t('clip.end', { name: names.label, end: corner === 0 ? names.low : names.high });
+        for (const input of [numbers[corner], sliders[corner]]) input.setAttribute('aria-label', label);
+        if (document.activeElement !== numbers[corner]) numbers[corner].value = String(value);
+        sliders[corner].value = fraction;
+        sliders[corner].setAttribute('aria-valuetext', this.#state.withUnit(value));
+        sliders[corner].parentElement.style.setProperty(corner === 0 ? '--low' : '--high', fraction);
+      }
     }
-    const [plane] = this.#planes;
-    const depth = plane && this.#viewer.box ? depthOf(this.#viewer.box, plane) : DEPTH;
-    this.#toggle.checked = Boolean(plane);
-    this.#depth.disabled = !plane;
-    this.#depth.closest('.row').toggleAttribute('data-idle', !plane);
+  }
+}
+
+/** The list of planes, the details of the selected one, and the buttons that add planes. */
+class PlaneList {
+  #state; #list; #details; #presets; #sight;
+  #count = -1;
+
+  constructor(state) {
+    this.#state = state;
+    this.#list = make('ol', { id: 'planes', 'aria-label': t('clip.planes') });
+    this.#details = new PlaneDetails(state);
+    this.#presets = [0, 1, 2, null].map((axis) => make('button', {
+      'data-across': axis ?? 'view', press: ({ timeStamp }) => state.addAcross(axis, timeStamp),
+    }));
+    this.#sight = make('button', {
+      id: 'plane-sight', text: t('clip.sight'), title: t('clip.sight.title'), press: ({ timeStamp }) => state.faceViewer(timeStamp),
+    });
+    this.root = make('div', { id: 'clip-planes', 'data-pointer': '/clip/planes' },
+      make('h3', { text: t('clip.planes') }), this.#list,
+      make('p', { class: 'about', text: t('clip.add') }),
+      make('div', { id: 'plane-add', class: 'buttons', role: 'group', 'aria-label': t('clip.add') }, ...this.#presets),
+      make('div', { class: 'buttons' }, this.#sight));
+  }
+
+  #item(index) {
+    const state = this.#state;
+    const name = t('clip.plane', { number: index + 1 });
+    const small = (sign, label, press) => make('button', { class: 'small', 'aria-label': label, title: label, press }, sign);
+    const flip = small(icon('flip-horizontal-2'), t('clip.flip', { name }), ({ timeStamp }) => state.setPlane(index, flipPlane(state.entries[index].plane), timeStamp));
+    const remove = small(icon('trash-2'), t('clip.remove', { name }), ({ timeStamp }) => {
+      state.removePlane(index, timeStamp);
+      (this.#list.querySelector('.plane-pick[aria-pressed="true"]') ?? this.#sight).focus();
+    });
+    const isOn = make('input', { type: 'checkbox', role: 'switch', 'aria-label': t('clip.on', { name }) });
+    isOn.addEventListener('change', ({ timeStamp }) => state.switchPlane(index, isOn.checked, timeStamp));
+    return make('li', {},
+      make('div', { class: 'row' }, make('button', { class: 'plane-pick', press: () => state.select(index) },
+        make('span', { class: 'badge', text: index + 1 }), make('span', { class: 'position' })), flip, remove, isOn));
+  }
+
+  show() {
+    const { entries, selected } = this.#state;
+    if (entries.length !== this.#count) {
+      this.#count = entries.length;
+      this.#list.replaceChildren(...entries.map((entry, i) => this.#item(i)));
+    }
+    entries.forEach(({ plane, isOn }, i) => {
+      const item = this.#list.children[i];
+      const pick = item.querySelector('.plane-pick');
+      pick.setAttribute('aria-pressed', String(i === selected));
+      pick.setAttribute('aria-label', t('clip.plane', { number: i + 1 }));
+      setText(item.querySelector('.position'), this.#describe(plane));
+      item.querySelector('input').checked = isOn;
+      item.toggleAttribute('data-off', !isOn);
+      if (i === selected && this.#details.root.parentElement !== item) item.append(this.#details.root);
+    });
+    if (entries[selected]) this.#details.show(entries[selected].plane);
+    for (const [axis, button] of this.#presets.entries()) {
+      setText(button, axis === 3 ? t('clip.across.view') : this.#state.acrossName(axis));
+      button.disabled = this.#state.isFull;
+    }
+  }
+
+  #describe(plane) {
+    const normal = scale(plane.normal, 1 / length(plane.normal));
+    const axis = normal.findIndex((part) => Math.abs(part) > 1 - 1e-6);
+    const place = this.#state.withUnit(this.#state.round(axis < 0 ? positionOf(plane) : positionOf(plane) * Math.sign(normal[axis])));
+    return axis < 0 ? t('clip.oblique', { place }) : t('clip.at', { name: AXES[axis], place });
+  }
+}
+
+/** Position, depth and normal of the selected plane. */
+class PlaneDetails {
+  #state; #position; #unit; #depth; #normal;
+
+  constructor(state) {
+    this.#state = state;
+    this.#position = make('input', { id: 'plane-position', type: 'number', step: 'any' });
+    this.#unit = make('span', { class: 'unit' });
+    this.#depth = make('input', { id: 'plane-depth', type: 'range', min: 0, max: 1, step: 0.005, 'aria-label': t('clip.depth') });
+    this.#normal = AXES.map((name) => make('input', { type: 'number', step: 'any', 'aria-label': t('clip.normal.part', { name }) }));
+    const current = () => state.entries[state.selected].plane;
+    const set = (plane, time) => plane && state.setPlane(state.selected, plane, time);
+    this.#depth.addEventListener('input', ({ timeStamp }) => set(planeAt(state.volumeBox, current().normal, this.#depth.valueAsNumber), timeStamp));
+    this.#position.addEventListener('change', ({ timeStamp }) => {
+      set(planeFrom(current().normal, this.#position.valueAsNumber), timeStamp);
+      this.show(current());
+    });
+    for (const input of this.#normal) {
+      input.addEventListener('change', ({ timeStamp }) => {
+        const normal = this.#normal.map((part) => part.valueAsNumber);
+        const turned = planeFrom(normal, 0);
+        const middle = state.anchor(current(), state.selected);
+        if (turned) set({ ...turned, offset: turned.normal.reduce((sum, part, i) => sum + part * middle[i], 0) }, timeStamp);
+        this.show(current());
+      });
+    }
+    this.root = make('div', { class: 'plane-details' },
+      make('div', { class: 'row', title: t('clip.position.title') }, make('label', { for: 'plane-position', text: t('clip.position') }),
+        make('span', { class: 'number' }, this.#position, this.#unit)),
+      make('div', { class: 'row', title: t('clip.depth.title') }, this.#depth),
+      make('div', { class: 'row', title: t('clip.normal.title'), role: 'group', 'aria-label': t('clip.normal') },
+        make('span', { text: t('clip.normal') }), make('span', { class: 'range' }, ...this.#normal)));
+  }
+
+  show(plane) {
+    const set = (input, value) => {
+      if (document.activeElement !== input) input.value = String(value);
+    };
+    set(this.#position, this.#state.round(positionOf(plane)));
+    setText(this.#unit, this.#state.unit);
+    const depth = this.#state.volumeBox ? depthOf(this.#state.volumeBox, plane) : 0;
     this.#depth.value = depth;
-    showValue(this.#depth, plane ? percent(depth) : '');
+    this.#depth.setAttribute('aria-valuetext', t('clip.removed', { percent: Math.round(depth * 100) }));
+    const size = length(plane.normal);
+    this.#normal.forEach((input, i) => set(input, Number((plane.normal[i] / size).toFixed(3)) + 0));
   }
 }

@@ -3,6 +3,7 @@
 // it to the list.
 import { chooseLanguage, useTexts } from '../core/text.js';
 import { createApp } from './app.js';
+import * as camera from './camera.js';
 import * as capture from './capture.js';
 import * as clip from './clip.js';
 import * as compare from './compare.js';
@@ -17,11 +18,13 @@ import * as savedViews from './saved_views.js';
 import * as keyframes from './keyframes.js';
 import * as measures from './measures.js';
 import * as open from './open.js';
+import * as orientation from './orientation.js';
 import * as paths from './paths.js';
 import * as people from './people.js';
 import * as pick from './pick.js';
 import * as picture from './picture.js';
 import * as presets from './presets.js';
+import * as scaleBar from './scale_bar.js';
 import * as session from './session.js';
 import * as status from './status.js';
 import * as slices from './slices.js';
@@ -30,14 +33,18 @@ import * as stream from './stream.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
 import * as uploads from './uploads.js';
+import * as views from './views.js';
 import * as volumes from './volumes.js';
+import * as walk from './walk.js';
 import * as warp from './warp.js';
 import * as windowLevel from './window_level.js';
+import * as zoomBox from './zoom_box.js';
 
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
-  picture, clip, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
+  orientation, scaleBar, views, zoomBox, walk, camera, clip,
+  picture, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
 ];
 
 async function start() {

@@ -6,8 +6,9 @@ import {
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
 import { applyPatch, patchBetween } from '../core/merge.js';
+import { turnUpright } from '../core/orientation.js';
 import { UpdateQueue } from '../core/update_queue.js';
-import { drag } from '../core/trackball.js';
+import { BALL_RADIUS, drag } from '../core/trackball.js';
 import { nextFrame } from './animation.js';
 
 /** The camera of a view as a rig; null if there is no view or its camera cannot be moved. */
@@ -30,6 +31,9 @@ export class Viewer extends Emitter {
   #isRestoring = false; // to a complete view, whose camera stays
   #canControl = true;
   #rigs = new Map(); // by seq: the cameras of updates that no frame shows yet; 0 = before the first one
+
+  /** A frame (core/orientation.js) whose up axis stays upright while the camera turns, or null: it turns freely. */
+  upright = null;
 
   /** viewport, margins: functions that return the size of the canvas and what covers its edges, in CSS px. */
   constructor({ connection, viewport, margins = () => undefined }) {
@@ -211,22 +215,42 @@ export class Viewer extends Emitter {
     return this.isReady;
   }
 
-  #move(rig, time) {
+  #move(rig, time, more = {}) {
     this.#rig = rig;
-    const camera = cameraFromRig(rig);
+    const camera = { ...cameraFromRig(rig), ...more };
     this.#view = { ...this.#view, camera: { ...this.#view.camera, ...camera } };
     this.updates.put({ camera }, { time });
     this.emit('camera', rig);
   }
 
+  /** Moves the camera to a rig, whose projection and field of view may be others. */
+  place(rig, time) {
+    if (!this.#mayMove()) return;
+    const { projection, fovY } = this.#rig;
+    this.#move(rig, time, {
+      ...(rig.projection === projection ? {} : { projection: rig.projection }), ...(rig.fovY === fovY ? {} : { fov_y: rig.fovY }),
+    });
+  }
+
   /** Orbits for a drag between two points of the viewport that started with orientation `start`. */
   turn(start, from, to, time) {
     if (!this.#mayMove()) return;
-    this.#move({ ...this.#rig, orientation: drag(start, from, to, this.#viewport()) }, time);
+    const viewport = this.#viewport();
+    let orientation;
+    if (this.upright) {
+      const step = 2 / (BALL_RADIUS * Math.min(viewport.width, viewport.height)); // as fast as the arcball at its middle
+      orientation = turnUpright(this.upright, start, (from[0] - to[0]) * step, (from[1] - to[1]) * step);
+    } else {
+      orientation = drag(start, from, to, viewport);
+    }
+    this.#move({ ...this.#rig, orientation }, time);
   }
 
   orbit(yaw, pitch, roll, time) {
-    if (this.#mayMove()) this.#move(orbit(this.#rig, yaw, pitch, roll), time);
+    if (!this.#mayMove()) return;
+    const isLocked = this.upright !== null;
+    this.#move(isLocked ? { ...this.#rig, orientation: turnUpright(this.upright, this.#rig.orientation, yaw, pitch) }
+      : orbit(this.#rig, yaw, pitch, roll), time);
   }
 
   pan(delta, time) {
@@ -243,23 +267,28 @@ export class Viewer extends Emitter {
     if (this.#mayMove()) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
   }
 
+  /** The camera of the volume's default view; null if this client may not read it, because it has a join token. */
+  async home() {
+    const id = this.#view?.volume;
+    if (!id) return null;
+    if (!this.#home) {
+      const request = this.#connection.api.volumeView(id).then(({ camera }) => camera).catch(() => null);
+      this.#home = request;
+      request.then((camera) => { if (!camera && this.#home === request) this.#home = null; });
+    }
+    return this.#home;
+  }
+
   /** Returns to the camera of the volume's default view. */
   async reset(time) {
     if (!this.#mayMove()) return;
     const id = this.#view.volume;
-    if (!this.#home) {
-      try {
-        this.#home = (await this.#connection.api.volumeView(id)).camera;
-      } catch {
-        // A client with a join token cannot read the default view; fitting is the closest.
-        this.fit(time);
-        return;
-      }
-    }
-    if (!this.isReady || this.#view.volume !== id) return;
-    const home = rigFromCamera(this.#home);
+    const wanted = await this.home();
+    if (!wanted) this.fit(time); // the closest
+    if (!wanted || !this.isReady || this.#view.volume !== id) return;
+    const home = rigFromCamera(wanted);
     this.#rig = widen(home, this.#viewport(), this.#margins());
-    const camera = this.#rig === home ? this.#home : { ...this.#home, ...cameraFromRig(this.#rig) };
+    const camera = this.#rig === home ? wanted : { ...wanted, ...cameraFromRig(this.#rig) };
     this.#view = { ...this.#view, camera };
     this.updates.put({ camera }, { time });
   }

@@ -79,7 +79,7 @@ export function section(volumeBox, { normal, offset }) {
     if ((a < 0) !== (b < 0)) points.push(add(from, scale(subtract(to, from), a / (a - b))));
   }
   if (points.length < 3) return [];
-  const middle = middleOf(points);
+  const middle = scale(points.reduce(add), 1 / points.length);
   const n = normalize(normal);
   const u = normalize(subtract(points[0], middle));
   const v = [n[1] * u[2] - n[2] * u[1], n[2] * u[0] - n[0] * u[2], n[0] * u[1] - n[1] * u[0]];
@@ -87,14 +87,14 @@ export function section(volumeBox, { normal, offset }) {
   return points.map((at) => ({ at, turn: angle(at) })).sort((p, q) => p.turn - q.turn).map(({ at }) => at);
 }
 
-const middleOf = (points) => scale(points.reduce(add), 1 / points.length);
+/** How far the handles of planes lie from the centre, as a part of the half edges. */
+const ASIDE = 0.36;
+const CORNERS = [[1, 1, 1], [-1, 1, 1], [1, -1, 1], [-1, -1, 1], [1, 1, -1], [-1, 1, -1], [1, -1, -1], [-1, -1, -1]];
 
-/** The point at which a plane is held: the middle of its section, or the point next to the volume's centre if it misses the volume. */
-export function anchorOf(volumeBox, plane) {
-  const points = section(volumeBox, plane);
-  if (points.length > 0) return middleOf(points);
-  const square = dot(plane.normal, plane.normal);
-  return add(volumeBox.center, scale(plane.normal, (plane.offset - dot(plane.normal, volumeBox.center)) / square));
+/** The point at which plane `index` is held: next to a point of its own near the centre, so that handles rarely meet. */
+export function anchorOf({ center, half }, { normal, offset }, index) {
+  const own = half.reduce((p, edge, i) => add(p, scale(edge, ASIDE * CORNERS[index % CORNERS.length][i])), center);
+  return add(own, scale(normal, (offset - dot(normal, own)) / dot(normal, normal)));
 }
 
 /**

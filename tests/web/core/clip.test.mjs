@@ -101,8 +101,14 @@ test('a plane cuts the volume in a polygon in order', () => {
   compare(Math.abs(around - 60), '<', 1e-9, 'the sides of the polygon are those of the box');
   assert.equal(section(BOX, { normal: [6, 3, 1], offset: 90 }).length, 6, 'a hexagon through the centre');
   assert.deepEqual(section(BOX, { normal: [0, 0, 1], offset: 99 }), []);
-  close(anchorOf(BOX, { normal: [0, 0, 2], offset: 40 }), [5, 10, 20]);
-  close(anchorOf(BOX, { normal: [0, 0, 2], offset: 400 }), [5, 10, 200], 1e-9);
+});
+
+test('every plane is held at a point of its own on it', () => {
+  const planes = [0, 1, 2].map((axis) => axisPlane(BOX, axis));
+  const anchors = planes.map((plane, i) => anchorOf(BOX, plane, i));
+  planes.forEach((plane, i) => compare(Math.abs(dot(plane.normal, anchors[i]) - plane.offset), '<', 1e-9));
+  for (const [i, j] of [[0, 1], [0, 2], [1, 2]]) compare(length(subtract(anchors[i], anchors[j])), '>', 3);
+  close(anchorOf(BOX, { normal: [0, 0, 2], offset: 400 }, 0), [6.8, 13.6, 200], 1e-9);
 });
 
 test('a drag along an axis follows the pointer, also in perspective', () => {

@@ -130,9 +130,9 @@ test('a refused change without a visible control is explained in a notice', asyn
   await it.page.keyboard.press('ArrowLeft');
   await it.notice('no clipping (/clip/planes/0/normal)'); // its panel is closed
   await it.page.locator('#clip summary').click();
-  await it.page.locator('#plane').click();
-  await it.page.locator('#plane-section .complaint', { hasText: 'no clipping' }).waitFor();
-  await until(it.page, 'no plane', () => !document.getElementById('plane').checked);
+  await it.page.locator('#plane-sight').click();
+  await it.page.locator('#clip-planes .complaint', { hasText: 'no clipping' }).waitFor();
+  await until(it.page, 'no plane', () => document.querySelectorAll('#planes li').length === 0);
 });
 
 test('with a daemon that does not report roles, the first refused change tells the page that it may only watch', async (context) => {

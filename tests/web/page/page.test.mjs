@@ -281,14 +281,14 @@ test('every rendering option can be drawn, and parts hidden by a plane, a box or
     return count;
   };
   const whole = lit(await pixels(page));
-  await changes(page, () => page.locator('#plane').click());
+  await changes(page, () => page.locator('#plane-sight').click());
   await shot(page, 'plane');
   await changes(page, async () => {
     await page.focus('#plane-depth');
     await page.keyboard.press('End');
   });
   assert.equal(lit(await pixels(page)), 0, 'a plane behind the volume hides all of it');
-  await page.locator('#plane').click();
+  await page.locator('#planes input[role="switch"]').click();
   await rest(page);
   await changes(page, async () => {
     await page.focus('.pair input[data-axis="2"][data-corner="1"]');

@@ -1,0 +1,168 @@
+// SPDX-License-Identifier: Apache-2.0
+// What panel and handles of clipping share: the box, and the list of planes with those that are switched off, which the view does not hold.
+import { Emitter } from '../core/emitter.js';
+import {
+  PLANES_MAX, WHOLE, anchorOf, axisOf, axisPlane, depthOf, faceCoordinate, fractionAt, planeAt, planesOn, reconcile, sight,
+} from '../core/clip.js';
+import { roundCoordinate } from '../core/lengths.js';
+import { length } from '../core/vector.js';
+import { t } from '../core/text.js';
+
+const DEPTH = 0.5; // of a new plane
+
+/** Events: change (box, planes, selection, names, or whether the handles are visible). */
+export class ClipState extends Emitter {
+  #viewer; #storage; #orientation;
+  #entries = [];
+  #volume = null;
+  #hasHandles = false;
+  selected = 0;
+
+  constructor({ viewer, storage, orientation }) {
+    super();
+    this.#viewer = viewer;
+    this.#storage = storage;
+    this.#orientation = orientation;
+    viewer.on('view', () => this.#follow());
+    orientation.on('change', () => this.emit('change'));
+  }
+
+  get box() { return this.#viewer.view?.clip?.box ?? WHOLE; }
+  /** The list of {plane, isOn}. */
+  get entries() { return this.#entries; }
+  get isFull() { return this.#entries.length >= PLANES_MAX; }
+  /** The box of the volume; null without a view. */
+  get volumeBox() { return this.#viewer.box; }
+  get unit() { return this.#viewer.volume?.unit ?? ''; }
+  /** The length of the diagonal of the volume. */
+  get extent() { return 2 * length(this.volumeBox?.half.map(length) ?? [1, 0, 0]); }
+
+  get hasHandles() { return this.#hasHandles; }
+  set hasHandles(isOn) {
+    if (isOn === this.#hasHandles) return;
+    this.#hasHandles = isOn;
+    this.emit('change');
+  }
+
+  #follow() {
+    const { view } = this.#viewer;
+    if (view.volume !== this.#volume) {
+      this.#volume = view.volume;
+      this.#entries = this.#recall();
+      this.selected = 0;
+    }
+    this.#entries = reconcile(this.#entries, view.clip?.planes ?? []);
+    this.selected = Math.max(0, Math.min(this.selected, this.#entries.length - 1));
+    this.emit('change');
+  }
+
+  /** The planes of this tab that are off. */
+  #recall() {
+    try {
+      const planes = JSON.parse(this.#storage.recall(`clip:${this.#volume}`) ?? '[]');
+      return planes.map((plane) => ({ plane, isOn: false }));
+    } catch {
+      return [];
+    }
+  }
+
+  #set(entries, time) {
+    if (!this.#viewer.isReady) return;
+    this.#entries = entries;
+    const off = entries.filter(({ isOn }) => !isOn).map(({ plane }) => plane);
+    this.#storage.remember(`clip:${this.#volume}`, JSON.stringify(off));
+    const planes = planesOn(entries);
+    if (JSON.stringify(planes) !== JSON.stringify(this.#viewer.view.clip?.planes ?? [])) this.#viewer.change({ clip: { planes } }, time);
+    else this.emit('change');
+  }
+
+  setBox(box, time) {
+    if (this.#viewer.isReady) this.#viewer.change({ clip: { box } }, time);
+  }
+
+  /** Moves a plane: entry `index` gets another plane. */
+  setPlane(index, plane, time) {
+    this.#set(this.#entries.map((entry, i) => (i === index ? { ...entry, plane } : entry)), time);
+  }
+
+  switchPlane(index, isOn, time) {
+    this.#set(this.#entries.map((entry, i) => (i === index ? { ...entry, isOn } : entry)), time);
+  }
+
+  removePlane(index, time) {
+    this.selected = Math.max(0, this.selected > index ? this.selected - 1 : this.selected);
+    this.#set(this.#entries.filter((entry, i) => i !== index), time);
+  }
+
+  addPlane(plane, time) {
+    if (this.isFull || !this.#viewer.isReady) return;
+    this.selected = this.#entries.length;
+    this.#set([...this.#entries, { plane, isOn: true }], time);
+  }
+
+  /** Adds a plane through the centre: across one of the volume's axes, or facing the viewer. */
+  addAcross(axis, time) {
+    if (this.#viewer.isReady) this.addPlane(axis === null ? this.#facing(DEPTH) : axisPlane(this.volumeBox, axis), time);
+  }
+
+  /** Turns the selected plane to the viewer, and keeps its depth; without planes it adds one. */
+  faceViewer(time) {
+    const entry = this.#entries[this.selected];
+    if (!this.#viewer.isReady) return;
+    if (!entry) this.addAcross(null, time);
+    else {
+      const plane = this.#facing(depthOf(this.volumeBox, entry.plane));
+      this.#set(this.#entries.map((other, i) => (i === this.selected ? { plane, isOn: true } : other)), time);
+    }
+  }
+
+  #facing(depth) {
+    return planeAt(this.volumeBox, sight(this.#viewer.camera), depth);
+  }
+
+  select(index) {
+    if (index === this.selected) return;
+    this.selected = index;
+    this.emit('change');
+  }
+
+  reset(time) {
+    if (!this.#viewer.isReady) return;
+    this.#entries = [];
+    this.#storage.remember(`clip:${this.#volume}`, '[]');
+    this.#viewer.change({ clip: { box: WHOLE, planes: [] } }, time);
+  }
+
+  // Names and numbers.
+
+  /** The names of both ends of one of the volume's axes, such as {name: 'x', low: 'right', high: 'left'}. */
+  axisNames(axis) {
+    const { anatomy } = this.#orientation;
+    const { world, sign, isExact } = this.volumeBox ? axisOf(this.volumeBox, axis) : { world: axis, sign: 1, isExact: true };
+    const [low, high] = [-sign, sign].map((way) => this.#orientation.name(world, way));
+    if (anatomy) {
+      const letters = [-sign, sign].map((way) => this.#orientation.letter(world, way));
+      return { name: letters.join('–'), label: t('clip.between', { low, high }), low, high };
+    }
+    const own = isExact ? 'xyz'[world] : String(axis + 1);
+    return { name: t('clip.axis', { name: own }), label: t('clip.axis', { name: own }), low: `−${own}`, high: `+${own}` };
+  }
+
+  /** The name of the plane across an axis: sagittal, or x. */
+  acrossName(axis) {
+    const { world, isExact } = this.volumeBox ? axisOf(this.volumeBox, axis) : { world: axis, isExact: true };
+    const { anatomy } = this.#orientation;
+    if (!anatomy) return isExact ? 'xyz'[world] : String(axis + 1);
+    return t(`clip.across.${'LR'.includes(anatomy[world]) ? 'sagittal' : 'PA'.includes(anatomy[world]) ? 'coronal' : 'axial'}`);
+  }
+
+  coordinate(axis, fraction) {
+    return this.volumeBox ? this.round(faceCoordinate(this.volumeBox, axis, fraction)) : fraction;
+  }
+
+  fraction(axis, coordinate) { return fractionAt(this.volumeBox, axis, coordinate); }
+  /** Where a plane is held: it turns about this point. */
+  anchor(plane, index) { return anchorOf(this.volumeBox, plane, index); }
+  round(value) { return roundCoordinate(value, this.extent); }
+  withUnit(value) { return `${value} ${this.unit}`.trim(); }
+}
