@@ -98,6 +98,7 @@ class Cube {
     this.#root.append(axes);
     for (const part of PARTS) {
       const path = svg('path', { role: 'button', tabindex: -1 }, svg('title'));
+      path.addEventListener('focus', () => this.#rove(part)); // a listener of the <svg> would make it a stop of the Tab key
       this.#parts.push({ part, path });
       this.#root.append(path);
     }
@@ -107,7 +108,6 @@ class Cube {
       this.#root.append(text);
     }
     this.#root.addEventListener('keydown', (event) => this.#key(event));
-    this.#root.addEventListener('focusin', ({ target }) => this.#rove(this.#partOf(target)));
     this.#attachPointer();
     this.name();
     byId('pane-3d').append(this.#root);

@@ -270,7 +270,7 @@ export class Viewer extends Emitter {
   /** The camera of the volume's default view; null if this client may not read it, because it has a join token. */
   async home() {
     const id = this.#view?.volume;
-    if (!id) return null;
+    if (!id || this.#connection.session?.isJoined) return null;
     if (!this.#home) {
       const request = this.#connection.api.volumeView(id).then(({ camera }) => camera).catch(() => null);
       this.#home = request;
