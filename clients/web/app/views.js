@@ -59,7 +59,7 @@ export function install(app) {
   shortcuts.add('u', ({ timeStamp }) => toggleUpright(timeStamp), t('views.upright'));
 
   const menu = new Menu([standard, [flat, upright]], () => items.forEach(({ show }) => show()));
-  const button = toolbar.button({ id: 'views', icon: 'box', label: t('views.label'), group: 'view', order: 10, press: () => menu.toggle(button) });
+  const button = toolbar.button({ id: 'views', icon: 'compass', label: t('views.label'), group: 'view', order: 10, press: () => menu.toggle(button) });
   button.setAttribute('aria-haspopup', 'menu');
   button.setAttribute('aria-expanded', 'false');
   viewer.on('view', () => {
