@@ -73,7 +73,7 @@ class SavedViews {
       event.preventDefault();
       this.#run(() => this.#add());
     });
-    // Only where somebody sees the list: here, or as a choice of the comparison.
+    // Only where a fold shows the list: here, or as a choice of the comparison.
     this.#folds = [body.closest('details'), byId('compare')];
     for (const fold of this.#folds) fold.addEventListener('toggle', () => fold.open && this.refresh());
     app.connection.on('session', () => this.#folds.some(({ open }) => open) && this.refresh());

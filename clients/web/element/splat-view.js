@@ -161,7 +161,7 @@ export class SplatView extends HTMLElement {
     /** @type {any} */
     const app = {
       connection, viewer, screen, participants, report: (error) => this.#fail(error),
-      storage: { recall: () => null, remember() {} }, formats: { wanted: async () => ({ format: ['jpeg'] }) },
+      storage: { recall: () => null, remember() {} }, formats: { wanted: async () => ({ format: ['jpeg'] }), keepGranted() {} },
     };
     frames.install(app);
     stream.install(app);

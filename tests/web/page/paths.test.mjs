@@ -163,9 +163,8 @@ test('the keyboard replaces, moves, removes and selects keyframes; each volume h
   assert.equal(await page.locator('#keys li').count(), 0);
   await page.locator('#volumes button', { hasText: 'phantom' }).click();
   await it.about('3 keyframes');
-  await page.reload();
+  await page.reload(); // keeps the fold open
   await firstFrame(page);
-  await page.locator('#path > summary').click();
   await it.about('3 keyframes, 4 s, 121 frames');
   await at(1, position);
   assert.equal(await page.inputValue('#keys li:nth-child(2) select'), 'smooth');
@@ -253,7 +252,6 @@ test('a reload finds unfinished paths again with the reason for waiting; cancell
   await page.reload();
   await firstFrame(page);
   await page.locator('#path-busy', { hasText: '1 under way' }).waitFor();
-  await page.locator('#path > summary').click();
   await it.entry('waiting').locator('.state', { hasText: '--path-bytes' }).waitFor();
   await shot(page, 'path-waiting');
   const other = await open(context, small.url);

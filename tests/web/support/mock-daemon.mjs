@@ -197,8 +197,6 @@ export class MockDaemon {
       reply(200, { views: [] });
     } else if (url.pathname === '/api/v1/presets') {
       reply(200, { presets: [] });
-    } else if (url.pathname === '/api/v1/views' && request.method === 'GET') {
-      reply(200, { views: [] });
     } else if (url.pathname === '/api/v1/paths') {
       if (request.method === 'GET') reply(200, { paths: this.paths });
       else if (this.refusal) reply(this.refusal.status, { title: 'refused', ...this.refusal });
