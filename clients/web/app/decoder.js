@@ -8,7 +8,7 @@ let ids = 0;
 // A page of another origin that embeds <splat-view> may not start a worker of the daemon.
 function start() {
   try {
-    worker = new Worker(new URL('decode_worker.js', import.meta.url));
+    worker = new Worker(new URL('../app/decode_worker.js', import.meta.url));
   } catch {
     hasFailed = true;
     return;

@@ -205,6 +205,10 @@ export class MockDaemon {
       const path = this.paths.find((one) => one.id === url.pathname.split('/')[4]);
       if (path) this.#watch(path, response);
       else problem(404, 'there is no such path');
+    } else if (/^\/api\/v1\/volumes\/[^/]+$/.test(url.pathname) && request.method === 'GET') {
+      const volume = this.volumes.find((one) => one.id === decodeURIComponent(url.pathname.split('/')[4]));
+      if (volume) reply(200, volume);
+      else problem(404, 'there is no such volume');
     } else if (/^\/api\/v1\/volumes\/[^/]+\/view$/.test(url.pathname)) {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
