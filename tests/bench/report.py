@@ -388,6 +388,23 @@ def latency(folder):
         table(['backend', 'parallel requests', 'images per second', 'work ms', 'wait p50 ms', 'wait p95 ms', f'goal: wait p95 ≤ {GOAL_REQUEST_MS} ms'], loop)) if text)
 
 
+GOAL_FIRST_MS = 1000
+GOAL_DRAG_PERCENT = 10
+
+
+def browser(folder):
+    rows, lines = read(folder, 'browser.csv'), []
+    for volume in dict.fromkeys(r['volume'] for r in rows):
+        first, turn, points = (find(rows, volume=volume, what=what) for what in ('first', 'turn', 'points'))
+        if not (first and turn and points):
+            continue
+        lines.append([volume, f'{first["p50_ms"]:.0f}', met(first['p50_ms'] <= GOAL_FIRST_MS),
+                      *(text for r in (turn, points) for text in (short(r['fps']), f'{r["p50_ms"]:.0f}, {r["p95_ms"]:.0f} of {r["allowed_ms"]:.0f}', met(r['p95_ms'] <= r['allowed_ms']))),
+                      met(points['fps'] >= (1 - GOAL_DRAG_PERCENT / 100) * turn['fps'])])
+    return table(['volume', 'first picture ms', f'goal {GOAL_FIRST_MS} ms', 'turning: fps', 'p50, p95 ms', 'goal', 'dragging a point: fps', 'p50, p95 ms', 'goal',
+                  f'goal: fps within {GOAL_DRAG_PERCENT} % of turning'], lines)
+
+
 def network(folder):
     """Rows: rate, stalls and format; columns: round trips."""
     rows = read(folder, 'network.csv')
@@ -462,6 +479,7 @@ FILES = [
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
     ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
+    ('browser.csv', 'the page in Chromium'),
     ('soak.csv', 'the daemon with clients that come and go'), ('codecs.csv', 'bytes and time per image format and video codec'),
     ('tls.csv', 'the TLS acceptor'), ('machine.csv', 'the machine and the commits'),
 ]
@@ -490,6 +508,8 @@ SECTIONS = [
     ('From hand to picture', latency, 'Measured by `serve.mjs` over loopback at 512². Work is rendering and encoding; wait is the rest of the time from a change of the view to its image: '
      'pacing, scheduling, transport and the client. A renderer that is busy all the time begins a frame when the last one ends; by then the newest of 60 changes per second is 8 ms old '
      'on average. The second table is a script that requests one image after the other.'),
+    ('The page in the browser', browser, 'Measured by `browser.mjs` in Debian\'s Chromium at 1024², on the same two cores as the daemon. Latency is the time from a pointer event to the '
+     'picture that shows it; its p95 may be 60 ms and the time to render and encode. Turning and dragging a point of the transfer function alternate.'),
     ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls. Each cell has the frames per second, '
      'the median time from a change to its image, and the goal for it. The goal is the sum of the round trip, two frame times and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms and '
      'seven packets per frame most frames arrive late.'),

@@ -191,6 +191,16 @@ class Report(unittest.TestCase):
         self.assertIn('| null | 1 | 30 | 12 | 1 | 3.1 | **missed** |', text)
         self.assertIn('| cpu | 4 | 30 | 12 | 1 | 30 | – |', text)
 
+    def test_browser(self):
+        columns = ['what', 'volume', 'px', 'count', 'fps', 'p50_ms', 'p95_ms', 'render_p50_ms', 'render_p95_ms', 'allowed_ms']
+        first = {'what': 'first', 'volume': 'demo:engine', 'px': 1024, 'count': 7, 'fps': '', 'p50_ms': 700, 'p95_ms': 900, 'render_p50_ms': '', 'render_p95_ms': '', 'allowed_ms': ''}
+        turn = {**first, 'what': 'turn', 'fps': 30, 'p50_ms': 40, 'p95_ms': 80, 'render_p50_ms': 20, 'render_p95_ms': 25, 'allowed_ms': 85}
+        self.write('browser.csv', columns, first, turn, {**turn, 'what': 'points', 'fps': 26.9, 'p95_ms': 90})
+        text = report.browser(self.folder.name)
+        self.assertIn('| demo:engine | 700 | met | 30 | 40, 80 of 85 | met | 26.9 | 40, 90 of 85 | **missed** | **missed** |', text)
+        self.write('browser.csv', columns, {**first, 'p50_ms': 1001}, turn, {**turn, 'what': 'points', 'fps': 27})
+        self.assertIn('| demo:engine | 1001 | **missed** | 30 | 40, 80 of 85 | met | 27 | 40, 80 of 85 | met | met |', report.browser(self.folder.name))
+
     def test_network(self):
         columns = ['rtt_ms', 'mbit', 'stalls_percent', 'format', 'fps_mean', 'p50_ms', 'allowed_ms']
         cell = {'rtt_ms': 0, 'mbit': 2, 'stalls_percent': 1, 'format': 'auto', 'fps_mean': 59.6, 'p50_ms': 21, 'allowed_ms': 38}

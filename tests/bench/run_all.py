@@ -24,7 +24,7 @@ from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -432,6 +432,16 @@ def measure_serve(run, name, label, *options, program='serve.mjs'):
             keep_table(run, name, f.read())
 
 
+def measure_browser(run):
+    why = missing('/usr/bin/chromium', os.path.join(ROOT, 'tests/node_modules/playwright-core'))
+    if why:
+        run.skip(1, f'the page in the browser; {why}')
+        return
+    real = [find(run.o.data, name) for name in ('bonsai_256x256x256_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd')]
+    measure_serve(run, 'browser.csv', 'the page in the browser', '--volumes', ','.join(['demo:engine', *(v for v in real if v)]),
+                  *(('--seconds', '2', '--rounds', '1', '--loads', '2') if run.o.quick else ()), program='browser.mjs')
+
+
 def measure_codecs(run):
     volumes = [find(run.o.data, name) for name in ('engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd')]
     command = [os.path.join(run.o.bin, 'splat-codecs')] + (['--size', '256', '--frames', '5'] if run.o.quick else [])
@@ -551,6 +561,7 @@ def main():
                                                  *(('--seconds', '1') if options.quick else ()))),
             'network': (1, lambda: measure_serve(run, 'network.csv', 'slow and distant networks',
                                                  *(('--seconds', '1', '--rtt', '50', '--mbit', '2', '--stalls', '1') if options.quick else ()), program='network.mjs')),
+            'browser': (1, lambda: measure_browser(run)),
             'codecs': (1, lambda: measure_codecs(run)),
             'tls': (1, lambda: measure_tls(run)),
             'soak': (1, lambda: measure_serve(run, 'soak.csv', 'clients that connect and disconnect', '--only', 'soak', *(('--minutes', '2') if options.quick else ()))),

@@ -169,7 +169,8 @@ test('a client with the view token receives frames and notifications, and may no
 
 test('stream.configure grants format, quality, size and lossless, and remembers them', async () => {
   const stream = await daemon.stream();
-  const granted = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
+  const { formats, ...granted } = await stream.call('stream.configure', { size: [96, 64], quality: 75, max_fps: 60 });
+  for (const format of ['jpeg', 'png', 'webp']) assert.ok(formats.includes(format), format);
   assert.deepEqual(granted, { format: 'jpeg', quality: 75, subsampling: 'auto', max_fps: 60, size: [96, 64], progressive: true, lossless: false, name: 'Guest 1' });
   await stream.frame((f) => (f.flags & FINAL) && f.width === 96 && f.height === 64, 'a final frame of 96 by 64');
   await stream.call('stream.configure', { lossless: true });

@@ -43,6 +43,7 @@ void test_view_init(struct sp_view *view) {
                      .lights = { { .direction = { 0, 0, 1 }, .color = { 1, 1, 1 } } } },
         .primitive = SP_PRIMITIVE_VOLUME,
         .clip = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } },
+        .slices = { .normal = { 0, 0, 1 }, .width = 1 },
         .level_of_detail = SP_LOD_AUTO,
     };
 }

@@ -52,6 +52,7 @@ static struct sp_view make_view(enum sp_projection projection) {
         .filter = { SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, 0.7, 3, 0.8, 0.3, NAN },
         .compositing = { SP_COMPOSITE_SHEET, SP_ATTENUATION_EXPONENTIAL, 1 },
         .shading = { .exponent = 1 },
+        .slices = { .normal = { 0, 0, 1 }, .width = 1 },
     };
     return view;
 }
