@@ -156,7 +156,10 @@ static void init_slices(struct sp_slices *slices, const struct sp_volume_info *i
     struct sp_vec3 half[3], middle = find_box(&info->grid, half);
     double window[2];
     sp_slice_default_window(info, window);
-    *slices = (struct sp_slices){ .normal = { 0, 0, 1 }, .center = window[0], .width = window[1] };
+    memset(slices, 0, sizeof *slices); /* with the padding: views are compared by their bytes */
+    slices->normal[2] = 1;
+    slices->center = window[0];
+    slices->width = window[1];
     for (int i = 0; i < 3; i++)
         slices->position[i] = middle.v[i] + 0.0; /* -0 becomes 0 */
 }
