@@ -245,7 +245,7 @@ export class Pane {
     if (isOrthogonal) {
       const index = grid.index(axis, position);
       const world = grid.axes[axis].reduce((best, part, i) => (Math.abs(part) > Math.abs(grid.axes[axis][best]) ? i : best), 0);
-      text = t('slices.place', { axis: 'xyz'[world], place: showNumber(position[world]), unit }).trim();
+      text = t('slices.place', { axis: 'xyz'[world], place: showNumber(grid.nearest(position)[world]), unit }).trim();
       const all = grid.count(axis);
       this.#slider.max = all - 1;
       if (document.activeElement !== this.#number) this.#number.value = index + 1;
@@ -261,12 +261,15 @@ export class Pane {
     this.#tell();
   }
 
-  /** Shows the value under the cursor, or at the crosshair. */
+  /** Shows the value under the cursor, or at the crosshair, and where it is. */
   #tell() {
     if (!this.plane) return;
     const world = this.#hovered ? this.toWorld(...this.#hovered) : this.#slices.position;
-    const value = this.valueAt(world);
-    const at = world.map((part) => showNumber(part)).join(', ');
+    // An orthogonal slice has no values between samples, so the place is that of the sample. All panes then tell the same.
+    const isInside = this.valueAt(world) !== null;
+    const place = this.plane.axis !== null && isInside ? this.#slices.grid.nearest(world) : world;
+    const value = this.valueAt(place);
+    const at = place.map((part) => showNumber(part)).join(', ');
     setText(this.#read, value === null ? t('slices.outside') : t('slices.value', {
       value: Number.isInteger(value) ? String(value) : showNumber(value), place: at, unit: this.#slices.unit }).trim());
   }

@@ -61,6 +61,11 @@ export class Grid {
     return add(world, scale(this.axes[axis], distanceAt(this.volume, axis, i) - this.distances(world)[axis]));
   }
 
+  /** The position of the sample that is nearest to a world point. */
+  nearest(world) {
+    return [0, 1, 2].reduce((point, axis) => this.moveTo(axis, point, this.index(axis, world)), world);
+  }
+
   /** The point moved into the volume. */
   clamp(world) {
     const distances = this.distances(world);

@@ -26,6 +26,8 @@ test('a grid converts between the world, distances and samples', () => {
   near(grid.moveTo(0, [-27, -8, 49], 400), [-27, -8, 41]);
   assert.deepEqual(grid.extent(2), [-0.75, 29 * 1.5 + 0.75]);
   near(grid.clamp([-300, 0, 49]), [-30.75, 0, 49]);
+  near(grid.nearest([-27.3, -8.4, 48.6]), [-27, -8, 49]);
+  near(grid.nearest([-300, 0, 49]), [-30, 0, 49]);
 });
 
 test('rectilinear axes go by their coordinates', () => {
