@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Moves the camera to another place in a quarter of a second; the update queue limits what is sent. Any other movement ends it. With
-// reduced motion, and to another projection, the camera is there at once.
+// Moves the camera to another place in a quarter of a second; the update queue limits what is sent. Any other movement ends it. The
+// camera jumps if the user prefers reduced motion, or if the projection changes.
 import { between } from '../core/movement.js';
 import { nextFrame } from './animation.js';
 

@@ -20,7 +20,7 @@ export class Overlay {
     screen.onResize(() => this.update());
   }
 
-  /** The rig of what is visible now: of the picture, or of the newest camera while the predicted picture is shown. Null without a view. */
+  /** The camera of what is visible now: of the picture, or the newest one while the predicted picture is shown. Null without a view. */
   get rig() {
     return (this.#warp.isVisible ? null : this.#shown) ?? this.#viewer.rig;
   }

@@ -180,7 +180,7 @@ export class Api {
     return this.#image('POST', `api/v1/render?${query}`, { body: view, signal });
   }
 
-  /** An image of the current view of a session, for a client with its join token. */
+  /** An image of the current view of a session. The join token of the session is enough. */
   snapshot({ id, token }, query, signal) {
     return this.#image('GET', `api/v1/sessions/${encodeURIComponent(id)}/snapshot?${query}`, { token, signal });
   }

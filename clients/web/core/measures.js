@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Measurements: the list of a session, undo, and where lines, handles and labels lie. A measurement is what measure.put answers with
+// Measurements: the list of a session, undo, and where lines, handles and labels lie. A measurement is the answer to measure.put
 // (protocol/stream.md); points are world positions. A plane is {origin, right, down, normal} (slices.js).
 import { add, cross, dot, length, normalize, scale, subtract } from './vector.js';
 

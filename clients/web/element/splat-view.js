@@ -72,7 +72,7 @@ export class SplatView extends HTMLElement {
   /** The id of the volume: of the first one, and later of the shown one. */
   get volume() { return this.getAttribute('volume') ?? ''; }
   set volume(value) { this.setAttribute('volume', value); }
-  /** The id of the session to join, or ''. Without it the element creates a session. */
+  /** The id of the session to join. If it is '', the element creates a session. */
   get session() { return this.getAttribute('session') ?? ''; }
   set session(value) { this.setAttribute('session', value); }
   /** True if the user can move the camera. */
