@@ -10,6 +10,7 @@
 #include "base/vec.h"
 #include "sp/slice.h"
 #include "splat/adaptive.h"
+#include "volume/anatomy.h"
 #include "volume/grid.h"
 
 /* Half edges of the box of all voxels' cells, as world vectors, and its middle. */
@@ -44,22 +45,12 @@ static double fit_box(const struct sp_vec3 half[3], struct sp_vec3 away, struct 
     return distance;
 }
 
-/* A stack of images without an orientation: scans are stored from the head down. */
-static bool is_plain_stack(const struct sp_volume_info *info) {
-    const struct sp_grid *g = &info->grid;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            if (g->origin[r] != 0 || g->direction[r][a] != (r == a))
-                return false;
-    return strncmp(info->source, "demo:", 5) != 0;
-}
-
 /* From the front (the side of low index 1), a little from the right and above. Close enough to fill
  * the image, but no closer than three quarters of the distance at which the volume can be turned
  * all around inside it. */
 static void init_camera(struct sp_camera *camera, const struct sp_volume_info *info,
                         double smallest) {
-    double rise = is_plain_stack(info) ? -1 : 1, radius;
+    double rise = sp_anatomy_is_plain_stack(info) ? -1 : 1, radius;
     struct sp_vec3 away = sp_vec3_normalize((struct sp_vec3){ { 0.45, -0.82, 0.35 * rise } });
     struct sp_vec3 up = { { 0, 0, rise } }, half[3], middle = find_box(&info->grid, half);
     *camera = (struct sp_camera){ .up = { 0, 0, rise }, .fov_y = 30, .near = 0.1 * smallest };

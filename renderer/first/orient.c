@@ -72,16 +72,6 @@ static struct sp_vec3 mix(struct sp_vec3 side, struct sp_vec3 front, struct sp_v
     return sp_vec3_normalize(sp_vec3_add(level, sp_vec3_scale(up, weight[2])));
 }
 
-/* True if the file states nothing about the place of its grid: a stack of slices. */
-static bool is_plain_stack(const struct sp_volume_info *info) {
-    const struct sp_grid *g = &info->grid;
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            if (g->origin[r] != 0 || g->direction[r][a] != (r == a))
-                return false;
-    return strncmp(info->source, "demo:", 5) != 0;
-}
-
 static bool is_real(enum sp_type type) {
     return type == SP_FLOAT32 || type == SP_FLOAT64;
 }
@@ -194,7 +184,7 @@ static bool orient_patient(const struct sp_first_samples *s, unsigned flat,
  * the first row above. Real numbers are maps: the last axis points to the camera, the second one
  * up. */
 static struct sp_first_orientation orient_flat(const struct sp_first_samples *s, unsigned axis) {
-    bool is_image = is_plain_stack(s->info) && !is_real(s->info->type);
+    bool is_image = sp_anatomy_is_plain_stack(s->info) && !is_real(s->info->type);
     unsigned right = axis == 0 ? 1 : 0, up = axis == 2 ? 1 : 2;
     double towards = axis == 0 ? 1 : axis == 1 || is_image ? -1 : 1;
     double rise =
@@ -239,7 +229,7 @@ struct sp_first_orientation sp_first_orient(const struct sp_first_samples *s,
         return o;
     if (axis < 3)
         return orient_flat(s, axis);
-    if (!is_plain_stack(s->info))
+    if (!sp_anatomy_is_plain_stack(s->info))
         return orient_world();
     const double *spacing = s->info->grid.spacing;
     bool is_scan = spacing[2] != spacing[0] && spacing[0] == spacing[1];

@@ -35,3 +35,12 @@ bool sp_anatomy_find(const char letters[4], char direction, double vector[3]) {
         }
     return false;
 }
+
+bool sp_anatomy_is_plain_stack(const struct sp_volume_info *info) {
+    const struct sp_grid *g = &info->grid;
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            if (g->origin[r] != 0 || g->direction[r][a] != (r == a))
+                return false;
+    return strncmp(info->source, "demo:", 5) != 0;
+}

@@ -18,4 +18,8 @@ bool sp_anatomy_is_valid(const char letters[4]);
  * state it. */
 bool sp_anatomy_find(const char letters[4], char direction, double vector[3]);
 
+/* True if the file states nothing about the place of its grid: a stack of images without an
+ * orientation. Scans are usually stored from the head down. False for a built-in volume. */
+bool sp_anatomy_is_plain_stack(const struct sp_volume_info *info);
+
 #endif
