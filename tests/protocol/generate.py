@@ -11,14 +11,15 @@ import jsonschema
 
 TEXTS = ['', 'a', 'engine', 'Zoë', '🦊', 'x' * 127, 'x' * 128, '/', '~1', '%', '\x7f', '\n', '"', '..', '../../etc/passwd', 'null', '0']
 # Strings for each pattern: a generator of strings from regular expressions would be longer than this whole file.
+POSITIVE = '([1-9][0-9]{0,16}([.][0-9]{1,17})?|0[.]0{0,8}[1-9][0-9]{0,8})(e[-+]?[0-9]{1,2})?'
 NUMBER = '[-+]?[0-9]{1,17}([.][0-9]{1,17})?(e[-+]?[0-9]{1,2})?'
 PATTERNS = {
     '^[^\\u0000]*[.](nrrd|vtk|vti|vtr|tif|tiff)$': ['a.nrrd', 'größe.tif', '../../x.vti', '🦊.vtk', 'a\\b.tiff'],
     '^demo:[a-z-]+([?]size=[1-9][0-9]{0,3})?$': ['demo:engine?size=8', 'demo:phantom?size=8', 'demo:galaxy?size=9', 'demo:nothing'],
     '^[1-9][0-9]{0,3},[1-9][0-9]{0,3}$': ['16,8', '1,1', '64,64', '9999,1', '8192,1'],
-    '^(0[.]0{0,8})?[1-9][0-9]{0,8}([.][0-9]{1,9})?$': ['1', '0.25', '100.5', '0.001'],
+    f'^{POSITIVE}$': ['1', '0.25', '100.5', '0.001', '2e-2'],
     f'^{NUMBER}(,{NUMBER}){{2}}$': ['0,0,1', '1.5,-2,8', '1e-9,3,-1e10', '+1,+2,+3', '0,0,0'],
-    f'^{NUMBER},[1-9][0-9]{{0,16}}([.][0-9]{{1,17}})?$': ['100,50', '-1e3,2.5', '0,1'],
+    f'^{NUMBER},{POSITIVE}$': ['100,50', '-1e3,2.5', '0,1', '0,2e3'],
     '^[A-Za-z0-9._-]{1,64}$': ['warm', 'a.B-c_0', '..', 'x' * 64],
     '^[A-Za-z0-9._-]{1,127}$': ['warm', 'a.B-c_0', 'x' * 127],
     '^[A-Za-z0-9_-]{1,32}$': ['a', 'b-1', 'C_2', 'x' * 32],
@@ -30,6 +31,7 @@ PATTERNS = {
     '^[^\\u0000]*$': TEXTS,
     '^(?!upload:)[^\\u0000]*$': [*TEXTS, 'demo:phantom?size=8', 'a/b.nrrd'],
     '^(?!demo:|upload:)[^\\u0000]*$': TEXTS,
+    '^/': ['/camera/eye'],
     '^[^\\u0000/]*$': ['engine', 'Zoë', '🦊', 'x' * 127, '~1', '%', '"'],
 }
 PIXELS_MAX = 1 << 16  # of a requested image: larger images take time and test nothing about the contract
@@ -40,6 +42,16 @@ class Values:
 
     def __init__(self, document, rng):
         self.document, self.rng = document, rng
+        unknown = set(self._patterns(document)) - PATTERNS.keys()
+        assert not unknown, f'add strings for these patterns of the contract to PATTERNS: {unknown}'
+
+    @classmethod
+    def _patterns(cls, node):
+        children = node.values() if isinstance(node, dict) else node if isinstance(node, list) else []
+        if isinstance(node, dict) and isinstance(node.get('pattern'), str):
+            yield node['pattern']
+        for child in children:
+            yield from cls._patterns(child)
 
     def node(self, schema):
         while '$ref' in schema:
