@@ -117,7 +117,7 @@ class Transfer {
       this.#curve.showAll();
       this.#history.reset(this.#recall(points, gradient) ?? { points, gradient, map: null });
       byId('transfer-kind').value = '';
-    } else if (!isSame(points, this.points) || !isSameGradient(gradient, this.state.gradient)) {
+    } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
       this.#history.put({ points, gradient, map: null }, 'others');
     }
     this.#ask();
@@ -142,7 +142,7 @@ class Transfer {
     const { points } = this;
     const { gradient } = this.state;
     const old = this.#viewer.view.transfer_function;
-    const patch = isSame(points, old.points) ? {} : { points };
+    const patch = isSame(points, tidy(old.points)) ? {} : { points };
     if (!isSameGradient(gradient, old.gradient ?? [])) patch.gradient = gradient;
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#keep(), KEEP_MS);

@@ -45,6 +45,7 @@ test('each control changes the picture as it should, and undo brings it back', a
   const { page, said } = await open(context, daemon.url);
   const first = await drawn(page);
   compare(covered(first), '>', 2500);
+  assert.ok(await page.locator('#transfer-undo').isDisabled(), 'there is nothing to undo before the first change');
   // Without opacity there is no picture.
   const count = (await page.evaluate(() => window.splatd.transfer.points)).length;
   for (let i = 0; i < count; i += 1) {
