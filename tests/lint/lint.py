@@ -16,6 +16,7 @@
   length       files have at most 600 lines
   glossary     the words of the glossary, not the words that it replaces
   words        nothing unfinished
+  types        the types in the comments of clients/web agree, as TypeScript reads them
 
 Prints one line per finding, `FILE:LINE: what`. The exit status is 0 if there are no findings, 1 if there are, and 77 if
 the rule was skipped.
@@ -488,9 +489,24 @@ def words(o):
                 yield f'{path}:{number}: reads as unfinished'
 
 
+def types(o):
+    node = shutil.which('node')
+    if not node:
+        print('skipped: no node (Debian package nodejs)')
+        sys.exit(77)
+    checker = os.path.join(os.path.dirname(os.path.abspath(__file__)), 'types.mjs')
+    done = subprocess.run([node, checker, os.path.join(o.source, 'clients', 'web')], capture_output=True, text=True, check=False)
+    if done.returncode == 77:
+        print(done.stdout.strip())
+        sys.exit(77)
+    yield from (f'clients/web/{line}' for line in done.stdout.splitlines())
+    if done.returncode and not done.stdout:
+        yield f'types.mjs: {done.stderr.strip()}'
+
+
 RULES = {'layers': layers, 'cycles': cycles, 'third-party': third_party, 'headers': headers, 'headers-cpp': headers_cpp,
          'globals': globals_, 'clocks': clocks, 'format': format_, 'style': style, 'length': length, 'glossary': glossary,
-         'words': words}
+         'words': words, 'types': types}
 
 
 def main():

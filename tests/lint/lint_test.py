@@ -11,6 +11,8 @@ import unittest
 
 import lint
 
+TYPESCRIPT = os.path.join(os.path.dirname(os.path.abspath(__file__)), '..', 'node_modules', 'typescript')
+
 
 class Tree(unittest.TestCase):
     def findings(self, rule, files):
@@ -188,6 +190,16 @@ class Tree(unittest.TestCase):
     def test_words(self):
         self.assertEqual(len(self.findings('words', {'protocol/a.c': '/* TO' 'DO */'})), 1)
         self.assertEqual(len(self.findings('words', {'tests/package-lock.json': '"resolved": "https://example"'})), 1)
+
+    @unittest.skipUnless(shutil.which('node') and os.path.isdir(TYPESCRIPT), 'no node or no tests/node_modules/typescript')
+    def test_types(self):
+        config = '{"compilerOptions": {"allowJs": true, "checkJs": true, "noEmit": true, "types": []}, "include": ["core"]}'
+        tree = {'clients/web/tsconfig.json': config, 'clients/web/core/a.js': 'export const length = (text) => Math.abs(text);\n'}
+        self.assertEqual(self.findings('types', tree), [])
+        wrong = "\nlength(1).missing();\n"
+        found = self.findings('types', {**tree, 'clients/web/core/a.js': tree['clients/web/core/a.js'] + wrong})
+        self.assertEqual(len(found), 1)
+        self.assertRegex(found[0], r'^clients/web/core/a.js:3: .*missing')
 
 
 if __name__ == '__main__':
