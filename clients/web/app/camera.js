@@ -20,64 +20,76 @@ const FIELDS = [
   { name: 'height', min: 0, of: 'orthographic' },
 ];
 
-export function install(app) {
-  const { viewer, orientation, panel } = app;
-  const body = panel.section({ id: 'camera', title: t('camera.section'), order: ORDER });
-  const rows = FIELDS.map((field) => {
+class CameraNumbers {
+  #viewer; #orientation; #body; #rows;
+  #isPlanned = false;
+
+  constructor({ viewer, orientation, panel }) {
+    this.#viewer = viewer;
+    this.#orientation = orientation;
+    this.#body = panel.section({ id: 'camera', title: t('camera.section'), order: ORDER });
+    this.#rows = FIELDS.map((field) => this.#row(field));
+  }
+
+  #row(field) {
     const id = `camera-${field.name}`;
     const input = make('input', { id, type: 'number', step: 'any', min: field.min, ...(field.max ? { max: field.max } : {}) });
     const unit = make('span', { class: 'unit', text: field.unit ?? '' });
     const row = make('div', { class: 'row', title: t(`camera.${field.name}.title`) },
       make('label', { for: id, text: t(`camera.${field.name}`) }), make('span', { class: 'number' }, input, unit));
-    body.append(row);
-    input.addEventListener('change', (event) => {
-      if (input.value !== '' && input.validity.valid) set(field.name, input.valueAsNumber, event.timeStamp);
-      show();
+    this.#body.append(row);
+    input.addEventListener('change', ({ timeStamp }) => {
+      if (input.value !== '' && input.validity.valid) this.#set(field.name, input.valueAsNumber, timeStamp);
+      this.#show();
     });
     return { ...field, input, unit, row };
-  });
+  }
 
-  const set = (name, value, time) => {
+  #set(name, value, time) {
+    const viewer = this.#viewer;
     if (!viewer.isReady) return;
     const { rig } = viewer;
+    const { frame, glide } = this.#orientation;
     const { nearest, farthest } = zoomLimits(sphereAround(viewer.box));
     const limited = Math.min(farthest, Math.max(nearest, value));
     switch (name) {
-      case 'distance': case 'height': orientation.glide.to({ ...rig, [name]: limited }, time); break;
+      case 'distance': case 'height': glide.to({ ...rig, [name]: limited }, time); break;
       case 'fov': viewer.place(withFieldOfView(rig, value), time); break;
-      default: {
-        const angles = { ...anglesOf(orientation.frame, rig.orientation), [name]: value };
-        orientation.glide.to({ ...rig, orientation: orientationOf(orientation.frame, angles) }, time);
-      }
+      default: glide.to({ ...rig, orientation: orientationOf(frame, { ...anglesOf(frame, rig.orientation), [name]: value }) }, time);
     }
-  };
+  }
 
   /** Shows the numbers of the camera; a field that has the focus stays as the user writes it. */
-  const show = () => {
-    const { rig, volume } = viewer;
-    body.toggleAttribute('inert', !viewer.canControl || !rig);
+  #show() {
+    const { rig, volume, canControl } = this.#viewer;
+    this.#body.toggleAttribute('inert', !canControl || !rig);
     if (!rig) return;
-    const angles = anglesOf(orientation.frame, rig.orientation);
+    const angles = anglesOf(this.#orientation.frame, rig.orientation);
     const extent = heightAtTarget(rig);
-    for (const { name, input, unit, row, of } of rows) {
+    for (const { name, input, unit, row, of } of this.#rows) {
       row.hidden = Boolean(of) && of !== rig.projection;
-      if (!row.matches('[hidden]') && document.activeElement !== input) {
+      if (!row.hidden && document.activeElement !== input) {
         const value = name in angles ? round(angles[name]) : name === 'fov' ? round(rig.fovY) : roundCoordinate(rig[name], extent);
         input.value = String(value);
       }
       if (name === 'distance' || name === 'height') unit.textContent = volume?.unit ?? '';
     }
-  };
-  let isPlanned = false;
-  const plan = () => {
-    if (isPlanned) return;
-    isPlanned = true;
+  }
+
+  /** Shows the numbers at the next animation frame. */
+  plan() {
+    if (this.#isPlanned) return;
+    this.#isPlanned = true;
     requestAnimationFrame(() => {
-      isPlanned = false;
-      show();
+      this.#isPlanned = false;
+      this.#show();
     });
-  };
-  viewer.on('view', plan);
-  viewer.on('camera', plan);
-  orientation.on('change', plan);
+  }
+}
+
+export function install(app) {
+  const numbers = new CameraNumbers(app);
+  app.viewer.on('view', () => numbers.plan());
+  app.viewer.on('camera', () => numbers.plan());
+  app.orientation.on('change', () => numbers.plan());
 }

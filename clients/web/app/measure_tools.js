@@ -16,7 +16,7 @@ export const modeOf = (kind) => `measure-${kind}`;
 export function installTools(app, measures) {
   const { modes, toolbar } = app;
   const buttons = TOOLS.map(({ kind, icon, key }) => {
-    modes.add(modeOf(kind), toolMode(app, measures, kind));
+    modes.add(modeOf(kind), new Tool(app, measures, kind).mode);
     const button = toolbar.button({
       id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true,
       press: () => measures.canEdit && modes.toggle(modeOf(kind)),
@@ -54,109 +54,132 @@ export const panesOf = (app) => [...(app.slices?.panes.values() ?? [])];
 /** The pane with slices whose canvas is this element; null = none. */
 const paneWith = (app, element) => panesOf(app).find((pane) => pane.element === element) ?? null;
 
-function toolMode(app, measures, kind) {
-  const { modes, screen, notice } = app;
-  const { hasPlane, points: count } = KINDS[kind];
-  const wanted = hasPlane ? 2 : count;
-  let draft = null; // {kind, points, pane, plane, cursor: {at, pane}}
-  let from = null; // where the button was pressed
-  let waiting = Promise.resolve(); // picks, one after the other
+/** One kind of measurement while it is drawn. */
+class Tool {
+  #app; #measures; #kind; #hasPlane;
+  #count; // points of a finished measurement
+  #wanted; // points to set: two corners where the kind lies in a plane
+  #draft = null; // {kind, points, pane, plane, cursor: {at, pane}}
+  #from = null; // where the button was pressed
+  #waiting = Promise.resolve(); // picks, one after the other
 
-  const show = () => {
-    measures.draft = draft;
-    if (draft) {
-      const { at, pane } = draft.cursor ?? {};
-      const points = pane && draft.points.length < wanted ? [...draft.points, pane.toWorld(...at)] : draft.points;
-      const unit = kind === 'angle' ? 'deg' : app.viewer.volume?.unit ?? '';
-      const text = points.length === count && !hasPlane ? valueText({ value: quickValue({ kind, points }), unit }, '') : '';
-      modes.say(text || t(`measure.${kind}`), t(`measure.${kind}.hint`));
+  constructor(app, measures, kind) {
+    const { hasPlane, points } = KINDS[kind];
+    this.#app = app;
+    this.#measures = measures;
+    this.#kind = kind;
+    this.#hasPlane = hasPlane;
+    this.#count = points;
+    this.#wanted = hasPlane ? 2 : points;
+  }
+
+  /** The mode, see modes.js. Panes with slices call the same functions and pass themselves last. */
+  get mode() {
+    const pointer = {
+      cursor: 'crosshair',
+      down: (at, event, pane = null) => {
+        this.#from = at;
+        this.#place(at, pane);
+      },
+      move: (at, event, pane = null) => {
+        if (this.#draft) this.#draft.cursor = { at, pane };
+        this.#show();
+      },
+      up: (at, event, pane = null) => {
+        if (this.#from && Math.hypot(at[0] - this.#from[0], at[1] - this.#from[1]) > DRAG_PX) this.#place(at, pane);
+        this.#from = null;
+      },
+      hover: (at, event, pane = null) => {
+        if (!this.#draft?.points.length) return;
+        this.#draft.cursor = { at, pane };
+        this.#show();
+      },
+      double: () => {},
+      cancel: () => { this.#waiting = this.#waiting.then(() => this.#removeLast()); },
+    };
+    return {
+      label: t(`measure.${this.#kind}`), hint: t(`measure.${this.#kind}.hint`), ...pointer, panes: pointer,
+      enter: () => this.#enter(), leave: () => this.#leave(), key: (event) => this.#press(event),
+    };
+  }
+
+  #enter() {
+    const { layout, slices } = this.#app;
+    this.#draft = { kind: this.#kind, points: [], pane: null, plane: null, cursor: null };
+    this.#show();
+    if (this.#hasPlane && layout.current === '3d' && slices) layout.set('four');
+  }
+
+  #leave() {
+    this.#draft = null;
+    this.#show();
+  }
+
+  #press({ key, target }) {
+    if (key === 'Backspace' || key === 'Delete') {
+      this.#removeLast();
+      return true;
     }
-    measures.emit('change');
-  };
-  const reset = () => {
-    draft = { kind, points: [], pane: null, plane: null, cursor: null };
-    show();
-  };
-  const finish = () => {
-    const points = hasPlane ? pointsFromCorners(kind, draft.points[0], draft.points[1], draft.plane) : draft.points;
-    if (!points) {
-      draft.points.pop();
-      show();
+    if (key !== 'Enter' || target.closest?.('button')) return false;
+    const { width, height } = this.#app.screen.viewport;
+    const pane = paneWith(this.#app, target);
+    if (pane) this.#put(this.#app.slices.position, pane);
+    else this.#place([width / 2, height / 2], null);
+    return true;
+  }
+
+  /** Sets a point below a place of the 3-D picture, or of a pane with slices. */
+  #place(at, pane) {
+    if (this.#hasPlane && !pane) {
+      this.#app.notice.show(t('measure.slice'));
       return;
     }
-    draft = null;
-    modes.leave();
-    const item = measures.add(kind, points);
-    if (item && kind === 'marker') measures.emit('name', item.id);
-  };
-  const put = (world, pane) => {
+    this.#waiting = this.#waiting.then(async () => this.#put(pane ? pane.toWorld(...at) : await surfaceAt(this.#app, at), pane));
+  }
+
+  #put(world, pane) {
+    const draft = this.#draft;
     if (!draft || !world) return;
     const last = draft.points.at(-1);
     if (last && last.every((part, i) => part === world[i])) return;
-    if (draft.points.length === 0 || (hasPlane && draft.pane !== pane)) {
-      draft.points = [];
-      draft.pane = pane;
-      draft.plane = pane?.plane ?? null;
+    if (draft.points.length === 0 || (this.#hasPlane && draft.pane !== pane)) {
+      Object.assign(draft, { points: [], pane, plane: pane?.plane ?? null });
     }
     draft.points.push(world);
-    if (draft.points.length >= wanted) finish();
-    else show();
-  };
-  const place = (at, pane) => {
-    if (hasPlane && !pane) {
-      notice.show(t('measure.slice'));
+    if (draft.points.length >= this.#wanted) this.#finish();
+    else this.#show();
+  }
+
+  #removeLast() {
+    this.#draft?.points.pop();
+    this.#show();
+  }
+
+  #finish() {
+    const { points, plane } = this.#draft;
+    const all = this.#hasPlane ? pointsFromCorners(this.#kind, points[0], points[1], plane) : points;
+    if (!all) {
+      this.#removeLast(); // the corners are on one line
       return;
     }
-    waiting = waiting.then(async () => put(pane ? pane.toWorld(...at) : await surfaceAt(app, at), pane));
-  };
-  const pointer = {
-    cursor: 'crosshair',
-    down: (at, event, pane = null) => {
-      from = at;
-      place(at, pane);
-    },
-    move: (at, event, pane = null) => {
-      if (draft) draft.cursor = { at, pane };
-      show();
-    },
-    up: (at, event, pane = null) => {
-      if (from && Math.hypot(at[0] - from[0], at[1] - from[1]) > DRAG_PX) place(at, pane);
-      from = null;
-    },
-    hover: (at, event, pane = null) => {
-      if (!draft || draft.points.length === 0) return;
-      draft.cursor = { at, pane };
-      show();
-    },
-    double: () => {},
-    cancel: () => {
-      waiting = waiting.then(() => {
-        draft?.points.pop();
-        show();
-      });
-    },
-  };
-  return {
-    label: t(`measure.${kind}`), hint: t(`measure.${kind}.hint`), ...pointer, panes: pointer,
-    enter: () => {
-      reset();
-      if (hasPlane && app.layout.current === '3d' && app.slices) app.layout.set('four');
-    },
-    leave: () => {
-      draft = null;
-      show();
-    },
-    key: ({ key, target }) => {
-      if (key === 'Backspace' || key === 'Delete') {
-        draft?.points.pop();
-        show();
-        return true;
-      }
-      if (key !== 'Enter' || target.closest?.('button')) return false;
-      const pane = paneWith(app, target);
-      if (pane) put(app.slices.position, pane);
-      else place([screen.viewport.width / 2, screen.viewport.height / 2], null);
-      return true;
-    },
-  };
+    this.#draft = null;
+    this.#app.modes.leave();
+    const item = this.#measures.add(this.#kind, all);
+    if (item && this.#kind === 'marker') this.#measures.emit('name', item.id);
+  }
+
+  #show() {
+    this.#measures.draft = this.#draft;
+    if (this.#draft) this.#app.modes.say(this.#valueText || t(`measure.${this.#kind}`), t(`measure.${this.#kind}.hint`));
+    this.#measures.emit('change');
+  }
+
+  /** The value of the points and of the place under the pointer; '' before there are enough. */
+  get #valueText() {
+    const { points: set, cursor } = this.#draft;
+    const points = cursor?.pane && set.length < this.#wanted ? [...set, cursor.pane.toWorld(...cursor.at)] : set;
+    if (points.length !== this.#count || this.#hasPlane) return '';
+    const unit = this.#kind === 'angle' ? 'deg' : this.#app.viewer.volume?.unit ?? '';
+    return valueText({ value: quickValue({ kind: this.#kind, points }), unit }, '');
+  }
 }

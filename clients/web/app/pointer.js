@@ -19,83 +19,110 @@ export function place(canvas, event) {
   return [event.clientX - box.left, event.clientY - box.top];
 }
 
+/** A drag or pinch with the pointers that are down. It starts again whenever a finger or button is added or removed. */
+class Gesture {
+  #canvas; #viewer; #modes;
+  #pointers = new Map(); // id → place
+  #kind = 'none'; // orbit, pan, pinch, or tool: the drag belongs to the mode
+  #from = null; // orbit: where the drag began
+  #start = null; // orbit: the orientation there
+  #last = null; // pan: the last point; pinch: the last {middle, spread}
+
+  constructor(canvas, viewer, modes) {
+    this.#canvas = canvas;
+    this.#viewer = viewer;
+    this.#modes = modes;
+  }
+
+  get count() { return this.#pointers.size; }
+
+  down(event) {
+    this.#pointers.set(event.pointerId, place(this.#canvas, event));
+    this.#begin(event, event.button === 2 || event.button === 1 || event.shiftKey);
+  }
+
+  move(event) {
+    const at = place(this.#canvas, event);
+    if (!this.#pointers.has(event.pointerId)) {
+      this.#modes.hover(at, event);
+      return;
+    }
+    this.#pointers.set(event.pointerId, at);
+    switch (this.#kind) {
+      case 'orbit': this.#orbit(at, event.timeStamp); break;
+      case 'tool': this.#modes.move(at, event); break;
+      case 'pan': this.#pan(at, event.timeStamp); break;
+      case 'pinch': this.#pinch(event.timeStamp); break;
+      default:
+    }
+  }
+
+  end(event) {
+    if (!this.#pointers.delete(event.pointerId)) return;
+    if (this.#kind === 'tool' && event.type === 'pointerup') this.#modes.up(place(this.#canvas, event), event);
+    this.#begin(event, false);
+  }
+
+  #begin(event, isPan) {
+    if (this.#kind === 'tool') this.#modes.cancel();
+    if (this.count >= 2) {
+      this.#kind = 'pinch';
+      this.#last = this.#fingers;
+    } else if (this.count === 1) {
+      [this.#from] = this.#pointers.values();
+      this.#last = this.#from;
+      this.#start = this.#viewer.orientation;
+      const isTool = event.type === 'pointerdown' && !isPan && this.#modes.down(this.#from, event);
+      this.#kind = isPan ? 'pan' : isTool ? 'tool' : 'orbit';
+    } else {
+      this.#kind = 'none';
+    }
+    this.#canvas.dataset.mode = this.#kind;
+  }
+
+  /** {middle, spread} of the first two pointers. */
+  get #fingers() {
+    const [a, b] = this.#pointers.values();
+    return { middle: [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2], spread: Math.max(10, Math.hypot(a[0] - b[0], a[1] - b[1])) };
+  }
+
+  #orbit(at, time) {
+    this.#start ??= this.#viewer.orientation;
+    if (this.#start) this.#viewer.turn(this.#start, this.#from, at, time);
+  }
+
+  #pan(at, time) {
+    this.#viewer.pan([at[0] - this.#last[0], at[1] - this.#last[1]], time);
+    this.#last = at;
+  }
+
+  #pinch(time) {
+    const last = this.#last;
+    const now = this.#fingers;
+    this.#viewer.zoom(last.spread / now.spread, last.middle, time);
+    this.#viewer.pan([now.middle[0] - last.middle[0], now.middle[1] - last.middle[1]], time);
+    this.#last = now;
+  }
+}
+
 /** modes: {down, move, up, cancel, hover, double}, see modes.js. */
 export function attachPointers(canvas, viewer, modes) {
-  const pointers = new Map();
-  let gesture = 'none'; // orbit, pan, pinch, or tool: the drag belongs to the mode
-  let from = null; // orbit: the start of the drag and the orientation there
-  let start = null;
-  let last = null; // pan: the last point; pinch: the last {middle, spread}
+  const gesture = new Gesture(canvas, viewer, modes);
   let tap = null;
-
-  const points = () => [...pointers.values()];
-  const pinch = () => {
-    const [a, b] = points();
-    return {
-      middle: [(a[0] + b[0]) / 2, (a[1] + b[1]) / 2],
-      spread: Math.max(10, Math.hypot(a[0] - b[0], a[1] - b[1])),
-    };
-  };
-  // A gesture restarts whenever a finger or button is added or removed.
-  const begin = (event, isPan) => {
-    if (gesture === 'tool') modes.cancel();
-    if (pointers.size >= 2) {
-      gesture = 'pinch';
-      last = pinch();
-    } else if (pointers.size === 1) {
-      [last] = points();
-      from = last;
-      start = viewer.orientation;
-      const isTool = event.type === 'pointerdown' && !isPan && modes.down(from, event);
-      gesture = isPan ? 'pan' : isTool ? 'tool' : 'orbit';
-    } else {
-      gesture = 'none';
-    }
-    canvas.dataset.mode = gesture;
-  };
-
   canvas.addEventListener('pointerdown', (event) => {
     if (event.pointerType === 'mouse' && event.button > 2) return;
     canvas.focus({ preventScroll: true });
     canvas.setPointerCapture(event.pointerId);
-    pointers.set(event.pointerId, place(canvas, event));
-    begin(event, event.button === 2 || event.button === 1 || event.shiftKey);
+    gesture.down(event);
     if (event.button === 1) event.preventDefault();
   });
-  canvas.addEventListener('pointermove', (event) => {
-    const at = place(canvas, event);
-    if (!pointers.has(event.pointerId)) {
-      modes.hover(at, event);
-      return;
-    }
-    pointers.set(event.pointerId, at);
-    const time = event.timeStamp;
-    if (gesture === 'orbit') {
-      start ??= viewer.orientation;
-      if (start) viewer.turn(start, from, at, time);
-    } else if (gesture === 'tool') {
-      modes.move(at, event);
-    } else if (gesture === 'pan') {
-      viewer.pan([at[0] - last[0], at[1] - last[1]], time);
-      last = at;
-    } else if (gesture === 'pinch') {
-      const now = pinch();
-      viewer.zoom(last.spread / now.spread, last.middle, time);
-      viewer.pan([now.middle[0] - last.middle[0], now.middle[1] - last.middle[1]], time);
-      last = now;
-    }
-  });
-  const end = (event) => {
-    if (!pointers.delete(event.pointerId)) return;
-    if (gesture === 'tool' && event.type === 'pointerup') modes.up(place(canvas, event), event);
-    begin(event, false);
-  };
+  canvas.addEventListener('pointermove', (event) => gesture.move(event));
   canvas.addEventListener('pointerup', (event) => {
-    if (event.pointerType === 'touch' && pointers.size === 1) tap = doubleTap(tap, canvas, event, viewer, modes);
-    end(event);
+    if (event.pointerType === 'touch' && gesture.count === 1) tap = doubleTap(tap, canvas, event, viewer, modes);
+    gesture.end(event);
   });
-  canvas.addEventListener('pointercancel', end);
-  canvas.addEventListener('lostpointercapture', end);
+  canvas.addEventListener('pointercancel', (event) => gesture.end(event));
+  canvas.addEventListener('lostpointercapture', (event) => gesture.end(event));
   canvas.addEventListener('dblclick', (event) => {
     if (!modes.double(place(canvas, event), event)) viewer.fit(event.timeStamp);
   });

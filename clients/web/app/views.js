@@ -4,14 +4,48 @@ import { sphereAround } from '../core/camera.js';
 import { withProjection } from '../core/movement.js';
 import { VIEWS, anglesOf, orientationOf, viewDirection } from '../core/orientation.js';
 import { t } from '../core/text.js';
-import { byId, make, setText } from './dom.js';
+import { make, setText } from './dom.js';
+import { Menu } from './menu.js';
 
-export function install(app) {
-  const { viewer, orientation, storage, shortcuts, toolbar } = app;
-  const items = [];
+/** The anatomical letter or the axis of the side that a standard view shows, for its text. */
+function sideOf(orientation, name) {
+  const direction = viewDirection(orientation.frame, name);
+  const axis = direction.findIndex((part) => Math.abs(part) === 1);
+  return axis < 0 ? {} : { side: orientation.letter(axis, direction[axis]) };
+}
 
-  /** Makes a line of the menu. isOn() makes it a switch. */
-  const add = ({ name, key, act, isOn = null, values = () => ({}) }) => {
+class Views {
+  #viewer; #orientation; #storage; #menu; #upright;
+  #items = []; // [{item, show()}]
+  #isUpright;
+
+  constructor({ viewer, orientation, storage, shortcuts, toolbar }) {
+    this.#viewer = viewer;
+    this.#orientation = orientation;
+    this.#storage = storage;
+    this.#isUpright = storage.recall('upright') === 'yes';
+    const standard = VIEWS.map((name, i) => this.#add({
+      name, key: String(i + 1), values: () => sideOf(orientation, name), act: (time) => this.#turn(name, time),
+    }));
+    const project = (time) => this.#project(time);
+    const flat = this.#add({ name: 'orthographic', key: 't', act: project, isOn: () => viewer.rig?.projection === 'orthographic' });
+    const toggle = (time) => this.#toggleUpright(time);
+    this.#upright = this.#add({ name: 'upright', key: 'u', act: toggle, isOn: () => this.#isUpright });
+    shortcuts.add(VIEWS.map((name, i) => String(i + 1)), ({ key, timeStamp }) => this.#turn(VIEWS[Number(key) - 1], timeStamp), t('views.keys'));
+    shortcuts.add('t', ({ timeStamp }) => project(timeStamp), t('views.orthographic'));
+    shortcuts.add('u', ({ timeStamp }) => toggle(timeStamp), t('views.upright'));
+
+    const show = () => this.#items.forEach((item) => item.show());
+    this.#menu = new Menu({ id: 'views-menu', label: t('views.label'), groups: [standard, [flat, this.#upright]], show });
+    const button = toolbar.button({
+      id: 'views', icon: 'compass', label: t('views.label'), group: 'view', order: 10, press: () => this.#menu.toggle(button),
+    });
+    button.setAttribute('aria-haspopup', 'menu');
+    button.setAttribute('aria-expanded', 'false');
+  }
+
+  /** Makes an item of the menu. isOn() makes it a switch. */
+  #add({ name, key, act, isOn = null, values = () => ({}) }) {
     const label = make('span');
     const item = make('button', {
       role: isOn ? 'menuitemcheckbox' : 'menuitem', tabindex: -1, 'data-name': name, press: ({ timeStamp }) => act(timeStamp),
@@ -20,117 +54,53 @@ export function install(app) {
       setText(label, t(`views.${name}`, values()));
       if (isOn) item.setAttribute('aria-checked', String(isOn()));
     };
-    items.push({ item, show });
+    this.#items.push({ item, show });
     return item;
-  };
+  }
 
-  const side = (name) => {
-    const direction = viewDirection(orientation.frame, name);
-    const axis = direction.findIndex((part) => Math.abs(part) === 1);
-    return axis < 0 ? {} : { side: orientation.letter(axis, direction[axis]) };
-  };
-  const turn = (name, time) => orientation.turnTo(viewDirection(orientation.frame, name), time);
-  const standard = VIEWS.map((name, i) => add({ name, key: String(i + 1), values: () => side(name), act: (time) => turn(name, time) }));
-  shortcuts.add(VIEWS.map((name, i) => String(i + 1)), ({ key, timeStamp }) => turn(VIEWS[Number(key) - 1], timeStamp), t('views.keys'));
-  const project = (time) => {
+  /** Follows who may change the view. The upright camera belongs to this window. */
+  show() {
+    for (const { item } of this.#items) item.disabled = !this.#viewer.canControl && item !== this.#upright;
+    this.#menu.show();
+  }
+
+  /** Follows the orientation of the volume. */
+  orient() {
+    this.#viewer.upright = this.#isUpright ? this.#orientation.frame : null;
+    this.#menu.show();
+  }
+
+  #turn(name, time) {
+    this.#orientation.turnTo(viewDirection(this.#orientation.frame, name), time);
+  }
+
+  #project(time) {
+    const viewer = this.#viewer;
     if (!viewer.isReady) return;
     const other = viewer.rig.projection === 'orthographic' ? 'perspective' : 'orthographic';
     viewer.place(withProjection(viewer.rig, other, sphereAround(viewer.box)), time);
     viewer.emit('view', viewer.view);
-  };
-  const flat = add({ name: 'orthographic', key: 't', act: project, isOn: () => viewer.rig?.projection === 'orthographic' });
-  shortcuts.add('t', ({ timeStamp }) => project(timeStamp), t('views.orthographic'));
+  }
 
-  let isUpright = storage.recall('upright') === 'yes';
-  const lock = () => { viewer.upright = isUpright ? orientation.frame : null; };
-  const level = (time) => {
+  #toggleUpright(time) {
+    this.#isUpright = !this.#isUpright;
+    this.#storage.remember('upright', this.#isUpright ? 'yes' : 'no');
+    this.orient();
+    if (this.#isUpright) this.#level(time);
+  }
+
+  /** Removes the roll of the camera. */
+  #level(time) {
+    const viewer = this.#viewer;
     if (!viewer.isReady) return;
-    const { azimuth, elevation } = anglesOf(orientation.frame, viewer.orientation);
-    orientation.glide.to({ ...viewer.rig, orientation: orientationOf(orientation.frame, { azimuth, elevation }) }, time);
-  };
-  const toggleUpright = (time) => {
-    isUpright = !isUpright;
-    storage.remember('upright', isUpright ? 'yes' : 'no');
-    lock();
-    if (isUpright) level(time);
-    menu.show();
-  };
-  const upright = add({ name: 'upright', key: 'u', isOn: () => isUpright, act: toggleUpright });
-  shortcuts.add('u', ({ timeStamp }) => toggleUpright(timeStamp), t('views.upright'));
-
-  const menu = new Menu([standard, [flat, upright]], () => items.forEach(({ show }) => show()));
-  const button = toolbar.button({ id: 'views', icon: 'compass', label: t('views.label'), group: 'view', order: 10, press: () => menu.toggle(button) });
-  button.setAttribute('aria-haspopup', 'menu');
-  button.setAttribute('aria-expanded', 'false');
-  viewer.on('view', () => {
-    for (const { item } of items) item.disabled = !viewer.canControl && item !== upright;
-    menu.show();
-  });
-  orientation.on('change', () => {
-    lock();
-    menu.show();
-  });
+    const { frame, glide } = this.#orientation;
+    const { azimuth, elevation } = anglesOf(frame, viewer.orientation);
+    glide.to({ ...viewer.rig, orientation: orientationOf(frame, { azimuth, elevation }) }, time);
+  }
 }
 
-/** A menu below a button of the toolbar. */
-class Menu {
-  #root; #show;
-  #button = null;
-
-  constructor(groups, show) {
-    this.#show = show;
-    this.#root = make('div', { id: 'views-menu', class: 'menu', role: 'menu', 'aria-label': t('views.label'), hidden: true },
-      ...groups.map((items) => make('div', { role: 'group' }, ...items)));
-    byId('toolbar').after(this.#root);
-    this.#root.addEventListener('keydown', (event) => this.#key(event));
-    this.#root.addEventListener('click', ({ target }) => target.closest('[role="menuitem"]') && this.close());
-    document.addEventListener('pointerdown', ({ target }) => {
-      if (!this.#root.contains(target) && !this.#button?.contains(target)) this.close();
-    });
-    this.#root.addEventListener('focusout', ({ relatedTarget }) => {
-      if (relatedTarget && !this.#root.contains(relatedTarget)) this.close();
-    });
-  }
-
-  get #items() { return [...this.#root.querySelectorAll('button:not(:disabled)')]; }
-
-  show() {
-    this.#show();
-  }
-
-  toggle(button) {
-    if (!this.#root.hidden) {
-      this.close();
-      return;
-    }
-    this.#button = button;
-    this.show();
-    this.#root.hidden = false;
-    button.setAttribute('aria-expanded', 'true');
-    const place = button.getBoundingClientRect();
-    const tools = this.#root.parentElement.getBoundingClientRect();
-    const space = tools.width - this.#root.offsetWidth;
-    this.#root.style.left = `${Math.max(Math.min(0, space), Math.min(place.left - tools.left, space))}px`;
-    this.#items[0]?.focus();
-  }
-
-  close() {
-    if (this.#root.hidden) return;
-    const hadFocus = this.#root.contains(document.activeElement);
-    this.#root.hidden = true;
-    this.#button.setAttribute('aria-expanded', 'false');
-    if (hadFocus) (this.#button.checkVisibility() ? this.#button : byId('screen')).focus();
-  }
-
-  #key(event) {
-    const items = this.#items;
-    const at = items.indexOf(document.activeElement);
-    const next = {
-      ArrowDown: (at + 1) % items.length, ArrowUp: (at - 1 + items.length) % items.length, Home: 0, End: items.length - 1,
-    }[event.key];
-    if (next !== undefined) items[next].focus();
-    else if (event.key === 'Escape') this.close();
-    else return;
-    event.preventDefault();
-  }
+export function install(app) {
+  const views = new Views(app);
+  app.viewer.on('view', () => views.show());
+  app.orientation.on('change', () => views.orient());
 }

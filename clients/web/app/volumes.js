@@ -54,97 +54,114 @@ function closeText(volume) {
   return volume.state === 'loading' ? t('volumes.cancel', { name }) : t('volumes.close', { name });
 }
 
-export function install(app) {
-  const { connection, viewer, notice } = app;
-  const list = byId('volumes');
-  const info = new VolumeInfo(app, byId('volume-info'));
-  let shown = '';
-  let timer = null;
-  let seen = null; // the shown volume
-  let left = null; // the one before, if the daemon or another participant left it
+class VolumeList {
+  #app; #info;
+  #list = byId('volumes');
+  #shown = ''; // what the list shows, as text
+  #timer = null; // of the next refresh
+  #seen = null; // the volume in the picture
+  #left = null; // the volume before it, if the daemon or another participant changed it
 
-  function note() {
-    const current = viewer.view?.volume;
-    if (current === seen) return;
-    left = seen;
-    seen = current;
+  constructor(app) {
+    this.#app = app;
+    this.#info = new VolumeInfo(app, byId('volume-info'));
   }
 
-  function select(id) {
-    viewer.selectVolume(id);
-    left = null;
+  get #current() { return this.#app.viewer.view?.volume; }
+
+  /** Follows the view. */
+  follow() {
+    if (this.#current !== this.#seen) [this.#left, this.#seen] = [this.#seen, this.#current];
+    this.show();
   }
 
-  async function close(volume) {
-    const others = app.participants.count > 1;
-    if (volume.state === 'ready' && volume.id === viewer.view?.volume && others
-        && !await ask(t('volumes.close.ask', { name: nameOf(volume) }), t('volumes.close.act'))) return;
-    try {
-      await app.api.closeVolume(volume.id);
-    } catch (error) {
-      if (error.status !== 404) notice.show(t('volumes.close.failed', { name: nameOf(volume), reason: error.message }));
-    }
-    if (list.contains(document.activeElement)) list.querySelector('button:not(:disabled)')?.focus();
-    connection.refresh().catch(() => {}); // the stream reports a lost daemon
+  #select(id) {
+    this.#app.viewer.selectVolume(id);
+    this.#left = null;
   }
 
-  function entry(volume, current, mayClose) {
-    const item = make('li', { 'data-state': volume.state }, picker(volume, current, select));
-    if (mayClose) {
-      const label = closeText(volume);
-      const button = make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press: () => close(volume) });
-      button.append(icon('x'));
-      item.append(button);
-    }
-    if (volume.state === 'failed') item.append(details(() => app.api, volume));
-    return item;
+  /** Says that a volume was closed which the user saw. The daemon may show another volume before or after it says so. */
+  tellClosed(id) {
+    if (![this.#current, this.#left].includes(id)) return;
+    const known = this.#app.connection.volumes.find((volume) => volume.id === id);
+    this.#app.notice.show(t('volumes.closed', { name: known ? nameOf(known) : id }));
   }
 
-  function show() {
-    const { volumes, session } = connection;
-    const current = viewer.view?.volume;
-    const mayOpen = Boolean(app.api.may.open) && !session?.isJoined;
+  show() {
+    const { volumes, session } = this.#app.connection;
+    const mayOpen = Boolean(this.#app.api.may.open) && !session?.isJoined;
     byId('open-button').hidden = !mayOpen;
     byId('volumes-section').hidden = volumes.length === 0 && !mayOpen;
     byId('volumes-why').hidden = !session?.isJoined;
-    info.show(volumes.find(({ id }) => id === current) ?? null);
-    const key = JSON.stringify([current, mayOpen, volumes.map((v) => [v.id, v.name, describe(v), v.progress])]);
-    if (key === shown) return;
-    shown = key;
+    this.#info.show(volumes.find(({ id }) => id === this.#current) ?? null);
+    const shown = JSON.stringify([this.#current, mayOpen, volumes.map((v) => [v.id, v.name, describe(v), v.progress])]);
+    if (shown === this.#shown) return;
+    this.#shown = shown;
+    this.#rebuild(volumes, mayOpen);
+  }
+
+  /** Rebuilds the list; the focus and the open reasons stay. */
+  #rebuild(volumes, mayClose) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
-    const open = [...list.querySelectorAll('[aria-expanded="true"]')].map((button) => button.dataset.id);
-    list.replaceChildren(...volumes.map((volume) => entry(volume, current, mayOpen)));
-    for (const button of list.querySelectorAll('button')) {
+    const open = [...this.#list.querySelectorAll('[aria-expanded="true"]')].map((button) => button.dataset.id);
+    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, mayClose)));
+    for (const button of this.#list.querySelectorAll('button')) {
       if (open.includes(button.dataset.id)) button.click();
       if (focused && button.dataset.id === focused) button.focus();
     }
   }
 
-  function refresh() {
-    if (timer || connection.session?.isJoined) return;
-    timer = setTimeout(async () => {
-      timer = null;
+  #entry(volume, mayClose) {
+    const item = make('li', { 'data-state': volume.state }, picker(volume, this.#current, (id) => this.#select(id)));
+    if (mayClose) {
+      const label = closeText(volume);
+      const press = () => this.#close(volume);
+      item.append(make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press }, icon('x')));
+    }
+    if (volume.state === 'failed') item.append(details(() => this.#app.api, volume));
+    return item;
+  }
+
+  async #close(volume) {
+    const { api, connection, notice, participants } = this.#app;
+    const name = nameOf(volume);
+    const isWatched = volume.state === 'ready' && volume.id === this.#current && participants.count > 1;
+    if (isWatched && !await ask(t('volumes.close.ask', { name }), t('volumes.close.act'))) return;
+    try {
+      await api.closeVolume(volume.id);
+    } catch (error) {
+      if (error.status !== 404) notice.show(t('volumes.close.failed', { name, reason: error.message }));
+    }
+    if (this.#list.contains(document.activeElement)) this.#list.querySelector('button:not(:disabled)')?.focus();
+    connection.refresh().catch(() => {}); // the stream reports a lost daemon
+  }
+
+  /** Reads the list again after LIST_MS. */
+  refresh() {
+    const { connection } = this.#app;
+    if (this.#timer || connection.session?.isJoined) return;
+    this.#timer = setTimeout(async () => {
+      this.#timer = null;
       try {
         if (connection.isLive) await connection.refresh();
       } catch { /* the stream reports a lost daemon */ }
     }, LIST_MS);
   }
+}
 
-  viewer.on('view', note);
-  viewer.on('view', show);
-  connection.on('session', show);
+export function install(app) {
+  const { connection, viewer } = app;
+  const list = new VolumeList(app);
+  viewer.on('view', () => list.follow());
+  connection.on('session', () => list.show());
   connection.on('volumes', (volumes) => {
-    show();
-    if (connection.isLive && volumes.some((v) => v.state === 'loading')) refresh();
+    list.show();
+    if (connection.isLive && volumes.some(({ state }) => state === 'loading')) list.refresh();
   });
   connection.on('notification', ({ method, params }) => {
     if (method !== 'volume.progress') return;
-    const known = connection.volumes.find(({ id }) => id === params.volume);
-    // The daemon may tell the other volume before or after it.
-    if (params.state === 'unloaded' && [viewer.view?.volume, left].includes(params.volume)) {
-      notice.show(t('volumes.closed', { name: known ? nameOf(known) : params.volume }));
-    }
-    refresh();
+    if (params.state === 'unloaded') list.tellClosed(params.volume);
+    list.refresh();
   });
-  document.addEventListener('visibilitychange', () => !document.hidden && refresh());
+  document.addEventListener('visibilitychange', () => !document.hidden && list.refresh());
 }

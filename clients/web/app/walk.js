@@ -19,89 +19,125 @@ const FAST = 3; // with Shift
 const MOUSE_GAIN = 1.5;
 const STEP_MAX_MS = 100; // after a pause
 
-export function install(app) {
-  const { viewer, modes, toolbar, orientation } = app;
-  const held = new Set();
-  let speed = SPEED;
-  let last = null; // of a drag
-  let before = 0;
-  let request = 0;
-  let isFast = false;
+class Walk {
+  #viewer; #modes; #orientation; #pad;
+  #held = new Set(); // the keys of MOVES that are down
+  #speed = SPEED;
+  #isFast = false;
+  #last = null; // the last point of the drag
+  #before = 0; // the time of the last step, in ms
+  #request = 0; // the animation frame of the next step
 
-  const radius = () => sphereAround(viewer.box).radius;
-  const tell = () => {
-    const text = lengthText(Number((speed * radius()).toPrecision(2)), viewer.volume?.unit ?? '');
-    modes.say(t('walk.speed', { speed: text }));
-  };
+  constructor({ viewer, modes, orientation }) {
+    this.#viewer = viewer;
+    this.#modes = modes;
+    this.#orientation = orientation;
+    this.#pad = createPad((name) => this.#hold(name), (name) => this.release(name));
+  }
 
-  const advance = (now) => {
-    request = 0;
-    const seconds = Math.min(now - before, STEP_MAX_MS) / 1000;
-    before = now;
-    const sum = [0, 0, 0];
-    for (const name of held) MOVES[name].forEach((part, i) => { sum[i] += part; });
-    const way = speed * radius() * seconds * (isFast ? FAST : 1);
-    if (sum.some(Boolean)) viewer.place(walk(viewer.rig, orientation.frame, sum.map((part) => part * way)), now);
-    if (held.size > 0) request = requestAnimationFrame(advance);
-  };
-  const hold = (name) => {
+  /** The mode, see modes.js. */
+  get mode() {
+    return {
+      label: t('walk.label'), hint: t('walk.hint'), cursor: 'crosshair',
+      enter: () => this.#enter(),
+      leave: () => this.#leave(),
+      down: (at) => { this.#last = at; },
+      move: (at, event) => this.#look(at, event),
+      wheel: (event) => this.#changeSpeed(-Math.sign(event.deltaY)),
+      key: (event) => this.#press(event),
+    };
+  }
+
+  #enter() {
+    const viewer = this.#viewer;
+    if (viewer.isReady && viewer.rig.projection === 'orthographic') {
+      viewer.place(withProjection(viewer.rig, 'perspective', sphereAround(viewer.box)), performance.now());
+    }
+    this.#pad.hidden = false;
+    if (viewer.isReady) this.#tellSpeed();
+    viewer.emit('view', viewer.view);
+  }
+
+  #leave() {
+    this.stop();
+    this.#pad.hidden = true;
+  }
+
+  /** Turns the head. */
+  #look(at, { pointerType, timeStamp }) {
+    const viewer = this.#viewer;
     if (!viewer.isReady) return;
-    held.add(name);
-    if (request) return;
-    before = performance.now() - 16;
-    request = requestAnimationFrame(advance);
-  };
-  const stop = () => {
-    held.clear();
-    cancelAnimationFrame(request);
-    request = 0;
-  };
+    const perPx = viewer.rig.fovY * Math.PI / 180 / viewer.viewport.height * (pointerType === 'mouse' ? -MOUSE_GAIN : 1);
+    const [dx, dy] = [at[0] - this.#last[0], at[1] - this.#last[1]];
+    this.#last = at;
+    viewer.place(look(viewer.rig, this.#orientation.frame, dx * perPx, dy * perPx), timeStamp);
+  }
 
-  const pad = createPad(hold, (name) => held.delete(name));
+  #changeSpeed(steps) {
+    this.#speed = Math.min(SPEED_RANGE[1], Math.max(SPEED_RANGE[0], this.#speed * SPEED_STEP ** steps));
+    this.#tellSpeed();
+    return true;
+  }
+
+  get #radius() { return sphereAround(this.#viewer.box).radius; }
+
+  #tellSpeed() {
+    const speed = lengthText(Number((this.#speed * this.#radius).toPrecision(2)), this.#viewer.volume?.unit ?? '');
+    this.#modes.say(t('walk.speed', { speed }));
+  }
+
+  // Keys that are held.
+
+  #press(event) {
+    this.#isFast = event.shiftKey;
+    const name = event.key.toLowerCase();
+    if (!(name in MOVES)) return false;
+    this.#hold(name);
+    return true;
+  }
+
+  #hold(name) {
+    if (!this.#viewer.isReady) return;
+    this.#held.add(name);
+    if (this.#request) return;
+    this.#before = performance.now() - 16;
+    this.#request = requestAnimationFrame((now) => this.#advance(now));
+  }
+
+  release(name, isFast = this.#isFast) {
+    this.#isFast = isFast;
+    this.#held.delete(name);
+  }
+
+  stop() {
+    this.#held.clear();
+    cancelAnimationFrame(this.#request);
+    this.#request = 0;
+  }
+
+  #advance(now) {
+    const viewer = this.#viewer;
+    this.#request = 0;
+    const seconds = Math.min(now - this.#before, STEP_MAX_MS) / 1000;
+    this.#before = now;
+    const sum = [0, 0, 0];
+    for (const name of this.#held) MOVES[name].forEach((part, i) => { sum[i] += part; });
+    const way = this.#speed * this.#radius * seconds * (this.#isFast ? FAST : 1);
+    if (sum.some(Boolean)) viewer.place(walk(viewer.rig, this.#orientation.frame, sum.map((part) => part * way)), now);
+    if (this.#held.size > 0) this.#request = requestAnimationFrame((next) => this.#advance(next));
+  }
+}
+
+export function install(app) {
+  const { modes, toolbar } = app;
+  const walking = new Walk(app);
   const button = toolbar.button({
     id: 'walk', icon: 'footprints', label: t('walk.label'), key: 'g', group: 'view', order: 30, isToggle: true, press: () => modes.toggle(NAME),
   });
-  modes.add(NAME, {
-    label: t('walk.label'), hint: t('walk.hint'), cursor: 'crosshair',
-    enter() {
-      if (viewer.isReady && viewer.rig.projection === 'orthographic') {
-        viewer.place(withProjection(viewer.rig, 'perspective', sphereAround(viewer.box)), performance.now());
-      }
-      pad.hidden = false;
-      if (viewer.isReady) tell();
-      viewer.emit('view', viewer.view);
-    },
-    leave() {
-      stop();
-      pad.hidden = true;
-    },
-    down(at) { last = at; },
-    move(at, event) {
-      if (!viewer.isReady) return;
-      const perPx = viewer.rig.fovY * Math.PI / 180 / viewer.viewport.height * (event.pointerType === 'mouse' ? -MOUSE_GAIN : 1);
-      const [dx, dy] = [at[0] - last[0], at[1] - last[1]];
-      last = at;
-      viewer.place(look(viewer.rig, orientation.frame, dx * perPx, dy * perPx), event.timeStamp);
-    },
-    wheel(event) {
-      speed = Math.min(SPEED_RANGE[1], Math.max(SPEED_RANGE[0], speed * SPEED_STEP ** -Math.sign(event.deltaY)));
-      tell();
-      return true;
-    },
-    key(event) {
-      isFast = event.shiftKey;
-      const name = event.key.toLowerCase();
-      if (!(name in MOVES)) return false;
-      hold(name);
-      return true;
-    },
-  });
-  window.addEventListener('keyup', (event) => {
-    isFast = event.shiftKey;
-    held.delete(event.key.toLowerCase());
-  });
-  window.addEventListener('blur', stop);
+  modes.add(NAME, walking.mode);
   modes.on('change', (name) => button.setAttribute('aria-pressed', String(name === NAME)));
+  window.addEventListener('keyup', ({ key, shiftKey }) => walking.release(key.toLowerCase(), shiftKey));
+  window.addEventListener('blur', () => walking.stop());
 }
 
 /** Two buttons for fingers; they are held. */
