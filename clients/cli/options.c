@@ -236,82 +236,58 @@ static bool parse_camera(const char *name, const char *text, double *out) {
     return false;
 }
 
-/* True if the option belongs to slices. */
-static bool apply_slice_option(struct slice_options *slice, int id, const char *value) {
-    const char **const members[] = {
-        [OPT_AXIS] = &slice->axis,     [OPT_INDEX] = &slice->index, [OPT_ORIGIN] = &slice->origin,
-        [OPT_NORMAL] = &slice->normal, [OPT_UP] = &slice->up,       [OPT_SPACING] = &slice->spacing,
-        [OPT_WINDOW] = &slice->window
+/* Sets an option that is a text or a flag. False if it is another one. */
+static bool apply_plain(struct options *o, enum option_id id, const char *value) {
+    const char **const texts[OPT_VERSION + 1] = {
+        [OPT_URL] = &o->url,
+        [OPT_TOKEN] = &o->token,
+        [OPT_VOLUME] = &o->volume,
+        [OPT_VIEW] = &o->view,
+        [OPT_OUT] = &o->out,
+        [OPT_FORMAT] = &o->format,
+        [OPT_BACKEND] = &o->backend,
+        [OPT_GPU] = &o->gpu,
+        [OPT_ISA] = &o->isa,
+        [OPT_ID] = &o->id,
+        [OPT_PRESET] = &o->preset,
+        [OPT_AXIS] = &o->slice.axis,
+        [OPT_INDEX] = &o->slice.index,
+        [OPT_ORIGIN] = &o->slice.origin,
+        [OPT_NORMAL] = &o->slice.normal,
+        [OPT_UP] = &o->slice.up,
+        [OPT_SPACING] = &o->slice.spacing,
+        [OPT_WINDOW] = &o->slice.window,
     };
-    if (id < OPT_AXIS || id > OPT_WINDOW)
-        return false;
-    *members[id] = value;
-    return true;
+    bool *const flags[OPT_VERSION + 1] = {
+        [OPT_LOCAL] = &o->local,   [OPT_JSON] = &o->json, [OPT_NO_WAIT] = &o->no_wait,
+        [OPT_DELETE] = &o->delete, [OPT_HELP] = &o->help, [OPT_VERSION] = &o->version,
+    };
+    if (texts[id])
+        *texts[id] = value;
+    else if (flags[id])
+        *flags[id] = true;
+    return texts[id] || flags[id];
 }
 
-static bool apply_option(struct options *o, int id, const char *value) {
-    long number;
-    if (apply_slice_option(&o->slice, id, value))
-        return true;
-    switch ((enum option_id)id) {
-    case OPT_URL:
-        o->url = value;
-        return true;
-    case OPT_TOKEN:
-        o->token = value;
-        return true;
-    case OPT_VOLUME:
-        o->volume = value;
-        return true;
-    case OPT_VIEW:
-        o->view = value;
-        return true;
-    case OPT_OUT:
-        o->out = value;
-        return true;
+/* Sets an option that is a number. False after a message if the value is wrong. */
+static bool apply_number(struct options *o, enum option_id id, const char *value) {
+    long number = 0;
+    bool ok = true;
+    switch (id) {
     case OPT_SIZE:
         return parse_size(value, o->size);
-    case OPT_FORMAT:
-        o->format = value;
-        return true;
     case OPT_QUALITY:
-        if (!parse_whole("--quality", value, 1, 100, &number))
-            return false;
+        ok = parse_whole("--quality", value, 1, 100, &number);
         o->quality = (int)number;
-        return true;
-    case OPT_LOCAL:
-        return o->local = true;
+        return ok;
     case OPT_THREADS:
-        if (!parse_whole("--threads", value, 1, 256, &number))
-            return false;
+        ok = parse_whole("--threads", value, 1, 256, &number);
         o->threads = (unsigned)number;
-        return true;
-    case OPT_BACKEND:
-        o->backend = value;
-        return true;
-    case OPT_GPU:
-        o->gpu = value;
-        return true;
-    case OPT_ISA:
-        o->isa = value;
-        return true;
+        return ok;
     case OPT_TIMEOUT:
-        if (!parse_whole("--timeout", value, 1, 86400, &number))
-            return false;
+        ok = parse_whole("--timeout", value, 1, 86400, &number);
         o->timeout_s = (unsigned)number;
-        return true;
-    case OPT_JSON:
-        return o->json = true;
-    case OPT_NO_WAIT:
-        return o->no_wait = true;
-    case OPT_DELETE:
-        return o->delete = true;
-    case OPT_ID:
-        o->id = value;
-        return true;
-    case OPT_PRESET:
-        o->preset = value;
-        return true;
+        return ok;
     case OPT_AZIMUTH:
         return parse_camera("--azimuth", value, &o->camera[CAMERA_AZIMUTH]);
     case OPT_ELEVATION:
@@ -320,20 +296,13 @@ static bool apply_option(struct options *o, int id, const char *value) {
         return parse_camera("--distance", value, &o->camera[CAMERA_DISTANCE]);
     case OPT_ROLL:
         return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
-    case OPT_AXIS:
-    case OPT_INDEX:
-    case OPT_ORIGIN:
-    case OPT_NORMAL:
-    case OPT_UP:
-    case OPT_SPACING:
-    case OPT_WINDOW:
-        break; /* of slices */
-    case OPT_HELP:
-        return o->help = true;
-    case OPT_VERSION:
-        return o->version = true;
+    default:
+        return false;
     }
-    return false;
+}
+
+static bool apply_option(struct options *o, int id, const char *value) {
+    return apply_plain(o, (enum option_id)id, value) || apply_number(o, (enum option_id)id, value);
 }
 
 bool options_parse(struct options *options, int argc, char **argv) {
