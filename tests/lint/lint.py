@@ -100,7 +100,7 @@ MUTABLE = {'log_state', 'cpu_mask', 'parsing'}
 INCLUDE = re.compile(r'^\s*#\s*include\s*([<"])([^>"]+)[>"]')
 SOURCE = ('.c', '.h', '.cpp')
 CODE = SOURCE + ('.py', '.mjs', '.js', '.sh', '.css', '.html', '.cmake')
-LINES_MAX, COLUMNS_MAX = 600, 100
+LINES_MAX, FUNCTION_MAX, COLUMNS_MAX = 600, 65, 100
 # Old words, where they apply (a pattern for the start of the path, "" = everywhere), and what to write instead. The
 # brackets keep a pattern from matching itself.
 C_CODE = r'(renderer|protocol|server|clients/cli|tests/(unit|conformance|kernels|support|fuzz))/'
@@ -427,6 +427,44 @@ def length(o):
         count = len(lines(o.source, path)) - 1
         if count > LINES_MAX and not path.startswith('clients/web/text/'):  # a list: all texts of one language
             yield f'{path}:{LINES_MAX}: {count} lines, more than {LINES_MAX}; split it by concern'
+    for path, number, count in functions(o.source):
+        if count > FUNCTION_MAX:
+            yield f'{path}:{number}: a function of {count} lines, more than {FUNCTION_MAX}; split it by job'
+
+
+def functions(source):
+    """Yields (file, first line, count of lines) of the functions at the left edge, in C and in the modules of the page."""
+    for part in ('renderer', 'server', 'protocol', 'clients'):
+        for path in files(os.path.join(source, part), ('.c', '.cpp', '.js')):
+            start = None
+            for number, line in enumerate(lines(source, f'{part}/{path}'), 1):
+                if re.match(r'\w', line):
+                    start = number if '(' in line else None
+                elif line.startswith('}') and start:
+                    yield f'{part}/{path}', start, number - start + 1
+                    start = None
+
+
+def unused(o):
+    """Exports of the page that no other module and no test imports, and names in its style sheets that nothing has."""
+    web = {path: '\n'.join(lines(o.source, 'clients/web/' + path))
+           for path in files(os.path.join(o.source, 'clients/web'), ('.js', '.mjs', '.css', '.html', '.json'))}
+    tests = ' '.join('\n'.join(lines(o.source, 'tests/' + path)) for path in files(os.path.join(o.source, 'tests'), ('.mjs',)))
+    words = {path: set(re.findall(r'[\w-]+', text)) for path, text in web.items()}
+    tested = set(re.findall(r'\w+', tests))
+    for path, text in web.items():
+        for hit in re.finditer(r'^export (?:async )?(?:function\*?|class|const|let) (\w+)', text, re.MULTILINE):
+            others = any(hit.group(1) in found for other, found in words.items() if other != path)
+            if not others and hit.group(1) not in tested:
+                yield f'clients/web/{path}:{text.count(chr(10), 0, hit.start()) + 1}: nothing imports {hit.group(1)}'
+    code = {name for path, found in words.items() if not path.endswith('.css') for name in found}
+    computed = tuple(re.findall(r'([\w-]+-)\$\{', ''.join(text for path, text in web.items() if path.endswith('.js'))))
+    for path, text in web.items():
+        rules = re.sub(r'/\*.*?\*/', '', text, flags=re.DOTALL) if path.endswith('.css') else ''
+        for selector in re.findall(r'([^{}]+)\{', rules):
+            for name in re.findall(r'[.#]([A-Za-z][\w-]*)', '' if selector.strip().startswith('@') else selector):
+                if name not in code and not name.startswith(computed):
+                    yield f'clients/web/{path}: nothing has the class or id {name}'
 
 
 def glossary(o):
@@ -506,7 +544,7 @@ def types(o):
 
 RULES = {'layers': layers, 'cycles': cycles, 'third-party': third_party, 'headers': headers, 'headers-cpp': headers_cpp,
          'globals': globals_, 'clocks': clocks, 'format': format_, 'style': style, 'length': length, 'glossary': glossary,
-         'words': words, 'types': types}
+         'words': words, 'types': types, 'unused': unused}
 
 
 def main():

@@ -157,6 +157,28 @@ class Tree(unittest.TestCase):
                 self.assertEqual(len(self.findings('length', {path: '\n' * 601})), 1)
                 self.assertEqual(self.findings('length', {path: '\n' * 600}), [])
 
+    def test_length_of_functions(self):
+        body = '    f();\n' * 64
+        for path, text in [('protocol/a.c', 'void f(int a,\n       int b) {\n' + body + '}\n'),
+                           ('clients/web/app/a.js', 'export function install(app) {\n' + body + '}\n'),
+                           ('clients/web/app/a.js', 'const f = (app) => {\n' + body + '};\n')]:
+            with self.subTest(text[:20]):
+                self.assertEqual(len(self.findings('length', {path: text})), 1)
+                self.assertEqual(self.findings('length', {path: text.replace(body, '    f();\n' * 60)}), [])
+        for text in ('void f(void);\nstruct s {\n' + body + '};\n', 'class F {\n' + body + '}\n', 'static int x[] = {\n' + body + '};\n'):
+            with self.subTest(text[:20]):
+                self.assertEqual(self.findings('length', {'protocol/a.c': text}), [])
+
+    def test_unused(self):
+        page = {'clients/web/core/a.js': 'export function f() {}\n', 'clients/web/app/b.js': "import { f } from '../core/a.js';\n"
+                "make('p', { class: 'used', id: `row-${f()}` });\n", 'clients/web/a.css': '/* .old */ .used, #row-1 { color: red; }\n'}
+        self.assertEqual(self.findings('unused', page), [])
+        for path, text in [('clients/web/core/a.js', 'export const g = 1;\n'), ('clients/web/a.css', '.other { color: red; }\n')]:
+            with self.subTest(text):
+                self.assertEqual(len(self.findings('unused', {**page, path: page[path] + text})), 1)
+        tested = {**page, 'clients/web/core/a.js': 'export const g = 1;\n', 'tests/web/core/a.test.mjs': 'g;\n'}
+        self.assertEqual(self.findings('unused', tested), [])
+
     def test_glossary(self):
         for path, text in [('server/session/a.c', 'struct srv_fl' 'ight *f;'), ('server/http/a.c', '/* A ro' 'om for it. */'),
                            ('renderer/README.md', 'thirty frames a ' 'second'), ('server/render/a.h', '/* the still ' 'lane */'),

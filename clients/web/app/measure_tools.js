@@ -11,7 +11,7 @@ const TOOLS = [
 ];
 const DRAG_PX = 6;
 
-export const modeOf = (kind) => `measure-${kind}`;
+const modeOf = (kind) => `measure-${kind}`;
 
 export function installTools(app, measures) {
   const { modes, toolbar } = app;

@@ -15,7 +15,7 @@ import { Emitter } from '../core/emitter.js';
 import { t } from '../core/text.js';
 import { byId, setText } from './dom.js';
 
-export const NAVIGATE = 'navigate';
+const NAVIGATE = 'navigate';
 
 /** Events: change (the name of the new mode). */
 export class Modes extends Emitter {

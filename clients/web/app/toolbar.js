@@ -6,7 +6,7 @@ import { nextFrame } from './animation.js';
 import { icon, make } from './dom.js';
 
 /** The order of the groups, and of new ones after them. */
-export const GROUPS = Object.freeze(['layout', 'view', 'tools', 'measure', 'compare', 'capture']);
+const GROUPS = Object.freeze(['layout', 'view', 'tools', 'measure', 'compare', 'capture']);
 
 export class Toolbar {
   #root; #menu; #more; #shortcuts;

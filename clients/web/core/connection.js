@@ -18,7 +18,7 @@ import { ConnectionState } from './connection_state.js';
 import { Rpc } from './rpc.js';
 import { t } from './text.js';
 
-export const SUBPROTOCOL = 'splatd.v1';
+const SUBPROTOCOL = 'splatd.v1';
 const RETRY_FIRST_MS = 250;
 const RETRY_MAX_MS = 5000;
 const POLL_LOADING_MS = 300;

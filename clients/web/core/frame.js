@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The binary frame of the stream: a 36-byte little-endian header, then the encoded image (protocol/stream.md).
 
-export const HEADER_BYTES = 36;
-export const FLAG_KEY = 1;
-export const FLAG_FINAL = 2;
-export const FLAG_LOSSLESS = 4;
+const HEADER_BYTES = 36;
+const FLAG_KEY = 1;
+const FLAG_FINAL = 2;
+const FLAG_LOSSLESS = 4;
 
 /** MIME types. A browser decodes images directly and video with a stateful decoder (video.js). */
 const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp'],
