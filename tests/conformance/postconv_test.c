@@ -21,7 +21,7 @@
 
 /* Measured lowest PSNR of sheets: 51.55 dB, with filter adaptive 61.66 dB. Over the seeds 0 … 5999
  * it is 42.06 and 38.88 dB, both for a volume of 2×2×2 voxels. Of slabs: 59.62 and 54.43 dB. */
-enum { SCENES = 240, SLAB_SCENES = 150, CUTOFF_FAR = 6 };
+enum { SCENES = 240, SLAB_SCENES = 150, CUTOFF_FAR = 6, VARIANTS = 8 };
 static const double floors[2][2] = { { 51, 58 }, { 59, 54 } };
 
 /* Images that are drawn only with footprints have a higher PSNR than this [dB]. */
@@ -123,39 +123,86 @@ static bool make_scene(struct test_scene *s, unsigned seed) {
     return true;
 }
 
-/* Returns the PSNR between the images of the two renderers [dB]; NAN on failure. */
-static double compare(const struct test_renderer *reference, const struct test_renderer *r,
-                      const struct test_scene *scene) {
+/* The images of the scalar reference: with the cutoff of the view, and with CUTOFF_FAR. */
+struct wanted {
+    struct test_image images[2];
+    unsigned count;
+};
+
+static bool render_wanted(const struct test_renderer *reference, const struct test_scene *scene,
+                          struct wanted *wanted, struct sp_error *err) {
     struct test_scene far = *scene;
-    struct test_image wanted, image;
+    /* Kernels end at a cutoff below 3 in both renderers. */
+    unsigned count = scene->view.filter.cutoff < 3 ? 1 : 2;
+    for (wanted->count = 0; wanted->count < count; wanted->count++) {
+        if (!test_render_scene(reference, &far, &wanted->images[wanted->count], err))
+            return false;
+        far.view.filter.cutoff = CUTOFF_FAR;
+    }
+    return true;
+}
+
+static void finish_wanted(struct wanted *wanted) {
+    for (unsigned k = 0; k < wanted->count; k++)
+        test_image_finish(&wanted->images[k]);
+}
+
+struct tally {
+    double lowest[2];  /* dB */
+    unsigned filtered; /* images drawn without footprints */
+    unsigned failed, ran;
+};
+
+/* An instruction set with its results for sheets and for slabs. */
+struct variant {
+    struct test_renderer renderer;
+    const char *isa;
+    struct tally tallies[2];
+};
+
+/* Returns the PSNR between the image of `r` and the nearest wanted one [dB]; NAN on failure. */
+static double compare(const struct test_renderer *r, const struct test_scene *scene,
+                      const struct wanted *wanted) {
+    struct test_image image;
     struct sp_error err;
     double psnr = -INFINITY;
     if (!test_render_scene(r, scene, &image, &err)) {
         printf("%s: %s\n", err.place, err.text);
         return NAN;
     }
-    for (int k = 0; k < 2; k++) {
-        if (test_render_scene(reference, &far, &wanted, &err)) {
-            psnr = fmax(psnr, test_image_psnr(&image, &wanted));
-            test_image_finish(&wanted);
-        }
-        if (far.view.filter.cutoff < 3)
-            break; /* kernels then end at this cutoff in both renderers */
-        far.view.filter.cutoff = CUTOFF_FAR;
-    }
+    for (unsigned k = 0; k < wanted->count; k++)
+        psnr = fmax(psnr, test_image_psnr(&image, &wanted->images[k]));
     test_image_finish(&image);
     return psnr;
 }
 
-struct tally {
-    double lowest[2];  /* dB */
-    unsigned filtered; /* images drawn without footprints */
-    unsigned failed;
-};
+static void check_variant(struct variant *variant, const struct test_scene *scene,
+                          const struct wanted *wanted, unsigned seed, bool is_slab) {
+    struct tally *t = &variant->tallies[is_slab];
+    const struct sp_view *v = &scene->view;
+    const uint32_t *dims = scene->info.grid.dims;
+    bool is_adaptive = v->filter.mode == SP_FILTER_ADAPTIVE;
+    double psnr = compare(&variant->renderer, scene, wanted);
+    bool ok = psnr >= floors[is_slab][is_adaptive];
+    t->lowest[is_adaptive] = fmin(t->lowest[is_adaptive], psnr);
+    t->filtered += psnr < FOOTPRINTS;
+    t->failed += !ok;
+    t->ran++;
+    if (!ok)
+        printf("FAILED %s %s seed %u: %.2f dB; %u×%u×%u voxels, %u×%u px, filter %d, sigma %g, "
+               "low-pass "
+               "%g, cutoff %g\n",
+               variant->isa, is_slab ? "slabs" : "sheets", seed, psnr, dims[0], dims[1], dims[2],
+               v->size[0], v->size[1], (int)v->filter.mode, v->filter.sigma, v->filter.lowpass,
+               v->filter.cutoff);
+}
 
-static void check(const struct test_renderer *reference, const struct test_renderer *r,
-                  const char *isa, unsigned seed, bool is_slab, struct tally *t) {
+/* Renders the scene `seed` once with the reference and once with each instruction set. */
+static void check(const struct test_renderer *reference, struct variant *variants, unsigned count,
+                  unsigned seed, bool is_slab) {
     struct test_scene scene;
+    struct wanted wanted;
+    struct sp_error err;
     if (!make_scene(&scene, seed))
         exit(EXIT_FAILURE);
     if (is_slab) {
@@ -163,29 +210,43 @@ static void check(const struct test_renderer *reference, const struct test_rende
         scene.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
         scene.view.compositing.slab = seed % 3 ? 1 : 0.5;
     }
-    const struct sp_view *v = &scene.view;
-    const uint32_t *dims = scene.info.grid.dims;
-    bool is_adaptive = v->filter.mode == SP_FILTER_ADAPTIVE;
-    double psnr = compare(reference, r, &scene);
-    bool ok = psnr >= floors[is_slab][is_adaptive];
-    t->lowest[is_adaptive] = fmin(t->lowest[is_adaptive], psnr);
-    t->filtered += psnr < FOOTPRINTS;
-    t->failed += !ok;
-    if (!ok)
-        printf("FAILED %s %s seed %u: %.2f dB; %u×%u×%u voxels, %u×%u px, filter %d, sigma %g, "
-               "low-pass "
-               "%g, cutoff %g\n",
-               isa, is_slab ? "slabs" : "sheets", seed, psnr, dims[0], dims[1], dims[2], v->size[0],
-               v->size[1], (int)v->filter.mode, v->filter.sigma, v->filter.lowpass,
-               v->filter.cutoff);
+    if (!render_wanted(reference, &scene, &wanted, &err)) {
+        printf("FAILED scalar seed %u: %s\n", seed, err.text);
+        exit(EXIT_FAILURE);
+    }
+    for (unsigned i = 0; i < count; i++)
+        check_variant(&variants[i], &scene, &wanted, seed, is_slab);
+    finish_wanted(&wanted);
     test_scene_finish(&scene);
+}
+
+/* Opens all instruction sets of this machine except the reference. Returns their number. */
+static unsigned open_variants(struct variant *variants) {
+    struct test_target target;
+    struct sp_error err;
+    unsigned count = 0;
+    for (unsigned i = 0; test_target_at(i, &target); i++) {
+        struct variant *variant = &variants[count];
+        if (strcmp(target.backend, "cpu") != 0 || strcmp(target.isa, "scalar") == 0)
+            continue;
+        if (count == VARIANTS || !test_renderer_open(&variant->renderer, &target, 2, &err)) {
+            printf("skipped: %s: %s\n", target.isa, count == VARIANTS ? "too many" : err.text);
+            continue;
+        }
+        variant->isa = target.isa;
+        for (int is_slab = 0; is_slab < 2; is_slab++)
+            variant->tallies[is_slab] = (struct tally){ .lowest = { INFINITY, INFINITY } };
+        count++;
+    }
+    return count;
 }
 
 int main(int argc, char **argv) {
     unsigned first = argc > 1 ? (unsigned)strtoul(argv[1], NULL, 10) : 0;
     unsigned end = argc > 2 ? (unsigned)strtoul(argv[2], NULL, 10) : argc > 1 ? first + 1 : SCENES;
-    struct test_target target, scalar = { "cpu", "scalar" };
-    struct test_renderer reference, r;
+    struct test_target scalar = { "cpu", "scalar" };
+    struct test_renderer reference;
+    struct variant variants[VARIANTS];
     struct sp_error err;
     unsigned failed = 0, ran = 0;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
@@ -193,23 +254,22 @@ int main(int argc, char **argv) {
         printf("FAILED scalar: %s\n", err.text);
         return EXIT_FAILURE;
     }
-    for (unsigned i = 0; test_target_at(i, &target); i++) {
-        if (strcmp(target.backend, "cpu") != 0 || strcmp(target.isa, "scalar") == 0)
-            continue;
-        if (!test_renderer_open(&r, &target, 2, &err)) {
-            printf("skipped: %s: %s\n", target.isa, err.text);
-            continue;
-        }
+    unsigned count = open_variants(variants);
+    for (int is_slab = 0; is_slab < 2; is_slab++) {
+        unsigned last = argc == 1 && is_slab ? SLAB_SCENES : end;
+        for (unsigned seed = first; seed < last; seed++)
+            check(&reference, variants, count, seed, is_slab);
+    }
+    for (unsigned i = 0; i < count; i++) {
         for (int is_slab = 0; is_slab < 2; is_slab++) {
-            struct tally t = { .lowest = { INFINITY, INFINITY } };
-            unsigned last = argc == 1 && is_slab ? SLAB_SCENES : end;
-            for (unsigned seed = first; seed < last; seed++, ran++)
-                check(&reference, &r, target.isa, seed, is_slab, &t);
+            const struct tally *t = &variants[i].tallies[is_slab];
             printf("%s, %s: lowest PSNR %.2f dB, adaptive %.2f dB; %u images without footprints\n",
-                   target.isa, is_slab ? "slabs" : "sheets", t.lowest[0], t.lowest[1], t.filtered);
-            failed += t.failed + (argc == 1 && !is_slab && t.filtered < SCENES / 8);
+                   variants[i].isa, is_slab ? "slabs" : "sheets", t->lowest[0], t->lowest[1],
+                   t->filtered);
+            failed += t->failed + (argc == 1 && !is_slab && t->filtered < SCENES / 8);
+            ran += t->ran;
         }
-        test_renderer_close(&r);
+        test_renderer_close(&variants[i].renderer);
     }
     test_renderer_close(&reference);
     printf("%u of %u scenes failed\n", failed, ran);
