@@ -6,12 +6,15 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "sp/log.h"
 #include "support/data.h"
 #include "support/interpolated.h"
 #include "support/render.h"
 #include "support/sanitized.h"
+
+enum { TARGETS_MAX = 16 };
 
 struct row {
     const char *name;
@@ -150,63 +153,96 @@ static const struct row rows[] = {
     { "post lit", test_scene_post_lit, { 60.4, 60.4 } },
 };
 
-static bool check_row(const struct row *row, bool is_slab) {
-    struct test_scene scene;
-    struct test_image truth = { 0 }, scalar = { 0 };
-    struct sp_error err = { 0 };
-    bool is_good = true;
-    if (!row->scene(&scene))
-        return false;
-    scene.view.compositing.mode = is_slab ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET;
-    scene.view.filter.mode = SP_FILTER_ADAPTIVE; /* slabs are splatted if a filter is chosen */
-    scene.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
-    scene.view.transfer_function.order = SP_TF_POST;
-    scene.view.level_of_detail = SP_LOD_OFF;
-    if (!TEST_SANITIZED && !test_interpolated(&scene, 24, &truth))
-        return false;
-    printf("%-18s %s", row->name, is_slab ? "slab " : "sheet");
+/* All backends and instruction sets of this machine, the scalar reference first. */
+struct run {
+    struct test_target targets[TARGETS_MAX];
+    struct test_renderer renderers[TARGETS_MAX];
+    unsigned count;
+};
+
+static void open_all(struct run *run) {
     struct test_target target;
-    for (unsigned t = 0; test_target_at(t, &target); t++) {
-        struct test_renderer r;
+    struct sp_error err;
+    for (unsigned t = 0; run->count < TARGETS_MAX && test_target_at(t, &target); t++) {
+        if (test_renderer_open(&run->renderers[run->count], &target, t % 2 + 1, &err))
+            run->targets[run->count++] = target;
+        else
+            printf("skipped: %s %s: %s\n", target.backend, target.isa, err.text);
+    }
+}
+
+/* Draws sheets or slabs with every target, and compares the images with the integral `truth` (NULL
+ * under a sanitizer) and with the scalar reference. */
+static bool check_images(const struct run *run, const struct row *row,
+                         const struct test_scene *scene, const struct test_image *truth) {
+    struct test_image scalar = { 0 };
+    bool is_slab = scene->view.compositing.mode == SP_COMPOSITE_SLAB, is_good = true;
+    printf("%-18s %s", row->name, is_slab ? "slab " : "sheet");
+    for (unsigned t = 0; t < run->count; t++) {
+        const struct test_target *target = &run->targets[t];
         struct test_image image;
-        if (!test_renderer_open(&r, &target, t % 2 + 1, &err)) {
-            printf("  %s %s skipped (%s)", target.backend, target.isa, err.text);
-            continue;
-        }
-        if (!test_render_scene(&r, &scene, &image, &err)) {
-            printf("  %s: %s\n", target.isa, err.text);
+        struct sp_error err;
+        if (!test_render_scene(&run->renderers[t], scene, &image, &err)) {
+            printf("  %s: %s\n", target->isa, err.text);
             return false;
         }
-        double psnr = TEST_SANITIZED ? INFINITY : test_image_psnr(&image, &truth);
+        double psnr = truth ? test_image_psnr(&image, truth) : INFINITY;
         double same = t ? test_image_psnr(&image, &scalar) : INFINITY;
-        printf("  %s %.1f (%.0f)", target.isa, psnr, same);
+        printf("  %s %s %.1f (%.0f)", target->backend, target->isa, psnr, same);
         if (!(psnr >= row->floor[is_slab]) || !(same >= 70)) {
             is_good = false;
             printf(" FAILED");
-            test_image_dump(row->name, &image, TEST_SANITIZED ? &scalar : &truth, 8);
+            test_image_dump(row->name, &image, truth ? truth : &scalar, 8);
         }
         if (t == 0)
             scalar = image;
         else
             test_image_finish(&image);
-        test_renderer_close(&r);
     }
     printf("\n");
     test_image_finish(&scalar);
-    test_image_finish(&truth);
-    test_scene_finish(&scene);
     return is_good;
 }
 
+/* Returns how many of sheets and slabs fail. The integral is the same for both. */
+static unsigned check_row(const struct run *run, const struct row *row) {
+    struct test_scene scene;
+    struct test_image truth;
+    unsigned failed = 0;
+    if (!row->scene(&scene))
+        return 1;
+    scene.view.filter.mode = SP_FILTER_ADAPTIVE; /* slabs are splatted if a filter is chosen */
+    scene.view.compositing.attenuation = SP_ATTENUATION_EXPONENTIAL;
+    scene.view.transfer_function.order = SP_TF_POST;
+    scene.view.level_of_detail = SP_LOD_OFF;
+    if (!TEST_SANITIZED && !test_interpolated(&scene, 24, &truth))
+        return 1;
+    for (int is_slab = 0; is_slab < 2; is_slab++) {
+        scene.view.compositing.mode = is_slab ? SP_COMPOSITE_SLAB : SP_COMPOSITE_SHEET;
+        failed += !check_images(run, row, &scene, TEST_SANITIZED ? NULL : &truth);
+    }
+    if (!TEST_SANITIZED)
+        test_image_finish(&truth);
+    test_scene_finish(&scene);
+    return failed;
+}
+
 int main(void) {
+    struct run run = { .count = 0 };
     unsigned failed = 0;
     sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    open_all(&run);
+    if (run.count == 0 || strcmp(run.targets[0].isa, "scalar") != 0) {
+        printf("FAILED: the scalar reference does not start\n");
+        return 1;
+    }
     printf("PSNR [dB] to the integral, and in parentheses to the scalar reference\n");
     if (TEST_SANITIZED)
         printf("under a sanitizer the integral is left out\n");
     for (size_t i = 0; i < sizeof rows / sizeof rows[0]; i++)
-        for (int is_slab = 0; is_slab < 2; is_slab++)
-            failed += !check_row(&rows[i], is_slab);
+        failed += check_row(&run, &rows[i]);
+    for (unsigned t = 0; t < run.count; t++)
+        test_renderer_close(&run.renderers[t]);
     if (failed)
         printf("%u scenes FAILED\n", failed);
     return failed > 0;
