@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "protocol/json_reason.h"
 #include "protocol/limits.h"
 #include "protocol/pointer.h"
 #include "protocol/position.h"
@@ -73,8 +74,29 @@ static json_t *load(struct parse *parse, size_t flags, json_error_t *error) {
     return json;
 }
 
+static enum proto_json_fault fault_of(const json_error_t *error) {
+    switch (json_error_code(error)) {
+    case json_error_premature_end_of_input:
+        return PROTO_JSON_ENDS;
+    case json_error_end_of_input_expected:
+        return PROTO_JSON_GOES_ON;
+    case json_error_invalid_utf8:
+        return PROTO_JSON_NOT_UTF8;
+    case json_error_null_character:
+    case json_error_null_byte_in_key:
+        return PROTO_JSON_NUL;
+    case json_error_duplicate_key:
+        return PROTO_JSON_TWICE;
+    case json_error_numeric_overflow:
+        return PROTO_JSON_TOO_LARGE;
+    default:
+        return PROTO_JSON_SYNTAX;
+    }
+}
+
 static void report(struct parse *parse, const json_error_t *error, struct sp_error *err) {
     struct proto_pointer pointer;
+    char reason[PROTO_JSON_REASON_BYTES];
     unsigned line, column;
     if (parse->is_short) {
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %zu bytes of JSON", parse->size);
@@ -88,9 +110,11 @@ static void report(struct parse *parse, const json_error_t *error, struct sp_err
         sp_fail(err, SP_ERR_FORMAT, pointer.text,
                 "nested deeper than %d at line %u, column %u; flatten the document",
                 PROTO_DEPTH_MAX, line, column);
-    else
+    else {
+        proto_json_reason(fault_of(error), &parse->position, parse->size, reason);
         sp_fail(err, SP_ERR_FORMAT, pointer.text, "not valid JSON at line %u, column %u: %s", line,
-                column, error->text);
+                column, reason);
+    }
 }
 
 proto_json *proto_json_parse(const char *bytes, size_t size, struct sp_error *err) {

@@ -125,6 +125,65 @@ static void syntax_errors_have_pointer_line_and_column(void **state) {
     assert_null(proto_json_parse("1 2", 3, NULL));
 }
 
+static void errors_of_syntax_have_plain_reasons(void **state) {
+    (void)state;
+    static const struct {
+        const char *text, *reason;
+    } cases[] = {
+        { "", "line 1, column 1: the text is empty" },
+        { " \n ", "line 2, column 2: the text is empty" },
+        { "{\"a\":[1", "line 1, column 8: the text ends inside of an array" },
+        { "{\"a\":", "line 1, column 6: the text ends inside of an object" },
+        { "[\"abc", "line 1, column 6: the text ends inside of a string" },
+        { "{} x", "more text follows the end of the document; send one document" },
+        { "[\"a\\u0000\"]", "the character \\u0000 is not allowed" },
+        { "{\"a\\u0000\":1}", "the character \\u0000 is not allowed" },
+        { "{\"a\":1,\"a\":2}", "the object has a duplicate key; keep one of them" },
+        { "[1e999]", "the number is beyond 1.7e308, the limit of a double" },
+        { "[\"\xff\"]", "line 1, column 3: the byte 0xff is not UTF-8; save the text as UTF-8" },
+        { "[\"a\nb\"]", "a string holds the control character 0x0a; write \\u000a" },
+        { "[\"\\x41\"]", "a backslash begins no known escape; write \\\\ for a backslash" },
+        { "[\"\\\\\\q\"]", "a backslash begins no known escape; write \\\\ for a backslash" },
+        { "[\"\\u12G4\"]", "\\u needs four hexadecimal digits" },
+        { "[\"\\ud83d\\ude00 \\ud800\"]", "'\\ud800' is half of a surrogate pair" },
+        { "[\"\\uDC00\"]", "'\\uDC00' is half of a surrogate pair" },
+        { "\xef\xbb\xbf{}", "the text begins with a byte order mark; remove it" },
+        { "{a:1}", "a key needs double quotes" },
+        { "{'a':1}", "a string needs double quotes" },
+        { "{\"a\" 1}", "a colon is missing behind the key" },
+        { "[NaN]", "NaN is no number of JSON" },
+        { "[-Infinity]", "-Infinity is no number of JSON" },
+        { "[1 2]", "2 does not belong here; a comma or a bracket is missing" },
+        { "[1 true]", "true does not belong here; a comma or a bracket is missing" },
+        { "[0x10]", "0x10 is no number of JSON; write it like -1.5 or 2e3" },
+        { "[01]", "01 is no number of JSON; write it like -1.5 or 2e3" },
+        { "[1.]", "1. is no number of JSON; write it like -1.5 or 2e3" },
+        { "[+1]", "+1 is no number of JSON; write it like -1.5 or 2e3" },
+        { "[1e]", "1e is no number of JSON; write it like -1.5 or 2e3" },
+        { "[tru]", "'tru' is no value; a string needs double quotes" },
+        { "[größe]", "'größe' is no value; a string needs double quotes" },
+        { "[1,]", "no comma may stand before ']'" },
+        { "{\"a\":1,}", "no comma may stand before '}'" },
+        { "[1}", "'}' does not close the array; ']' is missing" },
+        { "{\"a\":1]", "']' does not close the object; '}' is missing" },
+        { "{/* */}", "comments are not allowed" },
+        { "{\"a\":1 \"b\":2}", "a string does not belong here; a comma or a colon is missing" },
+        { "[@]", "'@' does not belong here" },
+        { "[\x01]", "the control character 0x01 does not belong here" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        struct sp_error err = { 0 };
+        size_t size = strlen(cases[i].text);
+        char *exact = malloc(size ? size : 1); /* so that a sanitizer sees reads behind it */
+        memcpy(exact, cases[i].text, size);
+        assert_null(proto_json_parse(exact, size, &err));
+        free(exact);
+        assert_int_equal(err.code, SP_ERR_FORMAT);
+        const char *reason = strstr(err.text, cases[i].reason);
+        assert_string_equal(reason ? reason : err.text, cases[i].reason);
+    }
+}
+
 static void size_and_depth_are_limited(void **state) {
     (void)state;
     struct sp_error err;
@@ -256,6 +315,7 @@ int main(void) {
         cmocka_unit_test(infinity_and_nan_are_refused),
         cmocka_unit_test(canonical_text_does_not_depend_on_order_or_spelling),
         cmocka_unit_test(syntax_errors_have_pointer_line_and_column),
+        cmocka_unit_test(errors_of_syntax_have_plain_reasons),
         cmocka_unit_test(size_and_depth_are_limited),
         cmocka_unit_test(values_are_read_by_type),
         cmocka_unit_test(building_accepts_null_parts),
