@@ -19,6 +19,12 @@ bool sp_is_below(const char *root, const char *real) {
 static bool fail_errno(struct sp_error *err, int error, const char *shown, const char *what) {
     if (error == ENOENT || error == ENOTDIR)
         return sp_fail(err, SP_ERR_NOT_FOUND, shown, "there is no such file");
+    if (error == ELOOP)
+        return sp_fail(err, SP_ERR_INVALID, shown, "is a symbolic link that leads in a circle");
+    if (error == ENAMETOOLONG)
+        return sp_fail(err, SP_ERR_INVALID, shown,
+                       "the path has more than %d bytes, or a name of it more than %d",
+                       PATH_MAX - 1, NAME_MAX);
     return sp_fail(err, SP_ERR_IO, shown, "cannot %s: %s", what, strerror(error));
 }
 
@@ -54,6 +60,17 @@ static const char *kind_name(mode_t mode) {
                             : "not a regular file";
 }
 
+/* A path that names a place below the root, but ends elsewhere, holds a symbolic link. */
+static bool fail_outside(struct sp_error *err, const char *root, const char *path, const char *real,
+                         const char *shown) {
+    if (strcmp(root, real) == 0)
+        return sp_fail(err, SP_ERR_DENIED, shown, "is a folder, not a regular file");
+    bool is_link = sp_is_below(root, path) && !strstr(path, "/../");
+    return sp_fail(err, SP_ERR_DENIED, shown,
+                   is_link ? "is a symbolic link that leads out of %s" : "lies outside of %s",
+                   root);
+}
+
 int sp_open_confined(const char *root, const char *path, const char *shown, char real[PATH_MAX],
                      uint64_t *size, struct sp_error *err) {
     if (!realpath(path, real)) {
@@ -61,7 +78,7 @@ int sp_open_confined(const char *root, const char *path, const char *shown, char
         return -1;
     }
     if (!sp_is_below(root, real)) {
-        sp_fail(err, SP_ERR_DENIED, shown, "is outside of the folder %s", root);
+        fail_outside(err, root, path, real, shown);
         return -1;
     }
     int path_fd = open_path(root, real);

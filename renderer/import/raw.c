@@ -14,6 +14,7 @@
 #include <unistd.h>
 
 #include "import/samples.h"
+#include "volume/anatomy.h"
 #include "volume/volume.h"
 
 enum { SIDECAR_MAX = 1 << 20 }; /* bytes */
@@ -138,6 +139,22 @@ static bool read_coordinates(const struct sidecar *s) {
     return true;
 }
 
+/* The anatomical directions of the axes of the world, as NRRD's "space" states them. */
+static bool read_space(const struct sidecar *s) {
+    const json_t *space = json_object_get(s->root, "space");
+    char letters[sizeof s->header->anatomy] = "";
+    if (!space)
+        return true;
+    if (json_string_length(space) == sizeof letters - 1)
+        memcpy(letters, json_string_value(space), sizeof letters);
+    if (!letters[0] || !sp_anatomy_is_valid(letters))
+        return refuse(s, "space",
+                      "must be three letters: where x, y and z of the world point to, one each of "
+                      "R or L, A or P, S or I; such as LPS");
+    memcpy(s->header->anatomy, letters, sizeof letters);
+    return true;
+}
+
 static bool read_geometry(const struct sidecar *s) {
     const json_t *spacing = json_object_get(s->root, "spacing");
     const json_t *origin = json_object_get(s->root, "origin");
@@ -146,7 +163,7 @@ static bool read_geometry(const struct sidecar *s) {
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
-        !read_direction(s) || !read_coordinates(s))
+        !read_direction(s) || !read_space(s) || !read_coordinates(s))
         return false;
     if (!unit)
         return true;
@@ -214,8 +231,8 @@ static bool read_file_name(const struct sidecar *s) {
 
 static bool check_members(const struct sidecar *s) {
     static const char *const known[] = { "dims",        "type",   "endian",    "spacing",
-                                         "coordinates", "origin", "direction", "unit",
-                                         "file",        "offset", "encoding" };
+                                         "coordinates", "origin", "direction", "space",
+                                         "unit",        "file",   "offset",    "encoding" };
     const char *key;
     json_t *value,
         *object = (json_t *)s->root; /* jansson's loop needs a mutable pointer; nothing changes */
@@ -226,8 +243,7 @@ static bool check_members(const struct sidecar *s) {
         if (!found)
             return refuse(s, key,
                           "is not a member; the members are dims, type, endian, spacing, "
-                          "coordinates, origin, "
-                          "direction, unit, file, offset, encoding");
+                          "coordinates, origin, direction, space, unit, file, offset, encoding");
     }
     return true;
 }
@@ -244,6 +260,31 @@ static bool check_grid(const struct sidecar *s) {
     return sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err);
 }
 
+/* The texts of jansson name its flags and tokens. */
+static const char *reason_of(const json_error_t *why) {
+    switch (json_error_code(why)) {
+    case json_error_out_of_memory:
+        return "out of memory";
+    case json_error_stack_overflow:
+        return "nested too deeply; a sidecar needs three levels";
+    case json_error_invalid_utf8:
+        return "not UTF-8; save the sidecar as UTF-8";
+    case json_error_premature_end_of_input:
+        return "the text ends inside of a value";
+    case json_error_end_of_input_expected:
+        return "more text follows the end of the object";
+    case json_error_null_character:
+    case json_error_null_byte_in_key:
+        return "the character \\u0000 is not allowed";
+    case json_error_duplicate_key:
+        return "the object has a duplicate key; keep one of them";
+    case json_error_numeric_overflow:
+        return "the number is too large";
+    default:
+        return "not valid JSON; a quote, comma, colon or bracket is wrong or missing";
+    }
+}
+
 static json_t *parse(const struct import_file *file, struct sp_error *err) {
     if (file->size > SIDECAR_MAX) {
         import_fail(err, SP_ERR_FORMAT, file->shown, SIDECAR_MAX, NULL,
@@ -258,13 +299,13 @@ static json_t *parse(const struct import_file *file, struct sp_error *err) {
         return NULL;
     }
     ssize_t got = pread(file->fd, text, file->size, 0);
-    json_error_t why;
+    json_error_t why = { .position = 0 };
     if (got < 0)
         sp_fail(err, SP_ERR_IO, file->shown, "cannot read: %s", strerror(errno));
     else if (!(root = json_loadb(text, (size_t)got, JSON_REJECT_DUPLICATES, &why)))
         import_fail(err, SP_ERR_FORMAT, file->shown,
                     (uint64_t)(why.position < 0 ? 0 : why.position), NULL, "line %d, column %d: %s",
-                    why.line, why.column, why.text);
+                    why.line, why.column, reason_of(&why));
     free(text);
     if (root && !json_is_object(root)) {
         import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "must be a JSON object");

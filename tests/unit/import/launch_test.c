@@ -176,18 +176,22 @@ static void files_outside_the_root_are_denied(void **state) {
     write_text("inside/tiny.nrrd", "%s", tiny);
     assert_int_equal(symlink("../inside/tiny.nrrd", in_folder("in/out.nrrd")), 0);
     assert_int_equal(symlink("tiny.nrrd", in_folder("in/alias.nrrd")), 0);
+    assert_int_equal(symlink("circle.nrrd", in_folder("in/circle.nrrd")), 0);
     struct sp_load_options options = importer_options();
     static const struct {
         const char *path;
         enum sp_code code;
+        const char *text;
     } cases[] = {
-        { "in/tiny.nrrd", SP_OK },
-        { "in/alias.nrrd", SP_OK },
-        { "in/../in/tiny.nrrd", SP_OK },
-        { "inside/tiny.nrrd", SP_ERR_DENIED }, /* "in" is a prefix, but not a parent folder */
-        { "in/../inside/tiny.nrrd", SP_ERR_DENIED },
-        { "in/out.nrrd", SP_ERR_DENIED },
-        { "in", SP_ERR_DENIED },
+        { "in/tiny.nrrd", SP_OK, "" },
+        { "in/alias.nrrd", SP_OK, "" },
+        { "in/../in/tiny.nrrd", SP_OK, "" },
+        /* "in" is a prefix, but not a parent folder */
+        { "inside/tiny.nrrd", SP_ERR_DENIED, "lies outside of /" },
+        { "in/../inside/tiny.nrrd", SP_ERR_DENIED, "lies outside of /" },
+        { "in/out.nrrd", SP_ERR_DENIED, "is a symbolic link that leads out of /" },
+        { "in/circle.nrrd", SP_ERR_INVALID, "is a symbolic link that leads in a circle" },
+        { "in", SP_ERR_DENIED, "is a folder, not a regular file" },
     };
     options.root = strdup(in_folder("in"));
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -195,6 +199,8 @@ static void files_outside_the_root_are_denied(void **state) {
         struct sp_volume *volume = sp_volume_load(in_folder(cases[i].path), &options, &err);
         if (err.code != cases[i].code)
             fail_msg("%s: %s: %s", cases[i].path, sp_code_name(err.code), err.text);
+        if (err.code != SP_OK && strncmp(err.text, cases[i].text, strlen(cases[i].text)) != 0)
+            assert_string_equal(err.text, cases[i].text);
         if (volume)
             assert_string_equal(sp_volume_voxels(volume), "abcd");
         sp_volume_unref(&volume);

@@ -107,6 +107,26 @@ static void axes_may_be_rectilinear(void **state) {
     sp_volume_unref(&volume);
 }
 
+#define SPACED "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"space\": "
+
+static void the_space_of_a_patient_is_read(void **state) {
+    (void)state;
+    static const char *const spaces[] = { "LPS", "RAS", "LAS", "SPL" };
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    write_file("s.bin", samples, COUNT);
+    for (size_t i = 0; i < sizeof spaces / sizeof spaces[0]; i++) {
+        write_text("v.json", SPACED "\"%s\"}", spaces[i]);
+        struct sp_volume *volume = load("v.json");
+        assert_string_equal(sp_volume_info(volume)->anatomy, spaces[i]);
+        sp_volume_unref(&volume);
+    }
+    write_text("v.json", "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\"}");
+    struct sp_volume *volume = load("v.json");
+    assert_string_equal(sp_volume_info(volume)->anatomy, "");
+    sp_volume_unref(&volume);
+}
+
 #define GRADED "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"coordinates\": "
 
 static void errors_explain_hostile_sidecars(void **state) {
@@ -117,7 +137,7 @@ static void errors_explain_hostile_sidecars(void **state) {
         const char *place, *message;
     } cases[] = {
         { "{", SP_ERR_FORMAT, "h.json: byte 1", "line 1" },
-        { "{} {}", SP_ERR_FORMAT, "h.json: byte 4", "end of file expected" },
+        { "{} {}", SP_ERR_FORMAT, "h.json: byte 4", "more text follows the end" },
         { "[1]", SP_ERR_FORMAT, "h.json: byte 0", "must be a JSON object" },
         { "{\"dims\": [1,1,1], \"dims\": [1,1,1]}", SP_ERR_FORMAT, "byte", "duplicate" },
         { "{}", SP_ERR_FORMAT, "h.json: /dims", "is missing" },
@@ -127,7 +147,8 @@ static void errors_explain_hostile_sidecars(void **state) {
         { "{\"dims\": [5, -4, 3]}", SP_ERR_FORMAT, "/dims", "element 1" },
         { "{\"dims\": [5.0, 4, 3]}", SP_ERR_FORMAT, "/dims", "element 0" },
         { "{\"dims\": [65537, 4, 3]}", SP_ERR_FORMAT, "/dims", "[1, 65536]" },
-        { "{\"dims\": [99999999999999999999, 4, 3]}", SP_ERR_FORMAT, "byte", "too big" },
+        { "{\"dims\": [99999999999999999999, 4, 3]}", SP_ERR_FORMAT, "byte",
+          "the number is too large" },
         { "{\"dims\": [5,4,3], \"type\": \"uint32\"}", SP_ERR_FORMAT, "/type", "float64" },
         { "{\"dims\": [5,4,3], \"type\": 8}", SP_ERR_FORMAT, "/type", "must be one of" },
         { "{\"dims\": [5,4,3]}", SP_ERR_FORMAT, "/type", "is missing" },
@@ -140,9 +161,9 @@ static void errors_explain_hostile_sidecars(void **state) {
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"no.bin\"}", SP_ERR_NOT_FOUND,
           "no.bin", "no such file" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"/etc/passwd\"}", SP_ERR_DENIED,
-          "/etc/passwd", "outside of the folder" },
+          "/etc/passwd", "lies outside of /" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \".\"}", SP_ERR_DENIED, ".",
-          "outside" },
+          "is a folder, not a regular file" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"offset\": -1}",
           SP_ERR_FORMAT, "/offset", "0 or more" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"offset\": 1}",
@@ -160,9 +181,9 @@ static void errors_explain_hostile_sidecars(void **state) {
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,null,1]}",
           SP_ERR_FORMAT, "/spacing", "element 1 must be a number" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"spacing\": [1,NaN,1]}",
-          SP_ERR_FORMAT, "byte", "invalid token" },
+          SP_ERR_FORMAT, "byte", "not valid JSON; a quote" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"origin\": [1e999,0,0]}",
-          SP_ERR_FORMAT, "byte", "overflow" },
+          SP_ERR_FORMAT, "byte", "the number is too large" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\",\"direction\": [1,0,0]}",
           SP_ERR_FORMAT, "/direction/0", "three numbers" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\","
@@ -171,6 +192,12 @@ static void errors_explain_hostile_sidecars(void **state) {
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\","
           "\"direction\": [[1,0,0],[1,0,0],[0,0,1]]}",
           SP_ERR_FORMAT, "h.json: /direction", "singular" },
+        { SPACED "3}", SP_ERR_FORMAT, "h.json: /space", "three letters" },
+        { SPACED "\"\"}", SP_ERR_FORMAT, "/space", "three letters" },
+        { SPACED "\"LP\"}", SP_ERR_FORMAT, "/space", "three letters" },
+        { SPACED "\"LPSX\"}", SP_ERR_FORMAT, "/space", "three letters" },
+        { SPACED "\"LRS\"}", SP_ERR_FORMAT, "/space", "three letters" },
+        { SPACED "\"lps\"}", SP_ERR_FORMAT, "/space", "such as LPS" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": 3}",
           SP_ERR_FORMAT, "/unit", "string" },
         { "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"unit\": "
@@ -215,7 +242,7 @@ static void errors_explain_hostile_sidecars(void **state) {
     memset(longer, '[', n - 1);
     memcpy(longer, "{\"dims\":", 8);
     write_file("h.json", longer, n - 1);
-    load_error("h.json", SP_ERR_FORMAT, "h.json: byte", "depth");
+    load_error("h.json", SP_ERR_FORMAT, "h.json: byte", "nested too deeply");
     free(longer);
 }
 
@@ -224,6 +251,7 @@ int main(void) {
         cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
         cmocka_unit_test(geometry_equals_that_of_the_sidecar),
         cmocka_unit_test(axes_may_be_rectilinear),
+        cmocka_unit_test(the_space_of_a_patient_is_read),
         cmocka_unit_test(errors_explain_hostile_sidecars),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -161,6 +161,8 @@ static void paths_are_redacted(void **state) {
         { "/srv/data", "demo:engine?size=8", "demo:engine?size=8", "demo:engine", "demo:engine" },
         { NULL, "/b.vti", "b.vti", "/b.vti: no", "/b.vti: no" },
         { "/", "/srv/b.vti", "b.vti", "/srv/b.vti in /srv", "b.vti in its folder" },
+        { "/srv/data", "/home/x/b.vti", "b.vti", "/etc/a.raw: lies outside of /home/x",
+          "/etc/a.raw: lies outside of its folder" },
         { "/d", "/d/x.vti", "x.vti", "1/d/x.vti and /d/x.vti", "1/d/x.vti and x.vti" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
