@@ -7,6 +7,7 @@
 #include "http/routes.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
+#include "render/data_folder.h"
 #include "render/formats.h"
 #include "render/source.h"
 
@@ -181,6 +182,7 @@ enum { SOURCES = sizeof sources / sizeof *sources };
 static bool check_source(const char *member, const char *pointer, const char *value,
                          struct srv_reply *reply) {
     bool is_demo = srv_source_is_demo(value);
+    struct sp_error err;
     if (!*value)
         srv_reply_problem(reply, 422, pointer, "must not be empty");
     else if (strcmp(member, "uri") == 0 && !is_demo)
@@ -191,6 +193,8 @@ static bool check_source(const char *member, const char *pointer, const char *va
     else if (srv_source_is_upload(value))
         srv_reply_problem(reply, 422, pointer,
                           "names an upload; give its id as \"upload\", or upload the file again");
+    else if (strcmp(member, "upload") != 0 && !srv_data_check_relative(value, pointer, &err))
+        srv_reply_error(reply, &err);
     else
         return true;
     return false;

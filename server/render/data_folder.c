@@ -18,8 +18,15 @@ static bool is_in(const char *path, const char *folder) {
            (!path[length] || path[length] == '/' || folder[length - 1] == '/');
 }
 
-static bool fail_missing(const char *pointer, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_NOT_FOUND, pointer, "there is no such file below the data folder");
+/* What a client asks for. */
+struct wanted {
+    const char *pointer; /* the place of errors */
+    const char *kind;    /* "file" or "folder" */
+};
+
+static bool fail_missing(struct wanted wanted, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_NOT_FOUND, wanted.pointer,
+                   "there is no such %s below the data folder", wanted.kind);
 }
 
 /* Appends "/name" to a resolved path and resolves the result. */
@@ -42,24 +49,40 @@ static bool follow(char real[PATH_MAX], const char *name, size_t length) {
     return fits;
 }
 
-static bool fail_to_follow(const char *pointer, struct sp_error *err) {
+enum { SHOWN_MAX = 100 }; /* bytes of a name in an error */
+
+/* Explains why the name of `length` bytes cannot be followed. */
+static bool fail_to_follow(struct wanted wanted, const char *name, size_t length,
+                           struct sp_error *err) {
+    const int shown = length < SHOWN_MAX ? (int)length : SHOWN_MAX;
     if (errno == ENOMEM)
-        return sp_fail(err, SP_ERR_MEMORY, pointer, "out of memory for a path");
-    return fail_missing(pointer, err);
+        return sp_fail(err, SP_ERR_MEMORY, wanted.pointer, "out of memory for a path");
+    if (errno == ELOOP)
+        return sp_fail(err, SP_ERR_INVALID, wanted.pointer,
+                       "'%.*s' is a symbolic link that leads in a circle", shown, name);
+    if (errno == ENAMETOOLONG)
+        return sp_fail(err, SP_ERR_INVALID, wanted.pointer,
+                       "the path has more than %d bytes, or a name of it more than %d",
+                       PATH_MAX - 1, NAME_MAX);
+    if (errno == EACCES)
+        return sp_fail(err, SP_ERR_DENIED, wanted.pointer, "the daemon's user may not read '%.*s'",
+                       shown, name);
+    return fail_missing(wanted, err);
 }
 
-bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
-                      struct sp_error *err) {
+static bool resolve(const char *data, const char *path, struct wanted wanted, char real[PATH_MAX],
+                    struct sp_error *err) {
     if (!data)
-        return sp_fail(err, SP_ERR_DENIED, pointer,
+        return sp_fail(err, SP_ERR_DENIED, wanted.pointer,
                        "this daemon loads no files by request; start it with --data DIR");
-    if (strlen(data) + 1 + strlen(path) >= PATH_MAX)
-        return sp_fail(err, SP_ERR_INVALID, pointer, "the path is longer than %d bytes",
-                       PATH_MAX - 1);
+    if (strlen(data) + 1 + strlen(path) >= PATH_MAX) {
+        errno = ENAMETOOLONG;
+        return fail_to_follow(wanted, path, strlen(path), err);
+    }
     snprintf(real, PATH_MAX, "%s", data);
     if (path[0] == '/') {
         if (!is_in(path, data))
-            return fail_missing(pointer, err);
+            return fail_missing(wanted, err);
         path += strlen(data);
     }
     for (;;) {
@@ -68,17 +91,28 @@ bool srv_data_resolve(const char *data, const char *path, const char *pointer, c
         if (length == 0)
             return true;
         if (!follow(real, path, length))
-            return fail_to_follow(pointer, err);
+            return fail_to_follow(wanted, path, length, err);
         if (!is_in(real, data)) {
             if (length == 2 && strncmp(path, "..", 2) == 0)
-                return fail_missing(pointer, err);
-            return sp_fail(err, SP_ERR_NOT_FOUND, pointer,
+                return fail_missing(wanted, err);
+            return sp_fail(err, SP_ERR_NOT_FOUND, wanted.pointer,
                            "'%.*s' is a symbolic link that leads out of the data folder; only "
                            "what lies below the data folder can be opened",
-                           length < 100 ? (int)length : 100, path);
+                           length < SHOWN_MAX ? (int)length : SHOWN_MAX, path);
         }
         path += length;
     }
+}
+
+bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
+                      struct sp_error *err) {
+    return resolve(data, path, (struct wanted){ pointer, "file" }, real, err);
+}
+
+bool srv_data_check_relative(const char *path, const char *pointer, struct sp_error *err) {
+    return path[0] != '/' ||
+           sp_fail(err, SP_ERR_INVALID, pointer,
+                   "must be relative to the data folder, without a slash at its beginning");
 }
 
 /* Opens a resolved folder, name by name, without following a link that was created meanwhile. */
@@ -156,7 +190,9 @@ static void show(const char *data, const char *folder, int fd, const char *name,
 bool srv_data_list(const char *data, const char *path, struct srv_page *page,
                    struct sp_error *err) {
     char real[PATH_MAX];
-    if (!srv_data_resolve(data, path, "/path", real, err))
+    const struct wanted wanted = { "/path", "folder" };
+    if (!srv_data_check_relative(path, wanted.pointer, err) ||
+        !resolve(data, path, wanted, real, err))
         return false;
     int fd = open_folder(real);
     DIR *folder = fd >= 0 ? fdopendir(fd) : NULL;
@@ -165,9 +201,12 @@ bool srv_data_list(const char *data, const char *path, struct srv_page *page,
         if (fd >= 0)
             close(fd);
         if (error == ENOTDIR)
-            return sp_fail(err, SP_ERR_INVALID, "/path", "is not a folder");
+            return sp_fail(err, SP_ERR_INVALID, "/path", "is a file, not a folder");
         if (error == ENOENT)
-            return fail_missing("/path", err);
+            return fail_missing(wanted, err);
+        if (error == EACCES)
+            return sp_fail(err, SP_ERR_DENIED, "/path",
+                           "the daemon's user may not read the folder");
         return sp_fail(err, error == ENOMEM ? SP_ERR_MEMORY : SP_ERR_IO, "/path",
                        "cannot read the folder: %s", strerror(error));
     }

@@ -17,11 +17,15 @@
 #include "common/pagination.h"
 #include "sp/status.h"
 
-/* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path must lie
- * below it, too. `pointer` is the place of errors. False: SP_ERR_DENIED (no data folder),
- * SP_ERR_INVALID (too long), SP_ERR_NOT_FOUND (missing, or outside), SP_ERR_MEMORY. */
+/* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path, as the
+ * daemon stores it, must lie below it, too. `pointer` is the place of errors. False: SP_ERR_DENIED
+ * (no data folder, or not readable), SP_ERR_INVALID (too long, or a circle of links),
+ * SP_ERR_NOT_FOUND (missing, or outside), SP_ERR_MEMORY. */
 bool srv_data_resolve(const char *data, const char *path, const char *pointer, char real[PATH_MAX],
                       struct sp_error *err);
+
+/* True if a path that a client states is relative. Otherwise SP_ERR_INVALID. */
+bool srv_data_check_relative(const char *path, const char *pointer, struct sp_error *err);
 
 struct srv_data_entry {
     /* First, as struct srv_page requires: "/NAME" for a folder and ":NAME" for a file, so that

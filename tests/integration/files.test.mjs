@@ -23,6 +23,7 @@ before(async () => {
   writeFileSync(at('readme.txt'), 'text');
   for (let i = 0; i < 5; i++) writeFileSync(at('scans', `${i}.nrrd`), nrrd());
   symlinkSync('../outside', at('out'));
+  symlinkSync('circle', at('circle'));
   symlinkSync('../outside/secret.nrrd', at('secret.nrrd'));
   daemon = await Daemon.start(['--volume', 'demo:engine?size=8', '--data', at()]);
   await daemon.loaded('engine');
@@ -58,12 +59,26 @@ test('a long folder comes in pages', async () => {
 });
 
 test('what lies outside cannot be listed or loaded, and a link says that it leads out', async () => {
-  for (const [where, detail] of [['out', /'out' is a symbolic link that leads out/], ['..', /no such file/], ['/etc', /no such file/],
-    ['../data', /no such file/], ['absent', /no such file/], [`${at('scans')}/../../outside`, /no such file/]]) {
+  for (const [where, detail] of [['out', /'out' is a symbolic link that leads out/], ['..', /no such folder/],
+    ['../data', /no such folder/], ['absent', /no such folder/], ['scans/../../outside', /no such folder/]]) {
     const answer = await list(`?path=${encodeURIComponent(where)}`);
     assert.equal(answer.status, 404, where);
     assert.match(answer.json.detail, detail, where);
   }
+  for (const [where, detail] of [[at(), /must be relative to the data folder/], [at('scans'), /must be relative/], ['/etc', /must be relative/],
+    ['circle', /'circle' is a symbolic link that leads in a circle/], ['bad.nrrd', /is a file, not a folder/],
+    ['x'.repeat(300), /a name of it more than 255/]]) {
+    const answer = await list(`?path=${encodeURIComponent(where)}`);
+    assert.deepEqual([answer.status, answer.json.pointer], [422, '/path'], where);
+    assert.match(answer.json.detail, detail, where);
+  }
+  for (const member of ['source', 'path']) {
+    const answer = await daemon.post('/api/v1/volumes', { [member]: at('größe.nrrd') });
+    assert.deepEqual([answer.status, answer.json.pointer], [422, `/${member}`]);
+    assert.match(answer.json.detail, /must be relative to the data folder/);
+  }
+  assert.match((await daemon.post('/api/v1/volumes', { source: 'x/'.repeat(2500) })).json.detail, /more than 4095 bytes/);
+  assert.match((await daemon.post('/api/v1/volumes', { source: 'circle' })).json.detail, /leads in a circle/);
   const link = await daemon.post('/api/v1/volumes', { source: 'secret.nrrd' });
   assert.equal(link.status, 404);
   assert.equal(link.json.pointer, '/source');
@@ -73,7 +88,6 @@ test('what lies outside cannot be listed or loaded, and a link says that it lead
     assert.equal(answer.json.pointer, '/path');
     assert.match(answer.json.detail, /'out' is a symbolic link/);
   }
-  assert.equal((await list('?path=bad.nrrd')).status, 422);
 });
 
 test('listing needs the role admin and a data folder', async () => {

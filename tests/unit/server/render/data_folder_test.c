@@ -116,7 +116,8 @@ static void paths_stay_in_the_folder(void **state) {
     is_refused("../data/a.nrrd", SP_ERR_NOT_FOUND, "no such file");
     is_refused("/etc/passwd", SP_ERR_NOT_FOUND, "no such file");
     is_refused("dangling.nrrd", SP_ERR_NOT_FOUND, "no such file");
-    is_refused("loop.nrrd", SP_ERR_NOT_FOUND, "no such file");
+    is_refused("loop.nrrd", SP_ERR_INVALID,
+               "'loop.nrrd' is a symbolic link that leads in a circle");
     is_refused("link.nrrd", SP_ERR_NOT_FOUND, "'link.nrrd' is a symbolic link that leads out");
     /* The same answer whether the rest exists or not. */
     is_refused("out/secret.nrrd", SP_ERR_NOT_FOUND, "'out' is a symbolic link that leads out");
@@ -125,7 +126,9 @@ static void paths_stay_in_the_folder(void **state) {
     is_refused(absolute, SP_ERR_NOT_FOUND, "no such file");
     memset(long_path, 'x', sizeof long_path - 1);
     long_path[sizeof long_path - 1] = 0;
-    is_refused(long_path, SP_ERR_INVALID, "longer");
+    is_refused(long_path, SP_ERR_INVALID, "more than 4095 bytes");
+    long_path[300] = 0;
+    is_refused(long_path, SP_ERR_INVALID, "a name of it more than 255");
     char real[PATH_MAX];
     struct sp_error err;
     assert_false(srv_data_resolve(NULL, "a.nrrd", "/path", real, &err));
@@ -169,10 +172,17 @@ static void what_is_no_folder_is_not_listed(void **state) {
     static const struct {
         const char *path;
         enum sp_code code;
-    } cases[] = { { "a.nrrd", SP_ERR_INVALID },
-                  { "absent", SP_ERR_NOT_FOUND },
-                  { "out", SP_ERR_NOT_FOUND },
-                  { "..", SP_ERR_NOT_FOUND } };
+        const char *text;
+    } cases[] = { { "a.nrrd", SP_ERR_INVALID, "is a file, not a folder" },
+                  { "absent", SP_ERR_NOT_FOUND, "there is no such folder below the data folder" },
+                  { "out", SP_ERR_NOT_FOUND,
+                    "'out' is a symbolic link that leads out of the data folder; only what lies "
+                    "below the data folder can be opened" },
+                  { "loop.nrrd", SP_ERR_INVALID,
+                    "'loop.nrrd' is a symbolic link that leads in a circle" },
+                  { data, SP_ERR_INVALID,
+                    "must be relative to the data folder, without a slash at its beginning" },
+                  { "..", SP_ERR_NOT_FOUND, "there is no such folder below the data folder" } };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct srv_data_entry entries[2];
         struct srv_page page = {
@@ -181,6 +191,7 @@ static void what_is_no_folder_is_not_listed(void **state) {
         struct sp_error err = { .code = SP_OK };
         assert_false(srv_data_list(data, cases[i].path, &page, &err));
         assert_int_equal(err.code, cases[i].code);
+        assert_string_equal(err.text, cases[i].text);
         assert_string_equal(err.place, "/path");
     }
 }
