@@ -210,7 +210,6 @@ static void explain_end(const struct proto_position *position, size_t size, char
 void proto_json_reason(enum proto_json_fault fault, const struct proto_position *position,
                        size_t size, char text[PROTO_JSON_REASON_BYTES]) {
     const size_t capacity = PROTO_JSON_REASON_BYTES;
-    const char *at = position->bytes + position->at;
     *text = 0;
     switch (fault) {
     case PROTO_JSON_SYNTAX:
@@ -224,7 +223,7 @@ void proto_json_reason(enum proto_json_fault fault, const struct proto_position 
         break;
     case PROTO_JSON_NOT_UTF8:
         snprintf(text, capacity, "the byte 0x%02x is not UTF-8; save the text as UTF-8",
-                 position->at < size ? (unsigned char)*at : 0u);
+                 position->at < size ? (unsigned char)position->bytes[position->at] : 0u);
         break;
     case PROTO_JSON_NUL:
         snprintf(text, capacity, "the character \\u0000 is not allowed");
