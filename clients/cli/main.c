@@ -3,6 +3,7 @@
 #include <string.h>
 
 #include "cli/commands.h"
+#include "cli/help.h"
 #include "cli/options.h"
 #include "sp/log.h"
 
@@ -52,7 +53,7 @@ int main(int argc, char **argv) {
     if (!options_parse(&options, argc, argv))
         return 2;
     if (options.help) {
-        print_help();
+        help_print(options.command);
         return 0;
     }
     if (options.version) {

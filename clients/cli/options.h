@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c
+ * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c,
  * render.c and slice.c are the commands; patch.c makes their view; http.c talks to the daemon;
  * local.c renders without a daemon; output.c writes files completely or not at all; print.c prints
- * tables and JSON. Errors are struct sp_error up to main(), which prints `splatctl: place: text`.
+ * tables and JSON; help.c prints the help. Errors are struct sp_error up to main(), which prints
+ * `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -47,7 +48,5 @@ bool options_parse(struct options *options, int argc, char **argv);
 
 /* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);
-
-void print_help(void);
 
 #endif

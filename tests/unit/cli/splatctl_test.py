@@ -3,6 +3,7 @@
 """splatctl_test.py SPLATCTL: usage, rendering in process, and the handling of answers of a daemon."""
 import json
 import os
+import re
 import socketserver
 import struct
 import tempfile
@@ -42,6 +43,19 @@ class Usage(unittest.TestCase):
         for word in ('volumes', 'load', 'view', 'render', '--local', '--url', 'SPLATD_URL', 'Exit status'):
             self.assertIn(word, result.stdout.decode())
         self.assertRegex(run('--version').stdout.decode(), r'^splatctl \d+\.\d+\.\d+\n$')
+
+    def test_help_of_one_command(self):
+        whole = run('--help').stdout.decode()
+        self.assertLessEqual(max(map(len, whole.split('\n'))), 100)
+        for command in sorted(set(re.findall(r'^  ([a-z]+) ', whole.split('\n\n')[1], re.MULTILINE))):
+            with self.subTest(command):
+                part = run(command, '--help').stdout.decode()
+                self.assertRegex(part, rf'\n  {command} ')
+                self.assertIn('--url', part)
+                self.assertEqual('--origin' in part, command == 'slice')
+                self.assertEqual('--azimuth' in part, command in ('render', 'save', 'share'))
+                for line in part.split('\n')[4:]:
+                    self.assertIn(line, whole)
 
     def test_usage_errors(self):
         self.refused()

@@ -1,0 +1,172 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "cli/help.h"
+
+#include <stdbool.h>
+#include <stdio.h>
+#include <string.h>
+
+/* Blocks of the help, in the order in which they are printed. */
+enum block {
+    BLOCK_LOAD,
+    BLOCK_SCENE,
+    BLOCK_IMAGE,
+    BLOCK_LOCAL,
+    BLOCK_SLICE,
+    BLOCK_PATH,
+    BLOCK_DELETE,
+    BLOCK_DAEMON,
+    BLOCK_OUTPUT,
+    BLOCK_FIELDS,
+    BLOCKS
+};
+
+#define BIT(block) (1u << (block))
+#define DAEMON (BIT(BLOCK_DAEMON) | BIT(BLOCK_OUTPUT))
+
+static const struct {
+    const char *name, *arguments;
+    const char *about; /* further lines are indented as the list is */
+    unsigned blocks;
+} commands[] = {
+    { "volumes", "", "list the daemon's volumes", DAEMON },
+    { "load", "SOURCE",
+      "load a file below the daemon's --data folder, or demo:NAME; print\n"
+      "its id and wait until it is ready",
+      DAEMON | BIT(BLOCK_LOAD) },
+    { "unload", "ID", "remove a volume from the daemon", DAEMON },
+    { "view", "ID", "print the default view of a volume", DAEMON | BIT(BLOCK_FIELDS) },
+    { "render", "", "render one image",
+      DAEMON | BIT(BLOCK_SCENE) | BIT(BLOCK_IMAGE) | BIT(BLOCK_LOCAL) | BIT(BLOCK_FIELDS) },
+    { "slice", "", "write one slice of a volume, as an image or as values",
+      DAEMON | BIT(BLOCK_SLICE) },
+    { "path", "FILE|-",
+      "render a camera path: frames into the folder --out, or a movie;\n"
+      "the daemon keeps the path until everything is fetched",
+      DAEMON | BIT(BLOCK_PATH) | BIT(BLOCK_DELETE) },
+    { "path", "--id ID",
+      "fetch a path into --out; it stays on the daemon. Without --out:\n"
+      "print its state",
+      DAEMON | BIT(BLOCK_PATH) | BIT(BLOCK_DELETE) },
+    { "paths", "", "list the camera paths", DAEMON },
+    { "save", "", "save a view (--view, --volume) for links; print its id",
+      DAEMON | BIT(BLOCK_SCENE) | BIT(BLOCK_FIELDS) },
+    { "saved", "ID", "print a saved view", DAEMON | BIT(BLOCK_DELETE) },
+    { "views", "", "list the saved views", DAEMON },
+    { "preset", "NAME", "print a preset, or store --view FILE|- under the name",
+      DAEMON | BIT(BLOCK_DELETE) },
+    { "presets", "", "list the presets", DAEMON },
+    { "share", "[ID]",
+      "create a session from a view (--view, --volume), or from the view\n"
+      "of a session or a saved view; print its links",
+      DAEMON | BIT(BLOCK_SCENE) | BIT(BLOCK_FIELDS) },
+    { "session", "ID", "print the links of a session", DAEMON | BIT(BLOCK_DELETE) },
+    { "sessions", "", "list the sessions, active or hibernated", DAEMON },
+};
+
+static const char *const texts[BLOCKS] = {
+    [BLOCK_LOAD] = "load:\n"
+                   "  --no-wait               return as soon as loading has started\n",
+    [BLOCK_SCENE] =
+        "render, save, share:\n"
+        "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"
+        "                          necessary (default: \"volume\" of the view)\n"
+        "  --view FILE|-           a view as JSON, merged into the default view of the volume\n"
+        "  --preset NAME           a preset of the daemon; --view is merged into it\n"
+        "  --azimuth DEGREES       the camera around its target: 0 is the front, 90 the side at "
+        "+x\n"
+        "  --elevation DEGREES     the camera above its target: 90 is the top\n"
+        "  --roll DEGREES          turns the image\n"
+        "  --distance D            from the camera to its target, in world units\n"
+        "                          (default of these four: the camera of the view)\n"
+        "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n",
+    [BLOCK_IMAGE] =
+        "render:\n"
+        "  --out FILE|-            the image file, written completely or not at all\n"
+        "  --format NAME           jpeg, png, webp or exr (default: by the suffix of --out, else\n"
+        "                          png)\n"
+        "  --quality N             1 to 100, for jpeg and webp (default 90)\n",
+    [BLOCK_LOCAL] =
+        "  --local                 render in this process, without a daemon; the image is the "
+        "same\n"
+        "  --threads N             with --local: render threads, 1 to 256 (default: one per core)\n"
+        "  --backend NAME          with --local: auto (default), gl, gl-software, cpu, null\n"
+        "  --gpu N                 with --local: the GPU, by its number in \"splatd --probe\"\n"
+        "  --isa NAME              with --local: instruction set of the CPU backend: auto\n"
+        "                          (default), scalar, sse41, avx2, avx512, neon\n",
+    [BLOCK_SLICE] =
+        "slice:\n"
+        "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"
+        "                          necessary\n"
+        "  --out FILE|-            the file, written completely or not at all\n"
+        "  --format NAME           png, jpeg, or raw for the values (default: by the suffix of\n"
+        "                          --out, else png)\n"
+        "  --axis x|y|z            across an axis of the grid\n"
+        "  --index N               with --axis: through this sample (default: the middle)\n"
+        "  --origin X,Y,Z --normal X,Y,Z --size WxH\n"
+        "                          instead of --axis: a plane in world units, and its size in\n"
+        "                          pixels\n"
+        "  --up X,Y,Z              with --origin: the direction upwards in the slice\n"
+        "  --spacing S             with --origin: world units per pixel\n"
+        "  --window CENTRE,WIDTH   the values from black to white\n",
+    [BLOCK_PATH] = "path:\n"
+                   "  --out FOLDER|FILE       a folder for the frames, created if necessary, or a "
+                   "movie file\n",
+    [BLOCK_DELETE] = "saved, preset, session, path --id:\n"
+                     "  --delete                delete it; path --id with --out: fetch it before\n",
+    [BLOCK_DAEMON] =
+        "The daemon:\n"
+        "  --url URL               its address, with or without ?token= (default: $SPLATD_URL,\n"
+        "                          else http://127.0.0.1:8080)\n"
+        "  --token TOKEN           its token (default: that of the URL, else $SPLATD_TOKEN)\n"
+        "  --timeout SECONDS       longest wait for the next bytes of an answer, for a volume, "
+        "and\n"
+        "                          for an unreachable daemon that renders a path (default 300)\n",
+    [BLOCK_OUTPUT] = "Everywhere:\n"
+                     "  --json                  print JSON on one line, for programs\n"
+                     "  --help                  print the help; of one command after its name\n"
+                     "  --version               print the version\n",
+    [BLOCK_FIELDS] =
+        "A view also chooses filter, compositing, light and clipping. \"splatctl view ID\" prints\n"
+        "all fields; among them are:\n"
+        "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
+        "  filter.kernel           gaussian, cubic\n"
+        "  compositing.mode        splat, sheet, slab\n"
+        "  compositing.attenuation exponential, linear\n"
+        "  transfer_function.order pre, post (sheet, slab), auto\n"
+        "  shading.occlusion       ambient occlusion, 0 to 1 (sheet, post or auto)\n"
+        "  shading.shadow          soft shadow of the first light, 0 to 1 (sheet, post or auto)\n"
+        "For example, slabs of half a voxel, classified after interpolation, of everything at\n"
+        "y >= 64:\n"
+        "  {\"transfer_function\": {\"order\": \"post\"},\n"
+        "   \"compositing\": {\"mode\": \"slab\", \"slab\": 0.5},\n"
+        "   \"clip\": {\"planes\": [{\"normal\": [0, 1, 0], \"offset\": 64}]}}\n",
+};
+
+/* Prints a command as a line of the list: the name in 22 columns, then what it does. */
+static void print_command(size_t i) {
+    int width = printf("  %s %s", commands[i].name, commands[i].arguments);
+    printf("%*s", 26 - width, "");
+    for (const char *at = commands[i].about; *at; at++) {
+        putchar(*at);
+        if (*at == '\n')
+            printf("%26s", "");
+    }
+    putchar('\n');
+}
+
+void help_print(const char *command) {
+    unsigned blocks = 0;
+    size_t count = sizeof commands / sizeof *commands;
+    for (size_t i = 0; command && i < count; i++)
+        if (strcmp(commands[i].name, command) == 0)
+            blocks |= commands[i].blocks;
+    bool is_one = blocks != 0;
+    printf("Usage: splatctl COMMAND [OPTION]...\n\n%s:\n", is_one ? "Command" : "Commands");
+    for (size_t i = 0; i < count; i++)
+        if (!is_one || strcmp(commands[i].name, command) == 0)
+            print_command(i);
+    for (unsigned block = 0; block < BLOCKS; block++)
+        if (!is_one || blocks & BIT(block))
+            printf("%s%s", block == BLOCK_LOCAL ? "" : "\n", texts[block]);
+    puts("\nExit status: 0 success, 1 failure, 2 usage.");
+}
