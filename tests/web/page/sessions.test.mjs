@@ -60,7 +60,7 @@ test('an unknown volume= is said, with the volumes that exist', async (context) 
   const { page } = await open(context, `${daemon.url}&volume=nosuch`);
   const said = prompt(page, 'missing');
   await said.waitFor();
-  assert.equal(await said.locator('p').textContent(), 'There is no volume "nosuch". This is phantom. The daemon has phantom, engine.');
+  assert.equal(await said.locator('p').textContent(), 'There is no volume “nosuch”. The picture shows phantom. The daemon has these volumes: phantom, engine.');
   await shot(page, 'volume-unknown');
   await said.locator('.close').click();
   assert.equal(await said.count(), 0);
