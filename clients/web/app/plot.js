@@ -150,7 +150,7 @@ export class Plot {
     }
     points.forEach(({ x, y, color, text }, i) => {
       const handle = this.#handles.children[i];
-      handle.style.left = `${100 * (x - low) / (high - low)}%`;
+      handle.style.left = `${100 * ((x - low) / (high - low))}%`;
       handle.style.top = `${100 * (1 - Math.min(1, y / top))}%`;
       handle.style.backgroundColor = color;
       handle.hidden = x < low || x > high;

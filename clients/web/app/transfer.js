@@ -5,7 +5,7 @@ import { logHeights, readHistogram } from '../core/histogram.js';
 import { History } from '../core/history.js';
 import { KINDS, presetOf } from '../core/tissue.js';
 import {
-  POINTS_MAX, colorAt, isSame, isSameGradient, leastGap, merge, opacityAt, paintPoint, stretchAll, tidy, windowOf,
+  EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, opacityAt, paintPoint, stretchAll, tidy, windowOf, within,
 } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { nextFrame } from './animation.js';
@@ -84,10 +84,10 @@ class Transfer {
   /** The range of values of the volume, as far as it is known. */
   get range() {
     const range = this.#histogram?.range ?? this.#viewer.volume?.range;
-    if (range && range[1] > range[0] && Number.isFinite(range[1] - range[0])) return range;
+    if (range && range[1] - range[0] >= EXTENT_MIN && range[1] - range[0] <= VALUE_MAX) return range;
     const { points } = this.state;
     const [low, high] = [points[0].value, points.at(-1).value];
-    return high > low ? [low, high] : [low - 0.5, low + 0.5];
+    return high - low >= EXTENT_MIN ? [low, high] : [low - 0.5, low + 0.5];
   }
   get gap() { return leastGap(this.range); }
   get #extent() {
@@ -107,8 +107,9 @@ class Transfer {
   /** Takes the view, whoever changed it. why: the reason that this participant may not change it, or null. */
   show(view, why = this.#why) {
     this.#why = why;
-    const { points, gradient = [] } = view.transfer_function ?? {};
-    if (!points?.length || !this.#viewer.isCurrent) return;
+    const { points: given, gradient = [] } = view.transfer_function ?? {};
+    if (!given?.length || !this.#viewer.isCurrent) return;
+    const points = within(given);
     if (view.volume !== this.#volume) {
       this.#volume = view.volume;
       this.#histogram = null;

@@ -8,6 +8,11 @@ export const GRADIENT_POINTS_MAX = 16;
 /** The protocol wants opacities below 1. */
 export const OPACITY_MAX = 0.999;
 
+/** The largest magnitude of a value here, so that differences of values are numbers. */
+export const VALUE_MAX = 1e300;
+/** The least extent of an axis, so that shares of it are numbers. */
+export const EXTENT_MIN = 1e-290;
+
 const GAP = 1e-5; // least distance between two points, as a share of the range of the volume
 const hold = (x, low, high) => Math.min(high, Math.max(low, x));
 const mix = (a, b, t) => a + (b - a) * t;
@@ -117,9 +122,12 @@ export function merge(points, stops, range, gap) {
 /** Without points that do not lie above the one before, which rounding or a limit made equal. */
 const rising = (points, key) => points.filter((p, i) => i === 0 || p[key] > points[i - 1][key]);
 
+/** Points with values that can be edited. Those beyond meet at the limit, and the first of them stays. */
+export const within = (points) => rising(points.map((p) => ({ ...p, value: hold(p.value, -VALUE_MAX, VALUE_MAX) })), 'value');
+
 /** Points with as many digits as the daemon keeps. */
 export function tidy(points) {
-  return rising(points.map(({ value, color, opacity }) => ({
+  return rising(within(points).map(({ value, color, opacity }) => ({
     value: round(value, 9), color: color.map((part) => round(hold(part, 0, 1), 4)), opacity: round(hold(opacity, 0, OPACITY_MAX), 5),
   })), 'value');
 }

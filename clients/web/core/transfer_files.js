@@ -4,12 +4,11 @@
 import { MIXES } from './color_space.js';
 import { simplify } from './color_maps.js';
 import { t } from './text.js';
-import { GRADIENT_POINTS_MAX, OPACITY_MAX, POINTS_MAX, colorAt, opacityAt, tidy } from './transfer.js';
+import { GRADIENT_POINTS_MAX, OPACITY_MAX, POINTS_MAX, VALUE_MAX, colorAt, opacityAt, tidy } from './transfer.js';
 
 const FORMAT = 'splatd transfer function';
 export const BYTES_MAX = 1 << 20;
 const STOPS_MAX = 512; // colours of a map
-const VALUE_MAX = 1e300; // so that differences of values are numbers
 const PARTS = 16; // samples between two points whose interpolation is not linear in RGB
 
 const fail = (key, values) => { throw new Error(t(`file.${key}`, values)); };

@@ -5,8 +5,8 @@ import { test } from 'node:test';
 import { MAP_NAMES, colorOfStops, simplify, stopsOf, tableOf } from '../../../clients/web/core/color_maps.js';
 import { History } from '../../../clients/web/core/history.js';
 import {
-  OPACITY_MAX, POINTS_MAX, addPoint, colorAt, curveOf, gradientOf, isSame, leastGap, merge, middleBeside, movePoint, opacityAt, placePoint, removePoint,
-  stretchAll, tidy, windowOf,
+  OPACITY_MAX, POINTS_MAX, VALUE_MAX, addPoint, colorAt, curveOf, gradientOf, isSame, leastGap, merge, middleBeside, movePoint, opacityAt, placePoint, removePoint,
+  stretchAll, tidy, windowOf, within,
 } from '../../../clients/web/core/transfer.js';
 import { compare } from '../../support/compare.mjs';
 
@@ -105,6 +105,14 @@ test('rounding keeps lists equal for comparison and drops values that it makes e
   assert.ok(isSame(tidy(points), points));
   assert.ok(!isSame(points, movePoint(points, 1, { opacity: 0.51 }, gap)));
   assert.ok(!isSame(points, points.slice(1)));
+});
+
+test('values beyond all that can be subtracted meet at the limit', () => {
+  const extreme = [-1.7e308, -1e305, 0, 5e-324, 1.6e308].map((value) => ({ ...points[0], value }));
+  assert.deepEqual(values(within(extreme)), [-VALUE_MAX, 0, 5e-324, VALUE_MAX]);
+  assert.deepEqual(values(tidy(extreme)), [-VALUE_MAX, 0, 5e-324, VALUE_MAX]);
+  assert.ok(isSame(tidy(extreme), tidy(within(extreme))));
+  assert.ok(Number.isFinite(windowOf(within(extreme), [0, 1]).width));
 });
 
 test('the gradient axis is a curve and back', () => {

@@ -102,3 +102,26 @@ test('two windows: the guest sees the histogram and every change, read-only unti
   await host.page.locator('#transfer-why', { hasText: 'has control' }).waitFor();
   assert.deepEqual([...host.said, ...guest.said], []);
 });
+
+test('a function of extreme values, from another client, can be drawn and changed', async (context) => {
+  const url = new URL(daemon.url);
+  const headers = { authorization: `Bearer ${url.searchParams.get('token')}`, 'content-type': 'application/json' };
+  for (const extremes of [[-1.7e308, 1.7e308], [10, 1.5e308], [5e-324, 1e-323, 200]]) {
+    const points = extremes.map((value, i) => ({ value, opacity: i / 4, color: [1, 1, 1] }));
+    const body = JSON.stringify({ view: { volume: 'engine', transfer_function: { points } } });
+    const answer = await fetch(new URL('api/v1/sessions', url), { method: 'POST', headers, body });
+    assert.equal(answer.status, 201);
+    const { id, tokens } = await answer.json();
+    const { page, said } = await open(context, new URL(`#session=${id}&token=${tokens.control}`, url.origin).href);
+    const handles = page.locator('#transfer-curve .handle');
+    await until(page, 'the points', () => document.querySelectorAll('#transfer-curve .handle').length > 1);
+    for (const place of await handles.evaluateAll((all) => all.map((handle) => [handle.style.left, handle.style.top]))) {
+      for (const part of place) assert.match(part, /^-?[\d.]+(e-\d+)?%$/, `${extremes}: ${place}`);
+    }
+    await handles.last().press('ArrowUp');
+    await until(page, 'the change', (s) => s.isIdle && s.sent > 0);
+    const values = await page.evaluate(() => window.splatd.transfer.points.map((p) => p.value));
+    assert.deepEqual(values, extremes.map((value) => Math.min(1e300, Math.max(-1e300, value))));
+    assert.deepEqual(said, []);
+  }
+});
