@@ -72,7 +72,7 @@ export class Companion extends Emitter {
   }
 
   #draw(image, { seq, isFinal, width, height }) {
-    this.#screen.draw(image);
+    this.#screen.draw(image, { isMoving: !isFinal });
     this.#updates.show(seq);
     this.#drawn = { seq, isFinal, size: String([width, height]), count: this.#drawn.count + 1 };
     this.emit('drawn');

@@ -39,6 +39,11 @@ export function setText(element, text) {
   if (element.textContent !== text) element.textContent = text;
 }
 
+/** Sets an attribute only if it changes, because the browser computes styles and names again even for the same value. */
+export function setAttribute(element, name, value) {
+  if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
+}
+
 /** The parts of a text in which [Name] is a key of the keyboard. */
 function withKeys(text) {
   return text.split(/\[([^\]]+)\]/).map((part, i) => (i % 2 ? make('kbd', { text: part }) : part));

@@ -29,7 +29,7 @@ export function install(app) {
     decode: (frame) => (frame.isVideo ? video.decode(frame) : decodeImage(frame)),
     schedule: nextFrame,
     draw: (image, frame) => {
-      screen.draw(image);
+      screen.draw(image, { isMoving: !frame.isFinal });
       const { frame: number, seq, width, height, isFinal, isLossless, isVideo, renderUs, encodeUs } = frame;
       Object.assign(drawn, {
         frame: number, seq, width, height, isFinal, isLossless, isVideo, count: drawn.count + 1, videos: drawn.videos + Number(isVideo),

@@ -6,6 +6,7 @@ import { GRADIENT_POINTS_MAX, curveOf, gradientOf, leastGap } from '../core/tran
 import { t } from '../core/text.js';
 import { Curve } from './curve.js';
 import { byId, setText } from './dom.js';
+import { themeColor } from './theme.js';
 
 const INK = 0.6; // lifts rare bins, which are the edges
 const FACTOR_MAX = 0.999; // what a curve draws for 1
@@ -99,9 +100,8 @@ class GradientPanel {
   }
 
   #paint(gradient, context, width, height, [low, high]) {
-    const style = getComputedStyle(document.body);
     const xOf = (value) => (value - low) / (high - low) * width;
-    const ink = style.getPropertyValue('--dots').trim();
+    const ink = themeColor('--dots');
     if (this.#joint) {
       if (ink !== this.#ink) this.#draw(ink);
       context.imageSmoothingEnabled = true;
@@ -119,7 +119,7 @@ class GradientPanel {
       for (const { magnitude, scale } of gradient) context.lineTo(xOf(magnitude), yOf(scale));
       context.lineTo(width, yOf(gradient.at(-1).scale));
     }
-    context.strokeStyle = style.getPropertyValue('--text').trim();
+    context.strokeStyle = themeColor('--text');
     context.lineWidth = 1.5;
     context.stroke();
     context.setLineDash([]);

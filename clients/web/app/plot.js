@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // A plot with points that move by mouse, touch, pen and keyboard. Each point is a slider for screen readers.
+import { setAttribute } from './dom.js';
 
 const CLICK_PX = 4;
 const KEY_STEP = 0.01; // of the visible range
@@ -10,6 +11,7 @@ const hold = (x, low, high) => Math.min(high, Math.max(low, x));
 export class Plot {
   #root; #canvas; #handles; #acts;
   #shown = null;
+  #size = [0, 0]; // of the canvas, in CSS px
   #drag = null;
 
   /**
@@ -40,7 +42,10 @@ export class Plot {
       const index = this.#indexOf(target);
       if (index >= 0 && index !== this.#shown.selected) acts.select(index);
     });
-    new ResizeObserver(() => this.#paint()).observe(root);
+    new ResizeObserver(([{ contentRect: { width, height } }]) => {
+      this.#size = [width, height];
+      this.#paint();
+    }).observe(root);
   }
 
   #indexOf(target) {
@@ -156,19 +161,19 @@ export class Plot {
       handle.hidden = x < low || x > high;
       handle.toggleAttribute('data-above', y > top * 1.0001);
       handle.toggleAttribute('data-selected', i === selected);
-      handle.setAttribute('aria-label', name(i));
-      handle.setAttribute('aria-valuemin', low);
-      handle.setAttribute('aria-valuemax', high);
-      handle.setAttribute('aria-valuenow', x);
-      handle.setAttribute('aria-valuetext', text);
-      handle.setAttribute('aria-disabled', String(!isEditable));
+      setAttribute(handle, 'aria-label', name(i));
+      setAttribute(handle, 'aria-valuemin', low);
+      setAttribute(handle, 'aria-valuemax', high);
+      setAttribute(handle, 'aria-valuenow', x);
+      setAttribute(handle, 'aria-valuetext', text);
+      setAttribute(handle, 'aria-disabled', String(!isEditable));
     });
     this.#root.toggleAttribute('data-locked', !isEditable);
     this.#paint();
   }
 
   #paint() {
-    const { width, height } = this.#root.getBoundingClientRect();
+    const [width, height] = this.#size;
     if (!this.#shown || width < 2) return;
     const ratio = window.devicePixelRatio || 1;
     const size = [Math.round(width * ratio), Math.round(height * ratio)];

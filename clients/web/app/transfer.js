@@ -12,6 +12,7 @@ import { nextFrame } from './animation.js';
 import { Curve } from './curve.js';
 import { byId, setText } from './dom.js';
 import { showNumber } from './fields.js';
+import { themeColor } from './theme.js';
 
 const OWN = ''; // the choice "colours of the points"
 const LEVEL_REACH = 600; // px of a drag for the whole range
@@ -20,7 +21,6 @@ const WINDOW_REACH = 180; // px of a drag for a factor e
 
 const hex = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
 const css = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join(' ')})`;
-const theme = (name) => getComputedStyle(document.body).getPropertyValue(name).trim();
 
 export function install(app) {
   const { viewer, connection, participants, storage } = app;
@@ -387,7 +387,7 @@ class Transfer {
     const xOf = (value) => (value - low) / (high - low) * width;
     const yOf = (opacity) => height * (1 - Math.min(1, opacity / top));
     if (this.#histogram) {
-      context.fillStyle = theme('--bars');
+      context.fillStyle = themeColor('--bars');
       context.beginPath();
       context.moveTo(0, height);
       logHeights(this.#histogram, low, high, columns).forEach((part, i) => {
@@ -413,7 +413,7 @@ class Transfer {
     context.fillStyle = colors;
     context.fill(area);
     context.globalAlpha = 1;
-    context.strokeStyle = theme('--text');
+    context.strokeStyle = themeColor('--text');
     context.lineWidth = 1.5;
     context.stroke(shape);
     this.#paintStrip(colors, width);
@@ -423,8 +423,7 @@ class Transfer {
     const strip = byId('transfer-strip');
     const ratio = window.devicePixelRatio || 1;
     const size = Math.round(width * ratio);
-    if (strip.width !== size) strip.width = size;
-    strip.height = 1;
+    if (strip.width !== size || strip.height !== 1) [strip.width, strip.height] = [size, 1];
     const context = strip.getContext('2d');
     context.setTransform(ratio, 0, 0, 1, 0, 0);
     context.fillStyle = colors;

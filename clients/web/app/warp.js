@@ -71,7 +71,8 @@ export class Warp {
   /** Shows the picture as `rig` would see it; `ahead`: updates that no picture shows yet. */
   show(rig, ahead, background) {
     const isPossible = this.#isOn && performance.now() >= this.#pausedUntil;
-    const map = isPossible && ahead >= AHEAD_MIN && rig && this.#shown && homography(this.#shown, rig, this.#screen.viewport);
+    const isMoved = rig && this.#shown && rig !== this.#shown; // other changes of the view are not predicted
+    const map = isPossible && ahead >= AHEAD_MIN && isMoved && homography(this.#shown, rig, this.#screen.viewport);
     if (map) {
       if (!this.#isCopied) this.#screen.copyTo(this.#canvas);
       this.#isCopied = true;
