@@ -74,8 +74,8 @@ static bool on_volume(void *user, const char *id, const struct srv_volume_reques
     return srv_persistence_put_volume(d->store, id, request);
 }
 
-static bool on_upload_open(void *user, const char *id, char path[PATH_MAX],
-                           char name[SP_NAME_BYTES], struct sp_error *err) {
+static bool on_upload_open(void *user, const char *id, char path[PATH_MAX], char name[NAME_MAX + 1],
+                           struct sp_error *err) {
     struct srv_daemon *d = user;
     return d->uploads ? srv_upload_open(d->uploads, id, path, name, err)
                       : sp_fail(err, SP_ERR_DENIED, NULL, "this daemon takes no uploads");
@@ -207,6 +207,7 @@ static bool start_uploads(struct srv_daemon *d, struct sp_error *err) {
                                            .bytes_max = (uint64_t)c->upload_bytes,
                                            .count_max = (unsigned)c->uploads,
                                            .expiry_ms = (double)c->upload_time_ms,
+                                           .begin_ms = (double)c->upload_begin_time_ms,
                                            .tokens = d->tokens,
                                            .metrics = d->metrics,
                                            .disk = d->disk };

@@ -52,6 +52,8 @@ const char *sp_code_name(enum sp_code code) {
         return "volume-unknown";
     case SP_ERR_VOLUME_FAILED:
         return "volume-failed";
+    case SP_ERR_TOO_LARGE:
+        return "too-large";
     }
     return "unknown";
 }

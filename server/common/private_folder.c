@@ -22,15 +22,29 @@ static const char *temporary(void) {
     return folder && *folder ? folder : "/tmp";
 }
 
+/* Removes the files in a folder, and its folders with their files down to `depth` levels below.
+ * Takes over the descriptor. */
+static void remove_files(int folder, int depth) {
+    DIR *files = folder >= 0 ? fdopendir(folder) : NULL;
+    for (struct dirent *file; files && (file = readdir(files));) {
+        const char *name = file->d_name;
+        if (strcmp(name, ".") == 0 || strcmp(name, "..") == 0 || unlinkat(folder, name, 0) == 0 ||
+            depth == 0)
+            continue;
+        remove_files(openat(folder, name, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC),
+                     depth - 1);
+        unlinkat(folder, name, AT_REMOVEDIR);
+    }
+    if (files)
+        closedir(files);
+    else if (folder >= 0)
+        close(folder);
+}
+
 bool srv_folder_remove_id(const char *root, const char *id) {
     char path[SRV_FILE_BYTES];
     snprintf(path, sizeof path, "%s/%s", root, id);
-    DIR *files = opendir(path);
-    for (struct dirent *file; files && (file = readdir(files));)
-        if (strcmp(file->d_name, ".") != 0 && strcmp(file->d_name, "..") != 0)
-            unlinkat(dirfd(files), file->d_name, 0);
-    if (files)
-        closedir(files);
+    remove_files(open(path, O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC), 1);
     return rmdir(path) == 0 || errno == ENOENT;
 }
 

@@ -23,7 +23,7 @@ bool srv_private_folder_open(const char *prefix, char path[SRV_FOLDER_BYTES], in
 /* Removes the root, which must be empty, and its lock. */
 void srv_private_folder_close(const char *path, int lock);
 
-/* Removes ROOT/ID with its files. False: something is left; errno says why. */
+/* Removes ROOT/ID with its files and folders of files. False: something is left; errno says why. */
 bool srv_folder_remove_id(const char *root, const char *id);
 
 #endif

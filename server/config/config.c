@@ -105,6 +105,8 @@ static const struct setting settings[] = {
       "removed at the end." },
     { "upload-time", SECONDS, AT(upload_time_ms), "86400", 50, 315360000000, "SECONDS",
       "Time without a byte after which an upload that is not loaded is removed." },
+    { "upload-begin-time", SECONDS, AT(upload_begin_time_ms), "60", 50, 315360000000, "SECONDS",
+      "The same for an upload that has not received its first byte." },
     { "message-size", SIZE, AT(message_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",
       "Largest message that a client may send on a stream." },
     { "body-size", SIZE, AT(body_size), "1M", 1024, PROTO_BODY_MAX, "SIZE",

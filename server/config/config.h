@@ -32,7 +32,7 @@ struct srv_config {
     int64_t connections, connections_per_address, connection_requests, handshakes, handshake_rate;
     int64_t sessions, participants, views;
     char *upload_dir;
-    int64_t uploads, upload_bytes, upload_time_ms;
+    int64_t uploads, upload_bytes, upload_time_ms, upload_begin_time_ms;
     int64_t presets, hibernated_sessions, paths, path_frames, path_bytes;
     int64_t message_size, body_size, header_size, stream_bytes, render_queue, render_bytes;
     int64_t frame_px, video_px;

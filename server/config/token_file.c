@@ -79,6 +79,8 @@ static const struct {
     { "snapshots", AT(snapshots), 10000 },
     { "views", AT(views), 100000 },
     { "paths", AT(paths), 10000 },
+    { "uploads", AT(uploads), 10000 },
+    { "volumes", AT(volumes), 1024 },
     { "fps", AT(fps), 120 },
 };
 
@@ -110,7 +112,7 @@ static bool read_quota(const char *word, const char *value, struct srv_quota *qu
     }
     return fail(err, place, /* the key is not quoted: it could be a mistyped token */
                 "unknown key; the keys are role, name, sessions, snapshots, fps, views, paths, "
-                "path-bytes, upload-bytes and frame-size");
+                "path-bytes, uploads, upload-bytes, volumes and frame-size");
 }
 
 /* Reads one "key=value" after the token. */

@@ -3,7 +3,8 @@
  * Parser of --token-file: one token per line, with its role and quotas.
  *
  *   TOKEN [role=admin|control|render|view|metrics] [name=NAME] [sessions=N] [snapshots=N] [fps=N]
- *         [views=N] [paths=N] [path-bytes=SIZE] [frame-size=PX|WxH]
+ *         [views=N] [paths=N] [path-bytes=SIZE] [uploads=N] [upload-bytes=SIZE] [volumes=N]
+ *         [frame-size=PX|WxH]
  *
  * Empty lines and lines that begin with # are skipped. TOKEN is 16 to 128 characters of
  * [A-Za-z0-9._~-]. Without a role it has the role admin; without a name it is called token-LINE.
@@ -24,8 +25,9 @@ enum srv_right {
     SRV_RIGHT_METRICS = 1, /* read /metrics */
     SRV_RIGHT_VIEW = 2,    /* read volumes, views and presets; watch sessions */
     SRV_RIGHT_RENDER = 4,  /* request snapshots, save views, create camera paths */
-    SRV_RIGHT_CONTROL = 8, /* create, change and delete sessions; change presets */
-    SRV_RIGHT_ADMIN = 16,  /* load and unload volumes; everything that has no right of its own */
+    SRV_RIGHT_CONTROL = 8, /* create, change and delete sessions; change presets; upload
+                              files, open volumes and close those that it opened */
+    SRV_RIGHT_ADMIN = 16,  /* what belongs to other tokens or to the operator */
     SRV_RIGHT_SESSION = 32 /* no token has this: marks routes where a session's own tokens also
                               count (routes_sessions.c) */
 };
@@ -38,6 +40,8 @@ struct srv_quota {
     unsigned snapshots;    /* snapshots in progress */
     unsigned views;        /* views that it saved first */
     unsigned paths;        /* camera paths, finished or not */
+    unsigned uploads;      /* uploads, finished or not */
+    unsigned volumes;      /* volumes that it opened and that are not closed */
     unsigned fps;          /* snapshots per second; frames per second to each participant of its
                               sessions */
     uint64_t path_bytes;   /* total size of the files of its camera paths, bytes */

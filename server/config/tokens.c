@@ -131,6 +131,15 @@ bool srv_tokens_of_name(struct srv_tokens *tokens, const char *name, unsigned *r
     return found != NULL;
 }
 
+size_t srv_tokens_count(struct srv_tokens *tokens, enum srv_right right) {
+    size_t count = 0;
+    pthread_mutex_lock(&tokens->mutex);
+    for (size_t i = 0; i < tokens->count; i++)
+        count += (tokens->list[i].token.rights & right) != 0;
+    pthread_mutex_unlock(&tokens->mutex);
+    return count;
+}
+
 bool srv_tokens_charge_to(struct srv_tokens *tokens, const char *name, struct srv_grant *grant) {
     pthread_mutex_lock(&tokens->mutex);
     const struct entry *found = find_name(tokens, name);

@@ -128,6 +128,8 @@ unsigned srv_status_from(enum sp_code code) {
     case SP_ERR_NOT_READY:
     case SP_ERR_VOLUME_FAILED:
         return 409;
+    case SP_ERR_TOO_LARGE:
+        return 413;
     case SP_ERR_QUOTA:
         return 429;
     case SP_ERR_MEMORY:

@@ -26,6 +26,10 @@ const char *srv_request_token(const struct srv_request *request) {
     return bearer ? bearer : srv_request_query(request, "token");
 }
 
+const char *srv_request_scope(const struct srv_request *request) {
+    return request->grant.rights & SRV_RIGHT_ADMIN ? NULL : request->grant.name;
+}
+
 void srv_request_owner(const struct srv_request *request, struct srv_owner *owner) {
     *owner = (struct srv_owner){ .quota = request->grant.quota };
     memcpy(owner->name, request->grant.name, sizeof owner->name);

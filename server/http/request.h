@@ -65,6 +65,10 @@ const char *srv_request_token(const struct srv_request *request);
 /* Writes the name and the quota of the token; without a token the name is empty. */
 void srv_request_owner(const struct srv_request *request, struct srv_owner *owner);
 
+/* The name of the token whose objects the request may change; NULL = those of all tokens, because
+ * it is an admin's. */
+const char *srv_request_scope(const struct srv_request *request);
+
 /* Parses the body, which must be a JSON object; an empty body is {}. NULL: the reply is a problem
  * document. */
 proto_json *srv_request_json(const struct srv_request *request, struct srv_reply *reply);

@@ -49,11 +49,9 @@ void srv_uploads_reply_none(struct srv_reply *reply) {
 void srv_uploads_reply_error(struct srv_reply *reply, const struct sp_error *err) {
     const char *pointer = err->place[0] == '/' ? err->place : NULL;
     switch (err->code) {
-    case SP_ERR_BUDGET:
+    case SP_ERR_BUDGET: /* to wait does not help: no 429 and no Retry-After */
+    case SP_ERR_QUOTA:
         srv_reply_problem(reply, 507, pointer, "%s", err->text);
-        break;
-    case SP_ERR_UNSUPPORTED: /* more bytes than were declared */
-        srv_reply_problem(reply, 413, pointer, "%s", err->text);
         break;
     case SP_ERR_INVALID: /* the offset; a member of the body has a pointer */
         srv_reply_problem(reply, pointer ? 422 : 409, pointer, "%s", err->text);
@@ -83,6 +81,8 @@ static proto_json *encode_upload(const struct srv_upload_info *info) {
     bool ok = proto_json_set_string(json, "id", info->id);
     ok = proto_json_set_string(json, "name", info->name) && ok;
     ok = proto_json_set_string(json, "owner", info->owner) && ok;
+    if (info->header[0])
+        ok = proto_json_set_string(json, "header", info->header) && ok;
     ok = proto_json_set_integer(json, "bytes", (int64_t)info->bytes) && ok;
     ok = proto_json_set_integer(json, "offset", (int64_t)info->offset) && ok;
     if (isfinite(info->expires_ms))
@@ -96,13 +96,13 @@ void srv_options_uploads(struct srv_request *request, struct srv_reply *reply) {
     if (!check(request, reply))
         return;
     struct srv_uploads_numbers numbers;
-    srv_uploads_numbers(request->app->uploads, &numbers);
+    srv_uploads_numbers(request->app->uploads, request->grant.name, &numbers);
     reply->status = 204;
     srv_upload_headers(reply, NULL);
     srv_reply_header(reply, "Tus-Version", SRV_TUS_VERSION);
     srv_reply_header(reply, "Tus-Extension", SRV_TUS_EXTENSIONS);
     srv_reply_header(reply, "Tus-Checksum-Algorithm", SRV_TUS_CHECKSUMS);
-    srv_reply_header(reply, "Tus-Max-Size", "%" PRIu64, numbers.bytes_max);
+    srv_reply_header(reply, "Tus-Max-Size", "%" PRIu64, numbers.own_bytes_max);
 }
 
 void srv_get_uploads(struct srv_request *request, struct srv_reply *reply) {
@@ -111,14 +111,17 @@ void srv_get_uploads(struct srv_request *request, struct srv_reply *reply) {
     struct srv_uploads_numbers numbers;
     struct srv_upload_info info;
     struct srv_uploads *uploads = request->app->uploads;
+    const char *by = srv_request_scope(request);
     proto_json *json = proto_json_object(), *list = proto_json_array();
     bool ok = true;
-    for (unsigned i = 0; srv_uploads_at(uploads, i, srv_clock_ms(), &info); i++)
+    for (unsigned i = 0; srv_uploads_at(uploads, i, by, srv_clock_ms(), &info); i++)
         ok = proto_json_append(list, encode_upload(&info)) && ok;
-    srv_uploads_numbers(uploads, &numbers);
+    srv_uploads_numbers(uploads, request->grant.name, &numbers);
     ok = proto_json_set(json, "uploads", list) && ok;
-    ok = proto_json_set_integer(json, "bytes", (int64_t)numbers.declared_bytes) && ok;
-    ok = proto_json_set_integer(json, "bytes_max", (int64_t)numbers.bytes_max) && ok;
+    ok = proto_json_set_integer(json, "bytes", (int64_t)numbers.own_bytes) && ok;
+    ok = proto_json_set_integer(json, "bytes_max", (int64_t)numbers.own_bytes_max) && ok;
+    ok = proto_json_set_integer(json, "bytes_free", (int64_t)numbers.free_bytes) && ok;
+    ok = proto_json_set_integer(json, "uploads_free", numbers.free_count) && ok;
     if (!ok)
         proto_json_free(&json);
     srv_reply_json(reply, 200, json);
@@ -128,11 +131,11 @@ void srv_get_uploads(struct srv_request *request, struct srv_reply *reply) {
 /* Creation. */
 
 struct wanted {
-    char name[SP_NAME_BYTES];
+    char name[SRV_UPLOAD_NAME_BYTES], header[SRV_UPLOAD_ID_BYTES]; /* header: "" = none */
     uint64_t bytes;
 };
 
-/* Reads a name that the daemon could load. */
+/* Reads a name that the daemon could load, or any name for a companion of a header. */
 static bool take_name(const char *given, size_t length, struct wanted *wanted,
                       struct srv_reply *reply) {
     struct sp_error err;
@@ -140,23 +143,31 @@ static bool take_name(const char *given, size_t length, struct wanted *wanted,
         srv_uploads_reply_error(reply, &err);
         return false;
     }
-    const char *extension = srv_format_extension(wanted->name);
-    if (extension && strcmp(extension, ".nhdr") != 0 && strcmp(extension, ".json") != 0)
+    if (wanted->header[0] || srv_format_extension(wanted->name))
         return true;
     srv_reply_problem(reply, 422, "/name",
-                      extension ? "'%.100s' is a header whose samples are in another file; upload "
-                                  "one file that has both, for example .nrrd"
-                                : "'%.100s' is not a volume that can be loaded: the name must end "
-                                  "in .nrrd, .vtk, .vti, .vtr, .tif or .tiff",
+                      "'%.100s' is not a volume that can be loaded: the name must end in .nrrd, "
+                      ".nhdr, .vtk, .vti, .vtr, .json, .tif or .tiff; a file with the samples of a "
+                      "header needs \"header\", the id of the header's upload",
                       wanted->name);
     return false;
+}
+
+/* Reads the id of the header's upload. */
+static bool take_header(const char *given, struct wanted *wanted, struct srv_reply *reply) {
+    if (!srv_folder_is_id(given)) {
+        srv_reply_problem(reply, 422, "/header", "must be the id of an upload");
+        return false;
+    }
+    memcpy(wanted->header, given, sizeof wanted->header);
+    return true;
 }
 
 static bool read_tus(struct srv_request *request, struct wanted *wanted, struct srv_reply *reply) {
     const char *length = srv_request_header(request, "Upload-Length");
     const char *metadata = srv_request_header(request, "Upload-Metadata");
-    char name[SRV_METADATA_BYTES];
-    size_t name_length;
+    char name[SRV_METADATA_BYTES], header[SRV_METADATA_BYTES];
+    size_t name_length, header_length;
     if (!srv_upload_number(length, &wanted->bytes) || wanted->bytes == 0)
         srv_reply_problem(reply, 400, NULL,
                           "the header Upload-Length must be the size of the file, at least 1");
@@ -166,12 +177,14 @@ static bool read_tus(struct srv_request *request, struct wanted *wanted, struct 
                           "the header Upload-Metadata must have the name of the file: \"filename "
                           "BASE64\"");
     else
-        return take_name(name, name_length, wanted, reply);
+        return (!srv_upload_metadata(metadata, "header", header, &header_length) ||
+                take_header(header, wanted, reply)) &&
+               take_name(name, name_length, wanted, reply);
     return false;
 }
 
 static bool read_json(struct srv_request *request, struct wanted *wanted, struct srv_reply *reply) {
-    static const char *const known[] = { "name", "bytes", NULL };
+    static const char *const known[] = { "name", "bytes", "header", NULL };
     struct sp_error err;
     int64_t bytes = 0;
     bool ok = false;
@@ -179,6 +192,8 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
     if (!body)
         return false;
     const char *name = proto_json_string(proto_json_get(body, "name"));
+    const proto_json *header = proto_json_get(body, "header");
+    const char *header_id = proto_json_string(header);
     if (!proto_json_only(body, known, &err))
         srv_reply_error(reply, &err);
     else if (!name)
@@ -187,14 +202,15 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
         srv_reply_problem(reply, 422, "/bytes",
                           "must be the size of the file in bytes, a whole number of at least 1");
     else
-        ok = take_name(name, strlen(name), wanted, reply);
+        ok = (!header || take_header(header_id ? header_id : "", wanted, reply)) &&
+             take_name(name, strlen(name), wanted, reply);
     wanted->bytes = (uint64_t)bytes;
     proto_json_free(&body);
     return ok;
 }
 
 void srv_post_upload(struct srv_request *request, struct srv_reply *reply) {
-    struct wanted wanted;
+    struct wanted wanted = { .header = "" };
     struct srv_upload_info info;
     struct sp_error err;
     if (!check(request, reply))
@@ -206,18 +222,21 @@ void srv_post_upload(struct srv_request *request, struct srv_reply *reply) {
     bool is_tus = srv_request_header(request, "Upload-Length") != NULL;
     if (!(is_tus ? read_tus(request, &wanted, reply) : read_json(request, &wanted, reply)))
         return;
-    if (!srv_uploads_add(request->app->uploads, request->grant.name, wanted.name,
-                         srv_format_extension(wanted.name), wanted.bytes, srv_clock_ms(), &info,
-                         &err)) {
-        bool is_too_large = err.code == SP_ERR_INVALID;
-        if (is_too_large)
-            err.code = SP_ERR_UNSUPPORTED; /* 413 */
+    const struct srv_upload_request upload = {
+        .owner = request->grant.name,
+        .name = wanted.name,
+        .extension = wanted.header[0] ? NULL : srv_format_extension(wanted.name),
+        .header = wanted.header[0] ? wanted.header : NULL,
+        .is_admin = !srv_request_scope(request),
+        .bytes = wanted.bytes,
+    };
+    if (!srv_uploads_add(request->app->uploads, &upload, srv_clock_ms(), &info, &err)) {
         srv_uploads_reply_error(reply, &err);
         return;
     }
     srv_reply_json(reply, 201, encode_upload(&info));
     if (reply->status != 201) { /* out of memory */
-        srv_uploads_remove(request->app->uploads, info.id, NULL);
+        srv_uploads_remove(request->app->uploads, info.id, NULL, NULL);
         return;
     }
     srv_reply_header(reply, "Location", "uploads/%s", info.id);
@@ -229,7 +248,8 @@ void srv_get_upload(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!check(request, reply))
         return;
-    if (!srv_uploads_get(request->app->uploads, request->param, srv_clock_ms(), &info, &err)) {
+    if (!srv_uploads_get(request->app->uploads, request->param, srv_request_scope(request),
+                         srv_clock_ms(), &info, &err)) {
         srv_uploads_reply_error(reply, &err);
         return;
     }
@@ -241,7 +261,8 @@ void srv_delete_upload(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     if (!check(request, reply))
         return;
-    if (!srv_uploads_remove(request->app->uploads, request->param, &err)) {
+    if (!srv_uploads_remove(request->app->uploads, request->param, srv_request_scope(request),
+                            &err)) {
         srv_uploads_reply_error(reply, &err);
         return;
     }

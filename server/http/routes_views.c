@@ -12,6 +12,7 @@
 #include "http/paging.h"
 #include "http/routes.h"
 #include "http/saved_views.h"
+#include "protocol/text.h"
 #include "protocol/view.h"
 
 bool srv_saved_view_id(const char *text, size_t size, char id[SRV_SAVED_VIEW_ID_BYTES]) {
@@ -251,6 +252,8 @@ static bool read_name(const proto_json *body, const char **name, struct srv_repl
     bool is_null = given && proto_json_type(given) == PROTO_JSON_NULL;
     if (!proto_json_only(body, known, &err))
         srv_reply_error(reply, &err);
+    else if (*name && !proto_text_is_plain(*name))
+        srv_reply_problem(reply, 422, "/name", "must not contain invisible control characters");
     else if ((!*name && !is_null) || length < 1 || length > SAVED_NAME_MAX)
         srv_reply_problem(reply, 422, "/name", "must be text of 1 to %d bytes, or null",
                           SAVED_NAME_MAX);

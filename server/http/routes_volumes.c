@@ -5,11 +5,13 @@
 
 #include "common/clock.h"
 #include "http/routes.h"
+#include "protocol/text.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
 #include "render/data_folder.h"
 #include "render/formats.h"
 #include "render/source.h"
+#include "uploads/uploads.h"
 
 enum {
     REASON_BYTES = 100, /* of a failed load, in the list */
@@ -56,9 +58,17 @@ static const char *format_of(const struct srv_volume_status *status) {
     return srv_source_is_demo(status->source) ? "built-in" : format ? format : "";
 }
 
+/* True if the request may close the volume: it is an admin's, or its token opened the volume. */
+static bool may_close(const struct srv_request *request, const struct srv_volume_status *status) {
+    const char *scope = srv_request_scope(request);
+    return request->grant.rights & SRV_RIGHT_CONTROL &&
+           (!scope || strcmp(scope, status->owner) == 0);
+}
+
 /* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
  * description. NULL when out of memory. */
-static proto_json *encode_volume(const struct srv_volume_status *status, bool in_full) {
+static proto_json *encode_volume(const struct srv_request *request,
+                                 const struct srv_volume_status *status, bool in_full) {
     proto_json *json =
         status->volume ? proto_volume_encode(sp_volume_info(status->volume), status->id, in_full)
                        : proto_json_object();
@@ -68,6 +78,7 @@ static proto_json *encode_volume(const struct srv_volume_status *status, bool in
     ok = proto_json_set_string(json, "format", format_of(status)) && ok;
     ok = proto_json_set_string(json, "state", srv_volume_state_name(status->state)) && ok;
     ok = proto_json_set_number(json, "progress", status->progress) && ok;
+    ok = proto_json_set_bool(json, "may_close", may_close(request, status)) && ok;
     if (status->state == SRV_VOLUME_FAILED) {
         char reason[SP_ERROR_PLACE + SP_ERROR_TEXT + 4];
         write_reason(&status->error, in_full, reason, sizeof reason);
@@ -86,7 +97,7 @@ static proto_json *encode_volume(const struct srv_volume_status *status, bool in
  * memory. */
 static proto_json *encode_rights(const struct srv_request *request) {
     const struct srv_http_options *app = request->app;
-    bool may_open = request->grant.rights & SRV_RIGHT_ADMIN;
+    bool may_open = request->grant.rights & SRV_RIGHT_CONTROL;
     proto_json *may = proto_json_object();
     bool ok = proto_json_set_bool(may, "open", may_open);
     ok = proto_json_set_bool(may, "browse", may_open && srv_catalog_data(app->catalog)) && ok;
@@ -101,7 +112,7 @@ void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
     proto_json *json = proto_json_object(), *list = proto_json_array();
     bool ok = true;
     for (unsigned i = 0; srv_catalog_at(request->app->catalog, i, &status); i++) {
-        ok = proto_json_append(list, encode_volume(&status, false)) && ok;
+        ok = proto_json_append(list, encode_volume(request, &status, false)) && ok;
         sp_volume_unref(&status.volume);
     }
     ok = proto_json_set(json, "volumes", list) && ok;
@@ -143,7 +154,7 @@ void srv_get_volume(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_status status;
     if (!find(request, request->param, &status, reply))
         return;
-    srv_reply_json(reply, 200, encode_volume(&status, true));
+    srv_reply_json(reply, 200, encode_volume(request, &status, true));
     sp_volume_unref(&status.volume);
 }
 
@@ -237,9 +248,28 @@ static bool read_request(const proto_json *body, char upload[UPLOAD_BYTES],
         srv_reply_error(reply, &err);
         return false;
     }
-    return read_string(body, "id", "/id", &load->id, reply) &&
-           read_string(body, "name", "/name", &load->name, reply) &&
-           read_source(body, upload, load, reply);
+    if (!read_string(body, "id", "/id", &load->id, reply) ||
+        !read_string(body, "name", "/name", &load->name, reply))
+        return false;
+    if (load->name && !proto_text_is_plain(load->name)) {
+        srv_reply_problem(reply, 422, "/name", "must not contain invisible control characters");
+        return false;
+    }
+    return read_source(body, upload, load, reply);
+}
+
+/* The upload of another token does not exist for this one. */
+static bool may_use_upload(const struct srv_request *request, const struct srv_volume_request *load,
+                           struct srv_reply *reply) {
+    struct srv_upload_info info;
+    struct sp_error err;
+    if (!srv_source_is_upload(load->source) || !request->app->uploads ||
+        srv_uploads_get(request->app->uploads, load->source + sizeof SRV_SOURCE_UPLOAD - 1,
+                        srv_request_scope(request), 0, &info, &err))
+        return true;
+    snprintf(err.place, sizeof err.place, "/upload");
+    srv_reply_error(reply, &err);
+    return false;
 }
 
 /* Waits until the volume is on disk, unless the store has no record of it. The volume is loaded in
@@ -255,14 +285,17 @@ static void reply_durable(struct srv_request *request, const char *id, struct sr
 }
 
 void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
-    struct srv_volume_request load = { .confined = true };
+    struct srv_volume_request load = { .confined = true,
+                                       .owner = request->grant.name,
+                                       .is_limited = srv_request_scope(request) != NULL,
+                                       .volumes_max = request->grant.quota.volumes };
     struct sp_error err;
     char id[SP_NAME_BYTES], upload[UPLOAD_BYTES];
     bool existed, conflict;
     proto_json *body = srv_request_json(request, reply);
     if (!body)
         return;
-    if (read_request(body, upload, &load, reply)) {
+    if (read_request(body, upload, &load, reply) && may_use_upload(request, &load, reply)) {
         struct srv_volume_status status;
         if (!srv_catalog_add(request->app->catalog, &load, id, &existed, &conflict, &err)) {
             if (conflict)
@@ -270,7 +303,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             else
                 srv_reply_error(reply, &err);
         } else if (find(request, id, &status, reply)) {
-            srv_reply_json(reply, existed ? 201 : 202, encode_volume(&status, false));
+            srv_reply_json(reply, existed ? 201 : 202, encode_volume(request, &status, false));
             sp_volume_unref(&status.volume);
             if (reply->status < 400) {
                 srv_reply_header(reply, "Location", "volumes/%s", id);
@@ -283,7 +316,8 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_volume(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!srv_catalog_remove(request->app->catalog, request->param, &err)) {
+    if (!srv_catalog_remove(request->app->catalog, request->param, srv_request_scope(request),
+                            &err)) {
         srv_name_volumes(request, &err);
         srv_reply_error(reply, &err);
         return;

@@ -80,8 +80,8 @@ bool srv_upload_body_open(struct srv_request *request) {
         srv_uploads_reply_none(&request->reply);
     else if (!(body = malloc(sizeof *body)))
         srv_reply_problem(&request->reply, 503, NULL, "out of memory for an upload");
-    else if (srv_upload_begin(request->app->uploads, request->param, offset, length,
-                              checksum != NULL, &body->writer, &at, &err)) {
+    else if (srv_upload_begin(request->app->uploads, request->param, srv_request_scope(request),
+                              offset, length, checksum != NULL, &body->writer, &at, &err)) {
         body->request = request;
         body->checksum = checksum;
         body->err = (struct sp_error){ .code = SP_OK };

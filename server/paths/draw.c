@@ -158,6 +158,7 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
     case SP_ERR_TIMEOUT:
     case SP_ERR_VOLUME_UNKNOWN:
     case SP_ERR_VOLUME_FAILED:
+    case SP_ERR_TOO_LARGE:
         break;
     }
     return false;

@@ -15,8 +15,8 @@
 #include "render/source.h"
 #include "sp/log.h"
 
-enum { ENTRIES_MAX = 1024 };
-#define PROGRESS_MS 100.0 /* between two progress notifications of one load */
+enum { ENTRIES_MAX = 1024, LOADS_MAX = 8 }; /* LOADS_MAX: of one limited owner */
+#define PROGRESS_MS 100.0                   /* between two progress notifications of one load */
 
 const char *srv_volume_state_name(enum srv_volume_state state) {
     static const char *const names[] = { "loading", "ready", "failed", "unloaded" };
@@ -25,6 +25,15 @@ const char *srv_volume_state_name(enum srv_volume_state state) {
 
 /* The load thread. */
 
+/* Bytes of the volumes that the owner of `v` opened by limited requests. With the mutex held. */
+static uint64_t bytes_of_owner(const struct srv_catalog *catalog, const struct srv_volume *v) {
+    uint64_t bytes = 0;
+    for (const struct srv_volume *e = catalog->entries; e; e = e->next)
+        if (e->is_limited && strcmp(e->owner, v->owner) == 0)
+            bytes += e->reserved_bytes;
+    return bytes;
+}
+
 /* sp_load_options.reserve */
 static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     struct srv_catalog *catalog = user;
@@ -32,6 +41,8 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     pthread_mutex_lock(&catalog->mutex);
     uint64_t budget = catalog->options.memory_bytes;
     uint64_t left = budget > catalog->used_bytes ? budget - catalog->used_bytes : 0;
+    const struct srv_volume *v = catalog->loading;
+    uint64_t own = v->is_limited ? bytes_of_owner(catalog, v) : 0, share = budget - budget / 4;
     if (catalog->loading->is_removed) {
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
     } else if (bytes > left) {
@@ -39,6 +50,12 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                      "the volume needs %" PRIu64 " bytes and %" PRIu64 " of %" PRIu64
                      " are free; unload a volume or raise --memory",
                      bytes, left, budget);
+    } else if (v->is_limited && (own > share || bytes > share - own)) {
+        ok = sp_fail(err, SP_ERR_BUDGET, v->source,
+                     "the volume needs %" PRIu64 " bytes; the volumes of %s have %" PRIu64
+                     " and one token may have %" PRIu64
+                     ", three quarters of --memory; close some, or ask an admin to open it",
+                     bytes, v->owner, own, share);
     } else {
         catalog->used_bytes += bytes;
         catalog->loading->reserved_bytes += bytes;
@@ -320,7 +337,7 @@ static void resolved_finish(struct resolved *resolved) {
 /* Finds the file of an upload, which stays until upload_close(). */
 static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_request *request,
                            struct resolved *resolved, struct sp_error *err) {
-    char path[PATH_MAX], name[SP_NAME_BYTES];
+    char path[PATH_MAX], name[NAME_MAX + 1];
     const char *id = request->source + strlen(SRV_SOURCE_UPLOAD);
     if (!catalog->options.upload_open)
         return sp_fail(err, SP_ERR_DENIED, request->pointer, "this daemon takes no uploads");
@@ -352,6 +369,25 @@ static bool resolve(struct srv_catalog *catalog, const struct srv_volume_request
     return resolved->source != NULL;
 }
 
+/* Checks the limits of one owner. With the mutex held. */
+static bool fits_the_owner(const struct srv_catalog *catalog,
+                           const struct srv_volume_request *request, struct sp_error *err) {
+    unsigned count = 0, loading = 0;
+    for (const struct srv_volume *v = catalog->entries; v && request->owner; v = v->next)
+        if (strcmp(v->owner, request->owner) == 0) {
+            count++;
+            loading += v->state == SRV_VOLUME_LOADING;
+        }
+    if (request->volumes_max && count >= request->volumes_max)
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
+                       "%s has %u volumes open and its token allows %u; close some", request->owner,
+                       count, request->volumes_max);
+    return !request->is_limited || loading < LOADS_MAX ||
+           sp_fail(err, SP_ERR_QUOTA, NULL,
+                   "%u volumes of %s are being loaded, which is the limit; try again later",
+                   loading, request->owner);
+}
+
 /* Appends an entry. With the mutex held. Takes over the strings on success. */
 static struct srv_volume *add_entry(struct srv_catalog *catalog,
                                     const struct srv_volume_request *request,
@@ -367,11 +403,16 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
                 catalog->count);
         return NULL;
     }
+    if (!fits_the_owner(catalog, request, err))
+        return NULL;
     struct srv_volume *v = calloc(1, sizeof *v);
     if (!v) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a volume");
         return NULL;
     }
+    if (request->owner)
+        snprintf(v->owner, sizeof v->owner, "%s", request->owner);
+    v->is_limited = request->is_limited;
     const char *named =
         resolved->shown ? resolved->shown + strlen(SRV_SOURCE_UPLOAD) : resolved->source;
     if (request->id) {
@@ -398,9 +439,12 @@ static struct srv_volume *add_entry(struct srv_catalog *catalog,
 
 /* With the mutex held. */
 static void persist(struct srv_catalog *catalog, struct srv_volume *v) {
-    const struct srv_volume_request request = {
-        .source = v->source, .id = v->id, .name = v->name, .confined = v->confined
-    };
+    const struct srv_volume_request request = { .source = v->source,
+                                                .id = v->id,
+                                                .name = v->name,
+                                                .owner = v->owner[0] ? v->owner : NULL,
+                                                .is_limited = v->is_limited,
+                                                .confined = v->confined };
     if (catalog->options.persist && !v->is_persisted)
         v->is_persisted = catalog->options.persist(catalog->options.user, v->id, &request);
 }
@@ -465,17 +509,23 @@ void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *v)
     entry_free(v);
 }
 
-bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, struct sp_error *err) {
+bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char *by,
+                        struct sp_error *err) {
     pthread_mutex_lock(&catalog->notify_mutex);
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume **link = &catalog->entries;
     while (*link && strcmp((*link)->id, id) != 0)
         link = &(*link)->next;
     struct srv_volume *v = *link;
-    if (!v) {
+    if (!v || (by && strcmp(v->owner, by) != 0)) {
+        bool is_there = v != NULL;
         pthread_mutex_unlock(&catalog->mutex);
         pthread_mutex_unlock(&catalog->notify_mutex);
-        return sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
+        return is_there ? sp_fail(err, SP_ERR_DENIED, NULL,
+                                  "another token or the operator opened the volume '%s'; that "
+                                  "token or an admin may close it",
+                                  id)
+                        : sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
     }
     bool is_loading = v == catalog->loading, is_free = !is_loading && v->uses == 0;
     v->is_removed = true;

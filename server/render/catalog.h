@@ -16,6 +16,7 @@
 #include <stdbool.h>
 #include <stdint.h>
 
+#include "config/token_file.h"
 #include "protocol/measure.h"
 #include "render/fingerprint.h"
 #include "sp/histogram.h"
@@ -41,6 +42,9 @@ struct srv_volume_request {
     const char *id, *name; /* NULL = derived from the source */
     bool confined;         /* a path must lie below the data folder */
     const char *pointer;   /* JSON pointer to the source, for errors; NULL = "/path" or "/uri" */
+    const char *owner;     /* the token that opens it; NULL = the operator */
+    bool is_limited;       /* the limits of one token hold (SP_ERR_QUOTA below) */
+    unsigned volumes_max;  /* of the owner; 0 = no quota */
     bool is_restored;      /* from an earlier run: an unknown path makes a failed entry, no error */
 };
 
@@ -62,7 +66,7 @@ struct srv_catalog_options {
      * keeps the file until upload_close() tells what became of it: SRV_VOLUME_READY, _FAILED,
      * _UNLOADED (removed), or _LOADING (never mind: it was not loaded). Called without a lock. NULL
      * = there are no uploads. */
-    bool (*upload_open)(void *user, const char *id, char path[PATH_MAX], char name[SP_NAME_BYTES],
+    bool (*upload_open)(void *user, const char *id, char path[PATH_MAX], char name[NAME_MAX + 1],
                         struct sp_error *err);
     void (*upload_close)(void *user, const char *id, enum srv_volume_state state);
     /* The entry was removed: its cached data must be evicted. Passes a reference to the callee. */
@@ -81,16 +85,21 @@ void srv_catalog_destroy(struct srv_catalog **catalog);
 /* Queues a load. *id_out is the entry's id; *existed is true if the source was added before and has
  * not failed. Errors: SP_ERR_DENIED, SP_ERR_NOT_FOUND (path), SP_ERR_INVALID (the place is a JSON
  * pointer; *conflict: the id belongs to another source), SP_ERR_BUDGET (too many entries),
- * SP_ERR_MEMORY. */
+ * SP_ERR_QUOTA (the owner has volumes_max volumes, or, if the request is limited, too many loads
+ * that wait), SP_ERR_MEMORY. Volumes that one owner opened by limited requests take at most three
+ * quarters of the memory budget; a load that needs more fails. */
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
-/* Cancels a load in progress. The voxels stay until the last use ends. SP_ERR_NOT_FOUND. */
-bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, struct sp_error *err);
+/* Cancels a load in progress. The voxels stay until the last use ends. `by`: the token that asks,
+ * NULL = an admin. SP_ERR_NOT_FOUND, SP_ERR_DENIED (`by` is not the owner). */
+bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char *by,
+                        struct sp_error *err);
 
 struct srv_volume_status {
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
-    char source[1024]; /* redacted, as the error (render/redact.h) */
+    char owner[SRV_TOKEN_NAME_BYTES]; /* the token that opened it; "" = the operator */
+    char source[1024];                /* redacted, as the error (render/redact.h) */
     enum srv_volume_state state;
     double progress;          /* [0, 1] */
     struct sp_error error;    /* of a failed load */

@@ -13,10 +13,11 @@
 struct srv_volume {
     struct srv_volume *next;
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
+    char owner[SRV_TOKEN_NAME_BYTES]; /* "" = the operator */
     char *source; /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
     char *file;   /* of an upload: its path; NULL = `source` is loaded */
     char *shown;  /* of an upload: "upload:NAME", which clients see; NULL = the redacted source */
-    bool confined, is_persisted, is_restored;
+    bool confined, is_limited, is_persisted, is_restored;
     enum srv_volume_state state;
     double progress, notified_ms; /* notified_ms: when progress() was called last */
     struct sp_error error;

@@ -21,6 +21,7 @@ static void status_of(const struct srv_catalog *catalog, const struct srv_volume
                       struct srv_volume_status *status) {
     memcpy(status->id, v->id, sizeof v->id);
     memcpy(status->name, v->name, sizeof v->name);
+    memcpy(status->owner, v->owner, sizeof v->owner);
     if (v->shown)
         snprintf(status->source, sizeof status->source, "%s", v->shown);
     else

@@ -19,6 +19,8 @@ static bool restore_volume(struct srv_catalog *catalog, const char *id, const ch
     bool ok = json != NULL;
     request.source = proto_json_string(proto_json_get(json, "source"));
     request.name = proto_json_string(proto_json_get(json, "name"));
+    request.owner = proto_json_string(proto_json_get(json, "owner"));
+    proto_json_bool(proto_json_get(json, "limited"), &request.is_limited);
     if (ok &&
         (!request.source || !proto_json_bool(proto_json_get(json, "confined"), &request.confined)))
         ok = sp_fail(err, SP_ERR_FORMAT, NULL, "the record is not a volume");
@@ -105,6 +107,9 @@ bool srv_persistence_put_volume(struct srv_store *store, const char *id,
     bool ok = proto_json_set_string(json, "source", request->source);
     ok = proto_json_set_string(json, "name", request->name) && ok;
     ok = proto_json_set_bool(json, "confined", request->confined) && ok;
+    if (request->owner)
+        ok = proto_json_set_string(json, "owner", request->owner) &&
+             proto_json_set_bool(json, "limited", request->is_limited) && ok;
     const char *source = proto_json_string(proto_json_get(json, "source"));
     size_t size = 0;
     char *text = ok ? proto_json_to_text(json, &size) : NULL;

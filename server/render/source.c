@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "protocol/text.h"
 #include "render/data_folder.h"
 #include "render/formats.h"
 #include "sp/volume.h"
@@ -161,7 +162,5 @@ void srv_source_default_name(const char *source, char name[SP_NAME_BYTES]) {
         end = i + step;
     }
     snprintf(name, SP_NAME_BYTES, "%.*s", (int)end, stem);
-    for (char *c = name; *c; c++)
-        if ((unsigned char)*c < 0x20 || *c == 0x7f)
-            *c = ' ';
+    proto_text_clean(name);
 }

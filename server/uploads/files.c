@@ -15,15 +15,17 @@
 enum { INFO_BYTES = 2048 };
 
 static void path_of(const struct srv_uploads *uploads, const char *id, const char *name,
-                    char path[SRV_FILE_BYTES]) {
-    snprintf(path, SRV_FILE_BYTES, "%s/%.32s%s%.32s", uploads->root, id, *name ? "/" : "", name);
+                    char path[SRV_UPLOAD_PATH_BYTES]) {
+    snprintf(path, SRV_UPLOAD_PATH_BYTES, "%s/%.32s%s%.32s", uploads->root, id, *name ? "/" : "",
+             name);
 }
 
 void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload *upload,
-                     char path[SRV_FILE_BYTES]) {
-    char name[16];
-    snprintf(name, sizeof name, "data%s", upload->extension);
-    path_of(uploads, upload->id, name, path);
+                     char path[SRV_UPLOAD_PATH_BYTES]) {
+    bool is_companion = upload->header[0];
+    snprintf(path, SRV_UPLOAD_PATH_BYTES, "%s/%.32s/files/%s%s", uploads->root,
+             is_companion ? upload->header : upload->id, is_companion ? upload->name : "data",
+             upload->extension);
 }
 
 bool srv_upload_disk_error(const char *what, struct sp_error *err) {
@@ -44,6 +46,8 @@ static char *encode(const struct srv_upload *upload, size_t *size) {
     bool ok = proto_json_set_string(json, "name", upload->name);
     ok = proto_json_set_string(json, "owner", upload->owner) && ok;
     ok = proto_json_set_string(json, "extension", upload->extension) && ok;
+    if (upload->header[0])
+        ok = proto_json_set_string(json, "header", upload->header) && ok;
     ok = proto_json_set_integer(json, "bytes", (int64_t)upload->bytes) && ok;
     ok = proto_json_set_integer(json, "offset", (int64_t)upload->offset) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
@@ -53,7 +57,7 @@ static char *encode(const struct srv_upload *upload, size_t *size) {
 
 bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_upload *upload,
                            struct sp_error *err) {
-    char part[SRV_FILE_BYTES], path[SRV_FILE_BYTES];
+    char part[SRV_UPLOAD_PATH_BYTES], path[SRV_UPLOAD_PATH_BYTES];
     size_t size;
     char *text = encode(upload, &size);
     if (!text)
@@ -72,19 +76,32 @@ bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_u
 
 bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
                              struct sp_error *err) {
-    char path[SRV_FILE_BYTES];
+    char path[SRV_UPLOAD_PATH_BYTES], files[SRV_UPLOAD_PATH_BYTES];
     path_of(uploads, upload->id, "", path);
-    if (mkdir(path, 0700) != 0)
-        return srv_upload_disk_error("create", err);
+    path_of(uploads, upload->id, "files", files);
+    bool ok = mkdir(path, 0700) == 0 && (upload->header[0] || mkdir(files, 0700) == 0);
     srv_upload_path(uploads, upload, path);
-    int fd = open(path, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
-    bool ok = fd >= 0 || srv_upload_disk_error("create", err);
+    /* Beside a header may lie a file of this name that an earlier run left. */
+    int fd = ok ? open(path, O_WRONLY | O_CREAT | O_TRUNC | O_NOFOLLOW | O_CLOEXEC, 0600) : -1;
+    ok = fd >= 0 || srv_upload_disk_error("create", err);
     if (fd >= 0)
         close(fd);
     ok = ok && srv_upload_files_save(uploads, upload, err);
-    if (!ok)
+    if (!ok) {
+        srv_upload_files_forget(uploads, upload);
         srv_folder_remove_id(uploads->root, upload->id);
+    }
     return ok;
+}
+
+/* The name of a companion is the name of a file. */
+static bool is_sound(const struct srv_upload *upload) {
+    char name[SRV_UPLOAD_NAME_BYTES];
+    return !strchr(upload->extension, '/') &&
+           (!upload->header[0] ||
+            (srv_folder_is_id(upload->header) && !upload->extension[0] &&
+             srv_upload_name(upload->name, strlen(upload->name), name, NULL) &&
+             strcmp(upload->name, name) == 0));
 }
 
 static bool read_text(const proto_json *json, const char *key, char *out, size_t size) {
@@ -97,7 +114,7 @@ static bool read_text(const proto_json *json, const char *key, char *out, size_t
 
 bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
                            struct srv_upload *upload) {
-    char path[SRV_FILE_BYTES], text[INFO_BYTES];
+    char path[SRV_UPLOAD_PATH_BYTES], text[INFO_BYTES];
     struct sp_error err;
     struct stat st;
     int64_t bytes = 0, offset = 0;
@@ -111,10 +128,11 @@ bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
     bool ok = read_text(json, "name", upload->name, sizeof upload->name) &&
               read_text(json, "owner", upload->owner, sizeof upload->owner) &&
               read_text(json, "extension", upload->extension, sizeof upload->extension) &&
-              !strchr(upload->extension, '/') &&
-              proto_json_integer(proto_json_get(json, "bytes"), &bytes) && bytes > 0 &&
-              proto_json_integer(proto_json_get(json, "offset"), &offset) && offset >= 0 &&
-              offset <= bytes;
+              (!proto_json_get(json, "header") ||
+               read_text(json, "header", upload->header, sizeof upload->header)) &&
+              is_sound(upload) && proto_json_integer(proto_json_get(json, "bytes"), &bytes) &&
+              bytes > 0 && proto_json_integer(proto_json_get(json, "offset"), &offset) &&
+              offset >= 0 && offset <= bytes;
     proto_json_free(&json);
     snprintf(upload->id, sizeof upload->id, "%.32s", id);
     upload->bytes = (uint64_t)bytes;
@@ -128,8 +146,13 @@ bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
     return true;
 }
 
-void srv_upload_files_forget(const struct srv_uploads *uploads, const char *id) {
-    char path[SRV_FILE_BYTES];
-    path_of(uploads, id, "info", path);
+void srv_upload_files_forget(const struct srv_uploads *uploads, const struct srv_upload *upload) {
+    char path[SRV_UPLOAD_PATH_BYTES], gone[SRV_UPLOAD_PATH_BYTES];
+    path_of(uploads, upload->id, "info", path);
     unlink(path);
+    if (!upload->header[0])
+        return;
+    srv_upload_path(uploads, upload, path);
+    path_of(uploads, upload->id, "data", gone);
+    rename(path, gone);
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The list of uploads: limits, expiry, and what happens to files.
+ * The list of uploads: adding, expiry, and what happens to files.
  */
 #include "uploads/uploads.h"
 
@@ -17,6 +17,7 @@
 #include <unistd.h>
 
 #include "config/secret.h"
+#include "protocol/text.h"
 #include "sp/log.h"
 #include "uploads/uploads_private.h"
 
@@ -27,19 +28,36 @@ struct srv_upload **srv_uploads_find(struct srv_uploads *uploads, const char *id
     return at;
 }
 
+struct srv_upload *srv_uploads_find_by(struct srv_uploads *uploads, const char *id,
+                                       const char *by) {
+    struct srv_upload *upload = *srv_uploads_find(uploads, id);
+    return upload && (!by || strcmp(upload->owner, by) == 0) ? upload : NULL;
+}
+
 bool srv_upload_not_found(const char *id, struct sp_error *err) {
     return sp_fail(err, SP_ERR_NOT_FOUND, NULL,
                    "there is no upload '%.40s'; it may have expired or been removed", id);
 }
 
+/* When an upload expires; INFINITY = not by itself. With the mutex held. */
+static double expires_at(const struct srv_uploads *uploads, const struct srv_upload *upload) {
+    const struct srv_uploads_options *o = &uploads->options;
+    if (upload->is_of_volume)
+        return (double)INFINITY;
+    if (!upload->is_begun && upload->offset == 0)
+        return upload->used_ms + fmin(o->begin_ms, o->expiry_ms);
+    return upload->used_ms + o->expiry_ms;
+}
+
 void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
                          double now_ms, struct srv_upload_info *info) {
+    double expires_ms = expires_at(uploads, upload);
     *info = (struct srv_upload_info){ .bytes = upload->bytes, .offset = upload->offset };
     memcpy(info->id, upload->id, sizeof info->id);
+    memcpy(info->header, upload->header, sizeof info->header);
     memcpy(info->name, upload->name, sizeof info->name);
     memcpy(info->owner, upload->owner, sizeof info->owner);
-    double left_ms = upload->used_ms + uploads->options.expiry_ms - now_ms;
-    info->expires_ms = upload->is_of_volume ? (double)INFINITY : fmax(left_ms, 0);
+    info->expires_ms = fmax(expires_ms - now_ms, 0);
 }
 
 /* With the mutex held. */
@@ -61,18 +79,51 @@ static struct srv_upload *take_out(struct srv_uploads *uploads, struct srv_uploa
     return upload;
 }
 
+/* Takes an upload and its companions out; returns them as a list. With the mutex held. */
+static struct srv_upload *take_set(struct srv_uploads *uploads, struct srv_upload **at) {
+    struct srv_upload *set = take_out(uploads, at);
+    set->next = NULL;
+    for (at = &uploads->first; *at;) {
+        if (strcmp((*at)->header, set->id) != 0) {
+            at = &(*at)->next;
+            continue;
+        }
+        struct srv_upload *companion = take_out(uploads, at);
+        companion->next = set->next;
+        set->next = companion;
+    }
+    return set;
+}
+
 /* Start and end. */
+
+static void remove_now(const struct srv_uploads *uploads, const char *id) {
+    srv_folder_remove_id(uploads->root, id);
+    sp_log(SP_LOG_WARN, "removed upload %s, which could not be continued", id);
+}
 
 static void restore(struct srv_uploads *uploads, const char *id, double now_ms) {
     struct srv_upload *upload = calloc(1, sizeof *upload);
     if (!upload || !srv_upload_files_read(uploads, id, upload)) {
         free(upload);
-        srv_folder_remove_id(uploads->root, id);
-        sp_log(SP_LOG_WARN, "removed upload %s, which could not be continued", id);
+        remove_now(uploads, id);
         return;
     }
     upload->used_ms = now_ms;
     append(uploads, upload);
+}
+
+/* Removes companions without a header. */
+static void remove_orphans(struct srv_uploads *uploads) {
+    for (struct srv_upload **at = &uploads->first; *at;) {
+        if (!(*at)->header[0] || *srv_uploads_find(uploads, (*at)->header)) {
+            at = &(*at)->next;
+            continue;
+        }
+        struct srv_upload *orphan = take_out(uploads, at);
+        remove_now(uploads, orphan->id);
+        free(orphan);
+    }
 }
 
 static bool restore_all(struct srv_uploads *uploads, double now_ms, struct sp_error *err) {
@@ -84,6 +135,7 @@ static bool restore_all(struct srv_uploads *uploads, double now_ms, struct sp_er
         if (srv_folder_is_id(entry->d_name))
             restore(uploads, entry->d_name, now_ms);
     closedir(folders);
+    remove_orphans(uploads);
     if (uploads->count > 0)
         sp_log(SP_LOG_INFO, "%u uploads of an earlier run can be continued", uploads->count);
     return true;
@@ -148,93 +200,73 @@ void srv_uploads_destroy(struct srv_uploads **uploads_pointer) {
 
 /* Adding. */
 
-bool srv_upload_name(const char *given, size_t length, char name[SP_NAME_BYTES],
+bool srv_upload_name(const char *given, size_t length, char name[SRV_UPLOAD_NAME_BYTES],
                      struct sp_error *err) {
-    size_t start = length, used = 0;
+    size_t start = length;
     while (start > 0 && given[start - 1] != '/' && given[start - 1] != '\\')
         start--;
     const char *last = given + start;
     length -= start;
-    if (length == 0)
-        return sp_fail(err, SP_ERR_INVALID, "/name", "is not the name of a file");
     /* A name that is too long loses its beginning: the end has the extension. */
-    if (length > SP_NAME_BYTES - 1) {
-        last += length - (SP_NAME_BYTES - 1);
-        length = SP_NAME_BYTES - 1;
+    if (length > SRV_UPLOAD_NAME_BYTES - 1) {
+        last += length - (SRV_UPLOAD_NAME_BYTES - 1);
+        length = SRV_UPLOAD_NAME_BYTES - 1;
         for (; length > 0 && ((unsigned char)*last & 0xC0) == 0x80; length--)
             last++;
     }
-    for (size_t i = 0; i < length; i++) {
-        unsigned char c = (unsigned char)last[i];
-        name[used++] = c < 0x20 || c == 0x7f ? ' ' : last[i];
-    }
-    name[used] = 0;
-    return true;
+    memcpy(name, last, length);
+    name[length] = 0;
+    proto_text_clean(name);
+    return (name[strspn(name, " ")] && strcmp(name, ".") != 0 && strcmp(name, "..") != 0) ||
+           sp_fail(err, SP_ERR_INVALID, "/name", "is not the name of a file");
 }
 
-/* Declared by one owner, with the mutex held. */
-static uint64_t declared_by(const struct srv_uploads *uploads, const char *owner) {
-    uint64_t bytes = 0;
+/* With the mutex held. A header takes companions until it belongs to a volume. */
+static bool may_join(struct srv_uploads *uploads, const struct srv_upload_request *request,
+                     struct sp_error *err) {
+    const char *by = request->is_admin ? NULL : request->owner;
+    const struct srv_upload *header = srv_uploads_find_by(uploads, request->header, by);
+    char data[16];
+    if (!header)
+        return sp_fail(err, SP_ERR_NOT_FOUND, "/header", "there is no upload '%.40s'",
+                       request->header);
+    snprintf(data, sizeof data, "data%s", header->extension);
+    if (strcmp(header->extension, ".nhdr") != 0 && strcmp(header->extension, ".json") != 0 &&
+        strcmp(header->extension, ".nrrd") != 0)
+        return sp_fail(err, SP_ERR_INVALID, "/header",
+                       "'%.100s' is no header with samples in other files", header->name);
+    if (header->is_of_volume)
+        return sp_fail(err, SP_ERR_NOT_READY, "/header",
+                       "the header belongs to a volume already; close the volume and begin again");
     for (const struct srv_upload *u = uploads->first; u; u = u->next)
-        if (strcmp(u->owner, owner) == 0)
-            bytes += u->bytes;
-    return bytes;
+        if (strcmp(u->header, header->id) == 0 && strcmp(u->name, request->name) == 0)
+            return sp_fail(err, SP_ERR_INVALID, "/name",
+                           "the header has a file '%.100s' already; continue or delete that upload",
+                           request->name);
+    return strcmp(request->name, data) != 0 ||
+           sp_fail(err, SP_ERR_INVALID, "/name", "is reserved; rename the file");
 }
 
-/* With the mutex held. */
-static bool may_add(const struct srv_uploads *uploads, const char *owner, uint64_t quota,
-                    uint64_t bytes, struct sp_error *err) {
-    const struct srv_uploads_options *o = &uploads->options;
-    uint64_t own = declared_by(uploads, owner);
-    if (bytes > o->bytes_max)
-        return sp_fail(err, SP_ERR_INVALID, "/bytes",
-                       "the file has %" PRIu64 " bytes and --upload-bytes allows %" PRIu64, bytes,
-                       o->bytes_max);
-    if (quota && (bytes > quota || own > quota - bytes))
-        return sp_fail(err, SP_ERR_QUOTA, NULL,
-                       "the uploads of %s have %" PRIu64 " bytes, this file has %" PRIu64
-                       ", and its token allows %" PRIu64 "; close uploaded volumes or cancel "
-                       "uploads",
-                       owner, own, bytes, quota);
-    if (uploads->count >= o->count_max)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "there are %u uploads and --uploads allows %u; cancel some", uploads->count,
-                       o->count_max);
-    if (uploads->declared_bytes > o->bytes_max - bytes)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
-                       "all uploads have %" PRIu64 " bytes, this file has %" PRIu64
-                       ", and --upload-bytes allows %" PRIu64 "; close uploaded volumes or cancel "
-                       "uploads",
-                       uploads->declared_bytes, bytes, o->bytes_max);
-    return true;
-}
-
-static bool fits_the_disk(const struct srv_uploads *uploads, uint64_t bytes, struct sp_error *err) {
-    uint64_t left = srv_upload_files_free(uploads);
-    return bytes <= left ||
-           sp_fail(err, SP_ERR_BUDGET, NULL,
-                   "the file has %" PRIu64 " bytes and the disk for uploads has %" PRIu64 " free",
-                   bytes, left);
-}
-
-bool srv_uploads_add(struct srv_uploads *uploads, const char *owner, const char *name,
-                     const char *extension, uint64_t bytes, double now_ms,
-                     struct srv_upload_info *info, struct sp_error *err) {
-    struct srv_quota quota = { .sessions = 0 };
-    if (uploads->options.tokens)
-        srv_tokens_of_name(uploads->options.tokens, owner, NULL, &quota);
+bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_request *request,
+                     double now_ms, struct srv_upload_info *info, struct sp_error *err) {
+    struct srv_uploads_share share;
     struct srv_upload *upload = calloc(1, sizeof *upload);
     if (!upload)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for an upload");
-    snprintf(upload->name, sizeof upload->name, "%s", name);
-    snprintf(upload->owner, sizeof upload->owner, "%s", owner);
-    snprintf(upload->extension, sizeof upload->extension, "%s", extension);
-    upload->bytes = bytes;
+    snprintf(upload->name, sizeof upload->name, "%s", request->name);
+    snprintf(upload->owner, sizeof upload->owner, "%s", request->owner);
+    if (request->header)
+        snprintf(upload->header, sizeof upload->header, "%s", request->header);
+    else
+        snprintf(upload->extension, sizeof upload->extension, "%s", request->extension);
+    upload->bytes = request->bytes;
     upload->used_ms = now_ms;
+    srv_uploads_share_of(uploads, request->owner, &share);
     bool ok = srv_secret_hex(upload->id, sizeof upload->id - 1, err);
     pthread_mutex_lock(&uploads->mutex);
-    ok = ok && may_add(uploads, owner, quota.upload_bytes, bytes, err) &&
-         fits_the_disk(uploads, bytes, err) && srv_upload_files_create(uploads, upload, err);
+    ok = ok && (!request->header || may_join(uploads, request, err)) &&
+         srv_uploads_may_add(uploads, request->owner, &share, request->bytes, err) &&
+         srv_upload_files_create(uploads, upload, err);
     if (ok) {
         append(uploads, upload);
         srv_upload_describe(uploads, upload, now_ms, info);
@@ -242,7 +274,8 @@ bool srv_uploads_add(struct srv_uploads *uploads, const char *owner, const char 
     pthread_mutex_unlock(&uploads->mutex);
     if (ok)
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "upload", info->id }),
-                    "upload %s of %s began: %s, %" PRIu64 " bytes", info->id, owner, name, bytes);
+                    "upload %s of %s began: %s, %" PRIu64 " bytes", info->id, request->owner,
+                    request->name, info->bytes);
     else
         free(upload);
     return ok;
@@ -250,36 +283,26 @@ bool srv_uploads_add(struct srv_uploads *uploads, const char *owner, const char 
 
 /* Reading the list. */
 
-bool srv_uploads_get(struct srv_uploads *uploads, const char *id, double now_ms,
+bool srv_uploads_get(struct srv_uploads *uploads, const char *id, const char *by, double now_ms,
                      struct srv_upload_info *info, struct sp_error *err) {
     pthread_mutex_lock(&uploads->mutex);
-    const struct srv_upload *upload = *srv_uploads_find(uploads, id);
+    const struct srv_upload *upload = srv_uploads_find_by(uploads, id, by);
     if (upload)
         srv_upload_describe(uploads, upload, now_ms, info);
     pthread_mutex_unlock(&uploads->mutex);
     return upload || srv_upload_not_found(id, err);
 }
 
-bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, double now_ms,
+bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, const char *by, double now_ms,
                     struct srv_upload_info *info) {
     pthread_mutex_lock(&uploads->mutex);
     const struct srv_upload *upload = uploads->first;
-    while (upload && i-- > 0)
+    while (upload && ((by && strcmp(upload->owner, by) != 0) || i-- > 0))
         upload = upload->next;
     if (upload)
         srv_upload_describe(uploads, upload, now_ms, info);
     pthread_mutex_unlock(&uploads->mutex);
     return upload != NULL;
-}
-
-void srv_uploads_numbers(struct srv_uploads *uploads, struct srv_uploads_numbers *numbers) {
-    pthread_mutex_lock(&uploads->mutex);
-    *numbers = (struct srv_uploads_numbers){ .count = uploads->count,
-                                             .declared_bytes = uploads->declared_bytes,
-                                             .bytes_max = uploads->options.bytes_max };
-    for (const struct srv_upload *u = uploads->first; u; u = u->next)
-        numbers->received_bytes += u->offset;
-    pthread_mutex_unlock(&uploads->mutex);
 }
 
 /* Removing. */
@@ -303,9 +326,9 @@ static void run_removal(struct srv_work *work) {
 }
 
 /* Removes the files of an upload that left the list; takes it over. */
-static void remove_files(struct srv_uploads *uploads, struct srv_upload *upload) {
+static void remove_files_of(struct srv_uploads *uploads, struct srv_upload *upload) {
     struct removal *removal = malloc(sizeof *removal);
-    srv_upload_files_forget(uploads, upload->id);
+    srv_upload_files_forget(uploads, upload);
     if (removal) {
         *removal = (struct removal){ { .run = run_removal }, uploads, upload };
         srv_work_queue_add(uploads->options.disk, &removal->work);
@@ -315,15 +338,25 @@ static void remove_files(struct srv_uploads *uploads, struct srv_upload *upload)
     free(upload);
 }
 
-bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, struct sp_error *err) {
+/* The same for a list. */
+static void remove_files(struct srv_uploads *uploads, struct srv_upload *set) {
+    while (set) {
+        struct srv_upload *upload = set;
+        set = set->next;
+        remove_files_of(uploads, upload);
+    }
+}
+
+bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, const char *by,
+                        struct sp_error *err) {
     pthread_mutex_lock(&uploads->mutex);
-    struct srv_upload **at = srv_uploads_find(uploads, id), *removed = NULL;
-    bool ok = *at || srv_upload_not_found(id, err);
-    if (ok && (*at)->is_of_volume)
+    struct srv_upload *found = srv_uploads_find_by(uploads, id, by), *removed = NULL;
+    bool ok = found || srv_upload_not_found(id, err);
+    if (ok && found->is_of_volume)
         ok = sp_fail(err, SP_ERR_NOT_READY, NULL,
                      "the upload belongs to a volume; close the volume instead");
     if (ok)
-        removed = take_out(uploads, at);
+        removed = take_set(uploads, srv_uploads_find(uploads, id));
     pthread_mutex_unlock(&uploads->mutex);
     if (!ok)
         return false;
@@ -333,47 +366,76 @@ bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, struct sp_e
     return true;
 }
 
-/* Takes an expired upload out of the list; NULL = there is none. */
+/* A companion with bytes expires with its header, which lives as long as its companions get bytes.
+ */
+static bool is_expired(const struct srv_uploads *uploads, const struct srv_upload *upload,
+                       double now_ms) {
+    bool is_sound = upload->header[0] && (upload->is_begun || upload->offset > 0);
+    return !is_sound && now_ms >= expires_at(uploads, upload);
+}
+
+/* Takes an expired upload and its companions out of the list; NULL = there is none. */
 static struct srv_upload *take_expired(struct srv_uploads *uploads, double now_ms) {
     struct srv_upload *expired = NULL;
     pthread_mutex_lock(&uploads->mutex);
     struct srv_upload **at = &uploads->first;
-    while (*at && ((*at)->is_of_volume || now_ms - (*at)->used_ms < uploads->options.expiry_ms))
+    while (*at && !is_expired(uploads, *at, now_ms))
         at = &(*at)->next;
     if (*at)
-        expired = take_out(uploads, at);
+        expired = take_set(uploads, at);
     pthread_mutex_unlock(&uploads->mutex);
     return expired;
 }
 
 void srv_uploads_tick(struct srv_uploads *uploads, double now_ms) {
-    for (struct srv_upload *u; (u = take_expired(uploads, now_ms));) {
-        sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "upload", u->id }),
-                    "upload %s of %s expired: %s, %" PRIu64 " of %" PRIu64
-                    " bytes, none for %.0f s (--upload-time)",
-                    u->id, u->owner, u->name, u->offset, u->bytes,
-                    uploads->options.expiry_ms / 1000);
-        srv_metrics_add(uploads->options.metrics, SRV_COUNT_UPLOAD_EXPIRED, 1);
-        remove_files(uploads, u);
+    for (struct srv_upload *set; (set = take_expired(uploads, now_ms));) {
+        for (const struct srv_upload *u = set; u; u = u->next) {
+            sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "upload", u->id }),
+                        "upload %s of %s expired: %s, %" PRIu64 " of %" PRIu64
+                        " bytes, none for %.0f s (%s)",
+                        u->id, u->owner, u->name, u->offset, u->bytes,
+                        fmax(now_ms - u->used_ms, 0) / 1000,
+                        u->offset > 0 ? "--upload-time" : "--upload-begin-time");
+            srv_metrics_add(uploads->options.metrics, SRV_COUNT_UPLOAD_EXPIRED, 1);
+        }
+        remove_files(uploads, set);
     }
 }
 
 /* The catalog. */
 
-bool srv_upload_open(void *user, const char *id, char path[PATH_MAX], char name[SP_NAME_BYTES],
-                     struct sp_error *err) {
+/* False if bytes of the upload are missing. */
+static bool is_complete(const struct srv_upload *upload, struct sp_error *err) {
+    return upload->offset == upload->bytes || sp_fail(err, SP_ERR_NOT_READY, NULL,
+                                                      "the upload of '%.100s' has %" PRIu64
+                                                      " of %" PRIu64 " bytes; send the rest first",
+                                                      upload->name, upload->offset, upload->bytes);
+}
+
+/* True if `upload` is the header or one of its companions. */
+static bool is_in_set(const struct srv_upload *upload, const char *header) {
+    return strcmp(upload->id, header) == 0 || strcmp(upload->header, header) == 0;
+}
+
+bool srv_upload_open(void *user, const char *id, char path[PATH_MAX],
+                     char name[SRV_UPLOAD_NAME_BYTES], struct sp_error *err) {
     struct srv_uploads *uploads = user;
-    char file[SRV_FILE_BYTES];
+    char file[SRV_UPLOAD_PATH_BYTES];
     pthread_mutex_lock(&uploads->mutex);
-    struct srv_upload *upload = *srv_uploads_find(uploads, id);
+    const struct srv_upload *upload = *srv_uploads_find(uploads, id);
     bool ok = upload || srv_upload_not_found(id, err);
-    if (ok && upload->offset < upload->bytes)
-        ok = sp_fail(err, SP_ERR_NOT_READY, NULL,
-                     "the upload has %" PRIu64 " of %" PRIu64 " bytes; send the rest first",
-                     upload->offset, upload->bytes);
+    if (ok && upload->header[0])
+        ok = sp_fail(err, SP_ERR_INVALID, NULL,
+                     "'%.100s' has the samples of a header; open the upload of the header",
+                     upload->name);
+    for (const struct srv_upload *u = uploads->first; ok && u; u = u->next)
+        ok = !is_in_set(u, id) || is_complete(u, err);
+    for (struct srv_upload *u = uploads->first; ok && u; u = u->next)
+        if (is_in_set(u, id)) {
+            u->is_of_volume = true;
+            u->writer = 0; /* a writer that is late changes nothing */
+        }
     if (ok) {
-        upload->is_of_volume = true;
-        upload->writer = 0; /* a writer that is late changes nothing */
         srv_upload_path(uploads, upload, file);
         snprintf(path, PATH_MAX, "%s", file);
         memcpy(name, upload->name, sizeof upload->name);
@@ -387,11 +449,13 @@ void srv_upload_close(void *user, const char *id, enum srv_upload_end end) {
     struct srv_upload *gone = NULL;
     pthread_mutex_lock(&uploads->mutex);
     struct srv_upload **at = srv_uploads_find(uploads, id);
-    if (*at && end == SRV_UPLOAD_RETURNED)
-        (*at)->is_of_volume = false;
-    else if (*at && (end == SRV_UPLOAD_UNUSED || !uploads->options.keeps_loaded))
-        gone = take_out(uploads, at);
+    if (*at && end == SRV_UPLOAD_RETURNED) {
+        for (struct srv_upload *u = uploads->first; u; u = u->next)
+            if (is_in_set(u, id))
+                u->is_of_volume = false;
+    } else if (*at && (end == SRV_UPLOAD_UNUSED || !uploads->options.keeps_loaded)) {
+        gone = take_set(uploads, at);
+    }
     pthread_mutex_unlock(&uploads->mutex);
-    if (gone)
-        remove_files(uploads, gone);
+    remove_files(uploads, gone);
 }

@@ -3,11 +3,17 @@
  * Uploads: files that clients send in parts, to be loaded as volumes.
  *
  *   add ─► receiving ─► complete ─► loaded by the catalog ─► gone
- *              └── no byte for --upload-time, or removed ──► gone
+ *              └── no byte for a time, or removed ─────────► gone
  *
- * An upload is a folder ROOT/ID with two files: "data" and the extension of the format, and "info",
- * which says what it is and how many bytes count. The name that the client gave is only shown; it
- * is never a part of a path. The declared size counts against the limits from the beginning.
+ * An upload is a folder ROOT/ID. Its file "info" says what it is and how many bytes count; its
+ * folder "files" has the data, under the name "data" and the extension of the format. A header
+ * (.nhdr, .json) whose samples are in other files has companions: uploads of their own whose data
+ * lie beside that of the header, under the names that the client gave. Nothing else lies in that
+ * folder, and the importer opens nothing outside of it. The declared size counts against the limits
+ * from the beginning.
+ *
+ * An upload belongs to the token that began it. `by` is the name of the token that asks, NULL = an
+ * admin: for others the upload does not exist.
  *
  * All functions are thread-safe. Those that wait for the disk say so; the HTTP threads let the disk
  * thread call them.
@@ -28,7 +34,7 @@
 
 struct srv_uploads;
 
-enum { SRV_UPLOAD_ID_BYTES = 33 };
+enum { SRV_UPLOAD_ID_BYTES = 33, SRV_UPLOAD_NAME_BYTES = NAME_MAX + 1 };
 
 struct srv_uploads_options {
     const char *folder; /* survives a restart, and so do unfinished uploads; NULL = a private folder
@@ -37,14 +43,16 @@ struct srv_uploads_options {
     uint64_t bytes_max; /* declared sizes of all uploads together, and of one; at least 1 */
     unsigned count_max;
     double expiry_ms; /* an upload ends this long after its last byte */
-    struct srv_tokens *tokens;
+    double begin_ms;  /* and this long after its beginning, if it got no byte; at most expiry_ms */
+    struct srv_tokens *tokens;   /* their quotas; NULL = none has one */
     struct srv_metrics *metrics; /* NULL = nothing is counted */
     struct srv_work_queue *disk;
 };
 
 struct srv_upload_info {
     char id[SRV_UPLOAD_ID_BYTES];
-    char name[SP_NAME_BYTES];         /* the client's, made safe to show */
+    char header[SRV_UPLOAD_ID_BYTES]; /* of a companion: the upload of its header; "" = none */
+    char name[SRV_UPLOAD_NAME_BYTES]; /* the client's, made safe to show */
     char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that added it */
     uint64_t bytes, offset;           /* declared; received so far */
     double expires_ms;                /* from now; INFINITY = it belongs to a volume */
@@ -57,35 +65,50 @@ struct srv_uploads *srv_uploads_create(const struct srv_uploads_options *options
 /* After the disk thread ended. Accepts NULL; nulls. */
 void srv_uploads_destroy(struct srv_uploads **uploads);
 
-/* Makes the name of a client safe to show: its last component, valid UTF-8, no control characters,
- * cut to fit. False with SP_ERR_UNSUPPORTED or SP_ERR_INVALID if no file of this name can be
- * loaded. */
-bool srv_upload_name(const char *given, size_t length, char name[SP_NAME_BYTES],
+/* Makes the name of a client safe to show, and safe as the name of a file: its last component,
+ * without hidden characters (protocol/text.h), cut to fit. SP_ERR_INVALID at "/name": nothing is
+ * left, or "." or "..". */
+bool srv_upload_name(const char *given, size_t length, char name[SRV_UPLOAD_NAME_BYTES],
                      struct sp_error *err);
 
-/* Begins an upload. `extension` is that of the format, a constant. Writes two small files.
- * SP_ERR_INVALID (larger than bytes_max), SP_ERR_QUOTA (of the token), SP_ERR_BUDGET (all uploads
- * together, or the disk), SP_ERR_IO, SP_ERR_MEMORY. */
-bool srv_uploads_add(struct srv_uploads *uploads, const char *owner, const char *name,
-                     const char *extension, uint64_t bytes, double now_ms,
-                     struct srv_upload_info *info, struct sp_error *err);
+struct srv_upload_request {
+    const char *owner;     /* name of the token */
+    const char *name;      /* of srv_upload_name() */
+    const char *extension; /* of the format, a constant (".nrrd"); NULL = a companion */
+    const char *header;    /* of a companion: the id of its header's upload; NULL = none */
+    bool is_admin;         /* `header` may be any token's */
+    uint64_t bytes;
+};
+/* Begins an upload. Writes two small files. SP_ERR_TOO_LARGE (for the daemon or the token),
+ * SP_ERR_QUOTA (of the token), SP_ERR_BUDGET (all uploads together, or the disk), SP_ERR_INVALID
+ * ("/header", "/name"), SP_ERR_NOT_FOUND ("/header"), SP_ERR_NOT_READY (the header belongs to a
+ * volume), SP_ERR_IO, SP_ERR_MEMORY. */
+bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_request *request,
+                     double now_ms, struct srv_upload_info *info, struct sp_error *err);
 /* SP_ERR_NOT_FOUND. */
-bool srv_uploads_get(struct srv_uploads *uploads, const char *id, double now_ms,
+bool srv_uploads_get(struct srv_uploads *uploads, const char *id, const char *by, double now_ms,
                      struct srv_upload_info *info, struct sp_error *err);
-/* Gets upload i in the order of adding; false past the end. */
-bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, double now_ms,
+/* Gets upload i of those that `by` may see, in the order of adding; false past the end. */
+bool srv_uploads_at(struct srv_uploads *uploads, unsigned i, const char *by, double now_ms,
                     struct srv_upload_info *info);
-/* Removes an upload; the disk thread removes its files. SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (it
- * belongs to a volume). */
-bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, struct sp_error *err);
+/* Removes an upload, a header with its companions; the disk thread removes the files.
+ * SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (it belongs to a volume). */
+bool srv_uploads_remove(struct srv_uploads *uploads, const char *id, const char *by,
+                        struct sp_error *err);
 /* Removes expired uploads. */
 void srv_uploads_tick(struct srv_uploads *uploads, double now_ms);
 
 struct srv_uploads_numbers {
     unsigned count;
     uint64_t declared_bytes, received_bytes, bytes_max;
+    unsigned own_count, own_count_max; /* of one token; the limits are those of limits.c */
+    uint64_t own_bytes, own_bytes_max;
+    uint64_t free_bytes; /* what that token can declare now: also within bytes_max and the disk */
+    unsigned free_count;
 };
-void srv_uploads_numbers(struct srv_uploads *uploads, struct srv_uploads_numbers *numbers);
+/* `owner` = the name of the token whose own numbers are wanted. */
+void srv_uploads_numbers(struct srv_uploads *uploads, const char *owner,
+                         struct srv_uploads_numbers *numbers);
 
 /* Receiving. One writer at a time: a new one, from a client that lost its connection, replaces an
  * older one, whose next write fails. */
@@ -99,13 +122,13 @@ struct srv_upload_writer {
 };
 
 /* Begins to write at `offset`, which must be the upload's. `size` is what will come, 0 = unknown.
- * SP_ERR_NOT_FOUND, SP_ERR_INVALID (offset; *at is the right one), SP_ERR_UNSUPPORTED (more than is
+ * SP_ERR_NOT_FOUND, SP_ERR_INVALID (offset; *at is the right one), SP_ERR_TOO_LARGE (more than is
  * missing). */
-bool srv_upload_begin(struct srv_uploads *uploads, const char *id, uint64_t offset, uint64_t size,
-                      bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
+bool srv_upload_begin(struct srv_uploads *uploads, const char *id, const char *by, uint64_t offset,
+                      uint64_t size, bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
                       struct sp_error *err);
 /* Writes bytes. Waits for the disk. SP_ERR_NOT_FOUND (removed meanwhile), SP_ERR_CANCELLED (another
- * writer continues), SP_ERR_UNSUPPORTED (more than was declared), SP_ERR_BUDGET (the disk is full),
+ * writer continues), SP_ERR_TOO_LARGE (more than was declared), SP_ERR_BUDGET (the disk is full),
  * SP_ERR_IO. */
 bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_t size,
                       double now_ms, struct sp_error *err);
@@ -114,10 +137,11 @@ bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_
 bool srv_upload_end(struct srv_upload_writer *writer, bool keeps, double now_ms,
                     struct srv_upload_info *info, struct sp_error *err);
 
-/* For the catalog (struct srv_catalog_options). `user` is the uploads. SP_ERR_NOT_FOUND,
- * SP_ERR_NOT_READY (bytes are missing). */
-bool srv_upload_open(void *user, const char *id, char path[PATH_MAX], char name[SP_NAME_BYTES],
-                     struct sp_error *err);
+/* For the catalog (struct srv_catalog_options). `user` is the uploads. Opens a header with its
+ * companions. SP_ERR_NOT_FOUND, SP_ERR_NOT_READY (bytes are missing), SP_ERR_INVALID (a companion).
+ */
+bool srv_upload_open(void *user, const char *id, char path[PATH_MAX],
+                     char name[SRV_UPLOAD_NAME_BYTES], struct sp_error *err);
 enum srv_upload_end {
     SRV_UPLOAD_LOADED,  /* the volume has its own copy of the data */
     SRV_UPLOAD_UNUSED,  /* it failed, or was removed: the upload goes */

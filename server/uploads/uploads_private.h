@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The list of uploads (uploads.c), their files (files.c) and writers (writer.c).
+ * The list of uploads (uploads.c), their limits (limits.c), files (files.c) and writers (writer.c).
  */
 #ifndef SRV_UPLOADS_UPLOADS_PRIVATE_H
 #define SRV_UPLOADS_UPLOADS_PRIVATE_H
@@ -9,15 +9,17 @@
 
 #include "uploads/uploads.h"
 
-enum { SRV_EXTENSION_BYTES = 8 };
+enum { SRV_EXTENSION_BYTES = 8, SRV_UPLOAD_PATH_BYTES = SRV_FOLDER_BYTES + NAME_MAX + 64 };
 
 struct srv_upload {
     struct srv_upload *next;
-    char id[SRV_UPLOAD_ID_BYTES], name[SP_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
-    char extension[SRV_EXTENSION_BYTES]; /* ".nrrd" */
+    char id[SRV_UPLOAD_ID_BYTES], header[SRV_UPLOAD_ID_BYTES]; /* header: "" = no companion */
+    char name[SRV_UPLOAD_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
+    char extension[SRV_EXTENSION_BYTES]; /* ".nrrd"; "" = a companion */
     uint64_t bytes, offset;
     uint64_t writer;   /* number of the newest writer */
-    double used_ms;    /* when its last byte came */
+    double used_ms;    /* when its last byte came, of a header also that of a companion */
+    bool is_begun;     /* a byte came in this run */
     bool is_of_volume; /* the catalog has opened it */
 };
 
@@ -34,13 +36,29 @@ struct srv_uploads {
 
 /* With the mutex held. The place in the list where the upload is, or would be. */
 struct srv_upload **srv_uploads_find(struct srv_uploads *uploads, const char *id);
+/* The same; NULL for an upload of another token than `by`, if that is not NULL. */
+struct srv_upload *srv_uploads_find_by(struct srv_uploads *uploads, const char *id, const char *by);
 bool srv_upload_not_found(const char *id, struct sp_error *err);
 void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
                          double now_ms, struct srv_upload_info *info);
 
-/* Files. `what` of ROOT/ID: its data or its info. */
+/* Limits. What one token may have. */
+struct srv_uploads_share {
+    uint64_t bytes;
+    unsigned count;
+    bool is_quota; /* the token file says so; else a share of all */
+};
+/* Without the mutex. */
+void srv_uploads_share_of(const struct srv_uploads *uploads, const char *owner,
+                          struct srv_uploads_share *share);
+/* With the mutex held: false if an upload of `bytes` is over a limit. */
+bool srv_uploads_may_add(const struct srv_uploads *uploads, const char *owner,
+                         const struct srv_uploads_share *share, uint64_t bytes,
+                         struct sp_error *err);
+
+/* Files. The path of the data. */
 void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload *upload,
-                     char path[SRV_FILE_BYTES]);
+                     char path[SRV_UPLOAD_PATH_BYTES]);
 /* Creates the folder with an empty data file and the info. False: nothing is left. */
 bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv_upload *upload,
                              struct sp_error *err);
@@ -50,8 +68,9 @@ bool srv_upload_files_save(const struct srv_uploads *uploads, const struct srv_u
 /* Reads the info of a folder. False: it cannot be continued. */
 bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
                            struct srv_upload *upload);
-/* Makes an upload invisible to the next run. Quick; the rest is left to srv_folder_remove_id(). */
-void srv_upload_files_forget(const struct srv_uploads *uploads, const char *id);
+/* Makes an upload invisible to the next run and to its header. Quick; the rest is left to
+ * srv_folder_remove_id(). */
+void srv_upload_files_forget(const struct srv_uploads *uploads, const struct srv_upload *upload);
 /* Bytes that the disk has free. */
 uint64_t srv_upload_files_free(const struct srv_uploads *uploads);
 /* The error of a call that failed with errno: SP_ERR_BUDGET if the disk is full. */

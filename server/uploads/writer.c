@@ -13,12 +13,12 @@
 
 #define SAVE_BYTES (UINT64_C(64) << 20) /* received between two records of the offset */
 
-bool srv_upload_begin(struct srv_uploads *uploads, const char *id, uint64_t offset, uint64_t size,
-                      bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
+bool srv_upload_begin(struct srv_uploads *uploads, const char *id, const char *by, uint64_t offset,
+                      uint64_t size, bool is_atomic, struct srv_upload_writer *writer, uint64_t *at,
                       struct sp_error *err) {
     bool ok = true;
     pthread_mutex_lock(&uploads->mutex);
-    struct srv_upload *upload = *srv_uploads_find(uploads, id);
+    struct srv_upload *upload = srv_uploads_find_by(uploads, id, by);
     if (!upload) {
         ok = srv_upload_not_found(id, err);
     } else if (upload->offset != offset) {
@@ -27,7 +27,7 @@ bool srv_upload_begin(struct srv_uploads *uploads, const char *id, uint64_t offs
                      "the upload has %" PRIu64 " bytes; continue there instead of at %" PRIu64,
                      upload->offset, offset);
     } else if (size > upload->bytes - offset) {
-        ok = sp_fail(err, SP_ERR_UNSUPPORTED, NULL,
+        ok = sp_fail(err, SP_ERR_TOO_LARGE, NULL,
                      "%" PRIu64 " bytes are missing and the request has %" PRIu64
                      "; the upload was declared with %" PRIu64,
                      upload->bytes - offset, size, upload->bytes);
@@ -87,14 +87,40 @@ static bool look_up(const struct srv_upload_writer *writer, struct srv_upload *c
     return upload != NULL;
 }
 
-/* Counts the bytes up to the writer's position. */
-static bool advance(const struct srv_upload_writer *writer, double now_ms, struct srv_upload *copy,
+/* Notes that bytes came, whether they count or not: the upload expires later. With the mutex held.
+ */
+static void note_use(const struct srv_upload_writer *writer, struct srv_upload *upload,
+                     double now_ms) {
+    struct srv_upload *header =
+        upload->header[0] ? *srv_uploads_find(writer->uploads, upload->header) : NULL;
+    upload->is_begun = true;
+    upload->used_ms = now_ms;
+    if (header)
+        header->used_ms = now_ms;
+}
+
+/* Counts the bytes up to the writer's position, unless their checksum is not known yet. */
+static bool note_bytes(const struct srv_upload_writer *writer, double now_ms,
+                       struct srv_upload *copy, struct sp_error *err) {
+    pthread_mutex_lock(&writer->uploads->mutex);
+    struct srv_upload *upload = upload_of(writer, err);
+    if (upload) {
+        note_use(writer, upload, now_ms);
+        if (!writer->is_atomic)
+            upload->offset = writer->position;
+        *copy = *upload;
+    }
+    pthread_mutex_unlock(&writer->uploads->mutex);
+    return upload != NULL;
+}
+
+/* Counts the bytes up to the writer's position. A request without bytes keeps no upload alive. */
+static bool advance(const struct srv_upload_writer *writer, struct srv_upload *copy,
                     struct sp_error *err) {
     pthread_mutex_lock(&writer->uploads->mutex);
     struct srv_upload *upload = upload_of(writer, err);
     if (upload) {
         upload->offset = writer->position;
-        upload->used_ms = now_ms;
         *copy = *upload;
     }
     pthread_mutex_unlock(&writer->uploads->mutex);
@@ -103,7 +129,7 @@ static bool advance(const struct srv_upload_writer *writer, double now_ms, struc
 
 static bool open_data(struct srv_upload_writer *writer, const struct srv_upload *upload,
                       struct sp_error *err) {
-    char path[SRV_FILE_BYTES];
+    char path[SRV_UPLOAD_PATH_BYTES];
     if (writer->fd >= 0)
         return true;
     srv_upload_path(writer->uploads, upload, path);
@@ -117,7 +143,7 @@ bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_
     if (!look_up(writer, &upload, err))
         return false;
     if (size > upload.bytes - writer->position)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, NULL,
+        return sp_fail(err, SP_ERR_TOO_LARGE, NULL,
                        "the request has more bytes than the %" PRIu64
                        " with which the upload was declared",
                        upload.bytes);
@@ -126,11 +152,10 @@ bool srv_upload_write(struct srv_upload_writer *writer, const void *bytes, size_
     srv_metrics_add(writer->uploads->options.metrics, SRV_COUNT_UPLOAD_BYTES, size);
     uint64_t before = writer->position;
     writer->position += size;
-    if (writer->is_atomic)
-        return true;
-    if (!advance(writer, now_ms, &upload, err))
+    if (!note_bytes(writer, now_ms, &upload, err))
         return false;
-    if (before / SAVE_BYTES != writer->position / SAVE_BYTES && !writer->uploads->is_private)
+    bool is_due = before / SAVE_BYTES != writer->position / SAVE_BYTES && !writer->is_atomic;
+    if (is_due && !writer->uploads->is_private)
         srv_upload_files_save(writer->uploads, &upload, NULL); /* only limits what a crash costs */
     return true;
 }
@@ -160,7 +185,7 @@ static bool finish(struct srv_upload_writer *writer, bool keeps, double now_ms,
                    writer->id);
         writer->position = writer->start;
     }
-    if (!advance(writer, now_ms, &upload, err) ||
+    if (!advance(writer, &upload, err) ||
         (upload.offset == upload.bytes && !complete(writer, &upload, err)) ||
         !srv_upload_files_save(writer->uploads, &upload, err))
         return false;

@@ -8,6 +8,7 @@
 #include <string.h>
 
 #include "http/upload_headers.h"
+#include "protocol/text.h"
 #include "render/formats.h"
 #include "render/source.h"
 #include "sp/volume.h"
@@ -42,10 +43,11 @@ static void check_header(const char *text) {
 }
 
 static void check_name(const char *text, size_t size) {
-    char name[SP_NAME_BYTES], id[SP_NAME_BYTES];
+    char name[SRV_UPLOAD_NAME_BYTES], id[SP_NAME_BYTES];
     if (!srv_upload_name(text, size, name, NULL))
         return;
     must(strlen(name) < sizeof name && !strchr(name, '/') && !strchr(name, '\\'));
+    must(name[0] && strcmp(name, ".") != 0 && strcmp(name, "..") != 0 && proto_text_is_plain(name));
     srv_source_default_id(name, id);
     must(srv_source_is_id(id));
     srv_source_default_name(name, id);

@@ -90,12 +90,12 @@ test('what lies outside cannot be listed or loaded, and a link says that it lead
   }
 });
 
-test('listing needs the role admin and a data folder', async () => {
+test('listing needs the role control and a data folder', async () => {
   const tokens = path.join(folder, 'tokens');
-  writeFileSync(tokens, 'admin-token-admin-token\ncontrol-token-control role=control name=c\n', { mode: 0o600 });
+  writeFileSync(tokens, 'render-token-render-token role=render name=r\ncontrol-token-control role=control name=c\n', { mode: 0o600 });
   const other = await Daemon.start(['--token-file', tokens]);
-  assert.equal((await other.json('/api/v1/files', { token: 'control-token-control' })).status, 403);
-  const none = await other.json('/api/v1/files', { token: 'admin-token-admin-token' });
+  assert.equal((await other.json('/api/v1/files', { token: 'render-token-render-token' })).status, 403);
+  const none = await other.json('/api/v1/files', { token: 'control-token-control' });
   assert.equal(none.status, 403);
   assert.match(none.json.detail, /--data DIR/);
   assert.equal(await other.stop(), 0);

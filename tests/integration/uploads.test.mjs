@@ -2,7 +2,7 @@
 // Uploads (tus 1.0): in parts, interrupted and continued, over limits, with lies and hostile files.
 import assert from 'node:assert/strict';
 import { createHash } from 'node:crypto';
-import { chmodSync, mkdtempSync, readdirSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { chmodSync, mkdtempSync, readdirSync, readFileSync, rmSync, symlinkSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -75,7 +75,7 @@ test('a file is uploaded in parts, loaded, and its space is released', async () 
   assert.deepEqual((await daemon.loaded('groesse')).dims, [100, 100, 100]);
   await settled(0);
   assert.equal((await daemon.json(`/api/v1/uploads/${id}`)).status, 404);
-  assert.deepEqual((await daemon.json('/api/v1/uploads')).json, { uploads: [], bytes: 0, bytes_max: 64 << 20 });
+  assert.deepEqual((await daemon.json('/api/v1/uploads')).json, { uploads: [], bytes: 0, bytes_max: 64 << 20, bytes_free: 64 << 20, uploads_free: 4 });
   assert.equal((await daemon.fetch('/api/v1/volumes/groesse', { method: 'DELETE' })).status, 204);
 });
 
@@ -95,7 +95,7 @@ test('a tus client creates an upload with headers', async () => {
 });
 
 test('names of files that cannot be loaded, and sizes that cannot be, are refused at once', async () => {
-  for (const [name, detail] of [['x.exe', /must end in/], ['nrrd', /must end in/], ['x.nhdr', /header whose samples/], ['x.json', /header/], ['a/', /name of a file/]]) {
+  for (const [name, detail] of [['x.exe', /must end in/], ['nrrd', /must end in/], ['x.raw', /needs "header"/], ['a/', /name of a file/], ['\u202e', /name of a file/]]) {
     const answer = await create(name, 10);
     assert.deepEqual([answer.status, answer.json.pointer], [422, '/name'], name);
     assert.match(answer.json.detail, detail);
@@ -111,7 +111,7 @@ test('limits of all uploads together: bytes and number', async () => {
   for (let i = 0; i < 3; i++) ids.push((await create('x.nrrd', 20 << 20)).json.id);
   const full = await create('x.nrrd', 20 << 20);
   assert.equal(full.status, 507);
-  assert.match(full.json.detail, /62914560 bytes, this file has 20971520/);
+  assert.match(full.json.detail, /the uploads of all have 62914560 .*so 4194304 are free; close uploaded volumes, cancel/);
   ids.push((await create('x.nrrd', 1)).json.id);
   const many = await create('x.nrrd', 1);
   assert.equal(many.status, 507);
@@ -134,7 +134,7 @@ test('an interrupted upload continues where its bytes end, and a wrong offset is
   const wrong = await patch(id, 0, file);
   assert.deepEqual([wrong.status, wrong.headers.get('upload-offset')], [409, '700000']);
   assert.equal((await patch(id, 700000, file.subarray(700000))).status, 204);
-  assert.deepEqual(readFileSync(path.join(uploads(), id, 'data.nrrd')), file);
+  assert.deepEqual(readFileSync(path.join(uploads(), id, 'files', 'data.nrrd')), file);
   assert.equal((await remove(id)).status, 204);
   await settled(0);
 });
@@ -153,7 +153,7 @@ test('a request replaces an older one of the same upload whose connection hangs'
   await raw.until(() => raw.text().includes('\r\n\r\n'), 'the answer');
   assert.match(raw.text(), /^HTTP\/1.1 409 /);
   raw.destroy();
-  assert.deepEqual(readFileSync(path.join(uploads(), id, 'data.nrrd')), file);
+  assert.deepEqual(readFileSync(path.join(uploads(), id, 'files', 'data.nrrd')), file);
   await remove(id);
   await settled(0);
 });
@@ -168,7 +168,7 @@ test('bytes with a wrong checksum do not count', async () => {
   for (const bad of ['crc32 AAAA', 'sha1', 'sha1 AAAA', 'sha1 !']) assert.equal((await patch(id, 0, half, { 'Upload-Checksum': bad })).status, 400, bad);
   assert.equal((await patch(id, 0, half, sum(half))).status, 204);
   assert.equal((await patch(id, half.length, file.subarray(half.length), sum(file.subarray(half.length), 'sha256'))).status, 204);
-  assert.deepEqual(readFileSync(path.join(uploads(), id, 'data.nrrd')), file);
+  assert.deepEqual(readFileSync(path.join(uploads(), id, 'files', 'data.nrrd')), file);
   await remove(id);
   await settled(0);
 });
@@ -218,26 +218,159 @@ test('two uploads at once keep their bytes apart, and others are served meanwhil
   assert.equal((await daemon.json('/healthz')).status, 200);
   for (const answer of await Promise.all(sent)) assert.equal(answer.status, 204);
   for (const [i, id] of ids.entries()) {
-    assert.deepEqual(readFileSync(path.join(uploads(), id, 'data.nrrd')), files[i]);
+    assert.deepEqual(readFileSync(path.join(uploads(), id, 'files', 'data.nrrd')), files[i]);
     await remove(id);
   }
   await settled(0);
 });
 
-test('roles and quotas: only an admin uploads, and a token has its own limit', async () => {
+/** A header in one file and its samples in another. */
+function detached(data, side = 4) {
+  return [Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\ndata file: ${data}\n\n`), Buffer.alloc(side ** 3, 9)];
+}
+
+/** Uploads a whole file; returns its id. */
+async function sendAll(name, bytes, more = {}, to = daemon) {
+  const { status, json } = await to.post('/api/v1/uploads', { name, bytes: bytes.length, ...more });
+  assert.equal(status, 201, json.detail);
+  assert.equal((await patch(json.id, 0, bytes, {}, to)).status, 204);
+  return json.id;
+}
+
+test('a header is uploaded with the file of its samples and opened with it', async () => {
+  for (const [name, header, samples] of [['größe.nhdr', ...detached('größe 1.raw')],
+    ['größe.json', Buffer.from('{"dims": [4, 4, 4], "type": "uint8", "file": "größe 1.raw"}'), Buffer.alloc(64, 9)]]) {
+    const id = await sendAll(name, header);
+    const data = (await daemon.post('/api/v1/uploads', { name: 'größe 1.raw', bytes: samples.length, header: id })).json;
+    assert.equal(data.header, id);
+    const early = await daemon.post('/api/v1/volumes', { upload: id });
+    assert.equal(early.status, 409);
+    assert.match(early.json.detail, /'größe 1.raw' has 0 of 64 bytes/);
+    assert.equal((await patch(data.id, 0, samples)).status, 204);
+    const alone = await daemon.post('/api/v1/volumes', { upload: data.id });
+    assert.deepEqual([alone.status, alone.json.pointer], [422, '/upload']);
+    assert.match(alone.json.detail, /open the upload of the header/);
+    assert.equal((await daemon.post('/api/v1/volumes', { upload: id })).json.source, `upload:${name}`);
+    const volume = await daemon.loaded('groesse');
+    assert.deepEqual([volume.state, volume.dims], ['ready', [4, 4, 4]], volume.reason);
+    await settled(0);
+    assert.equal((await daemon.fetch('/api/v1/volumes/groesse', { method: 'DELETE' })).status, 204);
+  }
+});
+
+test('a header reaches only the files of its own set', async () => {
+  const other = await sendAll('other.nrrd', nrrd()); // of the same token, in the same folder
+  for (const name of ['/etc/passwd', '../../etc/passwd', '../info', '../../../info', 'info', `../../${other}/files/data.nrrd`, 'data.raw', 'link.raw', 'sub/ct.raw']) {
+    const [header, samples] = detached(name);
+    const id = await sendAll('ct.nhdr', header);
+    await sendAll('ct.raw', samples, { header: id });
+    if (name === 'link.raw') symlinkSync('/etc/passwd', path.join(uploads(), id, 'files', 'link.raw')); // no client can do this
+    assert.equal((await daemon.post('/api/v1/volumes', { upload: id, id: 'ct' })).status, 202);
+    const { state, reason } = await daemon.loaded('ct');
+    assert.equal(state, 'failed', name);
+    assert.match(reason, /outside of the folder|no such file|must|relative/, `${name}: ${reason}`);
+    assert.ok(!reason.includes(folder) && !reason.includes(id), reason);
+    await settled(1);
+    assert.equal((await daemon.fetch('/api/v1/volumes/ct', { method: 'DELETE' })).status, 204);
+  }
+  await remove(other);
+  await settled(0);
+});
+
+test('a file beside a header has a name of its own and a header of its own', async () => {
+  const [header, samples] = detached('ct.raw');
+  const id = await sendAll('ct.nhdr', header);
+  const add = (name, of = id) => daemon.post('/api/v1/uploads', { name, bytes: samples.length, header: of });
+  assert.equal((await add('a/../ct.raw')).json.name, 'ct.raw');
+  for (const [answer, status, pointer] of [[await add('ct.raw'), 422, '/name'], [await add('data.nhdr'), 422, '/name'], [await add('..'), 422, '/name'],
+    [await add('b.raw', '0'.repeat(32)), 404, '/header'], [await add('b.raw', '../x'), 422, '/header'], [await add('b.raw', 3), 422, '/header']]) {
+    assert.deepEqual([answer.status, answer.json.pointer], [status, pointer], answer.json.detail);
+  }
+  const metadata = ['filename', 'b.raw', 'header', id].reduce((text, word, i) => text + (i % 2 ? ` ${Buffer.from(word).toString('base64')},` : word), '');
+  const tus = await daemon.json('/api/v1/uploads', { method: 'POST', headers: { 'Tus-Resumable': '1.0.0', 'Upload-Length': '10', 'Upload-Metadata': metadata } });
+  assert.deepEqual([tus.status, tus.json.header], [201, id]);
+  assert.equal(left().length, 3);
+  assert.equal((await remove(id)).status, 204); // and its files
+  await settled(0);
+  assert.deepEqual((await daemon.json('/api/v1/uploads')).json.uploads, []);
+});
+
+test('hidden characters in names become spaces, or are refused where a person types the name', async () => {
+  const { json } = await create('ct\u202edrrn\u200b.nrrd', 10);
+  assert.equal(json.name, 'ct drrn .nrrd');
+  await remove(json.id);
+  const typed = await daemon.post('/api/v1/volumes', { source: 'demo:engine?size=9', name: 'a\u2066b' });
+  assert.deepEqual([typed.status, typed.json.pointer], [422, '/name']);
+  await settled(0);
+});
+
+const TOKENS = 'admin-token-admin-token name=a\nann-token-ann-token-ann role=control name=ann uploads=3\n'
+  + 'bob-token-bob-token-bob role=control name=bob upload-bytes=1M\nview-token-view-token role=view name=v\n';
+const [ADMIN, ANN, BOB] = ['admin-token-admin-token', 'ann-token-ann-token-ann', 'bob-token-bob-token-bob'];
+
+test('the role control uploads and opens; an upload is its owner\'s, and so is what it opens', async () => {
   const tokens = path.join(folder, 'tokens');
-  writeFileSync(tokens, 'admin-token-admin-token name=a upload-bytes=1M\nother-token-other-token name=b\ncontrol-token-control role=control name=c\n', { mode: 0o600 });
-  const other = await Daemon.start(['--token-file', tokens]);
-  const as = (token) => ({ token, headers: { 'Content-Type': 'application/json' } });
-  assert.equal((await create('x.nrrd', 10, other, as('control-token-control'))).status, 403);
-  assert.equal((await create('x.nrrd', 10, other, as('no-token-no-token-no'))).status, 401);
-  assert.equal((await create('x.nrrd', 600 << 10, other, as('admin-token-admin-token'))).status, 201);
-  const over = await create('x.nrrd', 600 << 10, other, as('admin-token-admin-token'));
-  assert.equal(over.status, 429);
-  assert.match(over.json.detail, /uploads of a have 614400 bytes.*allows 1048576/);
-  assert.equal((await create('x.nrrd', 600 << 10, other, as('other-token-other-token'))).status, 201);
-  await other.untilLogged('upload');
+  const state = path.join(folder, 'owners');
+  writeFileSync(tokens, TOKENS, { mode: 0o600 });
+  const args = ['--token-file', tokens, '--state', state, '--upload-bytes', '4M', '--volume', 'demo:phantom?size=8'];
+  let other = await Daemon.start(args);
+  const as = (token) => ({ post: (at, body) => other.post(at, body, { token, headers: { 'Content-Type': 'application/json' } }),
+    json: (at, options = {}) => other.json(at, { token, ...options }), fetch: (at, options = {}) => other.fetch(at, { token, ...options }) });
+  const [admin, ann, bob, viewer] = [as(ADMIN), as(ANN), as(BOB), as('view-token-view-token')];
+  assert.equal((await create('x.nrrd', 10, viewer)).status, 403);
+  assert.equal((await create('x.nrrd', 10, as('no-token-no-token-no'))).status, 401);
+  const file = nrrd();
+  const { id } = (await create('mine.nrrd', file.length, ann)).json;
+  assert.equal((await patch(id, 0, file.subarray(0, 20), {}, ann)).status, 204);
+  assert.equal(await (other.stop()), 0);
+  other = await Daemon.start(args); // the owner survives a restart
+  for (const answer of [await bob.json(`/api/v1/uploads/${id}`), await patch(id, 20, file.subarray(20), {}, bob), await remove(id, bob),
+    await bob.post('/api/v1/volumes', { upload: id }), await bob.post('/api/v1/uploads', { name: 'x.raw', bytes: 1, header: id })]) assert.equal(answer.status, 404);
+  assert.deepEqual((await bob.json('/api/v1/uploads')).json.uploads, []);
+  assert.deepEqual((await ann.json('/api/v1/uploads')).json.uploads.map((upload) => upload.owner), ['ann']);
+  assert.equal((await admin.json('/api/v1/uploads')).json.uploads.length, 1);
+  assert.equal((await patch(id, 20, file.subarray(20), {}, ann)).status, 204);
+  assert.equal((await bob.post('/api/v1/volumes', { upload: id })).status, 404);
+  assert.equal((await ann.post('/api/v1/volumes', { upload: id })).status, 202);
+  const closable = async (who) => (await who.json('/api/v1/volumes')).json.volumes.filter((volume) => volume.may_close).map((volume) => volume.id);
+  assert.deepEqual([await closable(ann), await closable(bob), await closable(admin), await closable(viewer)], [['mine'], [], ['phantom', 'mine'], []]);
+  assert.deepEqual((await ann.json('/api/v1/volumes')).json.may, { open: true, browse: false, upload: true });
+  const denied = await bob.json('/api/v1/volumes/mine', { method: 'DELETE' });
+  assert.equal(denied.status, 403);
+  assert.match(denied.json.detail, /that token or an admin may close it/);
+  assert.equal((await ann.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 403); // the operator's
   assert.equal(await other.stop(), 0);
+  other = await Daemon.start(args);
+  assert.deepEqual([await closable(ann), await closable(bob)], [['mine'], []]);
+  assert.equal((await ann.fetch('/api/v1/volumes/mine', { method: 'DELETE' })).status, 204);
+  assert.equal(await other.stop(), 0);
+});
+
+test('one token cannot take all space or all uploads, and over its quota it hears what is free', async () => {
+  const tokens = path.join(folder, 'tokens');
+  writeFileSync(tokens, TOKENS, { mode: 0o600 });
+  const other = await Daemon.start(['--token-file', tokens, '--upload-bytes', '4M', '--uploads', '4']);
+  const as = (token) => ({ post: (at, body) => other.post(at, body, { token, headers: { 'Content-Type': 'application/json' } }),
+    json: (at, options = {}) => other.json(at, { token, ...options }), fetch: (at, options = {}) => other.fetch(at, { token, ...options }) });
+  const [admin, ann, bob] = [as(ADMIN), as(ANN), as(BOB)];
+  const huge = await create('x.nrrd', (3 << 20) + 1, ann);
+  assert.deepEqual([huge.status, huge.json.pointer, huge.headers.get('retry-after')], [413, '/bytes', null]);
+  assert.match(huge.json.detail, /ann may upload 3145728 in all \(its share of --upload-bytes\)/);
+  assert.equal((await create('x.nrrd', 3 << 20, ann)).status, 201);
+  assert.equal((await create('x.nrrd', 600 << 10, bob)).status, 201); // its neighbour is not affected
+  const over = await create('x.nrrd', 600 << 10, bob);
+  assert.deepEqual([over.status, over.headers.get('retry-after')], [507, null]);
+  assert.match(over.json.detail, /bob has uploads of 614400 and may have 1048576 \(its quota upload-bytes\), so 434176 are free; close volumes/);
+  assert.equal((await bob.fetch('/api/v1/uploads', { method: 'OPTIONS' })).headers.get('tus-max-size'), String(1 << 20));
+  const { json } = await bob.json('/api/v1/uploads');
+  assert.deepEqual([json.bytes, json.bytes_max, json.bytes_free, json.uploads_free], [600 << 10, 1 << 20, 434176, 2]);
+  for (const who of [bob, bob]) assert.equal((await create('y.nrrd', 1, who)).status, 201);
+  const many = await create('z.nrrd', 1, bob);
+  assert.deepEqual([many.status, many.headers.get('retry-after')], [507, null]);
+  assert.match(many.json.detail, /bob has 3 uploads and may have 3/);
+  const none = await create('z.nrrd', 1, admin);
+  assert.match(none.json.detail, /there are 4 uploads and --uploads allows 4/);
+  await other.stop();
 });
 
 test('without a folder the uploads lie in a private folder that ends with the daemon', async () => {
@@ -288,9 +421,9 @@ test('with --state an unfinished upload continues after a restart, and a loaded 
 
 test('an upload without bytes expires', async () => {
   const at = path.join(folder, 'short');
-  const short = await Daemon.start(['--upload-dir', at, '--upload-time', '0.05']);
+  const short = await Daemon.start(['--upload-dir', at, '--upload-begin-time', '0.05']);
   await create('x.nrrd', 10, short);
-  await short.untilLogged(/upload [0-9a-f]{32} of printed expired: x.nrrd, 0 of 10 bytes/);
+  await short.untilLogged(/upload [0-9a-f]{32} of printed expired: x.nrrd, 0 of 10 bytes.*--upload-begin-time/);
   await settled(0, at, short);
   const text = await (await short.fetch('/metrics')).text();
   assert.match(text, /splatd_uploads_ended_total\{result="expired"\} 1/);

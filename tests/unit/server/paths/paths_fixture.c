@@ -149,7 +149,7 @@ enum srv_volume_state paths_fixture_load(const char *id, const char *source) {
 }
 
 void paths_fixture_unload(const char *id) {
-    assert_true(srv_catalog_remove(paths_fixture.render.catalog, id, NULL));
+    assert_true(srv_catalog_remove(paths_fixture.render.catalog, id, NULL, NULL));
 }
 
 /* Several runs of the daemon with the same folder. */

@@ -108,7 +108,7 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
             pthread_cond_wait(&seen.changed, &seen.mutex);
         pthread_mutex_unlock(&seen.mutex);
         assert_int_equal(used_bytes(catalog), BYTES);
-        assert_true(srv_catalog_remove(catalog, "v", NULL));
+        assert_true(srv_catalog_remove(catalog, "v", NULL, NULL));
         assert_false(srv_catalog_find(catalog, "v", &status));
         assert_int_equal(used_bytes(catalog), 0);
         /* Another volume with this id waits for the load thread, which loads it. */
@@ -116,7 +116,7 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
         wait_for(SRV_VOLUME_READY);
         assert_int_equal(seen.cancelled, round);
         assert_int_equal(used_bytes(catalog), 8 * 8 * 8 * sizeof(float));
-        assert_true(srv_catalog_remove(catalog, "v", NULL));
+        assert_true(srv_catalog_remove(catalog, "v", NULL, NULL));
         assert_int_equal(seen.unloaded, 2 * round);
         assert_int_equal(used_bytes(catalog), 0);
     }
