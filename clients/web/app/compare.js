@@ -4,6 +4,7 @@
 import { sphereAround, volumeBox } from '../core/camera.js';
 import { isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
 import { t } from '../core/text.js';
+import { fullNameOf } from '../core/volume_names.js';
 import { Companion } from './companion.js';
 import { byId, make, setText } from './dom.js';
 import { ORDER } from './panel.js';
@@ -156,7 +157,7 @@ class Compare {
     this.#source.replaceChildren(
       make('option', { value: COPY, text: t('compare.source.copy') }),
       ...group(t('saved.section'), views.map((view) => make('option', { value: `view:${view.id}`, text: saved.nameOf(view) }))),
-      ...group(t('compare.source.volumes'), volumes.map((v) => make('option', { value: `volume:${v.id}`, text: v.name || v.id }))));
+      ...group(t('compare.source.volumes'), volumes.map((v) => make('option', { value: `volume:${v.id}`, text: fullNameOf(v, connection.volumes) }))));
     this.#source.value = before;
     if (!this.#source.value) this.#source.value = COPY;
   }
@@ -260,7 +261,10 @@ class Compare {
   #label() {
     if (!this.#companion) return;
     const { viewer, connection } = this.#app;
-    const nameOf = (id) => connection.volumes.find((v) => v.id === id)?.name || id;
+    const nameOf = (id) => {
+      const volume = connection.volumes.find((v) => v.id === id);
+      return volume ? fullNameOf(volume, connection.volumes) : id;
+    };
     const volumes = [viewer.view.volume, this.#companion.view.volume];
     this.#badges.forEach((badge, i) => setText(badge.lastChild, nameOf(volumes[i])));
     this.#fitRow.hidden = volumes[0] === volumes[1];

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Volumes" of the panel: the list of the daemon's volumes, opening and closing them.
 import { t } from '../core/text.js';
+import { fullNameOf, nameOf, placeOf } from '../core/volume_names.js';
 import { ask } from './ask.js';
 import { byId, icon, make, setText } from './dom.js';
 import { VolumeInfo } from './volume_info.js';
@@ -13,14 +14,13 @@ function describe(volume) {
   return [volume.dims?.join(' × '), volume.type].filter(Boolean).join(' · ');
 }
 
-const nameOf = (volume) => volume.name || volume.id;
-
-/** The button that shows the volume. */
-function picker(volume, current, select) {
+/** The button that shows the volume. `volumes` are all, whose names may be equal. */
+function picker(volume, volumes, current, select) {
+  const about = [placeOf(volume, volumes), describe(volume)].filter(Boolean).join(' · ');
   const button = make('button', {
     class: 'pick', 'data-id': volume.id, 'data-state': volume.state, 'aria-current': volume.id === current ? 'true' : false,
     disabled: volume.state !== 'ready', press: () => select(volume.id),
-  }, make('span', { class: 'name', text: nameOf(volume), title: nameOf(volume) }), make('span', { class: 'about', text: describe(volume) }));
+  }, make('span', { class: 'name', text: nameOf(volume), title: fullNameOf(volume, volumes) }), make('span', { class: 'about', text: about }));
   if (volume.state === 'loading') {
     const progress = make('progress', { max: 1, 'aria-label': t('volumes.loading.name', { name: nameOf(volume) }) });
     progress.value = volume.progress ?? 0;
@@ -48,8 +48,8 @@ function details(api, volume) {
   return make('div', { class: 'more' }, button, text);
 }
 
-function closeText(volume) {
-  const name = nameOf(volume);
+function closeText(volume, volumes) {
+  const name = fullNameOf(volume, volumes);
   if (volume.state === 'failed') return t('volumes.remove', { name });
   return volume.state === 'loading' ? t('volumes.cancel', { name }) : t('volumes.close', { name });
 }
@@ -94,7 +94,7 @@ class VolumeList {
     byId('volumes-section').hidden = volumes.length === 0 && !mayOpen;
     byId('volumes-why').hidden = !session?.isJoined;
     this.#info.show(volumes.find(({ id }) => id === this.#current) ?? null);
-    const shown = JSON.stringify([this.#current, mayOpen, volumes.map((v) => [v.id, v.name, describe(v), v.progress])]);
+    const shown = JSON.stringify([this.#current, mayOpen, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress])]);
     if (shown === this.#shown) return;
     this.#shown = shown;
     this.#rebuild(volumes, mayOpen);
@@ -104,17 +104,17 @@ class VolumeList {
   #rebuild(volumes, mayClose) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
     const open = [...this.#list.querySelectorAll('[aria-expanded="true"]')].map((button) => button.dataset.id);
-    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, mayClose)));
+    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, mayClose)));
     for (const button of this.#list.querySelectorAll('button')) {
       if (open.includes(button.dataset.id)) button.click();
       if (focused && button.dataset.id === focused) button.focus();
     }
   }
 
-  #entry(volume, mayClose) {
-    const item = make('li', { 'data-state': volume.state }, picker(volume, this.#current, (id) => this.#select(id)));
+  #entry(volume, volumes, mayClose) {
+    const item = make('li', { 'data-state': volume.state }, picker(volume, volumes, this.#current, (id) => this.#select(id)));
     if (mayClose) {
-      const label = closeText(volume);
+      const label = closeText(volume, volumes);
       const press = () => this.#close(volume);
       item.append(make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press }, icon('x')));
     }
@@ -124,7 +124,7 @@ class VolumeList {
 
   async #close(volume) {
     const { api, connection, notice, participants } = this.#app;
-    const name = nameOf(volume);
+    const name = fullNameOf(volume, connection.volumes);
     const isWatched = volume.state === 'ready' && volume.id === this.#current && participants.count > 1;
     if (isWatched && !await ask(t('volumes.close.ask', { name }), t('volumes.close.act'))) return;
     try {

@@ -234,3 +234,23 @@ test('the page works below a path of a reverse proxy and on a phone', async (con
   await it.page.locator('#volumes button').first().waitFor();
   await shot(it.page, 'phone-panel');
 });
+
+test('volumes of the same name are told apart, and long names stay inside of the panel', async (context) => {
+  const long = ['x'.repeat(127), '\u0645\u062c\u0645\u0648\u0639\u0629'.repeat(10), '\u4f53\u7d20'.repeat(30)];
+  const { page } = await setUp(context, {
+    volumes: [volume('head', { source: '2024/head.nrrd' }), volume('head-2', { name: 'head', source: '2025/head.nrrd' }), volume('engine'),
+      ...long.map((name, i) => volume(`long-${i}`, { name }))],
+  });
+  const entries = page.locator('#volumes button.pick');
+  await entries.nth(5).waitFor();
+  assert.match(await entries.nth(0).innerText(), /2024/);
+  assert.match(await entries.nth(1).innerText(), /2025/);
+  assert.doesNotMatch(await entries.nth(2).innerText(), /engine.*engine/s);
+  assert.equal(await entries.nth(1).locator('.name').getAttribute('title'), 'head (2025)');
+  for (const viewport of [{ width: 900, height: 600 }, { width: 390, height: 844 }]) {
+    await page.setViewportSize(viewport);
+    const wide = await page.evaluate(() => [...document.querySelectorAll('#panel *')].filter((element) => element.scrollWidth > element.clientWidth + 1
+      && getComputedStyle(element).overflowX === 'visible' && element.clientWidth > 0).map((element) => element.id || element.className));
+    assert.deepEqual(wide, []);
+  }
+});

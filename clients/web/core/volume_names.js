@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names of volumes that tell them apart. The name is that of the file, so files of two folders may share it.
+
+export const nameOf = (volume) => volume.name || volume.id;
+
+const folderOf = (source = '') => (source.includes('/') ? source.slice(0, source.lastIndexOf('/')) : '');
+
+/** What tells a volume from those of the same name: its folder, or else its id; '' if its name is the only one. */
+export function placeOf(volume, volumes) {
+  const same = volumes.filter((other) => other.id !== volume.id && nameOf(other) === nameOf(volume));
+  if (!same.length) return '';
+  const folder = folderOf(volume.source);
+  return folder && same.every((other) => folderOf(other.source) !== folder) ? folder : volume.id;
+}
+
+/** The name with what tells it apart, for a line of text. */
+export function fullNameOf(volume, volumes) {
+  const place = placeOf(volume, volumes);
+  return place ? `${nameOf(volume)} (${place})` : nameOf(volume);
+}

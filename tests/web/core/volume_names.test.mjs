@@ -1,0 +1,20 @@
+// SPDX-License-Identifier: Apache-2.0
+// Names of volumes that share the name of their files.
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { fullNameOf, nameOf, placeOf } from '../../../clients/web/core/volume_names.js';
+
+const volume = (id, name, source) => ({ id, name, source });
+
+test('a name of its own needs nothing more', () => {
+  const volumes = [volume('a', 'head', 'x/head.nrrd'), volume('b', 'foot', 'x/foot.nrrd')];
+  assert.deepEqual(volumes.map((v) => fullNameOf(v, volumes)), ['head', 'foot']);
+  assert.equal(nameOf({ id: 'c', name: '' }), 'c');
+});
+
+test('equal names are told apart by the folder, or else by the id', () => {
+  const volumes = [volume('head', 'head', '2024/head.nrrd'), volume('head-2', 'head', '2025/jan/head.nrrd'), volume('head-3', 'head', 'head.nrrd')];
+  assert.deepEqual(volumes.map((v) => placeOf(v, volumes)), ['2024', '2025/jan', 'head-3']);
+  const twins = [volume('a', 'head', 'x/head.nrrd'), volume('b', 'head', 'x/head.vti'), volume('c', 'head', undefined)];
+  assert.deepEqual(twins.map((v) => fullNameOf(v, twins)), ['head (a)', 'head (b)', 'head (c)']);
+});
