@@ -25,6 +25,10 @@ bool memory_restore(void) {
     return atomic_load(&has_failed);
 }
 
+long memory_left(void) {
+    return atomic_load(&left);
+}
+
 void memory_exempt_thread(bool spared) {
     is_spared = spared;
 }

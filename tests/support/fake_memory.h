@@ -17,6 +17,8 @@ enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 void memory_fail_after(long n, enum memory_end end);
 /* Lets all allocations succeed again. Returns true if one has failed since memory_fail_after(). */
 bool memory_restore(void);
+/* Returns how many allocations still succeed after memory_fail_after(); < 0 if all do. */
+long memory_left(void);
 /* Returns the size of the largest allocation since the last call [bytes]. */
 size_t memory_take_largest(void);
 /* true: the allocations of the calling thread succeed and do not count. false: the default. */

@@ -56,9 +56,10 @@ bool oom_is_no_memory(int status);
  * `expected`, or that of an answer without memory. */
 bool oom_try(long n, const char *method, const char *path, const char *body, int expected,
              int *status);
-/* The same for every n, in steps of OOM_STEP, until no allocation fails. `body` may have one %ld,
- * so that each request creates something new. An answer of 200 equals that with enough memory; a
- * refused request has created nothing; and the next request is answered normally. */
+/* The same for every n, in steps of OOM_STEP, until no allocation fails; of the allocations in the
+ * middle of a GET that makes more than a thousand, one in 31. `body` may have one %ld, so that each
+ * request creates something new. An answer of 200 equals that with enough memory; a refused request
+ * has created nothing; and the next request is answered normally. */
 void oom_each_allocation(const char *method, const char *path, const char *body, int expected);
 
 /* Marks the operation of openapi.yaml with this method and path as covered. */
