@@ -28,9 +28,14 @@ function start() {
   };
 }
 
+/** Starts the worker, so that the first picture does not wait for it. */
+export function prepareDecoder() {
+  if (!worker && !hasFailed) start();
+}
+
 /** Decodes the payload of a frame and resolves to an ImageBitmap. The payload moves to the worker and is empty afterwards. */
 export function decodeImage({ payload, type }) {
-  if (!worker && !hasFailed) start();
+  prepareDecoder();
   if (hasFailed) return createImageBitmap(new Blob([payload], { type }));
   const id = ++ids;
   return new Promise((resolve, reject) => {

@@ -5,7 +5,7 @@ import { FrameOrder } from '../core/order.js';
 import { t } from '../core/text.js';
 import { VideoStream } from '../core/video.js';
 import { nextFrame } from './animation.js';
-import { decodeImage } from './decoder.js';
+import { decodeImage, prepareDecoder } from './decoder.js';
 
 /** Events: drawn {frame (its header), rig (its camera, or null), latency (ms, or null), decodeMs (from its arrival to its drawing)}; video-failed Error. */
 class Frames extends Emitter {
@@ -17,6 +17,7 @@ class Frames extends Emitter {
 
 export function install(app) {
   const { connection, viewer, screen, report } = app;
+  prepareDecoder();
   const frames = new Frames();
   const { drawn } = frames;
   const video = new VideoStream({

@@ -55,6 +55,7 @@ async function start() {
   showTexts(document);
 
   const app = createApp(new URL('.', location.href).href);
+  app.connection.prepare();
   window.addEventListener('error', ({ error, message }) => app.report(error ?? message));
   window.addEventListener('unhandledrejection', ({ reason }) => app.report(reason));
   for (const { install } of FEATURES) install(app);

@@ -35,6 +35,7 @@ export class Connection extends Emitter {
   #session = null;
   #replaced = null;
   #volumes = [];
+  #ahead = null; // the answer to the request of prepare()
   #wanted; #saved;
   #epoch = 0;
   #failures = 0;
@@ -71,6 +72,13 @@ export class Connection extends Emitter {
   /** {fetch, WebSocket, setTimeout, clearTimeout, now}, for a second connection. */
   get env() { return this.#env; }
   get isLive() { return this.state === 'live' || this.state === 'draining'; }
+
+  /** Requests the list of volumes before start(), so that the daemon answers while the page is being built. */
+  prepare() {
+    if (this.#session?.isJoined) return;
+    this.#ahead = this.#api.volumes();
+    this.#ahead.catch(() => {}); // start() reports it
+  }
 
   start() {
     this.#step('start');
@@ -137,10 +145,10 @@ export class Connection extends Emitter {
       const session = await this.#findSession(epoch);
       if (epoch !== this.#epoch || !session) return;
       this.#session = session;
+      this.#join(epoch); // first: the daemon answers while the page shows the session
       this.emit('session', { ...session, replaced: session.isNew ? this.#replaced : null });
       this.#replaced = null;
       this.#step('found');
-      this.#join(epoch);
     } catch (error) {
       if (epoch === this.#epoch) this.#failed(error);
     }
@@ -202,7 +210,9 @@ export class Connection extends Emitter {
   }
 
   async #readVolumes(epoch) {
-    const volumes = await this.#api.volumes();
+    const ahead = this.#ahead;
+    this.#ahead = null;
+    const volumes = await (ahead ?? this.#api.volumes());
     if (epoch === this.#epoch) this.#setVolumes(volumes);
   }
 

@@ -97,6 +97,24 @@ test('the requested volume is used, although another is first in the list', asyn
   assert.equal((await it.event('session')).view.volume, 'b');
 });
 
+test('the list of volumes that prepare() requested is the one that start() uses', async (context) => {
+  const it = await setUp(context);
+  it.connection.prepare();
+  assert.deepEqual(it.states, []);
+  it.connection.start();
+  await it.event('frame');
+  assert.equal(it.daemon.requests.filter((request) => /^GET .*\/volumes$/.test(request)).length, 1);
+});
+
+test('start() reports a failure of prepare()', async (context) => {
+  const it = await setUp(context, { client: { token: 'wrong' } });
+  it.connection.prepare();
+  it.connection.start();
+  assert.equal((await it.event('state', (e) => e.state === 'refused')).error.status, 401);
+  it.connection.useToken('secret');
+  await it.event('frame');
+});
+
 test('a wrong token is refused with 401, and a valid token given later works', async (context) => {
   const it = await setUp(context, { client: { token: 'wrong' } });
   it.connection.start();

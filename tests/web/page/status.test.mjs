@@ -1,0 +1,84 @@
+// SPDX-License-Identifier: Apache-2.0
+// What the status line says about overload: each text appears when its reason does, and goes with it.
+import assert from 'node:assert/strict';
+import { after, before, test } from 'node:test';
+import { firstFrame, launch, openPage, until } from '../support/browser.mjs';
+import { startDaemon } from '../support/daemon.mjs';
+
+const QUEUE_AT = 32; // of queueUs in the header of a frame (core/frame.js)
+const QUEUE_US = 60e6;
+const HELD_MS = 300; // longer than what counts as a long queue (core/latency.js)
+let browser;
+let daemon; // whose views never come to rest
+before(async () => {
+  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--rest-time', '60']);
+  browser = await launch();
+});
+after(async () => {
+  await browser?.close();
+  await daemon?.stop();
+});
+
+async function open(context, prepare = async () => {}) {
+  const { page, context: own } = await openPage(browser, { viewport: { width: 700, height: 500 } });
+  context.after(() => own.close());
+  await prepare(page);
+  await page.goto(daemon.url);
+  return page;
+}
+
+/** The text about overload, or '' while there is none. */
+const load = (page) => page.evaluate(() => {
+  const { hidden, textContent } = document.getElementById('status-load');
+  return hidden ? '' : textContent;
+});
+
+test('"pictures wait" while the daemon renders for others, and the split says how long', async (context) => {
+  let isHeld = false;
+  let held = [];
+  let send = () => {};
+  const page = await open(context, (opened) => opened.routeWebSocket(/stream/, (client) => {
+    const server = client.connectToServer();
+    send = (message) => client.send(message);
+    client.onMessage((message) => server.send(message));
+    server.onMessage((message) => {
+      if (typeof message === 'string' || !isHeld) {
+        send(message);
+        return;
+      }
+      const frame = Buffer.from(message);
+      frame.writeUInt32LE(QUEUE_US, QUEUE_AT);
+      held.push(frame);
+    });
+  }));
+  await firstFrame(page);
+  await page.focus('#screen');
+  let told = '';
+  for (let i = 0; i < 20 && told !== 'pictures wait'; i += 1) {
+    isHeld = true;
+    const pressed = await page.evaluate(() => performance.now());
+    await page.keyboard.press('ArrowLeft');
+    await until(page, 'a late picture', `() => performance.now() > ${pressed + HELD_MS}`);
+    isHeld = false;
+    held.forEach(send);
+    held = [];
+    await until(page, 'the picture', (s) => s.isIdle && s.seq === s.sent);
+    told = await load(page);
+  }
+  assert.equal(told, 'pictures wait');
+  const latency = await page.evaluate(() => window.splatd.latency);
+  assert.ok(latency.queue > 250, JSON.stringify(latency));
+  await until(page, 'the end of the text', () => document.getElementById('status-load').hidden);
+});
+
+test('"daemon busy" while the daemon refuses, and the picture after it', async (context) => {
+  let isBusy = true;
+  const page = await open(context, (opened) => opened.route('**/api/v1/sessions', (route) => (isBusy
+    ? route.fulfill({ status: 503, contentType: 'application/problem+json', body: JSON.stringify({ title: 'too many sessions', status: 503 }) })
+    : route.continue())));
+  await page.locator('#status-load', { hasText: 'daemon busy' }).waitFor();
+  assert.match(await page.textContent('#banner-title'), /The daemon is busy/);
+  isBusy = false;
+  await firstFrame(page);
+  await page.locator('#status-load').waitFor({ state: 'hidden' });
+});
