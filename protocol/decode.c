@@ -221,7 +221,7 @@ static bool decode_orbit(struct decoder *decoder, const struct proto_field *fiel
     } ranges[PROTO_ORBIT_MEMBERS] = {
         [PROTO_ORBIT_AZIMUTH] = { -360, 360 },
         [PROTO_ORBIT_ELEVATION] = { -90, 90 },
-        [PROTO_ORBIT_DISTANCE] = { 0, DBL_MAX },
+        [PROTO_ORBIT_DISTANCE] = { 0, SP_POSITION_MAX },
         [PROTO_ORBIT_ROLL] = { -360, 360 },
     };
     size_t member = field->offset;
@@ -321,7 +321,8 @@ bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, s
     struct sp_error why;
     if (!sp_view_validate(&merged, &why)) {
         /* The client did not give this position. */
-        bool is_placed = strcmp(why.place, "/camera/position") == 0 &&
+        static const char position[] = "/camera/position";
+        bool is_placed = strncmp(why.place, position, sizeof position - 1) == 0 &&
                          decoder.uses[PROTO_ORBIT_DISTANCE] == ORBIT_GIVEN;
         return sp_fail(err, why.code, is_placed ? "/camera/distance" : why.place, "%s", why.text);
     }

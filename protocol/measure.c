@@ -157,12 +157,45 @@ static proto_json *encode_statistics(const struct sp_statistics *s) {
     return json;
 }
 
-/* Sets "value", "unit" and "statistics". */
-static bool set_value(proto_json *json, const struct proto_measure_value *value) {
-    char unit[SP_UNIT_BYTES + 2];
+/* Writes the share as whole per cent; what rounds to 0 or 100 without being it is named so. */
+static void percent_of(double share, char text[32]) {
+    const double percent = share * 100;
+    if (percent < 1 || percent > 99)
+        snprintf(text, 32, percent < 1 ? "less than 1 %%" : "more than 99 %%");
+    else
+        snprintf(text, 32, "%.0f %%", percent);
+}
+
+void proto_measure_note(const struct sp_measure *measure, const struct proto_measure_value *value,
+                        char note[PROTO_MEASURE_NOTE_MAX + 1]) {
+    const struct sp_measure_result *result = &value->result;
+    const bool is_in_world = result->unit == SP_MEASURE_LENGTH || result->unit == SP_MEASURE_AREA;
+    const char *name = sp_measure_kind_name(measure->kind);
+    char unit[80] = "", outside[160] = "", share[32] = "";
+    if (is_in_world && !value->world_unit[0])
+        snprintf(unit, sizeof unit, "the volume does not state the unit of its coordinates");
+    if (result->outside > 0 && result->outside < 1)
+        percent_of(result->outside, share);
+    if (result->outside > 0)
+        snprintf(outside, sizeof outside, "%s%sthe %s lies outside of the volume%s", share,
+                 share[0] ? " of " : "", name,
+                 !result->has_statistics ? ""
+                 : share[0]              ? "; the statistics count the rest"
+                                         : ", so it has no statistics");
+    snprintf(note, PROTO_MEASURE_NOTE_MAX + 1, "%s%s%s", unit, unit[0] && outside[0] ? "; " : "",
+             outside);
+}
+
+/* Sets "value", "unit", "outside", "note" and "statistics". */
+static bool set_value(proto_json *json, const struct sp_measure *measure,
+                      const struct proto_measure_value *value) {
+    char unit[SP_UNIT_BYTES + 2], note[PROTO_MEASURE_NOTE_MAX + 1];
     proto_measure_unit(value, unit);
+    proto_measure_note(measure, value, note);
     return set_number(json, "value", value->result.has_value, value->result.value) &&
            proto_json_set_string(json, "unit", unit) &&
+           proto_json_set_number(json, "outside", value->result.outside) &&
+           (!note[0] || proto_json_set_string(json, "note", note)) &&
            (!value->result.has_statistics ||
             proto_json_set(json, "statistics", encode_statistics(&value->result.statistics)));
 }
@@ -177,7 +210,7 @@ proto_json *proto_measure_encode(const struct proto_measure *measure) {
               proto_json_set_string(json, "color", measure->color) &&
               proto_json_set_string(json, "author", measure->author) &&
               proto_json_set_bool(json, "hidden", measure->is_hidden) &&
-              set_value(json, &measure->value);
+              set_value(json, &measure->geometry, &measure->value);
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -221,15 +254,11 @@ static proto_json *encode_profile(const struct sp_measure *line, double length,
 proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
                                  const struct proto_measure_value *value, const double *profile,
                                  uint32_t profile_count) {
-    const bool is_in_world =
-        value->result.unit == SP_MEASURE_LENGTH || value->result.unit == SP_MEASURE_AREA;
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "volume", volume) &&
               proto_json_set_string(json, "kind", sp_measure_kind_name(measure->kind)) &&
-              proto_json_set(json, "points", encode_points(measure)) && set_value(json, value);
-    if (ok && is_in_world && !value->world_unit[0])
-        ok = proto_json_set_string(json, "note",
-                                   "the volume does not state the unit of its coordinates");
+              proto_json_set(json, "points", encode_points(measure)) &&
+              set_value(json, measure, value);
     if (ok && value->result.has_histogram)
         ok = proto_json_set(json, "histogram", encode_histogram(&value->result));
     if (ok && profile)
@@ -282,6 +311,10 @@ static bool restore_value(const proto_json *json, const struct sp_measure *geome
                        ? SP_MEASURE_AREA
                        : SP_MEASURE_LENGTH;
     result->has_value = proto_json_number(proto_json_get(json, "value"), &result->value);
+    /* An earlier daemon did not save it. */
+    if (!proto_json_number(proto_json_get(json, "outside"), &result->outside) ||
+        !(result->outside >= 0 && result->outside <= 1))
+        result->outside = 0;
     result->has_statistics = statistics != NULL;
     if ((statistics && !read_statistics(statistics, &result->statistics)) ||
         !copy_string(json, "unit", unit, sizeof unit))

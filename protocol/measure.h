@@ -17,7 +17,8 @@ enum {
     PROTO_MEASURE_ID_MAX = 32,     /* bytes of an id: A-Z a-z 0-9 _ - */
     PROTO_MEASURE_TEXT_MAX = 200,  /* bytes of a text, UTF-8 */
     PROTO_MEASURE_AUTHOR_MAX = 64, /* bytes of the name of a participant */
-    PROTO_MEASURE_COLOR_BYTES = 8  /* "#rrggbb" and a NUL */
+    PROTO_MEASURE_COLOR_BYTES = 8, /* "#rrggbb" and a NUL */
+    PROTO_MEASURE_NOTE_MAX = 255   /* bytes of a note */
 };
 
 /* A result with the unit of world coordinates of its volume, "" = unknown. */
@@ -53,23 +54,27 @@ bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_meas
 bool proto_measure_is_id(const char *id);
 
 /* Encodes a measurement of a session: {"id", "kind", "volume", "points", "text", "color", "author",
- * "hidden", "value", "unit", "statistics"}. Thread-safe. */
+ * "hidden", "value", "unit", "outside", "note", "statistics"}. Thread-safe. */
 proto_json *proto_measure_encode(const struct proto_measure *measure);
 /* Reads what proto_measure_encode() wrote. False: it is something else. Thread-safe. */
 bool proto_measure_restore(const proto_json *json, struct proto_measure *measure);
 
 /* Encodes the answer to a request for a measurement: {"volume", "kind", "points", "value", "unit",
- * "note", "statistics", "histogram", "profile"}. `profile` has the values of a profile, NULL =
- * none. NULL when out of memory. Thread-safe. */
+ * "outside", "note", "statistics", "histogram", "profile"}. `profile` has the values of a profile,
+ * NULL = none. NULL when out of memory. Thread-safe. */
 proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
                                  const struct proto_measure_value *value, const double *profile,
                                  uint32_t profile_count);
 
 /* Returns the measurements as CSV (RFC 4180, UTF-8) with a header line; malloc'ed, NUL-terminated.
- * A text that begins with = + - @, a tab or a carriage return gets an apostrophe in front, so that
- * no spreadsheet takes it for a formula. NULL when out of memory. Thread-safe. */
+ * No text of a person becomes a formula in a spreadsheet: see measure_csv.c. NULL when out of
+ * memory. Thread-safe. */
 char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, size_t *size);
 /* Returns the unit of a result: "", the unit of world coordinates, its square, or "deg". */
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]);
+/* Writes what a reader of the value must know: that the unit is not known, and which share lies
+ * outside of the volume; "" = nothing. English. */
+void proto_measure_note(const struct sp_measure *measure, const struct proto_measure_value *value,
+                        char note[PROTO_MEASURE_NOTE_MAX + 1]);
 
 #endif

@@ -214,6 +214,13 @@ static bool check_finite3(const double v[3], const char *pointer, struct sp_erro
     return true;
 }
 
+static bool check_position(const double v[3], const char *pointer, struct sp_error *err) {
+    for (int i = 0; i < 3; i++)
+        if (!check_range(v[i], -SP_POSITION_MAX, SP_POSITION_MAX, err, "%s/%d", pointer, i))
+            return false;
+    return true;
+}
+
 static bool check_positive(double x, const char *pointer, struct sp_error *err) {
     if (isfinite(x) && x > 0)
         return true;
@@ -241,8 +248,8 @@ static struct sp_vec3 unit_vector(const double v[3]) {
 
 static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
     if (!check_choice(c->projection, SP_ORTHOGRAPHIC, "/camera/projection", err) ||
-        !check_finite3(c->position, "/camera/position", err) ||
-        !check_finite3(c->target, "/camera/target", err) ||
+        !check_position(c->position, "/camera/position", err) ||
+        !check_position(c->target, "/camera/target", err) ||
         !check_finite3(c->up, "/camera/up", err) ||
         !check_range(c->fov_y, 1, 170, err, "/camera/fov_y") ||
         !check_positive(c->height, "/camera/height", err) ||
@@ -400,7 +407,7 @@ static bool check_clip(const struct sp_clip *clip, struct sp_error *err) {
 static bool check_slices(const struct sp_view *view, struct sp_error *err) {
     const struct sp_slices *s = &view->slices;
     if (!check_choice(s->mode, SP_SLICES_OBLIQUE, "/slices/mode", err) ||
-        !check_finite3(s->position, "/slices/position", err) ||
+        !check_position(s->position, "/slices/position", err) ||
         !check_finite3(s->normal, "/slices/normal", err) ||
         !check_range(s->center, -DBL_MAX, DBL_MAX, err, "/slices/window/center") ||
         !check_positive(s->width, "/slices/window/width", err))

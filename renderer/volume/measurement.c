@@ -10,12 +10,14 @@
 #include "sp/measure.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
+#include "volume/outside.h"
 #include "volume/region.h"
 #include "volume/statistics.h"
 
 #define PERPENDICULAR 1e-3 /* largest cosine between the sides of a region */
 #define SHORTEST 1e-40     /* length of a line that is no point; its fourth power is a double */
 #define DEGREES (180 / 3.14159265358979323846)
+static const char *const ordinals[SP_MEASURE_POINTS] = { "first", "second", "third" };
 enum { PROFILE_DEFAULT_MAX = 1024 };
 
 static const struct {
@@ -51,9 +53,9 @@ static bool check_coordinates(const struct sp_measure *measure, struct sp_error 
         for (unsigned axis = 0; axis < 3; axis++) {
             char place[32];
             snprintf(place, sizeof place, "/points/%u/%u", i, axis);
-            if (!(fabs(measure->points[i][axis]) <= SP_MEASURE_FAR))
+            if (!(fabs(measure->points[i][axis]) <= SP_POSITION_MAX))
                 return sp_fail(err, SP_ERR_INVALID, place, "%g is outside [-%g, %g]",
-                               measure->points[i][axis], SP_MEASURE_FAR, SP_MEASURE_FAR);
+                               measure->points[i][axis], SP_POSITION_MAX, SP_POSITION_MAX);
         }
     return true;
 }
@@ -66,7 +68,8 @@ static bool check_lines(const struct sp_measure *measure, unsigned corner, const
         snprintf(place, sizeof place, "/points/%u", i);
         if (i != corner && !(sp_vec3_length(between(measure, corner, i)) > SHORTEST))
             return sp_fail(err, SP_ERR_INVALID, place,
-                           "is the same as point %u, so that %s has no length", corner, what);
+                           "the %s point is the same as the %s one, so that %s has no length",
+                           ordinals[i], ordinals[corner], what);
     }
     return true;
 }
@@ -84,8 +87,8 @@ bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err) {
                                       sp_vec3_normalize(between(measure, 0, 2)));
     return fabs(cosine) <= PERPENDICULAR ||
            sp_fail(err, SP_ERR_INVALID, "/points",
-                   "the sides from point 0 to points 1 and 2 are not perpendicular: the cosine of "
-                   "their angle is %g, and %g is allowed",
+                   "the sides from the first point to the second and the third are not "
+                   "perpendicular: the cosine of their angle is %g, and %g is allowed",
                    cosine, PERPENDICULAR);
 }
 
@@ -136,6 +139,7 @@ bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure 
     *result = (struct sp_measure_result){ .has_value = true, .unit = SP_MEASURE_LENGTH };
     if (!sp_measure_check(measure, err))
         return false;
+    result->outside = sp_measure_outside(volume, measure);
     switch (measure->kind) {
     case SP_MEASURE_PROFILE:
         result->has_statistics = true;

@@ -74,10 +74,10 @@ bool sp_slice_init_orthogonal(struct sp_slice *slice, const struct sp_volume_inf
     return true;
 }
 
-static bool check_finite(const double v[3], const char *name, struct sp_error *err) {
+static bool check_vector(const double v[3], double most, const char *name, struct sp_error *err) {
     for (int i = 0; i < 3; i++)
-        if (!(fabs(v[i]) <= 1e300))
-            return sp_fail(err, SP_ERR_INVALID, name, "%g is outside [-1e300, 1e300]", v[i]);
+        if (!(fabs(v[i]) <= most))
+            return sp_fail(err, SP_ERR_INVALID, name, "%g is outside [-%g, %g]", v[i], most, most);
     return true;
 }
 
@@ -91,8 +91,9 @@ static struct sp_vec3 unit_vector(const double v[3]) {
 }
 
 static bool check_plane(const struct sp_slice_plane *plane, struct sp_error *err) {
-    if (!check_finite(plane->origin, "origin", err) ||
-        !check_finite(plane->normal, "normal", err) || !check_finite(plane->up, "up", err))
+    if (!check_vector(plane->origin, SP_POSITION_MAX, "origin", err) ||
+        !check_vector(plane->normal, 1e300, "normal", err) ||
+        !check_vector(plane->up, 1e300, "up", err))
         return false;
     if (!(sp_vec3_length(unit_vector(plane->normal)) > 0))
         return sp_fail(err, SP_ERR_INVALID, "normal", "the normal is zero; give it a direction");

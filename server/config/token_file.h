@@ -28,8 +28,10 @@ enum srv_right {
     SRV_RIGHT_CONTROL = 8, /* create, change and delete sessions; change presets; upload
                               files, open volumes and close those that it opened */
     SRV_RIGHT_ADMIN = 16,  /* what belongs to other tokens or to the operator */
-    SRV_RIGHT_SESSION = 32 /* no token has this: marks routes where a session's own tokens also
-                              count (routes_sessions.c) */
+    /* No token has these: they mark routes where a session's own tokens also count, to watch it or
+     * to change it (routes_sessions.c). */
+    SRV_RIGHT_SESSION = 32,
+    SRV_RIGHT_SESSION_CONTROL = 64
 };
 
 enum { SRV_TOKENS_MAX = 1000, SRV_TOKEN_NAME_BYTES = 33, SRV_TOKEN_FILE_BYTES = 256 * 1024 };

@@ -24,7 +24,7 @@ void srv_request_refuse_token(struct srv_request *request, const char *how) {
 
 bool srv_request_check_right(struct srv_request *request, enum srv_right needs) {
     struct srv_reply *reply = &request->reply;
-    if (needs == SRV_RIGHT_SESSION)
+    if (needs & (SRV_RIGHT_SESSION | SRV_RIGHT_SESSION_CONTROL))
         return srv_session_admits(request, reply);
     if (needs == SRV_RIGHT_NONE || request->grant.rights & needs)
         return true;

@@ -24,14 +24,16 @@ srv_handler srv_patch_upload;                                    /* upload_body.
 srv_handler srv_get_files;                                       /* routes_files.c */
 srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
 srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
-srv_handler srv_post_measure, srv_post_session_measure,
-    srv_get_session_measures;                                          /* routes_measure.c */
+srv_handler srv_post_measure, srv_post_session_measure, srv_get_session_measures,
+    srv_post_session_measures, srv_put_session_measure, srv_patch_session_measure,
+    srv_delete_session_measure;                                        /* routes_measure.c */
 srv_handler srv_post_render, srv_get_render, srv_get_session_snapshot; /* routes_render.c */
 srv_handler srv_get_views, srv_post_view, srv_get_view, srv_patch_view,
     srv_delete_view; /* routes_views.c */
 srv_handler srv_get_sessions, srv_post_session, srv_get_session, srv_patch_session,
     srv_delete_session, srv_get_stream; /* routes_sessions.c */
-/* Checks the token for a route that needs SRV_RIGHT_SESSION, before the body is read. False: the
+/* Checks the token for a route that needs SRV_RIGHT_SESSION or
+ * SRV_RIGHT_SESSION_CONTROL, before the body is read. False: the
  * reply is a problem document. */
 bool srv_session_admits(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_presets, srv_get_preset, srv_put_preset,

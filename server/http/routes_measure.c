@@ -156,3 +156,66 @@ void srv_get_session_measures(struct srv_request *request, struct srv_reply *rep
         srv_measures_finish(&measures);
     }
 }
+
+/* Changes of the list. */
+
+/* The id is in the path, so no pointer into the body names it. */
+static void reply_change_error(struct sp_error *err, struct srv_reply *reply) {
+    if (strcmp(err->place, "/id") == 0)
+        err->place[0] = 0;
+    srv_reply_error(reply, err);
+}
+
+/* Puts the measurement of the body into the session `session`; `id` NULL = a new one. */
+static void put(struct srv_request *request, const char *session, const char *id,
+                enum srv_measure_change change, struct srv_reply *reply) {
+    static const char *const known[] = { "kind", "points", "text", "color", "hidden", NULL };
+    const bool is_patch = change == SRV_MEASURE_CHANGE; /* the kind cannot change */
+    struct sp_error err;
+    bool is_new = false;
+    proto_json *json = NULL, *body = srv_request_json(request, reply);
+    if (!body)
+        return;
+    if (proto_json_only(body, known + is_patch, &err))
+        json = srv_hub_measure_put(request->app->hub, session, id, change, body,
+                                   request->grant.name, srv_clock_ms(), &is_new, &err);
+    if (!json) {
+        reply_change_error(&err, reply);
+    } else {
+        if (is_new)
+            srv_reply_header(reply, "Location", "%s%s", id ? "" : "measures/",
+                             proto_json_string(proto_json_get(json, "id")));
+        srv_reply_json(reply, is_new ? 201 : 200, json);
+    }
+    proto_json_free(&body);
+}
+
+/* Splits the parameters of the path, "SESSION/ID"; returns the id. */
+static char *split(struct srv_request *request) {
+    char *slash = strchr(request->param, '/');
+    *slash = 0;
+    return slash + 1;
+}
+
+void srv_post_session_measures(struct srv_request *request, struct srv_reply *reply) {
+    put(request, request->param, NULL, SRV_MEASURE_REPLACE, reply);
+}
+
+void srv_put_session_measure(struct srv_request *request, struct srv_reply *reply) {
+    const char *id = split(request);
+    put(request, request->param, id, SRV_MEASURE_REPLACE, reply);
+}
+
+void srv_patch_session_measure(struct srv_request *request, struct srv_reply *reply) {
+    const char *id = split(request);
+    put(request, request->param, id, SRV_MEASURE_CHANGE, reply);
+}
+
+void srv_delete_session_measure(struct srv_request *request, struct srv_reply *reply) {
+    struct sp_error err;
+    const char *id = split(request);
+    if (srv_hub_measure_remove(request->app->hub, request->param, id, srv_clock_ms(), &err))
+        reply->status = 204;
+    else
+        reply_change_error(&err, reply);
+}

@@ -162,10 +162,17 @@ void srv_get_sessions(struct srv_request *request, struct srv_reply *reply) {
     srv_paging_reply(&page, "sessions", encode_item, NULL, reply);
 }
 
+/* Copies the id of the session, which is the first parameter of the path. */
+static void session_of(const struct srv_request *request, char id[SRV_PARAM_BYTES]) {
+    snprintf(id, SRV_PARAM_BYTES, "%.*s", (int)strcspn(request->param, "/"), request->param);
+}
+
 /* Finds the role that the daemon's token of this request has in the session. False: none. */
 static bool role_of_grant(const struct srv_request *request, enum srv_role *role) {
     struct srv_owner owner;
-    srv_hub_session_owner(request->app->hub, request->param, &owner);
+    char id[SRV_PARAM_BYTES];
+    session_of(request, id);
+    srv_hub_session_owner(request->app->hub, id, &owner);
     return srv_owner_role(&owner, request->grant.name, request->grant.rights, role);
 }
 
@@ -175,7 +182,9 @@ static bool role_of_grant(const struct srv_request *request, enum srv_role *role
 static bool find_role(struct srv_request *request, enum srv_role *role, struct srv_reply *reply) {
     struct sp_error err;
     const char *token = srv_request_token(request);
-    if (srv_hub_authorize(request->app->hub, request->param, token, role, &err))
+    char id[SRV_PARAM_BYTES];
+    session_of(request, id);
+    if (srv_hub_authorize(request->app->hub, id, token, role, &err))
         return true;
     if (!request->grant.rights) /* without a valid token, do not reveal which sessions exist */
         srv_request_refuse_token(request,
@@ -204,9 +213,10 @@ static bool may(struct srv_request *request, enum srv_role wanted, struct srv_re
 
 bool srv_session_admits(struct srv_request *request, struct srv_reply *reply) {
     unsigned rights = request->grant.rights;
-    if (request->param[0]) /* of one session; only PATCH changes it */
-        return may(request, request->route->method == SRV_PATCH ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW,
-                   reply);
+    if (request->param[0]) { /* of one session */
+        const bool is_change = request->route->needs == SRV_RIGHT_SESSION_CONTROL;
+        return may(request, is_change ? SRV_ROLE_CONTROL : SRV_ROLE_VIEW, reply);
+    }
     if (rights & SRV_RIGHT_CONTROL)
         return true;
     if (rights) {

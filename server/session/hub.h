@@ -121,6 +121,15 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
 /* Copies the measurements; the caller finishes them. */
 bool srv_hub_measures(struct srv_hub *hub, const char *id, double now_ms,
                       struct srv_measures *measures, struct sp_error *err);
+/* Adds or changes a measurement; `id` NULL: a new one. `author` is the name of a new one's author.
+ * Returns it encoded, and whether it was added. SP_ERR_NOT_FOUND, SP_ERR_QUOTA, and what the stream
+ * refuses. */
+proto_json *srv_hub_measure_put(struct srv_hub *hub, const char *session, const char *id,
+                                enum srv_measure_change change, const proto_json *body,
+                                const char *author, double now_ms, bool *is_new,
+                                struct sp_error *err);
+bool srv_hub_measure_remove(struct srv_hub *hub, const char *session, const char *id, double now_ms,
+                            struct sp_error *err);
 /* Gives a new session the measurements of another one. `from` may also be the id of something that
  * has none. SP_ERR_MEMORY. */
 bool srv_hub_measures_fork(struct srv_hub *hub, const char *from, const char *to, double now_ms,

@@ -13,7 +13,7 @@ struct srv_measure_item *srv_measures_find(const struct srv_measures *measures, 
 
 static bool reserve(struct srv_measures *measures, struct sp_error *err) {
     if (measures->count >= SRV_MEASURES_MAX)
-        return sp_fail(err, SP_ERR_BUDGET, NULL,
+        return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "the session has %zu measurements and may have %d; remove some",
                        measures->count, SRV_MEASURES_MAX);
     if (measures->count < measures->capacity)

@@ -23,6 +23,13 @@ enum {
     SRV_MEASURES_PER_SECOND = 20   /* changes by one participant; large regions count more */
 };
 
+/* How a measurement comes into the list. */
+enum srv_measure_change {
+    SRV_MEASURE_MERGE,   /* adds it, or changes the members that are given */
+    SRV_MEASURE_REPLACE, /* adds it, or replaces all members but id and author */
+    SRV_MEASURE_CHANGE   /* changes the members that are given of one that exists */
+};
+
 struct srv_measure_item {
     struct proto_measure measure;
     uint64_t clock; /* of its last change */
@@ -36,7 +43,7 @@ struct srv_measures { /* all zero = none */
 
 /* Returns the item, NULL = there is none with this id. Valid until the next change. */
 struct srv_measure_item *srv_measures_find(const struct srv_measures *measures, const char *id);
-/* Adds a measurement, or replaces the one with its id. SP_ERR_BUDGET over SRV_MEASURES_MAX,
+/* Adds a measurement, or replaces the one with its id. SP_ERR_QUOTA over SRV_MEASURES_MAX,
  * SP_ERR_MEMORY. */
 bool srv_measures_put(struct srv_measures *measures, const struct proto_measure *measure,
                       struct sp_error *err);

@@ -167,6 +167,10 @@ void *srv_hub_take_ready(struct srv_hub *hub) {
     return p ? p->user : NULL;
 }
 
+const char *srv_hub_first_color(void) {
+    return palette[0];
+}
+
 const char *srv_hub_color(const struct srv_participant *participant) {
     return palette[participant->identity.color];
 }

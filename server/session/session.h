@@ -153,8 +153,9 @@ struct srv_session {
     struct srv_participant *participants;
     struct srv_participant *holder; /* of control; NULL = it is free */
     unsigned participant_count;
-    unsigned next_guest;                   /* number in the next default name */
-    double empty_ms;                       /* when the last participant left */
+    unsigned next_guest; /* number in the next default name */
+    double empty_ms;     /* when the last participant left */
+    double measured_ms;  /* its quota of measurements over HTTP is used up to this time */
     struct srv_session_schedule *schedule; /* freed with the session */
 };
 
@@ -328,6 +329,8 @@ void srv_hibernated_free(struct srv_hub *hub);
 proto_json *srv_hub_encode_participants(const struct srv_session *session);
 /* Returns the colour of a participant, "#rrggbb". A constant string. */
 const char *srv_hub_color(const struct srv_participant *participant);
+/* Returns the colour of the first participant, for what comes over HTTP. */
+const char *srv_hub_first_color(void);
 /* Returns the notification session.measures for a participant: malloc'ed, NULL when out of memory.
  * (measuring.c) */
 char *srv_measures_text(struct srv_participant *to, size_t *size);

@@ -155,6 +155,7 @@ def walk_measures(ask, contract, template, given, token=True, **names):
             wanted = json.load(f)
         answer = ask(200, 'POST', template, {**given, **wanted}, token=token, **names)
         check(answer['kind'] == wanted['kind'] and answer['points'] == wanted['points'], f'{path}: {answer}')
+        check(('outside' in path) == (answer['outside'] > 0) == ('outside of' in answer.get('note', '')), f'{path}: {answer}')
         check(('statistics' in answer) == (wanted['kind'] in ('profile', 'rectangle', 'ellipse')), f'{path}: {answer}')
         check(len(answer.get('profile', {}).get('values', [])) == wanted.get('samples', len(answer.get('profile', {}).get('values', []))), path)
     for path in sorted(glob.glob(f'{folder}/invalid/*.json')):
@@ -223,6 +224,7 @@ def walk(daemon, contract):
     check(ask(200, 'GET', f'{api}/sessions/{{id}}/measures', token=session['tokens']['view'], id=session['id']) == {'measures': []}, 'measures')
     ask(200, 'GET', f'{api}/sessions/{{id}}/measures', query='?format=csv', id=session['id'])
     ask(400, 'GET', f'{api}/sessions/{{id}}/measures', query='?format=xml', id=session['id'])
+    walk_session_measures(ask, contract, f'{api}/sessions/{{id}}/measures', session)
     fork = ask(201, 'POST', f'{api}/sessions', {'from': session['id']})
     listed = walk_pages(ask, f'{api}/sessions', 'sessions')
     check(sorted(s['id'] for s in listed) == sorted([session['id'], fork['id']]), f'sessions: {listed}')
@@ -242,6 +244,7 @@ def walk(daemon, contract):
         ask(200, 'GET', snapshot, token=session['tokens']['view'], query=f'?format={kind}&size=8,6&background=%5B0,0,0,0%5D', **names)
     _, headers, _ = daemon.ask('GET', f'{api}/sessions/{session["id"]}/snapshot')
     ask(304, 'GET', snapshot, headers={'If-None-Match': headers['ETag']}, **names)
+    ask(406, 'GET', snapshot, headers={'Accept': 'text/html'}, **names)
     ask(401, 'GET', snapshot, token='none', **names)
     for wrong in ('size=8', 'background=%5B', 'quality=0', 'camera=%7B%7D'):
         ask(400, 'GET', snapshot, query=f'?{wrong}', **names)
@@ -263,8 +266,43 @@ def walk(daemon, contract):
         for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
-                ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0')
+                ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0', measure='x')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not called')
+
+
+def walk_session_measures(ask, contract, template, session):
+    """Adds, replaces, changes and removes measurements, as a script does."""
+    one, owner, names = f'{template}/{{measure}}', session['tokens']['control'], {'id': session['id']}
+    bodies = contract.document['paths'][template]['post']['requestBody']['content']['application/json']['examples']
+    for example in bodies.values():
+        made = ask(201, 'POST', template, example['value'], token=owner, **names)
+        check(example['value'].items() <= made.items(), f'{made} is not {example["value"]}')
+        ask(204, 'DELETE', one, measure=made['id'], **names)
+    names['measure'] = '-w_1'
+    wall = {'kind': 'distance', 'points': [[-2.5, 0, 0], [1.5, 0, 0]], 'text': 'Wall'}
+    made = ask(201, 'PUT', one, wall, token=owner, **names)
+    check(made['value'] == 4 and made['id'] == '-w_1' and made['outside'] > 0 and 'outside of the volume' in made['note'], f'{made}')
+    check(ask(200, 'PUT', one, {**wall, 'text': 'wall'}, **names)['text'] == 'wall', 'replaced')
+    changed = ask(200, 'PATCH', one, {'hidden': True}, **names)
+    check(changed['hidden'] and changed['text'] == 'wall', f'{changed}')
+    check(not ask(200, 'PUT', one, {**wall, 'text': ''}, **names)['hidden'], 'a replaced measurement keeps a member')
+    for body, pointer in (({'kind': 'marker', 'points': [[0, 0, 0]]}, '/kind'), ({'points': [[0, 0, 0]]}, '/points'), ({'size': 1}, '/size')):
+        check(ask(422, 'PATCH', one, body, **names)['pointer'] == pointer, f'{body}')
+    for body in ({}, {'text': 'x'}, {'kind': 'marker'}, {**wall, 'id': 'x'}, {**wall, 'text': 7}, {**wall, 'points': [[0, 0, 0], [0, 0, 2e18]]}):
+        ask(422, 'PUT', one, body, **names)
+        ask(422, 'POST', template, body, id=session['id'])
+    listed = ask(200, 'GET', template, id=session['id'])['measures']
+    check([(m['id'], m['text']) for m in listed] == [('-w_1', '')], f'{listed}')
+    for method, body in (('PUT', wall), ('PATCH', {'text': 'x'}), ('DELETE', None)):
+        ask(403, method, one, body, token=session['tokens']['view'], **names)
+        ask(422, method, one, body, id=session['id'], measure='a.b')
+        ask(401, method, one, body, token='none', **names)
+        ask(404, method, one, body, id='0' * 16, measure='x')
+    ask(403, 'POST', template, wall, token=session['tokens']['view'], id=session['id'])
+    ask(404, 'POST', template, wall, id='0' * 16)
+    ask(404, 'PATCH', one, {'text': 'x'}, id=session['id'], measure='none')
+    ask(204, 'DELETE', one, token=owner, **names)
+    check('no measurement' in ask(404, 'DELETE', one, token=owner, **names)['detail'], 'removed twice')
 
 
 def walk_pages(ask, template, name):

@@ -29,12 +29,13 @@ FILE = b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n' +
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads', '507'), ('delete', '/api/v1/uploads/{id}', '409'), ('patch', '/api/v1/uploads/{id}', '507'), ('get', '/api/v1/sessions/{id}', '409'),
              ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
              ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409'),
-             ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409')}
+             ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409'),
+             ('post', '/api/v1/sessions/{id}/measures', '409'), *((method, '/api/v1/sessions/{id}/measures/{measure}', '409') for method in ('put', 'patch', 'delete'))}
 
 # Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
-    r'(/view)?(/volume|/camera(/position|/target|/up)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
-    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/points(/\d+)*|/samples|/frames|/keyframes/\d+(/.*)?')
+    r'(/view)?(/volume|/camera(/position|/target|/up|/distance)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/text|/points(/\d+)*|/samples|/frames|/keyframes/\d+(/.*)?')
 
 
 class Caller:
@@ -79,7 +80,8 @@ class Caller:
         status, headers, data = self.daemon.ask(method.upper(), made['path'], made['body'], made['headers'], token=token or False)
         self.contract.check(method, template, status, headers, data)
         answer = json.loads(data) if data and 'json' in headers.get('Content-Type', '') else None
-        self.remember(ids, made, method, status, answer)
+        if not template.endswith('{measure}'):  # its ids are not those of sessions
+            self.remember(ids, made, method, status, answer)
         self.judge(made, is_good, method, status, answer)
 
     def judge(self, made, is_good, method, status, answer):
@@ -116,13 +118,13 @@ def bring_about(daemon, contract):
     for template, method in operations(contract.document):
         if 'requestBody' in contract.document['paths'][template][method]:
             session = ask(201, 'POST', f'{api}/sessions', {})
-            names = {'id': session['id'], 'name': 'x'}
+            names = {'id': session['id'], 'name': 'x', 'measure': 'x'}
             ask(400, method.upper(), template, '{', **names)
             ask(413, method.upper(), template, ' ' * (2 << 20), **names)
             ask(415, method.upper(), template, 'x', {'Content-Type': 'text/plain'}, **names)
             ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
         if '{' in template:
-            ask(400, method.upper(), template, id='%00', name='%00', frame='%00')
+            ask(400, method.upper(), template, id='%00', name='%00', frame='%00', measure='%00')
     # A volume that is too large for the memory exists, but cannot be rendered.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=512', 'id': 'large'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='large')['state'] == 'loading':
@@ -189,7 +191,7 @@ def all_operations(document):
 
 def refused(daemon, contract, status, template, method, headers=(), query='', token=None):
     """Sends a request with these headers, which may repeat, and expects the status, as documented."""
-    path = template.format(id='engine', name='x', frame='0') + query
+    path = template.format(id='engine', name='x', frame='0', measure='x') + query
     connection = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
     connection.putrequest(method.upper(), path)
     for name, value in (('Authorization', f'Bearer {token or daemon.token}'), ('Content-Length', '0'), *headers):

@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -42,6 +43,7 @@ static struct proto_measure rectangle(void) {
         .result = { .has_value = true,
                     .value = 6,
                     .unit = SP_MEASURE_AREA,
+                    .outside = 0.25,
                     .has_statistics = true,
                     .statistics = { 12, 1, 0.1, 1.0 / 3, -5, 1e300 } },
     };
@@ -57,11 +59,14 @@ static void a_measurement_is_read_and_written(void **state) {
     proto_json *json = proto_measure_encode(&m);
     char *text = proto_json_to_text(json, &size);
     assert_string_equal(
-        text, "{\"id\":\"m-1\",\"kind\":\"rectangle\",\"volume\":\"head\",\"points\":[[0,0,1],[2,0,"
-              "1],[0,3,1]],\"text\":\"a \\\"b\\\", c\",\"color\":\"#ff8000\",\"author\":\"Zoë\","
-              "\"hidden\":true,\"value\":6,\"unit\":\"mm^2\",\"statistics\":{\"count\":12,"
-              "\"nonfinite\":1,\"mean\":0.1,\"deviation\":0.3333333333333333,\"min\":-5,\"max\":"
-              "1e+300}}");
+        text,
+        "{\"id\":\"m-1\",\"kind\":\"rectangle\",\"volume\":\"head\",\"points\":[[0,0,1],[2,0,"
+        "1],[0,3,1]],\"text\":\"a \\\"b\\\", c\",\"color\":\"#ff8000\",\"author\":\"Zoë\","
+        "\"hidden\":true,\"value\":6,\"unit\":\"mm^2\",\"outside\":0.25,\"note\":\"25 % of the "
+        "rectangle lies outside of the volume; the statistics count the rest\","
+        "\"statistics\":{\"count\":12,"
+        "\"nonfinite\":1,\"mean\":0.1,\"deviation\":0.3333333333333333,\"min\":-5,\"max\":"
+        "1e+300}}");
     assert_true(proto_measure_restore(json, &again));
     assert_string_equal(again.value.world_unit, "mm");
     proto_json *second = proto_measure_encode(&again);
@@ -151,32 +156,126 @@ static void bad_members_are_refused(void **state) {
     }
 }
 
-static void csv_follows_rfc_4180_and_has_no_formulas(void **state) {
+#define HEADER                                                                                     \
+    "id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,"   \
+    "outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3\r\n"
+#define NUMBERS                                                                                    \
+    "#ff8000,true,6,mm^2,12,1,0.1,0.3333333333333333,-5,1e+300,0.25,\"25 % of the rectangle lies " \
+    "outside of the volume; the statistics count the rest\",0,0,1,2,0,1,0,3,1\r\n"
+
+static void csv_follows_rfc_4180(void **state) {
     (void)state;
-    struct proto_measure items[3] = { rectangle(), rectangle(), { .id = "m" } };
+    struct proto_measure items[2] = { rectangle(), { .id = "m" } };
     size_t size;
-    strcpy(items[1].text, "=HYPERLINK(\"http://x\")");
-    strcpy(items[1].author, "@me");
-    strcpy(items[2].volume, "-v");
-    items[2].geometry.kind = SP_MEASURE_MARKER;
-    items[2].geometry.points[0][1] = -0.1;
-    char *text = proto_measures_to_csv(items, 3, &size);
-    assert_string_equal(
-        text,
-        "id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,"
-        "x1,y1,z1,x2,y2,z2,x3,y3,z3\r\n"
-        "m-1,rectangle,head,\"a \"\"b\"\", c\",Zoë,#ff8000,true,6,mm^2,12,1,0.1,"
-        "0.3333333333333333,-5,1e+300,0,0,1,2,0,1,0,3,1\r\n"
-        "m-1,rectangle,head,\"'=HYPERLINK(\"\"http://x\"\")\",\"'@me\",#ff8000,true,6,mm^2,12,1,"
-        "0.1,0.3333333333333333,-5,1e+300,0,0,1,2,0,1,0,3,1\r\n"
-        "m,marker,\"'-v\",,,,false,,,,,,,,,0,-0.1,0,,,,,,\r\n");
+    strcpy(items[1].volume, " v");
+    items[1].geometry.kind = SP_MEASURE_MARKER;
+    items[1].geometry.points[0][1] = -0.1;
+    char *text = proto_measures_to_csv(items, 2, &size);
+    assert_string_equal(text, HEADER "m-1,rectangle,head,\"a \"\"b\"\", c\",Zoë," NUMBERS
+                                     "m,marker,\" v\",,,,false,,,,,,,,,0,,0,-0.1,0,,,,,,\r\n");
     assert_int_equal(size, strlen(text));
     free(text);
+}
+
+/* https://owasp.org/www-community/attacks/CSV_Injection, with blanks and full-width signs. */
+static void csv_has_no_formulas(void **state) {
+    (void)state;
+    const struct {
+        const char *text, *field;
+    } cases[] = {
+        { "=HYPERLINK(\"http://x\")", "\"'=HYPERLINK(\"\"http://x\"\")\"" },
+        { "+1", "\"'+1\"" },
+        { "-1", "\"'-1\"" },
+        { "@SUM(1)", "\"'@SUM(1)\"" },
+        { "\t=1", "\"'\t=1\"" },
+        { "\t1", "\"'\t1\"" },
+        { "\r1", "\"'\r1\"" },
+        { "\n1", "\"'\n1\"" },
+        { " =1", "\"' =1\"" },
+        { "\xc2\xa0 =1", "\"'\xc2\xa0 =1\"" },       /* no-break space */
+        { "\xef\xbb\xbf=1", "\"'\xef\xbb\xbf=1\"" }, /* byte order mark */
+        { "\xe3\x80\x80=1", "\"'\xe3\x80\x80=1\"" }, /* ideographic space */
+        { "\xe2\x80\x8b-1", "\"'\xe2\x80\x8b-1\"" }, /* zero-width space */
+        { "＝1", "\"'＝1\"" },
+        { "＋1", "\"'＋1\"" },
+        { " －1", "\"' －1\"" },
+        { "＠x", "\"'＠x\"" },
+        { "−1", "\"'−1\"" },
+        { "a;=1+1;b", "\"a;'=1+1;b\"" },
+        { "a; \xef\xbb\xbf@x", "\"a;' \xef\xbb\xbf@x\"" },
+        { "\"=1", "\"\"\"=1\"" },
+        { "1=1 - 2", "1=1 - 2" },
+        { "wall, 3-4", "\"wall, 3-4\"" },
+        { "größe", "größe" },
+        { " x", "\" x\"" },
+        { "x ", "\"x \"" },
+        { "\xf0", "\xf0" }, /* cut short */
+        { "", "" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        char expected[600];
+        size_t size;
+        struct proto_measure m = rectangle();
+        strcpy(m.text, cases[i].text);
+        strcpy(m.author, cases[i].text);
+        strcpy(m.volume, cases[i].text);
+        strcpy(m.id, "-1");
+        snprintf(expected, sizeof expected, "%s\"'-1\",rectangle,%s,%s,%s,%s", HEADER,
+                 cases[i].field, cases[i].field, cases[i].field, NUMBERS);
+        char *text = proto_measures_to_csv(&m, 1, &size);
+        assert_string_equal(text, expected);
+        free(text);
+    }
+}
+
+static void note_is(struct proto_measure m, double outside, const char *unit,
+                    const char *expected) {
+    char note[PROTO_MEASURE_NOTE_MAX + 1];
+    m.value.result.outside = outside;
+    strcpy(m.value.world_unit, unit);
+    proto_measure_note(&m.geometry, &m.value, note);
+    assert_string_equal(note, expected);
+}
+
+static void a_note_says_what_lies_outside_and_that_the_unit_is_not_known(void **state) {
+    (void)state;
+    const struct proto_measure region_ = rectangle();
+    struct proto_measure line = { .value.result.unit = SP_MEASURE_LENGTH };
+    struct proto_measure marker = { .geometry.kind = SP_MEASURE_MARKER };
+    note_is(region_, 0, "mm", "");
+    note_is(region_, 1e-6, "mm",
+            "less than 1 % of the rectangle lies outside of the volume; the statistics count the "
+            "rest");
+    note_is(region_, 0.9999, "mm",
+            "more than 99 % of the rectangle lies outside of the volume; the statistics count the "
+            "rest");
+    note_is(region_, 1, "mm", "the rectangle lies outside of the volume, so it has no statistics");
+    note_is(region_, 0.03, "",
+            "the volume does not state the unit of its coordinates; 3 % of the rectangle lies "
+            "outside of the volume; the statistics count the rest");
+    note_is(line, 0, "", "the volume does not state the unit of its coordinates");
+    note_is(line, 0.5, "mm", "50 % of the distance lies outside of the volume");
+    note_is(marker, 1, "", "the marker lies outside of the volume");
+}
+
+/* A session that an earlier daemon saved has no "outside"; a broken one is not believed. */
+static void the_share_outside_is_restored(void **state) {
+    (void)state;
+    const struct proto_measure m = rectangle();
+    struct proto_measure again;
+    proto_json *json = proto_measure_encode(&m);
+    assert_true(proto_measure_restore(json, &again));
+    assert_true(again.value.result.outside == 0.25);
+    assert_true(proto_json_set_number(json, "outside", 7));
+    assert_true(proto_measure_restore(json, &again));
+    assert_true(again.value.result.outside == 0);
+    proto_json_free(&json);
 }
 
 static void an_answer_says_that_the_unit_is_not_known(void **state) {
     (void)state;
     struct proto_measure m = rectangle();
+    m.value.result.outside = 0;
     proto_json *json = proto_measure_answer("v", &m.geometry, &m.value, NULL, 0);
     assert_null(proto_json_get(json, "note"));
     assert_string_equal(proto_json_string(proto_json_get(json, "unit")), "mm^2");
@@ -195,7 +294,10 @@ int main(void) {
         cmocka_unit_test(what_is_no_measurement_is_not_restored),
         cmocka_unit_test(a_patch_changes_what_it_names),
         cmocka_unit_test(bad_members_are_refused),
-        cmocka_unit_test(csv_follows_rfc_4180_and_has_no_formulas),
+        cmocka_unit_test(csv_follows_rfc_4180),
+        cmocka_unit_test(csv_has_no_formulas),
+        cmocka_unit_test(a_note_says_what_lies_outside_and_that_the_unit_is_not_known),
+        cmocka_unit_test(the_share_outside_is_restored),
         cmocka_unit_test(an_answer_says_that_the_unit_is_not_known),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -23,7 +23,7 @@ PARAMS = -32602
 BEYOND = {
     'view.update': {-32000, -32001, -32002, -32003, -32004, -32007},
     'session.request_control': {-32004}, 'session.grant_control': {PARAMS, -32007}, 'session.refuse_control': {PARAMS, -32007},
-    'pick': {PARAMS, -32005}, 'measure.put': {PARAMS, -32004, -32005}, 'measure.remove': {-32002, -32004, -32005}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
+    'pick': {PARAMS, -32005}, 'measure.put': {PARAMS, -32002, -32004, -32005}, 'measure.remove': {-32002, -32004, -32005}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
 }
 OPAQUE = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0.9}]}}
 # Only a failing renderer causes it: integration.stream tests it.

@@ -260,14 +260,19 @@ static void degenerate_cameras_are_refused(void **state) {
     for (int i = 0; i < 3; i++)
         view.camera.up[i] = -3 * (view.camera.target[i] - view.camera.position[i]);
     check_refused(&view, "/camera/up");
-    /* Very large and very small numbers are valid. */
+    /* The largest positions and very small directions are valid. */
     view = make_view();
     for (int i = 0; i < 3; i++) {
-        view.camera.position[i] = i == 0 ? -1.7e308 : 0;
-        view.camera.target[i] = i == 0 ? 1.7e308 : 0;
+        view.camera.position[i] = i == 0 ? -SP_POSITION_MAX : 0;
+        view.camera.target[i] = i == 0 ? SP_POSITION_MAX : 0;
         view.camera.up[i] = i == 1 ? 1e-300 : 0;
     }
     assert_true(sp_view_validate(&view, NULL));
+    view.camera.position[0] *= 1.0001;
+    check_refused(&view, "/camera/position/0");
+    view = make_view();
+    view.slices.position[2] = 1e300;
+    check_refused(&view, "/slices/position/2");
 }
 
 static void slices_beside_the_image_do_not_change_it(void **state) {

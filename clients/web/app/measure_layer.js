@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the measurements above the 3-D picture and above the slices: lines, handles of the selected one, and labels. Handles are dragged
 // here; the keyboard moves them in the panel (measure_section.js).
-import { handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners, valueText } from '../core/measures.js';
+import { labelLines } from '../core/measure_text.js';
+import { handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners } from '../core/measures.js';
 import { meetPlane, pointAtDepth, ray } from '../core/project.js';
 import { add, cross, dot, scale, subtract } from '../core/vector.js';
 import { svg } from './dom.js';
-import { t } from '../core/text.js';
 import { panesOf, surfaceAt } from './measure_tools.js';
 
 const FONT = '600 12px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
@@ -13,6 +13,7 @@ const LINE_PX = 16;
 const PADDING_PX = 6;
 const DOT_PX = 5;
 const HIT_PX = 14;
+const EDGE_PX = 2;
 const LABEL_TRIES = 15;
 const context = new OffscreenCanvas(1, 1).getContext('2d');
 context.font = FONT;
@@ -27,29 +28,19 @@ function widthOf(text) {
   return widths.get(text);
 }
 
-/** The lines of a label: name or value, and the statistics of a region. */
-function labelLines(item, name) {
-  const value = valueText(item, t('measure.novalue'));
-  const { statistics: s } = item;
-  if (item.kind === 'marker') return item.text ? [item.text] : [value];
-  const first = item.text ? `${name}  ${value}` : value;
-  if ((item.kind === 'rectangle' || item.kind === 'ellipse') && s && s.mean !== null) {
-    return [first, t('measure.mean', { mean: valueText({ value: s.mean, unit: '' }), deviation: valueText({ value: s.deviation, unit: '' }, '–') })];
-  }
-  return [first];
-}
-
-/** The elements of one <g> by key; those that a drawing does not use are removed. */
+/** The elements of one <g> by key; those that a drawing does not use are removed. Labels lie above all lines. */
 class Sheet {
-  #group; #known = new Map(); #used = new Set(); #labels = [];
-  constructor(group) { this.#group = group; }
+  #lines = svg('g'); #texts = svg('g'); #known = new Map(); #used = new Set(); #labels = [];
+  /** Of the picture, px. */
+  size = [Infinity, Infinity];
+  constructor(group) { group.append(this.#lines, this.#texts); }
 
   put(key, tag, attributes, text) {
     let element = this.#known.get(key);
     if (!element) {
       element = svg(tag);
       this.#known.set(key, element);
-      this.#group.append(element);
+      (tag === 'rect' || tag === 'text' ? this.#texts : this.#lines).append(element);
     }
     for (const [name, value] of Object.entries(attributes)) if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
     if (text !== undefined && element.textContent !== text) element.textContent = text;
@@ -57,12 +48,15 @@ class Sheet {
     return element;
   }
 
-  /** The place for a label of `size` px nearest to `wanted` that no earlier label covers: above or below it. */
+  /** The place for a label of `size` px nearest to `wanted` that no earlier label covers: above or below it, inside the picture. */
   free(wanted, [width, height]) {
+    const inside = (at, side, most) => Math.max(Math.min(at, most - side / 2 - EDGE_PX), side / 2 + EDGE_PX);
     const isTaken = ({ x, y }) => this.#labels.some((other) => Math.abs(other.x - x) < (other.width + width) / 2 + 2
       && Math.abs(other.y - y) < (other.height + height) / 2 + 2);
-    const tries = Array.from({ length: LABEL_TRIES }, (_, i) => ({ x: wanted.x, y: wanted.y + Math.ceil(i / 2) * (i % 2 ? -1 : 1) * LINE_PX }));
-    const at = tries.find((place) => !isTaken(place)) ?? wanted;
+    const tries = Array.from({ length: LABEL_TRIES }, (_, i) => ({
+      x: inside(wanted.x, width, this.size[0]), y: inside(wanted.y + Math.ceil(i / 2) * (i % 2 ? -1 : 1) * LINE_PX, height, this.size[1]),
+    }));
+    const at = tries.find((place) => !isTaken(place)) ?? tries[0];
     this.#labels.push({ ...at, width, height });
     return at;
   }
@@ -109,12 +103,21 @@ function labelPlace(item, points, size) {
   }
   const seen = points.filter(hasPlace);
   const [left, right] = [Math.min(...seen.map((p) => p.x)), Math.max(...seen.map((p) => p.x))];
-  return { x: (left + right) / 2, y: Math.min(...seen.map((p) => p.y)) - height / 2 - 8 };
+  const [top, bottom] = [Math.min(...seen.map((p) => p.y)), Math.max(...seen.map((p) => p.y))];
+  const reach = height / 2 + 8;
+  return { x: (left + right) / 2, y: top - 2 * reach >= 0 ? top - reach : bottom + reach };
 }
 
-function drawLabel(sheet, key, item, name, points) {
-  if (!points.some(hasPlace)) return;
-  const lines = labelLines(item, name);
+/** True if a part of the measurement is in the picture; otherwise its label would point at nothing. */
+function isSeen(points, [width, height]) {
+  const seen = points.filter(hasPlace);
+  const [xs, ys] = [seen.map(({ x }) => x), seen.map(({ y }) => y)];
+  return seen.length > 0 && Math.max(...xs) >= 0 && Math.min(...xs) <= width && Math.max(...ys) >= 0 && Math.min(...ys) <= height;
+}
+
+function drawLabel(sheet, key, item, points) {
+  if (!isSeen(points, sheet.size)) return;
+  const lines = labelLines(item);
   const size = [Math.max(...lines.map(widthOf)) + 2 * PADDING_PX, lines.length * LINE_PX + 4];
   const wanted = labelPlace(item, points, size);
   if (!hasPlace(wanted)) return;
@@ -127,7 +130,7 @@ function drawLabel(sheet, key, item, name, points) {
   }, line));
 }
 
-function drawItem(sheet, item, { toScreen, name, isSelected, handle, isApart }) {
+function drawItem(sheet, item, { toScreen, isSelected, handle, isApart }) {
   const className = isApart ? 'measure-dim' : '';
   const key = item.id;
   linesOf(item).forEach((line, i) => {
@@ -147,7 +150,7 @@ function drawItem(sheet, item, { toScreen, name, isSelected, handle, isApart }) 
   });
   const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : handles;
   if (isApart) return; // lines alone, or labels would cover the slice
-  if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, name, ends);
+  if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, ends);
 }
 
 /** The measurement that is being drawn, up to the cursor. */
@@ -173,7 +176,7 @@ function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
     const place = pane ? placeIn(item, pane.plane, near) : 'in';
     if (place === 'apart') continue;
     drawItem(sheet, item, {
-      toScreen, name: measures.nameOf(item), isSelected: measures.selected === item, handle: measures.handle,
+      toScreen, isSelected: measures.selected === item, handle: measures.handle,
       isApart: place === 'across',
     });
   }
@@ -230,8 +233,9 @@ function normalOf({ kind, points }) {
 export function installLayers(app, measures) {
   const { overlay, screen } = app;
   let sheet = null;
-  const layer = overlay.layer((project, { group }) => {
+  const layer = overlay.layer((project, { group, width, height }) => {
     sheet ??= new Sheet(group);
+    sheet.size = [width, height];
     drawAll(sheet, app, measures, { toScreen: project });
   });
   layer.group.classList.add('measures');
@@ -260,8 +264,9 @@ export function installLayers(app, measures) {
 
 function paneLayer(app, measures, pane) {
   let sheet = null;
-  const layer = pane.layer(({ group, toPane }) => {
+  const layer = pane.layer(({ group, toPane, width, height }) => {
     sheet ??= new Sheet(group);
+    sheet.size = [width, height];
     const near = app.slices.grid ? app.slices.grid.smallest * 0.5 : 0;
     drawAll(sheet, app, measures, { toScreen: toPane, pane, near: near * (1 + 1e-6) });
   });

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Measure" of the panel: the list, the selected measurement with its points for the keyboard, and export.
 import { cameraFromRig } from '../core/camera.js';
-import { centerOf, handlesOf, moveHandle, shortNumber, tableText, valueText } from '../core/measures.js';
+import { lacksUnit, namedValue, outsideText, tableText } from '../core/measure_text.js';
+import { centerOf, handlesOf, moveHandle, shortNumber } from '../core/measures.js';
 import { t } from '../core/text.js';
 import { add, cross, normalize, rotate, scale, subtract } from '../core/vector.js';
 import { icon, make, setText } from './dom.js';
-import { histogramPlot, profilePlot, statisticsTable } from './measure_plot.js';
+import { histogramPlot, numbersTable, profilePlot } from './measure_plot.js';
 import { panesOf } from './measure_tools.js';
 import { ORDER } from './panel.js';
 
@@ -32,7 +33,7 @@ function fit(text) {
 }
 
 class Section {
-  #app; #measures; #list; #detail; #empty; #elsewhere; #undo; #redo; #exports; #fields; #plot;
+  #app; #measures; #list; #detail; #empty; #noUnit; #elsewhere; #undo; #redo; #exports; #fields; #plot;
   #shownList = '';
   #shownDetail = '';
   #plotKey = '';
@@ -44,6 +45,7 @@ class Section {
     const body = app.panel.section({ id: 'measure', title: t('measure.section'), order: ORDER.measure });
     this.#empty = make('p', { class: 'about', text: t('measure.empty') });
     this.#list = make('ul', { id: 'measures', 'aria-label': t('measure.list') });
+    this.#noUnit = make('p', { class: 'about', id: 'measure-nounit', text: t('measure.nounit'), hidden: true });
     this.#elsewhere = make('p', { class: 'about', hidden: true });
     this.#detail = make('div', { id: 'measure-detail', hidden: true });
     this.#undo = make('button', { id: 'measure-undo', text: t('measure.undo'), title: t('measure.undo.title'), press: () => measures.undo() });
@@ -52,7 +54,7 @@ class Section {
       id: `measure-${format}`, text: format.toUpperCase(), title: t(`measure.${format}.title`), press: () => this.#save(format),
     }));
     this.#exports.push(make('button', { id: 'measure-copy', text: t('measure.copy'), title: t('measure.copy.title'), press: () => this.#copy() }));
-    body.append(this.#empty, this.#list, this.#elsewhere, this.#detail, make('div', { class: 'buttons' }, this.#undo, this.#redo, ...this.#exports));
+    body.append(this.#empty, this.#list, this.#noUnit, this.#elsewhere, this.#detail, make('div', { class: 'buttons' }, this.#undo, this.#redo, ...this.#exports));
     measures.on('change', () => this.#show());
     measures.on('name', (id) => {
       app.panel.reveal('measure');
@@ -89,9 +91,10 @@ class Section {
     this.#redo.disabled = !measures.canRedo;
     for (const button of this.#exports) button.disabled = items.length + elsewhere === 0;
     this.#empty.hidden = items.length > 0;
+    this.#noUnit.hidden = !items.some(lacksUnit);
     this.#elsewhere.hidden = elsewhere === 0;
     setText(this.#elsewhere, t('measure.elsewhere', { count: elsewhere }));
-    const key = JSON.stringify([items.map((m) => [m.id, measures.nameOf(m), m.value, m.unit, m.color, m.hidden]), measures.selected?.id, canEdit]);
+    const key = JSON.stringify([items.map((m) => [m.id, measures.nameOf(m), m.value, m.unit, m.outside, m.color, m.hidden]), measures.selected?.id, canEdit]);
     if (key !== this.#shownList) {
       this.#shownList = key;
       this.#showList(items, canEdit);
@@ -111,6 +114,7 @@ class Section {
   #entry(item, canEdit) {
     const measures = this.#measures;
     const name = measures.nameOf(item);
+    const outside = outsideText(item);
     const dot = make('span', { class: 'dot', 'aria-hidden': 'true' });
     dot.style.backgroundColor = item.color;
     const tool = (act, sign, label, press, more = {}) => {
@@ -121,7 +125,8 @@ class Section {
     const select = make('button', {
       class: 'measure-name', 'data-act': 'select', 'aria-pressed': String(measures.selected === item),
       press: () => measures.select(measures.selected === item ? null : item.id),
-    }, dot, ICONS[item.kind]?.() ?? '', make('span', { class: 'name', text: name }), make('span', { class: 'measure-value', text: valueText(item, t('measure.novalue')) }));
+    }, dot, ICONS[item.kind]?.() ?? '', make('span', { class: 'measure-about' }, make('span', { class: 'name', text: name }),
+      make('span', { class: 'measure-value', text: namedValue(item) }), ...(outside ? [make('span', { class: 'measure-outside', text: outside })] : [])));
     return make('li', { 'data-id': item.id, 'data-hidden': item.hidden },
       select,
       tool('hide', item.hidden ? icon('eye-off') : icon('eye'), t(item.hidden ? 'measure.unhide' : 'measure.hide', { name }),
@@ -221,19 +226,20 @@ class Section {
     if (points) this.#measures.edit(id, { points }, { isDrag: true });
   }
 
-  /** Statistics at once; the plot after the points have rested. */
+  /** The numbers at once; the plot after the points have rested. */
   #showPlot(item) {
-    const { kind, points, statistics } = item;
-    const hasPlot = kind === 'profile' || kind === 'rectangle' || kind === 'ellipse';
-    const key = JSON.stringify([item.id, points, statistics]);
-    if (!hasPlot || key === this.#plotKey) return;
+    const { kind, points, statistics, value, unit, outside } = item;
+    const key = JSON.stringify([item.id, points, statistics, value, unit, outside]);
+    if (key === this.#plotKey) return;
     this.#plotKey = key;
     clearTimeout(this.#plotTimer);
-    if (!statistics) return;
-    const table = statisticsTable(item);
-    if (this.#plot.firstElementChild) this.#plot.firstElementChild.replaceWith(table);
-    else this.#plot.append(table);
-    this.#plotTimer = setTimeout(() => this.#loadPlot(item, key), PLOT_WAIT_MS);
+    const words = outsideText(item);
+    const numbers = make('div', {}, numbersTable(item),
+      ...(words ? [make('p', { class: 'measure-outside', text: statistics && outside < 1 ? t('measure.outside.statistics', { outside: words }) : words })] : []));
+    if (this.#plot.firstElementChild) this.#plot.firstElementChild.replaceWith(numbers);
+    else this.#plot.append(numbers);
+    const hasPlot = kind === 'profile' || kind === 'rectangle' || kind === 'ellipse';
+    if (hasPlot && statistics) this.#plotTimer = setTimeout(() => this.#loadPlot(item, key), PLOT_WAIT_MS);
   }
 
   async #loadPlot({ kind, points }, key) {

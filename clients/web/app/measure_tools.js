@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tools that draw measurements: one mode per kind. In the 3-D picture points snap to the surface (pick), in a slice they lie in it.
 // Points come by clicks or by one drag; Enter sets one at the middle of the picture or at the crosshair of the slice.
-import { KINDS, pointsFromCorners, quickValue, valueText } from '../core/measures.js';
+import { namedValue } from '../core/measure_text.js';
+import { KINDS, pointsFromCorners, quickValue, unitOf } from '../core/measures.js';
 import { t } from '../core/text.js';
 
 const TOOLS = [
@@ -179,7 +180,7 @@ class Tool {
     const { points: set, cursor } = this.#draft;
     const points = cursor?.pane && set.length < this.#wanted ? [...set, cursor.pane.toWorld(...cursor.at)] : set;
     if (points.length !== this.#count || this.#hasPlane) return '';
-    const unit = this.#kind === 'angle' ? 'deg' : this.#app.viewer.volume?.unit ?? '';
-    return valueText({ value: quickValue({ kind: this.#kind, points }), unit }, '');
+    const value = quickValue({ kind: this.#kind, points });
+    return value === null ? '' : namedValue({ kind: this.#kind, value, unit: unitOf(this.#kind, this.#app.viewer.volume?.unit) });
   }
 }

@@ -3,7 +3,7 @@
 // tells of others. Event: change. The parts: measure_tools.js (drawing new ones), measure_layer.js (lines above the pictures),
 // measure_section.js (the panel).
 import { Emitter } from '../core/emitter.js';
-import { Changes, MeasureList, putParams, quickValue } from '../core/measures.js';
+import { Changes, MeasureList, putParams, quickValue, unitOf } from '../core/measures.js';
 import { t } from '../core/text.js';
 import { installLayers } from './measure_layer.js';
 import { installSection } from './measure_section.js';
@@ -101,7 +101,7 @@ export class Measures extends Emitter {
     const { participants, viewer } = this.#app;
     const item = {
       id: newId(), kind, points, volume: viewer.view.volume, text: '', hidden: false, color: participants.me?.color ?? '#56b4e9',
-      author: participants.me?.name ?? '', value: quickValue({ kind, points }), unit: '',
+      author: participants.me?.name ?? '', value: quickValue({ kind, points }), unit: unitOf(kind, viewer.volume?.unit),
     };
     this.#changes.put({ id: item.id, before: null, after: item });
     this.#apply(item.id, item);

@@ -2,6 +2,7 @@
 // The scale bar: a round length at the depth of the target.
 import { worldPerPixel } from '../core/camera.js';
 import { scaleBar } from '../core/lengths.js';
+import { withUnit } from '../core/measure_text.js';
 import { t } from '../core/text.js';
 import { byId, make, setText } from './dom.js';
 
@@ -21,9 +22,9 @@ export function install({ viewer, overlay }) {
     const unit = viewer.volume.unit ?? '';
     const bar = scaleBar(perPx, Math.min(WIDEST_PX, width * SHARE), unit);
     line.style.width = `${bar.px.toFixed(1)}px`;
-    const length = unit ? bar.text : t('scale.units', { value: bar.text });
+    const length = withUnit(bar.text, unit);
     setText(text, isFlat ? length : t('scale.about', { length }));
     root.title = `${t(isFlat ? 'scale.flat' : 'scale.perspective')}${unit ? '' : ` ${t('scale.nounit')}`}`;
-    root.setAttribute('aria-label', t('scale.label', { length }));
+    root.setAttribute('aria-label', `${t('scale.label', { length })}${unit ? '' : `. ${t('scale.nounit')}`}`);
   });
 }

@@ -178,15 +178,29 @@ export function shortNumber(value, digits = 4) {
   return size !== 0 && (size >= 1e7 || size < 1e-4) ? rounded.toExponential(digits - 1) : String(rounded);
 }
 
+/** Round numbers from low to high, about `count` of them: multiples of 1, 2 or 5 times a power of ten. */
+export function ticks(low, high, count) {
+  const span = high - low;
+  if (!(span > 0) || !Number.isFinite(span)) return [low];
+  const power = 10 ** Math.floor(Math.log10(span / count));
+  const step = power * [1, 2, 5, 10].find((factor) => span / (factor * power) <= count + 1e-9);
+  const first = Math.ceil(low / step - 1e-9);
+  const last = Math.floor(high / step + 1e-9);
+  return Array.from({ length: last - first + 1 }, (_, i) => Number(((first + i) * step).toPrecision(12)));
+}
+
 /** The unit as people write it. */
 export const unitText = (unit) => ({ deg: '°' }[unit] ?? unit.replace(/\^2$/, '²'));
 
 /** A value with its unit, such as "12.5 mm" and "90°"; `none` without a value. */
-export function valueText({ value, unit }, none) {
+export function valueText({ value, unit }, none, digits = 4) {
   if (value === null || value === undefined) return none;
   const name = unitText(unit ?? '');
-  return name === '°' ? `${shortNumber(value)}°` : `${shortNumber(value)} ${name}`.trim();
+  return name === '°' ? `${shortNumber(value, digits)}°` : `${shortNumber(value, digits)} ${name}`.trim();
 }
+
+/** The unit of the value of this kind in a volume with this unit of length; what the daemon answers, too. */
+export const unitOf = (kind, unit) => (kind === 'angle' ? 'deg' : kind === 'marker' || !unit ? '' : KINDS[kind].hasPlane ? `${unit}^2` : unit);
 
 /**
  * The place {x, y} of the middle of a label of `width` × `height` px beside the line from a to b (px), on its upper side or, for a steep
@@ -199,13 +213,4 @@ export function labelBeside(a, b, width, height, gap = 6) {
   if (normal.y > 1e-9 || (Math.abs(normal.y) <= 1e-9 && normal.x < 0)) normal = { x: -normal.x, y: -normal.y };
   const reach = Math.abs(normal.x) * width / 2 + Math.abs(normal.y) * height / 2 + gap;
   return { x: middle.x + normal.x * reach, y: middle.y + normal.y * reach };
-}
-
-/** The table of a list for the clipboard: a line per measurement, with tabs. Texts cannot become formulas. */
-export function tableText(items, nameOf) {
-  const safe = (text) => (/^[=+\-@\t]/.test(text) ? `'${text}` : text).replace(/[\t\r\n]/g, ' ');
-  return items.map((item) => {
-    const { statistics: s } = item;
-    return [safe(nameOf(item)), item.kind, item.value ?? '', item.unit, ...(s ? [s.count, s.mean ?? '', s.deviation ?? '', s.min ?? '', s.max ?? ''] : [])].join('\t');
-  }).join('\n');
 }

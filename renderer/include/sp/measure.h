@@ -51,7 +51,6 @@ enum {
     SP_MEASURE_BINS = 32,             /* of the histogram of a region */
     SP_MEASURE_PROFILE_SAMPLES = 4096 /* samples of a profile at most */
 };
-#define SP_MEASURE_FAR 1e15 /* largest coordinate of a point, world units */
 
 struct sp_measure {
     enum sp_measure_kind kind;
@@ -80,6 +79,9 @@ struct sp_measure_result {
     bool has_value; /* false: a marker outside of the volume, or where the value is not finite */
     double value;   /* length, angle in [0, 180], length of a profile, area, value at a marker */
     enum sp_measure_unit unit;
+    /* Share that lies outside of the volume, [0, 1]: of the line, of both arms, of the area; 0 or 1
+     * of a marker. Of an ellipse within 0.0002. */
+    double outside;
     bool has_statistics; /* profile, rectangle, ellipse */
     struct sp_statistics statistics;
     bool has_histogram; /* rectangle, ellipse, if count is above 0 */
@@ -94,7 +96,7 @@ SP_API const char *sp_measure_kind_name(enum sp_measure_kind kind);
 SP_API unsigned sp_measure_point_count(enum sp_measure_kind kind);
 
 /* Checks the points, without a volume. SP_ERR_INVALID at "/points" or "/points/N": a coordinate is
- * not finite or above SP_MEASURE_FAR; an arm of an angle or a side of a region has no length; the
+ * not finite or above SP_POSITION_MAX; an arm of an angle or a side of a region has no length; the
  * sides of a region are not perpendicular (the cosine of their angle is above 0.001). Thread-safe.
  */
 SP_API bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err);

@@ -69,7 +69,7 @@ enum sp_lod { SP_LOD_AUTO, SP_LOD_OFF };
 
 struct sp_camera {                 /* "/camera" */
     enum sp_projection projection; /* [perspective] */
-    double position[3];            /* eye, world [frames the volume] */
+    double position[3];            /* eye, world, each in ±SP_POSITION_MAX [frames the volume] */
     double target[3]; /* world point in the centre of the image; differs from position [the volume's
                          centre] */
     double up[3];     /* any length but 0, not parallel to the view direction [±z] */

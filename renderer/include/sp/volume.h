@@ -38,6 +38,9 @@ enum sp_type {
 };
 
 enum { SP_HISTOGRAM_BINS = 256, SP_UNIT_BYTES = 32, SP_NAME_BYTES = 128, SP_SOURCE_BYTES = 1024 };
+/* Largest coordinate of a position that a client gives, world units: of cameras, slices, and
+ * measurements. Beyond every volume, and its square is a float. */
+#define SP_POSITION_MAX 1e18
 #define SP_DIM_MAX 65536u                 /* voxels per axis */
 #define SP_VOXELS_MAX (UINT64_C(1) << 36) /* voxels per volume */
 

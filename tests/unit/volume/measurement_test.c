@@ -351,6 +351,70 @@ static void a_region_outside_of_the_volume_is_empty(void **state) {
     sp_volume_unref(&volume);
 }
 
+static double outside_of(const struct sp_volume *volume, enum sp_measure_kind kind,
+                         const double points[3][3]) {
+    struct sp_measure measure = { .kind = kind };
+    memcpy(measure.points, points, sizeof measure.points);
+    return compute(volume, &measure).outside;
+}
+
+/* The volume reaches from -0.5 to 11.5 samples along each axis. */
+static void the_share_outside_is_that_of_the_geometry(void **state) {
+    (void)state;
+    const struct sp_grid grids[] = { grid_of(1, 1, 1, identity), grid_of(1.5, 0.5, 2, rotated),
+                                     grid_of(1, 2, 1, sheared) };
+    const struct {
+        enum sp_measure_kind kind;
+        double indices[3][3];
+        double outside;
+    } cases[] = {
+        { SP_MEASURE_MARKER, { { 11.5, 0, 0 } }, 0 },
+        { SP_MEASURE_MARKER, { { 11.6, 0, 0 } }, 1 },
+        { SP_MEASURE_DISTANCE, { { 0, 0, 0 }, { 11, 11, 11 } }, 0 },
+        { SP_MEASURE_DISTANCE, { { -1.5, 2, 2 }, { 2.5, 2, 2 } }, 0.25 },
+        { SP_MEASURE_DISTANCE, { { 3, 3, 3 }, { 3, 3, 3 } }, 0 },
+        { SP_MEASURE_DISTANCE, { { 13, 3, 3 }, { 13, 3, 3 } }, 1 },
+        { SP_MEASURE_PROFILE, { { 13, -5, 3 }, { 25, 20, 4 } }, 1 },
+        { SP_MEASURE_PROFILE, { { 5, 5, -12.5 }, { 5, 5, 23.5 } }, 2.0 / 3 },
+    };
+    for (size_t g = 0; g < sizeof grids / sizeof *grids; g++) {
+        struct sp_volume *volume = field(&grids[g], linear);
+        for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+            const struct sp_measure measure =
+                at_indices(&grids[g], cases[i].kind, cases[i].indices);
+            assert_near(compute(volume, &measure).outside, cases[i].outside, 1e-8);
+        }
+        sp_volume_unref(&volume);
+    }
+}
+
+static void the_share_outside_of_a_region_is_that_of_its_area(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity); /* x 9.5 to 21.5, y -20.5 to -8.5 */
+    struct sp_volume *volume = field(&grid, linear);
+    const double inside[3][3] = { { 9.5, -20.5, 33 }, { 21.5, -20.5, 33 }, { 9.5, -8.5, 33 } };
+    const double corner[3][3] = { { 17.5, -12.5, 33 }, { 25.5, -12.5, 33 }, { 17.5, -4.5, 33 } };
+    const double around[3][3] = { { 3.5, -26.5, 33 }, { 27.5, -26.5, 33 }, { 3.5, -2.5, 33 } };
+    const double apart[3][3] = { { 11, -12, 50 }, { 12, -12, 50 }, { 11, -11, 50 } };
+    const double half[3][3] = { { 21.5, -14.5, 33 }, { 23.5, -14.5, 33 }, { 21.5, -10.5, 33 } };
+    /* Oblique: z rises from 29.5, where the volume begins, minus 1 to 30.5. */
+    const double oblique[3][3] = { { 12, -12, 28.5 }, { 14, -12, 30.5 }, { 12, -14, 28.5 } };
+    assert_near(outside_of(volume, SP_MEASURE_RECTANGLE, inside), 0, 0);
+    assert_near(outside_of(volume, SP_MEASURE_RECTANGLE, corner), 0.75, 1e-8);
+    assert_near(outside_of(volume, SP_MEASURE_RECTANGLE, around), 0.75, 1e-8);
+    assert_near(outside_of(volume, SP_MEASURE_RECTANGLE, apart), 1, 0);
+    assert_near(outside_of(volume, SP_MEASURE_RECTANGLE, oblique), 0.5, 1e-8);
+    assert_near(outside_of(volume, SP_MEASURE_ELLIPSE, half), 0.5, 1e-8);
+    assert_near(outside_of(volume, SP_MEASURE_ELLIPSE, apart), 1, 0);
+    /* Of the disc around the middle with the radius 6·√2, the square has 2 ÷ π. */
+    const double root = 6 * 1.4142135623730951;
+    const double disc[3][3] = { { 15.5, -14.5, 33 },
+                                { 15.5 + root, -14.5, 33 },
+                                { 15.5, -14.5 + root, 33 } };
+    assert_near(outside_of(volume, SP_MEASURE_ELLIPSE, disc), 1 - 2 / 3.14159265358979, 2e-4);
+    sp_volume_unref(&volume);
+}
+
 static void a_flat_volume_has_a_plane(void **state) {
     (void)state;
     const uint8_t voxels[4] = { 1, 2, 3, 6 };
@@ -374,11 +438,24 @@ static void refused(const struct sp_volume *volume, struct sp_measure measure, c
     assert_string_equal(err.place, place);
 }
 
+/* People count from the first point; pointers count from 0. */
+static void errors_name_points_by_their_order(void **state) {
+    (void)state;
+    const struct sp_measure angle = { SP_MEASURE_ANGLE, { { 1 }, { 1 }, { 2 } } };
+    const struct sp_measure slanted = { SP_MEASURE_RECTANGLE, { { 0 }, { 1, 0, 0 }, { 1, 1, 0 } } };
+    struct sp_error err = { 0 };
+    assert_false(sp_measure_check(&angle, &err));
+    assert_string_equal(err.text, "the first point is the same as the second one, so that an arm "
+                                  "of the angle has no length");
+    assert_false(sp_measure_check(&slanted, &err));
+    assert_non_null(strstr(err.text, "from the first point to the second and the third"));
+}
+
 static void bad_points_are_refused(void **state) {
     (void)state;
     const struct sp_grid grid = grid_of(1e-6, 1e-6, 1, identity);
     struct sp_volume *volume = field(&grid, linear);
-    refused(volume, (struct sp_measure){ SP_MEASURE_MARKER, { { 0, 2e15, 0 } } }, "/points/0/1");
+    refused(volume, (struct sp_measure){ SP_MEASURE_MARKER, { { 0, 2e18, 0 } } }, "/points/0/1");
     refused(volume, (struct sp_measure){ SP_MEASURE_DISTANCE, { { 0 }, { 0, 0, NAN } } },
             "/points/1/2");
     refused(volume, (struct sp_measure){ SP_MEASURE_ANGLE, { { 1 }, { 1 }, { 2 } } }, "/points/0");
@@ -406,7 +483,10 @@ int main(void) {
         cmocka_unit_test(an_oblique_region_is_interpolated),
         cmocka_unit_test(samples_that_are_not_finite_are_counted_apart),
         cmocka_unit_test(a_region_outside_of_the_volume_is_empty),
+        cmocka_unit_test(the_share_outside_is_that_of_the_geometry),
+        cmocka_unit_test(the_share_outside_of_a_region_is_that_of_its_area),
         cmocka_unit_test(a_flat_volume_has_a_plane),
+        cmocka_unit_test(errors_name_points_by_their_order),
         cmocka_unit_test(bad_points_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -3,8 +3,8 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  Changes, MeasureList, centerOf, handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners, quickValue, shortNumber, tableText,
-  valueText,
+  Changes, MeasureList, centerOf, handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners, quickValue, shortNumber, ticks,
+  unitOf, valueText,
 } from '../../../clients/web/core/measures.js';
 
 const PLANE = { origin: [0, 0, 5], right: [1, 0, 0], down: [0, 1, 0], normal: [0, 0, 1] };
@@ -106,8 +106,14 @@ test('a label does not touch its line, whatever the direction', () => {
   }
 });
 
-test('the table for the clipboard has no formulas', () => {
-  const region = item('a', { kind: 'ellipse', value: 8, unit: 'mm^2', statistics: { count: 3, mean: 1.5, deviation: null, min: 1, max: 2 } });
-  assert.equal(tableText([region, item('b', { value: null, unit: '' })], ({ id }) => (id === 'a' ? '=1\t+1' : 'b')),
-    "'=1 +1\tellipse\t8\tmm^2\t3\t1.5\t\t1\t2\nb\tmarker\t\t");
+test('ticks are round and lie in the range', () => {
+  assert.deepEqual(ticks(0, 10, 4), [0, 5, 10]);
+  assert.deepEqual(ticks(-0.31, 0.92, 3), [0, 0.5]);
+  assert.deepEqual(ticks(1000, 1400, 4), [1000, 1100, 1200, 1300, 1400]);
+  assert.deepEqual(ticks(7, 7, 4), [7]);
+});
+
+test('the unit of a value follows from its kind', () => {
+  assert.deepEqual(['distance', 'profile', 'rectangle', 'ellipse', 'angle', 'marker'].map((kind) => unitOf(kind, 'mm')), ['mm', 'mm', 'mm^2', 'mm^2', 'deg', '']);
+  assert.deepEqual(['distance', 'rectangle', 'angle'].map((kind) => unitOf(kind, '')), ['', '', 'deg']);
 });

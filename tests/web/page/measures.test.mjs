@@ -42,9 +42,9 @@ async function open(context, { url = daemon.url, layout = 'four', viewport = { w
   return { ...opened, measured: (count, ready = '() => true') => measured(page, count, ready) };
 }
 
-/** The measurements once there are `count` and the last one has the daemon's answer. */
+/** The measurements once there are `count`, all with the daemon's answer: only it knows what lies outside of the volume. */
 async function measured(page, count, ready) {
-  return until(page, `${count} measurements`, `(s) => s.measures.length === ${count} && s.measures.every((m) => m.unit !== '' || m.kind === 'marker') && (${ready})(s.measures) && s.measures`);
+  return until(page, `${count} measurements`, `(s) => s.measures.length === ${count} && s.measures.every((m) => m.outside !== undefined) && (${ready})(s.measures) && s.measures`);
 }
 
 /** Page coordinates of a place in a pane: u and v from 0 to 1. */

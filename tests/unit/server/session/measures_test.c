@@ -127,10 +127,106 @@ static void changes_are_told_once(void **state) {
     srv_hub_leave(f->hub, &b, 0);
 }
 
+/* A client that changes what another one has removed is told so. */
+static void an_unknown_id_is_said_to_be_unknown(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
+    static const char *const params[] = { "{\"id\":\"gone\",\"text\":\"t\"}",
+                                          "{\"id\":\"gone\",\"points\":[[1,0,0]]}" };
+    for (int i = 0; i < 2; i++) {
+        char *answer = NULL;
+        assert_true(call(f->hub, a, "measure.put", params[i], NOW_MS + i, &answer));
+        assert_non_null(strstr(answer, "-32002"));
+        assert_non_null(strstr(answer, "there is no measurement 'gone'"));
+        assert_non_null(strstr(answer, "\"pointer\":\"/id\""));
+        free(answer);
+    }
+    srv_hub_leave(f->hub, &a, 0);
+}
+
+static proto_json *put(struct fixture *f, const char *id, enum srv_measure_change change,
+                       const char *body, double now_ms, bool *is_new, struct sp_error *err) {
+    proto_json *json = proto_json_parse(body, strlen(body), err);
+    proto_json *made =
+        srv_hub_measure_put(f->hub, f->id, id, change, json, "script", now_ms, is_new, err);
+    proto_json_free(&json);
+    return made;
+}
+
+/* What comes over HTTP has the code of the stream; all participants are told. */
+static void scripts_change_measurements(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 0);
+    struct sp_error err = { .code = SP_OK };
+    bool is_new = false;
+    proto_json *made =
+        put(f, "s", SRV_MEASURE_REPLACE,
+            "{\"kind\":\"marker\",\"points\":[[1,0,0]],\"text\":\"t\"}", NOW_MS, &is_new, &err);
+    assert_non_null(made);
+    assert_true(is_new);
+    assert_string_equal(proto_json_string(proto_json_get(made, "author")), "script");
+    proto_json_free(&made);
+    char *text = told(f, a);
+    assert_non_null(strstr(text, "{\"ids\":[\"s\"]"));
+    free(text);
+    made = put(f, "s", SRV_MEASURE_CHANGE, "{\"hidden\":true}", NOW_MS, &is_new, &err);
+    assert_false(is_new);
+    assert_string_equal(proto_json_string(proto_json_get(made, "text")), "t");
+    proto_json_free(&made);
+    made = put(f, "s", SRV_MEASURE_REPLACE, "{\"kind\":\"marker\",\"points\":[[2,0,0]]}", NOW_MS,
+               &is_new, &err);
+    assert_false(is_new);
+    assert_string_equal(proto_json_string(proto_json_get(made, "text")), "");
+    assert_int_equal(proto_json_type(proto_json_get(made, "hidden")), PROTO_JSON_BOOL);
+    proto_json_free(&made);
+    assert_null(put(f, "s", SRV_MEASURE_REPLACE, "{\"text\":\"t\"}", NOW_MS, &is_new, &err));
+    assert_string_equal(err.place, "/kind");
+    assert_null(put(f, "x", SRV_MEASURE_CHANGE, "{\"text\":\"t\"}", NOW_MS, &is_new, &err));
+    assert_int_equal(err.code, SP_ERR_NOT_FOUND);
+    assert_null(put(f, "a b", SRV_MEASURE_CHANGE, "{\"text\":\"t\"}", NOW_MS, &is_new, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_true(srv_hub_measure_remove(f->hub, f->id, "s", NOW_MS, &err));
+    assert_false(srv_hub_measure_remove(f->hub, f->id, "s", NOW_MS, &err));
+    assert_int_equal(err.code, SP_ERR_NOT_FOUND);
+    text = told(f, a);
+    assert_non_null(strstr(text, "{\"ids\":[],\"changed\":[]}"));
+    free(text);
+    srv_hub_leave(f->hub, &a, 0);
+}
+
+static void scripts_have_a_quota_and_a_limit(void **state) {
+    struct fixture *f = *state;
+    struct sp_error err = { .code = SP_OK };
+    bool is_new;
+    static const char marker[] = "{\"kind\":\"marker\",\"points\":[[1,0,0]]}";
+    double now_ms = NOW_MS;
+    int refused = 0;
+    for (int i = 0; i < SRV_MEASURES_PER_SECOND + 1; i++) {
+        proto_json *made = put(f, "s", SRV_MEASURE_REPLACE, marker, now_ms, &is_new, &err);
+        refused += !made;
+        proto_json_free(&made);
+    }
+    assert_int_equal(refused, 1);
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    for (int i = 1; i < SRV_MEASURES_MAX; i++) {
+        proto_json *made = put(f, NULL, SRV_MEASURE_REPLACE, marker, now_ms += 100, &is_new, &err);
+        assert_non_null(made);
+        proto_json_free(&made);
+    }
+    assert_null(put(f, NULL, SRV_MEASURE_REPLACE, marker, now_ms + 100, &is_new, &err));
+    assert_int_equal(err.code, SP_ERR_QUOTA);
+    assert_non_null(strstr(err.text, "has 100 measurements"));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(threads_share_the_list, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(changes_are_told_once, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(an_unknown_id_is_said_to_be_unknown, hub_set_up,
+                                        hub_tear_down),
+        cmocka_unit_test_setup_teardown(scripts_change_measurements, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(scripts_have_a_quota_and_a_limit, hub_set_up,
+                                        hub_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,0 +1,73 @@
+// SPDX-License-Identifier: Apache-2.0
+// The words of a measurement: each number with its name and unit, in labels, in the list, and in the table for the clipboard.
+import { shortNumber, unitText, valueText } from './measures.js';
+import { t } from './text.js';
+
+const NAMES = {
+  distance: 'measure.length', profile: 'measure.length', angle: 'measure.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value',
+};
+const STATISTICS = [['count', 'measure.count'], ['mean', 'measure.mean.short'], ['deviation', 'measure.deviation'], ['min', 'measure.min'], ['max', 'measure.max']];
+// Blanks and characters without a width that spreadsheets skip, and the signs that begin a formula, full-width ones too.
+const FORMULA = /^[\s\u0000-\u0020\u007f-\u00a0\u00ad\u180e\u200b-\u200f\u2028-\u202e\u205f-\u206f\ufeff]*[=+\-@\u2212\ufe62\ufe63\ufe66\ufe6b\uff0b\uff0d\uff1d\uff20]/u;
+
+/** What the value of this kind is: "Length", "Area", "Angle" or "Value". */
+export const valueName = (kind) => t(NAMES[kind]);
+
+/** True if the value is a length or an area and the file does not name its unit. */
+export const lacksUnit = ({ kind, value, unit }) => kind !== 'angle' && kind !== 'marker' && !unit && value !== null && value !== undefined;
+
+/** A length or an area; says so if the file names no unit. */
+export const withUnit = (text, unit) => (unit ? text : t('unit.none', { value: text }));
+
+/** The value with its unit: "12.5 mm²", "90°", "12.5 (no unit)". */
+export function resultText(item) {
+  const text = valueText(item, t('measure.novalue'));
+  return lacksUnit(item) ? withUnit(text, '') : text;
+}
+
+/** The value with its name: "Area 12.5 mm²", or "No value". */
+export function namedValue(item) {
+  const { kind, value } = item;
+  return value === null || value === undefined ? t('measure.novalue.alone') : t('measure.named', { name: valueName(kind), value: resultText(item) });
+}
+
+/** Which part lies outside of the volume; '' = none. */
+export function outsideText({ outside }) {
+  if (!(outside > 0)) return '';
+  if (outside >= 1) return t('measure.outside.all');
+  const percent = outside * 100;
+  const part = percent < 1 ? t('measure.outside.few') : percent > 99 ? t('measure.outside.most') : t('measure.outside.percent', { percent: Math.round(percent) });
+  return t('measure.outside.part', { part });
+}
+
+const numberText = (value) => (value === null || value === undefined ? '–' : shortNumber(value));
+
+/** The lines of the label in the picture. */
+export function labelLines(item) {
+  const { text, statistics } = item;
+  const lines = text ? [text, namedValue(item)] : [namedValue(item)];
+  if (statistics?.count > 0) lines.push(t('measure.mean', { mean: numberText(statistics.mean), deviation: numberText(statistics.deviation) }));
+  const outside = outsideText(item);
+  return outside ? [...lines, outside] : lines;
+}
+
+/** [name, text] of all numbers of a measurement. */
+export function numbersOf(item) {
+  const { statistics: s, kind, unit } = item;
+  const rows = [[valueName(kind), lacksUnit(item) ? withUnit(shortNumber(item.value, 5), '') : valueText({ value: item.value, unit }, t('measure.novalue'), 5)]];
+  if (!s) return rows;
+  const number = (value) => (value === null ? '–' : shortNumber(value, 5));
+  return [...rows, ...STATISTICS.filter(([key]) => key !== 'count').map(([key, name]) => [t(name), number(s[key])]), [t('measure.count'), String(s.count)],
+    ...(s.nonfinite ? [[t('measure.nonfinite'), String(s.nonfinite)]] : [])];
+}
+
+/** A cell of a table: no tabs, and no formula. */
+const cell = (text) => (FORMULA.test(text) ? `'${text}` : text).replace(/[\t\r\n]+/g, ' ');
+
+/** The table of a list for the clipboard: a heading and a line per measurement, with tabs. */
+export function tableText(items, nameOf) {
+  const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.outside'];
+  const rows = items.map((item) => [cell(nameOf(item)), t(`measure.${item.kind}`), item.value ?? '', cell(unitText(item.unit ?? '')),
+    ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), item.outside ?? '']);
+  return [headings.map((key) => t(key)), ...rows].map((row) => row.join('\t')).join('\n');
+}
