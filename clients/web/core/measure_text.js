@@ -11,7 +11,7 @@ const STATISTICS = [['count', 'measure.count'], ['mean', 'measure.mean.short'], 
 const FORMULA = /^[\s\u0000-\u0020\u007f-\u00a0\u00ad\u180e\u200b-\u200f\u2028-\u202e\u205f-\u206f\ufeff]*[=+\-@\u2212\ufe62\ufe63\ufe66\ufe6b\uff0b\uff0d\uff1d\uff20]/u;
 
 /** What the value of this kind is: "Length", "Area", "Angle" or "Value". */
-export const valueName = (kind) => t(NAMES[kind]);
+const valueName = (kind) => t(NAMES[kind]);
 
 /** True if the value is a length or an area and the file does not name its unit. */
 export const lacksUnit = ({ kind, value, unit }) => kind !== 'angle' && kind !== 'marker' && !unit && value !== null && value !== undefined;
@@ -20,7 +20,7 @@ export const lacksUnit = ({ kind, value, unit }) => kind !== 'angle' && kind !==
 export const withUnit = (text, unit) => (unit ? text : t('unit.none', { value: text }));
 
 /** The value with its unit: "12.5 mm²", "90°", "12.5 (no unit)". */
-export function resultText(item) {
+function resultText(item) {
   const text = valueText(item, t('measure.novalue'));
   return lacksUnit(item) ? withUnit(text, '') : text;
 }
