@@ -7,6 +7,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "volume/anatomy.h"
+
 void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, const char *field) {
     snprintf(place, SP_ERROR_PLACE, "%.180s: byte %" PRIu64 "%s%s", shown, byte, field ? ": " : "",
              field ? field : "");
@@ -58,4 +60,19 @@ const char *import_program_folder(char folder[PATH_MAX]) {
     if (slash)
         *slash = 0;
     return folder;
+}
+
+void import_header_set_anatomy(struct import_header *header, const char letters[4]) {
+    memcpy(header->anatomy, letters, sizeof header->anatomy);
+    if (!sp_anatomy_is_left_handed(letters))
+        return;
+    for (int row = 0; row < 3; row++) {
+        char *letter = &header->anatomy[row];
+        if (*letter != 'A' && *letter != 'P')
+            continue;
+        *letter = *letter == 'A' ? 'P' : 'A';
+        header->grid.origin[row] = 0 - header->grid.origin[row]; /* not -0 */
+        for (int axis = 0; axis < 3; axis++)
+            header->grid.direction[row][axis] = 0 - header->grid.direction[row][axis];
+    }
 }

@@ -76,4 +76,9 @@ void import_grid_init(struct sp_grid *grid);
  */
 void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions);
 
+/* Sets the anatomical letters of the world, valid and not empty, once the grid is complete. The
+ * world of a view is right-handed: a left-handed one would show the patient as in a mirror. So its
+ * axis between front and back changes its sign: "LAS" becomes "LPS". */
+void import_header_set_anatomy(struct import_header *header, const char letters[4]);
+
 #endif

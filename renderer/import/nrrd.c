@@ -104,8 +104,8 @@ static bool take_geometry(const struct parsing *p) {
     if (p->text->value[NRRD_SPACE_ORIGIN])
         memcpy(p->header->grid.origin, p->text->origin, p->text->space * sizeof(double));
     memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
-    if (directed) /* the space names the axes of the vectors */
-        memcpy(p->header->anatomy, p->text->anatomy, sizeof p->header->anatomy);
+    if (directed && p->text->anatomy[0]) /* the space names the axes of the vectors */
+        import_header_set_anatomy(p->header, p->text->anatomy);
     return true;
 }
 

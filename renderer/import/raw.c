@@ -139,7 +139,8 @@ static bool read_coordinates(const struct sidecar *s) {
     return true;
 }
 
-/* The anatomical directions of the axes of the world, as NRRD's "space" states them. */
+/* The anatomical directions of the axes of the world, as NRRD's "space" states them. Call after
+ * the rest of the geometry, which this function may mirror. */
 static bool read_space(const struct sidecar *s) {
     const json_t *space = json_object_get(s->root, "space");
     char letters[sizeof s->header->anatomy] = "";
@@ -151,7 +152,7 @@ static bool read_space(const struct sidecar *s) {
         return refuse(s, "space",
                       "must be three letters: where x, y and z of the world point to, one each of "
                       "R or L, A or P, S or I; such as LPS");
-    memcpy(s->header->anatomy, letters, sizeof letters);
+    import_header_set_anatomy(s->header, letters);
     return true;
 }
 
@@ -163,7 +164,7 @@ static bool read_geometry(const struct sidecar *s) {
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
-        !read_direction(s) || !read_space(s) || !read_coordinates(s))
+        !read_direction(s) || !read_coordinates(s) || !read_space(s))
         return false;
     if (!unit)
         return true;

@@ -36,6 +36,18 @@ bool sp_anatomy_find(const char letters[4], char direction, double vector[3]) {
     return false;
 }
 
+bool sp_anatomy_is_left_handed(const char letters[4]) {
+    double to[3][3];
+    for (int i = 0; i < 3; i++)
+        if (!sp_anatomy_find(letters, "LPS"[i], to[i]))
+            return false;
+    double volume = 0; /* of the three unit vectors: 1 or -1 */
+    for (int i = 0; i < 3; i++)
+        volume += to[0][i] * (to[1][(i + 1) % 3] * to[2][(i + 2) % 3] -
+                              to[1][(i + 2) % 3] * to[2][(i + 1) % 3]);
+    return volume < 0;
+}
+
 bool sp_anatomy_is_plain_stack(const struct sp_volume_info *info) {
     const struct sp_grid *g = &info->grid;
     for (int r = 0; r < 3; r++)

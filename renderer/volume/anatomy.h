@@ -18,6 +18,9 @@ bool sp_anatomy_is_valid(const char letters[4]);
  * state it. */
 bool sp_anatomy_find(const char letters[4], char direction, double vector[3]);
 
+/* True if axes with these letters show the patient as in a mirror: as "LAS", not "LPS" or "RAS". */
+bool sp_anatomy_is_left_handed(const char letters[4]);
+
 /* True if the file states nothing about the place of its grid: a stack of images without an
  * orientation. Scans are usually stored from the head down. False for a built-in volume. */
 bool sp_anatomy_is_plain_stack(const struct sp_volume_info *info);

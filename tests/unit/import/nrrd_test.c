@@ -135,7 +135,7 @@ static void anatomical_spaces_name_the_world_axes(void **state) {
         { "space: right-anterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "RAS" },
         { "space: RAS\nspace directions: (0,1,0) (1,0,0) (0,0,-1)\n", "RAS" },
         { "space: left-posterior-superior\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "LPS" },
-        { "space: las\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "LAS" },
+        { "space: las\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "LPS" },
         { "space: scanner-xyz\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "" },
         { "space dimension: 3\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n", "" },
         { "space: LPS\n", "" }, /* the axes of the grid have no place in that space */

@@ -111,14 +111,22 @@ static void axes_may_be_rectilinear(void **state) {
 
 static void the_space_of_a_patient_is_read(void **state) {
     (void)state;
-    static const char *const spaces[] = { "LPS", "RAS", "LAS", "SPL" };
+    static const char *const spaces[][2] = {
+        { "LPS", "LPS" }, { "RAS", "RAS" }, { "PSL", "PSL" }, { "SPL", "SAL" }, { "LAS", "LPS" }
+    };
     uint8_t samples[COUNT];
     make_ramp(SP_UINT8, COUNT, samples);
     write_file("s.bin", samples, COUNT);
     for (size_t i = 0; i < sizeof spaces / sizeof spaces[0]; i++) {
-        write_text("v.json", SPACED "\"%s\"}", spaces[i]);
+        write_text("v.json", SPACED "\"%s\", \"origin\": [1, 2, 0]}", spaces[i][0]);
         struct sp_volume *volume = load("v.json");
-        assert_string_equal(sp_volume_info(volume)->anatomy, spaces[i]);
+        assert_string_equal(sp_volume_info(volume)->anatomy, spaces[i][1]);
+        const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+        bool is_mirrored = strcmp(spaces[i][0], spaces[i][1]) != 0;
+        assert_compare(grid->direction[1][1], ==, is_mirrored ? -1 : 1);
+        assert_compare(grid->origin[1], ==, is_mirrored ? -2 : 2);
+        assert_compare(grid->origin[0], ==, 1);
+        assert_false(signbit(grid->direction[1][0]));
         sp_volume_unref(&volume);
     }
     write_text("v.json", "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\"}");
