@@ -195,8 +195,11 @@ static proto_json *open_volume(struct http *http, const struct options *options,
         if (!volume && maybe_id && err->code == SP_ERR_INVALID)
             refuse_volume(http, source, err);
     }
-    if (!volume || !wait)
-        return volume;
+    return volume && wait ? await_volume(http, options, volume, err) : volume;
+}
+
+proto_json *await_volume(struct http *http, const struct options *options, proto_json *volume,
+                         struct sp_error *err) {
     char *path = collection_path(http, "volumes", text_of(volume, "id"), err);
     if (path)
         volume = wait_until_ready(http, options, volume, path, err);

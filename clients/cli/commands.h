@@ -15,6 +15,7 @@ command_fn command_render, command_slice;                               /* rende
 command_fn command_presets, command_preset, command_views, command_saved, command_save,
     command_sessions, command_session, command_share, command_paths; /* collections.c */
 command_fn command_path;                                             /* path.c */
+command_fn command_upload;                                           /* upload.c */
 
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* Returns the text of a member; "" if it has none. */
@@ -43,6 +44,11 @@ bool write_image(const struct options *options, const struct image *image, const
  * refuses ids. Allocated; NULL with *err set on failure. */
 char *resolve_volume(struct http *http, const struct options *options, const char *source,
                      bool must_load, bool wait, struct sp_error *err);
+
+/* Waits until a volume, as the daemon described it, is ready. Takes ownership and returns the last
+ * description; NULL with *err set on failure. */
+proto_json *await_volume(struct http *http, const struct options *options, proto_json *volume,
+                         struct sp_error *err);
 
 /* Renders in this process. `patch` is the view, `source` is a file or "demo:NAME". */
 int render_local(const struct options *options, const char *source, const proto_json *patch,

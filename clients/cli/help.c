@@ -8,6 +8,7 @@
 /* Blocks of the help, in the order in which they are printed. */
 enum block {
     BLOCK_LOAD,
+    BLOCK_UPLOAD,
     BLOCK_SCENE,
     BLOCK_IMAGE,
     BLOCK_LOCAL,
@@ -33,6 +34,11 @@ static const struct {
       "load a file below the daemon's --data folder, or demo:NAME; print\n"
       "its id and wait until it is ready",
       DAEMON | BIT(BLOCK_LOAD) },
+    { "upload", "FILE...",
+      "upload a file of this computer and open it; print its id. A header\n"
+      "(.nhdr, .json) is followed by the files with its samples. If it is\n"
+      "interrupted, the same command continues",
+      DAEMON | BIT(BLOCK_LOAD) | BIT(BLOCK_UPLOAD) },
     { "unload", "ID", "remove a volume from the daemon", DAEMON },
     { "view", "ID", "print the default view of a volume", DAEMON | BIT(BLOCK_FIELDS) },
     { "render", "", "render one image",
@@ -64,8 +70,11 @@ static const struct {
 };
 
 static const char *const texts[BLOCKS] = {
-    [BLOCK_LOAD] = "load:\n"
+    [BLOCK_LOAD] = "load, upload:\n"
                    "  --no-wait               return as soon as loading has started\n",
+    [BLOCK_UPLOAD] = "upload:\n"
+                     "  --id ID                 the id of the volume (default: by the name of the "
+                     "file)\n",
     [BLOCK_SCENE] =
         "render, save, share:\n"
         "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"

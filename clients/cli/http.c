@@ -269,8 +269,36 @@ static bool refuse_transfer(const struct http *http, CURLcode code, const char *
     return sp_fail(err, SP_ERR_IO, http->base, "%s", *why ? why : curl_easy_strerror(code));
 }
 
+/* The body of a request, as it is read. */
+struct sent_body {
+    int64_t offset, size;
+    size_t (*read)(void *user, void *bytes, size_t size);
+    void *user;
+    bool is_short; /* read() had no more */
+};
+
+static size_t send_body(char *bytes, size_t one, size_t count, void *user) {
+    struct sent_body *sent = user;
+    size_t size = sent->read(sent->user, bytes, one * count);
+    sent->is_short = size == 0;
+    return sent->is_short ? CURL_READFUNC_ABORT : size;
+}
+
+static struct curl_slist *set_sent_body(CURL *curl, struct curl_slist *headers,
+                                        struct sent_body *sent) {
+    char line[64];
+    curl_easy_setopt(curl, CURLOPT_UPLOAD, 1L);
+    curl_easy_setopt(curl, CURLOPT_READFUNCTION, send_body);
+    curl_easy_setopt(curl, CURLOPT_READDATA, sent);
+    curl_easy_setopt(curl, CURLOPT_INFILESIZE_LARGE, (curl_off_t)sent->size);
+    snprintf(line, sizeof line, "Upload-Offset: %lld", (long long)sent->offset);
+    headers = curl_slist_append(headers, line);
+    return curl_slist_append(headers, "Content-Type: application/offset+octet-stream");
+}
+
 static bool perform(struct http *http, const char *method, const char *path, const char *accept,
-                    const char *body, struct receiving *receiving, struct sp_error *err) {
+                    const char *body, struct sent_body *sent, struct receiving *receiving,
+                    struct sp_error *err) {
     struct http_response *response = receiving->response;
     *response = (struct http_response){ 0 };
     size_t capacity = strlen(http->base) + strlen(path) + 16;
@@ -284,6 +312,8 @@ static bool perform(struct http *http, const char *method, const char *path, con
     curl_easy_reset(curl);
     curl_easy_setopt(curl, CURLOPT_URL, url);
     curl_easy_setopt(curl, CURLOPT_PROTOCOLS_STR, "http,https");
+    if (sent)
+        headers = set_sent_body(curl, headers, sent);
     curl_easy_setopt(curl, CURLOPT_CUSTOMREQUEST, method);
     curl_easy_setopt(curl, CURLOPT_HTTPHEADER, headers);
     curl_easy_setopt(curl, CURLOPT_USERAGENT, "splatctl/" SPLATD_VERSION);
@@ -313,6 +343,8 @@ static bool perform(struct http *http, const char *method, const char *path, con
     curl_easy_getinfo(curl, CURLINFO_RESPONSE_CODE, &response->status);
     curl_slist_free_all(headers);
     free(url);
+    if (sent && sent->is_short)
+        return sp_fail(err, SP_ERR_INVALID, path, "the file became shorter while it was sent");
     if (code != CURLE_OK)
         return refuse_transfer(http, code, why, err);
     return response->status < 400 || refuse_status(response, method, path, err);
@@ -321,19 +353,27 @@ static bool perform(struct http *http, const char *method, const char *path, con
 bool http_request(struct http *http, const char *method, const char *path, const char *accept,
                   const char *body, struct http_response *response, struct sp_error *err) {
     struct receiving receiving = { .response = response };
-    return perform(http, method, path, accept, body, &receiving, err);
+    return perform(http, method, path, accept, body, NULL, &receiving, err);
 }
 
 bool http_fetch(struct http *http, const char *path, const char *accept,
                 bool (*add)(void *user, const void *bytes, size_t size), void *user,
                 struct http_response *response, struct sp_error *err) {
     struct receiving receiving = { .response = response, .add = add, .user = user };
-    return perform(http, "GET", path, accept, NULL, &receiving, err);
+    return perform(http, "GET", path, accept, NULL, NULL, &receiving, err);
 }
 
 void http_response_finish(struct http_response *response) {
     free(response->body);
     *response = (struct http_response){ 0 };
+}
+
+bool http_send(struct http *http, const char *path, int64_t offset, int64_t size,
+               size_t (*read)(void *user, void *bytes, size_t size), void *user,
+               struct http_response *response, struct sp_error *err) {
+    struct receiving receiving = { .response = response };
+    struct sent_body sent = { .offset = offset, .size = size, .read = read, .user = user };
+    return perform(http, "PATCH", path, "application/json", NULL, &sent, &receiving, err);
 }
 
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,

@@ -7,6 +7,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "protocol/json.h"
 #include "sp/status.h"
@@ -46,6 +47,12 @@ void http_response_finish(struct http_response *response);
 bool http_fetch(struct http *http, const char *path, const char *accept,
                 bool (*add)(void *user, const void *bytes, size_t size), void *user,
                 struct http_response *response, struct sp_error *err);
+
+/* Sends `size` bytes with PATCH as those of an upload (tus) from `offset` on. read() fills a buffer
+ * and returns how many bytes it wrote; 0 ends the request with SP_ERR_INVALID. */
+bool http_send(struct http *http, const char *path, int64_t offset, int64_t size,
+               size_t (*read)(void *user, void *bytes, size_t size), void *user,
+               struct http_response *response, struct sp_error *err);
 
 /* Like http_request() for an answer in JSON; NULL with *err set on failure. */
 proto_json *http_json(struct http *http, const char *method, const char *path, const char *body,

@@ -19,7 +19,8 @@ static const struct {
     { "preset", command_preset, true },    { "presets", command_presets, false },
     { "share", command_share, false },     { "session", command_session, true },
     { "slice", command_slice, false },     { "sessions", command_sessions, false },
-    { "path", command_path, true },        { "paths", command_paths, false },
+    { "upload", command_upload, false },   { "path", command_path, true },
+    { "paths", command_paths, false },
 };
 
 /* Drops the renderer's log: errors reach the user as errors; the rest is for daemons. */

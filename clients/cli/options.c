@@ -7,6 +7,7 @@
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 enum { SIZE_MAX_PX = 8192 };
 
@@ -224,9 +225,12 @@ bool options_parse(struct options *options, int argc, char **argv) {
     }
     if (optind < argc)
         options->command = argv[optind++];
+    options->arguments = argv + optind;
+    options->argument_count = argc - optind;
+    bool takes_many = options->command && strcmp(options->command, "upload") == 0;
     if (optind < argc)
         options->argument = argv[optind++];
-    if (optind < argc) {
+    if (optind < argc && !takes_many) {
         usage_error(argv[optind], "is one argument too many");
         return false;
     }

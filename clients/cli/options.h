@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c,
- * render.c and slice.c are the commands; patch.c makes their view; http.c talks to the daemon;
- * local.c renders without a daemon; output.c writes files completely or not at all; print.c prints
- * tables and JSON; help.c prints the help. Errors are struct sp_error up to main(), which prints
- * `splatctl: place: text`.
+ * render.c, slice.c and upload.c are the commands; patch.c makes their view; http.c talks to the
+ * daemon; local.c renders without a daemon; output.c writes files completely or not at all; print.c
+ * prints tables and JSON; help.c prints the help. Errors are struct sp_error up to main(), which
+ * prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -30,7 +30,9 @@ struct options {
     const char *url, *token; /* NULL = from the environment, else the default */
     const char *command;     /* NULL = none */
     const char *argument;    /* of the command: a path, id or name; NULL = none */
-    const char *id;          /* of a camera path on the daemon */
+    char **arguments;        /* of upload: all; the first is `argument` */
+    int argument_count;
+    const char *id; /* of a camera path on the daemon, or of the volume to upload */
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
     const char *preset;            /* under the view; NULL = none */
     double camera[CAMERA_OPTIONS]; /* NAN = not given */

@@ -69,8 +69,8 @@ test('each role has its permissions and gets 403 for everything else', async () 
     ['control admin', (t) => post(`/api/v1/sessions/${own.id}`, { view: { background: [1, 0, 0, 1] } }, t, 'PATCH')],
     ['control admin', (t) => post('/api/v1/presets/one', preset, t, 'PUT'), 'put'],
     ['control admin', (t) => post('/api/v1/sessions', { from: saved }, t), 'session'],
-    ['admin', (t) => post('/api/v1/volumes', { path: 'none.vti' }, t), 'load'],
-    ['admin', (t) => daemon.fetch('/api/v1/volumes/none', { method: 'DELETE', token: t })],
+    ['control admin', (t) => post('/api/v1/volumes', { path: 'none.vti' }, t), 'load'],
+    ['control admin', (t) => daemon.fetch('/api/v1/volumes/none', { method: 'DELETE', token: t })],
   ];
   for (const [allowed, call, what] of calls) {
     for (const role of ROLES) {

@@ -78,8 +78,8 @@ class OpenDialog {
   async #showQuota() {
     if (!this.#app.api.may.upload) return;
     try {
-      const { bytes, bytes_max: most } = await this.#app.api.uploads();
-      setText(byId('open-quota'), t('open.quota', { used: sizeText(bytes), most: sizeText(most) }));
+      const { bytes_free: free, bytes_max: most } = await this.#app.api.uploads();
+      setText(byId('open-quota'), t('open.quota', { free: sizeText(free), most: sizeText(most) }));
     } catch { /* an upload will say what is wrong */ }
   }
 

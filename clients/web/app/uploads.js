@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Files of this computer: dropped on the page or chosen, sent with progress, then loaded. An upload that a reload or a crash
 // interrupted continues when the same file is chosen again.
+import { sortedIntoSets } from '../core/file_sets.js';
 import { sizeText } from '../core/files.js';
 import { t } from '../core/text.js';
 import { Upload } from '../core/upload.js';
@@ -23,14 +24,14 @@ function timeText(seconds) {
   return t('upload.left.minutes', { minutes: Math.round(seconds / 60) });
 }
 
-function stateText(upload) {
+function stateText(upload, isOfSet) {
   const percent = Math.floor(100 * upload.sent / upload.bytes);
   const size = sizeText(upload.bytes);
   switch (upload.state) {
     case 'paused': return t('upload.paused', { percent, size });
     case 'waiting': return t('upload.waiting', { percent });
     case 'failed': return upload.error?.message ?? '';
-    case 'sent': return t('upload.opening');
+    case 'sent': return isOfSet ? t('upload.sending', { percent, size }) : t('upload.opening');
     default: return [t('upload.sending', { percent, size }), upload.rate > 0 ? t('upload.rate', { rate: sizeText(upload.rate) }) : '',
       upload.secondsLeft === null ? '' : timeText(upload.secondsLeft)].filter(Boolean).join(' · ');
   }
@@ -40,8 +41,11 @@ function stateText(upload) {
 class Row {
   #text; #progress; #toggle;
 
-  constructor(upload, remove) {
+  /** isOfSet: other files must arrive before the volume is opened. */
+  constructor(upload, isOfSet, remove) {
     this.upload = upload;
+    this.isOfSet = isOfSet;
+    this.drop = null;
     this.#text = make('span', { class: 'about' });
     this.#progress = make('progress', { max: 1, 'aria-label': t('upload.progress', { name: upload.name }) });
     this.#toggle = make('button', { class: 'close', press: () => (upload.isActive ? upload.pause() : upload.resume()) });
@@ -55,7 +59,7 @@ class Row {
   show() {
     const { upload } = this;
     this.element.dataset.state = upload.state;
-    setText(this.#text, stateText(upload));
+    setText(this.#text, stateText(upload, this.isOfSet));
     this.#progress.value = upload.sent / upload.bytes;
     this.#toggle.hidden = upload.state === 'sent';
     const [name, label] = upload.isActive ? ['pause', t('upload.pause', { name: upload.name })]
@@ -85,25 +89,50 @@ class Uploads {
     try {
       known = (await this.#app.api.uploads()).uploads;
     } catch { /* the upload will say what is wrong */ }
-    for (const file of files) {
-      if (file.size === 0) {
-        this.#app.notice.show(t('upload.empty', { name: file.name }));
-        continue;
-      }
-      if (this.#rows.some(({ upload }) => upload.name === file.name && upload.bytes === file.size && upload.state !== 'failed')) continue;
-      this.#begin(file, this.#findBefore(known, file, wanted));
+    const rest = files.filter((file) => file.size > 0);
+    for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }));
+    for (const set of await sortedIntoSets(rest)) this.#take(set, known, wanted);
+  }
+
+  #take({ file, companions, missing }, known, wanted) {
+    if (missing.length > 0) {
+      this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }));
+      return;
     }
+    if (this.#rows.some(({ upload }) => upload.name === file.name && upload.bytes === file.size && upload.state !== 'failed')) return;
+    const before = this.#findBefore(known, file, wanted, companions.length > 0);
+    if (companions.length === 0) {
+      const header = before?.header ?? null; // the samples of a header that arrived before
+      this.#begin(file, { id: before?.id, header, done: (row) => this.#load([row], header ?? row.upload.id) });
+      return;
+    }
+    this.#begin(file, { id: before?.id, isOfSet: true, done: (row) => this.#takeCompanions(row, companions, known, wanted) });
   }
 
-  #findBefore(known, file, wanted) {
-    const fits = ({ id, name, bytes, offset }) => name === file.name && bytes === file.size && offset < bytes
+  /** Sends the files of a header that arrived, then opens it. */
+  #takeCompanions(row, companions, known, wanted) {
+    const header = row.upload.id;
+    const rows = [row];
+    const done = () => { if (rows.every(({ upload }) => upload.state === 'sent')) this.#load(rows, header); };
+    for (const file of companions) {
+      const id = this.#findBefore(known.filter((one) => one.header === header), file, wanted, true)?.id;
+      rows.push(this.#begin(file, { id, header, isOfSet: companions.length > 1, done, drop: () => this.#dropAll(rows) }));
+    }
+    row.drop = () => this.#dropAll(rows);
+  }
+
+  #findBefore(known, file, wanted, isOfSet) {
+    const fits = ({ id, name, bytes, offset, expires }) => name === file.name && bytes === file.size && expires !== undefined && (offset < bytes || isOfSet)
       && (id === wanted || this.#app.storage.recall(`upload:${id}`) === String(file.lastModified));
-    return known.find(fits)?.id ?? null;
+    return known.find(fits) ?? null;
   }
 
-  #begin(file, id) {
-    const upload = new Upload({ file, api: () => this.#app.api, id, env: ENV });
-    const row = new Row(upload, () => this.#remove(row));
+  /** Adds a row and sends its file; done(row): it has arrived; drop(): what its button for cancelling does, if not only this. */
+  #begin(file, { id = null, header = null, isOfSet = false, done, drop = null }) {
+    const upload = new Upload({ file, api: () => this.#app.api, id, header, env: ENV });
+    const row = new Row(upload, isOfSet, () => (row.drop ? row.drop() : this.#remove(row)));
+    row.drop = drop;
+    let isDone = false;
     this.#rows.push(row);
     this.#list.querySelector(`[data-before="${CSS.escape(id ?? '')}"]`)?.remove();
     this.#list.append(row.element);
@@ -111,21 +140,32 @@ class Uploads {
     upload.on('change', () => {
       row.show();
       if (upload.id) this.#app.storage.remember(`upload:${upload.id}`, String(file.lastModified));
-      if (upload.state === 'sent') this.#load(row);
+      if (upload.state === 'sent' && !isDone) {
+        isDone = true;
+        done(row);
+      }
     });
     upload.resume();
     this.#app.panel.toggle(true);
+    return row;
   }
 
-  async #load(row) {
+  async #load(rows, id) {
     try {
-      const volume = await this.#app.api.openVolume({ upload: row.upload.id });
-      this.#drop(row);
+      const volume = await this.#app.api.openVolume({ upload: id });
+      for (const row of rows) this.#drop(row);
       this.#app.openVolume(volume);
     } catch (error) {
-      this.#drop(row);
-      this.#app.notice.show(t('open.failed', { name: row.upload.name, reason: error.message }));
+      for (const row of rows) this.#drop(row);
+      this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }));
     }
+  }
+
+  /** Cancels a header with its files; the daemon forgets the files with their header. */
+  #dropAll(rows) {
+    const header = rows[0].upload;
+    if (header.id) this.#app.api.deleteUpload(header.id).catch(() => {}); // it expires otherwise
+    for (const row of rows) this.#remove(row);
   }
 
   #remove(row) {

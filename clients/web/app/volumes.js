@@ -94,17 +94,18 @@ class VolumeList {
     byId('volumes-section').hidden = volumes.length === 0 && !mayOpen;
     byId('volumes-why').hidden = !session?.isJoined;
     this.#info.show(volumes.find(({ id }) => id === this.#current) ?? null);
-    const shown = JSON.stringify([this.#current, mayOpen, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress])]);
+    const isGuest = Boolean(session?.isJoined);
+    const shown = JSON.stringify([this.#current, isGuest, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress, v.may_close])]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    this.#rebuild(volumes, mayOpen);
+    this.#rebuild(volumes, isGuest);
   }
 
   /** Rebuilds the list; the focus and the open reasons stay. */
-  #rebuild(volumes, mayClose) {
+  #rebuild(volumes, isGuest) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
     const open = [...this.#list.querySelectorAll('[aria-expanded="true"]')].map((button) => button.dataset.id);
-    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, mayClose)));
+    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, volume.may_close && !isGuest)));
     for (const button of this.#list.querySelectorAll('button')) {
       if (open.includes(button.dataset.id)) button.click();
       if (focused && button.dataset.id === focused) button.focus();

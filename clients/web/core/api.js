@@ -56,14 +56,14 @@ export class Api {
     return this.#request('GET', `api/v1/files?${query}`);
   }
 
-  /** {uploads, bytes, bytes_max} */
+  /** {uploads, bytes, bytes_max, bytes_free, uploads_free} */
   uploads() {
     return this.#request('GET', 'api/v1/uploads');
   }
 
-  /** Begins an upload: {id, name, bytes, offset}. */
-  createUpload(name, bytes) {
-    return this.#request('POST', 'api/v1/uploads', { body: { name, bytes } });
+  /** Begins an upload: {id, name, bytes, offset}. header: the upload of the header that names this file, or null. */
+  createUpload(name, bytes, header = null) {
+    return this.#request('POST', 'api/v1/uploads', { body: { name, bytes, ...header && { header } } });
   }
 
   upload(id) {

@@ -19,7 +19,7 @@ const PASSING = new Set([0, 408, 500, 502, 503, 504]);
 
 /** Events: change (the upload). */
 export class Upload extends Emitter {
-  #api; #env; #timer = null;
+  #api; #env; #header; #timer = null;
   #abort = null;
   #epoch = 0;
   #part = PART_FIRST;
@@ -33,14 +33,15 @@ export class Upload extends Emitter {
   error = null;
 
   /**
-   * file: a Blob with a name; api(): the Api; id: of an upload that was begun before, or null; env: {setTimeout, clearTimeout, now,
-   * checksum(bytes) → text of Upload-Checksum or '', as a promise}.
+   * file: a Blob with a name; api(): the Api; id: of an upload that was begun before, or null; header: the upload of the header that
+   * names this file, or null; env: {setTimeout, clearTimeout, now, checksum(bytes) → text of Upload-Checksum or '', as a promise}.
    */
-  constructor({ file, api, id = null, env }) {
+  constructor({ file, api, id = null, header = null, env }) {
     super();
     this.file = file;
     this.#api = api;
     this.#env = env;
+    this.#header = header;
     this.id = id;
   }
 
@@ -119,7 +120,7 @@ export class Upload extends Emitter {
         this.id = null; // it expired: from the beginning
       }
     }
-    const { id } = await this.#api().createUpload(this.name, this.bytes);
+    const { id } = await this.#api().createUpload(this.name, this.bytes, this.#header);
     if (epoch === this.#epoch) {
       this.id = id;
       this.#arrived(0);

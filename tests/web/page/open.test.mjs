@@ -140,7 +140,7 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   }, [type, files]);
   const files = [{ name: SMALL.name, bytes: [...SMALL.buffer] }, { name: 'notes.txt', bytes: [1] }];
   await drop('dragenter', files);
-  await page.locator('#drop', { hasText: 'Drop the file' }).waitFor();
+  await page.locator('#drop', { hasText: 'Drop files' }).waitFor();
   await shot(page, 'open-drop');
   await drop('drop', files);
   assert.ok(await page.locator('#drop').isHidden());
@@ -204,4 +204,63 @@ test('a guest by a join link opens and closes nothing, and reads why; a phone sh
   await guest.page.locator('#volumes-why', { hasText: 'joined by a link' }).waitFor();
   assert.ok(await guest.page.locator('#open-button').isHidden());
   assert.deepEqual(asked.filter((name) => /\/(files|uploads|volumes)$/.test(name)), []);
+});
+
+/** A header and its samples, as two files; `data`: the name that the header gives. */
+function pair(data = 'pair.raw', side = 150) {
+  const whole = cube(side);
+  const at = whole.indexOf('\n\n') + 2;
+  const header = whole.subarray(0, at).toString().replace('\n\n', `\ndata file: ${data}\n\n`);
+  return [{ name: 'pair.nhdr', mimeType: '', buffer: Buffer.from(header) }, { name: 'pair.raw', mimeType: '', buffer: whole.subarray(at) }];
+}
+
+test('a header and its samples are chosen together, survive a reload, and one volume is shown', async (context) => {
+  const { page, said } = await open(context);
+  let isHeld = true;
+  await page.route('**/api/v1/uploads/*', (route) => (route.request().method() === 'PATCH' && isHeld && Number(route.request().headers()['upload-offset']) > 0 ? undefined : route.continue()));
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', pair());
+  await page.locator('#uploads [data-upload="pair.raw"] .about', { hasText: /^31 % of 3.4 MB/ }).waitFor();
+  await page.locator('#uploads [data-upload="pair.nhdr"] .about', { hasText: /^100 %/ }).waitFor();
+  await shot(page, 'open-set');
+  await page.reload();
+  await firstFrame(page);
+  await page.locator('#uploads [data-before]', { hasText: 'pair.raw' }).waitFor();
+  isHeld = false;
+  const chooser = page.waitForEvent('filechooser');
+  await page.click('#uploads .link');
+  await (await chooser).setFiles(pair()[1]); // the header is there already
+  await shows(page, 'pair');
+  await page.locator('#uploads').waitFor({ state: 'hidden' });
+  assert.deepEqual(said, []);
+});
+
+test('a header without its file says which one is missing; a header that leads elsewhere fails and leaves nothing', async (context) => {
+  const { page } = await open(context);
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', pair()[0]);
+  await page.locator('#notice', { hasText: 'pair.nhdr is a header of pair.raw.' }).waitFor();
+  await page.click('#open-button');
+  await page.setInputFiles('#open-file', pair('../../etc/passwd'));
+  await page.locator('#notice', { hasText: 'header of ../../etc/passwd' }).waitFor();
+  assert.equal(await page.locator('#uploads [data-upload="pair.nhdr"]').count(), 0);
+});
+
+test('the role control opens, uploads, and closes only its own volumes', async (context) => {
+  const tokens = path.join(folder, 'tokens');
+  writeFileSync(tokens, 'admin-token-admin-token\ncontrol-token-control role=control name=c\n', { mode: 0o600 });
+  const own = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'null', '--data', folder, '--token-file', tokens]);
+  context.after(() => own.stop());
+  const { page, context: tab } = await openPage(browser);
+  context.after(() => tab.close());
+  const base = new URL('.', own.url).href;
+  await page.goto(`${base}?token=control-token-control`);
+  await firstFrame(page);
+  assert.equal(await page.getByRole('button', { name: 'Close phantom' }).count(), 0);
+  await page.click('#open-button');
+  await page.locator('#open-list [data-name="cube.nrrd"]').waitFor();
+  await page.setInputFiles('#open-file', SMALL);
+  await shows(page, 'Größe 1');
+  await page.getByRole('button', { name: 'Close Größe 1' }).click();
+  await shows(page, 'phantom');
 });
