@@ -164,6 +164,18 @@ test('the toolbar is one stop of Tab with arrow keys; groups that do not fit are
   assert.deepEqual(said, []);
 });
 
+test('the toolbar leaves the head of the closed panel free, at each size and with a zoom of 200 %', async (context) => {
+  for (const options of [{ viewport: { width: 720, height: 450 }, deviceScaleFactor: 2 }, { viewport: { width: 1024, height: 768 }, hasTouch: true, isMobile: true },
+    { viewport: { width: 390, height: 844 }, hasTouch: true, isMobile: true }]) {
+    const { page } = await setUp(context, options);
+    if (await page.locator('#panel-toggle').getAttribute('aria-expanded') === 'true') await page.click('#panel-toggle');
+    await page.locator('#panel-toggle[aria-expanded="false"]').waitFor();
+    const [panel, toolbar] = await page.evaluate(() => ['panel', 'toolbar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
+    compare(toolbar.left, '>=', panel.right + 4);
+    compare(toolbar.right, '<=', options.viewport.width);
+  }
+});
+
 test('sections of the panel stand in their order, and a reload keeps which are open', async (context) => {
   const { page, said } = await setUp(context);
   const order = await page.evaluate(() => [...document.querySelectorAll('#panel-body > [data-order]')].map((e) => Number(e.dataset.order)));
