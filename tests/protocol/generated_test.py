@@ -35,7 +35,7 @@ ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads'
 # Fields with rules that a schema cannot express (its description lists them), or that a backend cannot render.
 BEYOND = re.compile(
     r'(/view)?(/volume|/camera(/position|/target|/up|/distance)?|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)'
-    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/id|/name|/text|/points(/\d+)*|/samples|/frames|/keyframes/\d+(/.*)?')
+    r'|/filter/c_m(in|ax)|/clip/box/\d/\d|/clip/planes/\d/normal|/slices/(normal|in_3d)|/shading/(lights/\d/direction|occlusion|shadow)|/primitive(/type)?)|/size/[01]|/from|/uri|/path|/source|/id|/name|/text|/points(/\d+)*|/samples|/frames|/keyframes/\d+(/.*)?')
 
 
 class Caller:
@@ -125,6 +125,8 @@ def bring_about(daemon, contract):
             ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
         if '{' in template:
             ask(400, method.upper(), template, id='%00', name='%00', frame='%00', measure='%00')
+    for name in ('openapi.json', 'openapi.yaml', 'view.schema.json', 'stream.schema.json', 'stream.md'):
+        ask(304, 'GET', f'{api}/{name}', headers={'If-None-Match': '*'})
     # A volume that is too large for the memory exists, but cannot be rendered.
     ask(202, 'POST', f'{api}/volumes', {'uri': 'demo:engine?size=512', 'id': 'large'})
     while ask(200, 'GET', f'{api}/volumes/{{id}}', id='large')['state'] == 'loading':
