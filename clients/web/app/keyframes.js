@@ -26,7 +26,7 @@ export function install(app) {
 }
 
 class Keyframes {
-  #viewer; #screen; #api; #storage; #complain; #made;
+  #viewer; #screen; #api; #storage; #complain; #tellMade;
   #path = EMPTY;
   #volume = null;
   #player = null; // set while the path plays
@@ -42,22 +42,22 @@ class Keyframes {
     this.#api = api;
     this.#storage = storage;
     this.#complain = complain;
-    this.#made = made;
+    this.#tellMade = made;
     const press = (id, act) => byId(id).addEventListener('click', act);
-    press('key-add', () => this.#set(append(this.#path, keyOf(this.#seen))));
+    press('key-add', () => this.#setPath(append(this.#path, keyOf(this.#currentView))));
     press('turn-add', () => this.#addTurn());
     press('keys-clear', () => this.#clear());
     press('path-play', () => (this.#player ? this.#stop() : this.#play()));
-    byId('path-loop').addEventListener('change', ({ target }) => this.#set({ ...this.#path, isLoop: target.checked }));
-    byId('path-length').addEventListener('change', ({ target }) => this.#set(stretch(this.#path, target.valueAsNumber)));
+    byId('path-loop').addEventListener('change', ({ target }) => this.#setPath({ ...this.#path, isLoop: target.checked }));
+    byId('path-length').addEventListener('change', ({ target }) => this.#setPath(stretch(this.#path, target.valueAsNumber)));
     byId('path-at').addEventListener('input', ({ target, timeStamp }) => {
       this.#stop();
       this.#seek(target.valueAsNumber, timeStamp);
     });
-    for (const id of ['path-width', 'path-height', 'path-fps', 'path-format', 'path-quality']) byId(id).addEventListener('input', () => this.#measure());
+    for (const id of ['path-width', 'path-height', 'path-fps', 'path-format', 'path-quality']) byId(id).addEventListener('input', () => this.#update());
     byId('path-form').addEventListener('submit', (event) => {
       event.preventDefault();
-      this.#draw();
+      this.#render();
     });
   }
 
@@ -69,9 +69,9 @@ class Keyframes {
       this.#stop();
       this.#volume = view.volume;
       this.#path = this.#restore();
-      this.#list();
+      this.#rebuild();
     }
-    this.#measure();
+    this.#update();
   }
 
   #restore() {
@@ -85,8 +85,8 @@ class Keyframes {
 
   // The path.
 
-  /** A keyframe with the current view. */
-  get #seen() {
+  /** {view, picture} of the current view. */
+  get #currentView() {
     return { view: this.#viewer.view, picture: this.#screen.thumbnail() };
   }
 
@@ -95,15 +95,15 @@ class Keyframes {
     const { camera, box, view } = this.#viewer;
     const { value } = byId('turn-axis');
     const axis = value === 'screen' ? camera.up : value === 'upright' ? uprightAxis(camera, box.half) : box.half[Number(value)];
-    const seen = keyOf(this.#seen);
+    const seen = keyOf(this.#currentView);
     const turned = turnOf(view, axis).slice(1).map((other) => keyOf({ view: other }));
     const isAll = this.#path.keys.length === 0;
-    this.#set({ ...append(this.#path, seen, ...turned, ...(isAll ? [] : [seen])), isLoop: isAll || this.#path.isLoop });
-    for (const { view: other } of turned) await this.#illustrate(other); // one image at a time
+    this.#setPath({ ...append(this.#path, seen, ...turned, ...(isAll ? [] : [seen])), isLoop: isAll || this.#path.isLoop });
+    for (const { view: other } of turned) await this.#addThumbnail(other); // one image at a time
   }
 
   /** Requests a thumbnail for the key of a view that was never shown; without one the key shows its number. */
-  async #illustrate(view) {
+  async #addThumbnail(view) {
     try {
       const reader = new FileReader();
       reader.readAsDataURL(await this.#api().still(view, THUMBNAIL));
@@ -123,37 +123,37 @@ class Keyframes {
   async #clear() {
     const { keys } = this.#path;
     if (keys.length > 1 && !await ask(t('path.clear.ask', { count: keys.length }), t('common.remove'))) return;
-    this.#set(EMPTY);
+    this.#setPath(EMPTY);
     byId('key-add').focus();
   }
 
-  #set(path) {
+  #setPath(path) {
     this.#stop();
     const isList = path.keys.length !== this.#path.keys.length || path.isLoop !== this.#path.isLoop
       || path.keys.some(({ view, picture }, i) => view !== this.#path.keys[i].view || picture !== this.#path.keys[i].picture);
     this.#path = path;
     this.#keep();
-    if (isList) this.#list();
-    this.#measure();
+    if (isList) this.#rebuild();
+    this.#update();
   }
 
   // The list.
 
   /** Rebuilds the list when keys are added, removed or moved. */
-  #list() {
+  #rebuild() {
     byId('keys').replaceChildren(...this.#path.keys.map((key, i) => this.#entry(key, i)));
   }
 
   /** Changes the path by the button `name` of a key and moves the focus to the same button of key i. */
-  #act(path, i, name) {
-    this.#set(path);
+  #changeAndFocus(path, i, name) {
+    this.#setPath(path);
     const entry = byId('keys').children[Math.min(i, this.#path.keys.length - 1)];
     const wanted = entry?.querySelector(`[data-act="${name}"]`);
     ((wanted?.disabled ? entry.querySelector('.picture') : wanted) ?? byId('key-add')).focus();
   }
 
   #replace(i) {
-    if (this.#viewer.isSettled) this.#act(replace(this.#path, i, this.#seen), i, 'replace');
+    if (this.#viewer.isSettled) this.#changeAndFocus(replace(this.#path, i, this.#currentView), i, 'replace');
   }
 
   #entry({ view, picture, ease }, i) {
@@ -172,17 +172,17 @@ class Keyframes {
     go.disabled = !this.#viewer.canControl;
     const acts = make('span', { class: 'acts' },
       act('replace', '⟳', () => this.#replace(i)),
-      act('up', '↑', () => this.#act(move(this.#path, i, -1), i - 1, 'up'), i === 0),
-      act('down', '↓', () => this.#act(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
-      act('remove', '×', () => this.#act(remove(this.#path, i), i, 'remove')));
+      act('up', '↑', () => this.#changeAndFocus(move(this.#path, i, -1), i - 1, 'up'), i === 0),
+      act('down', '↓', () => this.#changeAndFocus(move(this.#path, i, 1), i + 1, 'down'), i === keys.length - 1),
+      act('remove', '×', () => this.#changeAndFocus(remove(this.#path, i), i, 'remove')));
     const item = make('li', { 'data-pointer': `/path/keyframes/${i}` }, go, acts);
-    if (i > 0 || isLoop) item.append(this.#way(i, ease));
+    if (i > 0 || isLoop) item.append(this.#timing(i, ease));
     else item.append(make('span', { class: 'way', text: t('path.beginning') }));
     return item;
   }
 
   /** The controls for the way to key i: seconds and easing. */
-  #way(i, ease) {
+  #timing(i, ease) {
     const names = i === 0 ? [t('path.seconds.back'), t('path.motion.back')]
       : [t('path.seconds.to', { number: i + 1 }), t('path.motion.to', { number: i + 1 })];
     const field = make('input', {
@@ -192,9 +192,9 @@ class Keyframes {
     const choice = make('select', { 'aria-label': names[1], title: names[1] },
       ...EASES.map((value) => new Option(t(`path.ease.${value}`), value, false, value === ease)));
     field.addEventListener('change', () => {
-      if (field.reportValidity()) this.#set(replace(this.#path, i, { seconds: field.valueAsNumber }));
+      if (field.reportValidity()) this.#setPath(replace(this.#path, i, { seconds: field.valueAsNumber }));
     });
-    choice.addEventListener('change', () => this.#set(replace(this.#path, i, { ease: choice.value })));
+    choice.addEventListener('change', () => this.#setPath(replace(this.#path, i, { ease: choice.value })));
     return make('span', { class: 'way' }, field, make('span', { text: 's' }), choice);
   }
 
@@ -212,7 +212,7 @@ class Keyframes {
   }
 
   /** Updates everything that depends on the keys and the form. */
-  #measure() {
+  #update() {
     const path = this.#path;
     const { keys, isLoop } = path;
     const { isReady, isSettled } = this.#viewer;
@@ -302,19 +302,19 @@ class Keyframes {
     };
   }
 
-  async #draw() {
+  async #render() {
     const path = this.#path;
     const api = this.#api();
     if (!isWhole(path) || !api || this.#isSending) return;
     this.#stop();
     this.#isSending = true;
-    this.#measure();
+    this.#update();
     try {
-      this.#made(await api.createPath(requestOf(path, this.#output)));
+      this.#tellMade(await api.createPath(requestOf(path, this.#output)));
     } catch (error) {
       this.#complain(`/path${pointerInto(path, error.pointer ?? '')}`, error.message);
     }
     this.#isSending = false;
-    this.#measure();
+    this.#update();
   }
 }
