@@ -32,6 +32,8 @@ import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
+import * as transferKinds from './transfer_kinds.js';
+import * as transferMaps from './transfer_maps.js';
 import * as uploads from './uploads.js';
 import * as views from './views.js';
 import * as volumes from './volumes.js';
@@ -44,7 +46,8 @@ import * as zoomBox from './zoom_box.js';
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, transfer, gradient, transferFiles, windowLevel, slices, measures, open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
+  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, measures,
+  open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
 ];
 
 async function start() {

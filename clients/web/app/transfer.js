@@ -1,33 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
-// The panel "Transfer function": points over the histogram, their colours, colour maps, presets by kind of data, undo and redo.
-import { MAP_NAMES, STEPS_MAX, stopsOf } from '../core/color_maps.js';
-import { logHeights, readHistogram } from '../core/histogram.js';
+// The section "Transfer function": the state of the editor, undo and redo, and the curve over the histogram. Colour maps, presets by kind
+// of data, files, and window and level are modules of their own; they call edit() and draw what onShow() tells.
+import { stopsOf } from '../core/color_maps.js';
+import { readHistogram } from '../core/histogram.js';
 import { History } from '../core/history.js';
-import { KINDS, presetOf } from '../core/tissue.js';
 import {
-  EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, opacityAt, paintPoint, stretchAll, tidy, windowOf, within,
+  EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
 } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { nextFrame } from './animation.js';
 import { Curve } from './curve.js';
 import { byId, setText } from './dom.js';
-import { showNumber } from './fields.js';
-import { themeColor } from './theme.js';
+import { PointColor } from './transfer_color.js';
+import { paintCurve, paintStrip } from './transfer_paint.js';
 
-const OWN = ''; // the choice "colours of the points"
-const LEVEL_REACH = 600; // px of a drag for the whole range
 const KEEP_MS = 300;
-const WINDOW_REACH = 180; // px of a drag for a factor e
-
-const hex = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
-const css = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join(' ')})`;
 
 export function install(app) {
   const { viewer, connection, participants, storage } = app;
   const { api } = connection;
   const transfer = new Transfer(viewer, {
     load: (isJoint) => api.histogram(connection.session.id, connection.session.token, isJoint),
-    loadDefault: (id) => api.volumeView(id), storage,
+    storage,
   });
   viewer.on('view', (view) => transfer.show(view, viewer.canControl ? null : participants.whyNot));
   connection.on('session', () => transfer.retry());
@@ -35,7 +29,7 @@ export function install(app) {
 }
 
 class Transfer {
-  #viewer; #load; #loadDefault; #storage; #curve;
+  #viewer; #load; #storage; #curve; #color;
   #history = new History();
   #volume = null;
   #histogram = null;
@@ -43,20 +37,14 @@ class Transfer {
   #asked = null; // the volume whose histogram was asked for
   #why = null;
   #isPlanned = false;
-  #start = null; // of a drag in the picture: {state, window}
-  #custom = null; // an imported colour map: {name, table}
-  #note = '';
-  #timer = null;
+  #note = ''; // about the last preset
+  #timer = null; // until the tab remembers the state
   #listeners = new Set();
 
-  /**
-   * load(isJoint) → the daemon's histogram of the session's volume; loadDefault(volume) → its default view; storage: {recall, remember}
-   * of this tab.
-   */
-  constructor(viewer, { load, loadDefault, storage }) {
+  /** load(isJoint) → the daemon's histogram of the session's volume; storage: {recall, remember} of this tab. */
+  constructor(viewer, { load, storage }) {
     this.#viewer = viewer;
     this.#load = load;
-    this.#loadDefault = loadDefault;
     this.#storage = storage;
     this.#curve = new Curve(byId('transfer-curve'), {
       edit: (points, how) => this.edit({ points }, how), limit: POINTS_MAX, name: 'transfer',
@@ -65,13 +53,11 @@ class Transfer {
     byId('transfer-undo').addEventListener('click', ({ timeStamp }) => this.undo(timeStamp));
     byId('transfer-redo').addEventListener('click', ({ timeStamp }) => this.redo(timeStamp));
     byId('transfer-wide').addEventListener('click', () => this.#widen());
-    this.#attachColors();
-    this.#attachMaps();
-    this.#attachKinds();
+    this.#color = new PointColor(this, this.#curve);
     window.addEventListener('keydown', (event) => this.#keys(event));
     window.addEventListener('pagehide', () => this.#keep());
-    window.matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => this.#plan());
-    byId('transfer').addEventListener('toggle', () => this.#plan());
+    window.matchMedia('(prefers-color-scheme: light)').addEventListener('change', () => this.plan());
+    byId('transfer').addEventListener('toggle', () => this.plan());
   }
 
   /** Calls told() after each change of the transfer function or of the control. */
@@ -117,12 +103,11 @@ class Transfer {
       this.#curve.selected = 0;
       this.#curve.showAll();
       this.#history.reset(this.#recall(points, gradient) ?? { points, gradient, map: null });
-      byId('transfer-kind').value = '';
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
       this.#history.put({ points, gradient, map: null }, 'others');
     }
     this.#ask();
-    this.#plan();
+    this.plan();
   }
 
   /**
@@ -148,7 +133,7 @@ class Transfer {
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#keep(), KEEP_MS);
     if (Object.keys(patch).length) this.#viewer.change({ transfer_function: patch }, time);
-    this.#plan();
+    this.plan();
   }
 
   // A reload gets the points back from the daemon, and from the tab which of them belong to a colour map.
@@ -162,7 +147,6 @@ class Transfer {
     try {
       const kept = JSON.parse(this.#storage.recall('transfer') || 'null');
       if (kept?.volume !== this.#volume || !isSame(kept.points, points)) return null;
-      if (kept.state.map.table) this.#custom = { name: kept.state.map.name, table: kept.state.map.table };
       return { ...kept.state, gradient };
     } catch {
       return null;
@@ -189,170 +173,48 @@ class Transfer {
       problem = error.message;
     }
     if (volume === this.#volume) this.#problem = problem;
-    this.#plan();
+    this.plan();
   }
 
-  // Colours of points.
+  // Colour maps: {name, table (of an imported map, else null), range, isReversed, steps (0 = smooth)}.
 
-  #attachColors() {
-    const set = (color, time, gesture) => {
-      const merged = this.points;
-      const at = this.#curve.point?.value;
-      const { map } = this.state;
-      const index = map ? merged.findIndex((p) => Math.abs(p.value - at) <= this.gap) : this.#curve.selected;
-      if (index < 0) return;
-      // The colour of one point ends a colour map: its colours become points.
-      this.#curve.selected = index;
-      this.edit({ points: paintPoint(map ? merged : this.state.points, index, color), map: null }, { gesture, time });
-    };
-    byId('transfer-color').addEventListener('input', ({ target, timeStamp }) => {
-      set([1, 3, 5].map((i) => parseInt(target.value.slice(i, i + 2), 16) / 255), timeStamp, 'color');
-    });
-    byId('transfer-color').addEventListener('change', () => this.seal());
-    const parts = [...byId('transfer-rgb').querySelectorAll('input')];
-    for (const part of parts) {
-      part.addEventListener('change', ({ timeStamp }) => {
-        const values = parts.map((field) => Math.min(255, Math.max(0, field.valueAsNumber)) / 255);
-        if (values.every(Number.isFinite)) set(values, timeStamp, null);
-        this.#plan();
-      });
-    }
-  }
-
-  #showColor() {
-    const { point } = this.#curve;
-    const color = point && (this.stops ? colorAt(this.points, point.value) : point.color);
-    byId('transfer-color').value = hex(color ?? [0, 0, 0]);
-    [...byId('transfer-rgb').querySelectorAll('input')].forEach((field, i) => {
-      if (document.activeElement !== field) field.value = Math.round((color?.[i] ?? 0) * 255);
-    });
-  }
-
-  // Colour maps.
-
-  #attachMaps() {
-    const choice = byId('transfer-map');
-    choice.replaceChildren(new Option(t('transfer.map.points'), OWN), ...MAP_NAMES.map((id) => new Option(t(`map.${id}`), id)));
-    byId('transfer-steps').max = STEPS_MAX;
-    choice.addEventListener('change', ({ timeStamp }) => this.useMap(choice.value, timeStamp));
-    byId('transfer-reverse').addEventListener('change', ({ target, timeStamp }) => this.#changeMap({ isReversed: target.checked }, timeStamp));
-    byId('transfer-steps').addEventListener('change', ({ target, timeStamp }) => {
-      const steps = Math.round(Math.min(STEPS_MAX, Math.max(0, target.valueAsNumber || 0)));
-      this.#changeMap({ steps }, timeStamp);
-    });
-    for (const [i, id] of ['transfer-map-low', 'transfer-map-high'].entries()) {
-      byId(id).addEventListener('change', ({ target, timeStamp }) => {
-        const range = this.state.map?.range.with?.(i, target.valueAsNumber) ?? this.state.map?.range.map((v, k) => (k === i ? target.valueAsNumber : v));
-        if (range?.every(Number.isFinite) && range[1] > range[0]) this.#changeMap({ range }, timeStamp);
-        this.#plan();
-      });
-    }
-  }
-
-  #changeMap(change, time) {
-    if (this.state?.map) this.edit({ map: { ...this.state.map, ...change } }, { time });
-    this.#plan();
-  }
-
-  /** Chooses a colour map by its id, or the colours of the points. */
-  useMap(id, time) {
+  /** Takes the colours from a map {name, table}; range and shape of the map before it stay. */
+  useMap({ name, table }, time) {
     if (!this.isEditable) return;
-    if (id === OWN) {
-      this.edit({ points: this.points, map: null }, { time });
-      return;
-    }
     const { points, map } = this.state;
     const [low, high] = [points[0].value, points.at(-1).value];
     const range = map?.range ?? (high > low ? [low, high] : [...this.range]);
-    const custom = id === 'custom' && this.#custom;
-    this.edit({ map: { isReversed: false, steps: 0, ...map, name: custom ? custom.name : id, table: custom ? custom.table : null, range } }, { time });
+    this.edit({ map: { isReversed: false, steps: 0, ...map, name, table, range } }, { time });
   }
 
-  /** Takes an imported colour map {name, table}. */
-  takeMap({ name, table }, time) {
-    this.#custom = { name, table };
-    this.useMap('custom', time);
+  /** Changes the range or the shape of the map. */
+  changeMap(change, time) {
+    if (this.state?.map) this.edit({ map: { ...this.state.map, ...change } }, { time });
+    this.plan();
   }
 
-  #showMap() {
-    const { map } = this.state;
-    const choice = byId('transfer-map');
-    let option = [...choice.options].find(({ value }) => value === 'custom');
-    if (this.#custom && !option) choice.add(option = new Option('', 'custom'));
-    if (option) option.text = this.#custom?.name ?? t('transfer.map.imported');
-    choice.value = map ? (map.table ? 'custom' : map.name) : OWN;
-    for (const id of ['transfer-map-shape', 'transfer-map-range']) byId(id).hidden = !map;
-    if (!map) return;
-    byId('transfer-reverse').checked = map.isReversed;
-    for (const [id, value] of [['transfer-steps', map.steps], ['transfer-map-low', map.range[0]], ['transfer-map-high', map.range[1]]]) {
-      if (document.activeElement !== byId(id) || byId(id).valueAsNumber === value) byId(id).value = Number(value.toPrecision(6));
-    }
+  /** The colours of the map become those of points. */
+  endMap(time) {
+    if (this.isEditable) this.edit({ points: this.points, map: null }, { time });
   }
 
-  // Presets by kind of data.
-
-  #attachKinds() {
-    const choice = byId('transfer-kind');
-    choice.append(...KINDS.map((id) => new Option(t(`kind.${id}`), id)));
-    choice.addEventListener('change', ({ timeStamp }) => {
-      if (choice.value === 'default') this.#useDefault(timeStamp);
-      if (!KINDS.includes(choice.value) || !this.#histogram) return;
-      const { points, map, note } = presetOf(choice.value, this.#histogram);
-      const range = [points[0].value, points.at(-1).value];
-      this.#note = `${note[0].toUpperCase()}${note.slice(1)}.`;
-      this.#curve.selected = 0;
-      this.edit({ points, gradient: [], map: map && { name: map, table: null, isReversed: false, steps: 0, range } }, { time: timeStamp });
-    });
-  }
-
-  async #useDefault(time) {
-    const volume = this.#volume;
-    try {
-      const { points, gradient } = (await this.#loadDefault(volume)).transfer_function;
-      if (volume === this.#volume) this.replace({ points, gradient }, time);
-    } catch (error) {
-      this.#note = t('transfer.default.failed', { reason: error.message });
-      this.#plan();
-    }
-  }
-
-  /** Replaces the transfer function by an imported one. gradient null: it stays. */
-  replace({ points, gradient }, time) {
+  /** Replaces the transfer function by a preset or an imported one. gradient null: it stays. note: shown below the presets. */
+  replace({ points, gradient, map = null }, time, note = '') {
     this.#curve.selected = 0;
-    this.#note = '';
-    this.edit({ points, gradient: gradient ?? this.state.gradient, map: null }, { time });
+    this.#note = note;
+    this.edit({ points, gradient: gradient ?? this.state.gradient, map }, { time });
   }
 
-  // Window and level: a drag in the picture stretches and moves all values.
-
-  beginWindow() {
-    this.#start = this.isEditable ? { state: this.state, window: windowOf(this.state.points, this.range), gesture: `window ${performance.now()}` } : null;
-  }
-
-  /** dx, dy: from the start of the drag in px; to the right widens the window, upwards raises the level. */
-  dragWindow(dx, dy, time) {
-    if (!this.#start) return;
-    const { state, window: from, gesture } = this.#start;
-    const [low, high] = this.range;
-    const width = Math.min(Math.max(from.width * Math.exp(dx / WINDOW_REACH), (high - low) * 1e-3), (high - low) * 10);
-    const level = Math.min(Math.max(from.level - dy / LEVEL_REACH * (high - low), low - (high - low)), high + (high - low));
-    this.edit(stretchAll(state, from, { level, width }), { gesture, time });
-  }
-
-  endWindow() {
-    this.#start = null;
-    this.seal();
-  }
-
-  get windowText() {
-    if (!this.state) return '';
-    const { level, width } = windowOf(this.state.points, this.range);
-    return t('window.values', { width: showNumber(width), level: showNumber(level) });
+  /** Shows a note below the presets, until the next one. */
+  tell(note) {
+    this.#note = note;
+    this.plan();
   }
 
   // Drawing.
 
-  #plan() {
+  /** Draws everything at the next animation frame. */
+  plan() {
     if (this.#isPlanned || !this.state) return;
     this.#isPlanned = true;
     nextFrame(() => {
@@ -368,7 +230,6 @@ class Transfer {
     byId('transfer-redo').disabled = !isEditable || !this.#history.canRedo;
     setText(byId('transfer-why'), this.#why ?? '');
     byId('transfer-why').hidden = !this.#why;
-    byId('transfer-kind').disabled = !this.#histogram;
     setText(byId('transfer-note'), this.#problem ? t('transfer.nohistogram', { reason: this.#problem }) : this.#note);
     byId('transfer-note').hidden = !byId('transfer-note').textContent;
     for (const told of this.#listeners) told();
@@ -376,58 +237,15 @@ class Transfer {
     const { points, stops } = this;
     this.#curve.show({
       points: this.state.points.map((p) => (stops ? { ...p, color: colorAt(points, p.value) } : p)), extent: this.#extent, gap: this.gap, isEditable,
-      paint: (...where) => this.#paint(points, ...where), selected: () => this.#showColor(),
+      paint: (...where) => this.#paint(points, ...where), selected: () => this.#color.show(),
     });
-    this.#showColor();
-    this.#showMap();
+    this.#color.show();
   }
 
   #paint(points, context, width, height, [low, high], top) {
-    const columns = Math.max(1, Math.round(width));
-    const xOf = (value) => (value - low) / (high - low) * width;
-    const yOf = (opacity) => height * (1 - Math.min(1, opacity / top));
-    if (this.#histogram) {
-      context.fillStyle = themeColor('--bars');
-      context.beginPath();
-      context.moveTo(0, height);
-      logHeights(this.#histogram, low, high, columns).forEach((part, i) => {
-        context.lineTo(i * width / columns, height * (1 - part));
-        context.lineTo((i + 1) * width / columns, height * (1 - part));
-      });
-      context.lineTo(width, height);
-      context.fill();
-    }
-    const shape = new Path2D();
-    shape.moveTo(0, yOf(opacityAt(points, low)));
-    for (const { value, opacity } of points) if (value > low && value < high) shape.lineTo(xOf(value), yOf(opacity));
-    shape.lineTo(width, yOf(opacityAt(points, high)));
-    const area = new Path2D(shape);
-    area.lineTo(width, height);
-    area.lineTo(0, height);
-    const colors = context.createLinearGradient(0, 0, width, 0);
-    const at = (value) => Math.min(1, Math.max(0, (value - low) / (high - low)));
-    colors.addColorStop(0, css(colorAt(points, low)));
-    for (const { value, color } of points) if (value > low && value < high) colors.addColorStop(at(value), css(color));
-    colors.addColorStop(1, css(colorAt(points, high)));
-    context.globalAlpha = 0.55;
-    context.fillStyle = colors;
-    context.fill(area);
-    context.globalAlpha = 1;
-    context.strokeStyle = themeColor('--text');
-    context.lineWidth = 1.5;
-    context.stroke(shape);
-    this.#paintStrip(colors, width);
-  }
-
-  #paintStrip(colors, width) {
-    const strip = byId('transfer-strip');
-    const ratio = window.devicePixelRatio || 1;
-    const size = Math.round(width * ratio);
-    if (strip.width !== size || strip.height !== 1) [strip.width, strip.height] = [size, 1];
-    const context = strip.getContext('2d');
-    context.setTransform(ratio, 0, 0, 1, 0, 0);
-    context.fillStyle = colors;
-    context.fillRect(0, 0, width, 1);
+    const frame = { width, height, low, high, top };
+    const colors = paintCurve(context, points, this.#histogram, frame);
+    paintStrip(byId('transfer-strip'), colors, width);
   }
 
   #widen() {

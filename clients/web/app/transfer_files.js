@@ -46,7 +46,7 @@ class TransferFiles {
       if (file.size > BYTES_MAX) throw new Error(t('transfer.file.large', { bytes: file.size, most: BYTES_MAX }));
       const read = readTransferFile(await file.text());
       if (!this.#transfer.isEditable) throw new Error(t('transfer.file.locked'));
-      if (read.kind === 'map') this.#transfer.takeMap(read, time);
+      if (read.kind === 'map') this.#transfer.useMap(read, time);
       else this.#transfer.replace(read, time);
       said.textContent = read.kind === 'map' ? t('transfer.file.map', { map: read.name, file: file.name }) : t('transfer.file.whole', { file: file.name });
     } catch (error) {

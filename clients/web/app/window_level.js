@@ -1,31 +1,64 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mode in which a drag in the picture changes window and level.
+// The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function.
+import { stretchAll, windowOf } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
+import { showNumber } from './fields.js';
 
 const MODE = 'window';
 const KEY_PX = 12;
 const STEPS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+const LEVEL_REACH = 600; // px of a drag for the whole range
+const WINDOW_REACH = 180; // px of a drag for a factor e
+
+class WindowDrag {
+  #transfer;
+  #start = null; // {at, state, window, gesture}; null: no drag, or no control
+
+  constructor(transfer) { this.#transfer = transfer; }
+
+  begin(at) {
+    const { isEditable, state, range } = this.#transfer;
+    this.#start = isEditable ? { at, state, window: windowOf(state.points, range), gesture: `window ${performance.now()}` } : null;
+  }
+
+  /** To the right the window gets wider, upwards the level rises. */
+  move(at, time) {
+    if (!this.#start) return;
+    const { state, window: from, gesture } = this.#start;
+    const [dx, dy] = [at[0] - this.#start.at[0], at[1] - this.#start.at[1]];
+    const [low, high] = this.#transfer.range;
+    const width = Math.min(Math.max(from.width * Math.exp(dx / WINDOW_REACH), (high - low) * 1e-3), (high - low) * 10);
+    const level = Math.min(Math.max(from.level - dy / LEVEL_REACH * (high - low), low - (high - low)), high + (high - low));
+    this.#transfer.edit(stretchAll(state, from, { level, width }), { gesture, time });
+  }
+
+  end() {
+    this.#start = null;
+    this.#transfer.seal();
+  }
+}
 
 export function install({ modes, toolbar, transfer }) {
-  let from = null;
-  const end = () => transfer.endWindow();
+  const drag = new WindowDrag(transfer);
+  const sayWindow = () => {
+    if (!transfer.state) return;
+    const { level, width } = windowOf(transfer.state.points, transfer.range);
+    modes.say(t('window.values', { width: showNumber(width), level: showNumber(level) }));
+  };
   modes.add(MODE, {
     label: t('window.title'), hint: t('window.hint'), cursor: 'move',
-    enter: () => modes.say(transfer.windowText),
-    down: (at) => {
-      from = at;
-      transfer.beginWindow();
-    },
-    move: (at, { timeStamp }) => transfer.dragWindow(at[0] - from[0], at[1] - from[1], timeStamp),
-    up: end,
-    cancel: end,
+    enter: sayWindow,
+    down: (at) => drag.begin(at),
+    move: (at, { timeStamp }) => drag.move(at, timeStamp),
+    up: () => drag.end(),
+    cancel: () => drag.end(),
     key: ({ key, shiftKey, timeStamp }) => {
       if (!STEPS[key] || shiftKey) return false;
       const [dx, dy] = STEPS[key];
-      transfer.beginWindow();
-      transfer.dragWindow(dx * KEY_PX, -dy * KEY_PX, timeStamp);
-      end();
+      drag.begin([0, 0]);
+      drag.move([dx * KEY_PX, -dy * KEY_PX], timeStamp);
+      drag.end();
       return true;
     },
   });
@@ -43,7 +76,7 @@ export function install({ modes, toolbar, transfer }) {
       element.setAttribute('aria-pressed', String(isOn));
       element.disabled = !transfer.isEditable;
     }
-    if (isOn) modes.say(transfer.windowText);
+    if (isOn) sayWindow();
   };
   modes.on('change', show);
   transfer.onShow(show);
