@@ -84,7 +84,7 @@ test('two views become keyframes; the daemon renders the frames between them, wh
   await shot(page, 'path-keys');
   await page.locator('#path-draw', { hasText: 'Render 6 frames' }).click();
   await it.entry('done').waitFor();
-  await page.locator('#path-busy', { hasText: 'drawn' }).waitFor();
+  await page.locator('#path-busy', { hasText: 'finished' }).waitFor();
   await shot(page, 'path-done');
   const { name, bytes } = await it.save();
   assert.match(name, /^[0-9a-f]{32}\.tar$/);
