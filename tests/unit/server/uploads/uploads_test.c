@@ -344,6 +344,7 @@ static void an_upload_has_an_owner(void **state) {
         uploads = create(1000);
     }
     assert_true(srv_uploads_remove(uploads, info.id, NULL, NULL));
+    drain();
     srv_uploads_destroy(&uploads);
 }
 
@@ -393,6 +394,7 @@ static void a_token_has_a_share(void **state) {
     set_tokens(ANN "\n"); /* alone, it may have all */
     srv_uploads_numbers(uploads, "ann", &numbers);
     assert_int_equal(numbers.own_bytes_max, 1000);
+    drain();
     srv_uploads_destroy(&uploads);
     srv_tokens_destroy(&tokens);
 }
