@@ -16,6 +16,7 @@ command_fn command_presets, command_preset, command_views, command_saved, comman
     command_sessions, command_session, command_share, command_paths; /* collections.c */
 command_fn command_path;                                             /* path.c */
 command_fn command_upload;                                           /* upload.c */
+command_fn command_measures;                                         /* measures.c */
 
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* Returns the text of a member; "" if it has none. */

@@ -14,6 +14,7 @@ enum block {
     BLOCK_LOCAL,
     BLOCK_SLICE,
     BLOCK_PATH,
+    BLOCK_MEASURES,
     BLOCK_DELETE,
     BLOCK_DAEMON,
     BLOCK_OUTPUT,
@@ -67,6 +68,7 @@ static const struct {
       DAEMON | BIT(BLOCK_SCENE) | BIT(BLOCK_FIELDS) },
     { "session", "ID", "print the links of a session", DAEMON | BIT(BLOCK_DELETE) },
     { "sessions", "", "list the sessions, active or hibernated", DAEMON },
+    { "measures", "ID", "list the measurements of a session", DAEMON | BIT(BLOCK_MEASURES) },
 };
 
 static const char *const texts[BLOCKS] = {
@@ -120,6 +122,10 @@ static const char *const texts[BLOCKS] = {
     [BLOCK_PATH] = "path:\n"
                    "  --out FOLDER|FILE       a folder for the frames, created if necessary, or a "
                    "movie file\n",
+    [BLOCK_MEASURES] =
+        "measures:\n"
+        "  --format csv            write a table with all numbers, for spreadsheets\n"
+        "  --out FILE|-            with --format csv: the file (default: standard output)\n",
     [BLOCK_DELETE] = "saved, preset, session, path --id:\n"
                      "  --delete                delete it; path --id with --out: fetch it before\n",
     [BLOCK_DAEMON] =

@@ -20,7 +20,7 @@ static const struct {
     { "share", command_share, false },     { "session", command_session, true },
     { "slice", command_slice, false },     { "sessions", command_sessions, false },
     { "upload", command_upload, false },   { "path", command_path, true },
-    { "paths", command_paths, false },
+    { "paths", command_paths, false },     { "measures", command_measures, false },
 };
 
 /* Drops the renderer's log: errors reach the user as errors; the rest is for daemons. */

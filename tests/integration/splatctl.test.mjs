@@ -222,6 +222,25 @@ test('sessions are created, forked, listed and ended, and their links join them'
   assert.equal((await splatctl(['share', 'nothing-there'])).status, 1);
 });
 
+test('the measurements of a session are listed and written as CSV', async () => {
+  const { id } = await daemon.session({ volume: 'engine' });
+  const at = `/api/v1/sessions/${id}/measures`;
+  const body = JSON.stringify({ kind: 'distance', points: [[0, 0, 0], [3, 4, 0]], text: '=Wall' });
+  const { status, json } = await daemon.json(`${at}/wall`, { method: 'PUT', body, headers: { 'Content-Type': 'application/json' } });
+  assert.deepEqual([status, json.value], [201, 5]);
+  const table = (await succeeds(['measures', id])).toString();
+  assert.match(table, /^wall +distance +=Wall +5 +- +- +- +the volume does not state the unit of its coordinates *$/m);
+  assert.deepEqual(JSON.parse(await succeeds(['measures', id, '--json'])).measures, [json]);
+  const csv = (await succeeds(['measures', id, '--format', 'csv'])).toString();
+  assert.match(csv, /^id,kind,volume,text,.*\r\nwall,distance,engine,"'=Wall",/);
+  await succeeds(['measures', id, '--format', 'csv', '--out', inFolder('m.csv')]);
+  assert.equal(readFileSync(inFolder('m.csv'), 'utf8'), csv);
+  assert.equal((await splatctl(['measures', 'nothing-there'])).status, 1);
+  for (const wrong of [['measures'], ['measures', id, '--format', 'xml'], ['measures', id, '--out', '-'], ['measures', id, '--json', '--format', 'csv']]) {
+    assert.equal((await splatctl(wrong)).status, 2, wrong.join(' '));
+  }
+});
+
 const TURN = { view: { volume: 'engine' }, size: [24, 16], frames: 5, keyframes: [{ frame: 4, view: { camera: { fov_y: 60 } } }] };
 
 test('a camera path becomes a folder of frames, each equal to the image of its view', async () => {

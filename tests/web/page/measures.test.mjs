@@ -97,7 +97,9 @@ test('tools in slices: each gives the value that is true', async (context) => {
   await page.evaluate(() => { document.getElementById('measure').open = true; });
   assert.equal(await page.locator('#measures li').count(), 5);
   await page.locator('#measure-plot svg .measure-curve').waitFor({ state: 'attached' });
-  assert.match(await page.textContent('#measures li:nth-child(3) .measure-value'), /mm²$/);
+  assert.match(await page.textContent('#measures li:nth-child(3) .measure-value'), /^Area [\d.]+ mm²$/);
+  const words = await page.locator('#pane-axial .measure-label').allTextContents();
+  for (const word of [/^Length [\d.]+ mm$/, /^Angle [\d.]+°$/, /^Area [\d.]+ mm²$/, /^Mean ± SD [\d.]+ ± [\d.]+$/]) assert.ok(words.some((text) => word.test(text)), `${word} is not in ${words}`);
   assert.equal(await page.locator(`#pane-axial [data-item="${rectangle.id}"].measure-hit`).count(), 1);
   assert.equal(await page.locator(`#overlay [data-item="${distance.id}"].measure-hit`).count(), 1);
   await shot(page, 'measures');

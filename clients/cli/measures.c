@@ -1,0 +1,92 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The measurements of a session.
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cli/commands.h"
+#include "cli/output.h"
+#include "cli/print.h"
+
+/* Adds a number, or "-" if there is none. */
+static void add_number(struct table *table, const proto_json *object, const char *key) {
+    double value;
+    if (proto_json_number(proto_json_get(object, key), &value))
+        table_add(table, "%.6g", value);
+    else
+        table_add(table, "-");
+}
+
+static void add_measure(struct table *table, const proto_json *measure) {
+    const proto_json *statistics = proto_json_get(measure, "statistics");
+    const char *text = text_of(measure, "text");
+    table_add(table, "%s", text_of(measure, "id"));
+    table_add(table, "%s", text_of(measure, "kind"));
+    table_add(table, "%s", text[0] ? text : "-");
+    add_number(table, measure, "value");
+    table_add(table, "%s", text_of(measure, "unit")[0] ? text_of(measure, "unit") : "-");
+    add_number(table, statistics, "mean");
+    add_number(table, statistics, "deviation");
+    table_add(table, "%s", text_of(measure, "note"));
+}
+
+static bool print_measures(const proto_json *list, struct sp_error *err) {
+    static const char *const headings[] = { "ID",   "KIND", "TEXT", "VALUE",
+                                            "UNIT", "MEAN", "SD",   "NOTE" };
+    struct table table = { .columns = 8, .is_right = { [3] = true, [5] = true, [6] = true } };
+    for (size_t c = 0; c < table.columns; c++)
+        table_add(&table, "%s", headings[c]);
+    for (size_t i = 0; i < proto_json_size(list); i++)
+        add_measure(&table, proto_json_at(list, i));
+    return table_print(&table, err);
+}
+
+/* Writes the daemon's CSV as it is. */
+static bool write_csv(const struct options *options, struct http *http, const char *path,
+                      struct sp_error *err) {
+    struct http_response response = { 0 };
+    bool ok = http_request(http, "GET", path, "text/csv", NULL, &response, err) &&
+              output_write(options->out ? options->out : "-", response.body, response.size, err);
+    http_response_finish(&response);
+    return ok;
+}
+
+static bool list_measures(const struct options *options, struct http *http, bool is_csv,
+                          struct sp_error *err) {
+    char *session = collection_path(http, "sessions", options->argument, err), *path = NULL;
+    bool ok = session != NULL;
+    if (ok && asprintf(&path, "%s/measures%s", session, is_csv ? "?format=csv" : "") < 0) {
+        path = NULL;
+        ok = sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    }
+    if (ok && is_csv) {
+        ok = write_csv(options, http, path, err);
+    } else if (ok) {
+        proto_json *answer = http_json(http, "GET", path, NULL, err);
+        ok = answer && (options->json ? print_json(options, answer, err)
+                                      : print_measures(proto_json_get(answer, "measures"), err));
+        proto_json_free(&answer);
+    }
+    free(path);
+    free(session);
+    return ok;
+}
+
+int command_measures(const struct options *options, struct sp_error *err) {
+    const bool is_csv = options->format && strcmp(options->format, "csv") == 0;
+    if (!options->argument)
+        return usage_error("measures",
+                           "needs the id of a session; \"splatctl sessions\" lists them");
+    if (options->format && !is_csv)
+        return usage_error("--format", "\"%s\" is not csv", options->format);
+    if (options->out && !is_csv)
+        return usage_error("--out", "needs --format csv");
+    if (is_csv && options->json)
+        return usage_error("measures", "takes either --json or --format csv");
+    struct http *http = connect_to_daemon(options, err);
+    bool ok = http && list_measures(options, http, is_csv, err);
+    http_destroy(&http);
+    return ok ? 0 : 1;
+}
