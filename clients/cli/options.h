@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c,
- * render.c, slice.c and upload.c are the commands; patch.c makes their view; http.c talks to the
- * daemon; local.c renders without a daemon; output.c writes files completely or not at all; print.c
- * prints tables and JSON; help.c prints the help. Errors are struct sp_error up to main(), which
- * prints `splatctl: place: text`.
+ * measures.c, render.c, slice.c and upload.c are the commands; patch.c makes their view; http.c
+ * talks to the daemon; local.c renders without a daemon; output.c writes files completely or not at
+ * all; print.c prints tables and JSON; help.c prints the help. Errors are struct sp_error up to
+ * main(), which prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
