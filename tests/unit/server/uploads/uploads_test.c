@@ -440,6 +440,8 @@ static void a_header_has_companions(void **state) {
     assert_int_equal(access(path, F_OK), -1); /* at once: the name may be used again */
     assert_true(try_join(uploads, header.id, "ct.raw", 2, &info, &err));
     drain();
+    srv_uploads_destroy(&uploads);
+    uploads = create(1000);
     fill(uploads, info.id, "xy");
     read_file(path, bytes);
     assert_string_equal(bytes, "xy");
