@@ -140,11 +140,10 @@ test('a link to a view opens it in a new session, also in a page that is already
   await firstFrame(other.page);
   assert.equal(await other.page.evaluate(() => window.splatd.session), own);
 
-  // The notice disappears by itself after a while: do not wait for the picture first.
   const lost = await openPage(browser);
   context.after(() => lost.context.close());
   await lost.page.goto(`${daemon.url}#view=${'0'.repeat(32)}`);
-  await lost.page.locator('#notice', { hasText: 'could not be shown' }).waitFor();
+  await lost.page.locator('#notice', { hasText: 'could not show the view of the link' }).waitFor();
 });
 
 test('a preset is saved, listed, applied for all participants, and deleted', async (context) => {
