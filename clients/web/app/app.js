@@ -44,7 +44,7 @@ export function createApp(base) {
   const report = (error) => {
     errors.push(String(error?.message ?? error));
     if (errors.length > ERRORS_MAX) errors.shift();
-    notice.show(errors.at(-1), 'fault');
+    notice.show(errors.at(-1), 'error');
   };
   const layout = new Layout(document.querySelector('main'));
   const screen = new Screen(byId('screen'));

@@ -1,8 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The banner shows what prevents the picture; the notice shows all other messages. Each message is one sentence.
 import { t } from '../core/text.js';
+import { icon, make } from './dom.js';
 
 const NOTICE_MS = 9000;
+const TONES = {
+  info: () => icon('info'), success: () => icon('circle-check'), warning: () => icon('triangle-alert'), error: () => icon('circle-x'),
+};
 
 export class Banner {
   #root; #title; #text; #progress; #retry; #form; #open;
@@ -88,19 +92,26 @@ export class Banner {
 }
 
 export class Notice {
-  #root; #text;
+  #root; #text; #icon;
   #timer = null;
   #kind = '';
 
   constructor(root) {
     this.#root = root;
     this.#text = root.querySelector('#notice-text');
+    this.#icon = make('span', { class: 'tone', 'aria-hidden': 'true' });
+    root.prepend(this.#icon);
     root.querySelector('#notice-close').addEventListener('click', () => this.hide());
   }
 
-  show(text, kind = 'message') {
+  /** tone: info, success, warning or error; kind: for hide(). */
+  show(text, tone = 'info', kind = 'message') {
     clearTimeout(this.#timer);
     this.#kind = kind;
+    if (this.#root.dataset.tone !== tone) {
+      this.#root.dataset.tone = tone;
+      this.#icon.replaceChildren(TONES[tone]());
+    }
     this.#text.textContent = text;
     this.#root.hidden = false;
     this.#timer = setTimeout(() => this.hide(), NOTICE_MS);

@@ -21,6 +21,7 @@ export function install(app) {
   body.append(handles.row, box.root, planes.root, make('div', { class: 'buttons' }, reset));
 
   const toggle = (isOn = !state.hasHandles) => {
+    if (isOn && !viewer.mayChange()) return;
     state.hasHandles = isOn;
     if (isOn && byId('panel').dataset.open === 'true') byId('clip').open = true;
   };

@@ -296,6 +296,7 @@ class Compare {
     }
     if (isSide) this.#stage.append(this.#badges[0]);
     this.#label();
+    this.#app.overlay.update();
     for (const told of this.#told) told();
   }
 }

@@ -29,7 +29,7 @@ export function install(app) {
     const granted = await app.configure({ format: formatOf(choice) });
     if (granted?.format === 'jpeg' && videos.includes(choice) && choice === moving.value) {
       moving.value = 'jpeg';
-      notice.show(t('moving.missing', { format: nameOf(choice) }));
+      notice.show(t('moving.missing', { format: nameOf(choice) }), 'warning');
     }
   }
 

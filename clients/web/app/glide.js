@@ -19,7 +19,7 @@ export class Glide {
 
   /** Goes to `rig` and ends exactly there. */
   to(rig, time) {
-    if (!this.#viewer.isReady) return;
+    if (!this.#viewer.mayChange()) return;
     const from = this.#viewer.rig;
     if (this.#reduced.matches || rig.projection !== from.projection) {
       this.#mine = null;

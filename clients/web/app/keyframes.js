@@ -19,7 +19,7 @@ export function install(app) {
   const { viewer, screen, storage, panel, notice, paths } = app;
   const keyframes = new Keyframes(viewer, {
     screen, api: () => pathApi(app), storage, made: (path) => paths.add(path),
-    complain: (pointer, text) => panel.complain(pointer, text) || notice.show(text),
+    complain: (pointer, text) => panel.complain(pointer, text) || notice.show(text, 'warning'),
   });
   viewer.on('view', () => keyframes.show());
   screen.onResize(() => keyframes.show());

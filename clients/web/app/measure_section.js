@@ -288,6 +288,6 @@ class Section {
     const { notice } = this.#app;
     const text = tableText(this.#measures.items, (item) => this.#measures.nameOf(item));
     const isCopied = await navigator.clipboard?.writeText(text).then(() => true, () => false);
-    notice.show(t(isCopied ? 'measure.copied' : 'measure.copy.failed', { count: this.#measures.items.length }));
+    notice.show(t(isCopied ? 'measure.copied' : 'measure.copy.failed', { count: this.#measures.items.length }), isCopied ? 'success' : 'error');
   }
 }

@@ -44,7 +44,7 @@ export async function surfaceAt({ connection, screen, notice }, at) {
     if (!position) notice.show(t('measure.nothing'));
     return position;
   } catch (error) {
-    notice.show(error.message);
+    notice.show(error.message, 'error');
     return null;
   }
 }

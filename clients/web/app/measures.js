@@ -219,7 +219,7 @@ export class Measures extends Emitter {
   async #refused(error) {
     const { connection, notice } = this.#app;
     if (!connection.isLive) return;
-    notice.show(t('measure.refused', { reason: error.message }));
+    notice.show(t('measure.refused', { reason: error.message }), 'warning');
     try {
       const { measures } = await connection.call('measure.list');
       this.#list.take({ ids: measures.map(({ id }) => id), changed: measures });

@@ -182,7 +182,7 @@ class OpenDialog {
       this.#app.openVolume(volume);
     } catch (error) {
       this.#say(error.message, true);
-      if (!this.#dialog.open) this.#app.notice.show(error.message);
+      if (!this.#dialog.open) this.#app.notice.show(error.message, 'error');
     }
   }
 }
@@ -196,7 +196,7 @@ function showWhenReady({ connection, viewer, notice }) {
     if (!volume || volume.state === 'loading') return;
     wanted = null;
     if (volume.state === 'ready') viewer.selectVolume(volume.id);
-    else notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }));
+    else notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }), 'error');
   }
 
   connection.on('volumes', look);

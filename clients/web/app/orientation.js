@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The orientation cube in the corner of the picture, and app.orientation for all who need directions: {frame, anatomy, glide, name(axis,
 // sign), turnTo(direction, time), on('change')}. The names are anatomical where the file tells them, else x, y, z.
-import { PARTS, faceMatrix, neighbour, outlines, placeOf } from '../core/cube.js';
+import { INNER, PARTS, faceMatrix, neighbour, outlines, placeOf } from '../core/cube.js';
 import { Emitter } from '../core/emitter.js';
 import { anatomyOf, frameOf, letterOf, orientationFrom } from '../core/orientation.js';
 import { t } from '../core/text.js';
@@ -82,6 +82,7 @@ class Cube {
   #axes = []; // {axis, line, text}
   #focused = PARTS.find(isFace);
   #drawn = null; // the orientation on the screen
+  #finger = window.matchMedia('(pointer: coarse)');
 
   constructor({ viewer, orientation }) {
     this.#viewer = viewer;
@@ -109,6 +110,7 @@ class Cube {
     }
     this.#root.addEventListener('keydown', (event) => this.#key(event));
     this.#attachPointer();
+    this.#finger.addEventListener('change', () => this.#redraw());
     this.name();
     byId('pane-3d').append(this.#root);
   }
@@ -132,6 +134,13 @@ class Cube {
       text.textContent = this.#orientation.letter(axis, face[axis]);
       text.toggleAttribute('data-small', !anatomy);
     }
+    this.#redraw();
+  }
+
+  /** For a finger, edges and corners are too small. */
+  get #inner() { return this.#finger.matches ? 1 : INNER; }
+
+  #redraw() {
     this.#drawn = null;
     if (this.#viewer.orientation) this.draw(this.#viewer.orientation);
   }
@@ -141,7 +150,7 @@ class Cube {
     this.#drawn = orientation;
     const at = ([x, y]) => `${(x * HALF).toFixed(2)} ${(y * HALF).toFixed(2)}`;
     for (const { part, path } of this.#parts) {
-      const shapes = outlines(part, orientation);
+      const shapes = outlines(part, orientation, this.#inner);
       path.toggleAttribute('hidden', shapes.length === 0);
       path.setAttribute('d', shapes.map((points) => `M${points.map(at).join('L')}Z`).join(''));
     }
@@ -151,7 +160,7 @@ class Cube {
       if (matrix) text.setAttribute('transform', `matrix(${matrix.map((n, i) => (i < 4 ? n : n * HALF).toFixed(3)).join(' ')})`);
     }
     for (const { axis, line, text } of this.#axes) this.#drawAxis(axis, line, text, orientation);
-    this.#rove(outlines(this.#focused, orientation).length ? this.#focused
+    this.#rove(outlines(this.#focused, orientation, this.#inner).length ? this.#focused
       : this.#parts.find(({ part, path }) => isFace(part) && !path.hasAttribute('hidden')).part);
   }
 
@@ -182,7 +191,7 @@ class Cube {
     if (event.altKey || event.ctrlKey || event.metaKey) return;
     const way = WAYS[event.key];
     if (way) {
-      const next = neighbour(this.#focused, way, this.#drawn);
+      const next = neighbour(this.#focused, way, this.#drawn, this.#inner);
       this.#rove(this.#parts.find(({ part }) => String(part) === String(next)).part);
     } else if (event.key === 'Enter' || event.key === ' ') {
       this.#orientation.turnTo(this.#focused, event.timeStamp);

@@ -15,9 +15,9 @@ export function install({ connection, viewer, screen, notice, shortcuts }) {
       const { position, value, opacity } = await connection.call('pick', { at });
       notice.show(position // the value belongs to this picture alone
         ? t('pick.value', { value: showNumber(value), place: position.map(showNumber).join(', '), unit: viewer.volume?.unit ?? '' }).trim()
-        : t('pick.nothing', { percent: Math.round(opacity * 100) }), 'pick');
+        : t('pick.nothing', { percent: Math.round(opacity * 100) }), 'info', 'pick');
     } catch (error) {
-      notice.show(error.message);
+      notice.show(error.message, 'error');
     }
   });
   const forget = () => notice.hide('pick');

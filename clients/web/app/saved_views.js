@@ -168,12 +168,12 @@ class SavedViews {
   async go(view) {
     const { api, viewer, notice, connection } = this.#app;
     if (!viewer.canControl) {
-      notice.show(t('saved.watching'));
+      notice.show(t('saved.watching'), 'warning');
       return;
     }
     const volume = connection.volumes.find(({ id }) => id === view.volume);
     if (!volume) {
-      notice.show(t('saved.closed', { volume: view.volume }));
+      notice.show(t('saved.closed', { volume: view.volume }), 'warning');
       return;
     }
     viewer.restore(await api.savedView(view.id));

@@ -33,13 +33,13 @@ function showMissing({ prompts }, { wanted, volume, shown, volumes }) {
 
 function showRenderError({ warp, notice }, { message, pointer }) {
   warp.hide();
-  notice.show(t(pointer ? 'render.failed.at' : 'render.failed', { reason: message ?? t('render.noreason'), place: pointer ?? '' }), 'render');
+  notice.show(t(pointer ? 'render.failed.at' : 'render.failed', { reason: message ?? t('render.noreason'), place: pointer ?? '' }), 'error', 'render');
 }
 
 /** Shows why the daemon refused a change of the view: beside its control, or as a notice. */
 function showRefused({ panel, notice }, { message, pointer }) {
   if (pointer && panel.complain(pointer, message)) return;
-  notice.show(t(pointer ? 'view.refused.at' : 'view.refused', { reason: message, place: pointer ?? '' }));
+  notice.show(t(pointer ? 'view.refused.at' : 'view.refused', { reason: message, place: pointer ?? '' }), 'warning');
 }
 
 export function install(app) {

@@ -76,12 +76,12 @@ class Slices extends Emitter {
   get anatomy() { return anatomyOf(this.#app.viewer.volume); }
   get frame() { return frameOf(this.anatomy, this.#home); }
   get volumeKey() { return this.#volume; }
-  get areShown() { return this.#app.layout.current !== '3d'; }
+  /** True if the layout has panes with slices. */
+  get areShown() { return ['four', 'slices'].includes(this.#app.layout.current); }
 
   change(patch, time) {
-    const { viewer, notice, participants } = this.#app;
-    if (viewer.canControl) viewer.change({ slices: patch }, time);
-    else notice.show(participants.holder ? t('slices.held', { name: participants.holder.name }) : t('slices.watch'));
+    const { viewer } = this.#app;
+    if (viewer.mayChange()) viewer.change({ slices: patch }, time);
   }
 
   setPosition(world, time) {
@@ -325,7 +325,7 @@ class Slices extends Emitter {
         const nearest = this.#nearest(at, position);
         if (nearest) this.setPosition(nearest, time);
       } catch (error) {
-        notice.show(error.message);
+        notice.show(error.message, 'error');
       } finally {
         isAsking = false;
         pick();
@@ -355,9 +355,9 @@ class Slices extends Emitter {
     return [...points, ...(position ? [position] : [])].sort((a, b) => way(a) - way(b))[0] ?? null;
   }
 
-  /** Outlines of the slices, and the crosshair, above the picture. */
+  /** Outlines of the slices, and the crosshair, above the picture. A comparison hides them: they would mark A alone. */
   #drawIn3d(project, group) {
-    const isOn = this.grid && this.shared && (this.areShown || this.shared.mode !== 'none');
+    const isOn = this.grid && this.shared && !this.#app.compare?.isOn && (this.areShown || this.shared.mode !== 'none');
     group.toggleAttribute('hidden', !isOn);
     if (!isOn) return group.replaceChildren();
     const parts = [];

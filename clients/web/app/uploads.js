@@ -90,13 +90,13 @@ class Uploads {
       known = (await this.#app.api.uploads()).uploads;
     } catch { /* the upload will say what is wrong */ }
     const rest = files.filter((file) => file.size > 0);
-    for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }));
+    for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }), 'warning');
     for (const set of await sortedIntoSets(rest)) this.#take(set, known, wanted);
   }
 
   #take({ file, companions, missing }, known, wanted) {
     if (missing.length > 0) {
-      this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }));
+      this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }), 'warning');
       return;
     }
     if (this.#rows.some(({ upload }) => upload.name === file.name && upload.bytes === file.size && upload.state !== 'failed')) return;
@@ -157,7 +157,7 @@ class Uploads {
       this.#app.openVolume(volume);
     } catch (error) {
       for (const row of rows) this.#drop(row);
-      this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }));
+      this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }), 'error');
     }
   }
 

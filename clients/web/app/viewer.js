@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The current view, the camera as a rig, and the actions on them. Every change is sent as a patch through the update queue.
-// Events: view (the view changed), camera (the user moved it), refused Error, denied (the user may not move the camera now).
+// Events: view (the view changed), camera (the user moved it), refused Error, denied (the user tried to change the view without control).
 import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
@@ -209,8 +209,8 @@ export class Viewer extends Emitter {
     this.emit('view', this.#view);
   }
 
-  /** True if the user may move the camera; otherwise says so. */
-  #mayMove() {
+  /** True if the user may change the view; otherwise says why not. */
+  mayChange() {
     if (this.isSettled && !this.#canControl) this.emit('denied');
     return this.isReady;
   }
@@ -225,7 +225,7 @@ export class Viewer extends Emitter {
 
   /** Moves the camera to a rig, whose projection and field of view may be others. */
   place(rig, time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     const { projection, fovY } = this.#rig;
     this.#move(rig, time, {
       ...(rig.projection === projection ? {} : { projection: rig.projection }), ...(rig.fovY === fovY ? {} : { fov_y: rig.fovY }),
@@ -234,7 +234,7 @@ export class Viewer extends Emitter {
 
   /** Orbits for a drag between two points of the viewport that started with orientation `start`. */
   turn(start, from, to, time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     const viewport = this.#viewport();
     let orientation;
     if (this.upright) {
@@ -247,24 +247,24 @@ export class Viewer extends Emitter {
   }
 
   orbit(yaw, pitch, roll, time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     const isLocked = this.upright !== null;
     this.#move(isLocked ? { ...this.#rig, orientation: turnUpright(this.upright, this.#rig.orientation, yaw, pitch) }
       : orbit(this.#rig, yaw, pitch, roll), time);
   }
 
   pan(delta, time) {
-    if (this.#mayMove()) this.#move(pan(this.#rig, delta, this.#viewport()), time);
+    if (this.mayChange()) this.#move(pan(this.#rig, delta, this.#viewport()), time);
   }
 
   zoom(factor, at, time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
   }
 
   /** Keeps the direction and fits the whole volume into the window. */
   fit(time) {
-    if (this.#mayMove()) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
+    if (this.mayChange()) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
   }
 
   /** The camera of the volume's default view; null if this client may not read it, because it has a join token. */
@@ -281,7 +281,7 @@ export class Viewer extends Emitter {
 
   /** Returns to the camera of the volume's default view. */
   async reset(time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     const id = this.#view.volume;
     const wanted = await this.home();
     if (!wanted) this.fit(time); // the closest
@@ -295,7 +295,7 @@ export class Viewer extends Emitter {
 
   /** Returns to the default picture of the volume; the size stays. The daemon knows the defaults. */
   resetAll(time) {
-    if (!this.#mayMove()) return;
+    if (!this.mayChange()) return;
     const fields = Object.keys(this.#view).filter((name) => name !== 'volume' && name !== 'size');
     this.#isSwitching = true;
     this.updates.put(Object.fromEntries(fields.map((name) => [name, null])), { time, alone: true });

@@ -84,7 +84,7 @@ class VolumeList {
   tellClosed(id) {
     if (![this.#current, this.#left].includes(id)) return;
     const known = this.#app.connection.volumes.find((volume) => volume.id === id);
-    this.#app.notice.show(t('volumes.closed', { name: known ? nameOf(known) : id }));
+    this.#app.notice.show(t('volumes.closed', { name: known ? nameOf(known) : id }), 'warning');
   }
 
   show() {
@@ -131,7 +131,7 @@ class VolumeList {
     try {
       await api.closeVolume(volume.id);
     } catch (error) {
-      if (error.status !== 404) notice.show(t('volumes.close.failed', { name, reason: error.message }));
+      if (error.status !== 404) notice.show(t('volumes.close.failed', { name, reason: error.message }), 'error');
     }
     if (this.#list.contains(document.activeElement)) this.#list.querySelector('button:not(:disabled)')?.focus();
     connection.refresh().catch(() => {}); // the stream reports a lost daemon

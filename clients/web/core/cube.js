@@ -12,15 +12,19 @@ export const PARTS = Object.freeze(SIGNS.flatMap((z) => SIGNS.flatMap((y) => SIG
   .filter((part) => part.some(Boolean)));
 
 const flat = ([x, y]) => [x, -y];
-const range = (sign) => (sign === 0 ? [-INNER, INNER] : sign < 0 ? [-1, -INNER] : [INNER, 1]);
+const range = (sign, inner) => (sign === 0 ? [-inner, inner] : sign < 0 ? [-1, -inner] : [inner, 1]);
 const sees = (orientation, axis, sign) => rotate(conjugate(orientation), [0, 1, 2].map((i) => (i === axis ? sign : 0)))[2] > 1e-6;
 
-/** The quadrilaterals of a part on the faces that the camera sees, as lists of four points on the screen. */
-export function outlines(part, orientation) {
+/**
+ * The quadrilaterals of a part on the faces that the camera sees, as lists of four points on the screen. inner: half the width of a
+ * face's own part; 1 = a cube without edges and corners, whose faces are large enough for a finger.
+ */
+export function outlines(part, orientation, inner = INNER) {
+  if (inner === 1 && part.filter(Boolean).length > 1) return [];
   const inverse = conjugate(orientation);
   return [0, 1, 2].filter((axis) => part[axis] !== 0 && sees(orientation, axis, part[axis])).map((axis) => {
     const [b, c] = [(axis + 1) % 3, (axis + 2) % 3];
-    const [[b0, b1], [c0, c1]] = [range(part[b]), range(part[c])];
+    const [[b0, b1], [c0, c1]] = [range(part[b], inner), range(part[c], inner)];
     return [[b0, c0], [b1, c0], [b1, c1], [b0, c1]].map(([u, v]) => {
       const point = [0, 0, 0];
       [point[axis], point[b], point[c]] = [part[axis], u, v];
@@ -46,12 +50,12 @@ export function faceMatrix(face, orientation, frame) {
 }
 
 /** The visible part that lies next to `part` in a direction of the screen, or `part` itself if there is none. */
-export function neighbour(part, [dx, dy], orientation) {
+export function neighbour(part, [dx, dy], orientation, inner = INNER) {
   const from = placeOf(part, orientation);
   let best = part;
   let least = Infinity;
   for (const other of PARTS) {
-    if (outlines(other, orientation).length === 0) continue;
+    if (outlines(other, orientation, inner).length === 0) continue;
     const to = placeOf(other, orientation);
     const step = [to[0] - from[0], to[1] - from[1]];
     const ahead = step[0] * dx + step[1] * dy;

@@ -55,6 +55,18 @@ test('the text on a face is upright and reads from left to right', () => {
   }
 });
 
+test('for a finger, the cube has faces alone, which cover its silhouette', () => {
+  const next = random(3);
+  for (let i = 0; i < 20; i += 1) {
+    const q = unitQuaternion(next);
+    const visible = PARTS.filter((part) => outlines(part, q, 1).length > 0);
+    assert.ok(visible.every((part) => part.filter(Boolean).length === 1));
+    const area_ = (inner) => PARTS.flatMap((part) => outlines(part, q, inner)).reduce((sum, points) => sum + area(points), 0);
+    close([area_(1)], [area_(INNER)], 1e-9);
+  }
+  assert.deepEqual(neighbour([0, -1, 0], [1, 0], orientationFrom(frame, [0.3, -1, 0.3]), 1), [1, 0, 0]);
+});
+
 test('arrow keys go from a part to the next one', () => {
   const q = seen('front');
   assert.deepEqual(neighbour([0, -1, 0], [1, 0], q), [1, -1, 0]);

@@ -112,8 +112,15 @@ test('side by side, both panes have the same size and either turns the camera', 
   assert.equal(await compared(page), 0);
   assert.notDeepEqual(await page.evaluate(() => window.splatd.camera), before_);
   await shot(page, 'compare-side');
+  await page.locator('#slices').evaluate((fold) => { fold.open = true; });
+  await page.selectOption('#slices-mode', 'orthogonal');
+  await rest(page);
+  const outlines = () => page.locator('#overlay .slice-outline:visible').count();
+  assert.equal(await outlines(), 0, 'outlines would mark A alone');
   await page.click('#compare-end');
   await until(page, 'one pane', (s) => s.layout === '3d');
+  await page.locator('#overlay .slice-outline').first().waitFor();
+  assert.equal(await outlines(), 12, 'they come back');
 });
 
 test('another volume is compared, and a daemon without a free session says so', async (context) => {

@@ -100,6 +100,35 @@ test('a drag without control says who has it, once per gesture, and offers to as
   await said.waitFor({ state: 'detached' });
 });
 
+test('cube, standard views, clip and slices say the same without control', async (context) => {
+  const { guest } = await openTwo(context, 'control');
+  const { page } = guest;
+  const said = prompts(page, 'denied');
+  const before_ = await camera(page);
+  const close = () => said.locator('button.close').click();
+  const acts = {
+    cube: () => page.locator('#cube path:not([hidden])').first().click(),
+    'view 3': async () => {
+      await page.focus('#screen');
+      await page.keyboard.press('3');
+    },
+    clip: () => page.keyboard.press('c'),
+    slices: async () => {
+      await page.evaluate(() => document.getElementById('layout-four').click());
+      await page.click('#pane-axial canvas');
+    },
+  };
+  for (const [name, act] of Object.entries(acts)) {
+    await act();
+    await said.waitFor();
+    assert.equal(await said.locator('p').textContent(), 'Guest 1 controls the view.', name);
+    await said.locator('button:text("Ask for control")').waitFor();
+    assert.deepEqual(await camera(page), before_, name);
+    await close();
+  }
+  assert.equal(await page.getAttribute('#clip-tool', 'aria-pressed'), 'false');
+});
+
 test('a link to watch says that it cannot change the view', async (context) => {
   const { host, guest } = await openTwo(context, 'view');
   await host.page.click('#people-fold summary');

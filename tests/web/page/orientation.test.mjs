@@ -100,6 +100,20 @@ test('each face of the cube has its anatomical letter and turns to it; edges and
   assert.deepEqual(said, []);
 });
 
+test('for a finger the cube has faces alone, each of 44 px or more', async (context) => {
+  const { page } = await setUp(context, PHONE);
+  const visible = () => page.evaluate(() => [...document.querySelectorAll('#cube path:not([hidden])')]
+    .map((path) => ({ label: path.getAttribute('aria-label'), width: path.getBoundingClientRect().width, height: path.getBoundingClientRect().height })));
+  await press(page, '1');
+  await rest(page);
+  const [face, ...others] = await visible();
+  assert.deepEqual(others, []);
+  compare(Math.min(face.width, face.height), '>=', 44);
+  await page.evaluate(() => document.getElementById('layout-four').click());
+  await until(page, 'a smaller cube', () => document.getElementById('cube').getBoundingClientRect().width < 100);
+  compare(Math.min(...(await visible()).flatMap(({ width, height }) => [width, height])), '>=', 44);
+});
+
 test('the cube by keyboard: arrows choose a part, Enter turns; a drag turns freely', async (context) => {
   const { page } = await setUp(context);
   await press(page, '1');

@@ -130,6 +130,36 @@ test('panes: four, slices only, and back; frames follow the size of the picture'
   assert.deepEqual(said, []);
 });
 
+test('beside other panes, neither the bar of a mode nor the cube covers a slice or much of the picture', async (context) => {
+  const touch_ = { isMobile: true, hasTouch: true };
+  const screens = [
+    { viewport: { width: 1440, height: 900 } }, { viewport: { width: 390, height: 844 }, ...touch_ },
+    { viewport: { width: 844, height: 390 }, ...touch_ }, { viewport: { width: 820, height: 1180 }, ...touch_ },
+  ];
+  for (const options of screens) {
+    const { page, context: closing } = await setUp(context, options);
+    await page.evaluate(() => { for (const id of ['layout-four', 'tool-crosshair']) document.getElementById(id).click(); });
+    const { bar, tools, panes, cube, picture } = await page.evaluate(() => {
+      const box = (element) => (({ left, right, top, bottom, width, height }) => ({ left, right, top, bottom, width, height }))(element.getBoundingClientRect());
+      return {
+        bar: box(document.getElementById('mode-bar')), tools: box(document.getElementById('toolbar')), cube: box(document.getElementById('cube')),
+        picture: box(document.getElementById('pane-3d')), panes: [...document.querySelectorAll('.pane:not([hidden])')].map(box),
+      };
+    });
+    const what = JSON.stringify(options.viewport);
+    assert.equal(panes.length, 4);
+    for (const pane of panes) {
+      for (const over of [bar, tools]) {
+        assert.ok(over.right <= pane.left || over.left >= pane.right || over.bottom <= pane.top || over.top >= pane.bottom, `${what}: ${JSON.stringify({ over, pane })}`);
+      }
+    }
+    compare(cube.width * cube.height / (picture.width * picture.height), '<', 0.17, what);
+    compare(cube.bottom, '<=', picture.bottom, what);
+    await shot(page, `tools-mode-${options.viewport.width}`);
+    await closing.close();
+  }
+});
+
 test('the toolbar is one stop of Tab with arrow keys; groups that do not fit are in a menu, all of them on a phone', async (context) => {
   const { page, said } = await setUp(context);
   const shown = () => page.locator('#toolbar > .tools button:visible').count();
