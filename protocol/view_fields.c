@@ -134,9 +134,17 @@ static const struct proto_field window_fields[] = {
 };
 static const struct proto_group window = GROUP(window_fields);
 
+static const struct proto_field slice_planes_fields[] = {
+    { "i", PROTO_FIELD_BOOL, AT(slices.planes[0]) },
+    { "j", PROTO_FIELD_BOOL, AT(slices.planes[1]) },
+    { "k", PROTO_FIELD_BOOL, AT(slices.planes[2]) },
+};
+static const struct proto_group slice_planes = GROUP(slice_planes_fields);
+
 static const struct proto_field slices_fields[] = {
     { "mode", PROTO_FIELD_ENUM, AT(slices.mode), NAMES("none", "orthogonal", "oblique") },
     { "in_3d", PROTO_FIELD_BOOL, AT(slices.in_3d) },
+    { "planes", PROTO_FIELD_OBJECT, .group = &slice_planes },
     { "position", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.position) },
     { "normal", PROTO_FIELD_DOUBLE, .columns = 3, AT(slices.normal) },
     { "window", PROTO_FIELD_OBJECT, .group = &window },

@@ -149,17 +149,23 @@ static void init_slices(struct sp_slices *slices, const struct sp_volume_info *i
     sp_slice_default_window(info, window);
     memset(slices, 0, sizeof *slices); /* with the padding: views are compared by their bytes */
     slices->normal[2] = 1;
+    slices->planes[0] = slices->planes[1] = slices->planes[2] = true;
     slices->center = window[0];
     slices->width = window[1];
     for (int i = 0; i < 3; i++)
         slices->position[i] = middle.v[i] + 0.0; /* -0 becomes 0 */
 }
 
+bool sp_view_draws_slices(const struct sp_view *view) {
+    const struct sp_slices *s = &view->slices;
+    return s->in_3d &&
+           (s->mode == SP_SLICES_OBLIQUE ||
+            (s->mode == SP_SLICES_ORTHOGONAL && (s->planes[0] || s->planes[1] || s->planes[2])));
+}
+
 bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b) {
-    const bool a_draws = a->slices.in_3d && a->slices.mode != SP_SLICES_NONE;
-    const bool b_draws = b->slices.in_3d && b->slices.mode != SP_SLICES_NONE;
     struct sp_view like_a;
-    if (a_draws || b_draws)
+    if (sp_view_draws_slices(a) || sp_view_draws_slices(b))
         return memcmp(a, b, sizeof *a) == 0;
     memcpy(&like_a, b, sizeof like_a);
     memcpy(&like_a.slices, &a->slices, sizeof like_a.slices);

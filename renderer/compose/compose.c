@@ -29,7 +29,7 @@ static float *row_of(const struct sp_frame *frame, uint32_t y) {
 }
 
 bool sp_compose_is_wanted(const struct sp_view *view) {
-    return view->slices.in_3d && view->slices.mode != SP_SLICES_NONE;
+    return sp_view_draws_slices(view);
 }
 
 static void clear_rows(void *user, size_t begin, size_t end, unsigned worker) {
@@ -79,21 +79,22 @@ static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     const struct image *p = user;
     const struct sp_slices *slices = &p->job->view->slices;
     const double window[2] = { slices->center, slices->width };
-    double values[SP_INTERPOLATE_RUN];
+    double values[SP_INTERPOLATE_RUN], coverage[SP_INTERPOLATE_RUN];
     for (uint32_t y = p->low[1] + (uint32_t)begin; y < p->low[1] + end; y++) {
         float *to = row_of(p->sum, y);
         for (uint32_t at = p->low[0]; at < p->high[0]; at += SP_INTERPOLATE_RUN) {
             uint32_t left = p->high[0] - at;
             uint32_t n = left < SP_INTERPOLATE_RUN ? left : SP_INTERPOLATE_RUN;
-            sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values);
+            sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values, coverage);
             for (uint32_t i = 0; i < n; i++) {
                 float *px = &to[4 * (at + i)];
                 if (isnan(values[i]))
                     continue;
                 float grey = (float)sp_window_grey(values[i], window);
+                float covered = (float)coverage[i];
                 for (int c = 0; c < 3; c++)
-                    px[c] += px[3] * grey;
-                px[3] = 0;
+                    px[c] += px[3] * covered * grey;
+                px[3] *= 1 - covered;
             }
         }
     }

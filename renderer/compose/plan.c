@@ -13,10 +13,10 @@ static double fraction_at(const struct sp_interpolator *grid, int axis, double d
 }
 
 static void list_orthogonal(struct sp_compose_plan *plan, const struct sp_interpolator *grid,
-                            const double distances[3]) {
+                            const bool is_drawn[3], const double distances[3]) {
     for (int a = 0; a < 3; a++) {
         double fraction = fraction_at(grid, a, distances[a]);
-        if (!(fraction > 0 && fraction < 1))
+        if (!is_drawn[a] || !(fraction > 0 && fraction < 1))
             continue;
         struct sp_slice_cut *cut = &plan->cuts[plan->planes++];
         *cut = (struct sp_slice_cut){ .axis = a, .offset = distances[a] };
@@ -110,7 +110,7 @@ void sp_compose_plan_init(struct sp_compose_plan *plan, const struct sp_interpol
     plan->planes = plan->steps = 0;
     sp_interpolator_distances(grid, view->slices.position, distances);
     if (view->slices.mode == SP_SLICES_ORTHOGONAL)
-        list_orthogonal(plan, grid, distances);
+        list_orthogonal(plan, grid, view->slices.planes, distances);
     else
         list_oblique(plan, grid, view, distances);
     walk(plan, grid, view, 0, sides);

@@ -19,10 +19,12 @@ void sp_quad_rays_init(struct sp_quad_rays *rays, const struct sp_interpolator *
                        const struct sp_view *view);
 
 /* Writes the values of a piece of a slice at n ≤ SP_INTERPOLATE_RUN pixels of row y from column x
- * on; NaN where the ray misses it. */
+ * on, NaN where the ray misses it, and the part of each pixel that the piece covers, [0, 1]: less
+ * than 1 along its border. Values are those of the pixel's centre, or of the border's point close
+ * to it. */
 void sp_quad_sample(const struct sp_quad_rays *rays, const struct sp_interpolator *grid,
                     const struct sp_compose_plan *plan, const struct sp_compose_step *step,
-                    uint32_t x, uint32_t y, size_t n, double *values);
+                    uint32_t x, uint32_t y, size_t n, double *values, double *coverage);
 
 /* Writes the pixels [low, high) of both axes that a part of the volume can cover. */
 void sp_quad_outline(const struct sp_interpolator *grid, const struct sp_camera_transform *camera,

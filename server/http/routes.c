@@ -61,7 +61,7 @@ static const struct srv_route routes[] = {
     { SRV_POST, "/api/v1/sessions", SRV_RIGHT_SESSION, srv_post_session, NONE },
     { SRV_GET, "/api/v1/sessions/{}", SRV_RIGHT_SESSION, srv_get_session, NONE },
     { SRV_PATCH, "/api/v1/sessions/{}", SRV_RIGHT_SESSION_CONTROL, srv_patch_session, NONE },
-    { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_CONTROL, srv_delete_session, NONE },
+    { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_SESSION_CONTROL, srv_delete_session, NONE },
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
     { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice, SLICE },

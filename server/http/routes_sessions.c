@@ -267,8 +267,14 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
 
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
-    if (!may(request, SRV_ROLE_CONTROL, reply))
+    enum srv_role role;
+    bool is_owner = role_of_grant(request, &role) && role == SRV_ROLE_CONTROL;
+    if (!is_owner && !srv_hub_session_is_guests(request->app->hub, request->param)) {
+        srv_reply_problem(reply, 403, NULL,
+                          "only the token that created the session deletes it; a control token "
+                          "deletes a fork that was made with a join token");
         return;
+    }
     if (srv_hub_session_delete(request->app->hub, request->param, &err)) {
         reply->status = 204;
         srv_request_reply_when_durable(request);

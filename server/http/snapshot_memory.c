@@ -30,7 +30,7 @@ void srv_snapshot_memory_destroy(struct srv_snapshot_memory **memory) {
 
 uint64_t srv_snapshot_memory_of(const struct sp_view *view, enum sp_image_format format) {
     unsigned px_bytes = sp_image_format_info(format)->wants_float ? 16 : 4;
-    if (view->slices.in_3d && view->slices.mode != SP_SLICES_NONE)
+    if (sp_view_draws_slices(view))
         px_bytes += 2 * 16;
     return (uint64_t)view->size[0] * view->size[1] * px_bytes;
 }

@@ -134,6 +134,10 @@ bool srv_hub_measure_remove(struct srv_hub *hub, const char *session, const char
  * has none. SP_ERR_MEMORY. */
 bool srv_hub_measures_fork(struct srv_hub *hub, const char *from, const char *to, double now_ms,
                            struct sp_error *err);
+/* True if a guest forked this session, and it has not hibernated since: its control token may end
+ * it.
+ */
+bool srv_hub_session_is_guests(struct srv_hub *hub, const char *id);
 /* Ends the session and closes its streams. */
 bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error *err);
 /* Gets the role of a join token. SP_ERR_NOT_FOUND (no such session), SP_ERR_DENIED (wrong token).

@@ -116,6 +116,7 @@ struct srv_session_identity {
     char tokens[2][SRV_TOKEN_DIGITS + 1]; /* join tokens by role; constant */
     struct srv_owner owner;               /* its name is constant */
     bool has_token;                       /* the owner's token existed at the last check */
+    bool is_guests; /* forked with a join token; not saved, so false after hibernation */
 };
 
 struct srv_view_state {

@@ -88,6 +88,7 @@ static bool session_add(struct srv_hub *hub, struct srv_session *session, bool i
                        "%u sessions are active and --sessions allows %u%s; try again later",
                        hub->active.count, active_max, whom);
     session->identity.has_token = true;
+    session->identity.is_guests = is_guest;
     srv_hub_link_session(hub, session, now_ms);
     srv_hub_unsaved(hub, session);
     return true;
@@ -180,6 +181,14 @@ bool srv_hub_session_delete(struct srv_hub *hub, const char *id, struct sp_error
         srv_hub_ended(hub, id);
     pthread_mutex_unlock(&hub->mutex);
     return found;
+}
+
+bool srv_hub_session_is_guests(struct srv_hub *hub, const char *id) {
+    pthread_mutex_lock(&hub->mutex);
+    const struct srv_session *session = srv_hub_find_active(hub, id);
+    bool is_guests = session && session->identity.is_guests;
+    pthread_mutex_unlock(&hub->mutex);
+    return is_guests;
 }
 
 bool srv_hub_authorize(struct srv_hub *hub, const char *id, const char *token, enum srv_role *role,

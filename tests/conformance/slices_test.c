@@ -136,12 +136,16 @@ static bool cut_to_volume(const struct scene *s, const double from[3], const dou
     return t[0] < t[1];
 }
 
-/* The distance to the first slice on the ray inside the volume; INFINITY = none. */
+/* The distance to the first slice on the ray inside the volume, and its axis; INFINITY, -1 = none.
+ */
 static double find_slice(const struct scene *s, const double from[3], const double along[3],
-                         const double t[2]) {
+                         const double t[2], int *axis) {
     const struct sp_slices *slices = &s->view.slices;
     double first = INFINITY;
+    *axis = -1;
     for (int a = 0; a < (slices->mode == SP_SLICES_OBLIQUE ? 1 : 3); a++) {
+        if (slices->mode == SP_SLICES_ORTHOGONAL && !slices->planes[a])
+            continue;
         double normal[3], range[2], to[3];
         axis_of(&s->grid, a, normal, range);
         if (slices->mode == SP_SLICES_OBLIQUE)
@@ -149,17 +153,21 @@ static double find_slice(const struct scene *s, const double from[3], const doub
         for (int r = 0; r < 3; r++)
             to[r] = slices->position[r] - from[r];
         double at = dot(normal, to) / dot(normal, along);
-        if (at >= t[0] && at <= t[1])
-            first = fmin(first, at);
+        if (at >= t[0] && at <= t[1] && at < first) {
+            first = at;
+            *axis = a;
+        }
     }
     return first;
 }
 
-static void expect(const struct scene *s, double x, double y, double rgb[3]) {
+/* Returns the axis of the slice that is seen; -1 = none. */
+static int expect(const struct scene *s, double x, double y, double rgb[3]) {
     double from[3], along[3], t[2], inside[2], depth = 0, slice = INFINITY;
+    int axis = -1;
     make_ray(&s->view.camera, x, y, from, along);
     if (cut_to_volume(s, from, along, false, t)) /* the clip does not cut slices */
-        slice = find_slice(s, from, along, t);
+        slice = find_slice(s, from, along, t, &axis);
     if (cut_to_volume(s, from, along, true, inside))
         depth = fmax(fmin(inside[1], slice) - inside[0], 0);
     double through = exp(-s->sigma * depth), grey = 0;
@@ -173,18 +181,37 @@ static void expect(const struct scene *s, double x, double y, double rgb[3]) {
     for (int c = 0; c < 3; c++)
         rgb[c] = (1 - through) * (double)color[c] +
                  through * (isfinite(slice) ? grey : (double)s->view.background[c]);
+    return axis;
 }
 
-/* True if the expected image changes quickly here: an edge of the volume or of a slice. */
+/* The mean of the closed form over a pixel. */
+static void expect_mean(const struct scene *s, uint32_t x, uint32_t y, double rgb[3]) {
+    enum { PARTS = 8 };
+    rgb[0] = rgb[1] = rgb[2] = 0;
+    for (int i = 0; i < PARTS * PARTS; i++) {
+        double part[3];
+        expect(s, x + (i % PARTS + 0.5) / PARTS, y + (i / PARTS + 0.5) / PARTS, part);
+        for (int c = 0; c < 3; c++)
+            rgb[c] += part[c] / (PARTS * PARTS);
+    }
+}
+
+/* True if the expected image changes quickly here, or a border of a slice crosses the pixel, which
+ * then shows a mean. */
 static bool is_edge(const struct scene *s, double x, double y) {
     double middle[3], beside[3];
-    expect(s, x, y, middle);
+    const int axis = expect(s, x, y, middle);
     for (int i = 0; i < 8; i++) {
         expect(s, x + 1.5 * cos(i * M_PI / 4), y + 1.5 * sin(i * M_PI / 4), beside);
         for (int c = 0; c < 3; c++)
             if (fabs(beside[c] - middle[c]) > 0.04)
                 return true;
     }
+    enum { PARTS = 9 };
+    for (int i = 0; i < PARTS * PARTS; i++)
+        if (expect(s, x + (i % PARTS) / (PARTS - 1.) - 0.5, y + (i / PARTS) / (PARTS - 1.) - 0.5,
+                   beside) != axis)
+            return true;
     return false;
 }
 
@@ -283,6 +310,63 @@ static void the_clip_cuts_the_volume_but_not_the_slices(void **state) {
     check(&s, "clipped");
 }
 
+static void orthogonal_slices_are_switched_singly(void **state) {
+    (void)state;
+    for (int kept = 0; kept < 3; kept++) {
+        struct scene s;
+        make_scene(&s, SP_PERSPECTIVE);
+        s.view.slices.mode = SP_SLICES_ORTHOGONAL;
+        s.view.slices.position[0] += 3;
+        for (int a = 0; a < 3; a++)
+            s.view.slices.planes[a] = a == kept;
+        check(&s, "one slice");
+        make_scene(&s, SP_PERSPECTIVE);
+        s.view.slices.mode = SP_SLICES_ORTHOGONAL;
+        s.view.slices.planes[kept] = false;
+        check(&s, "two slices");
+    }
+}
+
+/* Without a medium, a pixel on a border of a slice shows the mean of what it covers. Corners are
+ * products of two borders, and so less exact. */
+static void borders_of_slices_are_smooth(void **state) {
+    (void)state;
+    for (int i = 0; i < 4; i++) {
+        struct scene s;
+        struct test_target target;
+        struct test_renderer renderer;
+        struct test_image image;
+        make_scene(&s, i & 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE);
+        s.view.slices.mode = i & 2 ? SP_SLICES_OBLIQUE : SP_SLICES_ORTHOGONAL;
+        memcpy(s.view.slices.normal, (double[3]){ -2, 3, 1.5 }, sizeof s.view.slices.normal);
+        s.view.transfer_function.points[0].opacity = 0;
+        s.sigma = 0;
+        assert_true(test_target_at(0, &target));
+        assert_true(test_renderer_open(&renderer, &target, 2, NULL));
+        assert_true(test_render(&renderer, s.volume, &s.view, &image, NULL));
+        double worst = 0, sum = 0;
+        int count = 0;
+        for (uint32_t y = 0; y < SIDE; y++)
+            for (uint32_t x = 0; x < SIDE; x++) {
+                double rgb[3];
+                if (!is_edge(&s, x + 0.5, y + 0.5))
+                    continue;
+                expect_mean(&s, x, y, rgb);
+                double off = fabs(test_image_at(&image, x, y)[0] - rgb[0]);
+                worst = fmax(worst, off);
+                sum += off;
+                count++;
+            }
+        printf("borders, %d: %d px, mean %.5f, worst %.5f\n", i, count, sum / count, worst);
+        assert_compare(count, >, 200);
+        assert_compare(sum / count, <, 0.01);
+        assert_compare(worst, <, 0.15);
+        test_image_finish(&image);
+        test_renderer_close(&renderer);
+        sp_volume_unref(&s.volume);
+    }
+}
+
 static void a_slice_beside_the_volume_draws_nothing(void **state) {
     (void)state;
     struct scene s;
@@ -300,6 +384,8 @@ int main(void) {
         cmocka_unit_test(slices_are_seen_from_everywhere),
         cmocka_unit_test(the_clip_cuts_the_volume_but_not_the_slices),
         cmocka_unit_test(a_slice_beside_the_volume_draws_nothing),
+        cmocka_unit_test(orthogonal_slices_are_switched_singly),
+        cmocka_unit_test(borders_of_slices_are_smooth),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

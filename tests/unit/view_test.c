@@ -288,6 +288,11 @@ static void slices_beside_the_image_do_not_change_it(void **state) {
     assert_true(sp_view_is_same_image(&again, &moved));
     again.slices.width *= 2;
     assert_false(sp_view_is_same_image(&again, &moved));
+    again = moved;
+    again.slices.planes[0] = false;
+    assert_false(sp_view_is_same_image(&again, &moved));
+    again.slices.planes[1] = again.slices.planes[2] = false;
+    assert_true(sp_view_is_same_image(&again, &view));
     moved = view;
     moved.camera.fov_y = 12;
     assert_false(sp_view_is_same_image(&view, &moved));

@@ -13,15 +13,16 @@ const RESIZE_MS = 120;
 
 /** Events: view, drawn, failed Error (the picture stays), ended Error (the session is gone). */
 export class Companion extends Emitter {
-  #api; #connection = null; #screen; #updates; #order;
+  #api; #isGuests; #connection = null; #screen; #updates; #order;
   #view;
   #drawn = { seq: 0, isFinal: false, count: 0 };
   #timer = null;
   #isStopped = false;
 
-  /** api: with the token that created the session; made: {id, tokens, view}; canvas: where it draws. */
-  constructor({ base, env, api, made, canvas }) {
+  /** api: of the page; made: {id, tokens, view}; isGuests: a join token made it; canvas: where it draws. */
+  constructor({ base, env, api, made, canvas, isGuests }) {
     super();
+    this.#isGuests = isGuests;
     this.#api = api;
     this.#view = made.view;
     this.#screen = new Screen(canvas);
@@ -118,7 +119,7 @@ export class Companion extends Emitter {
     clearTimeout(this.#timer);
     const { session } = this.#connection;
     this.#connection.stop();
-    // A session of a guest cannot be deleted with its join token; the daemon ends it after a while.
-    if (session && this.#api.token) this.#api.deleteSession(session.id).catch(() => {});
+    // The daemon permits it for the token that created the session; for a fork by a guest, that is its own control token.
+    if (session) this.#api.deleteSession(session.id, this.#isGuests ? session.token : undefined).catch(() => {});
   }
 }

@@ -223,7 +223,7 @@ export class Pane {
     const { toPane } = this.#map;
     const [width, height] = this.#size;
     const { zoom } = this.view;
-    this.#slices.drawLines(this, { group: this.#lines, toPane, width, height, zoom });
+    this.#slices.lines.draw(this, { group: this.#lines, toPane, width, height, zoom });
     for (const { group, draw } of this.#layers) draw({ group, pane: this, toPane, plane: this.plane, zoom, width, height });
   }
 
@@ -357,16 +357,16 @@ export class Pane {
       } else if (this.#modes.down(at, event, this)) {
         gesture = 'tool';
       } else {
-        gesture = this.#slices.grab(this, at) ?? 'cross';
+        gesture = this.#slices.lines.grab(this, at) ?? 'cross';
         before = gesture === 'cross' ? this.#slices.position : null;
-        this.#slices.drag(this, gesture, at, event.timeStamp);
+        this.#slices.lines.drag(this, gesture, at, event.timeStamp);
       }
     });
     canvas.addEventListener('pointermove', (event) => {
       const at = this.place(event);
       if (!pointers.has(event.pointerId)) {
         this.#modes.hover(at, event, this);
-        canvas.style.cursor = this.#modes.cursorIn(this) || this.#slices.cursor(this, at);
+        canvas.style.cursor = this.#modes.cursorIn(this) || this.#slices.lines.cursor(this, at);
         return;
       }
       pointers.set(event.pointerId, at);
@@ -381,7 +381,7 @@ export class Pane {
         this.pan(now.middle[0] - last.middle[0], now.middle[1] - last.middle[1]);
         last = now;
       } else if (gesture) {
-        this.#slices.drag(this, gesture, at, event.timeStamp);
+        this.#slices.lines.drag(this, gesture, at, event.timeStamp);
       }
     });
     const end = (event) => {

@@ -5,21 +5,19 @@
 // app.slices for other features: `panes` (by id), layer(draw) for all of them, `position`, setPosition(world), `grid`; event change.
 import { Emitter } from '../core/emitter.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
-import { meetPlane, ray } from '../core/project.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
-import { Grid, cutLine, gridOfSlices, obliquePlane, orthogonalPlanes, turnNormal } from '../core/slices.js';
+import { Grid, gridOfSlices, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
-import { add, dot, normalize, rotate, scale, subtract } from '../core/vector.js';
-import { svg } from './dom.js';
+import { add, dot, normalize, rotate, scale } from '../core/vector.js';
 import { layoutButton } from './layout.js';
 import { Pane } from './pane.js';
+import { SliceLines } from './slice_lines.js';
 import { installSection } from './slices_panel.js';
+import { SlicesPicture } from './slices_picture.js';
 
 const IDS = ['axial', 'coronal', 'sagittal'];
-const HANDLE_PX = 12;
-const LINE_PX = 5;
-const GAP_PX = 7; // around the crosshair's centre
+const FLAGS = ['i', 'j', 'k']; // of view.slices.planes, by axis of the grid
 
 export function install(app) {
   app.slices = new Slices(app);
@@ -35,6 +33,7 @@ class Slices extends Emitter {
   #guest = null; // the grid that a guest without a list of volumes found out
   grid = null;
   panes = new Map();
+  lines = new SliceLines(this);
 
   constructor(app) {
     super();
@@ -42,7 +41,7 @@ class Slices extends Emitter {
   }
 
   start() {
-    const { layout, modes, viewer, storage, connection, overlay, shortcuts } = this.#app;
+    const { layout, modes, viewer, storage, connection, shortcuts } = this.#app;
     for (const id of IDS) this.panes.set(id, new Pane(id, layout.pane(id, t(`slices.${id}`)), { slices: this, modes, cache: this.#cache }));
     const kinds = [
       { name: '3d', icon: 'box', label: t('slices.layout.3d') },
@@ -61,8 +60,7 @@ class Slices extends Emitter {
     connection.on('volumes', () => this.#follow());
     connection.on('session', () => this.#forget());
     modes.extend('window', { panes: this.#windowTool() });
-    this.#addPicking();
-    overlay.layer((project, { group }) => this.#drawIn3d(project, group));
+    new SlicesPicture(this.#app, this);
   }
 
   // What the view says.
@@ -177,6 +175,18 @@ class Slices extends Emitter {
     return orthogonalPlanes(this.grid, this.frame, this.position).find(({ kind }) => kind === id);
   }
 
+  /** The orthogonal planes that the picture shows. */
+  get planesIn3d() {
+    const { planes = {} } = this.shared;
+    return orthogonalPlanes(this.grid, this.frame, this.position).filter(({ axis }) => planes[FLAGS[axis]] !== false);
+  }
+
+  /** Shows or hides one of the orthogonal planes in the picture. */
+  showIn3d(kind, isShown, time) {
+    const plane = this.grid && orthogonalPlanes(this.grid, this.frame, this.position).find((other) => other.kind === kind);
+    if (plane) this.change({ planes: { [FLAGS[plane.axis]]: isShown } }, time);
+  }
+
   nameOf({ kind, axis }) {
     if (kind === 'oblique' || this.anatomy) return t(`slices.${kind}`);
     return t('slices.across', { axis: 'xyz'[axis] });
@@ -210,81 +220,6 @@ class Slices extends Emitter {
     this.change({ position, normal: [0, 0, 1], ...(histogram ? { window: defaultWindow(histogram) } : {}) }, time);
   }
 
-  // Lines in the panes.
-
-  /** Where the lines of the other planes lie in a pane: [{plane, ends: two points in px}]. */
-  #cuts(pane, toPane) {
-    const reach = 2 * Math.hypot(...pane.size) / pane.view.zoom;
-    return [...this.panes.values()].filter((other) => other !== pane).map((other) => {
-      const plane = this.planeOf(other.id);
-      const line = cutLine(pane.plane, plane, reach);
-      return line && { plane, ends: line.map(toPane) };
-    }).filter(Boolean);
-  }
-
-  /** The handles that turn the oblique plane in an orthogonal pane, px. */
-  #handles(pane, toPane) {
-    if (!this.isOblique || pane.plane.axis === null) return null;
-    const cut = this.#cuts(pane, toPane).find(({ plane }) => plane.kind === 'oblique');
-    if (!cut) return null;
-    const [a, b] = cut.ends;
-    const length = Math.hypot(b.x - a.x, b.y - a.y);
-    const along = [(b.x - a.x) / length, (b.y - a.y) / length];
-    const middle = toPane(this.position);
-    const far = 0.36 * Math.min(...pane.size);
-    return {
-      middle: [middle.x, middle.y], along,
-      places: [-far, far].map((way) => [middle.x + along[0] * way, middle.y + along[1] * way]),
-    };
-  }
-
-  drawLines(pane, { group, toPane }) {
-    const middle = toPane(this.position);
-    const parts = this.#cuts(pane, toPane).flatMap(({ plane, ends }) => ends.map((end) => {
-      const length = Math.hypot(end.x - middle.x, end.y - middle.y);
-      const share = Math.min(1, GAP_PX / length);
-      return svg('line', {
-        class: 'slice-line', 'data-kind': plane.kind, x1: middle.x + (end.x - middle.x) * share, y1: middle.y + (end.y - middle.y) * share,
-        x2: end.x, y2: end.y,
-      });
-    }));
-    const handles = this.#handles(pane, toPane);
-    for (const [x, y] of handles?.places ?? []) parts.push(svg('circle', { class: 'slice-handle', cx: x, cy: y, r: 6 }));
-    group.replaceChildren(...parts);
-  }
-
-  /** What a drag at a place of a pane takes: a handle or the line of the oblique plane; null = the crosshair. */
-  grab(pane, at) {
-    const handles = this.#handles(pane, (world) => pane.toPane(world));
-    if (!handles) return null;
-    const away = (place) => Math.hypot(place[0] - at[0], place[1] - at[1]);
-    const { middle, along, places } = handles;
-    if (places.some((place) => away(place) < HANDLE_PX)) {
-      return { kind: 'turn', normal: this.normal, from: Math.atan2(at[1] - middle[1], at[0] - middle[0]) };
-    }
-    const beside = Math.abs((at[0] - middle[0]) * along[1] - (at[1] - middle[1]) * along[0]);
-    return beside < LINE_PX && away(middle) > 2 * GAP_PX ? { kind: 'shift', position: this.position, from: pane.toWorld(...at) } : null;
-  }
-
-  cursor(pane, at) {
-    const grabbed = this.grid && pane.plane ? this.grab(pane, at) : null;
-    return { turn: 'grab', shift: 'move' }[grabbed?.kind] ?? 'crosshair';
-  }
-
-  drag(pane, gesture, at, time) {
-    if (gesture.kind === 'turn') {
-      const { x, y } = pane.toPane(this.position);
-      const angle = Math.atan2(at[1] - y, at[0] - x) - gesture.from;
-      this.change({ normal: turnNormal(gesture.normal, pane.plane, angle) }, time);
-    } else if (gesture.kind === 'shift') {
-      const normal = normalize(this.normal);
-      const moved = dot(subtract(pane.toWorld(...at), gesture.from), normal);
-      this.setPosition(add(gesture.position, scale(normal, moved)), time);
-    } else {
-      this.setPosition(pane.toWorld(...at), time);
-    }
-  }
-
   /** Window and level by dragging in a pane, while that mode is on. */
   #windowTool() {
     let from = null;
@@ -305,81 +240,5 @@ class Slices extends Emitter {
       },
       cancel: () => this.change({ window: before }),
     };
-  }
-
-  // In the 3-D picture.
-
-  /** The mode in which a click or a drag in the picture moves the crosshair to what is seen there. */
-  #addPicking() {
-    const { modes, toolbar, connection, screen, notice, viewer } = this.#app;
-    let wanted = null; // {at, time}
-    let isAsking = false;
-    const pick = async () => {
-      if (isAsking || !wanted) return;
-      const { at, time } = wanted;
-      const { width, height } = screen.viewport;
-      wanted = null;
-      isAsking = true;
-      try {
-        const { position } = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
-        const nearest = this.#nearest(at, position);
-        if (nearest) this.setPosition(nearest, time);
-      } catch (error) {
-        notice.show(error.message, 'error');
-      } finally {
-        isAsking = false;
-        pick();
-      }
-    };
-    const want = (at, { timeStamp }) => {
-      wanted = { at, time: timeStamp };
-      pick();
-    };
-    modes.add('crosshair', { label: t('slices.crosshair'), hint: t('slices.crosshair.hint'), cursor: 'crosshair', down: want, move: want });
-    const button = toolbar.button({
-      id: 'tool-crosshair', icon: 'crosshair', label: t('slices.crosshair'), group: 'tools', isToggle: true, press: () => modes.toggle('crosshair'),
-    });
-    modes.on('change', (name) => button.setAttribute('aria-pressed', String(name === 'crosshair')));
-    viewer.on('view', () => { button.disabled = !viewer.canControl; });
-  }
-
-  /** The point seen at a place of the picture: of a slice in it, or of the volume (`position`) if that lies in front. */
-  #nearest(at, position) {
-    const { viewer, screen } = this.#app;
-    const { in_3d: isDrawn, mode } = this.shared;
-    if (!isDrawn || mode === 'none' || !this.grid) return position;
-    const sight = ray(viewer.rig, at, screen.viewport);
-    const planes = this.isOblique ? [this.planeOf('sagittal')] : orthogonalPlanes(this.grid, this.frame, this.position);
-    const points = planes.map((plane) => meetPlane(sight, plane.origin, plane.normal)).filter((point) => point && this.grid.has(point));
-    const way = (point) => dot(subtract(point, sight.origin), sight.direction);
-    return [...points, ...(position ? [position] : [])].sort((a, b) => way(a) - way(b))[0] ?? null;
-  }
-
-  /** Outlines of the slices, and the crosshair, above the picture. A comparison hides them: they would mark A alone. */
-  #drawIn3d(project, group) {
-    const isOn = this.grid && this.shared && !this.#app.compare?.isOn && (this.areShown || this.shared.mode !== 'none');
-    group.toggleAttribute('hidden', !isOn);
-    if (!isOn) return group.replaceChildren();
-    const parts = [];
-    const line = (from, to, kind, name) => {
-      const [a, b] = [project(from), project(to)];
-      if ([a.x, a.y, b.x, b.y].every(Number.isFinite)) {
-        parts.push(svg('line', { class: name, 'data-kind': kind, x1: a.x, y1: a.y, x2: b.x, y2: b.y }));
-      }
-    };
-    const { grid, position } = this;
-    const distances = grid.distances(position);
-    for (const { kind, axis } of orthogonalPlanes(grid, this.frame, position)) {
-      if (this.isOblique) break;
-      const [u, v] = [0, 1, 2].filter((a) => a !== axis);
-      const corner = (i, j) => add(position, add(scale(grid.axes[u], grid.extent(u)[i] - distances[u]), scale(grid.axes[v], grid.extent(v)[j] - distances[v])));
-      const corners = [corner(0, 0), corner(1, 0), corner(1, 1), corner(0, 1)];
-      corners.forEach((from, i) => line(from, corners[(i + 1) % 4], kind, 'slice-outline'));
-    }
-    for (const a of [0, 1, 2]) {
-      const reach = 0.04 * (grid.extent(a)[1] - grid.extent(a)[0]);
-      line(add(position, scale(grid.axes[a], -reach)), add(position, scale(grid.axes[a], reach)), 'cross', 'slice-cross');
-    }
-    return group.replaceChildren(...parts);
   }
 }

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Slices" of the panel.
 import { t } from '../core/text.js';
-import { make } from './dom.js';
+import { make, setText } from './dom.js';
 import { showNumber } from './fields.js';
 import { ORDER } from './panel.js';
 
+const KINDS = ['axial', 'coronal', 'sagittal'];
 const MODES = ['none', 'orthogonal', 'oblique'];
 const FIELDS = [['center', 'slices.center'], ['width', 'slices.width']];
 
@@ -12,6 +13,10 @@ export function installSection({ panel, slices, viewer }) {
   const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices });
   const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
   const inPicture = make('input', { id: 'slices-in-3d', type: 'checkbox', role: 'switch' });
+  const shown = KINDS.map((kind) => make('button', {
+    'data-kind': kind, 'aria-pressed': 'true', press: ({ currentTarget, timeStamp }) => slices.showIn3d(kind, currentTarget.getAttribute('aria-pressed') !== 'true', timeStamp),
+  }));
+  const shownRow = make('div', { class: 'buttons', id: 'slices-planes', role: 'group', 'aria-label': t('slices.in3d.planes'), title: t('slices.in3d.planes'), 'data-pointer': '/slices/planes' }, ...shown);
   const places = [0, 1, 2].map((axis) => make('input', { type: 'number', step: 'any', 'aria-label': t('slices.position.axis', { axis: 'xyz'[axis] }) }));
   const values = FIELDS.map(([name, label]) => make('input', { id: `slices-${name}`, type: 'number', step: 'any', 'aria-label': t(label) }));
   const align = make('button', { id: 'slices-align', text: t('slices.align'), title: t('slices.align.title'), press: ({ timeStamp }) => slices.alignWithView(timeStamp) });
@@ -21,7 +26,7 @@ export function installSection({ panel, slices, viewer }) {
   const together = (inputs) => make('span', { class: 'slice-numbers' }, ...inputs);
   const controls = make('fieldset', { class: 'slice-fields' },
     row(t('slices.mode'), '/slices/mode', mode),
-    row(t('slices.in3d'), '/slices/in_3d', inPicture),
+    row(t('slices.in3d'), '/slices/in_3d', inPicture), shownRow,
     row(t('slices.position'), '/slices/position', together(places)),
     row(t('slices.window'), '/slices/window', together(values)),
     make('div', { class: 'buttons', 'data-pointer': '/slices/normal' }, align, reset));
@@ -39,12 +44,23 @@ export function installSection({ panel, slices, viewer }) {
     if (Number.isFinite(input.valueAsNumber)) slices.change({ window: { [FIELDS[i][0]]: input.valueAsNumber } }, timeStamp);
   }));
 
+  function showPlanes() {
+    const planes = KINDS.map((kind) => slices.planeOf(kind));
+    const visible = slices.planesIn3d.map(({ kind }) => kind);
+    shown.forEach((button, i) => {
+      setText(button, slices.nameOf(planes[i]));
+      button.setAttribute('aria-pressed', String(visible.includes(KINDS[i])));
+    });
+  }
+
   function show() {
     const { shared } = slices;
     controls.disabled = !shared || !viewer.canControl;
     if (!shared) return;
     mode.value = shared.mode;
     inPicture.checked = shared.in_3d && shared.mode !== 'none';
+    shownRow.hidden = shared.mode === 'oblique' || !slices.grid;
+    if (!shownRow.hidden) showPlanes();
     align.hidden = shared.mode !== 'oblique';
     const set = (input, value) => {
       if (document.activeElement !== input) input.value = showNumber(value);

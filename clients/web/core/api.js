@@ -216,8 +216,9 @@ export class Api {
     return this.#request('DELETE', `api/v1/views/${encodeURIComponent(id)}`);
   }
 
-  deleteSession(id) {
-    return this.#request('DELETE', `api/v1/sessions/${encodeURIComponent(id)}`);
+  /** Ends a session. token: the daemon's, or the control token of a fork by a guest. */
+  deleteSession(id, token = this.token) {
+    return this.#request('DELETE', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }
 
   /** All camera paths that this token may see. */

@@ -69,6 +69,7 @@ export default {
   'slices.crosshair.hint': 'Click or drag in the picture: the slices go to what you see there',
   'slices.failed': 'No slice: {reason}',
   'slices.in3d': 'In the picture',
+  'slices.in3d.planes': 'Planes that the picture shows',
   'slices.layout.3d': 'Picture alone',
   'slices.layout.four': 'Picture and slices',
   'slices.layout.next': 'Next layout: picture, slices',

@@ -152,12 +152,13 @@ enum sp_slice_mode {
 };
 /* Slices of the volume (sp/slice.h) that clients show beside the image, and in it. A slice in the
  * image is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
- * behind it; the volume in front of it is drawn as always. Values that are not finite leave a
- * hole. */
+ * behind it; the volume in front of it is drawn as always. Pixels on a border are covered in part.
+ * Values that are not finite leave a hole. */
 struct sp_slices {           /* "/slices" */
     enum sp_slice_mode mode; /* [none] */
     bool in_3d;              /* draw them in the image [false]; oblique: needs one of the clip
                                 planes, so that the view has at most SP_CLIP_PLANES_MAX - 1 */
+    bool planes[3];          /* orthogonal: draw the slice across this axis of the grid [true] */
     double position[3];      /* world [the volume's centre] */
     double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
     double center, width;    /* "window": values from black to white; width > 0
@@ -190,6 +191,9 @@ SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info
  * samples, on this thread. The result depends on the volume alone. Where nothing can be found
  * (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
 SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
+
+/* True if slices are drawn in the image. Thread-safe. */
+SP_API bool sp_view_draws_slices(const struct sp_view *view);
 
 /* True if the two views give the same image, although they may differ in slices that are not
  * drawn in it. Thread-safe. */

@@ -139,6 +139,45 @@ test('another volume is compared, and a daemon without a free session says so', 
   assert.ok(await page.isVisible('#compare-start'));
 });
 
+const api = (path, token, method = 'GET') => fetch(`${new URL(daemon.url).origin}/api/v1/${path}`, { method, headers: { Authorization: `Bearer ${token}` } });
+
+test('a guest ends the session of its comparison, at the end and with the page, and no other', async (context) => {
+  const { page } = await open(context);
+  const id = await page.evaluate(() => window.splatd.session);
+  const token = new URL(daemon.url).searchParams.get('token');
+  const { tokens } = await (await api(`sessions/${id}`, token)).json();
+  const refused = await api(`sessions/${id}`, tokens.control, 'DELETE');
+  assert.equal(refused.status, 403);
+  assert.match((await refused.json()).detail, /only the token that created/);
+  for (const way of ['end', 'close']) {
+    const guest = await openPage(browser, { viewport: { width: 700, height: 500 } });
+    context.after(() => guest.context.close());
+    await guest.page.goto(`${new URL(daemon.url).origin}/#session=${id}&token=${tokens.control}`);
+    await firstFrame(guest.page);
+    await begin(guest.page);
+    await until(guest.page, 'the second picture', (s) => s.compared?.isAtRest);
+    const other = (await guest.page.evaluate(() => window.splatd.compared)).id;
+    assert.ok((await sessions(page)).includes(other));
+    if (way === 'end') await guest.page.click('#compare-end');
+    else await guest.page.close({ runBeforeUnload: false });
+    while ((await sessions(page)).includes(other));
+    assert.ok((await sessions(page)).includes(id));
+  }
+});
+
+test('closing the volume of B ends the comparison with a message, and A stays', async (context) => {
+  const { page } = await open(context);
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.selectOption('#compare-source', 'volume:phantom');
+  await page.click('#compare-start');
+  await until(page, 'the second picture', (s) => s.compared?.isAtRest);
+  const token = new URL(daemon.url).searchParams.get('token');
+  assert.equal((await api('volumes/phantom', token, 'DELETE')).status, 204);
+  await page.locator('#compare-note', { hasText: /ended|closed|unloaded/ }).waitFor();
+  await until(page, 'A alone', (s) => !s.compared && s.volume === 'engine' && s.state === 'live');
+  assert.equal(await page.locator('#screen-b').count(), 0);
+});
+
 test('the status panel splits the latency, and offline is said', async (context) => {
   const { page, context: browserContext } = await open(context);
   await page.click('#stats-toggle');

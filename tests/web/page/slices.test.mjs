@@ -185,6 +185,16 @@ test('slices in the picture change it, and two windows of one session share the 
   await rest(page);
   const cut = await pixels(page);
   compare(difference(cut, plain), '>', 0.02);
+  const outlines = () => page.locator('#overlay .slice-outline').count();
+  assert.equal(await outlines(), 12);
+  await page.click('#slices-planes button[data-kind="axial"]');
+  await rest(page);
+  assert.deepEqual(Object.values(await page.evaluate(() => window.splatd.view.slices.planes)).filter((isOn) => !isOn), [false]);
+  compare(difference(await pixels(page), cut), '>', 0.005, 'without the axial plane');
+  assert.equal(await outlines(), 8);
+  await page.click('#slices-planes button[data-kind="axial"]');
+  await rest(page);
+  compare(difference(await pixels(page), cut), '<', 0.002, 'the plane is back');
   await page.click('#tool-crosshair');
   const picture = await page.locator('#screen').boundingBox();
   const at = await position(page);

@@ -29,7 +29,7 @@ export const defaultView = (id) => ({
   filter: { mode: 'adaptive', kernel: 'gaussian', sigma: 0.7, cutoff: 3, lowpass: 1, c_min: 0.07, c_max: null },
   compositing: { mode: 'sheet', attenuation: 'exponential', slab: 1 }, shading: { mode: 'none' },
   clip: { box: [[0, 0, 0], [1, 1, 1]], planes: [] },
-  slices: { mode: 'none', in_3d: false, position: [31.5, 31.5, 31], normal: [0, 0, 1], window: { center: 128, width: 256 } },
+  slices: { mode: 'none', in_3d: false, planes: { i: true, j: true, k: true }, position: [31.5, 31.5, 31], normal: [0, 0, 1], window: { center: 128, width: 256 } },
 });
 
 /** A histogram with a peak of air at 10 and one of matter at 120, or the joint one with its edges. */
