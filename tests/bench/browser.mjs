@@ -4,6 +4,7 @@
 //   first    from the start of the navigation to the first picture on the canvas
 //   turn     from a pointer event to the picture that shows it, and pictures per second, while a drag turns the volume
 //   points   the same, while a point of the transfer function is dragged
+//   clip     the same, while a face of the clip box is dragged by its handle
 //
 //   node tests/bench/browser.mjs [--bin DIR] [--volumes LIST] [--px N] [--seconds N] [--loads N] [--rounds N] [--out FILE.csv]
 //
@@ -96,8 +97,23 @@ async function measureDrags(browser, url, volume) {
       return drag(page, [box.x + box.width / 2, box.y + box.height / 2], [12, 12]);
     },
   };
-  const seen = { turn: [], points: [] };
-  const times = { turn: 0, points: 0 };
+  acts.clip = async () => {
+    const press = (id) => page.evaluate((name) => document.getElementById(name).click(), id);
+    await press('clip-tool');
+    await page.locator('.clip-handle.face:visible').first().waitFor();
+    const box = await page.evaluate(() => { // the handle that is farthest to the right is covered by nothing
+      const boxes = [...document.querySelectorAll('.clip-handle.face:not([hidden])')].map((handle) => handle.getBoundingClientRect());
+      const { x, y, width, height } = boxes.sort((a, b) => b.x - a.x)[0];
+      return { x, y, width, height };
+    });
+    const result = await drag(page, [box.x + box.width / 2, box.y + box.height / 2], [60, 30]);
+    await press('clip-reset');
+    await press('clip-tool');
+    await until(page, 'rest', (s) => s.isIdle && s.isFinal);
+    return result;
+  };
+  const seen = Object.fromEntries(Object.keys(acts).map((what) => [what, []]));
+  const times = Object.fromEntries(Object.keys(acts).map((what) => [what, 0]));
   for (let i = 0; i < Number(options.rounds); i += 1) { // in turn, so that a busy moment hits both
     for (const [what, act] of Object.entries(acts)) {
       const { ms, pictures } = await act();
@@ -115,7 +131,7 @@ async function measureDrags(browser, url, volume) {
 }
 
 if (options.help) {
-  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 11);
+  const [, , ...head] = fs.readFileSync(new URL(import.meta.url), 'utf8').split('\n', 12);
   process.stdout.write(`${head.map((line) => line.slice(3)).join('\n')}\n`);
 } else {
   if (options.bin) process.env.SPLATD_BIN_DIR = options.bin;

@@ -15,10 +15,8 @@ export function hasAnnotations() {
   return !overlay().hasAttribute('hidden') && overlay().querySelector('path, line, polyline, polygon, circle, ellipse, rect, text') !== null;
 }
 
-/** A copy of the overlay, with the computed style of each element as attributes, as a document of its own. */
-function serialize([width, height], viewport) {
-  const { scale, x, y } = overlayPlacement(viewport, [width, height]);
-  const source = overlay();
+/** A copy of an <svg>, with the computed style of each element as attributes, as a document of its own. */
+function serialize(source, [width, height], viewBox) {
   const copy = source.cloneNode(true);
   const [from, to] = [source, copy].map((root) => [...root.querySelectorAll('*')]);
   from.forEach((element, i) => {
@@ -30,7 +28,7 @@ function serialize([width, height], viewport) {
   copy.setAttribute('xmlns', 'http://www.w3.org/2000/svg');
   copy.setAttribute('width', width);
   copy.setAttribute('height', height);
-  copy.setAttribute('viewBox', `${-x / scale} ${-y / scale} ${width / scale} ${height / scale}`);
+  copy.setAttribute('viewBox', viewBox);
   return new XMLSerializer().serializeToString(copy);
 }
 
@@ -41,18 +39,25 @@ async function load(url) {
   return image;
 }
 
-/** Resolves to the picture with the overlay in it, in the same format. */
-export async function burnIn(blob, { size: [width, height], viewport, quality }) {
-  const url = URL.createObjectURL(new Blob([serialize([width, height], viewport)], { type: 'image/svg+xml' }));
+/** Resolves to an image of an <svg> of the page in a size in px. */
+export async function imageOf(source, size, viewBox) {
+  const url = URL.createObjectURL(new Blob([serialize(source, size, viewBox)], { type: 'image/svg+xml' }));
   try {
-    const [picture, drawing] = await Promise.all([createImageBitmap(blob), load(url)]);
-    const canvas = new OffscreenCanvas(width, height);
-    const context = canvas.getContext('2d');
-    context.drawImage(picture, 0, 0);
-    context.drawImage(drawing, 0, 0, width, height);
-    picture.close();
-    return await canvas.convertToBlob({ type: blob.type, quality: quality / 100 });
+    return await load(url);
   } finally {
     URL.revokeObjectURL(url);
   }
+}
+
+/** Resolves to the picture with the overlay in it, in the same format. */
+export async function burnIn(blob, { size: [width, height], viewport, quality }) {
+  const { scale, x, y } = overlayPlacement(viewport, [width, height]);
+  const [picture, drawing] = await Promise.all([createImageBitmap(blob),
+    imageOf(overlay(), [width, height], `${-x / scale} ${-y / scale} ${width / scale} ${height / scale}`)]);
+  const canvas = new OffscreenCanvas(width, height);
+  const context = canvas.getContext('2d');
+  context.drawImage(picture, 0, 0);
+  context.drawImage(drawing, 0, 0, width, height);
+  picture.close();
+  return canvas.convertToBlob({ type: blob.type, quality: quality / 100 });
 }

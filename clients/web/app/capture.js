@@ -4,6 +4,7 @@ import { SIZES, captureView, fitSize, hasAlpha, readProgress, sizeProblem } from
 import { curlCommand, fileName, renderQuery, splatctlCommand } from '../core/commands.js';
 import { t } from '../core/text.js';
 import { burnIn, hasAnnotations } from './annotations.js';
+import { composePanes, composedSize } from './composed.js';
 import { make } from './dom.js';
 import { showValue } from './fields.js';
 import { ORDER } from './panel.js';
@@ -32,7 +33,7 @@ export function install(app) {
 }
 
 class Capture {
-  #app; #size; #width; #height; #format; #quality; #alpha; #burn; #withToken;
+  #app; #what; #size; #width; #height; #format; #quality; #alpha; #burn; #withToken;
   #progress; #state; #busy; #text; #textNote;
   #running = null; // AbortController of the picture that is being made
 
@@ -43,6 +44,8 @@ class Capture {
     for (const control of [this.#size, this.#format, this.#width, this.#height, this.#quality, this.#alpha, this.#burn]) {
       control.addEventListener('input', () => this.#changed());
     }
+    this.#what.addEventListener('input', () => this.#show());
+    app.layout.on('change', () => this.#show());
     app.screen.onResize(() => this.#show());
     app.connection.on('session', () => this.#show());
     this.#show();
@@ -50,6 +53,7 @@ class Capture {
 
   #build(body) {
     const number = (id, label) => make('input', { id, type: 'number', min: 1, max: 8192, step: 1, 'aria-label': label });
+    this.#what = make('select', { id: 'capture-what' }, ...['panes', 'picture'].map((name) => option(name, t(`capture.what.${name}`))));
     this.#size = make('select', { id: 'capture-size' }, ...Object.keys(SIZES).map((name) => option(name, t(`capture.size.${name}`))),
       option('custom', t('capture.size.custom')));
     this.#width = number('capture-width', t('capture.width'));
@@ -67,6 +71,7 @@ class Capture {
     this.#textNote = make('p', { class: 'about', id: 'capture-note', role: 'status' });
     const copy = (id, of) => make('button', { id: `copy-${id}`, text: t(`capture.copy.${id}`), title: t(`capture.copy.${id}.title`), press: () => this.#copy(of) });
     body.append(
+      row('capture-what', t('capture.what'), this.#what, { title: t('capture.what.title') }),
       row('capture-size', t('capture.size'), this.#size),
       make('div', { class: 'row', id: 'capture-custom', role: 'group', 'aria-label': t('capture.size.custom') },
         make('span', { text: t('capture.pixels') }), make('span', { class: 'number' }, this.#width, '×', this.#height)),
@@ -115,20 +120,27 @@ class Capture {
   get #isLossy() { return this.#format.value === 'jpeg' || this.#format.value === 'webp'; }
   get #token() { return this.#withToken.checked ? this.#app.api.token : ''; }
 
+  /** True if the picture of all panes is saved, as the layout shows them; it has the size of the window. */
+  get #isComposed() { return this.#app.slices.areShown && this.#what.value === 'panes'; }
+
   /** The chosen [width, height] in px. */
   get size() {
+    if (this.#isComposed) return composedSize();
     if (this.#size.value === 'custom') return [this.#width.valueAsNumber, this.#height.valueAsNumber];
     return SIZES[this.#size.value] ?? this.#app.screen.size;
   }
 
   get #image() {
-    const format = this.#format.value;
+    const format = this.#isComposed && this.#format.value === 'exr' ? 'png' : this.#format.value;
     return {
       view: captureView(this.#app.viewer.view, this.size, this.#alpha.checked && hasAlpha(format)), format, quality: Number(this.#quality.value),
     };
   }
 
   #show() {
+    this.#what.closest('.row').hidden = !this.#app.slices.areShown;
+    for (const control of [this.#size, this.#alpha, this.#burn]) control.closest('.row').hidden = this.#isComposed;
+    [...this.#format.options].find(({ value }) => value === 'exr').disabled = this.#isComposed;
     const isCustom = this.#size.value === 'custom';
     const limit = this.#maxPixels;
     if (!isCustom || !this.#width.value || !this.#height.value) {
@@ -168,16 +180,16 @@ class Capture {
   /** Copies the picture as PNG. */
   async copy() {
     if (!navigator.clipboard?.write || !window.ClipboardItem) {
-      this.#say(t('capture.noclipboard'));
+      this.#say(t('capture.noclipboard'), 'warning');
       return;
     }
     const picture = this.#make('png');
     try {
       // The promise goes to the browser at once, because it takes only what a press of a button starts.
       await navigator.clipboard.write([new ClipboardItem({ 'image/png': picture.then((blob) => blob ?? Promise.reject(new Error(t('saved.nopicture')))) })]);
-      this.#say(t('capture.copied'));
+      this.#say(t('capture.copied'), 'success');
     } catch (error) {
-      if (await picture.catch(() => null)) this.#say(t('capture.copy.failed', { reason: error.message }));
+      if (await picture.catch(() => null)) this.#say(t('capture.copy.failed', { reason: error.message }), 'error');
     }
   }
 
@@ -186,7 +198,7 @@ class Capture {
     if (this.#running || !this.#app.viewer.view) return null;
     const problem = this.#problem;
     if (problem) {
-      this.#say(problem);
+      this.#say(problem, 'warning');
       this.#app.panel.reveal('capture');
       return null;
     }
@@ -195,11 +207,12 @@ class Capture {
     this.#progress.removeAttribute('value');
     this.#say(t('capture.rendering', { size: this.size.join(' × ') }));
     try {
-      const blob = await this.#fetch(format, this.#running.signal);
-      this.#say(t('capture.done', { size: this.size.join(' × '), bytes: `${(blob.size / 1e6).toFixed(2)} MB` }));
+      const blob = await (this.#isComposed ? this.#compose(format, this.#running.signal) : this.#fetch(format, this.size, this.#running.signal));
+      this.#say(t('capture.done', { size: this.size.join(' × '), bytes: `${(blob.size / 1e6).toFixed(2)} MB` }), 'success');
       return blob;
     } catch (error) {
-      this.#say(error.name === 'AbortError' ? t('capture.cancelled') : this.#explain(error));
+      if (error.name === 'AbortError') this.#say(t('capture.cancelled'));
+      else this.#say(this.#explain(error), 'error');
       return null;
     } finally {
       this.#running = null;
@@ -212,14 +225,21 @@ class Capture {
     return t('capture.failed', { reason: error.message });
   }
 
-  #say(text) {
+  #say(text, tone = 'info') {
     this.#state.textContent = text;
-    if (!this.#state.closest('details').open || this.#app.panel.isClosed) this.#app.notice.show(text);
+    if (!this.#state.closest('details').open || this.#app.panel.isClosed) this.#app.notice.show(text, tone);
   }
 
-  async #fetch(format, signal) {
+  /** All panes; the 3-D picture among them in full quality. */
+  async #compose(format, signal) {
+    const { layout, screen } = this.#app;
+    const picture = layout.isShown('3d') ? await this.#fetch('png', screen.size, signal) : null;
+    return composePanes(picture, { type: `image/${format}`, quality: this.#image.quality });
+  }
+
+  async #fetch(format, size, signal) {
     const { connection, api } = this.#app;
-    const { view, quality } = { ...this.#image, view: captureView(this.#app.viewer.view, this.size, this.#alpha.checked && hasAlpha(format)) };
+    const { view, quality } = { ...this.#image, view: captureView(this.#app.viewer.view, size, !this.#isComposed && this.#alpha.checked && hasAlpha(format)) };
     const answer = connection.session?.isJoined
       ? await api.snapshot(connection.session, new URLSearchParams({
         format, size: view.size.join(','), background: JSON.stringify(view.background), ...(this.#isLossy ? { quality } : {}),
@@ -229,7 +249,7 @@ class Capture {
       if (total) this.#progress.value = received / total;
     });
     const blob = new Blob(chunks, { type: answer.headers.get('Content-Type') });
-    if (!this.#burn.checked || format === 'exr' || !hasAnnotations()) return blob;
+    if (this.#isComposed || !this.#burn.checked || format === 'exr' || !hasAnnotations()) return blob;
     return burnIn(blob, { size: view.size, viewport: this.#app.screen.viewport, quality });
   }
 

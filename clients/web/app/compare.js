@@ -77,6 +77,10 @@ class Compare {
       this.#label();
     });
     connection.on('volumes', () => this.listSources());
+    // The daemon gives a session whose volume is closed another one, which is not what B is for.
+    connection.on('notification', ({ method, params }) => {
+      if (method === 'volume.progress' && params.state === 'unloaded' && params.volume === this.#companion?.view.volume) this.#ended();
+    });
     layout.on('change', (name) => {
       if (!this.#companion || name === 'compare' || this.#mode.value !== 'side') return;
       this.#mode.value = 'divider';
@@ -158,14 +162,18 @@ class Compare {
     this.#companion = new Companion({ base, env: connection.env, api, made, canvas: this.#canvas, isGuests: Boolean(session.isJoined) });
     this.#companion.on('view', () => this.#label());
     this.#companion.on('failed', (error) => setText(this.#note, error.message));
-    this.#companion.on('ended', () => {
-      this.stop();
-      setText(this.#note, t('compare.ended'));
-    });
+    this.#companion.on('ended', () => this.#ended());
     const isElsewhere = !isSamePlace(this.#sphere(viewer.view.volume), this.#sphere(view.volume));
     this.#fit.checked = isElsewhere;
     if (this.#divider.percent === 50) this.#divider.set(50);
     this.#look();
+  }
+
+  /** B is gone. */
+  #ended() {
+    this.stop();
+    setText(this.#note, t('compare.ended'));
+    this.#app.panel.reveal('compare');
   }
 
   stop() {

@@ -139,6 +139,42 @@ test('the copied commands make the same picture as the page', async (context) =>
   assert.deepEqual([view.volume, view.size, view.camera], ['engine', [64, 48], await camera(page)]);
 });
 
+test('beside slices, all panes are saved as the layout shows them, or the picture alone', async (context) => {
+  const { page } = await open(context, daemon.url, { viewport: { width: 1200, height: 800 } });
+  await page.click('#layout-four');
+  await rest(page);
+  await until(page, 'the slices', () => ['axial', 'coronal', 'sagittal'].every((id) => document.querySelector(`#pane-${id} .pane-body`).dataset.state === 'newest'));
+  const box = await page.locator('main').boundingBox();
+  const all = decodePng((await save(page)).bytes);
+  assert.deepEqual([all.width, all.height], [box.width, box.height].map(Math.round));
+  // The slice in the saved picture is that of the pane.
+  const { url, place } = await page.evaluate(() => {
+    const canvas = document.querySelector('#pane-coronal canvas');
+    const { left, top } = canvas.getBoundingClientRect();
+    const main = document.querySelector('main').getBoundingClientRect();
+    return { url: canvas.toDataURL('image/png'), place: [left - main.left, top - main.top].map(Math.round) };
+  });
+  const slice = decodePng(Buffer.from(url.slice(url.indexOf(',') + 1), 'base64'));
+  let [same, lit] = [0, 0];
+  for (let y = 40; y < slice.height - 40; y += 7) {
+    for (let x = 10; x < slice.width - 40; x += 7) {
+      if (slice.at(x, y)[0] < 40) continue;
+      lit += 1;
+      same += Math.abs(slice.at(x, y)[0] - all.at(place[0] + x, place[1] + y)[0]) < 12;
+    }
+  }
+  assert.ok(lit > 100 && same > 0.9 * lit, `${same} of ${lit}`);
+  await page.selectOption('#capture-what', 'picture');
+  await choose(page, { size: [64, 48], format: 'png' });
+  assert.deepEqual((({ width, height }) => [width, height])(decodePng((await save(page)).bytes)), [64, 48]);
+  await page.click('#layout-slices');
+  await page.selectOption('#capture-what', 'panes');
+  assert.ok((await save(page)).bytes.length > 1000);
+  await page.locator('#capture').evaluate((fold) => { fold.open = false; });
+  await page.click('#tool-capture');
+  await page.locator('#notice[data-tone="success"]').waitFor();
+});
+
 test('annotations are drawn into the picture on request', async (context) => {
   const { page } = await open(context);
   await page.evaluate(() => {

@@ -12,7 +12,7 @@ const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', impo
 let browser;
 let daemon;
 before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '8']);
+  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '24']);
   browser = await launch();
 });
 after(async () => {
@@ -174,7 +174,7 @@ test('closing the volume of B ends the comparison with a message, and A stays', 
   const token = new URL(daemon.url).searchParams.get('token');
   assert.equal((await api('volumes/phantom', token, 'DELETE')).status, 204);
   await page.locator('#compare-note', { hasText: /ended|closed|unloaded/ }).waitFor();
-  await until(page, 'A alone', (s) => !s.compared && s.volume === 'engine' && s.state === 'live');
+  await until(page, 'A alone', (s) => !s.compared && s.volume === 'engine' && s.state === 'live' && s.layout === '3d');
   assert.equal(await page.locator('#screen-b').count(), 0);
 });
 

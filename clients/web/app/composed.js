@@ -1,0 +1,75 @@
+// SPDX-License-Identifier: Apache-2.0
+// One picture of all panes as the layout shows them: the 3-D picture, the slices, and the lines and letters above them.
+import { imageOf } from './annotations.js';
+import { byId } from './dom.js';
+
+const TEXTS = '.pane-title, .slice-letter, .slice-place, .slice-read, .scale-text';
+
+const panes = () => [...document.querySelectorAll('main > .pane:not([hidden])')];
+
+/** The size of the picture in px. */
+export function composedSize() {
+  const { width, height } = document.querySelector('main').getBoundingClientRect();
+  return [width, height].map((side) => Math.round(side * (window.devicePixelRatio || 1)));
+}
+
+/** Draws the texts of a pane at their places, in their fonts and colours. */
+function drawTexts(context, pane, origin) {
+  context.textBaseline = 'middle';
+  context.shadowColor = '#000';
+  context.shadowBlur = 3;
+  for (const element of pane.querySelectorAll(TEXTS)) {
+    if (!element.checkVisibility() || !element.textContent) continue;
+    const box = element.getBoundingClientRect();
+    const style = getComputedStyle(element);
+    context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
+    context.fillStyle = style.color;
+    context.fillText(element.textContent, box.left - origin.left, box.top - origin.top + box.height / 2);
+  }
+  const line = pane.querySelector('.scale-line');
+  if (line?.checkVisibility()) {
+    const { left, right, top, bottom } = line.getBoundingClientRect();
+    context.strokeStyle = '#fff';
+    context.lineWidth = 1.5;
+    context.stroke(new Path2D(`M${left - origin.left} ${top - origin.top}V${bottom - origin.top}H${right - origin.left}V${top - origin.top}`));
+  }
+  context.shadowColor = 'transparent';
+}
+
+async function drawPane(context, pane, origin, picture, ratio) {
+  const is3d = pane.id === 'pane-3d';
+  const lines = is3d ? byId('overlay') : pane.querySelector('svg.slice-lines');
+  const content = is3d ? picture : pane.querySelector('canvas');
+  const box = (is3d ? pane : pane.querySelector('canvas')).getBoundingClientRect();
+  const place = [box.left - origin.left, box.top - origin.top, box.width, box.height];
+  const drawing = lines && !lines.hasAttribute('hidden')
+    ? await imageOf(lines, [box.width * ratio, box.height * ratio], `0 0 ${box.width} ${box.height}`) : null;
+  context.save();
+  context.beginPath();
+  context.rect(...place);
+  context.clip();
+  if (content) context.drawImage(content, ...place);
+  if (drawing) context.drawImage(drawing, ...place);
+  drawTexts(context, pane, origin);
+  context.restore();
+}
+
+/** Resolves to a Blob. picture: the 3-D picture as a Blob, or null if the layout has none; type: of an image with 8 bits. */
+export async function composePanes(picture, { type, quality }) {
+  const origin = document.querySelector('main').getBoundingClientRect();
+  const ratio = window.devicePixelRatio || 1;
+  const canvas = new OffscreenCanvas(...composedSize());
+  const context = canvas.getContext('2d');
+  context.fillStyle = '#3a3f47'; // the gaps between the panes
+  context.fillRect(0, 0, canvas.width, canvas.height);
+  context.scale(ratio, ratio);
+  const bitmap = picture && await createImageBitmap(picture);
+  for (const pane of panes()) {
+    const box = pane.getBoundingClientRect();
+    context.fillStyle = '#000';
+    context.fillRect(box.left - origin.left, box.top - origin.top, box.width, box.height);
+    await drawPane(context, pane, origin, bitmap, ratio);
+  }
+  bitmap?.close();
+  return canvas.convertToBlob({ type, quality: quality / 100 });
+}
