@@ -36,12 +36,25 @@ static void set_text(struct srv_reply *reply, unsigned status, const char *mime,
     size_t size;
     char *text = proto_json_to_text(json, &size);
     proto_json_free(&json);
+    if (text) {
+        srv_reply_text(reply, status, mime, text, size);
+        return;
+    }
     free(reply->owned);
-    reply->owned = text;
-    reply->status = text ? status : 503;
-    reply->mime = text ? mime : "application/problem+json";
-    reply->body = text ? text : no_memory;
-    reply->size = text ? size : sizeof no_memory - 1;
+    reply->owned = NULL;
+    reply->status = 503;
+    reply->mime = "application/problem+json";
+    reply->body = no_memory;
+    reply->size = sizeof no_memory - 1;
+}
+
+void srv_reply_text(struct srv_reply *reply, unsigned status, const char *mime, char *text,
+                    size_t size) {
+    free(reply->owned);
+    reply->body = reply->owned = text;
+    reply->status = status;
+    reply->mime = mime;
+    reply->size = size;
 }
 
 void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json) {

@@ -38,6 +38,9 @@ void srv_reply_finish(struct srv_reply *reply);
 
 __attribute__((format(printf, 3, 4))) void
 srv_reply_header(struct srv_reply *reply, const char *name, const char *format, ...);
+/* Takes the malloc'ed text. */
+void srv_reply_text(struct srv_reply *reply, unsigned status, const char *mime, char *text,
+                    size_t size);
 /* Frees the JSON; NULL becomes a 503 (out of memory). */
 void srv_reply_json(struct srv_reply *reply, unsigned status, proto_json *json);
 void srv_reply_static(struct srv_reply *reply, const char *mime, const void *body, size_t size);

@@ -122,10 +122,7 @@ static void reply_csv(const struct srv_measures *measures, struct srv_reply *rep
         srv_reply_problem(reply, 503, NULL, "out of memory for the measurements");
         return;
     }
-    reply->status = 200;
-    reply->mime = "text/csv; charset=utf-8; header=present";
-    reply->body = reply->owned = text;
-    reply->size = size;
+    srv_reply_text(reply, 200, "text/csv; charset=utf-8; header=present", text, size);
 }
 
 static void reply_list(const struct srv_measures *measures, struct srv_reply *reply) {
@@ -172,20 +169,22 @@ static void put(struct srv_request *request, const char *session, const char *id
     static const char *const known[] = { "kind", "points", "text", "color", "hidden", NULL };
     const bool is_patch = change == SRV_MEASURE_CHANGE; /* the kind cannot change */
     struct sp_error err;
-    bool is_new = false;
-    proto_json *json = NULL, *body = srv_request_json(request, reply);
+    struct srv_measure_answer answer;
+    char *text = NULL;
+    proto_json *body = srv_request_json(request, reply);
     if (!body)
         return;
-    if (proto_json_only(body, known + is_patch, &err))
-        json = srv_hub_measure_put(request->app->hub, session, id, change, body,
-                                   request->grant.name, srv_clock_ms(), &is_new, &err);
-    if (!json) {
+    if (proto_json_only(body, known + is_patch, &err)) {
+        const struct srv_measure_request wanted = { id, change, body, request->grant.name };
+        text =
+            srv_hub_measure_put(request->app->hub, session, &wanted, srv_clock_ms(), &answer, &err);
+    }
+    if (!text) {
         reply_change_error(&err, reply);
     } else {
-        if (is_new)
-            srv_reply_header(reply, "Location", "%s%s", id ? "" : "measures/",
-                             proto_json_string(proto_json_get(json, "id")));
-        srv_reply_json(reply, is_new ? 201 : 200, json);
+        if (answer.is_new)
+            srv_reply_header(reply, "Location", "%s%s", id ? "" : "measures/", answer.id);
+        srv_reply_text(reply, answer.is_new ? 201 : 200, "application/json", text, answer.size);
     }
     proto_json_free(&body);
 }

@@ -80,7 +80,7 @@ static void put(struct srv_request *request, const proto_json *patch, struct srv
     } else {
         reply->status = old ? 204 : 201;
         if (!old)
-            srv_reply_header(reply, "Location", "presets/%s", request->param);
+            srv_reply_header(reply, "Location", "%s", request->param);
         srv_request_reply_when_durable(request);
     }
     free(old);

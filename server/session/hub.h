@@ -121,13 +121,23 @@ proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const pro
 /* Copies the measurements; the caller finishes them. */
 bool srv_hub_measures(struct srv_hub *hub, const char *id, double now_ms,
                       struct srv_measures *measures, struct sp_error *err);
-/* Adds or changes a measurement; `id` NULL: a new one. `author` is the name of a new one's author.
- * Returns it encoded, and whether it was added. SP_ERR_NOT_FOUND, SP_ERR_QUOTA, and what the stream
- * refuses. */
-proto_json *srv_hub_measure_put(struct srv_hub *hub, const char *session, const char *id,
-                                enum srv_measure_change change, const proto_json *body,
-                                const char *author, double now_ms, bool *is_new,
-                                struct sp_error *err);
+struct srv_measure_request {
+    const char *id; /* NULL: a new measurement */
+    enum srv_measure_change change;
+    const proto_json *body;
+    const char *author; /* of a new measurement */
+};
+struct srv_measure_answer {
+    char id[PROTO_MEASURE_ID_MAX + 1];
+    bool is_new; /* it was added */
+    size_t size; /* of the text */
+};
+/* Adds or changes a measurement. Returns it as JSON text, malloc'ed; it was made before the change,
+ * so that without memory nothing changes. SP_ERR_NOT_FOUND, SP_ERR_QUOTA, SP_ERR_MEMORY, and what
+ * the stream refuses. */
+char *srv_hub_measure_put(struct srv_hub *hub, const char *session,
+                          const struct srv_measure_request *request, double now_ms,
+                          struct srv_measure_answer *answer, struct sp_error *err);
 bool srv_hub_measure_remove(struct srv_hub *hub, const char *session, const char *id, double now_ms,
                             struct sp_error *err);
 /* Gives a new session the measurements of another one. `from` may also be the id of something that

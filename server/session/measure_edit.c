@@ -102,16 +102,18 @@ static void changed(struct srv_measure_edit *edit) {
     srv_hub_notify_others(edit->hub, edit->session, edit->by, SRV_NOTIFY_MEASURES);
 }
 
-bool srv_measure_edit_put(struct srv_measure_edit *edit, const char *id, const proto_json *body,
-                          struct sp_error *err) {
+bool srv_measure_edit_prepare(struct srv_measure_edit *edit, const char *id, const proto_json *body,
+                              struct sp_error *err) {
     char taken[PROTO_MEASURE_ID_MAX + 1];
     if (!take_id(edit, id, taken, err) || !begin(edit, taken, id != NULL, body, err))
         return false;
     const bool is_whole = edit->is_new || edit->change == SRV_MEASURE_REPLACE;
     if (!proto_measure_apply(body, is_whole, &edit->made, err))
         return refuse(edit, PROTO_RPC_PARAMS);
-    if (!has_quota(edit, err) || (proto_json_get(body, "points") && !compute(edit, err)))
-        return false;
+    return has_quota(edit, err) && (!proto_json_get(body, "points") || compute(edit, err));
+}
+
+bool srv_measure_edit_commit(struct srv_measure_edit *edit, struct sp_error *err) {
     if (!srv_measures_put(&edit->session->measures, &edit->made, err))
         return refuse(edit, proto_rpc_code_from(err->code));
     changed(edit);

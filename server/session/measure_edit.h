@@ -19,15 +19,18 @@ struct srv_measure_edit {
     double *quota_ms;   /* used up to this time; lives as long as the session, or longer */
     double now_ms;
     enum proto_rpc_code code;  /* of an error */
-    struct proto_measure made; /* the result of srv_measure_edit_put() */
+    struct proto_measure made; /* the result of srv_measure_edit_prepare() */
     bool is_new;               /* it was added */
 };
 
-/* Adds or changes the measurement `id` from the members of `body`, computes it, tells the
- * participants, and marks the session for saving. `id` NULL: a new one, whose id is made here.
- * Releases the mutex while it computes. False with *err and edit->code. */
-bool srv_measure_edit_put(struct srv_measure_edit *edit, const char *id, const proto_json *body,
-                          struct sp_error *err);
+/* Computes the measurement `id` from the members of `body`; `id` NULL: a new one, whose id is made
+ * here. Nobody sees it before srv_measure_edit_commit(), so that the caller can encode its answer
+ * first. Releases the mutex while it computes. False with *err and edit->code. */
+bool srv_measure_edit_prepare(struct srv_measure_edit *edit, const char *id, const proto_json *body,
+                              struct sp_error *err);
+/* Puts the computed measurement into the list, tells the participants, and marks the session for
+ * saving. False with *err and edit->code. */
+bool srv_measure_edit_commit(struct srv_measure_edit *edit, struct sp_error *err);
 bool srv_measure_edit_remove(struct srv_measure_edit *edit, const char *id, struct sp_error *err);
 
 #endif

@@ -6,6 +6,9 @@
 #include "session/measure_edit.h"
 #include "session/rpc_private.h"
 
+#include <stdlib.h>
+#include <string.h>
+
 /* A participant may edit if it has the role control, or if it holds control. */
 static bool may_edit(struct srv_call *call) {
     const struct srv_participant *p = call->participant;
@@ -39,12 +42,16 @@ bool srv_call_measure_put(struct srv_call *call) {
     if (!srv_call_knows(call, known) || !may_edit(call))
         return false;
     struct srv_measure_edit edit = edit_by(call);
-    if (!srv_measure_edit_put(&edit, id_of(call), call->params, &call->err)) {
-        call->code = edit.code;
-        return false;
+    bool ok = srv_measure_edit_prepare(&edit, id_of(call), call->params, &call->err);
+    if (ok) {
+        call->result = proto_measure_encode(&edit.made);
+        ok = !call->result || srv_measure_edit_commit(&edit, &call->err);
     }
-    call->result = proto_measure_encode(&edit.made);
-    return true;
+    if (!ok) {
+        proto_json_free(&call->result);
+        call->code = edit.code;
+    }
+    return ok;
 }
 
 bool srv_call_measure_remove(struct srv_call *call) {
@@ -117,24 +124,29 @@ static bool begin_edit(struct srv_hub *hub, const char *id, const char *author, 
     return session != NULL;
 }
 
-proto_json *srv_hub_measure_put(struct srv_hub *hub, const char *session, const char *id,
-                                enum srv_measure_change change, const proto_json *body,
-                                const char *author, double now_ms, bool *is_new,
-                                struct sp_error *err) {
+char *srv_hub_measure_put(struct srv_hub *hub, const char *session,
+                          const struct srv_measure_request *request, double now_ms,
+                          struct srv_measure_answer *answer, struct sp_error *err) {
     struct srv_measure_edit edit;
-    proto_json *json = NULL;
+    char *text = NULL;
     pthread_mutex_lock(&hub->mutex);
-    if (begin_edit(hub, session, author, now_ms, &edit, err)) {
-        edit.change = change;
-        if (srv_measure_edit_put(&edit, id, body, err)) {
-            *is_new = edit.is_new;
-            json = proto_measure_encode(&edit.made);
-            if (!json)
-                sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the answer");
+    bool ok = begin_edit(hub, session, request->author, now_ms, &edit, err);
+    edit.change = request->change;
+    if (ok && srv_measure_edit_prepare(&edit, request->id, request->body, err)) {
+        proto_json *json = proto_measure_encode(&edit.made);
+        text = json ? proto_json_to_text(json, &answer->size) : NULL;
+        proto_json_free(&json);
+        ok = text ? srv_measure_edit_commit(&edit, err)
+                  : sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the answer");
+        answer->is_new = edit.is_new;
+        memcpy(answer->id, edit.made.id, sizeof answer->id);
+        if (!ok) {
+            free(text);
+            text = NULL;
         }
     }
     pthread_mutex_unlock(&hub->mutex);
-    return json;
+    return text;
 }
 
 bool srv_hub_measure_remove(struct srv_hub *hub, const char *session, const char *id, double now_ms,

@@ -383,7 +383,7 @@ test('sessions are created, read and forked as far as their tokens allow', async
   isProblem(text, 415);
   assert.equal(text.headers.get('accept-patch'), PATCHES);
   assert.deepEqual((await patch(tokens.control)).json.view.size, [10, 10]);
-  isProblem(await daemon.json(target, { method: 'DELETE', token: tokens.control }), 401);
+  isProblem(await daemon.json(target, { method: 'DELETE', token: tokens.control }), 403);
   const fork = await daemon.post('/api/v1/sessions', { from: id });
   assert.equal(fork.status, 201);
   assert.deepEqual(fork.json.view.size, [10, 10]);

@@ -111,7 +111,7 @@ test('only the token that created a session, an admin token and its own join tok
   const { status, json: fork } = await post('/api/v1/sessions', { from: made.id }, of('control'));
   assert.equal(status, 201, 'a session that may be watched may be copied');
   assert.deepEqual([await drop(of('control'), `/api/v1/sessions/${fork.id}`), await drop(of('control'), '/api/v1/sessions/0123456789abcdef')], [204, 404]);
-  assert.deepEqual([await drop(of('control')), await drop(of('view')), await drop(tokens.control), await drop(of('other')), await drop(of('admin'))], [403, 403, 401, 204, 404]);
+  assert.deepEqual([await drop(of('control')), await drop(of('view')), await drop(tokens.control), await drop(of('other')), await drop(of('admin'))], [403, 403, 403, 204, 404]);
 });
 
 test('join tokens of a session are shown only to the token that created it and to admins; all others may only watch', async () => {

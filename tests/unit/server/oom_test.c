@@ -243,8 +243,48 @@ static void uploading(void **state) {
     each_allocation_of_ending("uploads", "{\"name\":\"%ld.nrrd\",\"bytes\":8}", 201);
 }
 
+/* The body of the last answer; its head has the date. */
+static const char *last_body(void) {
+    const char *end = strstr(oom_http.bytes, "\r\n\r\n");
+    assert_non_null(end);
+    return end;
+}
+
+/* Changes the measurements of a session that has one, "one": a refused change leaves the list as it
+ * was. Each try has a session of its own, because a session limits changes per second. */
+static void each_allocation_of_measuring(const char *method, const char *item, const char *body,
+                                         int expected) {
+    char id[64], session[96], list[128], path[192];
+    long n = 0;
+    for (bool refused = true; refused; n += OOM_STEP) {
+        int status;
+        oom_must("POST", "sessions", "{}", 201);
+        oom_member("id", id);
+        snprintf(session, sizeof session, "sessions/%s", id);
+        snprintf(list, sizeof list, "%s/measures", session);
+        snprintf(path, sizeof path, "%s/one", list);
+        oom_must("PUT", path, "{\"kind\":\"distance\",\"points\":[[0,0,0],[3,3,3]]}", 201);
+        snprintf(path, sizeof path, "%s%s", list, item);
+        oom_must("GET", list, "", 200);
+        char *before = strdup(last_body());
+        assert_non_null(before);
+        refused = oom_try(n, method, path, body, expected, &status);
+        oom_must("GET", list, "", 200);
+        assert_true(status == 0 || (strcmp(last_body(), before) == 0) == (status != expected));
+        free(before);
+        oom_must("DELETE", session, "", 204);
+    }
+    print_message("%s measures%s: %ld allocations\n", method, item, n - OOM_STEP);
+    assert_compare(n, >, 1);
+    oom_cover(method, path);
+}
+
 static void changing(void **state) {
     (void)state;
+    each_allocation_of_measuring("POST", "", "{\"kind\":\"marker\",\"points\":[[1,1,1]]}", 201);
+    each_allocation_of_measuring("PUT", "/two", "{\"kind\":\"marker\",\"points\":[[1,1,1]]}", 201);
+    each_allocation_of_measuring("PATCH", "/one", "{\"text\":\"Wall\"}", 200);
+    each_allocation_of_measuring("DELETE", "/one", "", 204);
     each_allocation_of_putting(201);
     each_allocation_of_putting(204);
     oom_must("DELETE", "presets/two", "", 204);

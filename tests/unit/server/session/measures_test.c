@@ -147,8 +147,17 @@ static void an_unknown_id_is_said_to_be_unknown(void **state) {
 static proto_json *put(struct fixture *f, const char *id, enum srv_measure_change change,
                        const char *body, double now_ms, bool *is_new, struct sp_error *err) {
     proto_json *json = proto_json_parse(body, strlen(body), err);
-    proto_json *made =
-        srv_hub_measure_put(f->hub, f->id, id, change, json, "script", now_ms, is_new, err);
+    struct srv_measure_answer answer;
+    const struct srv_measure_request request = { id, change, json, "script" };
+    char *text = srv_hub_measure_put(f->hub, f->id, &request, now_ms, &answer, err);
+    proto_json *made = NULL;
+    if (text) {
+        struct sp_error unreadable;
+        *is_new = answer.is_new;
+        made = proto_json_parse(text, answer.size, &unreadable);
+        assert_string_equal(proto_json_string(proto_json_get(made, "id")), answer.id);
+    }
+    free(text);
     proto_json_free(&json);
     return made;
 }
