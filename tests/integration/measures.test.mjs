@@ -151,8 +151,8 @@ test('the list is exported as JSON and CSV, without formulas', async () => {
   assert.match(csv.headers.get('content-type'), /^text\/csv/);
   assert.match(csv.headers.get('content-disposition'), /measures\.csv/);
   const [header, line, end] = (await csv.text()).split('\r\n');
-  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,x1,y1,z1,x2,y2,z2,x3,y3,z3');
-  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,0,1,4,0,1,0,2,1$/);
+  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3');
+  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,,0,0,1,4,0,1,0,2,1$/);
   assert.equal(end, '');
   assert.equal((await list(session.id, session.tokens.view))[0].text, '=1+1, "x"');
   assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}/measures?format=xml`)).status, 400);
