@@ -8,6 +8,7 @@ import { composePanes, composedSize } from './composed.js';
 import { make } from './dom.js';
 import { showValue } from './fields.js';
 import { ORDER } from './panel.js';
+import { shortBytes } from './status.js';
 
 const FORMATS = ['png', 'jpeg', 'webp', 'exr'];
 const CHOICES = ['capture-size', 'capture-width', 'capture-height', 'capture-format', 'capture-quality', 'capture-alpha', 'capture-burn'];
@@ -208,7 +209,7 @@ class Capture {
     this.#say(t('capture.rendering', { size: this.size.join(' × ') }));
     try {
       const blob = await (this.#isComposed ? this.#compose(format, this.#running.signal) : this.#fetch(format, this.size, this.#running.signal));
-      this.#say(t('capture.done', { size: this.size.join(' × '), bytes: `${(blob.size / 1e6).toFixed(2)} MB` }), 'success');
+      this.#say(t('capture.done', { size: this.size.join(' × '), bytes: shortBytes(blob.size) }), 'success');
       return blob;
     } catch (error) {
       if (error.name === 'AbortError') this.#say(t('capture.cancelled'));
