@@ -87,7 +87,7 @@ class Cube {
   constructor({ viewer, orientation }) {
     this.#viewer = viewer;
     this.#orientation = orientation;
-    this.#root = svg('svg', { id: 'cube', viewBox: `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${SIZE}`, role: 'group', 'aria-label': t('orientation.label') });
+    this.#root = svg('svg', { id: 'cube', viewBox: `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${SIZE}`, role: 'group', 'aria-label': t('orientation.label'), hidden: '' });
     const axes = svg('g', { 'aria-hidden': 'true' });
     for (const [axis, name] of AXES.entries()) {
       const line = svg('line', { class: 'axis', 'data-axis': name });
@@ -148,6 +148,7 @@ class Cube {
   draw(orientation) {
     if (this.#drawn === orientation) return;
     this.#drawn = orientation;
+    this.#root.removeAttribute('hidden'); // there is a picture
     const at = ([x, y]) => `${(x * HALF).toFixed(2)} ${(y * HALF).toFixed(2)}`;
     for (const { part, path } of this.#parts) {
       const shapes = outlines(part, orientation, this.#inner);

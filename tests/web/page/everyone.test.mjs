@@ -73,6 +73,18 @@ for (const colorScheme of ['dark', 'light']) {
     assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
     await shot(page, `everything-${colorScheme}`);
   });
+
+  test(`axe finds nothing in the request for a token, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+    const { context: opened, page } = await openPage(browser, { colorScheme, bypassCSP: true });
+    context.after(() => opened.close());
+    await page.goto(new URL('/', daemon.url).href);
+    await page.locator('#token-form').waitFor();
+    assert.ok(await page.locator('#cube').isHidden(), 'no cube without a picture');
+    await page.evaluate(readFileSync(AXE, 'utf8'));
+    const { violations } = await page.evaluate(() => window.axe.run('#banner', { resultTypes: ['violations'] }));
+    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
+    await shot(page, `token-${colorScheme}`);
+  });
 }
 
 test('Tab reaches every control once, in the order of the document, and leaves the page', async (context) => {
@@ -96,6 +108,19 @@ test('Tab reaches every control once, in the order of the document, and leaves t
   const missed = Array.from({ length: expected }, (_, i) => i).filter((i) => !stops.includes(i));
   const names = await page.evaluate((list) => list.map((i) => document.querySelector(`[data-stop="${i}"]`).outerHTML.slice(0, 90)), missed);
   assert.deepEqual(names, []);
+  assert.deepEqual(said, []);
+});
+
+test('the list of controls opens at its beginning, also where it must scroll', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 900, height: 500 } });
+  await page.keyboard.press('?');
+  const list = await page.evaluate(() => {
+    const { open, scrollTop, scrollHeight, clientHeight } = document.getElementById('help');
+    return { open, scrollTop, scrolls: scrollHeight > clientHeight };
+  });
+  assert.deepEqual(list, { open: true, scrollTop: 0, scrolls: true });
+  await page.keyboard.press('Escape');
+  assert.ok(await page.locator('#help').isHidden());
   assert.deepEqual(said, []);
 });
 
