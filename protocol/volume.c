@@ -110,6 +110,30 @@ proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char
     return object;
 }
 
+/* [[…], …]: rows of three numbers. NULL when out of memory. */
+static proto_json *rows(const double (*values)[3], size_t count) {
+    proto_json *array = proto_json_array();
+    bool ok = array != NULL;
+    for (size_t i = 0; i < count; i++)
+        ok = proto_json_append(array, numbers(values[i], 3)) && ok;
+    if (!ok)
+        proto_json_free(&array);
+    return array;
+}
+
+proto_json *proto_visible_part_encode(const struct sp_visible_part *part, const char *id) {
+    proto_json *object = proto_json_object();
+    bool ok = proto_json_set_string(object, "volume", id) &&
+              proto_json_set_bool(object, "visible", part->is_visible) &&
+              proto_json_set(object, "box", rows(part->box, 2)) &&
+              proto_json_set(object, "center", numbers(part->center, 3)) &&
+              proto_json_set(object, "half", rows(part->half, 3)) &&
+              proto_json_set_number(object, "radius", part->radius);
+    if (!ok)
+        proto_json_free(&object);
+    return object;
+}
+
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram) {
     const struct sp_grid *grid = &info->grid;

@@ -6,6 +6,7 @@
 
 #include "protocol/json.h"
 #include "sp/histogram.h"
+#include "sp/visible_part.h"
 #include "sp/volume.h"
 
 /* Encodes {"id", "name", "source", "dims", "spacing", "origin", "direction" (3 rows), "unit",
@@ -21,5 +22,9 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
  * gradient magnitude, one row per bin of the magnitude. NULL when out of memory. Thread-safe. */
 proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char *id,
                                    const struct sp_joint_histogram *joint);
+
+/* Encodes {"volume": id, "visible", "box", "center", "half", "radius"}. NULL when out of memory.
+ * Thread-safe. */
+proto_json *proto_visible_part_encode(const struct sp_visible_part *part, const char *id);
 
 #endif

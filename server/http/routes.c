@@ -64,6 +64,7 @@ static const struct srv_route routes[] = {
     { SRV_DELETE, "/api/v1/sessions/{}", SRV_RIGHT_SESSION_CONTROL, srv_delete_session, NONE },
     { SRV_GET, "/api/v1/sessions/{}/histogram", SRV_RIGHT_SESSION, srv_get_session_histogram,
       AXES },
+    { SRV_GET, "/api/v1/sessions/{}/visible", SRV_RIGHT_SESSION, srv_get_session_visible, NONE },
     { SRV_GET, "/api/v1/sessions/{}/slice", SRV_RIGHT_SESSION, srv_get_session_slice, SLICE },
     { SRV_POST, "/api/v1/sessions/{}/measure", SRV_RIGHT_SESSION, srv_post_session_measure, NONE },
     { SRV_GET, "/api/v1/sessions/{}/measures", SRV_RIGHT_SESSION, srv_get_session_measures, LIST },

@@ -24,6 +24,7 @@ srv_handler srv_patch_upload;                                    /* upload_body.
 srv_handler srv_get_files;                                       /* routes_files.c */
 srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
 srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
+srv_handler srv_get_session_visible;                             /* routes_visible.c */
 srv_handler srv_post_measure, srv_post_session_measure, srv_get_session_measures,
     srv_post_session_measures, srv_put_session_measure, srv_patch_session_measure,
     srv_delete_session_measure;                                        /* routes_measure.c */

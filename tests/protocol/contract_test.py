@@ -239,6 +239,9 @@ def walk(daemon, contract):
     check(same == ask(200, 'GET', f'{api}/volumes/{{id}}/histogram', query='?axis=value,gradient', id='engine'),
           'a session gives the histogram of its volume')
     ask(401, 'GET', f'{api}/sessions/{{id}}/histogram', token='none', **names)
+    part = ask(200, 'GET', f'{api}/sessions/{{id}}/visible', token=session['tokens']['view'], **names)
+    check(part['volume'] == 'engine' and part['visible'] and all(low < high for low, high in zip(*part['box'])), f'visible: {part}')
+    ask(401, 'GET', f'{api}/sessions/{{id}}/visible', token='none', **names)
     snapshot = f'{api}/sessions/{{id}}/snapshot'
     for kind in ('jpeg', 'png', 'webp', 'exr'):
         ask(200, 'GET', snapshot, token=session['tokens']['view'], query=f'?format={kind}&size=8,6&background=%5B0,0,0,0%5D', **names)
@@ -262,6 +265,7 @@ def walk(daemon, contract):
     ask(403, 'GET', f'{api}/sessions/{{id}}/stream', headers={**UPGRADE, 'Origin': 'http://elsewhere'}, **names)
     ask(204, 'DELETE', f'{api}/sessions/{{id}}', **names)
     ask(404, 'GET', f'{api}/sessions/{{id}}', **names)
+    ask(404, 'GET', f'{api}/sessions/{{id}}/visible', **names)
     for template in contract.document['paths']:
         for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)

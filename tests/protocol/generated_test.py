@@ -27,7 +27,7 @@ FILE = b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n' +
 # Statuses that a request alone cannot cause: failures (integration.life, unit.server_interactive_worker), sessions of an
 # earlier run whose volume is still loading (integration.state), a full disk (integration.paths).
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads', '507'), ('post', '/api/v1/uploads', '409'), ('delete', '/api/v1/uploads/{id}', '409'), ('patch', '/api/v1/uploads/{id}', '507'), ('get', '/api/v1/sessions/{id}', '409'),
-             ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
+             ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/visible', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
              ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409'),
              ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409'),
              ('post', '/api/v1/sessions/{id}/measures', '409'), *((method, '/api/v1/sessions/{id}/measures/{measure}', '409') for method in ('put', 'patch', 'delete'))}

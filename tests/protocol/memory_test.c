@@ -110,11 +110,20 @@ static bool encode_joint_histogram(void) {
     return ok;
 }
 
+static bool encode_visible_part(void) {
+    const struct sp_visible_part part = { .radius = 1 };
+    proto_json *json = proto_visible_part_encode(&part, "id");
+    bool ok = json != NULL;
+    proto_json_free(&json);
+    return ok;
+}
+
 static void encoding_reports_lack_of_memory(void **state) {
     (void)state;
     assert_compare(fail_each(encode_view, MEMORY_FAILS_ONCE), >, 100);
     assert_compare(fail_each(encode_volume, MEMORY_FAILS_ONCE), >, 100);
     assert_compare(fail_each(encode_joint_histogram, MEMORY_FAILS_ONCE), >, 100);
+    assert_compare(fail_each(encode_visible_part, MEMORY_FAILS_ONCE), >, 20);
 }
 
 static bool answer_result(void) {

@@ -27,6 +27,7 @@ export class Viewer extends Emitter {
   #box = null;
   #sphere = null;
   #home = null;
+  #part = null; // {key, part} of the newest answer of #visiblePart()
   #isSwitching = false;
   #isRestoring = false; // to a complete view, whose camera stays
   #canControl = true;
@@ -262,9 +263,29 @@ export class Viewer extends Emitter {
     this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
   }
 
-  /** Keeps the direction and fits the whole volume into the window. */
-  fit(time) {
-    if (this.mayChange()) this.#move(fit(this.#rig, this.#sphere, this.#viewport()), time);
+  /** Keeps the direction and fits what is visible of the volume into the free part of the window; the whole volume if nothing is. */
+  async fit(time) {
+    if (!this.mayChange()) return;
+    const id = this.#view.volume;
+    const part = await this.#visiblePart() ?? { ...this.#box, ...this.#sphere };
+    if (this.isReady && this.#view.volume === id) this.#move(fit(this.#rig, part, this.#viewport(), this.#margins()), time);
+  }
+
+  /** The part {center, half, radius} that the daemon finds visible, once for each transfer function and clip; null if it does not answer. */
+  async #visiblePart() {
+    const { volume, transfer_function, clip, slices } = this.#view;
+    const key = JSON.stringify([volume, transfer_function, clip, slices?.mode, slices?.in_3d, slices?.planes]);
+    if (this.#part?.key === key) return this.#part.part;
+    await this.updates.arrived();
+    const { session, api } = this.#connection;
+    try {
+      const part = await api.visiblePart(session.id, session.token);
+      if (part.volume !== volume) return null;
+      this.#part = { key, part };
+      return part;
+    } catch {
+      return null; // the whole volume is a good answer, too
+    }
   }
 
   /** The camera of the volume's default view; null if this client may not read it, because it has a join token. */
@@ -284,7 +305,7 @@ export class Viewer extends Emitter {
     if (!this.mayChange()) return;
     const id = this.#view.volume;
     const wanted = await this.home();
-    if (!wanted) this.fit(time); // the closest
+    if (!wanted) await this.fit(time); // the closest
     if (!wanted || !this.isReady || this.#view.volume !== id) return;
     const home = rigFromCamera(wanted);
     this.#rig = widen(home, this.#viewport(), this.#margins());

@@ -137,6 +137,11 @@ export class Api {
     return this.#request('GET', what, { token });
   }
 
+  /** The part of the volume that the view of the session leaves visible: {visible, box, center, half, radius}. */
+  visiblePart(id, token) {
+    return this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}/visible`, { token });
+  }
+
   /** A slice of the volume that the session shows: {meta, values}. query: see GET /sessions/{id}/slice. */
   async slice(id, token, query, signal) {
     const what = `api/v1/sessions/${encodeURIComponent(id)}/slice?${new URLSearchParams({ ...query, format: 'raw' })}`;

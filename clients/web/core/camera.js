@@ -130,12 +130,29 @@ export function widen(rig, viewport, margins = NO_MARGINS) {
   return factor > 1 ? { ...rig, distance: rig.distance * factor, height: rig.height * factor } : rig;
 }
 
-/** Keeps the orientation and fits the whole sphere into the viewport. */
-export function fit(rig, { center, radius }, viewport) {
-  const aspect = viewport.width / viewport.height;
-  const half = rig.fovY * DEGREE / 2;
-  const narrow = aspect < 1 ? Math.atan(Math.tan(half) * aspect) : half;
-  return {
-    ...rig, target: [...center], distance: radius / Math.sin(narrow), height: 2 * radius / Math.min(1, aspect),
-  };
+/** The visible part touches this share of the free space. */
+const FILLED = 0.95;
+
+/**
+ * Keeps the orientation and fits a part {center, half, radius} of the volume, a box and a sphere that both hold it, into the space that the
+ * margins leave on both sides of the centre. The target becomes the part's centre. Without `half`, the sphere alone counts.
+ */
+export function fit(rig, { center, half = null, radius }, viewport, margins = NO_MARGINS) {
+  const { width, height } = viewport;
+  const least = Math.min(width, height) / SHRINK_MAX;
+  // Halves of the space over half the height of the picture.
+  const x = Math.max(width - 2 * Math.max(margins.left, margins.right), least) / height * FILLED;
+  const y = Math.max(height - 2 * Math.max(margins.top, margins.bottom), least) / height * FILLED;
+  const slope = Math.tan(rig.fovY * DEGREE / 2);
+  let distance = radius / Math.sin(Math.atan(slope * Math.min(x, y)));
+  let seen = 2 * radius / Math.min(x, y);
+  if (half) {
+    const inverse = [-rig.orientation[0], -rig.orientation[1], -rig.orientation[2], rig.orientation[3]];
+    const [a, b, c] = half.map((edge) => rotate(inverse, edge));
+    const corners = [add(b, c), subtract(b, c), subtract(c, b), scale(add(b, c), -1)].map((corner) => add(a, corner));
+    const all = [...corners, ...corners.map((corner) => scale(corner, -1))];
+    distance = Math.min(distance, Math.max(...all.map((at) => at[2] + Math.max(Math.abs(at[0]) / x, Math.abs(at[1]) / y) / slope)));
+    seen = Math.min(seen, 2 * Math.max(...all.map((at) => Math.max(Math.abs(at[0]) / x, Math.abs(at[1]) / y))));
+  }
+  return { ...rig, target: [...center], distance, height: seen };
 }

@@ -16,6 +16,7 @@ export class UpdateQueue {
   #flying = new Map();
   #times = new Map(); // by seq: {since, sent}
   #waited = 0;
+  #arrivals = []; // {seq, resolve} of arrived()
   #pictures = new Set(); // accepted updates that no drawn frame shows yet, but one will
 
   /**
@@ -41,6 +42,21 @@ export class UpdateQueue {
   get isWaiting() { return this.#waiting !== null; }
   /** True if no update waits and none is unanswered. */
   get isIdle() { return !this.#waiting && this.#flying.size === 0; }
+
+  /** Resolves when the daemon has answered all that was put before, or when the stream is lost. */
+  arrived() {
+    const seq = this.#seq + Number(this.isWaiting);
+    return new Promise((resolve) => {
+      this.#arrivals.push({ seq, resolve });
+      this.#arrive();
+    });
+  }
+
+  #arrive() {
+    const isHere = ({ seq }) => !this.#open || ![...this.#flying.keys()].some((key) => key <= seq) && (seq <= this.#seq || !this.#waiting);
+    for (const { resolve } of this.#arrivals.filter(isHere)) resolve();
+    this.#arrivals = this.#arrivals.filter((one) => !isHere(one));
+  }
 
   /** Merges `patch` into the waiting patch. `time` is the time of the user's action. `alone` drops the waiting patch first. */
   put(patch, { time = this.#now(), alone = false } = {}) {
@@ -70,6 +86,7 @@ export class UpdateQueue {
     const lost = [...this.#flying.values()];
     this.#flying.clear();
     this.#times.clear();
+    this.#arrive();
     if (!lost.length) return;
     const joined = lost.reduce(joinPatches);
     this.#since = this.#waiting ? this.#since : this.#now();
@@ -79,6 +96,7 @@ export class UpdateQueue {
   /** Drops the waiting patch, because the whole view has been replaced. */
   drop() {
     this.#waiting = null;
+    this.#arrive();
   }
 
   /** How long the update of the newest show() waited to be sent, in ms. */
@@ -133,6 +151,7 @@ export class UpdateQueue {
         this.#skip();
         this.#done(patch);
       }
+      this.#arrive();
       this.#plan();
     };
     this.#send({ seq, patch }).then((answer) => settle(null, answer), settle);

@@ -191,7 +191,7 @@ export default {
   'policy.video': 'the video capacity is used up',
   // The view.
   'view.fit': 'Fit',
-  'view.fit.title': 'Frames the whole volume (F)',
+  'view.fit.title': 'Frames what is visible of the volume (F)',
   'view.refused': 'The daemon refused this change: {reason}',
   'view.refused.at': 'The daemon refused this change: {reason} ({place})',
   'view.denied.asking': '{name} has control. You have asked for it.',

@@ -5,7 +5,7 @@ import {
   cameraFromRig, fit, orbit, pan, pointOnPlane, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../../../clients/web/core/camera.js';
 import { project as place } from '../../../clients/web/core/project.js';
-import { add, length, rotate, subtract } from '../../../clients/web/core/vector.js';
+import { add, length, rotate, scale, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
 import { close, random, unitQuaternion } from '../support/numbers.mjs';
 
@@ -143,7 +143,31 @@ test('widen keeps the volume clear of what covers the edges, in the centre, but 
   assert.deepEqual(widen(rig, viewport, { left: 420, right: 0, top: 0, bottom: 0 }).target, rig.target);
 });
 
-test('fit shows the whole sphere, which touches the shorter side, in any window and projection', () => {
+test('fit brings a box close, whatever the direction, and keeps it clear of the margins', () => {
+  const part = { center: [10, -20, 30], half: [[4, 0, 0], [0, 0, 9], [0, 2, 0]], radius: Math.hypot(4, 9, 2) };
+  const margins = { left: 300, right: 0, top: 40, bottom: 20 };
+  const viewport = { width: 1440, height: 900 };
+  const corners = [0, 1, 2, 3, 4, 5, 6, 7].map((bits) => part.half.reduce((at, edge, i) => add(at, scale(edge, bits >> i & 1 ? -1 : 1)), part.center));
+  for (const rig of rigs()) {
+    const fitted = fit(rig, part, viewport, margins);
+    assert.deepEqual(fitted.target, part.center);
+    assert.deepEqual(fitted.orientation, rig.orientation);
+    const used = Math.max(...corners.map((corner) => {
+      const [x, y] = project(fitted, corner, viewport);
+      return Math.max(Math.abs(x - 720) / (720 - 300), Math.abs(y - 450) / (450 - 40));
+    }));
+    compare(used, '<', 0.95 + 1e-9);
+    const ball = fit(rig, { ...part, radius: 2 }, viewport, margins); // a part that leaves the corners empty
+    compare(ball[rig.projection === 'perspective' ? 'distance' : 'height'], '<', fitted[rig.projection === 'perspective' ? 'distance' : 'height'] / 2);
+    const alone = fit(rig, { ...part, radius: 1e9 }, viewport, margins); // the box decides
+    close([Math.max(...corners.map((corner) => {
+      const [x, y] = project(alone, corner, viewport);
+      return Math.max(Math.abs(x - 720) / (720 - 300), Math.abs(y - 450) / (450 - 40));
+    }))], [0.95], 1e-6);
+  }
+});
+
+test('fit shows the whole sphere, which nearly touches the shorter side, in any window and projection', () => {
   const sphere = { center: [10, -20, 30], radius: 77 };
   for (const viewport of [VIEWPORT, { width: 400, height: 900 }]) {
     for (const rig of rigs()) {
@@ -151,7 +175,7 @@ test('fit shows the whole sphere, which touches the shorter side, in any window 
       assert.deepEqual(fitted.orientation, rig.orientation);
       close(project(fitted, sphere.center, viewport), [viewport.width / 2, viewport.height / 2], 1e-8);
       // The silhouette of a sphere under perspective: the tangent cone, sin(angle) = radius / distance.
-      const side = Math.min(viewport.width, viewport.height) / 2;
+      const side = 0.95 * Math.min(viewport.width, viewport.height) / 2;
       if (rig.projection === 'perspective') {
         const tangent = Math.tan(Math.asin(77 / fitted.distance));
         close([tangent * fitted.distance / (2 * fitted.distance * Math.tan(rig.fovY * Math.PI / 360) / viewport.height)], [side], 1e-6);

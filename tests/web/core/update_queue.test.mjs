@@ -174,3 +174,26 @@ test('an update that gives the same picture counts as drawn once all before it a
   await it.settle();
   assert.equal(it.updates.drawn, 4);
 });
+
+test('arrived() waits for the updates that were put before it, and not for later ones', async () => {
+  const it = setUp();
+  const order = [];
+  it.updates.arrived().then(() => order.push('idle'));
+  await it.settle();
+  assert.deepEqual(order, ['idle']);
+  it.updates.put({ quality: 1 });
+  it.updates.arrived().then(() => order.push('answered'));
+  it.frame();
+  it.updates.put({ quality: 2 });
+  it.frame();
+  await it.settle();
+  assert.deepEqual(order, ['idle']);
+  it.answers[0].resolve({});
+  await it.settle();
+  assert.deepEqual(order, ['idle', 'answered'], 'the second update is still unanswered');
+  it.updates.put({ quality: 3 });
+  it.updates.arrived().then(() => order.push('lost'));
+  it.updates.close();
+  await it.settle();
+  assert.deepEqual(order, ['idle', 'answered', 'lost']);
+});

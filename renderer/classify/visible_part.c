@@ -1,0 +1,344 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "sp/visible_part.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "base/vec.h"
+#include "classify/gradient.h"
+#include "classify/transfer.h"
+#include "volume/grid.h"
+#include "volume/sample.h"
+
+enum {
+    SIDE = 128,       /* samples along an axis */
+    SIDE_CLOSE = 320, /* the same for an object that falls between them */
+    SEEN_MIN = 256,   /* visible samples below which it is looked for */
+    FLOAT_BINS = 1 << 16
+};
+static const double tail = 0.001;   /* share of the opacity that may lie beyond each end */
+static const double faint = 0.002;  /* opacity of a sample that does not count … */
+static const double fainter = 0.02; /* … unless it is this share of the highest */
+
+/* The opacity of each value, over the distance between two samples. */
+struct weights {
+    float *at; /* owned; 0 = invisible */
+    uint32_t count;
+    double low, scale; /* bin = (value − low) · scale */
+};
+
+/* An even choice of the voxels in the clip box, and what of them is visible. */
+struct lattice {
+    const struct sp_volume_info *info;
+    const struct sp_view *view;
+    const void *voxels;
+    struct sp_gradient_grid gradients; /* used with a gradient axis */
+    uint32_t begin[3], dims[3], count[3];
+    uint32_t *voxel[3];    /* [axis][sample]: its index in the volume */
+    double cells[3], cell; /* mean distance of samples along an axis, and of all; world units */
+    double *plane[SP_CLIP_PLANES_MAX][3]; /* [plane][axis][sample]: its share of the dot product */
+    double *profile[3];                   /* sum of the opacity in each layer */
+    uint32_t *first, *last;               /* of each row along axis 0; first > last = empty */
+    uint64_t seen;
+};
+
+static double distance_of(const struct lattice *l, unsigned axis, uint32_t i) {
+    return sp_grid_distance(&l->info->grid, axis, l->voxel[axis][i]);
+}
+
+static void lattice_finish(struct lattice *l) {
+    for (int a = 0; a < 3; a++) {
+        free(l->profile[a]);
+        free(l->voxel[a]);
+    }
+    for (int p = 0; p < SP_CLIP_PLANES_MAX; p++)
+        for (int a = 0; a < 3; a++)
+            free(l->plane[p][a]);
+    free(l->first);
+    free(l->last);
+}
+
+/* The voxels of an axis whose centres lie in the clip box. */
+static void clip_axis(struct lattice *l, unsigned axis) {
+    const struct sp_grid *grid = &l->info->grid;
+    double ends[2];
+    sp_grid_extent(grid, axis, ends);
+    double size = ends[1] - ends[0], low = ends[0] + l->view->clip.box[0][axis] * size,
+           high = ends[0] + l->view->clip.box[1][axis] * size;
+    uint32_t begin = 0, end = grid->dims[axis];
+    while (begin < end && sp_grid_distance(grid, axis, begin) < low)
+        begin++;
+    while (end > begin && sp_grid_distance(grid, axis, end - 1) > high)
+        end--;
+    l->begin[axis] = begin;
+    l->dims[axis] = end - begin;
+}
+
+static bool place_samples(struct lattice *l, unsigned axis) {
+    uint64_t n = l->count[axis];
+    uint32_t *voxel = l->voxel[axis] = malloc(n * sizeof *voxel);
+    for (uint64_t i = 0; voxel && i < n; i++)
+        voxel[i] = l->begin[axis] + (uint32_t)((2 * i + 1) * l->dims[axis] / (2 * n));
+    return voxel != NULL;
+}
+
+static bool place_planes(struct lattice *l) {
+    const struct sp_grid *grid = &l->info->grid;
+    const struct sp_clip *clip = &l->view->clip;
+    for (uint32_t p = 0; p < clip->plane_count; p++) {
+        const double *n = clip->planes[p].normal;
+        for (unsigned a = 0; a < 3; a++) {
+            double slope = 0, start = 0;
+            for (int r = 0; r < 3; r++) {
+                slope += n[r] * grid->direction[r][a];
+                start += a == 0 ? n[r] * grid->origin[r] : 0;
+            }
+            double *at = l->plane[p][a] = malloc(l->count[a] * sizeof *at);
+            if (!at)
+                return false;
+            for (uint32_t i = 0; i < l->count[a]; i++)
+                at[i] = start + slope * distance_of(l, a, i);
+        }
+    }
+    return true;
+}
+
+/* False when memory is short; count 0 = the clip box has no voxel. */
+static bool lattice_init(struct lattice *l, const struct sp_view *view,
+                         const struct sp_volume *volume, uint32_t side) {
+    double product = 1;
+    *l = (struct lattice){ .info = sp_volume_info(volume),
+                           .view = view,
+                           .voxels = sp_volume_voxels(volume) };
+    for (unsigned a = 0; a < 3; a++) {
+        clip_axis(l, a);
+        uint32_t step = (l->dims[a] + side - 1) / side;
+        l->count[a] = step ? l->dims[a] / step : 0;
+        l->cells[a] = l->info->grid.spacing[a] * (double)step;
+        product *= l->cells[a];
+    }
+    if (!l->count[0] || !l->count[1] || !l->count[2]) {
+        l->count[0] = 0;
+        return true;
+    }
+    l->cell = cbrt(product);
+    if (view->transfer_function.gradient_count > 0)
+        sp_gradient_grid_init(&l->gradients, volume);
+    size_t rows = (size_t)l->count[1] * l->count[2];
+    bool ok = (l->first = malloc(rows * sizeof *l->first)) != NULL;
+    ok = (l->last = calloc(rows, sizeof *l->last)) && ok;
+    for (unsigned a = 0; a < 3; a++) {
+        ok = (l->profile[a] = calloc(l->count[a], sizeof *l->profile[a])) && ok;
+        ok = place_samples(l, a) && ok;
+    }
+    if (ok)
+        memset(l->first, 0xff, rows * sizeof *l->first);
+    return ok && place_planes(l);
+}
+
+static bool weights_init(struct weights *w, const struct lattice *l) {
+    const struct sp_volume_info *info = l->info;
+    const struct sp_transfer_function *tf = &l->view->transfer_function;
+    bool is_table = info->type != SP_INT32 && info->type != SP_FLOAT32 && info->type != SP_FLOAT64;
+    double range = info->range[1] - info->range[0], highest = 0;
+    w->count = is_table ? (uint32_t)range + 1 : FLOAT_BINS;
+    w->low = info->range[0];
+    w->scale = is_table ? 1 : range > 0 ? FLOAT_BINS / range : 0;
+    w->at = malloc(w->count * sizeof *w->at);
+    if (!w->at)
+        return false;
+    for (uint32_t i = 0; i < w->count; i++) {
+        struct sp_class class;
+        double at = is_table ? i : (i + 0.5) / FLOAT_BINS * range;
+        sp_transfer_function_eval(tf, w->low + at, &class);
+        double opacity = -expm1(-(double)class.depth / tf->reference_length * l->cell);
+        w->at[i] = (float)opacity;
+        highest = fmax(highest, opacity);
+    }
+    float least = (float)fmin(faint, fainter * highest);
+    for (uint32_t i = 0; i < w->count; i++)
+        w->at[i] = w->at[i] > least ? w->at[i] : 0;
+    return true;
+}
+
+static inline float weight_of(const struct weights *w, double value) {
+    double bin = (value - w->low) * w->scale;
+    if (!(bin >= 0)) /* also NaN */
+        return 0;
+    return w->at[bin < w->count ? (uint32_t)bin : w->count - 1];
+}
+
+/* The opacity of a visible value after the gradient axis and the clip planes. */
+static float remaining(const struct lattice *l, const uint32_t at[3], float weight) {
+    const struct sp_view *view = l->view;
+    for (uint32_t p = 0; p < view->clip.plane_count; p++)
+        if (l->plane[p][0][at[0]] + l->plane[p][1][at[1]] + l->plane[p][2][at[2]] <
+            view->clip.planes[p].offset)
+            return 0;
+    if (view->transfer_function.gradient_count == 0)
+        return weight;
+    const uint32_t voxel[3] = { l->voxel[0][at[0]], l->voxel[1][at[1]], l->voxel[2][at[2]] };
+    double g[3];
+    sp_gradient_at(&l->gradients, voxel, g);
+    double magnitude = sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2]) / l->gradients.scale;
+    return weight * (float)sp_transfer_function_scale(&view->transfer_function, magnitude);
+}
+
+static void read_samples(struct lattice *l, const struct weights *w) {
+    const uint32_t *dims = l->info->grid.dims;
+    uint32_t at[3], *first = l->first, *last = l->last;
+    for (at[2] = 0; at[2] < l->count[2]; at[2]++)
+        for (at[1] = 0; at[1] < l->count[1]; at[1]++, first++, last++) {
+            uint64_t row = ((uint64_t)l->voxel[2][at[2]] * dims[1] + l->voxel[1][at[1]]) * dims[0];
+            for (at[0] = 0; at[0] < l->count[0]; at[0]++) {
+                float weight =
+                    weight_of(w, sp_sample(l->voxels, l->info->type, row + l->voxel[0][at[0]]));
+                if (!(weight > 0) || !((weight = remaining(l, at, weight)) > 0))
+                    continue;
+                for (int a = 0; a < 3; a++)
+                    l->profile[a][at[a]] += (double)weight;
+                *first = *first < at[0] ? *first : at[0];
+                *last = at[0];
+                l->seen++;
+            }
+        }
+}
+
+/* The layers of an axis between which all but the tails lie. */
+static void trim(const double *profile, uint32_t count, uint32_t ends[2]) {
+    double total = 0, sum = 0;
+    for (uint32_t i = 0; i < count; i++)
+        total += profile[i];
+    ends[0] = 0;
+    ends[1] = count - 1;
+    while (ends[0] < ends[1] && (sum += profile[ends[0]]) <= tail * total)
+        ends[0]++;
+    for (sum = 0; ends[1] > ends[0] && (sum += profile[ends[1]]) <= tail * total;)
+        ends[1]--;
+}
+
+/* Fills the box, the centre and the half edges from two distances along each axis. */
+static void set_box(const struct sp_grid *grid, const double low[3], const double high[3],
+                    struct sp_visible_part *part) {
+    for (int r = 0; r < 3; r++)
+        part->center[r] = grid->origin[r];
+    part->radius = 0;
+    for (unsigned a = 0; a < 3; a++) {
+        double ends[2];
+        sp_grid_extent(grid, a, ends);
+        part->box[0][a] = fmax(0, (low[a] - ends[0]) / (ends[1] - ends[0]));
+        part->box[1][a] = fmin(1, (high[a] - ends[0]) / (ends[1] - ends[0]));
+        for (int r = 0; r < 3; r++) {
+            part->center[r] += grid->direction[r][a] * 0.5 * (low[a] + high[a]);
+            part->half[a][r] = grid->direction[r][a] * 0.5 * (high[a] - low[a]);
+        }
+    }
+    for (int corner = 0; corner < 4; corner++) {
+        struct sp_vec3 at = sp_vec3_from(part->half[0]);
+        at = sp_vec3_add(at, sp_vec3_scale(sp_vec3_from(part->half[1]), corner & 1 ? -1 : 1));
+        at = sp_vec3_add(at, sp_vec3_scale(sp_vec3_from(part->half[2]), corner & 2 ? -1 : 1));
+        part->radius = fmax(part->radius, sqrt(sp_vec3_dot(at, at)));
+    }
+}
+
+static void set_whole(const struct sp_grid *grid, struct sp_visible_part *part) {
+    double low[3], high[3];
+    for (unsigned a = 0; a < 3; a++) {
+        double ends[2];
+        sp_grid_extent(grid, a, ends);
+        low[a] = ends[0];
+        high[a] = ends[1];
+    }
+    set_box(grid, low, high, part);
+}
+
+/* The border before sample i of an axis: in the middle between two samples. */
+static double border(const struct lattice *l, unsigned axis, uint32_t i) {
+    double ends[2];
+    sp_grid_extent(&l->info->grid, axis, ends);
+    double size = ends[1] - ends[0];
+    if (i == 0)
+        return ends[0] + l->view->clip.box[0][axis] * size;
+    if (i == l->count[axis])
+        return ends[0] + l->view->clip.box[1][axis] * size;
+    return 0.5 * (distance_of(l, axis, i - 1) + distance_of(l, axis, i));
+}
+
+/* The square of the distance of the farthest corner of a sample's cell from the centre. */
+static double reach_of(const struct lattice *l, const uint32_t at[3], const double center[3]) {
+    const struct sp_grid *grid = &l->info->grid;
+    double d[3], square = 0;
+    for (unsigned a = 0; a < 3; a++) {
+        d[a] = distance_of(l, a, at[a]) - center[a];
+        d[a] += copysign(0.5 * l->cells[a], d[a]);
+    }
+    for (int r = 0; r < 3; r++) {
+        double v = grid->direction[r][0] * d[0] + grid->direction[r][1] * d[1] +
+                   grid->direction[r][2] * d[2];
+        square += v * v;
+    }
+    return square;
+}
+
+/* The radius around the centre that holds the ends of all rows between `ends`. */
+static double radius_of(const struct lattice *l, uint32_t ends[3][2], const double center[3]) {
+    double most = 0;
+    for (uint32_t k = ends[2][0]; k <= ends[2][1]; k++)
+        for (uint32_t j = ends[1][0]; j <= ends[1][1]; j++) {
+            size_t row = (size_t)k * l->count[1] + j;
+            for (int side = 0; side < 2 && l->first[row] <= l->last[row]; side++) {
+                uint32_t i = side ? l->last[row] : l->first[row];
+                i = i < ends[0][0] ? ends[0][0] : i > ends[0][1] ? ends[0][1] : i;
+                most = fmax(most, reach_of(l, (const uint32_t[3]){ i, j, k }, center));
+            }
+        }
+    return sqrt(most);
+}
+
+static void set_part(const struct lattice *l, struct sp_visible_part *part) {
+    uint32_t ends[3][2];
+    double low[3], high[3], center[3];
+    for (unsigned a = 0; a < 3; a++) {
+        trim(l->profile[a], l->count[a], ends[a]);
+        low[a] = border(l, a, ends[a][0]);
+        high[a] = border(l, a, ends[a][1] + 1);
+        center[a] = 0.5 * (low[a] + high[a]);
+    }
+    set_box(&l->info->grid, low, high, part);
+    part->radius = fmin(part->radius, radius_of(l, ends, center));
+    part->is_visible = true;
+}
+
+/* Reads at most side³ samples. */
+static bool find(const struct sp_view *view, const struct sp_volume *volume, uint32_t side,
+                 bool *is_missed, struct sp_visible_part *part) {
+    struct lattice l;
+    struct weights w = { NULL };
+    bool ok = lattice_init(&l, view, volume, side);
+    *is_missed = false;
+    if (ok && l.count[0] > 0 && (ok = weights_init(&w, &l))) {
+        read_samples(&l, &w);
+        *is_missed = l.seen < SEEN_MIN && memcmp(l.count, l.dims, sizeof l.count) != 0;
+        if (l.seen > 0)
+            set_part(&l, part);
+    }
+    free(w.at);
+    lattice_finish(&l);
+    return ok;
+}
+
+bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volume *volume,
+                               struct sp_visible_part *part, struct sp_error *err) {
+    bool is_missed;
+    *part = (struct sp_visible_part){ .is_visible = false };
+    set_whole(&sp_volume_info(volume)->grid, part);
+    if (sp_view_draws_slices(view)) {
+        part->is_visible = true;
+        return true;
+    }
+    if (find(view, volume, SIDE, &is_missed, part) &&
+        (!is_missed || find(view, volume, SIDE_CLOSE, &is_missed, part)))
+        return true;
+    return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the visible part");
+}
