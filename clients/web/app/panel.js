@@ -29,6 +29,7 @@ export class Panel {
     const button = byId('panel-toggle');
     button.setAttribute('aria-expanded', String(isOpen));
     button.setAttribute('aria-label', t(isOpen ? 'panel.hide' : 'panel.show'));
+    if (!isOpen && this.#body.contains(document.activeElement)) button.focus(); // else the next Tab would begin at the top of the page
     this.#body.hidden = !isOpen;
   }
 

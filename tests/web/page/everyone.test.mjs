@@ -124,6 +124,17 @@ test('the list of controls opens at its beginning, also where it must scroll', a
   assert.deepEqual(said, []);
 });
 
+test('the focus does not get lost with the panel', async (context) => {
+  const { page, said } = await setUp(context, {});
+  await page.locator('#transfer-undo').evaluate((button) => { button.disabled = false; button.focus(); });
+  await page.keyboard.press('p');
+  const focused = () => page.evaluate(() => document.activeElement.id);
+  assert.equal(await focused(), 'panel-toggle');
+  await page.keyboard.press('Enter');
+  assert.ok(await page.locator('#panel-body').isVisible(), 'the same key opens it again');
+  assert.deepEqual(said, []);
+});
+
 test('nothing moves by itself with reduced motion', async (context) => {
   const { page, said } = await setUp(context, { reducedMotion: 'reduce' });
   const moving = await page.evaluate(() => [...document.querySelectorAll('*')].flatMap((element) => ['', '::before', '::after'].filter((part) => {
