@@ -135,6 +135,14 @@ test('the focus does not get lost with the panel', async (context) => {
   assert.deepEqual(said, []);
 });
 
+test('the status line does not cover the scale bar of a phone on its side', async (context) => {
+  const { page, said } = await setUp(context, { viewport: { width: 844, height: 390 }, hasTouch: true });
+  const [bar, status] = await page.evaluate(() => ['scale-bar', 'status'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
+  compare(bar.width, '>', 0);
+  compare(bar.bottom, '<=', status.top);
+  assert.deepEqual(said, []);
+});
+
 test('nothing moves by itself with reduced motion', async (context) => {
   const { page, said } = await setUp(context, { reducedMotion: 'reduce' });
   const moving = await page.evaluate(() => [...document.querySelectorAll('*')].flatMap((element) => ['', '::before', '::after'].filter((part) => {
