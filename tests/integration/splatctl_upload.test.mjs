@@ -43,6 +43,11 @@ const splatctl = (args, options) => within(start(args, options).ended, args.join
 const volume = async (id) => (await daemon.json(`/api/v1/volumes/${id}`, { token: 'admin-token-admin-token' })).json;
 const uploads = async () => (await daemon.json('/api/v1/uploads', { token: 'admin-token-admin-token' })).json.uploads;
 
+/** Waits until the daemon has counted this many bytes of the first upload. */
+async function counted(bytes) {
+  for (let offset = 0; offset < bytes;) [{ offset } = { offset: 0 }] = await uploads();
+}
+
 /** A relay that passes at most `limit` bytes of the first PATCH on, then resets the connection, or stays silent. offsets: of all PATCHes. */
 async function relay(limit, isSilent) {
   const r = { offsets: [], sockets: [] };
@@ -63,8 +68,8 @@ async function relay(limit, isSilent) {
         passed = 0;
       }
       if (isLimited && passed > limit) {
-        if (isSilent) client.pause();
-        else client.resetAndDestroy();
+        client.pause();
+        if (!isSilent) counted(1).then(() => client.resetAndDestroy());
         return;
       }
       passed += data.length;
@@ -98,14 +103,14 @@ test('a lost connection is continued by itself', async () => {
 test('a killed command continues where its bytes ended', async () => {
   const silent = await relay(2 << 20, true);
   const run = start([at('large.nrrd')], silent);
-  for (let offset = 0; offset < 1 << 20;) [{ offset } = { offset: 0 }] = await uploads();
+  await counted(1 << 20);
   run.child.kill('SIGKILL');
   await run.ended;
   silent.close();
-  const counted = await relay(Infinity, false);
-  assert.deepEqual(await splatctl([at('large.nrrd'), '--id', 'killed'], counted), { status: 0, out: 'killed\n', err: '' });
-  counted.close();
-  assert.ok(counted.offsets.length >= 1 && counted.offsets.every((offset) => offset >= 1 << 20), String(counted.offsets));
+  const watched = await relay(Infinity, false);
+  assert.deepEqual(await splatctl([at('large.nrrd'), '--id', 'killed'], watched), { status: 0, out: 'killed\n', err: '' });
+  watched.close();
+  assert.ok(watched.offsets.length >= 1 && watched.offsets.every((offset) => offset >= 1 << 20), String(watched.offsets));
   assert.equal((await volume('killed')).state, 'ready');
 });
 
