@@ -26,7 +26,7 @@ struct sending {
     const char *path, *name; /* name: the last component */
     char id[40];             /* of the upload */
     int fd;
-    int64_t bytes, offset, shown_from;
+    int64_t bytes, modified_ms, offset, shown_from;
     double begin_s, shown_s;
 };
 
@@ -58,6 +58,7 @@ static bool open_file(struct sending *s, struct sp_error *err) {
         return sp_fail(err, SP_ERR_INVALID, s->path,
                        S_ISREG(st.st_mode) ? "the file is empty" : "is not a regular file");
     s->bytes = st.st_size;
+    s->modified_ms = (int64_t)st.st_mtim.tv_sec * 1000 + st.st_mtim.tv_nsec / 1000000;
     return true;
 }
 
@@ -65,16 +66,19 @@ static bool same(const proto_json *object, const char *key, const char *text) {
     return strcmp(text_of(object, key), text) == 0;
 }
 
-/* Finds an upload of this file that an earlier command began. */
+/* Finds an upload of this file that an earlier command began. A file that changed meanwhile is
+ * another one, and so is one of which the daemon does not know when it changed. */
 static bool find_before(struct sending *s, const char *header, struct sp_error *err) {
     proto_json *answer = http_json(s->http, "GET", "/uploads", NULL, err);
     const proto_json *list = proto_json_get(answer, "uploads");
     for (size_t i = 0; i < proto_json_size(list) && !s->id[0]; i++) {
         const proto_json *upload = proto_json_at(list, i);
-        int64_t bytes = 0;
+        int64_t bytes = 0, modified_ms = 0;
         proto_json_integer(proto_json_get(upload, "bytes"), &bytes);
-        if (bytes == s->bytes && same(upload, "name", s->name) &&
-            same(upload, "header", header ? header : "") && proto_json_get(upload, "expires"))
+        proto_json_integer(proto_json_get(upload, "modified"), &modified_ms);
+        if (bytes == s->bytes && modified_ms > 0 && modified_ms == s->modified_ms &&
+            same(upload, "name", s->name) && same(upload, "header", header ? header : "") &&
+            proto_json_get(upload, "expires"))
             snprintf(s->id, sizeof s->id, "%s", text_of(upload, "id"));
     }
     bool ok = answer != NULL;
@@ -87,6 +91,8 @@ static bool create(struct sending *s, const char *header, struct sp_error *err) 
     proto_json *request = proto_json_object(), *answer = NULL;
     bool ok = proto_json_set_string(request, "name", s->name);
     ok = proto_json_set_integer(request, "bytes", s->bytes) && ok;
+    if (s->modified_ms > 0) /* a file from before 1970 is never continued */
+        ok = proto_json_set_integer(request, "modified", s->modified_ms) && ok;
     if (header)
         ok = proto_json_set_string(request, "header", header) && ok;
     char *body = ok ? proto_json_to_text(request, NULL) : NULL;

@@ -85,6 +85,8 @@ static proto_json *encode_upload(const struct srv_upload_info *info) {
         ok = proto_json_set_string(json, "header", info->header) && ok;
     ok = proto_json_set_integer(json, "bytes", (int64_t)info->bytes) && ok;
     ok = proto_json_set_integer(json, "offset", (int64_t)info->offset) && ok;
+    if (info->modified_ms)
+        ok = proto_json_set_integer(json, "modified", info->modified_ms) && ok;
     if (isfinite(info->expires_ms))
         ok = proto_json_set_number(json, "expires", round(info->expires_ms / 1000)) && ok;
     if (!ok)
@@ -132,7 +134,7 @@ void srv_get_uploads(struct srv_request *request, struct srv_reply *reply) {
 
 struct wanted {
     char name[SRV_UPLOAD_NAME_BYTES], header[SRV_UPLOAD_ID_BYTES]; /* header: "" = none */
-    uint64_t bytes;
+    uint64_t bytes, modified_ms;                                   /* 0 = not known */
 };
 
 /* Reads a name that the daemon could load, or any name for a companion of a header. */
@@ -163,6 +165,18 @@ static bool take_header(const char *given, struct wanted *wanted, struct srv_rep
     return true;
 }
 
+/* Reads "modified" of Upload-Metadata. */
+static bool take_modified(const char *metadata, struct wanted *wanted, struct srv_reply *reply) {
+    char text[SRV_METADATA_BYTES];
+    size_t length;
+    if (!srv_upload_metadata(metadata, "modified", text, &length) ||
+        (srv_upload_number(text, &wanted->modified_ms) && wanted->modified_ms > 0))
+        return true;
+    srv_reply_problem(reply, 400, NULL,
+                      "\"modified\" of Upload-Metadata must be milliseconds since 1970");
+    return false;
+}
+
 static bool read_tus(struct srv_request *request, struct wanted *wanted, struct srv_reply *reply) {
     const char *length = srv_request_header(request, "Upload-Length");
     const char *metadata = srv_request_header(request, "Upload-Metadata");
@@ -179,14 +193,15 @@ static bool read_tus(struct srv_request *request, struct wanted *wanted, struct 
     else
         return (!srv_upload_metadata(metadata, "header", header, &header_length) ||
                 take_header(header, wanted, reply)) &&
+               take_modified(metadata, wanted, reply) &&
                take_name(name, name_length, wanted, reply);
     return false;
 }
 
 static bool read_json(struct srv_request *request, struct wanted *wanted, struct srv_reply *reply) {
-    static const char *const known[] = { "name", "bytes", "header", NULL };
+    static const char *const known[] = { "name", "bytes", "header", "modified", NULL };
     struct sp_error err;
-    int64_t bytes = 0;
+    int64_t bytes = 0, modified_ms = 0;
     bool ok = false;
     proto_json *body = srv_request_json(request, reply);
     if (!body)
@@ -194,6 +209,7 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
     const char *name = proto_json_string(proto_json_get(body, "name"));
     const proto_json *header = proto_json_get(body, "header");
     const char *header_id = proto_json_string(header);
+    const proto_json *modified = proto_json_get(body, "modified");
     if (!proto_json_only(body, known, &err))
         srv_reply_error(reply, &err);
     else if (!name)
@@ -201,10 +217,14 @@ static bool read_json(struct srv_request *request, struct wanted *wanted, struct
     else if (!proto_json_integer(proto_json_get(body, "bytes"), &bytes) || bytes < 1)
         srv_reply_problem(reply, 422, "/bytes",
                           "must be the size of the file in bytes, a whole number of at least 1");
+    else if (modified && (!proto_json_integer(modified, &modified_ms) || modified_ms < 1))
+        srv_reply_problem(reply, 422, "/modified",
+                          "must be milliseconds since 1970, a whole number of at least 1");
     else
         ok = (!header || take_header(header_id ? header_id : "", wanted, reply)) &&
              take_name(name, strlen(name), wanted, reply);
     wanted->bytes = (uint64_t)bytes;
+    wanted->modified_ms = (uint64_t)modified_ms;
     proto_json_free(&body);
     return ok;
 }
@@ -229,6 +249,7 @@ void srv_post_upload(struct srv_request *request, struct srv_reply *reply) {
         .header = wanted.header[0] ? wanted.header : NULL,
         .is_admin = !srv_request_scope(request),
         .bytes = wanted.bytes,
+        .modified_ms = (int64_t)wanted.modified_ms,
     };
     if (!srv_uploads_add(request->app->uploads, &upload, srv_clock_ms(), &info, &err)) {
         srv_uploads_reply_error(reply, &err);

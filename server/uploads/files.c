@@ -50,6 +50,8 @@ static char *encode(const struct srv_upload *upload, size_t *size) {
         ok = proto_json_set_string(json, "header", upload->header) && ok;
     ok = proto_json_set_integer(json, "bytes", (int64_t)upload->bytes) && ok;
     ok = proto_json_set_integer(json, "offset", (int64_t)upload->offset) && ok;
+    if (upload->modified_ms)
+        ok = proto_json_set_integer(json, "modified", upload->modified_ms) && ok;
     char *text = ok ? proto_json_to_text(json, size) : NULL;
     proto_json_free(&json);
     return text;
@@ -133,6 +135,7 @@ bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
               is_sound(upload) && proto_json_integer(proto_json_get(json, "bytes"), &bytes) &&
               bytes > 0 && proto_json_integer(proto_json_get(json, "offset"), &offset) &&
               offset >= 0 && offset <= bytes;
+    proto_json_integer(proto_json_get(json, "modified"), &upload->modified_ms);
     proto_json_free(&json);
     snprintf(upload->id, sizeof upload->id, "%.32s", id);
     upload->bytes = (uint64_t)bytes;

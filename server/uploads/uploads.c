@@ -52,7 +52,9 @@ static double expires_at(const struct srv_uploads *uploads, const struct srv_upl
 void srv_upload_describe(const struct srv_uploads *uploads, const struct srv_upload *upload,
                          double now_ms, struct srv_upload_info *info) {
     double expires_ms = expires_at(uploads, upload);
-    *info = (struct srv_upload_info){ .bytes = upload->bytes, .offset = upload->offset };
+    *info = (struct srv_upload_info){ .bytes = upload->bytes,
+                                      .offset = upload->offset,
+                                      .modified_ms = upload->modified_ms };
     memcpy(info->id, upload->id, sizeof info->id);
     memcpy(info->header, upload->header, sizeof info->header);
     memcpy(info->name, upload->name, sizeof info->name);
@@ -260,6 +262,7 @@ bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_reques
     else
         snprintf(upload->extension, sizeof upload->extension, "%s", request->extension);
     upload->bytes = request->bytes;
+    upload->modified_ms = request->modified_ms;
     upload->used_ms = now_ms;
     srv_uploads_share_of(uploads, request->owner, &share);
     bool ok = srv_secret_hex(upload->id, sizeof upload->id - 1, err);

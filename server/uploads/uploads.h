@@ -55,7 +55,8 @@ struct srv_upload_info {
     char name[SRV_UPLOAD_NAME_BYTES]; /* the client's, made safe to show */
     char owner[SRV_TOKEN_NAME_BYTES]; /* name of the token that added it */
     uint64_t bytes, offset;           /* declared; received so far */
-    double expires_ms;                /* from now; INFINITY = it belongs to a volume */
+    int64_t modified_ms; /* when the client's file changed last, since 1970; 0 = not known */
+    double expires_ms;   /* from now; INFINITY = it belongs to a volume */
 };
 
 /* Opens the folder, removes what cannot be continued there, and finds the uploads of an earlier
@@ -78,6 +79,7 @@ struct srv_upload_request {
     const char *header;    /* of a companion: the id of its header's upload; NULL = none */
     bool is_admin;         /* `header` may be any token's */
     uint64_t bytes;
+    int64_t modified_ms; /* 0 = not known */
 };
 /* Begins an upload. Writes two small files. SP_ERR_TOO_LARGE (for the daemon or the token),
  * SP_ERR_QUOTA (of the token), SP_ERR_BUDGET (all uploads together, or the disk), SP_ERR_INVALID

@@ -17,10 +17,11 @@ struct srv_upload {
     char name[SRV_UPLOAD_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
     char extension[SRV_EXTENSION_BYTES]; /* ".nrrd"; "" = a companion */
     uint64_t bytes, offset;
-    uint64_t writer;   /* number of the newest writer */
-    double used_ms;    /* when its last byte came, of a header also that of a companion */
-    bool is_begun;     /* a byte came in this run */
-    bool is_of_volume; /* the catalog has opened it */
+    int64_t modified_ms; /* 0 = not known */
+    uint64_t writer;     /* number of the newest writer */
+    double used_ms;      /* when its last byte came, of a header also that of a companion */
+    bool is_begun;       /* a byte came in this run */
+    bool is_of_volume;   /* the catalog has opened it */
 };
 
 struct srv_uploads {

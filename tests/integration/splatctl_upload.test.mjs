@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { spawn } from 'node:child_process';
 import { once } from 'node:events';
-import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, statSync, utimesSync, writeFileSync } from 'node:fs';
 import net from 'node:net';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
@@ -17,13 +17,13 @@ const at = (name) => path.join(folder, name);
 
 before(async () => {
   folder = mkdtempSync(path.join(tmpdir(), 'splatctl-upload-'));
-  writeFileSync(at('tokens'), 'admin-token-admin-token\nview-token-view-token role=view\ncontrol-token-control role=control name=c upload-bytes=9M\n', { mode: 0o600 });
+  writeFileSync(at('tokens'), 'admin-token-admin-token\nview-token-view-token role=view\ncontrol-token-control role=control name=c upload-bytes=12M\n', { mode: 0o600 });
   writeFileSync(at('small.nrrd'), nrrd());
   writeFileSync(at('large.nrrd'), Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nencoding: raw\n\n`), Buffer.alloc(SIDE ** 3, 5)]));
   writeFileSync(at('ct.nhdr'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nencoding: raw\ndata file: ct.raw\n');
   writeFileSync(at('ct.raw'), Buffer.alloc(64, 3));
   writeFileSync(at('empty.nrrd'), '');
-  writeFileSync(at('huge.nrrd'), Buffer.alloc(10 << 20));
+  writeFileSync(at('huge.nrrd'), Buffer.alloc(14 << 20));
   daemon = await Daemon.start(['--volume', 'demo:engine?size=8', '--token-file', at('tokens')]);
 });
 after(async () => {
@@ -114,6 +114,28 @@ test('a killed command continues where its bytes ended', async () => {
   assert.equal((await volume('killed')).state, 'ready');
 });
 
+test('a file of the same name and size that changed meanwhile begins from its first byte', async () => {
+  const silent = await relay(2 << 20, true);
+  const run = start([at('large.nrrd')], silent);
+  for (let offset = 0; offset < 1 << 20;) [{ offset } = { offset: 0 }] = await uploads();
+  run.child.kill('SIGKILL');
+  await run.ended;
+  silent.close();
+  const [begun] = await uploads();
+  assert.equal(begun.modified, Math.floor(statSync(at('large.nrrd')).mtimeMs));
+  const changed = readFileSync(at('large.nrrd'));
+  changed.fill(9, changed.length - SIDE ** 3);
+  writeFileSync(at('large.nrrd'), changed);
+  utimesSync(at('large.nrrd'), new Date(), new Date(begun.modified + 5000));
+  const counted = await relay(Infinity, false);
+  assert.deepEqual(await splatctl([at('large.nrrd'), '--id', 'changed'], counted), { status: 0, out: 'changed\n', err: '' });
+  counted.close();
+  assert.equal(counted.offsets[0], 0);
+  assert.deepEqual((await volume('changed')).range, [9, 9], 'no byte of the old file');
+  assert.deepEqual((await uploads()).map(({ id }) => id), [begun.id], 'the old upload waits for its file');
+  await daemon.json(`/api/v1/uploads/${begun.id}`, { method: 'DELETE', token: 'admin-token-admin-token' });
+});
+
 test('a header is followed by the files with its samples', async () => {
   assert.deepEqual(await splatctl([at('ct.nhdr'), at('ct.raw')]), { status: 0, out: 'ct\n', err: '' });
   const alone = await splatctl([at('ct.nhdr')]);
@@ -125,7 +147,7 @@ test('refusals name the file and the remedy', async () => {
   for (const [args, why, options] of [
     [[at('none.nrrd')], /none.nrrd: cannot read the file: No such file/], [[at('empty.nrrd')], /empty.nrrd: the file is empty/],
     [[folder], /is not a regular file/], [[at('ct.raw')], /ct.raw: .*the name must end in .nrrd/],
-    [[at('huge.nrrd')], /huge.nrrd: the file has 10485760 bytes and the token c may upload 9437184.*HTTP 413/],
+    [[at('huge.nrrd')], /huge.nrrd: the file has 14680064 bytes and the token c may upload 12582912.*HTTP 413/],
     [[at('small.nrrd')], /the role of this token does not include this/, { token: 'view-token-view-token' }],
     [[at('small.nrrd'), '--id', 'engine'], /--id: the id 'engine' belongs to another volume/]]) {
     const { status, out, err } = await splatctl(args, options);

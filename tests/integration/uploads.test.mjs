@@ -94,6 +94,25 @@ test('a tus client creates an upload with headers', async () => {
   }
 });
 
+test('an upload says when its file was changed, as JSON and tus clients tell it', async () => {
+  const post = (body) => daemon.json('/api/v1/uploads', { method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ name: 'x.nrrd', bytes: 10, ...body }) });
+  const made = await post({ modified: 1764000000123 });
+  assert.deepEqual([made.status, made.json.modified], [201, 1764000000123]);
+  assert.equal((await daemon.json(`/api/v1/uploads/${made.json.id}`)).json.modified, 1764000000123);
+  await remove(made.json.id);
+  const word = (text) => Buffer.from(text).toString('base64');
+  const tus = (modified) => daemon.json('/api/v1/uploads', { method: 'POST', headers: { 'Upload-Length': '10', 'Upload-Metadata': `filename ${word('x.nrrd')},modified ${word(modified)}` } });
+  const other = await tus('77');
+  assert.deepEqual([other.status, other.json.modified], [201, 77]);
+  await remove(other.json.id);
+  await settled(0);
+  for (const modified of ['0', '-1', '1.5', 'x', '']) assert.equal((await tus(modified)).status, 400, modified);
+  for (const modified of [0, -1, 1.5, '1', null]) {
+    const answer = await post({ modified });
+    assert.deepEqual([answer.status, answer.json.pointer], [422, '/modified'], String(modified));
+  }
+});
+
 test('names of files that cannot be loaded, and sizes that cannot be, are refused at once', async () => {
   for (const [name, detail] of [['x.exe', /must end in/], ['nrrd', /must end in/], ['x.raw', /needs "header"/], ['a/', /name of a file/], ['\u202e', /name of a file/]]) {
     const answer = await create(name, 10);

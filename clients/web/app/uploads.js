@@ -121,9 +121,10 @@ class Uploads {
     row.drop = () => this.#dropAll(rows);
   }
 
+  /** The upload that this very file began: a file that changed meanwhile is another one. */
   #findBefore(known, file, wanted, isOfSet) {
-    const fits = ({ id, name, bytes, offset, expires }) => name === file.name && bytes === file.size && expires !== undefined && (offset < bytes || isOfSet)
-      && (id === wanted || this.#app.storage.recall(`upload:${id}`) === String(file.lastModified));
+    const fits = ({ id, name, bytes, modified, offset, expires }) => name === file.name && bytes === file.size && expires !== undefined && (offset < bytes || isOfSet)
+      && (modified === file.lastModified || id === wanted && modified === undefined);
     return known.find(fits) ?? null;
   }
 
@@ -139,7 +140,6 @@ class Uploads {
     this.#list.hidden = false;
     upload.on('change', () => {
       row.show();
-      if (upload.id) this.#app.storage.remember(`upload:${upload.id}`, String(file.lastModified));
       if (upload.state === 'sent' && !isDone) {
         isDone = true;
         done(row);

@@ -61,9 +61,9 @@ export class Api {
     return this.#request('GET', 'api/v1/uploads');
   }
 
-  /** Begins an upload: {id, name, bytes, offset}. header: the upload of the header that names this file, or null. */
-  createUpload(name, bytes, header = null) {
-    return this.#request('POST', 'api/v1/uploads', { body: { name, bytes, ...header && { header } } });
+  /** Begins an upload of a File: {id, name, bytes, offset}. header: the upload of the header that names this file, or null. */
+  createUpload({ name, size, lastModified }, header = null) {
+    return this.#request('POST', 'api/v1/uploads', { body: { name, bytes: size, ...lastModified > 0 && { modified: lastModified }, ...header && { header } } });
   }
 
   upload(id) {

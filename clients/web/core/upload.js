@@ -120,7 +120,7 @@ export class Upload extends Emitter {
         this.id = null; // it expired: from the beginning
       }
     }
-    const { id } = await this.#api().createUpload(this.name, this.bytes, this.#header);
+    const { id } = await this.#api().createUpload(this.file, this.#header);
     if (epoch === this.#epoch) {
       this.id = id;
       this.#arrived(0);

@@ -13,7 +13,7 @@ function fixture({ bytes = 3 << 20, id = null, existing = 0 } = {}) {
   const f = { now: 0, timers: [], faults: [], stored: existing, calls: [], states: [], removed: [] };
   const file = { name: 'a.nrrd', size: bytes, slice: (from, to) => ({ from, size: Math.min(to, bytes) - from }) };
   const api = {
-    createUpload: async (name, size) => { f.calls.push(['create', name, size]); if (f.refusal) throw f.refusal; f.stored = 0; return { id: 'new' }; },
+    createUpload: async ({ name, size }) => { f.calls.push(['create', name, size]); if (f.refusal) throw f.refusal; f.stored = 0; return { id: 'new' }; },
     upload: async (asked) => { f.calls.push(['ask', asked]); if (f.isGone) throw new ApiError(404, 'gone'); return { offset: f.stored }; },
     deleteUpload: async (asked) => { f.removed.push(asked); },
     sendPart: async (to, offset, part, { signal }) => {

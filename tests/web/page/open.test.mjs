@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, utimesSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -103,8 +103,20 @@ test('a file is uploaded with progress, continues by itself after lost connectio
   assert.ok(parts >= 4, `${parts} parts`);
 });
 
-test('an upload is paused, a reload interrupts it, and the same file continues it', async (context) => {
+/** Writes files to the disk, where they keep the time of their last change; returns their paths. */
+function onDisk(context, files) {
+  const own = mkdtempSync(path.join(tmpdir(), 'splatd-own-'));
+  context.after(() => rmSync(own, { recursive: true }));
+  return files.map(({ name, buffer }) => {
+    const file = path.join(own, name);
+    writeFileSync(file, buffer);
+    return file;
+  });
+}
+
+test('an upload is paused, a reload interrupts it, and the same file continues it, but not one that changed', async (context) => {
   const { page, said } = await open(context);
+  const file = onDisk(context, [LARGE])[0];
   const offsets = [];
   let isHeld = true;
   await page.route('**/api/v1/uploads/*', (route) => {
@@ -113,7 +125,7 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
     return offsets.length > 1 && isHeld ? undefined : route.continue(); // the second part hangs
   });
   await page.click('#open-button');
-  await page.setInputFiles('#open-file', LARGE);
+  await page.setInputFiles('#open-file', file);
   await page.locator('#uploads .about', { hasText: /^31 % of 3.4 MB/ }).waitFor();
   await page.getByRole('button', { name: 'Pause the upload of large.nrrd' }).click();
   await page.locator('#uploads [data-state="paused"]', { hasText: 'paused at 31 %' }).waitFor();
@@ -122,12 +134,22 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
   await firstFrame(page);
   await page.locator('#uploads [data-before]', { hasText: '31 % of 3.4 MB arrived before' }).waitFor();
   await shot(page, 'open-before');
+  const { mtime } = statSync(file);
+  const choose = async () => {
+    const chooser = page.waitForEvent('filechooser');
+    await page.click('#uploads .link');
+    await (await chooser).setFiles(file);
+  };
+  utimesSync(file, mtime, new Date(mtime.getTime() + 5000)); // another file of this name and size
+  const began = page.waitForRequest((request) => request.method() === 'PATCH' && request.headers()['upload-offset'] === '0');
+  await choose();
+  await began;
+  await page.locator('#uploads [data-upload="large.nrrd"]').getByRole('button', { name: 'Cancel the upload of large.nrrd' }).click();
+  utimesSync(file, mtime, mtime);
   isHeld = false;
-  const chooser = page.waitForEvent('filechooser');
-  await page.click('#uploads .link');
-  await (await chooser).setFiles(LARGE);
+  await choose();
   await shows(page, 'large');
-  assert.deepEqual(offsets.slice(0, 3), [0, 1 << 20, 1 << 20]);
+  assert.deepEqual(offsets.slice(0, 4), [0, 1 << 20, 0, 1 << 20]);
   assert.deepEqual(said, []);
 });
 
@@ -216,10 +238,11 @@ function pair(data = 'pair.raw', side = 150) {
 
 test('a header and its samples are chosen together, survive a reload, and one volume is shown', async (context) => {
   const { page, said } = await open(context);
+  const files = onDisk(context, pair());
   let isHeld = true;
   await page.route('**/api/v1/uploads/*', (route) => (route.request().method() === 'PATCH' && isHeld && Number(route.request().headers()['upload-offset']) > 0 ? undefined : route.continue()));
   await page.click('#open-button');
-  await page.setInputFiles('#open-file', pair());
+  await page.setInputFiles('#open-file', files);
   await page.locator('#uploads [data-upload="pair.raw"] .about', { hasText: /^31 % of 3.4 MB/ }).waitFor();
   await page.locator('#uploads [data-upload="pair.nhdr"] .about', { hasText: /^100 %/ }).waitFor();
   await shot(page, 'open-set');
@@ -229,7 +252,7 @@ test('a header and its samples are chosen together, survive a reload, and one vo
   isHeld = false;
   const chooser = page.waitForEvent('filechooser');
   await page.click('#uploads .link');
-  await (await chooser).setFiles(pair()[1]); // the header is there already
+  await (await chooser).setFiles(files[1]); // the header is there already
   await shows(page, 'pair');
   await page.locator('#uploads').waitFor({ state: 'hidden' });
   assert.deepEqual(said, []);
