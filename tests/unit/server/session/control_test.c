@@ -87,14 +87,16 @@ static void names_with_control_characters_are_refused(void **state) {
                                        "\xe2\x80\xa8",
                                        "\xe2\x80\xae",
                                        "a\xe2\x81\xa6",
-                                       "\xe2\x81\xa9" };
+                                       "\xe2\x81\xa9",
+                                       "\xe2\x81\xaa",
+                                       "\xe2\x81\xaf" };
     static const char *const good[] = { "a",
                                         "\xd8\x9b",
                                         "\xd9\x8b\xd8\xa8",
                                         "\xc2\xa0\xc3\xbc",
                                         "\xe2\x80\x8d",
                                         "\xe2\x80\x90",
-                                        "\xe2\x81\xaa",
+                                        "\xe2\x81\xb0",
                                         "\xe2\x82\xac" };
     char params[64];
     struct srv_participant *p = hub_join(f, SRV_ROLE_VIEW, 0);
