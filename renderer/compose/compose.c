@@ -73,6 +73,15 @@ static void add_part(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+/* The pixels of [*begin, end) of a row between the first and the last that let light through. */
+static uint32_t trim(const float *row, uint32_t *begin, uint32_t end) {
+    while (*begin < end && row[4 * *begin + 3] <= 0)
+        ++*begin;
+    while (end > *begin && row[4 * (end - 1) + 3] <= 0)
+        end--;
+    return end;
+}
+
 /* Puts the slice behind the image so far. */
 static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
@@ -82,8 +91,9 @@ static void add_slice(void *user, size_t begin, size_t end, unsigned worker) {
     double values[SP_INTERPOLATE_RUN], coverage[SP_INTERPOLATE_RUN];
     for (uint32_t y = p->low[1] + (uint32_t)begin; y < p->low[1] + end; y++) {
         float *to = row_of(p->sum, y);
-        for (uint32_t at = p->low[0]; at < p->high[0]; at += SP_INTERPOLATE_RUN) {
-            uint32_t left = p->high[0] - at;
+        uint32_t at = p->low[0], stop = trim(to, &at, p->high[0]);
+        for (; at < stop; at += SP_INTERPOLATE_RUN) {
+            uint32_t left = stop - at;
             uint32_t n = left < SP_INTERPOLATE_RUN ? left : SP_INTERPOLATE_RUN;
             sp_quad_sample(&p->rays, &p->grid, &p->plan, p->step, at, y, n, values, coverage);
             for (uint32_t i = 0; i < n; i++) {
@@ -135,10 +145,8 @@ static bool is_seen(struct image *p) {
 
 static bool draw_step(struct image *p, const struct sp_compose_step *step, struct sp_error *err) {
     const struct sp_compose_job *job = p->job;
-    static const struct sp_clip whole = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } };
     p->step = step;
-    sp_quad_outline(&p->grid, &p->rays.camera, step->is_slice ? &whole : &step->clip,
-                    job->view->size, p->low, p->high);
+    sp_quad_outline(&p->grid, &p->rays.camera, &step->clip, job->view->size, p->low, p->high);
     if (!is_seen(p))
         return true;
     if (step->is_slice) {

@@ -54,6 +54,22 @@ static int side_of_eye(const struct sp_slice_cut *cut, const struct sp_interpola
     return side < 0 ? -1 : 1;
 }
 
+/* The box around a piece of a slice: flat if the slice is orthogonal. */
+static void find_box(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
+                     struct sp_compose_step *step) {
+    step->clip = (struct sp_clip){ .box = { { 0, 0, 0 }, { 1, 1, 1 } } };
+    for (unsigned i = 0; i <= step->plane; i++) {
+        const struct sp_slice_cut *cut = &plan->cuts[i];
+        if (cut->axis < 0)
+            continue;
+        double fraction = fraction_at(grid, cut->axis, cut->offset);
+        if (i == step->plane || step->sides[i] > 0)
+            step->clip.box[0][cut->axis] = fraction;
+        if (i == step->plane || step->sides[i] < 0)
+            step->clip.box[1][cut->axis] = fraction;
+    }
+}
+
 /* The clip of a part; false if it is empty. */
 static bool find_clip(const struct sp_compose_plan *plan, const struct sp_interpolator *grid,
                       const struct sp_view *view, const int *sides, struct sp_clip *clip) {
@@ -99,6 +115,7 @@ static void walk(struct sp_compose_plan *plan, const struct sp_interpolator *gri
     step = &plan->step[plan->steps++];
     *step = (struct sp_compose_step){ .is_slice = true, .plane = depth };
     memcpy(step->sides, sides, sizeof step->sides);
+    find_box(plan, grid, step);
     sides[depth] = -near;
     walk(plan, grid, view, depth + 1, sides);
 }

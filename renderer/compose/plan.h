@@ -23,7 +23,7 @@ struct sp_compose_step {
     bool is_slice;
     unsigned plane;
     int sides[SP_SLICE_PLANES_MAX];
-    struct sp_clip clip; /* of a part */
+    struct sp_clip clip; /* of a part; of a piece: the box around it */
 };
 
 struct sp_compose_plan {

@@ -42,6 +42,7 @@
 #ifndef SP_SPLAT_EWA_H
 #define SP_SPLAT_EWA_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "base/isa.h"
@@ -131,6 +132,10 @@ struct sp_ewa_brick {
 
 void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *frame,
                        const uint32_t first[3]);
+
+/* True if a clip plane of the frame removes the kernel of every voxel of the brick at `first`, as
+ * sp_extent_cut() would remove them one by one. Not every such brick is found. */
+bool sp_ewa_brick_is_clipped(const struct sp_ewa_frame *frame, const uint32_t first[3]);
 
 /* Computes u of the voxel at `local` (visible.h) of the brick. */
 static inline void sp_ewa_brick_place(const struct sp_ewa_brick *brick,

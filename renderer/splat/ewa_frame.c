@@ -105,3 +105,54 @@ void sp_ewa_brick_init(struct sp_ewa_brick *brick, const struct sp_ewa_frame *f,
     for (int r = 0; r < 3; r++)
         brick->base[r] = bounded(base[r]);
 }
+
+/* The voxels of a brick along one axis [mean spacings]. */
+struct stretch {
+    double first, last; /* distances from sample 0 */
+    double widest;      /* local spacing */
+};
+
+static struct stretch find_stretch(const struct sp_grid *grid, unsigned a, uint32_t first) {
+    const double inv = 1 / grid->spacing[a];
+    const uint32_t end = grid->dims[a] - first > SP_BRICK ? first + SP_BRICK : grid->dims[a];
+    struct stretch s = { .first = sp_grid_distance(grid, a, first) * inv,
+                         .last = sp_grid_distance(grid, a, end - 1) * inv,
+                         .widest = 1 };
+    if (!grid->coordinates[a])
+        return s;
+    s.widest = 0;
+    for (uint32_t i = first; i < end; i++)
+        s.widest = fmax(s.widest, sp_grid_local_spacing(grid, a, i) * inv);
+    return s;
+}
+
+/* The corner that lies farthest inside the plane decides: planes are linear, and the widest kernel
+ * reaches farthest. The slack is more than what sp_extent_cut() rounds. */
+bool sp_ewa_brick_is_clipped(const struct sp_ewa_frame *f, const uint32_t first[3]) {
+    const double rounding = 1e-6, tail = fmax((double)f->radius, SP_CUT_TAIL);
+    struct stretch at[3];
+    double size = 0; /* at least the largest component of u */
+    for (unsigned a = 0; a < 3 && f->clip.count; a++) {
+        at[a] = find_stretch(f->grid, a, first[a]);
+        size += fabs(f->base[a]);
+        for (int r = 0; r < 3; r++)
+            size += fabs(f->step_hi[r][a]) * (fabs(at[a].first) + fabs(at[a].last));
+    }
+    for (uint32_t i = 0; i < f->clip.count; i++) {
+        const struct sp_clip_half *h = &f->clip.planes[i];
+        double inside = -(double)h->offset, variance = 0;
+        for (int a = 0; a < 3; a++) {
+            double along = 0;
+            for (int r = 0; r < 3; r++)
+                along += (double)h->normal[r] * f->step_hi[r][a];
+            inside +=
+                (double)h->normal[a] * f->base[a] + fmax(along * at[a].first, along * at[a].last);
+            variance += along * along * at[a].widest * at[a].widest;
+        }
+        double reach = tail * (double)f->sigma * sqrt(variance);
+        double slack = rounding * (size + fabs((double)h->offset) + reach);
+        if (inside < -reach - slack)
+            return true;
+    }
+    return false;
+}

@@ -3,8 +3,6 @@
 
 #include "volume/grid.h"
 
-enum { TAIL = 4 }; /* standard deviations from a plane where it no longer cuts: share 3e-5 */
-
 static const float along_ray = 0.7f; /* |correlation| above which a plane bounds the depth */
 
 static void add_plane(struct sp_clip_frame *clip, const struct sp_camera_transform *camera,
@@ -113,7 +111,7 @@ static void cut_by(const struct sp_kernel_place *p, const float q[3], float e,
 int sp_extent_cut(const struct sp_kernel_place *p, const struct sp_clip_frame *clip,
                   struct sp_cut *cut) {
     int count = 0;
-    float tail = fmaxf(p->radius, TAIL);
+    float tail = fmaxf(p->radius, SP_CUT_TAIL);
     for (uint32_t i = 0; i < clip->count; i++) {
         const struct sp_clip_half *h = &clip->planes[i];
         float q[3], e = dot(h->normal, p->u) - h->offset;

@@ -13,7 +13,10 @@
 #include "base/isa.h"
 #include "splat/camera.h"
 
-enum { SP_CUTS_MAX = 6 + SP_CLIP_PLANES_MAX };
+enum {
+    SP_CUTS_MAX = 6 + SP_CLIP_PLANES_MAX,
+    SP_CUT_TAIL = 4 /* standard deviations from a plane where it no longer cuts: share 3e-5 */
+};
 
 /* Depth of the kernel on the ray of a pixel at d px from the splat's centre: a normal distribution
  * of mean distance + slope·d and variance 1/sharpness². Lengths in cells. */

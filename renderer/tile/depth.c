@@ -19,7 +19,7 @@ struct sort {
     uint16_t *order;  /* by place: entry of the brick */
     uint16_t *layer;  /* by place: layer, counted from the brick's first */
     int64_t *begin;   /* by brick: its first layer */
-    uint32_t *runs;   /* by brick: how many layers have voxels */
+    uint32_t *runs;   /* by brick: how many layers have voxels; 0 = the brick is not drawn */
     uint32_t *counts; /* [LAYERS_MAX + 1] per worker, all zero between bricks */
 };
 
@@ -63,8 +63,9 @@ static void sort_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     int64_t layer[SP_BRICK_VOXELS], last;
     for (size_t b = begin; b < end; b++) {
         uint64_t at = list->first[b];
-        uint32_t n = (uint32_t)(list->first[b + 1] - at), sum = 0, runs = 0;
-        if (!n) {
+        uint32_t n = (uint32_t)(list->first[b + 1] - at), sum = 0, runs = 0, corner[3];
+        sp_visible_corner(list, (uint32_t)b, corner);
+        if (!n || sp_ewa_brick_is_clipped(s->job->frame, corner)) {
             s->runs[b] = 0;
             continue;
         }
@@ -96,7 +97,7 @@ static void join_runs(const struct sort *s, uint32_t bricks, int64_t first,
     for (int pass = 0; pass < 2; pass++) {
         for (uint32_t b = 0; b < bricks; b++) {
             uint64_t at = list->first[b];
-            uint32_t n = (uint32_t)(list->first[b + 1] - at);
+            uint32_t n = s->runs[b] ? (uint32_t)(list->first[b + 1] - at) : 0;
             for (uint32_t i = 0, end; i < n; i = end) {
                 for (end = i + 1; end < n && s->layer[at + end] == s->layer[at + i];)
                     end++;

@@ -5,7 +5,8 @@
  *
  *   layer of a voxel = ⌊(distance − reach)/thickness⌋, counted from the first that is not empty
  *
- * Inside a layer voxels stay in the order of the list. Distances are those of sp_ewa_distance().
+ * Bricks that the frame's clip planes remove are left out. Inside a layer voxels stay in the order
+ * of the list. Distances are those of sp_ewa_distance().
  */
 #ifndef SP_TILE_DEPTH_H
 #define SP_TILE_DEPTH_H

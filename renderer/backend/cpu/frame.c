@@ -20,13 +20,6 @@ static uint32_t levels_drawn(const struct cpu_frame *f) {
     return is_mixed ? f->detail.levels : 1u << f->finest;
 }
 
-bool cpu_frame_is_enlarged(const struct cpu_frame *f) {
-    for (uint32_t i = 0; i < f->detail.count; i++)
-        if (f->detail.bricks[i].level == f->finest && f->detail.bricks[i].is_enlarged)
-            return true;
-    return false;
-}
-
 static bool choose_levels(struct cpu_frame *f, struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(f->job->volume)->grid;
     struct sp_arena *arena = &f->state->arena;
@@ -39,6 +32,8 @@ static bool choose_levels(struct cpu_frame *f, struct sp_error *err) {
     if (!sp_detail_choose(&job, arena, &f->detail))
         return cpu_fail_memory(arena, err);
     f->finest = (unsigned)__builtin_ctz(f->detail.levels);
+    for (uint32_t i = 0; i < f->detail.count && !f->is_enlarged; i++)
+        f->is_enlarged = f->detail.bricks[i].level == f->finest && f->detail.bricks[i].is_enlarged;
     return true;
 }
 
@@ -102,8 +97,25 @@ static bool init_parts(struct cpu_frame *f, struct sp_error *err) {
         if (levels >> l & 1 && !(init_part(f, l, false, err) && init_part(f, l, true, err)))
             return false;
     f->level = f->parts[f->finest].level;
-    f->ewa = &f->parts[f->finest].ewa[cpu_frame_is_enlarged(f)];
+    f->ewa = &f->parts[f->finest].ewa[f->is_enlarged];
     return true;
+}
+
+/* Drops the bricks of the cut that clipping removes. Other compositing than sheets draws whole
+ * lists, and drops bricks when it sorts them (tile/depth.h). */
+static void drop_clipped(struct cpu_frame *f) {
+    uint32_t kept = 0;
+    if (f->job->view->compositing.mode != SP_COMPOSITE_SHEET || !f->ewa->clip.count)
+        return;
+    for (uint32_t i = 0; i < f->detail.count; i++) {
+        const struct sp_detail_brick *brick = &f->detail.bricks[i];
+        const struct sp_level_frame *part = &f->parts[brick->level];
+        uint32_t corner[3];
+        sp_visible_corner(&part->level->visible, brick->brick, corner);
+        if (!sp_ewa_brick_is_clipped(&part->ewa[brick->is_enlarged], corner))
+            f->detail.bricks[kept++] = *brick;
+    }
+    f->detail.count = kept;
 }
 
 bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct sp_backend_job *job,
@@ -126,6 +138,7 @@ bool cpu_frame_init(struct cpu_frame *f, struct cpu_state *state, const struct s
     }
     if (!choose_levels(f, err) || !classify(f, err) || !init_parts(f, err))
         return false;
+    drop_clipped(f);
     cpu_frame_add_time(f, CPU_CLASSIFY, clock);
     return true;
 }

@@ -33,10 +33,11 @@ struct cpu_frame {
     struct cpu_state *state;
     double stage_ms[CPU_STAGES];
     struct sp_camera_transform camera;
-    struct sp_detail detail; /* the cut: bricks and their mip levels */
+    struct sp_detail detail; /* the cut: bricks and their mip levels, without clipped bricks */
     unsigned axis;           /* axis of the sheets; SP_NO_AXIS = not sheet compositing */
     unsigned mip_level;      /* as in the job: no finer level is drawn */
     unsigned finest;         /* the finest level that is drawn */
+    bool is_enlarged;        /* in some of its bricks (sp_detail_brick.is_enlarged) */
     uint64_t visible;        /* visible voxels of the volume */
     const struct sp_level *levels;
     struct sp_level_frame parts[SP_LEVELS];
@@ -53,9 +54,6 @@ bool cpu_frame_init(struct cpu_frame *frame, struct cpu_state *state,
 
 /* Prepares the same frame with slices of another axis. Errors as above. */
 bool cpu_frame_turn(struct cpu_frame *frame, unsigned axis, struct sp_error *err);
-
-/* True if the frame's one level is enlarged in some of its bricks (sp_detail_brick.is_enlarged). */
-bool cpu_frame_is_enlarged(const struct cpu_frame *frame);
 
 static inline bool cpu_frame_is_cancelled(const struct cpu_frame *frame) {
     return sp_job_is_cancelled(frame->job);

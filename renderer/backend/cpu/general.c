@@ -343,7 +343,7 @@ static bool choose_order(struct draw *d, double reach, struct sp_error *err) {
     struct sp_depth_job job = { .frame = d->frame->ewa,
                                 .list = &d->frame->level->visible,
                                 .level = d->frame->finest,
-                                .is_enlarged = cpu_frame_is_enlarged(d->frame),
+                                .is_enlarged = d->frame->is_enlarged,
                                 .thickness = SPLAT_RANGE,
                                 .reach = reach,
                                 .pool = d->pool,
