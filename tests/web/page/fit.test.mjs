@@ -40,6 +40,7 @@ after(async () => {
 
 /** Changes the view of the page's session from elsewhere. */
 async function change(page, patch) {
+  await rest(page); // a page that still sends its own changes keeps them
   const { origin } = new URL(daemon.url);
   const [, token] = /token=([^&]+)/.exec(daemon.url);
   const ask = async (what, options) => {
