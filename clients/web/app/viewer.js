@@ -28,6 +28,7 @@ export class Viewer extends Emitter {
   #sphere = null;
   #home = null;
   #part = null; // {key, part} of the newest answer of #visiblePart()
+  #isBehind = false; // another participant's change was not taken
   #isSwitching = false;
   #isRestoring = false; // to a complete view, whose camera stays
   #canControl = true;
@@ -49,7 +50,7 @@ export class Viewer extends Emitter {
       },
       schedule: nextFrame,
       now: () => performance.now(),
-      done: (patch) => (patch.volume || patch.camera === null) && this.#reload(),
+      done: (patch) => (patch.volume || patch.camera === null || (this.#isBehind && this.updates.isIdle)) && this.#reload(),
       fail: (error, patch) => this.#refused(error, patch),
     });
   }
@@ -90,7 +91,7 @@ export class Viewer extends Emitter {
   /** Takes a complete view from the daemon. A default view fits a square, so a narrow window needs more distance. */
   take(view, isDefault = this.#isSwitching && !this.#isRestoring) {
     this.#view = view;
-    this.#isSwitching = this.#isRestoring = false;
+    this.#isBehind = this.#isSwitching = this.#isRestoring = false;
     this.#rig = rigOfView(view);
     this.#rigs.set(this.updates.sent, this.#rig); // frames of this view carry the seq of this client's last update
     this.#measure();
@@ -121,10 +122,10 @@ export class Viewer extends Emitter {
     }
   }
 
-  /** Takes the shared view after another participant changed it, unless this client has newer changes. */
+  /** Takes the shared view after another participant changed it; while changes of this client are on their way, after them. */
   takeShared(view) {
-    if (!this.updates.isIdle || this.#isSwitching) return;
-    this.take(view);
+    this.#isBehind = !this.updates.isIdle || this.#isSwitching;
+    if (!this.#isBehind) this.take(view);
   }
 
   /** Takes the view of a session. For an existing session, changes that were not sent yet stay. */

@@ -182,6 +182,15 @@ test('the page follows changes of another participant; a watching guest is told 
   const [session] = it.daemon.sessions.values();
   it.daemon.notifyAll('view.changed', { view: { ...session.view, background: [1, 1, 1, 1] } });
   await until(it.page, 'the new background', (s) => s.background[0] === 1);
+  // Another change comes while an update of the page has no answer yet.
+  it.daemon.answer = (method) => {
+    if (method !== 'view.update') return;
+    it.daemon.answer = null;
+    session.view = { ...session.view, background: [0, 1, 0, 1] };
+    it.daemon.notifyAll('view.changed', { view: session.view });
+  };
+  await it.page.keyboard.press('ArrowLeft');
+  await until(it.page, 'the background of the other change', (s) => s.background[1] === 1 && s.background[0] === 0);
   const guest = await openPage(browser);
   context.after(() => guest.context.close());
   await guest.page.goto(`${it.daemon.base}?session=${session.id}&token=${session.tokens.view}`);
