@@ -10,7 +10,10 @@
 //   cancel      the drag ended without a result: a second finger came, or the mode ends; undo what down() began
 //   wheel       true if the mode used it; otherwise the wheel zooms
 // A mode that works on slices (pane.js), too, has `panes` with down, move, up, hover, double, cancel and cursor; they get the pane as third
-// argument, and `at` in px of that pane.
+// argument, and `at` in px of that pane. `isForPanes` means that it works there alone.
+//
+// A mode takes the focus to the picture or to a pane, so that its keys work. When it ends, what had the focus gets it back, unless the pointer
+// was used in between.
 import { Emitter } from '../core/emitter.js';
 import { t } from '../core/text.js';
 import { byId, setText } from './dom.js';
@@ -24,6 +27,7 @@ export class Modes extends Emitter {
   #surface;
   #isDragging = false;
   #pane = null; // of the drag; null = the 3-D picture
+  #before = null; // what had the focus before the mode; null = it stays where it is
 
   /** surface: the element that gets the pointer of the 3-D picture. */
   constructor(surface) {
@@ -64,19 +68,44 @@ export class Modes extends Emitter {
     if (name === this.#name) return;
     this.cancel();
     const before = this.#modes.get(this.#name);
+    const focused = document.activeElement;
+    if (this.isNavigating) this.#before = focused;
     this.#name = name;
     before.leave?.();
     this.#show(mode);
     mode.enter?.();
+    if (this.isNavigating) this.#returnFocus(focused);
+    else this.#takeFocus(mode, focused);
     this.emit('change', name);
+  }
+
+  /** The elements in which a mode works: the picture and the panes, those that are visible. */
+  #homesOf(mode) {
+    return [...(mode.isForPanes ? [] : [this.#surface]), ...(mode.panes ? document.querySelectorAll('.pane-body canvas.slice') : [])]
+      .filter((element) => element.checkVisibility());
+  }
+
+  #takeFocus(mode, focused) {
+    const homes = this.#homesOf(mode);
+    if (homes.includes(focused)) return;
+    const body = focused?.closest('.pane-body');
+    (homes.find((home) => body?.contains(home)) ?? homes[0])?.focus({ preventScroll: true });
+  }
+
+  #returnFocus(focused) {
+    const before = this.#before;
+    const isInBar = byId('mode-bar').contains(focused);
+    const isInPicture = focused === this.#surface || focused === document.body || focused?.matches('canvas.slice');
+    this.#before = null;
+    if (!isInBar && !isInPicture) return; // another part of the page has it
+    if (before?.isConnected && before !== document.body && before.checkVisibility()) before.focus({ preventScroll: true });
+    else if (isInBar) this.#surface.focus({ preventScroll: true });
   }
 
   /** Returns to navigation; with a name, only from that mode. */
   leave(name = this.#name) {
     if (name !== this.#name || name === NAVIGATE) return;
-    const hadFocus = byId('mode-bar').contains(document.activeElement);
     this.enter(NAVIGATE);
-    if (hadFocus) this.#surface.focus();
   }
 
   toggle(name) {
@@ -103,6 +132,7 @@ export class Modes extends Emitter {
   /** Starts a drag; true if the mode takes it. */
   down(at, event, pane = null) {
     const part = this.#part(pane);
+    this.#before = null;
     if (!part.down || part.down(at, event, pane) === false) return false;
     this.#isDragging = true;
     this.#pane = pane;

@@ -363,6 +363,7 @@ export class Pane {
       }
     });
     canvas.addEventListener('pointermove', (event) => {
+      if (!this.plane) return;
       const at = this.place(event);
       if (!pointers.has(event.pointerId)) {
         this.#modes.hover(at, event, this);
