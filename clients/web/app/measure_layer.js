@@ -13,6 +13,7 @@ const LINE_PX = 16;
 const PADDING_PX = 6;
 const DOT_PX = 5;
 const HIT_PX = 14;
+const CURSOR_PX = [4, 13]; // from the middle
 const EDGE_PX = 2;
 const LABEL_TRIES = 15;
 const context = new OffscreenCanvas(1, 1).getContext('2d');
@@ -168,6 +169,14 @@ function drawDraft(sheet, draft, pane, toScreen) {
   sheet.put('draft:halo', 'path', { class: 'measure-halo', d });
   sheet.put('draft:line', 'path', { class: 'measure-draft-line', d });
   points.forEach((point, i) => hasPlace(point) && sheet.put(`draft:dot${i}`, 'circle', { class: 'measure-draft-dot', cx: point.x, cy: point.y, r: DOT_PX }));
+  if (cursor && draft.cursor.isKey) drawCursor(sheet, cursor);
+}
+
+/** The cursor that the keys move: a cross that leaves its middle free. */
+function drawCursor(sheet, { x, y }) {
+  const d = [[-1, 0], [1, 0], [0, -1], [0, 1]].map(([u, v]) => `M${x + u * CURSOR_PX[0]} ${y + v * CURSOR_PX[0]}L${x + u * CURSOR_PX[1]} ${y + v * CURSOR_PX[1]}`).join('');
+  sheet.put('cursor:halo', 'path', { class: 'measure-halo', d });
+  sheet.put('cursor:line', 'path', { class: 'measure-key-cursor', d });
 }
 
 function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {

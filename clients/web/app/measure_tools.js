@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The tools that draw measurements: one mode per kind. In the 3-D picture points snap to the surface (pick), in a slice they lie in it.
-// Points come by clicks or by one drag; Enter sets one at the middle of the picture or at the crosshair of the slice.
+// Points come by clicks or by one drag. Enter sets one at the middle of the picture, which the arrow keys turn, or in a slice at a cursor, which
+// the arrow keys move from the crosshair.
 import { namedValue } from '../core/measure_text.js';
 import { KINDS, pointsFromCorners, quickValue, unitOf } from '../core/measures.js';
 import { t } from '../core/text.js';
@@ -11,13 +12,18 @@ const TOOLS = [
   { kind: 'ellipse', icon: 'circle-dashed', key: 'e' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
 ];
 const DRAG_PX = 6;
+const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+const STEP_PX = 8;
+const FINE_PX = 1;
+const PRESSED = 'button, summary, a'; // these use Enter themselves
 
 const modeOf = (kind) => `measure-${kind}`;
 
 export function installTools(app, measures) {
-  const { modes, toolbar } = app;
+  const { modes, toolbar, viewer, connection } = app;
+  const tools = new Map(TOOLS.map(({ kind }) => [modeOf(kind), new Tool(app, measures, kind)]));
   const buttons = TOOLS.map(({ kind, icon, key }) => {
-    modes.add(modeOf(kind), new Tool(app, measures, kind).mode);
+    modes.add(modeOf(kind), tools.get(modeOf(kind)).mode);
     const button = toolbar.button({
       id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true,
       press: () => measures.canEdit && modes.toggle(modeOf(kind)),
@@ -31,8 +37,15 @@ export function installTools(app, measures) {
     }
     if (modes.current.startsWith('measure-') && !measures.canEdit) modes.leave();
   };
-  modes.on('change', show);
+  const current = () => tools.get(modes.current);
+  modes.on('change', () => {
+    show();
+    current()?.takeFocus(document.activeElement);
+  });
+  document.addEventListener('focusin', ({ target }) => current()?.takeFocus(target));
   measures.on('change', show);
+  viewer.on('view', () => current()?.follow());
+  connection.on('session', () => current()?.follow());
   show();
 }
 
@@ -60,7 +73,7 @@ class Tool {
   #app; #measures; #kind; #hasPlane;
   #count; // points of a finished measurement
   #wanted; // points to set: two corners where the kind lies in a plane
-  #draft = null; // {kind, points, pane, plane, cursor: {at, pane}}
+  #draft = null; // {kind, points, pane, plane, volume, session, cursor: {at, pane, isKey}}; isKey: the keys move the cursor
   #from = null; // where the button was pressed
   #waiting = Promise.resolve(); // picks, one after the other
 
@@ -80,6 +93,7 @@ class Tool {
       cursor: 'crosshair',
       down: (at, event, pane = null) => {
         this.#from = at;
+        if (this.#draft) this.#draft.cursor = null;
         this.#place(at, pane);
       },
       move: (at, event, pane = null) => {
@@ -91,24 +105,32 @@ class Tool {
         this.#from = null;
       },
       hover: (at, event, pane = null) => {
-        if (!this.#draft?.points.length) return;
-        this.#draft.cursor = { at, pane };
+        const isKey = this.#draft?.cursor?.isKey;
+        if (!isKey && !this.#draft?.points.length) return;
+        if (isKey && !event.movementX && !event.movementY) return; // the pictures moved, not the pointer
+        this.#draft.cursor = this.#draft.points.length ? { at, pane } : null;
         this.#show();
       },
       double: () => {},
       cancel: () => { this.#waiting = this.#waiting.then(() => this.#removeLast()); },
     };
     return {
-      label: t(`measure.${this.#kind}`), hint: t(`measure.${this.#kind}.hint`), ...pointer, panes: pointer,
+      label: t(`measure.${this.#kind}`), hint: this.#hint, ...pointer, panes: pointer, isForPanes: this.#hasPlane,
       enter: () => this.#enter(), leave: () => this.#leave(), key: (event) => this.#press(event),
     };
   }
 
   #enter() {
     const { layout, slices } = this.#app;
-    this.#draft = { kind: this.#kind, points: [], pane: null, plane: null, cursor: null };
-    this.#show();
+    this.#begin();
     if (this.#hasPlane && layout.current === '3d' && slices) layout.set('four');
+  }
+
+  #begin() {
+    const { viewer, connection } = this.#app;
+    const [volume, session] = [viewer.view?.volume, connection.session?.id];
+    this.#draft = { kind: this.#kind, points: [], pane: null, plane: null, volume, session, cursor: null };
+    this.#show();
   }
 
   #leave() {
@@ -116,17 +138,58 @@ class Tool {
     this.#show();
   }
 
-  #press({ key, target }) {
+  /** Points of another volume or session mean nothing in this one: the draft begins again. */
+  follow() {
+    const { viewer, connection } = this.#app;
+    if (this.#draft && (this.#draft.volume !== viewer.view?.volume || this.#draft.session !== connection.session?.id)) this.#begin();
+  }
+
+  /** The focus came to an element: the hint names its keys, and the cursor of the keys is visible where a user of the keyboard needs it. */
+  takeFocus(element) {
+    if (!this.#draft) return;
+    const pane = paneWith(this.#app, element);
+    const isPicture = element === this.#app.screen.element && !this.#hasPlane;
+    if ((pane || isPicture) && element.matches(':focus-visible')) this.#draft.cursor = this.#keyCursor(pane);
+    this.#show();
+  }
+
+  /** The cursor of the keys before they move it: in the middle of the 3-D picture, or at the crosshair of a pane if that is visible. */
+  #keyCursor(pane) {
+    const { screen, slices } = this.#app;
+    return {
+      pane, isKey: true,
+      get at() {
+        const size = pane?.size ?? [screen.viewport.width, screen.viewport.height];
+        const { x, y } = pane?.plane ? pane.toPane(slices.position) : { x: -1, y: -1 };
+        return x >= 0 && y >= 0 && x <= size[0] && y <= size[1] ? [x, y] : size.map((side) => side / 2);
+      },
+    };
+  }
+
+  #press({ key, shiftKey, target }) {
     if (key === 'Backspace' || key === 'Delete') {
       this.#removeLast();
       return true;
     }
-    if (key !== 'Enter' || target.closest?.('button')) return false;
-    const { width, height } = this.#app.screen.viewport;
     const pane = paneWith(this.#app, target);
-    if (pane) this.#put(this.#app.slices.position, pane);
-    else this.#place([width / 2, height / 2], null);
+    if (key in ARROWS && pane) {
+      this.#moveCursor(pane, ARROWS[key], shiftKey ? FINE_PX : STEP_PX);
+      return true;
+    }
+    if (key !== 'Enter' || target.closest?.(PRESSED)) return false;
+    if (this.#draft.cursor?.pane !== pane || !pane) this.#draft.cursor = this.#keyCursor(pane);
+    const { at } = this.#draft.cursor;
+    if (pane) this.#put(pane.toWorld(...at), pane);
+    else this.#place(at, null);
     return true;
+  }
+
+  #moveCursor(pane, direction, px) {
+    const { cursor } = this.#draft;
+    const { at } = cursor?.pane === pane ? cursor : this.#keyCursor(pane);
+    const moved = at.map((part, i) => Math.min(Math.max(part + px * direction[i], 0), pane.size[i]));
+    this.#draft.cursor = { pane, isKey: true, at: moved };
+    this.#show();
   }
 
   /** Sets a point below a place of the 3-D picture, or of a pane with slices. */
@@ -135,7 +198,11 @@ class Tool {
       this.#app.notice.show(t('measure.slice'));
       return;
     }
-    this.#waiting = this.#waiting.then(async () => this.#put(pane ? pane.toWorld(...at) : await surfaceAt(this.#app, at), pane));
+    const draft = this.#draft;
+    this.#waiting = this.#waiting.then(async () => {
+      const world = pane ? pane.toWorld(...at) : await surfaceAt(this.#app, at);
+      if (draft === this.#draft) this.#put(world, pane);
+    });
   }
 
   #put(world, pane) {
@@ -171,14 +238,22 @@ class Tool {
 
   #show() {
     this.#measures.draft = this.#draft;
-    if (this.#draft) this.#app.modes.say(this.#valueText || t(`measure.${this.#kind}`), t(`measure.${this.#kind}.hint`));
+    if (this.#draft) this.#app.modes.say(this.#valueText || t(`measure.${this.#kind}`), this.#hint);
     this.#measures.emit('change');
+  }
+
+  /** What the pointer does, and the keys where there may be a keyboard. */
+  get #hint() {
+    const pointer = t(`measure.${this.#kind}.hint`);
+    if (window.matchMedia('(hover: none)').matches) return pointer;
+    const isSlice = this.#hasPlane || paneWith(this.#app, document.activeElement) !== null;
+    return t('measure.hint', { pointer, keys: t(isSlice ? 'measure.keys.slice' : 'measure.keys.picture') });
   }
 
   /** The value of the points and of the place under the pointer; '' before there are enough. */
   get #valueText() {
     const { points: set, cursor } = this.#draft;
-    const points = cursor?.pane && set.length < this.#wanted ? [...set, cursor.pane.toWorld(...cursor.at)] : set;
+    const points = cursor?.pane?.plane && set.length < this.#wanted ? [...set, cursor.pane.toWorld(...cursor.at)] : set;
     if (points.length !== this.#count || this.#hasPlane) return '';
     const value = quickValue({ kind: this.#kind, points });
     return value === null ? '' : namedValue({ kind: this.#kind, value, unit: unitOf(this.#kind, this.#app.viewer.volume?.unit) });

@@ -185,6 +185,72 @@ test('with the keyboard alone: a distance on the surface, its points moved, its 
   assert.deepEqual(said, []);
 });
 
+test('with the keyboard alone: a rectangle in a slice, its corners set at a cursor that the arrow keys move', async (context) => {
+  const { page, said, measured: all } = await open(context, { layout: '3d' });
+  await page.keyboard.press('l');
+  await page.locator('.pane-body[data-state="newest"]').nth(2).waitFor();
+  await page.focus('#pane-coronal canvas.slice');
+  const position = () => page.evaluate(() => window.splatd.view.slices.position);
+  const before = await position();
+  await page.keyboard.press('r');
+  assert.equal(await page.evaluate(() => document.activeElement.closest('.pane')?.id), 'pane-coronal', 'the pane keeps the focus');
+  for (const key of ['arrows', 'Shift', 'Enter', 'PageUp', 'Esc']) assert.ok((await page.textContent('#mode-hint')).includes(key), key);
+  await page.keyboard.press('Enter');
+  await page.locator('#pane-coronal .measure-draft-dot').waitFor();
+  for (const key of ['ArrowRight', 'ArrowRight', 'Shift+ArrowRight', 'ArrowDown']) await page.keyboard.press(key);
+  await page.locator('#pane-coronal .measure-key-cursor').waitFor({ state: 'attached' });
+  assert.deepEqual(await position(), before, 'the arrow keys go through no slices');
+  await shot(page, 'measure-keys');
+  await page.keyboard.press('Enter');
+  const [made] = await all(1, '(m) => m[0].statistics');
+  const sides = [1, 2].map((i) => length(made.points[0], made.points[i]));
+  near(sides[0] / sides[1], 17 / 8, 1e-6);
+  assert.ok(made.points[0].some((part, i) => Math.abs(part - before[i]) < 1e-6), 'it lies in the slice');
+  await page.keyboard.press('e');
+  await page.keyboard.press('PageUp');
+  await until(page, 'another slice', `(s) => Math.abs(s.view.slices.position[1] - ${before[1]}) > 0.5`);
+  await page.keyboard.press('Escape');
+  assert.equal(await page.evaluate(() => window.splatd.mode), 'navigate');
+  assert.equal(await page.locator('.measure-key-cursor').count(), 0);
+  assert.deepEqual(said, []);
+});
+
+test('a tool chosen by its key takes the focus to the picture and gives it back', async (context) => {
+  const { page, said, measured: all } = await open(context, { layout: '3d', viewport: { width: 900, height: 600 } });
+  const focused = () => page.evaluate(() => document.activeElement.id || document.activeElement.getAttribute('aria-label'));
+  await page.evaluate(() => { document.getElementById('transfer').open = true; });
+  await page.locator('#transfer [role="slider"]').first().focus();
+  const point = await focused();
+  await page.keyboard.press('d');
+  assert.equal(await focused(), 'screen');
+  for (const word of ['Click', 'arrows', 'Enter', 'Esc']) assert.ok((await page.textContent('#mode-hint')).includes(word), word);
+  await page.keyboard.press('Enter');
+  await page.locator('#overlay .measure-draft-dot').waitFor();
+  await page.keyboard.press('Escape');
+  assert.equal(await focused(), point);
+  await page.keyboard.press('r');
+  assert.equal(await page.evaluate(() => document.activeElement.closest('.pane')?.id), 'pane-axial', 'rectangles are drawn in slices');
+  await page.locator('.pane-body[data-state="newest"]').nth(2).waitFor();
+  await drag(page, await spot(page, 'axial', 0.4, 0.35), await spot(page, 'axial', 0.55, 0.55));
+  await all(1);
+  assert.equal(await page.evaluate(() => document.activeElement.closest('.pane')?.id), 'pane-axial', 'the focus stays where the pointer was used');
+  assert.deepEqual(said, []);
+});
+
+test('a draft ends with the volume', async (context) => {
+  const { page, said } = await open(context);
+  await page.focus('#pane-axial canvas.slice');
+  await page.keyboard.press('r');
+  await page.keyboard.press('Enter');
+  await page.locator('#pane-axial .measure-draft-dot').waitFor();
+  const volume = await page.evaluate(() => window.splatd.volume);
+  await page.locator('#volumes .pick:not([aria-current="true"])').first().click();
+  await until(page, 'the other volume', `(s) => s.volume !== '${volume}'`);
+  await page.locator('.pane-body[data-state="newest"]').nth(2).waitFor();
+  assert.equal(await page.locator('.measure-draft-dot').count(), 0);
+  assert.deepEqual(said, []);
+});
+
 for (const colorScheme of ['dark', 'light']) {
   test(`axe finds nothing in the section, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
     const { page, measured: all } = await open(context, { colorScheme });
