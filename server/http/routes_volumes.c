@@ -87,6 +87,9 @@ static proto_json *encode_volume(const struct srv_request *request,
     if (status->volume && in_full) {
         ok = proto_json_set(json, "memory", encode_memory(status)) && ok;
         ok = proto_json_set_integer(json, "uses", status->uses) && ok;
+        ok = proto_json_set_integer(json, "sessions",
+                                    srv_hub_volume_sessions(request->app->hub, status->id)) &&
+             ok;
     }
     if (!ok)
         proto_json_free(&json);

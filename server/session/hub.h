@@ -181,6 +181,8 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
  * ready, or end if there is none. Call it after the source no longer finds the volume. Hibernated
  * sessions keep its name. */
 void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms);
+/* Returns how many sessions with participants show the volume. */
+unsigned srv_hub_volume_sessions(struct srv_hub *hub, const char *id);
 /* Sets what stream.stats names as the renderer, and sends it to all participants. */
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device);
 /* The daemon is shutting down: tells all participants and creates no more sessions. */

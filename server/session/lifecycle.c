@@ -307,6 +307,15 @@ void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms) {
     pthread_mutex_unlock(&hub->mutex);
 }
 
+unsigned srv_hub_volume_sessions(struct srv_hub *hub, const char *id) {
+    unsigned count = 0;
+    pthread_mutex_lock(&hub->mutex);
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        count += s->participant_count > 0 && strcmp(s->shared.view.volume, id) == 0;
+    pthread_mutex_unlock(&hub->mutex);
+    return count;
+}
+
 void srv_hub_set_backend(struct srv_hub *hub, const char *backend, const char *device) {
     pthread_mutex_lock(&hub->mutex);
     snprintf(hub->backend, sizeof hub->backend, "%s", backend);

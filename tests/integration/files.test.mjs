@@ -135,10 +135,14 @@ test('a closed volume: its participants see another one, and the last one ends t
   await own.loaded('phantom');
   const stream = await own.stream({ session: await own.session({ volume: 'phantom' }) });
   await stream.frame(() => true, 'a first frame');
+  await own.session({ volume: 'phantom' }); // which nobody watches
+  const sessionsOf = async (id) => (await own.json(`/api/v1/volumes/${id}`)).json.sessions;
+  assert.deepEqual([await sessionsOf('phantom'), await sessionsOf('engine')], [1, 0]);
   assert.equal((await own.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);
   await stream.note('view.changed', ({ view }) => view.volume === 'engine');
   await stream.note('volume.progress', ({ volume, state }) => volume === 'phantom' && state === 'unloaded');
   assert.equal((await own.json('/api/v1/volumes/phantom')).status, 404);
+  assert.equal(await sessionsOf('engine'), 1);
   const count = stream.frames.length;
   await stream.frame(() => true, 'a frame of the other volume', count);
   assert.equal((await own.fetch('/api/v1/volumes/engine', { method: 'DELETE' })).status, 204);
