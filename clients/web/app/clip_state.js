@@ -4,7 +4,7 @@ import { Emitter } from '../core/emitter.js';
 import {
   PLANES_MAX, WHOLE, anchorOf, axisOf, axisPlane, depthOf, faceCoordinate, fractionAt, planeAt, planesOn, reconcile, sight,
 } from '../core/clip.js';
-import { roundCoordinate } from '../core/lengths.js';
+import { numberText, roundCoordinate } from '../core/lengths.js';
 import { length } from '../core/vector.js';
 import { t } from '../core/text.js';
 
@@ -164,5 +164,5 @@ export class ClipState extends Emitter {
   /** Where a plane is held: it turns about this point. */
   anchor(plane, index) { return anchorOf(this.volumeBox, plane, index); }
   round(value) { return roundCoordinate(value, this.extent); }
-  withUnit(value) { return `${value} ${this.unit}`.trim(); }
+  withUnit(value) { return `${numberText(value)} ${this.unit}`.trim(); }
 }

@@ -97,6 +97,8 @@ class Compare {
   get isOn() { return this.#companion !== null; }
   /** For tests: B, or null. */
   get companion() { return this.#companion; }
+  /** Id of the volume that B shows; null = there is none. */
+  get volume() { return this.#companion?.view?.volume ?? null; }
 
   onChange(told) { this.#told.add(told); }
 

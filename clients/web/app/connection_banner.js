@@ -21,7 +21,7 @@ function showWaiting({ banner, connection, api }) {
       kind: 'error', title: t('banner.failed', { name: failed.name || failed.id }), text: failed.reason || t('banner.failed.noreason'), canOpen,
     });
   } else {
-    banner.show({ kind: 'wait', title: t('banner.empty'), text: canOpen ? '' : t('banner.empty.text'), canOpen });
+    banner.show({ kind: 'wait', title: t('banner.empty'), text: t(canOpen ? 'banner.empty.open' : 'banner.empty.text'), canOpen });
   }
 }
 

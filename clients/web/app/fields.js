@@ -2,13 +2,17 @@
 // Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select or a slider.
 // Errors of the daemon about a field appear below its row.
 import { choose, isChoice, matters, valueAt } from '../core/choices.js';
+import { numberText } from '../core/lengths.js';
 import { logarithmic } from '../core/slider.js';
 
 const IDENTITY = { at: Number, of: Number };
 const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
 
-/** Formats a number with three digits: 0.7, 12.5, 1790. */
-export const showNumber = (value) => String(Number(value.toPrecision(3)));
+/** Rounds to three digits: 0.7, 12.5, -1790. */
+export const threeDigits = (value) => Number(value.toPrecision(3));
+
+/** Formats a number with three digits: 0.7, 12.5, −1790. */
+export const showNumber = (value) => numberText(threeDigits(value));
 
 /** Sets the text beside a slider and its value for screen readers. */
 export function showValue(slider, text) {

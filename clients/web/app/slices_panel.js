@@ -2,7 +2,7 @@
 // The section "Slices" of the panel.
 import { t } from '../core/text.js';
 import { make, setText } from './dom.js';
-import { showNumber } from './fields.js';
+import { threeDigits } from './fields.js';
 import { ORDER } from './panel.js';
 
 const KINDS = ['axial', 'coronal', 'sagittal'];
@@ -63,7 +63,7 @@ export function installSection({ panel, slices, viewer }) {
     if (!shownRow.hidden) showPlanes();
     align.hidden = shared.mode !== 'oblique';
     const set = (input, value) => {
-      if (document.activeElement !== input) input.value = showNumber(value);
+      if (document.activeElement !== input) input.value = String(threeDigits(value));
     };
     places.forEach((input, axis) => set(input, shared.position[axis]));
     values.forEach((input, i) => set(input, shared.window[FIELDS[i][0]]));

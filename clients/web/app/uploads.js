@@ -4,7 +4,7 @@
 import { sortedIntoSets } from '../core/file_sets.js';
 import { sizeText } from '../core/files.js';
 import { t } from '../core/text.js';
-import { Upload } from '../core/upload.js';
+import { Upload, refusalText } from '../core/upload.js';
 import { byId, icon, make, setText } from './dom.js';
 
 /** The digest of a part for Upload-Checksum; '' where the browser has none (http from another machine). */
@@ -30,7 +30,7 @@ function stateText(upload, isOfSet) {
   switch (upload.state) {
     case 'paused': return t('upload.paused', { percent, size });
     case 'waiting': return t('upload.waiting', { percent });
-    case 'failed': return upload.error?.message ?? '';
+    case 'failed': return refusalText(upload);
     case 'sent': return isOfSet ? t('upload.sending', { percent, size }) : t('upload.opening');
     default: return [t('upload.sending', { percent, size }), upload.rate > 0 ? t('upload.rate', { rate: sizeText(upload.rate) }) : '',
       upload.secondsLeft === null ? '' : timeText(upload.secondsLeft)].filter(Boolean).join(' · ');

@@ -1,10 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is known of the shown volume: a fold below the list.
 import { sizeText } from '../core/files.js';
+import { numberText } from '../core/lengths.js';
 import { t } from '../core/text.js';
 import { make } from './dom.js';
 
-const number = (value) => String(Number(Number(value).toPrecision(6)));
+const number = (value) => numberText(Number(Number(value).toPrecision(6)));
 
 /** [label, value] of all that the daemon tells. */
 function rows(volume) {
@@ -12,7 +13,9 @@ function rows(volume) {
   const list = [
     [t('info.dims'), volume.dims?.join(' × ')],
     [t('info.spacing'), volume.spacing && volume.spacing.map(number).join(' × ') + unit],
-    [t('info.size'), volume.dims && volume.spacing && volume.dims.map((n, i) => number(Math.max(n - 1, 0) * volume.spacing[i])).join(' × ') + unit],
+    [t('info.size'), volume.dims && volume.spacing && t('info.size.value', {
+      size: volume.dims.map((n, i) => number(Math.max(n - 1, 0) * volume.spacing[i])).join(' × ') + unit,
+    })],
     [t('info.type'), volume.type],
     [t('info.range'), volume.range && t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })],
     [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],

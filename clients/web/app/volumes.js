@@ -29,25 +29,6 @@ function picker(volume, volumes, current, select) {
   return button;
 }
 
-/** The whole reason of a failed load, on demand. */
-function details(api, volume) {
-  const text = make('p', { class: 'details', hidden: true });
-  const button = make('button', {
-    class: 'link', 'data-id': `details:${volume.id}`, 'aria-expanded': 'false', text: t('volumes.details'),
-    press: async () => {
-      text.hidden = !text.hidden;
-      button.setAttribute('aria-expanded', String(!text.hidden));
-      if (text.textContent) return;
-      try {
-        setText(text, (await api().volume(volume.id)).reason ?? '');
-      } catch (error) {
-        setText(text, error.message);
-      }
-    },
-  });
-  return make('div', { class: 'more' }, button, text);
-}
-
 function closeText(volume, volumes) {
   const name = fullNameOf(volume, volumes);
   if (volume.state === 'failed') return t('volumes.remove', { name });
@@ -101,15 +82,11 @@ class VolumeList {
     this.#rebuild(volumes, isGuest);
   }
 
-  /** Rebuilds the list; the focus and the open reasons stay. */
+  /** Rebuilds the list; the focus stays. */
   #rebuild(volumes, isGuest) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
-    const open = [...this.#list.querySelectorAll('[aria-expanded="true"]')].map((button) => button.dataset.id);
     this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, volume.may_close && !isGuest)));
-    for (const button of this.#list.querySelectorAll('button')) {
-      if (open.includes(button.dataset.id)) button.click();
-      if (focused && button.dataset.id === focused) button.focus();
-    }
+    for (const button of this.#list.querySelectorAll('button')) if (focused && button.dataset.id === focused) button.focus();
   }
 
   #entry(volume, volumes, mayClose) {
@@ -119,15 +96,26 @@ class VolumeList {
       const press = () => this.#close(volume);
       item.append(make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press }, icon('x')));
     }
-    if (volume.state === 'failed') item.append(details(() => this.#app.api, volume));
     return item;
   }
 
+  /** True if others see the volume: in this session or in another one. */
+  async #isWatched({ id, state }) {
+    const { api, compare, participants } = this.#app;
+    if (state !== 'ready') return false;
+    if (id === this.#current && participants.count > 1) return true;
+    const own = (id === this.#current) + (id === compare.volume);
+    try {
+      return (await api.volume(id)).sessions > own;
+    } catch {
+      return false; // to close it will say what is wrong
+    }
+  }
+
   async #close(volume) {
-    const { api, connection, notice, participants } = this.#app;
+    const { api, connection, notice } = this.#app;
     const name = fullNameOf(volume, connection.volumes);
-    const isWatched = volume.state === 'ready' && volume.id === this.#current && participants.count > 1;
-    if (isWatched && !await ask(t('volumes.close.ask', { name }), t('volumes.close.act'))) return;
+    if (await this.#isWatched(volume) && !await ask(t('volumes.close.ask', { name }), t('volumes.close.act'))) return;
     try {
       await api.closeVolume(volume.id);
     } catch (error) {

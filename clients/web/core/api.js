@@ -19,6 +19,7 @@ const TIMEOUT_MS = 10000;
 
 export class Api {
   #base; #fetch;
+  #reasons = new Map(); // of failed loads in full: id → {short, reason}
   token;
   /** What the token may do with volumes: {open, browse, upload}; known after volumes(). */
   may = {};
@@ -33,7 +34,21 @@ export class Api {
     const { volumes, may = {} } = await this.#request('GET', 'api/v1/volumes');
     if (!Array.isArray(volumes)) throw new ApiError(200, t('api.notlist'));
     this.may = may;
-    return volumes;
+    return Promise.all(volumes.map((volume) => this.#explained(volume)));
+  }
+
+  /** The volume; if its load failed, with the whole reason, which the list shortens. */
+  async #explained(volume) {
+    const { id, state, reason: short } = volume;
+    if (state !== 'failed' || !short) {
+      this.#reasons.delete(id);
+      return volume;
+    }
+    if (this.#reasons.get(id)?.short !== short) {
+      const whole = await this.volume(id).catch(() => null); // it was removed meanwhile
+      this.#reasons.set(id, { short, reason: whole?.reason || short });
+    }
+    return { ...volume, reason: this.#reasons.get(id).reason };
   }
 
   /** A volume with all that is known of it. */

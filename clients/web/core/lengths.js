@@ -9,6 +9,9 @@ const SPELLINGS = {
   meter: 1, meters: 1, km: 1e3,
 };
 
+/** A number as text, with the minus sign in place of the hyphen. Not for inputs, which take a hyphen only. */
+export const numberText = (value) => String(value).replace(/^-/, '−');
+
 /** The largest of 1, 2 and 5 times a power of ten that is not above `limit` (> 0). */
 export function roundLength(limit) {
   const power = 10 ** Math.floor(Math.log10(limit));

@@ -5,6 +5,10 @@
 //              ▲           │  └─► paused ─► starting
 //              └─ waiting ◄┘ (no connection; tries again)        any ─► failed (resume() tries again) or cancelled
 import { Emitter } from './emitter.js';
+import { sizeText } from './files.js';
+import { t } from './text.js';
+
+const VOLUME_NAME = /\.(nrrd|nhdr|vtk|vti|vtr|json|tiff?)$/i; // that a file of its own must have
 
 const PART_FIRST = 1 << 20;
 const PART_MIN = 1 << 18;
@@ -31,6 +35,8 @@ export class Upload extends Emitter {
   sent = 0;
   /** The ApiError that made it fail or wait; null = none. */
   error = null;
+  /** What the daemon takes: {most, free} in bytes; null if it did not fail because of its size. */
+  limits = null;
 
   /**
    * file: a Blob with a name; api(): the Api; id: of an upload that was begun before, or null; header: the upload of the header that
@@ -166,7 +172,26 @@ export class Upload extends Emitter {
       this.#set('waiting', error);
       this.#timer = this.#env.setTimeout(() => this.resume(), wait);
     } else {
-      this.#set('failed', error);
+      this.#refused(error, this.#epoch);
     }
   }
+
+  async #refused(error, epoch) {
+    this.limits = null;
+    if (error.pointer === '/bytes') {
+      try {
+        const { bytes_max: most, bytes_free: free } = await this.#api().uploads();
+        this.limits = { most, free };
+      } catch { /* the text of the daemon has to do */ }
+    }
+    if (epoch === this.#epoch) this.#set('failed', error);
+  }
+}
+
+/** Why an upload failed, for a person. */
+export function refusalText({ name, bytes, error, limits }) {
+  if (error?.pointer === '/name' && !VOLUME_NAME.test(name)) return t('upload.kind', { name });
+  if (!limits) return error?.message ?? '';
+  const size = sizeText(bytes);
+  return bytes > limits.most ? t('upload.large', { size, most: sizeText(limits.most) }) : t('upload.full', { size, free: sizeText(limits.free) });
 }

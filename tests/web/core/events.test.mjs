@@ -40,3 +40,23 @@ test('the list of paths is read page by page', async () => {
   assert.equal(api.pathFile({ id: 'a', format: 'png' }), 'http://daemon/api/v1/paths/a/archive?token=t');
   assert.equal(api.pathFile({ id: 'a', format: 'webm' }), 'http://daemon/api/v1/paths/a/movie?token=t');
 });
+
+test('the list of volumes has the whole reason of a failed load, which it reads once', async () => {
+  const asked = [];
+  let whole = { reason: 'bad.nrrd: byte 57: space units: needs the field space' };
+  const answers = {
+    volumes: () => ({ volumes: [{ id: 'good', state: 'ready' }, { id: 'bad', state: 'failed', reason: 'needs the field space' }] }),
+    'volumes/bad': () => whole,
+  };
+  const make = () => new Api({ base: 'http://daemon/', token: 't', fetch: async (url) => {
+    const path = url.pathname.replace('/api/v1/', '');
+    asked.push(path);
+    const answer = answers[path]();
+    return answer ? Response.json(answer) : Response.json({ detail: 'gone' }, { status: 404 });
+  } });
+  const api = make();
+  for (let i = 0; i < 2; i += 1) assert.deepEqual((await api.volumes()).map(({ reason }) => reason), [undefined, whole.reason]);
+  assert.deepEqual(asked, ['volumes', 'volumes/bad', 'volumes']);
+  whole = null; // it was removed in between
+  assert.equal((await make().volumes())[1].reason, 'needs the field space');
+});

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { lengthText, roundCoordinate, roundLength, scaleBar } from '../../../clients/web/core/lengths.js';
+import { lengthText, numberText, roundCoordinate, roundLength, scaleBar } from '../../../clients/web/core/lengths.js';
 import { compare } from '../../support/compare.mjs';
 
 test('a round length is the largest of 1, 2, 5 times a power of ten within the limit', () => {
   const cases = [[1, 1], [1.99, 1], [2, 2], [4.9, 2], [5, 5], [9.99, 5], [10, 10], [0.03, 0.02], [0.1, 0.1], [740, 500], [3e-9, 2e-9], [2e12, 2e12]];
   for (const [limit, length] of cases) assert.equal(roundLength(limit), length, String(limit));
+});
+
+test('a number as text has a minus sign in place of the first hyphen', () => {
+  assert.deepEqual([-164, 12.5, -2e-9, 0].map(numberText), ['−164', '12.5', '−2e-9', '0']);
 });
 
 test('lengths use the metric unit with the fewest digits; unknown units stay', () => {

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { ApiError } from '../../../clients/web/core/api.js';
 import { arranged, crumbs, parentOf, sizeText, withRecent } from '../../../clients/web/core/files.js';
-import { Upload } from '../../../clients/web/core/upload.js';
+import { Upload, refusalText } from '../../../clients/web/core/upload.js';
 
 const settled = () => new Promise((resolve) => { setImmediate(resolve); });
 
@@ -15,6 +15,7 @@ function fixture({ bytes = 3 << 20, id = null, existing = 0 } = {}) {
   const api = {
     createUpload: async ({ name, size }) => { f.calls.push(['create', name, size]); if (f.refusal) throw f.refusal; f.stored = 0; return { id: 'new' }; },
     upload: async (asked) => { f.calls.push(['ask', asked]); if (f.isGone) throw new ApiError(404, 'gone'); return { offset: f.stored }; },
+    uploads: async () => ({ bytes_max: 157286400, bytes_free: 1e6 }),
     deleteUpload: async (asked) => { f.removed.push(asked); },
     sendPart: async (to, offset, part, { signal }) => {
       f.calls.push(['part', to, offset, part.size]);
@@ -165,4 +166,22 @@ test('sizes, paths, filters and recent files', () => {
   assert.deepEqual(arranged(entries, '').map(({ name }) => name), ['z', 'Scan2.nrrd', 'scan10.nrrd']);
   assert.deepEqual(arranged(entries, 'SCAN 2').map(({ name }) => name), ['Scan2.nrrd']);
   assert.deepEqual(withRecent([{ source: 'a' }, { source: 'b' }], { source: 'b' }, 2), [{ source: 'b' }, { source: 'a' }]);
+});
+
+test('a refusal is told in words and sizes for a person', async () => {
+  const refused = async (bytes, error, name = 'a.nrrd') => {
+    const f = fixture({ bytes });
+    f.upload.file.name = name;
+    f.refusal = error;
+    f.upload.resume();
+    await f.until('failed');
+    return refusalText(f.upload);
+  };
+  const large = new ApiError(413, 'the file has 199229440 bytes and --upload-bytes allows 157286400', { pointer: '/bytes' });
+  assert.equal(await refused(199229440, large), 'The file has 199 MB, and the daemon takes at most 157 MB.');
+  const full = new ApiError(507, 'the file has 2000000 bytes; …', { pointer: '/bytes' });
+  assert.match(await refused(2e6, full), /^The file has 2\.0 MB, and 1\.0 MB are free/);
+  const kind = new ApiError(422, 'a file with the samples of a header needs "header", the id of the upload', { pointer: '/name' });
+  assert.match(await refused(1, kind, 'notes.txt'), /^notes\.txt is not a volume\. .*\.nrrd/);
+  assert.equal(await refused(1, new ApiError(422, 'the name has a slash', { pointer: '/name' })), 'the name has a slash');
 });

@@ -167,12 +167,12 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   await drop('drop', files);
   assert.ok(await page.locator('#drop').isHidden());
   await shows(page, 'Größe 1');
-  await page.locator('#uploads [data-upload="notes.txt"] .about', { hasText: 'the name must end in .nrrd' }).waitFor();
+  await page.locator('#uploads [data-upload="notes.txt"] .about', { hasText: 'Choose a file that ends in .nrrd' }).waitFor();
   await page.getByRole('button', { name: 'Cancel the upload of notes.txt' }).click();
   await page.locator('#uploads').waitFor({ state: 'hidden' });
   await page.click('#open-button');
   await page.setInputFiles('#open-file', { name: 'huge.nrrd', mimeType: '', buffer: Buffer.alloc(21 << 20) });
-  await page.locator('#uploads [data-state="failed"]', { hasText: '--upload-bytes allows 20971520' }).waitFor();
+  await page.locator('#uploads [data-state="failed"]', { hasText: 'The file has 22 MB, and the daemon takes at most 21 MB' }).waitFor();
 });
 
 test('a failed load says why and is removed; closing the shown volume shows another one; the info follows', async (context) => {
@@ -180,8 +180,8 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await page.click('#open-button');
   await page.click('[data-name="broken.nrrd"]');
   await page.locator('#volumes [data-state="failed"] .about', { hasText: 'the samples need 729 bytes' }).waitFor();
-  await page.click('#volumes .link');
-  await page.locator('#volumes .details', { hasText: /^broken.nrrd: byte \d+: sizes/ }).waitFor();
+  await page.locator('#volumes [data-state="failed"] .about', { hasText: /failed: broken.nrrd: byte \d+: sizes: / }).waitFor();
+  await page.locator('#notice', { hasText: /broken.nrrd: byte \d+: sizes: the samples/ }).waitFor();
   await axe(page);
   await shot(page, 'open-failed');
   await page.getByRole('button', { name: 'Remove broken from the list' }).click();
@@ -192,11 +192,25 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await page.click('[data-name="cube.nrrd"]');
   await shows(page, 'cube');
   await page.locator('#volume-info dd', { hasText: '24 × 24 × 24' }).waitFor();
+  const other = await openPage(browser); // another session, which shows the volume, too
+  context.after(() => other.context.close());
+  await other.page.goto(`${daemon.url}&volume=cube`);
+  await firstFrame(other.page);
+  await shows(other.page, 'cube');
   await page.getByRole('button', { name: 'Close cube' }).click();
+  await page.locator('dialog', { hasText: 'Others see it now' }).getByRole('button', { name: 'Close it' }).click();
   await shows(page, 'phantom');
+  await shows(other.page, 'phantom');
+  await other.context.close();
+  const token = new URL(daemon.url).searchParams.get('token');
+  await page.waitForFunction(async (key) => { // the daemon has noticed
+    const answer = await fetch('api/v1/volumes/phantom', { headers: { Authorization: `Bearer ${key}` } });
+    return (await answer.json()).sessions === 1;
+  }, token);
   await page.locator('#notice', { hasText: 'cube was closed' }).waitFor();
   await page.getByRole('button', { name: 'Close phantom' }).click();
   await page.locator('#banner', { hasText: 'No volume is loaded' }).waitFor();
+  await page.locator('#banner-text', { hasText: 'Use Open to choose one' }).waitFor();
   await page.click('#banner-open');
   await page.click('[data-name="cube.nrrd"]');
   await shows(page, 'cube');
