@@ -135,7 +135,7 @@ test('a closed volume: its participants see another one, and the last one ends t
   await own.loaded('phantom');
   const stream = await own.stream({ session: await own.session({ volume: 'phantom' }) });
   await stream.frame(() => true, 'a first frame');
-  await own.session({ volume: 'phantom' }); // which nobody watches
+  await own.session({ volume: 'phantom' }); // without participants
   const sessionsOf = async (id) => (await own.json(`/api/v1/volumes/${id}`)).json.sessions;
   assert.deepEqual([await sessionsOf('phantom'), await sessionsOf('engine')], [1, 0]);
   assert.equal((await own.fetch('/api/v1/volumes/phantom', { method: 'DELETE' })).status, 204);
