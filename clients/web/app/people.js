@@ -39,7 +39,13 @@ export function install(app) {
       app.configure({ name });
     },
   });
+  /** The name that the daemon gave first stays over a reload and a restart of the daemon. */
+  const keepName = () => {
+    const key = `guest:${connection.session?.id}`;
+    if (participants.me?.name && !storage.recall('name') && !storage.recall(key)) storage.remember(key, participants.me.name);
+  };
   app.showParticipants = () => {
+    keepName();
     viewer.allow(participants.mayChange);
     status.setParticipants(participants);
     people.show();

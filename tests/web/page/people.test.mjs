@@ -44,6 +44,16 @@ const orbit = async (page) => {
 const names = (page) => page.locator('#people li .name').allTextContents();
 const isSame = (a, b) => a.position.every((x, i) => Math.abs(x - b.position[i]) < 1e-6);
 
+test('a participant without a typed name keeps its number over a reload', async (context) => {
+  const host = await open(context, daemon.url);
+  const guest = await open(context, await link(host.page, 'control'));
+  await until(guest.page, 'the first name', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
+  await guest.page.reload();
+  await firstFrame(guest.page);
+  await until(host.page, 'the same name', (s) => s.people.length === 2 && s.people.some((p) => !p.isYou && p.name === 'Guest 2'));
+  await until(guest.page, 'the same name here', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
+});
+
 test('links, names and transfer of control work between participants', async (context) => {
   const host = await open(context, daemon.url);
   const guest = await open(context, await link(host.page, 'control'));
