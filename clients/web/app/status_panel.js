@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the status line stands for: where the latency goes, what the network carries, the real detail and why it is reduced, and graphs
 // of the last minute. The line itself says when the daemon is overloaded or the computer is offline.
-import { LatencyMeter, PARTS, overloadOf, splitLatency } from '../core/latency.js';
+import { LatencyMeter, PARTS, isNetworkSlow, judged, overloadOf, splitLatency } from '../core/latency.js';
 import { policyText } from '../core/policy.js';
 import { Series, polylines, roundTop } from '../core/series.js';
 import { t } from '../core/text.js';
@@ -162,8 +162,11 @@ class StatusPanel {
 
   /** Lines about detail, network and backend. */
   #describe(stats) {
-    const lines = [policyText(this.#policy)];
-    if (stats.bandwidth > 0) lines.push(t('stats.network', { rate: rate(stats.bandwidth), rtt: milliseconds(stats.rtt_ms), window: stats.window }));
+    const lines = [policyText(judged(this.#policy, this.latency))];
+    if (stats.bandwidth > 0) {
+      const key = isNetworkSlow(this.#policy, this.latency) ? 'stats.network' : 'stats.network.least'; // a fast link shows only what was sent
+      lines.push(t(key, { rate: rate(stats.bandwidth), rtt: milliseconds(stats.rtt_ms), window: stats.window }));
+    }
     if (stats.backend) lines.push(t('stats.backend', { backend: stats.backend, device: stats.device || '–' }));
     return lines.filter(Boolean).join('\n');
   }

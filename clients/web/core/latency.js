@@ -46,6 +46,18 @@ const QUEUE_LONG_MS = 250;
 const REDUCTIONS = ['bandwidth', 'shared_time', 'time', 'video_pixels'];
 
 /**
+ * True if the network, not the work on pictures, limits them. The daemon measures the link by acknowledgements, which are late
+ * on a fast link, too, while a processor is busy; so its reason alone does not say so.
+ */
+export const isNetworkSlow = (policy, latency) => Boolean(policy?.why?.includes('bandwidth') && latency
+  && latency.network > latency.render + latency.encode + latency.decode);
+
+/** The policy, without the reason "bandwidth" if the network is not the limit. */
+export function judged(policy, latency) {
+  return !policy?.why || isNetworkSlow(policy, latency) ? policy : { ...policy, why: policy.why.filter((reason) => reason !== 'bandwidth') };
+}
+
+/**
  * What to tell about a slow picture: 'offline', 'busy' (the daemon refused with 429 or 503), 'queue' (pictures wait for a renderer),
  * a reason of stream.policy why quality is reduced, or null.
  */
@@ -54,5 +66,6 @@ export function overloadOf({ isOnline = true, error = null, latency = null, poli
   if (error?.status === 503 || error?.status === 429) return 'busy';
   if (isMoving && latency && latency.queue > QUEUE_LONG_MS) return 'queue';
   if (!isMoving) return null;
-  return REDUCTIONS.find((reason) => policy?.why?.includes(reason)) ?? null;
+  const reason = REDUCTIONS.find((one) => judged(policy, latency)?.why?.includes(one)) ?? null;
+  return reason ?? (policy?.why?.includes('bandwidth') ? 'time' : null);
 }

@@ -521,6 +521,7 @@ export default {
   'stats.latency': 'Latency',
   'stats.latency.title': 'Time from an action to its picture',
   'stats.network': 'Network: {rate} possible, round trip {rtt}, {window} frames on their way at most',
+  'stats.network.least': 'Network: at least {rate}, round trip {rtt}, {window} frames on their way at most',
   'stats.part.decode': 'Decode',
   'stats.part.decode.title': 'From the arrival of the picture until it is drawn',
   'stats.part.encode': 'Encode',

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { LatencyMeter, PARTS, overloadOf, splitLatency } from '../../../clients/web/core/latency.js';
+import { LatencyMeter, PARTS, judged, overloadOf, splitLatency } from '../../../clients/web/core/latency.js';
 import { Series, polylines, roundTop } from '../../../clients/web/core/series.js';
 
 const frame = { queueUs: 4000, renderUs: 20000, encodeUs: 3000 };
@@ -32,14 +32,27 @@ test('the meter averages the last second', () => {
 
 test('offline comes before a busy daemon, that before a long queue, that before reduced quality', () => {
   const latency = { queue: 400 };
+  const slow = { queue: 20, network: 60, render: 20, encode: 5, decode: 5 };
   const policy = { why: ['quality', 'time', 'bandwidth'] };
   const all = { isOnline: false, error: { status: 503 }, latency, policy, isMoving: true };
   assert.equal(overloadOf(all), 'offline');
   assert.equal(overloadOf({ ...all, isOnline: true }), 'busy');
   assert.equal(overloadOf({ ...all, isOnline: true, error: { status: 404 } }), 'queue');
-  assert.equal(overloadOf({ policy, isMoving: true, latency: { queue: 20 } }), 'bandwidth');
+  assert.equal(overloadOf({ policy, isMoving: true, latency: slow }), 'bandwidth');
   assert.equal(overloadOf({ policy: { why: ['quality'] }, isMoving: true }), null, 'the usual quality of a moving view is no news');
   assert.equal(overloadOf({ policy, latency }), null, 'a view at rest has full quality');
+});
+
+test('the network is slow only if pictures wait for it longer than for the work on them', () => {
+  const policy = { why: ['quality', 'bandwidth'] };
+  const busy = { queue: 20, network: 12, render: 40, encode: 5, decode: 5 };
+  const slow = { ...busy, network: 90 };
+  assert.equal(overloadOf({ policy, isMoving: true, latency: busy }), 'time');
+  assert.equal(overloadOf({ policy, isMoving: true }), 'time', 'no picture has been measured yet');
+  assert.equal(overloadOf({ policy, isMoving: true, latency: slow }), 'bandwidth');
+  assert.deepEqual(judged(policy, busy), { why: ['quality'] });
+  assert.equal(judged(policy, slow), policy);
+  assert.equal(judged(null, busy), null);
 });
 
 test('a series merges values per second, forgets old ones and shows gaps', () => {
