@@ -6,7 +6,7 @@
 // pointer of all panes; its functions are called as (at, event, pane).
 import { paintSlice, valueAt } from '../core/slice_image.js';
 import { SliceLoader } from '../core/slice_loader.js';
-import { directionName, fitPane, imageTransform, paneOf, pixelAt, sliceQuery } from '../core/slices.js';
+import { directionName, fitPane, imageTransform, mainAxis, paneOf, pixelAt, sliceQuery } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { dot, scale, add } from '../core/vector.js';
 import { nextFrame } from './animation.js';
@@ -244,7 +244,7 @@ export class Pane {
     let text = t('slices.place.oblique', { place: showNumber(place), unit }).trim();
     if (isOrthogonal) {
       const index = grid.index(axis, position);
-      const world = grid.axes[axis].reduce((best, part, i) => (Math.abs(part) > Math.abs(grid.axes[axis][best]) ? i : best), 0);
+      const world = mainAxis(grid.axes[axis]);
       text = t('slices.place', { axis: 'xyz'[world], place: showNumber(grid.nearest(position)[world]), unit }).trim();
       const all = grid.count(axis);
       this.#slider.max = all - 1;

@@ -7,7 +7,7 @@ import { Emitter } from '../core/emitter.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
-import { Grid, gridOfSlices, obliquePlane, orthogonalPlanes } from '../core/slices.js';
+import { Grid, gridOfSlices, mainAxis, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, normalize, rotate, scale } from '../core/vector.js';
 import { layoutButton } from './layout.js';
@@ -187,9 +187,10 @@ class Slices extends Emitter {
     if (plane) this.change({ planes: { [FLAGS[plane.axis]]: isShown } }, time);
   }
 
-  nameOf({ kind, axis }) {
+  /** The anatomical name of a plane, or the world axis that it lies across. */
+  nameOf({ kind, normal }) {
     if (kind === 'oblique' || this.anatomy) return t(`slices.${kind}`);
-    return t('slices.across', { axis: 'xyz'[axis] });
+    return t('slices.across', { axis: 'xyz'[mainAxis(normal)] });
   }
 
   scroll(plane, steps, time) {

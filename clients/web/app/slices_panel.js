@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Slices" of the panel.
+import { mainAxis } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { make, setText } from './dom.js';
 import { threeDigits } from './fields.js';
@@ -9,6 +10,27 @@ const KINDS = ['axial', 'coronal', 'sagittal'];
 const MODES = ['none', 'orthogonal', 'oblique'];
 const FIELDS = [['center', 'slices.center'], ['width', 'slices.width']];
 
+/** The buttons of the planes, in the order of the fields of the position: those across x, y and z. */
+function showPlanes(slices, row, buttons) {
+  const planes = KINDS.map((kind) => slices.planeOf(kind));
+  const visible = slices.planesIn3d.map(({ kind }) => kind);
+  buttons.forEach((button, i) => {
+    setText(button, slices.nameOf(planes[i]));
+    button.setAttribute('aria-pressed', String(visible.includes(KINDS[i])));
+  });
+  const order = [0, 1, 2].sort((a, b) => mainAxis(planes[a].normal) - mainAxis(planes[b].normal)).map((i) => buttons[i]);
+  if (order.some((button, i) => button !== row.children[i])) row.append(...order);
+}
+
+/** The names of the fields of the position: where their axes point, if the file tells it. */
+function namePlaces({ anatomy }, fields) {
+  fields.forEach((input, i) => {
+    const axis = 'xyz'[i];
+    const name = anatomy ? t('slices.position.towards', { axis, letter: anatomy[i] }) : t('slices.position.axis', { axis });
+    for (const attribute of ['aria-label', 'title']) input.setAttribute(attribute, name);
+  });
+}
+
 export function installSection({ panel, slices, viewer }) {
   const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices });
   const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
@@ -17,7 +39,7 @@ export function installSection({ panel, slices, viewer }) {
     'data-kind': kind, 'aria-pressed': 'true', press: ({ currentTarget, timeStamp }) => slices.showIn3d(kind, currentTarget.getAttribute('aria-pressed') !== 'true', timeStamp),
   }));
   const shownRow = make('div', { class: 'buttons', id: 'slices-planes', role: 'group', 'aria-label': t('slices.in3d.planes'), title: t('slices.in3d.planes'), 'data-pointer': '/slices/planes' }, ...shown);
-  const places = [0, 1, 2].map((axis) => make('input', { type: 'number', step: 'any', 'aria-label': t('slices.position.axis', { axis: 'xyz'[axis] }) }));
+  const places = [0, 1, 2].map(() => make('input', { type: 'number', step: 'any' }));
   const values = FIELDS.map(([name, label]) => make('input', { id: `slices-${name}`, type: 'number', step: 'any', 'aria-label': t(label) }));
   const align = make('button', { id: 'slices-align', text: t('slices.align'), title: t('slices.align.title'), press: ({ timeStamp }) => slices.alignWithView(timeStamp) });
   const reset = make('button', { id: 'slices-reset', text: t('slices.reset'), title: t('slices.reset.title'), press: ({ timeStamp }) => slices.reset(timeStamp) });
@@ -44,15 +66,6 @@ export function installSection({ panel, slices, viewer }) {
     if (Number.isFinite(input.valueAsNumber)) slices.change({ window: { [FIELDS[i][0]]: input.valueAsNumber } }, timeStamp);
   }));
 
-  function showPlanes() {
-    const planes = KINDS.map((kind) => slices.planeOf(kind));
-    const visible = slices.planesIn3d.map(({ kind }) => kind);
-    shown.forEach((button, i) => {
-      setText(button, slices.nameOf(planes[i]));
-      button.setAttribute('aria-pressed', String(visible.includes(KINDS[i])));
-    });
-  }
-
   function show() {
     const { shared } = slices;
     controls.disabled = !shared || !viewer.canControl;
@@ -60,7 +73,8 @@ export function installSection({ panel, slices, viewer }) {
     mode.value = shared.mode;
     inPicture.checked = shared.in_3d && shared.mode !== 'none';
     shownRow.hidden = shared.mode === 'oblique' || !slices.grid;
-    if (!shownRow.hidden) showPlanes();
+    if (!shownRow.hidden) showPlanes(slices, shownRow, shown);
+    namePlaces(slices, places);
     align.hidden = shared.mode !== 'oblique';
     const set = (input, value) => {
       if (document.activeElement !== input) input.value = String(threeDigits(value));

@@ -199,9 +199,12 @@ export function pixelAt(meta, world) {
   return column >= 0 && row >= 0 && column < meta.shape[0] && row < meta.shape[1] ? { column, row } : null;
 }
 
+/** The world axis with the largest part of a direction. */
+export const mainAxis = (v) => v.reduce((best, part, i) => (Math.abs(part) > Math.abs(v[best]) + 1e-9 ? i : best), 0);
+
 /** What a direction is called: an anatomical letter, or the world axis with its sign. */
 export function directionName(anatomy, v) {
-  const axis = v.reduce((best, part, i) => (Math.abs(part) > Math.abs(v[best]) + 1e-9 ? i : best), 0);
+  const axis = mainAxis(v);
   const sign = v[axis] < 0 ? -1 : 1;
   return anatomy ? letterOf(anatomy, axis, sign) : `${sign < 0 ? '−' : '+'}${'xyz'[axis]}`;
 }

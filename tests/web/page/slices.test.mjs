@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices beside the picture and in it, with the real daemon.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync } from 'node:fs';
+import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
@@ -174,6 +176,36 @@ test('an oblique plane turns by its handles and with the view', async (context) 
   const cosine = away.reduce((sum, part, i) => sum + part * normal[i], 0) / Math.hypot(...away) / Math.hypot(...normal);
   compare(cosine, '>', 0.999999);
   await shot(page, 'slices-oblique');
+});
+
+test('the buttons of the planes stand in the order of the fields of the position, anatomical where the file tells it', async (context) => {
+  const { page, said } = await open(context);
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  const names = () => page.evaluate(() => [...document.querySelectorAll('#slices-planes button')].map((button) => button.textContent));
+  const fields = () => page.evaluate(() => [...document.querySelectorAll('#slices [data-pointer="/slices/position"] input')].map((input) => input.title));
+  await until(page, 'the names of the planes', () => document.querySelector('#slices-planes button')?.textContent);
+  assert.deepEqual(await names(), ['Across x', 'Across y', 'Across z']);
+  assert.deepEqual(await fields(), ['Position x', 'Position y', 'Position z']);
+  // A volume that is stored as sagittal slices.
+  const folder = mkdtempSync(path.join(tmpdir(), 'splatd-slices-'));
+  const side = 8;
+  const voxels = Buffer.from(Array.from({ length: side ** 3 }, (_, i) => i % 251));
+  writeFileSync(path.join(folder, 'head.nrrd'), Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\n`
+    + 'space: left-posterior-superior\nspace directions: (0,1,0) (0,0,1) (1,0,0)\nspace origin: (0,0,0)\nencoding: raw\n\n'), voxels]));
+  const other = await startDaemon(['--volume', path.join(folder, 'head.nrrd'), '--backend', 'cpu']);
+  context.after(async () => {
+    await other.stop();
+    rmSync(folder, { recursive: true });
+  });
+  await page.goto(other.url);
+  await firstFrame(page);
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  await until(page, 'the names of the planes', () => document.querySelector('#slices-planes button')?.textContent);
+  assert.deepEqual(await names(), ['Sagittal', 'Coronal', 'Axial']);
+  await page.evaluate(() => { document.getElementById('transfer').open = false; });
+  assert.deepEqual(await fields(), ['Position x, towards L', 'Position y, towards P', 'Position z, towards S']);
+  await shot(page, 'slices-planes');
+  assert.deepEqual(said, []);
 });
 
 test('slices in the picture change it, and two windows of one session share the crosshair', async (context) => {
