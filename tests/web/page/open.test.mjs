@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, utimesSync, writeFileSync } from 'node:fs';
+import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -103,6 +103,9 @@ test('a file is uploaded with progress, continues by itself after lost connectio
   assert.ok(parts >= 4, `${parts} parts`);
 });
 
+/** The time of the last change of files on the disk: whole seconds, which every file system and browser keeps. */
+const MTIME = new Date(Math.floor(Date.now() / 1000) * 1000);
+
 /** Writes files to the disk, where they keep the time of their last change; returns their paths. */
 function onDisk(context, files) {
   const own = mkdtempSync(path.join(tmpdir(), 'splatd-own-'));
@@ -110,6 +113,7 @@ function onDisk(context, files) {
   return files.map(({ name, buffer }) => {
     const file = path.join(own, name);
     writeFileSync(file, buffer);
+    utimesSync(file, MTIME, MTIME);
     return file;
   });
 }
@@ -134,18 +138,17 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
   await firstFrame(page);
   await page.locator('#uploads [data-before]', { hasText: '31 % of 3.4 MB arrived before' }).waitFor();
   await shot(page, 'open-before');
-  const { mtime } = statSync(file);
   const choose = async () => {
     const chooser = page.waitForEvent('filechooser');
     await page.click('#uploads .link');
     await (await chooser).setFiles(file);
   };
-  utimesSync(file, mtime, new Date(mtime.getTime() + 5000)); // another file of this name and size
+  utimesSync(file, MTIME, new Date(MTIME.getTime() + 5000)); // another file of this name and size
   const began = page.waitForRequest((request) => request.method() === 'PATCH' && request.headers()['upload-offset'] === '0');
   await choose();
   await began;
   await page.locator('#uploads [data-upload="large.nrrd"]').getByRole('button', { name: 'Cancel the upload of large.nrrd' }).click();
-  utimesSync(file, mtime, mtime);
+  utimesSync(file, MTIME, MTIME);
   isHeld = false;
   await choose();
   await shows(page, 'large');
