@@ -15,7 +15,6 @@ const DRAG_PX = 6;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 const STEP_PX = 8;
 const FINE_PX = 1;
-const PRESSED = 'button, summary, a'; // these use Enter themselves
 
 const modeOf = (kind) => `measure-${kind}`;
 
@@ -176,7 +175,8 @@ class Tool {
       this.#moveCursor(pane, ARROWS[key], shiftKey ? FINE_PX : STEP_PX);
       return true;
     }
-    if (key !== 'Enter' || target.closest?.(PRESSED)) return false;
+    const usesEnter = target.closest?.('button, summary, a');
+    if (key !== 'Enter' || usesEnter) return false;
     if (this.#draft.cursor?.pane !== pane || !pane) this.#draft.cursor = this.#keyCursor(pane);
     const { at } = this.#draft.cursor;
     if (pane) this.#put(pane.toWorld(...at), pane);

@@ -110,7 +110,7 @@ test('no script contains a text for the user', () => {
   for (const name of SCRIPTS.filter((script) => !FOR_DEVELOPERS.includes(script))) {
     for (const { text, line, before } of literals(readFileSync(ROOT + name, 'utf8'))) {
       const isShown = /\b[A-Za-z]{2,}[,;:]? [a-z]{2,}/.test(text) || /^[A-Z][a-z]+( |$)/.test(text);
-      const isSelector = /(querySelector(All)?|closest|matches|matchMedia)\($/.test(before) || /^([#.]\w|-H |\n:host)/.test(text);
+      const isSelector = /(querySelector(All)?|closest|matches|matchMedia)(\?\.)?\($/.test(before) || /^([#.]\w|-H |\n:host)/.test(text);
       if (isShown && !isSelector && !KEYS.test(text) && !OTHERS.has(text)) wrong.push(`${name}:${line}: ${text}`);
     }
   }
