@@ -275,6 +275,13 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
                           : decode_number(decoder, field->kind, json, to);
 }
 
+static bool is_orbit_used(const struct decoder *decoder) {
+    for (int i = 0; i < PROTO_ORBIT_MEMBERS; i++)
+        if (decoder->uses[i] != ORBIT_KEPT)
+            return true;
+    return false;
+}
+
 /* Places the camera by the members of the orbit in the patch, if there are any. The other members
  * come from the camera before the patch: a new target moves the eye along. */
 static bool place_camera(struct decoder *decoder, const proto_json *patch,
@@ -283,10 +290,7 @@ static bool place_camera(struct decoder *decoder, const proto_json *patch,
     const proto_json *members = proto_json_get(patch, "camera");
     const proto_json *position = proto_json_get(members, "position");
     const proto_json *up = proto_json_get(members, "up");
-    bool is_used = false;
-    for (int i = 0; i < PROTO_ORBIT_MEMBERS; i++)
-        is_used = is_used || decoder->uses[i] != ORBIT_KEPT;
-    if (!is_used)
+    if (!is_orbit_used(decoder))
         return true;
     bool has_position = proto_json_type(position) == PROTO_JSON_ARRAY;
     if (has_position || proto_json_type(up) == PROTO_JSON_ARRAY)
@@ -320,11 +324,12 @@ bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, s
         return false;
     struct sp_error why;
     if (!sp_view_validate(&merged, &why)) {
-        /* The client did not give this position. */
         static const char position[] = "/camera/position";
-        bool is_placed = strncmp(why.place, position, sizeof position - 1) == 0 &&
-                         decoder.uses[PROTO_ORBIT_DISTANCE] == ORBIT_GIVEN;
-        return sp_fail(err, why.code, is_placed ? "/camera/distance" : why.place, "%s", why.text);
+        if (strncmp(why.place, position, sizeof position - 1) != 0 || !is_orbit_used(&decoder))
+            return sp_fail(err, why.code, why.place, "%s", why.text);
+        bool has_distance = decoder.uses[PROTO_ORBIT_DISTANCE] == ORBIT_GIVEN;
+        return sp_fail(err, why.code, has_distance ? "/camera/distance" : "/camera",
+                       "the position that the angles and the distance give: %s", why.text);
     }
     memcpy(view, &merged, sizeof merged);
     return true;

@@ -332,7 +332,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
 
 /* Coverage. */
 
-static struct covered { char method[8], path[120]; } covered[64];
+static struct covered { char method[8], path[120]; } covered[96];
 static size_t covered_count;
 
 void oom_cover(const char *method, const char *path) {

@@ -65,6 +65,8 @@ static void reading(void **state) {
     oom_each_allocation("GET", "volumes/engine/histogram?axis=value,gradient", "", 200);
     snprintf(path, sizeof path, "sessions/%s/histogram", oom_session);
     oom_each_allocation("GET", path, "", 200);
+    snprintf(path, sizeof path, "sessions/%s/visible", oom_session);
+    oom_each_allocation("GET", path, "", 200);
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1&format=raw", "", 200);
     oom_each_allocation("GET", "volumes/engine/slice?axis=2&index=1", "", 200);
     snprintf(path, sizeof path, "sessions/%s/slice?axis=0&index=0&color=transfer", oom_session);
