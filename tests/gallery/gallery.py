@@ -281,7 +281,11 @@ def main():
             if 'images' in block:
                 gallery.draw(block)
             elif 'sheet' in block and block['sheet'].startswith(options.only):
-                gallery.draw_sheet(gallery.path(block['sheet']), block['volumes'], block['columns'], block['size'])
+                volumes = [gallery.volume(name) for name in block['volumes']]
+                if None in volumes:
+                    print(f'skipped: {block["sheet"]}: a volume of it is not in the data folder')
+                else:
+                    gallery.draw_sheet(gallery.path(block['sheet']), volumes, block['columns'], block['size'])
         if not options.only:
             text = re.sub(r'```console\n\$ (\S+)\n.*?```',
                           lambda m: f'```console\n$ {m[1]}\n{gallery.measure(m[1])}```', text, flags=re.S)
