@@ -139,7 +139,11 @@ test('keys rotate, move, zoom, fit and reset', async (context) => {
   compare(away(a.target, b.target), '>', 0);
   [a, b] = await changes(page, async () => { for (let i = 0; i < 3; i += 1) await page.keyboard.press('+'); });
   compare(Math.abs(depth(b) / depth(a) - 1.12 ** -3), '<', 1e-9);
-  [a, b] = await changes(page, () => page.keyboard.press('f'));
+  [a, b] = await changes(page, async () => {
+    const moved = String((await camera(page)).position);
+    await page.keyboard.press('f'); // asks the daemon what is visible before it moves
+    await until(page, 'the fitted camera', `(s) => String(s.camera.position) !== '${moved}'`);
+  });
   compare(away(b.target, first.target), '<', 0.02 * depth(first));
   compare(away(a.up, b.up), '<', 1e-12);
   await changes(page, async () => {
