@@ -197,7 +197,7 @@ static bool print_links(const struct options *options, struct http *http, const 
 int command_session(const struct options *options, struct sp_error *err) {
     if (!options->argument)
         return usage_error("session",
-                           "needs the id of a session; \"splatctl sessions\" lists them");
+                           "give the id of a session; \"splatctl sessions\" lists the ids");
     struct http *http = connect_to_daemon(options, err);
     proto_json *session = http ? get_or_delete(options, http, "sessions", err) : NULL;
     bool ok = session && (options->delete || print_links(options, http, session, err));

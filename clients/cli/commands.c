@@ -217,12 +217,8 @@ char *resolve_volume(struct http *http, const struct options *options, const cha
     return id;
 }
 
-int command_load(const struct options *options, struct sp_error *err) {
-    if (!options->argument)
-        return usage_error("load", "needs a file below the daemon's data folder, or demo:NAME");
-    struct http *http = connect_to_daemon(options, err);
-    proto_json *volume =
-        http ? open_volume(http, options, options->argument, true, !options->no_wait, err) : NULL;
+int finish_opening(const struct options *options, struct http *http, proto_json *volume,
+                   struct sp_error *err) {
     bool ok = volume != NULL;
     if (ok && options->json)
         ok = print_json(options, volume, err);
@@ -231,6 +227,15 @@ int command_load(const struct options *options, struct sp_error *err) {
     proto_json_free(&volume);
     http_destroy(&http);
     return ok ? 0 : 1;
+}
+
+int command_load(const struct options *options, struct sp_error *err) {
+    if (!options->argument)
+        return usage_error("load", "needs a file below the daemon's data folder, or demo:NAME");
+    struct http *http = connect_to_daemon(options, err);
+    proto_json *volume =
+        http ? open_volume(http, options, options->argument, true, !options->no_wait, err) : NULL;
+    return finish_opening(options, http, volume, err);
 }
 
 int command_unload(const struct options *options, struct sp_error *err) {

@@ -21,6 +21,10 @@ command_fn command_measures;                                         /* measures
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
+/* Ends a command that opened a volume: prints its id, or its description with --json. Takes
+ * ownership of both; a `volume` of NULL = it failed. Returns the exit status. */
+int finish_opening(const struct options *options, struct http *http, proto_json *volume,
+                   struct sp_error *err);
 /* Prints a JSON document: on one line for programs with --json, else indented. */
 bool print_json(const struct options *options, const proto_json *json, struct sp_error *err);
 /* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */

@@ -150,8 +150,8 @@ static const char *const texts[BLOCKS] = {
         "  transfer_function.order pre, post (sheet, slab), auto\n"
         "  shading.occlusion       ambient occlusion, 0 to 1 (sheet, post or auto)\n"
         "  shading.shadow          soft shadow of the first light, 0 to 1 (sheet, post or auto)\n"
-        "For example, slabs of half a voxel, classified after interpolation, of everything at\n"
-        "y >= 64:\n"
+        "For example, this view draws only y >= 64, in slabs half a voxel thick, and applies the\n"
+        "transfer function to interpolated values:\n"
         "  {\"transfer_function\": {\"order\": \"post\"},\n"
         "   \"compositing\": {\"mode\": \"slab\", \"slab\": 0.5},\n"
         "   \"clip\": {\"planes\": [{\"normal\": [0, 1, 0], \"offset\": 64}]}}\n",

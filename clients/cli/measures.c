@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The measurements of a session.
+ * Lists the measurements of a session, or exports them as CSV.
  */
 #include <stdio.h>
 #include <stdlib.h>
@@ -78,7 +78,7 @@ int command_measures(const struct options *options, struct sp_error *err) {
     const bool is_csv = options->format && strcmp(options->format, "csv") == 0;
     if (!options->argument)
         return usage_error("measures",
-                           "needs the id of a session; \"splatctl sessions\" lists them");
+                           "give the id of a session; \"splatctl sessions\" lists the ids");
     if (options->format && !is_csv)
         return usage_error("--format", "\"%s\" is not csv", options->format);
     if (options->out && !is_csv)

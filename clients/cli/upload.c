@@ -235,13 +235,5 @@ int command_upload(const struct options *options, struct sp_error *err) {
         return usage_error(options->argument,
                            "is a header; give the files with its samples after it");
     struct http *http = connect_to_daemon(options, err);
-    proto_json *volume = http ? upload_all(http, options, err) : NULL;
-    bool ok = volume != NULL;
-    if (ok && options->json)
-        ok = print_json(options, volume, err);
-    else if (ok)
-        puts(text_of(volume, "id"));
-    proto_json_free(&volume);
-    http_destroy(&http);
-    return ok ? 0 : 1;
+    return finish_opening(options, http, http ? upload_all(http, options, err) : NULL, err);
 }

@@ -18,6 +18,15 @@ srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
+/* Returns the volume of the path, which the caller releases; NULL: the reply says why not. */
+struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *id,
+                                      struct srv_reply *reply);
+/* Answers about the volume `id`. `view`: of the session that shows it; NULL = none. */
+typedef void srv_volume_reply(struct srv_request *request, const char *id, const proto_json *view,
+                              struct srv_reply *reply);
+/* Answers about the volume that the session of the path shows. */
+void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,
+                           struct srv_reply *reply); /* routes_sessions.c */
 srv_handler srv_options_uploads, srv_get_uploads, srv_post_upload, srv_get_upload,
     srv_delete_upload;                                           /* routes_uploads.c */
 srv_handler srv_patch_upload;                                    /* upload_body.c */

@@ -32,38 +32,28 @@ static proto_json *encode(struct srv_catalog *catalog, struct srv_volume *volume
     return json;
 }
 
-static void reply_histogram(struct srv_request *request, const char *id, struct srv_reply *reply) {
+static void reply_histogram(struct srv_request *request, const char *id, const proto_json *view,
+                            struct srv_reply *reply) {
+    (void)view;
     struct sp_error err;
     bool is_joint;
     if (!read_axes(request, &is_joint, reply))
         return;
-    void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
-    proto_json *json = volume ? encode(request->app->catalog, volume, id, is_joint, &err) : NULL;
-    if (volume)
-        srv_catalog_release(request->app->catalog, volume);
-    if (json) {
+    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    if (!volume)
+        return;
+    proto_json *json = encode(request->app->catalog, volume, id, is_joint, &err);
+    srv_catalog_release(request->app->catalog, volume);
+    if (json)
         srv_reply_json(reply, 200, json);
-    } else {
-        srv_name_volumes(request, &err);
-        err.place[0] = 0; /* the volume is the resource, not a member of a body */
+    else
         srv_reply_error(reply, &err);
-    }
 }
 
 void srv_get_volume_histogram(struct srv_request *request, struct srv_reply *reply) {
-    reply_histogram(request, request->param, reply);
+    reply_histogram(request, request->param, NULL, reply);
 }
 
 void srv_get_session_histogram(struct srv_request *request, struct srv_reply *reply) {
-    struct sp_error err;
-    proto_json *session =
-        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
-    const char *id = proto_json_string(proto_json_get(proto_json_get(session, "view"), "volume"));
-    if (!session)
-        srv_reply_error(reply, &err);
-    else if (!id)
-        srv_reply_problem(reply, 409, NULL, "the session has no volume");
-    else
-        reply_histogram(request, id, reply);
-    proto_json_free(&session);
+    srv_reply_for_session(request, reply_histogram, reply);
 }

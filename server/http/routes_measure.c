@@ -88,25 +88,21 @@ void srv_post_measure(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&body);
 }
 
-void srv_post_session_measure(struct srv_request *request, struct srv_reply *reply) {
+static void reply_session_measure(struct srv_request *request, const char *id,
+                                  const proto_json *view, struct srv_reply *reply) {
+    (void)view;
     static const char *const known[] = { "kind", "points", "samples", NULL };
     struct sp_error err;
-    proto_json *body = srv_request_json(request, reply), *session = NULL;
-    if (body && !proto_json_only(body, known, &err)) {
+    proto_json *body = srv_request_json(request, reply);
+    if (body && !proto_json_only(body, known, &err))
         srv_reply_error(reply, &err);
-    } else if (body) {
-        session =
-            srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
-        if (session)
-            reply_measure(
-                request, body,
-                proto_json_string(proto_json_get(proto_json_get(session, "view"), "volume")),
-                reply);
-        else
-            srv_reply_error(reply, &err);
-    }
-    proto_json_free(&session);
+    else if (body)
+        reply_measure(request, body, id, reply);
     proto_json_free(&body);
+}
+
+void srv_post_session_measure(struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_for_session(request, reply_session_measure, reply);
 }
 
 /* The list of a session. */

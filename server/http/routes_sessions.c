@@ -265,6 +265,22 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
     proto_json_free(&body);
 }
 
+void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,
+                           struct srv_reply *reply) {
+    struct sp_error err;
+    proto_json *session =
+        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
+    const proto_json *view = proto_json_get(session, "view");
+    const char *id = proto_json_string(proto_json_get(view, "volume"));
+    if (!session)
+        srv_reply_error(reply, &err);
+    else if (!id)
+        srv_reply_problem(reply, 409, NULL, "the session has no volume");
+    else
+        answer(request, id, view, reply);
+    proto_json_free(&session);
+}
+
 void srv_delete_session(struct srv_request *request, struct srv_reply *reply) {
     struct sp_error err;
     enum srv_role role;

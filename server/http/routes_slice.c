@@ -167,7 +167,7 @@ static void reply_colored(struct srv_request *request, struct slice_request *wan
     reply_from(request, wanted, srv_volume_fingerprint(volume), reply);
 }
 
-/* `session`: the view of the session that shows the volume; NULL = none. */
+/* `session`: the view of the session. */
 static void reply_slice(struct srv_request *request, const char *id, const proto_json *session,
                         struct srv_reply *reply) {
     struct sp_error err;
@@ -176,13 +176,9 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
         reply_refused(reply, &err);
         return;
     }
-    void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
-    if (!volume) {
-        srv_name_volumes(request, &err);
-        err.place[0] = 0; /* the volume is the resource, not a member of a body */
-        srv_reply_error(reply, &err);
+    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    if (!volume)
         return;
-    }
     wanted.volume = srv_volume_voxels(volume);
     if (wanted.query.is_colored && wanted.query.format != SRV_SLICE_RAW)
         reply_colored(request, &wanted, volume, reply);
@@ -196,16 +192,5 @@ void srv_get_volume_slice(struct srv_request *request, struct srv_reply *reply) 
 }
 
 void srv_get_session_slice(struct srv_request *request, struct srv_reply *reply) {
-    struct sp_error err;
-    proto_json *session =
-        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
-    const proto_json *view = proto_json_get(session, "view");
-    const char *id = proto_json_string(proto_json_get(view, "volume"));
-    if (!session)
-        srv_reply_error(reply, &err);
-    else if (!id)
-        srv_reply_problem(reply, 409, NULL, "the session has no volume");
-    else
-        reply_slice(request, id, view, reply);
-    proto_json_free(&session);
+    srv_reply_for_session(request, reply_slice, reply);
 }

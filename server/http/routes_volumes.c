@@ -142,6 +142,18 @@ void srv_name_volumes(const struct srv_request *request, struct sp_error *err) {
     }
 }
 
+struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *id,
+                                      struct srv_reply *reply) {
+    struct sp_error err;
+    struct srv_volume *volume = srv_catalog_acquire(request->app->catalog, id, &err);
+    if (!volume) {
+        srv_name_volumes(request, &err);
+        err.place[0] = 0; /* the volume is the resource, not a member of a body */
+        srv_reply_error(reply, &err);
+    }
+    return volume;
+}
+
 static bool find(struct srv_request *request, const char *id, struct srv_volume_status *status,
                  struct srv_reply *reply) {
     struct sp_error err;
@@ -162,16 +174,10 @@ void srv_get_volume(struct srv_request *request, struct srv_reply *reply) {
 }
 
 void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
-    struct sp_error err;
     struct sp_view view;
-    void *volume = srv_catalog_acquire(request->app->catalog, request->param, &err);
-    if (!volume) {
-        /* Here the volume is the resource, not a member of a body. */
-        srv_name_volumes(request, &err);
-        err.place[0] = 0;
-        srv_reply_error(reply, &err);
+    struct srv_volume *volume = srv_acquire_volume(request, request->param, reply);
+    if (!volume)
         return;
-    }
     srv_catalog_default_view(request->app->catalog, volume, &view);
     srv_catalog_release(request->app->catalog, volume);
     srv_reply_json(reply, 200, proto_view_encode(&view));

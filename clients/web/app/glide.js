@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Moves the camera to another place in a quarter of a second; the update queue limits what is sent. Any other movement ends it. The
-// camera jumps if the user prefers reduced motion, or if the projection changes.
+// Moves the camera to another place within a quarter of a second. The user's next movement ends the motion.
+// The camera jumps if the user prefers reduced motion, or if the projection changes.
 import { between } from '../core/movement.js';
 import { nextFrame } from './animation.js';
 

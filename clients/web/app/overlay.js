@@ -20,7 +20,7 @@ export class Overlay {
     screen.onResize(() => this.update());
   }
 
-  /** The camera of what is visible now: of the picture, or the newest one while the predicted picture is shown. Null without a view. */
+  /** The camera of the picture on the screen. While the predicted picture is shown, this is the newest camera. Null without a view. */
   get rig() {
     return (this.#warp.isVisible ? null : this.#shown) ?? this.#viewer.rig;
   }

@@ -200,7 +200,7 @@ export class Api {
     return this.#image('POST', `api/v1/render?${query}`, { body: view, signal });
   }
 
-  /** An image of the current view of a session. The join token of the session is enough. */
+  /** Renders the current view of a session. A join token of the session may ask for it. */
   snapshot({ id, token }, query, signal) {
     return this.#image('GET', `api/v1/sessions/${encodeURIComponent(id)}/snapshot?${query}`, { token, signal });
   }
@@ -236,7 +236,7 @@ export class Api {
     return this.#request('DELETE', `api/v1/views/${encodeURIComponent(id)}`);
   }
 
-  /** Ends a session. token: the daemon's, or the control token of a fork by a guest. */
+  /** Ends a session. A guest ends a fork of its own with the fork's control token. */
   deleteSession(id, token = this.token) {
     return this.#request('DELETE', `api/v1/sessions/${encodeURIComponent(id)}`, { token });
   }
