@@ -31,7 +31,7 @@ function namePlaces({ anatomy }, fields) {
   });
 }
 
-export function installSection({ panel, slices, viewer }) {
+export function installSection({ panel, slices, viewer, layout }) {
   const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices });
   const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
   const inPicture = make('input', { id: 'slices-in-3d', type: 'checkbox', role: 'switch' });
@@ -70,7 +70,9 @@ export function installSection({ panel, slices, viewer }) {
     const { shared } = slices;
     controls.disabled = !shared || !viewer.canControl;
     if (!shared) return;
-    mode.value = shared.mode;
+    // Panes show three slices where the session has none.
+    mode.options[MODES.indexOf('none')].hidden = slices.areShown;
+    mode.value = slices.areShown && shared.mode === 'none' ? 'orthogonal' : shared.mode;
     inPicture.checked = shared.in_3d && shared.mode !== 'none';
     shownRow.hidden = shared.mode === 'oblique' || !slices.grid;
     if (!shownRow.hidden) showPlanes(slices, shownRow, shown);
@@ -84,4 +86,5 @@ export function installSection({ panel, slices, viewer }) {
   }
   slices.on('change', show);
   viewer.on('view', show);
+  layout.on('change', show);
 }

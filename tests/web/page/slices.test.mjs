@@ -65,6 +65,7 @@ test('wheel, keys, slider and number go through the slices; the crosshair links 
   const frames = await page.evaluate(() => window.splatd.count);
   const first = { axial: await slice(page, 'axial'), coronal: await slice(page, 'coronal') };
   compare(light(first.axial), '>', 5, 'there is a picture');
+  assert.equal(await page.inputValue('#slices-mode'), 'orthogonal', 'the panel says what the panes show');
   const start = await position(page);
 
   await page.mouse.move(...await middleOf(page, 'axial'));
