@@ -27,6 +27,7 @@ extern "C" {
 enum {
     SP_TF_POINTS_MAX = 256,
     SP_GRADIENT_POINTS_MAX = 16,
+    SP_LAYERS_MAX = 8,
     SP_LIGHTS_MAX = 8,
     SP_CLIP_PLANES_MAX = 8
 };
@@ -145,6 +146,32 @@ struct sp_clip {      /* "/clip" */
     struct sp_clip_plane planes[SP_CLIP_PLANES_MAX];
 };
 
+enum sp_layer_type {
+    SP_LAYER_VOLUME,  /* the whole volume through transfer function, filter and compositing */
+    SP_LAYER_SURFACE, /* an iso-surface, by surface splatting (Zwicker et al. 2001, section 5) */
+    SP_LAYER_SHELL    /* voxels at borders of opacity (Botha and Post 2003) */
+};
+enum sp_shell_detail {
+    SP_SHELL_HIGH, /* Gaussian footprints of filter.sigma and filter.cutoff */
+    SP_SHELL_FAST  /* a flat square of 1.6 voxels per voxel */
+};
+/* One of several things that are drawn into one image, each in front of what is farther from the
+ * eye. Clipping applies to all of them. Fields of other types are ignored. */
+struct sp_layer { /* "/layers/0" */
+    enum sp_layer_type type;
+    double value;   /* surface: iso-value, data unit; outside of the range nothing is drawn */
+    float color[3]; /* surface: sRGB display values, [0, 1] [0.9, 0.85, 0.75] */
+    float opacity;  /* surface: [0, 1]; 0 = invisible [1] */
+    /* surface: kernels are this many times flatter along the gradient, [1, infinity]; 1 = the
+     * volume's kernels, infinity (JSON "inf") = discs [infinity] */
+    double flatness;
+    /* shell: thresholds of a voxel's opacity over the reference length, [0, 1], low <= high. A
+     * voxel is in the shell if its opacity is at least `low`, and that of one of its six neighbours
+     * is below `high`. [0.05, 0.95] */
+    double low, high;
+    enum sp_shell_detail detail; /* shell [high] */
+};
+
 enum sp_slice_mode {
     SP_SLICES_NONE,
     SP_SLICES_ORTHOGONAL, /* three planes through the position, along the axes of the grid */
@@ -175,6 +202,9 @@ struct sp_view {
     struct sp_compositing_options compositing;
     struct sp_shading shading;
     enum sp_primitive primitive; /* "/primitive/type" [volume] */
+    uint32_t layer_count;        /* [1, SP_LAYERS_MAX] [1] */
+    /* "/layers": in any order; at most one volume and one shell [the volume] */
+    struct sp_layer layers[SP_LAYERS_MAX];
     struct sp_clip clip;
     enum sp_lod level_of_detail; /* "/quality/level_of_detail" [auto] */
     struct sp_slices slices;

@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "frame/fragments.h"
+
+#include <string.h>
+
+void sp_fragment_tile_clear(struct sp_fragment_tile *tile, int x, int y) {
+    tile->x = x;
+    tile->y = y;
+    memset(tile->count, 0, sizeof tile->count);
+}
+
+/* Puts `behind` behind `front`, whose depth stays. */
+static void merge(struct sp_fragment *front, const struct sp_fragment *behind) {
+    float through = 1 - front->alpha;
+    for (int c = 0; c < 3; c++)
+        front->color[c] += through * behind->color[c];
+    front->alpha += through * behind->alpha;
+}
+
+void sp_fragment_add(struct sp_fragment_tile *tile, int pixel, const struct sp_fragment *fragment) {
+    struct sp_fragment *list = tile->list[pixel];
+    int count = tile->count[pixel], at = count;
+    if (!(fragment->alpha > 0))
+        return;
+    while (at > 0 && fragment->depth < list[at - 1].depth)
+        at--;
+    if (count == SP_FRAGMENTS_MAX) {
+        if (at == count) {
+            merge(&list[count - 1], fragment);
+            return;
+        }
+        merge(&list[count - 2], &list[count - 1]);
+        count--;
+        at = at < count ? at : count;
+    }
+    memmove(&list[at + 1], &list[at], (size_t)(count - at) * sizeof *list);
+    list[at] = *fragment;
+    tile->count[pixel] = (uint8_t)(count + 1);
+}
+
+bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],
+                       struct sp_arena *arena) {
+    fragments->columns = (int)((size[0] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE);
+    fragments->rows = (int)((size[1] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE);
+    size_t tiles = (size_t)fragments->columns * (size_t)fragments->rows;
+    fragments->first = sp_arena_alloc(arena, "fragments by tile", tiles, sizeof *fragments->first);
+    fragments->list = sp_arena_alloc(arena, "fragments by tile", tiles, sizeof *fragments->list);
+    if (!fragments->first || !fragments->list)
+        return false;
+    memset(fragments->first, 0, tiles * sizeof *fragments->first);
+    memset(fragments->list, 0, tiles * sizeof *fragments->list);
+    return true;
+}
+
+uint32_t sp_fragment_tile_count(const struct sp_fragment_tile *tile) {
+    uint32_t count = 0;
+    for (int i = 0; i < SP_FRAGMENT_PIXELS; i++)
+        count += tile->count[i];
+    return count;
+}
+
+void sp_fragments_store(struct sp_fragments *fragments, const struct sp_fragment_tile *tile,
+                        uint32_t *first, struct sp_fragment *list) {
+    int number = tile->y / SP_FRAGMENT_TILE * fragments->columns + tile->x / SP_FRAGMENT_TILE;
+    uint32_t at = 0;
+    for (int i = 0; i < SP_FRAGMENT_PIXELS; i++) {
+        first[i] = at;
+        memcpy(list + at, tile->list[i], tile->count[i] * sizeof *list);
+        at += tile->count[i];
+    }
+    first[SP_FRAGMENT_PIXELS] = at;
+    fragments->first[number] = first;
+    fragments->list[number] = list;
+}
