@@ -80,3 +80,5 @@ static inline const struct sp_fragment *sp_fragments_at(const struct sp_fragment
     *count = first ? first[pixel + 1] - first[pixel] : 0;
     return first ? fragments->list[tile] + first[pixel] : NULL;
 }
+
+#endif
