@@ -6,12 +6,12 @@
 // pointer of all panes; its functions are called as (at, event, pane).
 import { paintSlice, valueAt } from '../core/slice_image.js';
 import { SliceLoader } from '../core/slice_loader.js';
-import { directionName, fitPane, imageTransform, mainAxis, paneOf, pixelAt, sliceQuery } from '../core/slices.js';
+import { directionName, fitPane, imageTransform, mainAxis, paneOf, pixelAt, reachAlong, sliceQuery } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { dot, scale, add } from '../core/vector.js';
 import { nextFrame } from './animation.js';
 import { make, setText, svg } from './dom.js';
-import { showNumber } from './fields.js';
+import { showNumber, threeDigits } from './fields.js';
 
 const ZOOM_STEP = 1.15;
 const WHEEL_STEP = 0.0015;
@@ -228,8 +228,8 @@ export class Pane {
   }
 
   #label() {
-    const { grid, anatomy, unit, position } = this.#slices;
-    const { axis, kind, right, down, normal } = this.plane;
+    const { anatomy } = this.#slices;
+    const { axis, kind, right, down } = this.plane;
     const name = this.#slices.nameOf(this.plane);
     const title = this.body.parentElement.querySelector('.pane-title');
     setText(title, name);
@@ -238,27 +238,51 @@ export class Pane {
     const isStraight = (v) => anatomy && Math.max(...v.map(Math.abs)) > 0.8;
     const letters = { left: scale(right, -1), right, top: scale(down, -1), bottom: down };
     for (const edge of EDGES) setText(this.#letters[edge], isStraight(letters[edge]) ? directionName(anatomy, letters[edge]) : '');
-    const place = dot(position, normal);
-    const isOrthogonal = axis !== null;
-    this.#slider.hidden = this.#number.hidden = this.#total.hidden = !isOrthogonal;
-    let text = t('slices.place.oblique', { place: showNumber(place), unit }).trim();
-    if (isOrthogonal) {
-      const index = grid.index(axis, position);
-      const world = mainAxis(grid.axes[axis]);
-      text = t('slices.place', { axis: 'xyz'[world], place: showNumber(grid.nearest(position)[world]), unit }).trim();
-      const all = grid.count(axis);
-      this.#slider.max = all - 1;
-      if (document.activeElement !== this.#number) this.#number.value = index + 1;
-      this.#number.max = all;
-      setText(this.#total, t('slices.of', { count: all }));
-      this.#slider.value = index;
-      this.#slider.setAttribute('aria-label', t('slices.slider', { name }));
-      this.#slider.setAttribute('aria-valuetext', t('slices.slice', { index: index + 1, count: all, place: text }));
-      this.#number.setAttribute('aria-label', t('slices.number', { name }));
-    }
-    setText(this.#place, text);
+    const text = axis === null ? this.#labelOblique(name) : this.#labelOrthogonal(name);
+    this.#slider.setAttribute('aria-label', t('slices.slider', { name }));
     this.#canvas.setAttribute('aria-label', t('slices.canvas', { name, place: text }));
     this.#tell();
+  }
+
+  /** Slider, number and place of a slice across an axis; returns the place. */
+  #labelOrthogonal(name) {
+    const { grid, unit, position } = this.#slices;
+    const { axis } = this.plane;
+    const index = grid.index(axis, position);
+    const world = mainAxis(grid.axes[axis]);
+    const text = t('slices.place', { axis: 'xyz'[world], place: showNumber(grid.nearest(position)[world]), unit }).trim();
+    const all = grid.count(axis);
+    this.#setRange({ steps: all - 1, at: index, text: t('slices.slice', { index: index + 1, count: all, place: text }) });
+    this.#setNumber({ value: index + 1, min: 1, max: all, step: 1, label: t('slices.number', { name }) });
+    setText(this.#total, t('slices.of', { count: all }));
+    setText(this.#place, text);
+    return text;
+  }
+
+  /** The same for an oblique slice: its distance from the origin along the normal. */
+  #labelOblique(name) {
+    const { grid, unit, position } = this.#slices;
+    const { normal } = this.plane;
+    const offset = dot(position, normal);
+    const { low, high } = reachAlong(grid, normal);
+    const text = t('slices.place.oblique', { place: showNumber(offset), unit }).trim();
+    this.#setRange({ steps: Math.floor((high - low) / grid.smallest), at: Math.round((offset - low) / grid.smallest), text });
+    this.#setNumber({ value: threeDigits(offset), min: '', max: '', step: 'any', label: t('slices.offset', { name }) });
+    setText(this.#total, '');
+    setText(this.#place, t('slices.place.normal', { unit }).trim());
+    return text;
+  }
+
+  #setRange({ steps, at, text }) {
+    this.#slider.max = steps;
+    this.#slider.value = at;
+    this.#slider.setAttribute('aria-valuetext', text);
+  }
+
+  #setNumber({ value, label, ...limits }) {
+    Object.assign(this.#number, limits);
+    if (document.activeElement !== this.#number) this.#number.value = value;
+    this.#number.setAttribute('aria-label', label);
   }
 
   /** Shows the value under the cursor, or at the crosshair, and where it is. */
@@ -277,11 +301,13 @@ export class Pane {
   #listen() {
     const canvas = this.#canvas;
     this.#slider.addEventListener('input', ({ timeStamp }) => {
-      const index = this.#slider.valueAsNumber;
-      this.#step = index < this.#slices.grid.index(this.plane.axis, this.#slices.position) ? -1 : 1;
-      this.#slices.goTo(this.plane.axis, index, timeStamp);
+      if (this.plane) this.#goTo(this.#slider.valueAsNumber, timeStamp);
     });
-    this.#number.addEventListener('change', ({ timeStamp }) => this.#slices.goTo(this.plane.axis, this.#number.valueAsNumber - 1, timeStamp));
+    this.#number.addEventListener('change', ({ timeStamp }) => {
+      const { axis, normal } = this.plane;
+      if (axis === null) this.#slices.goAlong(normal, this.#number.valueAsNumber, timeStamp);
+      else this.#slices.goTo(axis, this.#number.valueAsNumber - 1, timeStamp);
+    });
     canvas.addEventListener('contextmenu', (event) => event.preventDefault());
     canvas.addEventListener('pointermove', (event) => {
       this.#hovered = this.place(event);
@@ -306,6 +332,18 @@ export class Pane {
     }, { passive: false });
     canvas.addEventListener('keydown', (event) => this.#press(event));
     this.#drags();
+  }
+
+  /** Goes to a place of the slider. */
+  #goTo(index, time) {
+    const { grid, position } = this.#slices;
+    const { axis, normal } = this.plane;
+    if (axis === null) {
+      this.#slices.goAlong(normal, reachAlong(grid, normal).low + index * grid.smallest, time);
+      return;
+    }
+    this.#step = index < grid.index(axis, position) ? -1 : 1;
+    this.#slices.goTo(axis, index, time);
   }
 
   #press(event) {

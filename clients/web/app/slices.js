@@ -7,7 +7,7 @@ import { Emitter } from '../core/emitter.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
-import { Grid, gridOfSlices, mainAxis, obliquePlane, orthogonalPlanes } from '../core/slices.js';
+import { Grid, gridOfSlices, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, normalize, rotate, scale } from '../core/vector.js';
 import { layoutButton } from './layout.js';
@@ -195,7 +195,7 @@ class Slices extends Emitter {
 
   scroll(plane, steps, time) {
     if (plane.axis === null) {
-      this.setPosition(add(this.position, scale(plane.normal, steps * this.grid.smallest)), time);
+      this.goAlong(plane.normal, dot(this.position, plane.normal) + steps * this.grid.smallest, time);
       return;
     }
     const sign = dot(this.grid.axes[plane.axis], plane.normal) < 0 ? -1 : 1;
@@ -204,6 +204,11 @@ class Slices extends Emitter {
 
   goTo(axis, index, time) {
     if (Number.isFinite(index)) this.change({ position: this.grid.moveTo(axis, this.position, index) }, time);
+  }
+
+  /** Moves the oblique plane along its normal, to a distance from the origin. */
+  goAlong(normal, offset, time) {
+    if (Number.isFinite(offset)) this.change({ position: moveAlong(this.grid, this.position, normal, offset) }, time);
   }
 
   /** Turns the oblique plane so that it faces the viewer of the picture. */

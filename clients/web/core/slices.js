@@ -148,6 +148,37 @@ export function obliquePlane(position, normal, ...ups) {
   return { kind: 'oblique', axis: null, origin: position, right, down: cross(right, n), normal: n };
 }
 
+/** The planes across `normal` that cut the volume: {low, high}, world units from the origin along it. */
+export function reachAlong(grid, normal) {
+  const n = normalize(normal);
+  const places = grid.corners().map((corner) => dot(corner, n));
+  return { low: Math.min(...places), high: Math.max(...places) };
+}
+
+/**
+ * The point moved to the plane {x: x·normal = offset}, or to the nearest one that cuts the volume. It moves along the normal, and where it
+ * would leave the volume, towards the corner that lies farthest in that direction: the volume is convex, so it stays inside.
+ */
+export function moveAlong(grid, position, normal, offset) {
+  const n = normalize(normal);
+  const from = grid.clamp(position);
+  const { low, high } = reachAlong(grid, n);
+  const place = Math.min(Math.max(offset, low), high);
+  const way = scale(n, place - dot(from, n));
+  const [start, end] = [grid.distances(from), grid.distances(add(from, way))];
+  const inside = Math.max(0, Math.min(1, ...start.map((distance, a) => {
+    const [first, last] = grid.extent(a);
+    const part = end[a] - distance;
+    return part === 0 ? 1 : ((part > 0 ? last : first) - distance) / part;
+  })));
+  const edge = add(from, scale(way, inside));
+  if (inside === 1) return edge;
+  const sign = dot(way, n) < 0 ? -1 : 1;
+  const corner = grid.corners().reduce((best, other) => (sign * dot(subtract(other, best), n) > 0 ? other : best));
+  const rest = dot(subtract(corner, edge), n);
+  return rest === 0 ? corner : add(edge, scale(subtract(corner, edge), (place - dot(edge, n)) / rest));
+}
+
 /** A plane's picture: `center` is the world point in the middle of a pane of `size` px; `zoom` is px per world unit. */
 export function paneOf(plane, { center, zoom, size }) {
   const half = size.map((side) => side / 2);

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { anatomyOf, frameOf } from '../../../clients/web/core/orientation.js';
 import { paintSlice, readSlice, valueAt } from '../../../clients/web/core/slice_image.js';
 import {
-  Grid, cutLine, directionName, fitPane, imageTransform, obliquePlane, orthogonalPlanes, paneOf, pixelAt, sliceQuery, turnNormal,
+  Grid, cutLine, directionName, fitPane, imageTransform, moveAlong, obliquePlane, orthogonalPlanes, paneOf, pixelAt, reachAlong, sliceQuery, turnNormal,
 } from '../../../clients/web/core/slices.js';
 import { add, cross, dot, length, scale, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
@@ -49,6 +49,24 @@ test('without anatomy the vertical slices show z upwards', () => {
   const planes = orthogonalPlanes(new Grid(plain()), frameOf(null), [0, 0, 0]);
   assert.deepEqual(planes.map(({ axis }) => axis), [2, 1, 0]);
   assert.deepEqual(planes.map(({ right, down }) => directionName(null, right) + directionName(null, down)), ['+x+y', '+x−z', '+y−z']);
+});
+
+test('an oblique plane moves along its normal through the whole volume, and its point stays inside', () => {
+  const grid = new Grid(sagittalScan);
+  const start = [-10, 0, 45];
+  near(moveAlong(grid, start, [0, 3, 4], dot(start, [0, 0.6, 0.8]) + 2), [-10, 1.2, 46.6]);
+  for (const normal of [[1, 2, -3], [-0.2, 1, 0.1], [0, 0, 1]]) {
+    const { low, high } = reachAlong(grid, normal);
+    for (const part of [0, 0.01, 0.3, 0.7, 0.99, 1]) {
+      const wanted = low + part * (high - low);
+      const point = moveAlong(grid, start, normal, wanted);
+      close(dot(point, normal) / length(normal), wanted);
+      near(grid.clamp(point), point);
+    }
+    close(dot(moveAlong(grid, start, normal, high + 50), normal) / length(normal), high);
+    close(dot(moveAlong(grid, start, normal, low - 50), normal) / length(normal), low);
+  }
+  near(moveAlong(grid, [-10, 0, 900], [1, 0, 0], -12), [-12, 0, 50.5]);
 });
 
 test('a pane maps world points to pixels and back, with square world units', () => {
