@@ -9,7 +9,7 @@ import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
 import { Grid, gridOfSlices, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
-import { add, dot, normalize, rotate, scale } from '../core/vector.js';
+import { add, dot, length, normalize, rotate, scale, subtract } from '../core/vector.js';
 import { layoutButton } from './layout.js';
 import { Pane } from './pane.js';
 import { SliceLines } from './slice_lines.js';
@@ -30,6 +30,7 @@ class Slices extends Emitter {
   #cache = new SliceCache();
   #volume = null; // id
   #home = null; // the volume's default camera, which tells what is up where the file does not
+  #line = null; // {normal, from, to}: where moves along a normal began, and the position that the last one set
   #guest = null; // the grid that a guest without a list of volumes found out
   grid = null;
   panes = new Map();
@@ -101,7 +102,7 @@ class Slices extends Emitter {
 
   #forget() {
     this.#cache.clear();
-    this.#volume = this.grid = this.#guest = null;
+    this.#volume = this.grid = this.#guest = this.#line = null;
     for (const pane of this.panes.values()) pane.reset();
     this.#follow();
   }
@@ -206,9 +207,13 @@ class Slices extends Emitter {
     if (Number.isFinite(index)) this.change({ position: this.grid.moveTo(axis, this.position, index) }, time);
   }
 
-  /** Moves the oblique plane along its normal, to a distance from the origin. */
+  /** Moves the oblique plane along its normal, to a distance from the origin. A way to the end and back leads to where it began. */
   goAlong(normal, offset, time) {
-    if (Number.isFinite(offset)) this.change({ position: moveAlong(this.grid, this.position, normal, offset) }, time);
+    if (!Number.isFinite(offset)) return;
+    const goesOn = this.#line && dot(normal, this.#line.normal) > 1 - 1e-9 && length(subtract(this.position, this.#line.to)) < 1e-3 * this.grid.smallest;
+    const from = goesOn ? this.#line.from : this.position;
+    this.#line = { normal, from, to: moveAlong(this.grid, from, normal, offset) };
+    this.change({ position: this.#line.to }, time);
   }
 
   /** Turns the oblique plane so that it faces the viewer of the picture. */

@@ -176,7 +176,7 @@ test('an oblique plane turns by its handles and with the view', async (context) 
   // Slider, number, wheel and keys move it along its normal; the axial slice stays what it is.
   const along = async () => (await position(page)).reduce((sum, part, i) => sum + part * turned[i], 0) / Math.hypot(...turned);
   const slider = page.locator('#pane-sagittal .slice-slider');
-  const [offset, middle, shown] = [await along(), await slider.inputValue(), await slice(page, 'sagittal')];
+  const [offset, middle, shown, place] = [await along(), await slider.inputValue(), await slice(page, 'sagittal'), await position(page)];
   await slider.focus();
   for (let i = 0; i < 8; i += 1) await page.keyboard.press('ArrowUp');
   await settled(page);
@@ -194,6 +194,7 @@ test('an oblique plane turns by its handles and with the view', async (context) 
   await page.press('#pane-sagittal .slice-foot input', 'Enter');
   await settled(page);
   compare(Math.abs(await along() - offset), '<', 1e-4);
+  (await position(page)).forEach((part, i) => compare(Math.abs(part - place[i]), '<', 1e-4, 'the crosshair is back where it was'));
   await page.focus('#pane-sagittal canvas');
   await page.keyboard.press('PageUp');
   await settled(page);
