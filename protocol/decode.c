@@ -17,6 +17,7 @@ struct decoder {
     struct proto_pointer at; /* the current value */
     struct proto_orbit orbit;
     enum orbit_use uses[PROTO_ORBIT_MEMBERS];
+    const proto_json *patch;
     struct sp_error *err;
 };
 
@@ -42,15 +43,29 @@ static float to_float(double number) {
     return fabsf(nearest) == 1 && fabs(number) < 1 ? nextafterf(nearest, 0) : nearest;
 }
 
+static const char *expected_number(enum proto_field_kind kind) {
+    switch (kind) {
+    case PROTO_FIELD_COUNT:
+        return "a whole number";
+    case PROTO_FIELD_AUTO:
+        return "a number or null";
+    case PROTO_FIELD_INFINITE:
+        return "a number or \"inf\"";
+    default:
+        return "a number";
+    }
+}
+
 static bool decode_number(struct decoder *decoder, enum proto_field_kind kind,
                           const proto_json *json, void *out) {
+    const char *text = proto_json_string(json);
     double number;
+    if (kind == PROTO_FIELD_INFINITE && text && strcmp(text, "inf") == 0) {
+        *(double *)out = INFINITY;
+        return true;
+    }
     if (!proto_json_number(json, &number))
-        return refuse_type(decoder,
-                           kind == PROTO_FIELD_COUNT  ? "a whole number"
-                           : kind == PROTO_FIELD_AUTO ? "a number or null"
-                                                      : "a number",
-                           json);
+        return refuse_type(decoder, expected_number(kind), json);
     if (kind == PROTO_FIELD_COUNT) {
         int64_t whole;
         if (!proto_json_integer(json, &whole) || whole < 0 || whole > UINT32_MAX)
@@ -169,6 +184,32 @@ static bool decode_members(struct decoder *decoder, const struct proto_group *gr
     return true;
 }
 
+/* Does an item of a list have the member? */
+static bool has_member(const struct proto_group *group, const struct proto_field *member,
+                       const void *item) {
+    return !member->only ||
+           member->only >> *(const int *)((const char *)item + group->fields[0].offset) & 1;
+}
+
+/* Checks that the item has every member that its type needs, and no other. */
+static bool check_members(struct decoder *decoder, const struct proto_group *group,
+                          const proto_json *json, const void *item) {
+    for (size_t m = 0; m < group->count; m++) {
+        const struct proto_field *member = &group->fields[m];
+        bool is_given = proto_json_get(json, member->name) != NULL;
+        bool is_known = has_member(group, member, item);
+        if (is_known && !is_given && !member->optional)
+            return refuse(decoder, "\"%s\" is missing", member->name);
+        if (is_known || !is_given)
+            continue;
+        const struct proto_field *type = &group->fields[0];
+        const char *name = type->names[*(const int *)((const char *)item + type->offset)];
+        proto_pointer_push(&decoder->at, member->name, strlen(member->name));
+        return refuse(decoder, "a %s has no \"%s\"", name, member->name);
+    }
+    return true;
+}
+
 static bool decode_list(struct decoder *decoder, const struct proto_field *field,
                         const proto_json *json, void *out) {
     if (proto_json_type(json) != PROTO_JSON_ARRAY)
@@ -188,11 +229,8 @@ static bool decode_list(struct decoder *decoder, const struct proto_field *field
         /* An item has no defaults, so null is a wrong type. */
         if (!decode_members(decoder, field->group, item, NULL, to))
             return false;
-        for (size_t m = 0; m < field->group->count; m++) {
-            const struct proto_field *member = &field->group->fields[m];
-            if (!member->optional && !proto_json_get(item, member->name))
-                return refuse(decoder, "\"%s\" is missing", member->name);
-        }
+        if (!check_members(decoder, field->group, item, to))
+            return false;
         proto_pointer_pop(&decoder->at, length);
     }
     *(uint32_t *)((char *)out + field->count_offset) = (uint32_t)count;
@@ -208,7 +246,7 @@ static void copy_default(const struct proto_field *field, const void *defaults, 
     } else if (field->kind == PROTO_FIELD_LIST) {
         memmove(to + field->offset, from + field->offset, field->item_max * field->item_bytes);
         memmove(to + field->count_offset, from + field->count_offset, sizeof(uint32_t));
-    } else if (field->kind != PROTO_FIELD_ORBIT) {
+    } else if (field->kind != PROTO_FIELD_ORBIT && field->kind != PROTO_FIELD_PRIMITIVE) {
         memmove(to + field->offset, from + field->offset, proto_field_bytes(field));
     }
 }
@@ -240,10 +278,38 @@ static bool decode_orbit(struct decoder *decoder, const struct proto_field *fiel
     return true;
 }
 
+/* Resets the layers, unless the patch has layers, too. */
+static bool decode_primitive(struct decoder *decoder, const proto_json *json,
+                             const struct sp_view *defaults, struct sp_view *view) {
+    const proto_json *type = proto_json_get(json, "type");
+    const char *name = proto_json_string(type);
+    bool is_type_null = type && proto_json_type(type) == PROTO_JSON_NULL;
+    if (proto_json_type(json) != PROTO_JSON_NULL && proto_json_type(json) != PROTO_JSON_OBJECT)
+        return refuse_type(decoder, "an object", json);
+    if (proto_json_size(json) > (type ? 1u : 0u))
+        return refuse(decoder, "unknown field; known: type");
+    size_t length = decoder->at.length;
+    proto_pointer_push(&decoder->at, "type", 4);
+    if (type && !is_type_null && !name)
+        return refuse_type(decoder, "\"volume\"", type);
+    if (name && strcmp(name, "volume") != 0)
+        return refuse(decoder,
+                      "must be \"volume\", not \"%.64s\": add surfaces and shells to \"layers\"",
+                      name);
+    proto_pointer_pop(&decoder->at, length);
+    if (proto_json_get(decoder->patch, "layers"))
+        return true;
+    memcpy(view->layers, defaults->layers, sizeof view->layers);
+    view->layer_count = defaults->layer_count;
+    return true;
+}
+
 static bool decode_field(struct decoder *decoder, const struct proto_field *field,
                          const proto_json *json, const void *defaults, void *out) {
     if (field->kind == PROTO_FIELD_ORBIT)
         return decode_orbit(decoder, field, json);
+    if (field->kind == PROTO_FIELD_PRIMITIVE)
+        return decode_primitive(decoder, json, defaults, out);
     void *to = (char *)out + field->offset;
     if (proto_json_type(json) == PROTO_JSON_NULL && field->kind == PROTO_FIELD_AUTO) {
         *(double *)to = NAN;
@@ -264,9 +330,11 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
         return decode_name(decoder, json, to);
     case PROTO_FIELD_BOOL:
         return proto_json_bool(json, to) || refuse_type(decoder, "true or false", json);
+    case PROTO_FIELD_PRIMITIVE:
     case PROTO_FIELD_ORBIT:
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:
+    case PROTO_FIELD_INFINITE:
     case PROTO_FIELD_FLOAT:
     case PROTO_FIELD_COUNT:
         break;
@@ -316,7 +384,7 @@ static bool place_camera(struct decoder *decoder, const proto_json *patch,
 
 bool proto_view_apply(const proto_json *patch, const struct sp_view *defaults, struct sp_view *view,
                       struct sp_error *err) {
-    struct decoder decoder = { .err = err };
+    struct decoder decoder = { .patch = patch, .err = err };
     struct sp_view merged;
     memcpy(&merged, view, sizeof merged); /* with the padding: equal views have equal bytes */
     if (!decode_members(&decoder, &proto_view_group, patch, defaults, &merged) ||

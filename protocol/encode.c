@@ -10,6 +10,10 @@ static proto_json *encode_number(enum proto_field_kind kind, const void *from) {
         return proto_json_new_integer(*(const uint32_t *)from);
     case PROTO_FIELD_FLOAT:
         return proto_json_new_float(*(const float *)from);
+    case PROTO_FIELD_INFINITE:
+        if (isinf(*(const double *)from))
+            return proto_json_new_string("inf");
+        break;
     case PROTO_FIELD_AUTO:
         if (isnan(*(const double *)from))
             return proto_json_new_null();
@@ -62,9 +66,11 @@ static proto_json *encode_field(const struct proto_field *field, const char *fro
         return proto_json_new_string(from + field->offset);
     case PROTO_FIELD_BOOL:
         return proto_json_new_bool(*(const bool *)(from + field->offset));
-    case PROTO_FIELD_ORBIT: /* encoded as position and up */
+    case PROTO_FIELD_PRIMITIVE: /* encoded as layers */
+    case PROTO_FIELD_ORBIT:     /* encoded as position and up */
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:
+    case PROTO_FIELD_INFINITE:
     case PROTO_FIELD_FLOAT:
     case PROTO_FIELD_COUNT:
         break;
@@ -77,8 +83,10 @@ static proto_json *encode_members(const struct proto_group *group, const char *f
     proto_json *object = proto_json_object();
     for (size_t i = 0; i < group->count; i++) {
         const struct proto_field *field = &group->fields[i];
-        if (field->kind != PROTO_FIELD_ORBIT &&
-            !proto_json_set(object, field->name, encode_field(field, from))) {
+        bool is_written =
+            field->kind != PROTO_FIELD_ORBIT && field->kind != PROTO_FIELD_PRIMITIVE &&
+            (!field->only || field->only >> *(const int *)(from + group->fields[0].offset) & 1);
+        if (is_written && !proto_json_set(object, field->name, encode_field(field, from))) {
             proto_json_free(&object);
             break;
         }

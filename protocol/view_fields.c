@@ -2,6 +2,7 @@
 #include "protocol/view_fields.h"
 
 #include <assert.h>
+#include <math.h>
 
 #include "protocol/orbit.h"
 #include "sp/view.h"
@@ -103,10 +104,30 @@ static const struct proto_field shading_fields[] = {
 };
 static const struct proto_group shading = GROUP(shading_fields);
 
-static const struct proto_field primitive_fields[] = {
-    { "type", PROTO_FIELD_ENUM, AT(primitive), NAMES("volume", "surface", "shell", "vector") },
+#define LAYER(member) .offset = offsetof(struct sp_layer, member)
+enum { ONLY_SURFACE = 1 << SP_LAYER_SURFACE, ONLY_SHELL = 1 << SP_LAYER_SHELL };
+static const struct proto_field layer_fields[] = {
+    { "type", PROTO_FIELD_ENUM, LAYER(type), NAMES("volume", "surface", "shell") },
+    { "visible", PROTO_FIELD_BOOL, .optional = true, LAYER(visible) },
+    { "value", PROTO_FIELD_DOUBLE, .only = ONLY_SURFACE, LAYER(value) },
+    { "color", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE, .columns = 3,
+      LAYER(color) },
+    { "opacity", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE, LAYER(opacity) },
+    { "flatness", PROTO_FIELD_INFINITE, .optional = true, .only = ONLY_SURFACE, LAYER(flatness) },
+    { "low", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(low) },
+    { "high", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(high) },
+    { "detail", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_SHELL, LAYER(detail),
+      NAMES("high", "fast") },
 };
-static const struct proto_group primitive = GROUP(primitive_fields);
+/* sp_layer_default() */
+static const struct sp_layer layer_default = { .visible = true,
+                                               .value = NAN,
+                                               .color = { 0.9f, 0.85f, 0.75f },
+                                               .opacity = 1,
+                                               .flatness = INFINITY,
+                                               .low = 0.05,
+                                               .high = 0.95 };
+static const struct proto_group layer = { layer_fields, COUNT_OF(layer_fields), &layer_default };
 
 static const struct proto_field plane_fields[] = {
     { "normal", PROTO_FIELD_DOUBLE, .columns = 3,
@@ -160,7 +181,10 @@ static const struct proto_field view_fields[] = {
     { "filter", PROTO_FIELD_OBJECT, .group = &filter },
     { "compositing", PROTO_FIELD_OBJECT, .group = &compositing },
     { "shading", PROTO_FIELD_OBJECT, .group = &shading },
-    { "primitive", PROTO_FIELD_OBJECT, .group = &primitive },
+    { "primitive", PROTO_FIELD_PRIMITIVE, .offset = 0 },
+    { "layers", PROTO_FIELD_LIST, AT(layers), .group = &layer,
+      .count_offset = offsetof(struct sp_view, layer_count), .item_bytes = sizeof(struct sp_layer),
+      .item_max = SP_LAYERS_MAX },
     { "clip", PROTO_FIELD_OBJECT, .group = &clip },
     { "quality", PROTO_FIELD_OBJECT, .group = &quality },
     { "slices", PROTO_FIELD_OBJECT, .group = &slices },
@@ -172,6 +196,7 @@ size_t proto_field_bytes(const struct proto_field *field) {
     switch (field->kind) {
     case PROTO_FIELD_DOUBLE:
     case PROTO_FIELD_AUTO:
+    case PROTO_FIELD_INFINITE:
         return count * sizeof(double);
     case PROTO_FIELD_FLOAT:
         return count * sizeof(float);
@@ -183,11 +208,12 @@ size_t proto_field_bytes(const struct proto_field *field) {
         return sizeof(int);
     case PROTO_FIELD_NAME:
         return SP_NAME_BYTES;
+    case PROTO_FIELD_PRIMITIVE:
     case PROTO_FIELD_ORBIT:
     case PROTO_FIELD_OBJECT:
     case PROTO_FIELD_LIST:
         break;
     }
-    assert(!"orbits, objects and lists have no size in the view");
+    assert(!"primitives, orbits, objects and lists have no size in the view");
     return 0;
 }

@@ -9,6 +9,7 @@
 #include <unistd.h>
 
 #include "backend/backend.h"
+#include "backend/support.h"
 #include "base/clock.h"
 #include "compose/compose.h"
 #include "light/light.h"
@@ -196,106 +197,6 @@ void sp_renderer_info(const struct sp_renderer *renderer, struct sp_renderer_inf
     *info = renderer->info;
 }
 
-/* Checks one choice of the view against a capability mask. `names` are the protocol's names, ended
- * by NULL. */
-static bool check_choice(const char *backend, const char *pointer, unsigned value, uint32_t mask,
-                         const char *const *names, struct sp_error *err) {
-    if (mask & SP_CAN(value))
-        return true;
-    char supported[160] = "nothing";
-    size_t used = 0;
-    for (unsigned i = 0; names[i] && used < sizeof supported; i++)
-        if (mask & SP_CAN(i))
-            used += (size_t)snprintf(supported + used, sizeof supported - used, "%s%s",
-                                     used ? ", " : "", names[i]);
-    return sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
-                   "the %s backend does not support \"%s\"; it supports %s", backend, names[value],
-                   supported);
-}
-
-static bool has_clip_box(const struct sp_clip *clip) {
-    for (int i = 0; i < 3; i++)
-        if (clip->box[0][i] > 0 || clip->box[1][i] < 1)
-            return true;
-    return false;
-}
-
-static bool check_support(const struct sp_backend *backend, const struct sp_view *v,
-                          struct sp_error *err) {
-    static const char *const projections[] = { "perspective", "orthographic", NULL };
-    static const char *const filters[] = { "adaptive", "ewa", "reconstruction", "lowpass", "swan",
-                                           "none",     NULL };
-    static const char *const kernels[] = { "gaussian", "cubic", NULL };
-    static const char *const compositings[] = { "splat", "sheet", "slab", NULL };
-    static const char *const attenuations[] = { "exponential", "linear", NULL };
-    static const char *const orders[] = { "pre", "post", "auto", NULL };
-    static const char *const shadings[] = { "none", "phong", NULL };
-    static const char *const primitives[] = { "volume", "surface", "shell", "vector", NULL };
-    static const char *const lods[] = { "auto", "off", NULL };
-    const struct sp_capabilities *can = &backend->capabilities;
-    const char *name = backend->entry.name;
-    const struct {
-        const char *pointer;
-        unsigned value;
-        uint32_t mask;
-        const char *const *names;
-    } choices[] = {
-        { "/camera/projection", v->camera.projection, can->projections, projections },
-        { "/filter/mode", v->filter.mode, can->filters, filters },
-        { "/filter/kernel", v->filter.kernel, can->kernels, kernels },
-        { "/compositing/mode", v->compositing.mode, can->compositings, compositings },
-        { "/compositing/attenuation", v->compositing.attenuation, can->attenuations, attenuations },
-        { "/transfer_function/order", v->transfer_function.order, can->orders, orders },
-        { "/shading/mode", v->shading.mode, can->shadings, shadings },
-        { "/primitive/type", v->primitive, can->primitives, primitives },
-        { "/quality/level_of_detail", v->level_of_detail, can->levels_of_detail, lods },
-    };
-    for (size_t i = 0; i < sizeof choices / sizeof choices[0]; i++)
-        if (!check_choice(name, choices[i].pointer, choices[i].value, choices[i].mask,
-                          choices[i].names, err))
-            return false;
-    if (v->transfer_function.gradient_count && !can->gradient_axis)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/gradient",
-                       "the %s backend has no gradient axis; leave the list empty", name);
-    if (has_clip_box(&v->clip) && !can->clip_box)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, "/clip/box",
-                       "the %s backend does not clip; use [[0,0,0],[1,1,1]]", name);
-    if (v->clip.plane_count && !can->clip_planes)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, "/clip/planes",
-                       "the %s backend does not clip; leave the list empty", name);
-    return true;
-}
-
-/* True unless the view needs sheets of interpolated values and no backend may draw them. */
-static bool check_sheets(const struct sp_renderer *r, const struct sp_view *v,
-                         struct sp_error *err) {
-    const struct sp_backend *backend = atomic_load(&r->backend);
-    if (!sp_resample_draws(v) || backend->capabilities.interpolated_sheets ||
-        (r->is_auto && !r->wanted.require_gpu))
-        return true;
-    return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
-                   "the %s backend does not classify sheets after interpolation: use order "
-                   "\"pre\", or compositing.mode \"slab\" with a filter other than the default",
-                   backend->entry.name);
-}
-
-/* True unless the view needs ambient occlusion or a shadow and no backend may draw it. */
-static bool check_light(const struct sp_renderer *r, const struct sp_view *v,
-                        struct sp_error *err) {
-    const struct sp_backend *backend = atomic_load(&r->backend);
-    const char *pointer = v->shading.occlusion > 0 ? "/shading/occlusion" : "/shading/shadow";
-    if (!sp_light_is_wanted(v))
-        return true;
-    if (v->compositing.mode != SP_COMPOSITE_SHEET || v->transfer_function.order == SP_TF_PRE)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
-                       "ambient occlusion and shadows need compositing.mode \"sheet\" and "
-                       "transfer_function.order \"auto\" or \"post\": use both, or set them to 0");
-    return backend->capabilities.light || (r->is_auto && !r->wanted.require_gpu) ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, pointer,
-                   "the %s backend draws neither ambient occlusion nor shadows: set them to 0",
-                   backend->entry.name);
-}
-
 /* The order that "auto" stands for. Interpolated sheets are sharper and need no filter. A view that
  * chooses a filter is drawn with it. Means of classified voxels are closer to the truth than means
  * of values, so views use them whose voxels are much smaller than pixels. They are not used for
@@ -318,9 +219,10 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
 
 bool sp_renderer_supports(const struct sp_renderer *renderer, const struct sp_view *view,
                           struct sp_error *err) {
-    return sp_view_validate(view, err) &&
-           check_support(atomic_load(&renderer->backend), view, err) &&
-           check_sheets(renderer, view, err) && check_light(renderer, view, err);
+    const struct sp_backend *backend = atomic_load(&renderer->backend);
+    bool is_alone = !renderer->is_auto || renderer->wanted.require_gpu;
+    return sp_view_validate(view, err) && sp_support_check(backend, view, err) &&
+           sp_support_check_kind(backend, is_alone, view, err);
 }
 
 /* Starts the backend after this one, unless it runs already. False if no other backend starts, or
@@ -372,7 +274,7 @@ static bool is_beyond_backend(const struct sp_error *why) {
 static bool draw_on_fallback(struct sp_renderer *r, const struct inflight *f,
                              struct sp_error *why) {
     struct fallback *s = &r->fallback;
-    if (!start_fallback(r) || !check_support(s->backend, &f->view, NULL))
+    if (!start_fallback(r) || !sp_support_check(s->backend, &f->view, NULL))
         return false;
     const struct sp_error first = *why;
     name_backend(f->job.frame, &s->info);
@@ -432,7 +334,7 @@ static bool draw(struct sp_renderer *r, struct inflight *f, struct sp_error *err
             again = ++r->failures < FAILURES_MAX || fail_over(r, &why);
         }
         if (!again || sp_job_is_cancelled(&f->job) ||
-            !check_support(atomic_load(&r->backend), &f->view, &why))
+            !sp_support_check(atomic_load(&r->backend), &f->view, &why))
             return sp_fail(err, why.code, why.place, "%s", why.text);
     }
     r->failures = 0;
@@ -500,6 +402,15 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
     return sp_compose(&job, f->job.frame, err);
 }
 
+/* Keeps the layers that are visible. */
+static void remove_hidden_layers(struct sp_view *view) {
+    uint32_t count = 0;
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].visible)
+            view->layers[count++] = view->layers[i];
+    view->layer_count = count;
+}
+
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
     unsigned depth = atomic_load(&renderer->backend)->depth;
     return depth > 1 ? depth : 1;
@@ -535,6 +446,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
     f->view.transfer_function.order = choose_order(renderer, volume, view);
+    remove_hidden_layers(&f->view);
     f->may_be_pre = view->transfer_function.order == SP_TF_AUTO &&
                     f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
     f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),

@@ -143,6 +143,23 @@ bool sp_view_has_default_filter(const struct sp_view *view) {
            isnan(a->c_max);
 }
 
+struct sp_layer sp_layer_default(enum sp_layer_type type) {
+    struct sp_layer layer;
+    memset(&layer, 0, sizeof layer); /* with the padding: views are compared by their bytes */
+    layer.type = type;
+    layer.visible = true;
+    layer.value = NAN;
+    layer.color[0] = 0.9f;
+    layer.color[1] = 0.85f;
+    layer.color[2] = 0.75f;
+    layer.opacity = 1;
+    layer.flatness = INFINITY;
+    layer.low = 0.05;
+    layer.high = 0.95;
+    layer.detail = SP_SHELL_HIGH;
+    return layer;
+}
+
 static void init_slices(struct sp_slices *slices, const struct sp_volume_info *info) {
     struct sp_vec3 half[3], middle = find_box(&info->grid, half);
     double window[2];
@@ -187,11 +204,13 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
                      .exponent = 24,
                      .light_count = 1,
                      .lights = { { { 0.3, 0.5, 1 }, SP_LIGHT_CAMERA, { 1, 1, 1 } } } },
-        .primitive = SP_PRIMITIVE_VOLUME,
+        .layer_count = 1,
         .clip = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } },
         .level_of_detail = SP_LOD_AUTO,
     };
     snprintf(view->volume, sizeof view->volume, "%s", id);
+    const struct sp_layer layer = sp_layer_default(SP_LAYER_VOLUME);
+    memcpy(&view->layers[0], &layer, sizeof layer);
     init_slices(&view->slices, info);
     init_camera(&view->camera, info, smallest);
     init_transfer_function(&view->transfer_function, info, smallest);
@@ -382,6 +401,55 @@ static bool check_shading(const struct sp_shading *s, struct sp_error *err) {
     return true;
 }
 
+static bool check_surface(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    char pointer[48];
+    if (!check_range(layer->value, -DBL_MAX, DBL_MAX, err, "%s/value", place))
+        return false;
+    for (int c = 0; c < 3; c++)
+        if (!check_range(layer->color[c], 0, 1, err, "%s/color/%d", place, c))
+            return false;
+    if (!check_range(layer->opacity, 0, 1, err, "%s/opacity", place))
+        return false;
+    snprintf(pointer, sizeof pointer, "%s/flatness", place);
+    return layer->flatness >= 1 ||
+           sp_fail(err, SP_ERR_INVALID, pointer, "%g is less than 1", layer->flatness);
+}
+
+static bool check_shell(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    char pointer[48];
+    if (!check_range(layer->low, 0, 1, err, "%s/low", place) ||
+        !check_range(layer->high, 0, 1, err, "%s/high", place))
+        return false;
+    snprintf(pointer, sizeof pointer, "%s/low", place);
+    if (layer->low > layer->high)
+        return sp_fail(err, SP_ERR_INVALID, pointer, "%g is above high (%g)", layer->low,
+                       layer->high);
+    snprintf(pointer, sizeof pointer, "%s/detail", place);
+    return check_choice(layer->detail, SP_SHELL_FAST, pointer, err);
+}
+
+static bool check_layers(const struct sp_view *view, struct sp_error *err) {
+    unsigned counts[SP_LAYER_SHELL + 1] = { 0 };
+    if (!check_range(view->layer_count, 1, SP_LAYERS_MAX, err, "/layers"))
+        return false;
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i];
+        char place[32];
+        snprintf(place, sizeof place, "/layers/%u/type", i);
+        if (!check_choice(layer->type, SP_LAYER_SHELL, place, err))
+            return false;
+        if (++counts[layer->type] > 1 && layer->type != SP_LAYER_SURFACE)
+            return sp_fail(err, SP_ERR_INVALID, place,
+                           "a second %s: only surfaces may be there several times",
+                           layer->type == SP_LAYER_VOLUME ? "volume" : "shell");
+        snprintf(place, sizeof place, "/layers/%u", i);
+        if ((layer->type == SP_LAYER_SURFACE && !check_surface(layer, place, err)) ||
+            (layer->type == SP_LAYER_SHELL && !check_shell(layer, place, err)))
+            return false;
+    }
+    return true;
+}
+
 static bool check_clip(const struct sp_clip *clip, struct sp_error *err) {
     for (int corner = 0; corner < 2; corner++)
         for (int i = 0; i < 3; i++)
@@ -441,8 +509,7 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
     return check_camera(&view->camera, err) &&
            check_transfer_function(&view->transfer_function, err) &&
            check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
-           check_shading(&view->shading, err) &&
-           check_choice(view->primitive, SP_PRIMITIVE_VECTOR, "/primitive/type", err) &&
+           check_shading(&view->shading, err) && check_layers(view, err) &&
            check_clip(&view->clip, err) && check_slices(view, err) &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }

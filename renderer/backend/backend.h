@@ -27,12 +27,13 @@
  * 0 = it supports no value. */
 struct sp_capabilities {
     uint32_t projections, filters, kernels, compositings, attenuations;
-    uint32_t orders, shadings, primitives, levels_of_detail;
+    uint32_t orders, shadings, levels_of_detail;
     bool gradient_axis; /* transfer_function.gradient */
     /* Sheets that are classified after interpolation. Without it render() fails with
      * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
     bool interpolated_sheets;
-    bool light; /* shading.occlusion and shading.shadow on such sheets; the same holds */
+    bool light;  /* shading.occlusion and shading.shadow on such sheets; the same holds */
+    bool layers; /* surfaces and shells; the same holds */
     bool clip_box, clip_planes;
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))
@@ -58,7 +59,8 @@ struct sp_backend_options {
 /* One frame to make. */
 struct sp_backend_job {
     struct sp_volume *volume;   /* the caller's reference, until the frame is finished */
-    const struct sp_view *view; /* its transfer_function.order is never SP_TF_AUTO */
+    const struct sp_view *view; /* its transfer_function.order is never SP_TF_AUTO, its
+                                   layers are those that are visible, possibly none */
     /* If the frame shows a part of the volume, the clip of the whole one, which casts its shadows;
      * NULL = the view's. */
     const struct sp_clip *light_clip;

@@ -332,6 +332,36 @@ void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
             out->planes[i].offset = mix(a->planes[i].offset, b->planes[i].offset, u);
 }
 
+static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, double u,
+                       struct sp_layer *out) {
+    if (a->type == SP_LAYER_SURFACE) {
+        out->value = mix(a->value, b->value, u);
+        out->opacity = mix_float(a->opacity, b->opacity, u);
+        for (int c = 0; c < 3; c++)
+            out->color[c] = mix_float(a->color[c], b->color[c], u);
+        if (isfinite(a->flatness) && isfinite(b->flatness))
+            out->flatness = mix(a->flatness, b->flatness, u);
+    }
+    if (a->type == SP_LAYER_SHELL) {
+        out->low = mix(a->low, b->low, u);
+        out->high = mix(a->high, b->high, u);
+    }
+}
+
+void srv_blend_layers(const struct sp_view *a, const struct sp_view *b, double u,
+                      struct sp_view *out) {
+    const struct sp_view *from = u >= 1 ? b : a;
+    memcpy(out->layers, from->layers, sizeof out->layers);
+    out->layer_count = from->layer_count;
+    if (u <= 0 || u >= 1 || a->layer_count != b->layer_count)
+        return;
+    for (uint32_t i = 0; i < a->layer_count; i++)
+        if (a->layers[i].type != b->layers[i].type)
+            return;
+    for (uint32_t i = 0; i < a->layer_count; i++)
+        mix_layers(&a->layers[i], &b->layers[i], u, &out->layers[i]);
+}
+
 void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, double u,
                       struct sp_slices *out) {
     *out = u >= 1 ? *b : *a;

@@ -14,6 +14,8 @@
  *   directions         turn as the camera does; opposite ones, which have no way between them, and
  *                      lists of different lengths, are a until u = 1
  *   c_min, c_max       a until u = 1 if one of them is automatic
+ *   layers             a until u = 1 if their number or their types differ; an infinite flatness is
+ *                      a until u = 1
  */
 #ifndef SRV_PATHS_BLEND_H
 #define SRV_PATHS_BLEND_H
@@ -38,6 +40,9 @@ void srv_blend_shading(const struct sp_shading *a, const struct sp_shading *b, d
                        struct sp_shading *out);
 void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
                     struct sp_clip *out);
+/* Of the members of the view only the layers are read and written. */
+void srv_blend_layers(const struct sp_view *a, const struct sp_view *b, double u,
+                      struct sp_view *out);
 void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, double u,
                       struct sp_slices *out);
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]);

@@ -16,7 +16,7 @@ enum track {
     TRACK_FILTER,
     TRACK_COMPOSITING,
     TRACK_SHADING,
-    TRACK_PRIMITIVE,
+    TRACK_LAYERS,
     TRACK_CLIP,
     TRACK_QUALITY,
     TRACK_SLICES,
@@ -24,7 +24,7 @@ enum track {
 };
 static const char *const track_names[TRACKS] = {
     "background", "camera", "transfer_function", "filter", "compositing", "shading",
-    "primitive",  "clip",   "quality",           "slices",
+    "layers",     "clip",   "quality",           "slices",
 };
 
 /* How a track approaches a key. */
@@ -143,6 +143,8 @@ static bool read_view(const proto_json *patch, const char *place, const struct s
         for (int t = 0; t < TRACKS; t++)
             if (strcmp(name, track_names[t]) == 0)
                 key->tracks |= 1u << t;
+        if (strcmp(name, "primitive") == 0) /* resets the layers */
+            key->tracks |= 1u << TRACK_LAYERS;
         if (strcmp(name, "volume") == 0 || strcmp(name, "size") == 0) {
             char where[SP_ERROR_PLACE];
             snprintf(where, sizeof where, "%.200s/%s", place, name);
@@ -322,8 +324,8 @@ static void blend(enum track track, const struct sp_view *a, const struct sp_vie
     case TRACK_SHADING:
         srv_blend_shading(&a->shading, &b->shading, u, &out->shading);
         break;
-    case TRACK_PRIMITIVE:
-        out->primitive = a->primitive;
+    case TRACK_LAYERS:
+        srv_blend_layers(a, b, u, out);
         break;
     case TRACK_CLIP:
         srv_blend_clip(&a->clip, &b->clip, u, &out->clip);

@@ -94,7 +94,7 @@ test('an invalid path is refused with a JSON pointer', async () => {
   for (const [more, pointer] of [
     [{ frames: 0 }, '/frames'], [{ frames: 1e6 }, '/frames'], [{ fps: 0 }, '/fps'], [{ format: 'mp4' }, '/format'], [{ size: [0, 1] }, '/size/0'],
     [{ view: { camera: { fov: 1 } } }, '/view/camera/fov'], [{ view: { volume: 'none' } }, '/view/volume'], [{ view: 3 }, '/view'], [{ x: 1 }, '/x'],
-    [{ keyframes: [{ frame: 1, view: { primitive: { type: 'vector' } } }] }, '/keyframes/0/view/primitive'],
+    [{ keyframes: [{ frame: 1, view: { primitive: { type: 'vector' } } }] }, '/keyframes/0/view/primitive/type'],
     [{ keyframes: [{ frame: 99, view: {} }] }, '/keyframes/0/frame'],
   ]) {
     const { status, json } = await daemon.post(API, pathOf(more));

@@ -143,7 +143,7 @@ test('a refused view is reported with its JSON pointer and creates no file', asy
   };
   await refused('{"camera":{"up":[0,0,0]}}', /^splatctl: \/camera\/up: up is zero/);
   await refused('{"camra":{}}', /^splatctl: \/camra: unknown field; did you mean "camera"\?/);
-  await refused('{"primitive":{"type":"shell"}}', /^splatctl: \/primitive\/type: .*supports volume/);
+  await refused('{"primitive":{"type":"shell"}}', /^splatctl: \/primitive\/type: .*layers/);
   await refused('{"transfer_function":{"order":"post"},"compositing":{"mode":"splat"}}', /^splatctl: \/transfer_function\/order: .*slab/);
   await refused('{"camera":', /^splatctl: standard input: not valid JSON at line 1/);
   assert.deepEqual(readdirSync(folder), before);

@@ -59,7 +59,8 @@ static void null_resets_a_field_to_its_default(void **state) {
     must_apply(
         "{\"volume\":\"other\",\"size\":[10,10],\"camera\":{\"fov_y\":45,\"up\":[0,1,0]},"
         "\"filter\":{\"sigma\":1,\"c_max\":3},\"shading\":{\"lights\":[],\"mode\":\"none\"},"
-        "\"primitive\":{\"type\":\"shell\"},\"clip\":{\"box\":[[0,0,0],[1,1,0.5]]},"
+        "\"layers\":[{\"type\":\"shell\"},{\"type\":\"surface\",\"value\":7}],\"clip\":{\"box\":[["
+        "0,0,0],[1,1,0.5]]},"
         "\"transfer_function\":{\"points\":[{\"value\":3,\"color\":[0,0,0],\"opacity\":0}]}}",
         &view);
     assert_string_equal(view.volume, "other");
@@ -68,7 +69,7 @@ static void null_resets_a_field_to_its_default(void **state) {
     assert_double(view.camera.up[1], 1);
     assert_true(isnan(view.filter.c_max));
     must_apply("{\"volume\":null,\"size\":null,\"camera\":null,\"filter\":null,\"shading\":null,"
-               "\"primitive\":null,\"clip\":null,\"transfer_function\":{\"points\":null}}",
+               "\"layers\":null,\"clip\":null,\"transfer_function\":{\"points\":null}}",
                &view);
     assert_memory_equal(&view, &defaults, sizeof view);
 }

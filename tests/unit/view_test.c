@@ -211,7 +211,9 @@ static void ranges_are_checked(void **state) {
     REFUSED(slices.normal[2], 0, "/slices/normal");
     REFUSED(slices.center, INFINITY, "/slices/window/center");
     REFUSED(slices.width, 0, "/slices/window/width");
-    REFUSED(primitive, (enum sp_primitive)9, "/primitive/type");
+    REFUSED(layer_count, 0, "/layers");
+    REFUSED(layer_count, SP_LAYERS_MAX + 1, "/layers");
+    REFUSED(layers[0].type, (enum sp_layer_type)9, "/layers/0/type");
     REFUSED(transfer_function.order, (enum sp_tf_order)3, "/transfer_function/order");
     struct sp_view full = view;
     full.clip.plane_count = SP_CLIP_PLANES_MAX;

@@ -96,7 +96,10 @@ const RULES = {
     }) };
   },
   slices: (a, b, u) => ({ ...blendAny(a, b, u), normal: blendDirection(a.normal, b.normal, u) || a.normal }),
-  primitive: (a) => a,
+  layers: (a, b, u) => {
+    const isAlike = a.length === b.length && a.every((layer, i) => layer.type === b[i].type);
+    return isAlike ? a.map((layer, i) => ({ ...blendAny(layer, b[i], u), visible: layer.visible })) : a;
+  },
   quality: (a) => a,
 };
 

@@ -219,7 +219,6 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
         .projections = SP_CAN(SP_PERSPECTIVE) | SP_CAN(SP_ORTHOGRAPHIC), .filters = SP_CAN_ALL,    \
         .kernels = SP_CAN_ALL, .compositings = SP_CAN_ALL, .attenuations = SP_CAN_ALL,             \
         .orders = SP_CAN_ALL, .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),      \
-        .primitives = SP_CAN(SP_PRIMITIVE_VOLUME),                                                 \
         .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true,       \
         .interpolated_sheets = true, .clip_box = true, .clip_planes = true                         \
     }

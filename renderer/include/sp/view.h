@@ -60,12 +60,6 @@ enum sp_tf_order {
 };
 enum sp_shading_mode { SP_SHADING_NONE, SP_SHADING_PHONG };
 enum sp_light_space { SP_LIGHT_CAMERA, SP_LIGHT_WORLD };
-enum sp_primitive {
-    SP_PRIMITIVE_VOLUME,
-    SP_PRIMITIVE_SURFACE,
-    SP_PRIMITIVE_SHELL,
-    SP_PRIMITIVE_VECTOR
-};
 enum sp_lod { SP_LOD_AUTO, SP_LOD_OFF };
 
 struct sp_camera {                 /* "/camera" */
@@ -159,6 +153,7 @@ enum sp_shell_detail {
  * eye. Clipping applies to all of them. Fields of other types are ignored. */
 struct sp_layer { /* "/layers/0" */
     enum sp_layer_type type;
+    bool visible;   /* false = as if the layer did not exist [true] */
     double value;   /* surface: iso-value, data unit; outside of the range nothing is drawn */
     float color[3]; /* surface: sRGB display values, [0, 1] [0.9, 0.85, 0.75] */
     float opacity;  /* surface: [0, 1]; 0 = invisible [1] */
@@ -201,8 +196,7 @@ struct sp_view {
     struct sp_filter filter;
     struct sp_compositing_options compositing;
     struct sp_shading shading;
-    enum sp_primitive primitive; /* "/primitive/type" [volume] */
-    uint32_t layer_count;        /* [1, SP_LAYERS_MAX] [1] */
+    uint32_t layer_count; /* [1, SP_LAYERS_MAX] [1] */
     /* "/layers": in any order; at most one volume and one shell [the volume] */
     struct sp_layer layers[SP_LAYERS_MAX];
     struct sp_clip clip;
@@ -221,6 +215,9 @@ SP_API void sp_view_init(struct sp_view *view, const struct sp_volume_info *info
  * samples, on this thread. The result depends on the volume alone. Where nothing can be found
  * (a single value, no memory), it equals sp_view_init(). Thread-safe; never fails. */
 SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const char *id);
+
+/* The defaults of a layer of that type; a surface has no value yet (NaN). Thread-safe. */
+SP_API struct sp_layer sp_layer_default(enum sp_layer_type type);
 
 /* True if slices are drawn in the image. Thread-safe. */
 SP_API bool sp_view_draws_slices(const struct sp_view *view);
