@@ -3,7 +3,7 @@
 import { imageOf } from './annotations.js';
 import { byId } from './dom.js';
 
-const TEXTS = '.pane-title, .slice-letter, .slice-place, .slice-read, .scale-text';
+const TEXTS = '.pane-title, .slice-letter, .slice-foot input, .slice-foot span, .slice-read, .scale-text';
 
 const panes = () => [...document.querySelectorAll('main > .pane:not([hidden])')];
 
@@ -19,12 +19,13 @@ function drawTexts(context, pane, origin) {
   context.shadowColor = '#000';
   context.shadowBlur = 3;
   for (const element of pane.querySelectorAll(TEXTS)) {
-    if (!element.checkVisibility() || !element.textContent) continue;
+    const text = element.value ?? element.textContent;
+    if (!element.checkVisibility() || !text) continue;
     const box = element.getBoundingClientRect();
     const style = getComputedStyle(element);
     context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
     context.fillStyle = style.color;
-    context.fillText(element.textContent, box.left - origin.left, box.top - origin.top + box.height / 2);
+    context.fillText(text, box.left - origin.left + parseFloat(style.paddingLeft), box.top - origin.top + box.height / 2);
   }
   const line = pane.querySelector('.scale-line');
   if (line?.checkVisibility()) {

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Draws the measurements above the 3-D picture and above the slices: lines, handles of the selected one, and labels. Handles are dragged
 // here; the keyboard moves them in the panel (measure_section.js).
+import { placeLabels } from '../core/labels.js';
 import { labelLines } from '../core/measure_text.js';
 import { handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners } from '../core/measures.js';
 import { meetPlane, pointAtDepth, ray } from '../core/project.js';
@@ -14,8 +15,6 @@ const PADDING_PX = 6;
 const DOT_PX = 5;
 const HIT_PX = 14;
 const CURSOR_PX = [4, 13]; // from the middle
-const EDGE_PX = 2;
-const LABEL_TRIES = 15;
 const context = new OffscreenCanvas(1, 1).getContext('2d');
 context.font = FONT;
 const widths = new Map();
@@ -31,17 +30,18 @@ function widthOf(text) {
 
 /** The elements of one <g> by key; those that a drawing does not use are removed. Labels lie above all lines. */
 class Sheet {
-  #lines = svg('g'); #texts = svg('g'); #known = new Map(); #used = new Set(); #labels = [];
+  #lines = svg('g'); #texts = svg('g'); #top = svg('g'); #known = new Map(); #used = new Set(); #labels = [];
   /** Of the picture, px. */
   size = [Infinity, Infinity];
-  constructor(group) { group.append(this.#lines, this.#texts); }
+  constructor(group) { group.append(this.#lines, this.#texts, this.#top); }
 
   put(key, tag, attributes, text) {
     let element = this.#known.get(key);
     if (!element) {
       element = svg(tag);
       this.#known.set(key, element);
-      (tag === 'rect' || tag === 'text' ? this.#texts : this.#lines).append(element);
+      const isLabel = tag === 'rect' || tag === 'text';
+      (!isLabel ? this.#lines : key.startsWith('top:') ? this.#top : this.#texts).append(element);
     }
     for (const [name, value] of Object.entries(attributes)) if (element.getAttribute(name) !== String(value)) element.setAttribute(name, value);
     if (text !== undefined && element.textContent !== text) element.textContent = text;
@@ -49,20 +49,18 @@ class Sheet {
     return element;
   }
 
-  /** The place for a label of `size` px nearest to `wanted` that no earlier label covers: above or below it, inside the picture. */
-  free(wanted, [width, height]) {
-    const inside = (at, side, most) => Math.max(Math.min(at, most - side / 2 - EDGE_PX), side / 2 + EDGE_PX);
-    const isTaken = ({ x, y }) => this.#labels.some((other) => Math.abs(other.x - x) < (other.width + width) / 2 + 2
-      && Math.abs(other.y - y) < (other.height + height) / 2 + 2);
-    const tries = Array.from({ length: LABEL_TRIES }, (_, i) => ({
-      x: inside(wanted.x, width, this.size[0]), y: inside(wanted.y + Math.ceil(i / 2) * (i % 2 ? -1 : 1) * LINE_PX, height, this.size[1]),
-    }));
-    const at = tries.find((place) => !isTaken(place)) ?? tries[0];
-    this.#labels.push({ ...at, width, height });
-    return at;
+  /** Draws a label once all are known: label = {key, item, lines, wanted, size, anchors}; core/labels.js explains the last three. */
+  label(label) {
+    this.#labels.push(label);
   }
 
-  end() {
+  /** Draws the labels, and removes what this drawing did not use. A label without a free place appears above the others if it `isWanted`. */
+  end(isWanted) {
+    placeLabels(this.#labels, this.size).forEach((place, i) => {
+      const label = this.#labels[i];
+      if (place) this.#putLabel(label, place, '');
+      else if (isWanted(label.item)) this.#putLabel(label, { ...label.wanted, leader: null }, 'top:');
+    });
     this.#labels = [];
     for (const [key, element] of this.#known) {
       if (this.#used.has(key)) continue;
@@ -70,6 +68,18 @@ class Sheet {
       this.#known.delete(key);
     }
     this.#used.clear();
+  }
+
+  #putLabel({ key, item, lines, size: [width, height] }, { x, y, leader }, above) {
+    if (leader) {
+      const d = pathOf([leader.from, leader.to]);
+      this.put(`${key}:leader-halo`, 'path', { class: 'measure-leader-halo', d });
+      this.put(`${key}:leader`, 'path', { class: 'measure-leader', d, stroke: item.color });
+    }
+    this.put(`${above}${key}:box`, 'rect', { class: 'measure-box', x: x - width / 2, y: y - height / 2, width, height, rx: 5, stroke: item.color });
+    lines.forEach((line, i) => this.put(`${above}${key}:text${i}`, 'text', {
+      class: 'measure-label', x, y: y - height / 2 + 2 + LINE_PX * (i + 0.5),
+    }, line));
   }
 }
 
@@ -109,6 +119,13 @@ function labelPlace(item, points, size) {
   return { x: (left + right) / 2, y: top - 2 * reach >= 0 ? top - reach : bottom + reach };
 }
 
+/** Where a line to a label that lies apart may begin. */
+function anchorsOf({ kind }, points) {
+  const middle = (a, b) => ({ x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 });
+  const named = { distance: () => [middle(points[0], points[1])], profile: () => [middle(points[0], points[1])], angle: () => [points[1]] }[kind];
+  return (named ? named() : points).filter(hasPlace);
+}
+
 /** True if a part of the measurement is in the picture; otherwise its label would point at nothing. */
 function isSeen(points, [width, height]) {
   const seen = points.filter(hasPlace);
@@ -122,13 +139,7 @@ function drawLabel(sheet, key, item, points) {
   const size = [Math.max(...lines.map(widthOf)) + 2 * PADDING_PX, lines.length * LINE_PX + 4];
   const wanted = labelPlace(item, points, size);
   if (!hasPlace(wanted)) return;
-  const at = sheet.free(wanted, size);
-  sheet.put(`${key}:box`, 'rect', {
-    class: 'measure-box', x: at.x - size[0] / 2, y: at.y - size[1] / 2, width: size[0], height: size[1], rx: 5, stroke: item.color,
-  });
-  lines.forEach((line, i) => sheet.put(`${key}:text${i}`, 'text', {
-    class: 'measure-label', x: at.x, y: at.y - size[1] / 2 + 2 + LINE_PX * (i + 0.5),
-  }, line));
+  sheet.label({ key, item, lines, wanted, size, anchors: anchorsOf(item, points) });
 }
 
 function drawItem(sheet, item, { toScreen, isSelected, handle, isApart }) {
@@ -194,11 +205,13 @@ function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
     const { x, y } = toScreen(measures.probe);
     if (hasPlace({ x, y })) sheet.put('probe', 'circle', { class: 'measure-probe', cx: x, cy: y, r: 4 });
   }
-  sheet.end();
+  sheet.end((item) => item === measures.selected || item.id === measures.hovered);
 }
 
-/** Selects what is pressed, and drags handles. move(item, handle, at) gives the world point; settle(world, at) the final one. */
+/** Selects what is pressed, shows the label of what the pointer is on, and drags handles. move(item, handle, at) gives the world point; settle(world, at) the final one. */
 function listen(group, measures, { place, move, settle }) {
+  group.addEventListener('pointerover', ({ target }) => measures.hover(target.dataset.item ?? null));
+  group.addEventListener('pointerleave', () => measures.hover(null));
   group.addEventListener('pointerdown', (event) => {
     const { item: id, handle: grip } = event.target.dataset;
     if (!id || event.button !== 0) return;
@@ -267,7 +280,7 @@ export function installLayers(app, measures) {
       redraw();
     }
   };
-  measures.on('change', update);
+  for (const event of ['change', 'hover']) measures.on(event, update);
   app.modes.on('change', update);
 }
 

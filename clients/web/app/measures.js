@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The measurements of the session in this window: local changes at once, one request per measurement in flight, undo, and what the daemon
-// tells of others. Event: change. The parts: measure_tools.js (drawing new ones), measure_layer.js (lines above the pictures),
+// tells of others. Events: change; hover. The parts: measure_tools.js (drawing new ones), measure_layer.js (lines above the pictures),
 // measure_section.js (the panel).
 import { Emitter } from '../core/emitter.js';
 import { Changes, MeasureList, putParams, quickValue, unitOf } from '../core/measures.js';
@@ -35,6 +35,8 @@ export class Measures extends Emitter {
   #gesture = null; // {id, before}: a drag counts as one change
   #selected = null;
   #numbers = new Map(); // id → number in the name of a measurement without a text
+  /** The measurement under the pointer, by id. */
+  hovered = null;
   /** The handle of the selected measurement that has the focus; null = none. */
   handle = null;
   /** A world point that the plot of a profile points at. */
@@ -84,6 +86,13 @@ export class Measures extends Emitter {
     this.#selected = id;
     this.handle = this.probe = null;
     this.#show();
+  }
+
+  /** The pointer is on the lines of a measurement; null = of none. */
+  hover(id) {
+    if (this.hovered === id) return;
+    this.hovered = id;
+    this.emit('hover');
   }
 
   pointAt(world) {

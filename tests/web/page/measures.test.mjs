@@ -6,6 +6,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { fileURLToPath } from 'node:url';
+import { compare } from '../../support/compare.mjs';
 import { drag, firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
@@ -234,6 +235,55 @@ test('a tool chosen by its key takes the focus to the picture and gives it back'
   await drag(page, await spot(page, 'axial', 0.4, 0.35), await spot(page, 'axial', 0.55, 0.55));
   await all(1);
   assert.equal(await page.evaluate(() => document.activeElement.closest('.pane')?.id), 'pane-axial', 'the focus stays where the pointer was used');
+  assert.deepEqual(said, []);
+});
+
+test('twelve measurements in one place: no label covers another, and what has no place shows under the pointer', async (context) => {
+  const { page, said, measured: all } = await open(context, { layout: '3d' });
+  const session = await page.evaluate(() => window.splatd.session);
+  const { origin, searchParams } = new URL(daemon.url);
+  const kinds = ['distance', 'rectangle', 'angle', 'marker', 'profile', 'ellipse'];
+  const points = { 1: [[0, 0, 0]], 2: [[0, 0, 0], [6, 2, 0]], 3: [[0, 0, 0], [6, 0, 0], [0, 4, 0]] };
+  for (let i = 0; i < 12; i += 1) {
+    const kind = kinds[i % 6];
+    const place = [16 + (i % 4), 8 + Math.floor(i / 4), 9];
+    const response = await fetch(`${origin}/api/v1/sessions/${session}/measures`, {
+      method: 'POST', headers: { Authorization: `Bearer ${searchParams.get('token')}`, 'Content-Type': 'application/json' },
+      body: JSON.stringify({
+        kind, points: points[{ marker: 1, distance: 2, profile: 2 }[kind] ?? 3].map((point) => point.map((part, axis) => part + place[axis])),
+        text: `${kind} ${i}`, color: ['#56b4e9', '#e69f00', '#009e73', '#cc79a7'][i % 4],
+      }),
+    });
+    assert.equal(response.status, 201, await response.text());
+  }
+  await all(12);
+  const boxes = () => page.evaluate(() => [...document.querySelectorAll('#overlay .measure-box')].map((box) => {
+    const { left, right, top, bottom } = box.getBoundingClientRect();
+    return { left, right, top, bottom };
+  }));
+  const overlaps = (list) => list.flatMap((a, i) => list.slice(i + 1)
+    .filter((b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom).map((b) => [a, b]));
+  await page.locator('#overlay .measure-box').nth(11).waitFor();
+  assert.deepEqual(overlaps(await boxes()), []);
+  compare(await page.locator('#overlay .measure-leader').count(), '>', 4, 'lines lead to labels that moved');
+  await shot(page, 'measures-labels');
+  await page.setViewportSize({ width: 520, height: 380 });
+  await until(page, 'labels are left out', () => document.querySelectorAll('#overlay .measure-box').length < 12);
+  const some = await boxes();
+  assert.deepEqual(overlaps(some), []);
+  await shot(page, 'measures-labels-small');
+  // A text without a place shows while the pointer is on its measurement.
+  const hidden = await page.evaluate(() => {
+    const shown = [...document.querySelectorAll('#overlay .measure-label')].map((label) => label.textContent);
+    return window.splatd.measures.find(({ text: name }) => !shown.includes(name));
+  });
+  const text = page.locator('#overlay .measure-label', { hasText: hidden.text });
+  const dot = page.locator(`#overlay [data-item="${hidden.id}"]`).first();
+  await dot.dispatchEvent('pointerover');
+  await text.waitFor();
+  assert.equal((await boxes()).length, some.length + 1);
+  await page.locator('#overlay .measures').dispatchEvent('pointerleave');
+  await text.waitFor({ state: 'detached' });
   assert.deepEqual(said, []);
 });
 

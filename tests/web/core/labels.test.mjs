@@ -1,0 +1,46 @@
+// SPDX-License-Identifier: Apache-2.0
+import assert from 'node:assert/strict';
+import { test } from 'node:test';
+import { placeLabels } from '../../../clients/web/core/labels.js';
+import { compare } from '../../support/compare.mjs';
+
+const label = (x, y, [width, height] = [120, 20]) => ({ wanted: { x, y }, size: [width, height], anchors: [{ x, y: y + 18 }] });
+
+/** Pairs of placed labels that cover each other. */
+const overlaps = (places, labels) => places.flatMap((a, i) => places.slice(i + 1).flatMap((b, j) => {
+  if (!a || !b) return [];
+  const [first, second] = [labels[i].size, labels[i + 1 + j].size];
+  const isOver = Math.abs(a.x - b.x) < (first[0] + second[0]) / 2 && Math.abs(a.y - b.y) < (first[1] + second[1]) / 2;
+  return isOver ? [[i, i + 1 + j]] : [];
+}));
+
+test('a label alone stays where it is wanted, but inside the picture', () => {
+  assert.deepEqual(placeLabels([label(200, 100)], [400, 300]), [{ x: 200, y: 100, leader: null }]);
+  const [{ x, y }] = placeLabels([label(395, 4)], [400, 300]);
+  assert.deepEqual([x, y], [338, 12]);
+});
+
+test('labels at one place move apart, nearest first, with a line from what they name to their border', () => {
+  const labels = Array.from({ length: 20 }, () => label(300, 200));
+  const places = placeLabels(labels, [600, 400]);
+  assert.equal(places.filter(Boolean).length, 20);
+  assert.deepEqual(overlaps(places, labels), []);
+  for (const { x, y } of places) {
+    compare(x, '>=', 62);
+    compare(y, '>=', 12);
+  }
+  const far = places.map(({ x, y }) => Math.hypot((x - 300) * 0.8, y - 200));
+  for (let i = 1; i < far.length; i += 1) compare(far[i], '>=', far[i - 1] - 0.31);
+  for (const { x, y, leader } of places.slice(1)) {
+    assert.deepEqual(leader.from, { x: 300, y: 218 });
+    const touches = Math.max(Math.abs(leader.to.x - x) / 60, Math.abs(leader.to.y - y) / 10);
+    compare(touches, '<=', 1 + 1e-9);
+  }
+});
+
+test('a label without a free place near enough is left out, and the others stay', () => {
+  const labels = Array.from({ length: 30 }, () => label(100, 60, [180, 24]));
+  const places = placeLabels(labels, [200, 120]);
+  assert.equal(places.filter(Boolean).length, 3);
+  assert.deepEqual(overlaps(places, labels), []);
+});
