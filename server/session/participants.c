@@ -58,6 +58,17 @@ static void free_participant(struct srv_participant *p) {
     free(p);
 }
 
+/* The next number that is free: after a restart, guests return with the numbers that they had. */
+static void set_default_name(struct srv_session *session, struct srv_participant *p) {
+    const struct srv_participant *other = NULL;
+    do {
+        snprintf(p->identity.name, sizeof p->identity.name, "Guest %u", session->next_guest++);
+        other = session->participants;
+        while (other && strcmp(other->identity.name, p->identity.name) != 0)
+            other = other->next;
+    } while (other);
+}
+
 struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum srv_role role,
                                      const char *token, void *user, double now_ms,
                                      struct sp_error *err) {
@@ -91,7 +102,7 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         p->identity.id = ++hub->participants.next_id;
         p->pending.volume_start = hub->volumes.clock;
         p->identity.color = free_color(session);
-        snprintf(p->identity.name, sizeof p->identity.name, "Guest %u", session->next_guest++);
+        set_default_name(session, p);
         p->next = session->participants;
         session->participants = p;
         session->participant_count++;

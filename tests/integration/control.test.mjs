@@ -52,6 +52,15 @@ test('every participant receives the list of participants with role, name and co
   await leave(people);
 });
 
+test('the first name is one that no other participant has', async () => {
+  const people = await meet(daemon, 'control');
+  await people[0].stream.call('stream.configure', { name: 'Guest 2' });
+  const stream = await daemon.stream({ session: people[0].session, token: people[0].session.tokens.view });
+  const { params } = await stream.note('session.participants', (p) => p.you > 0);
+  assert.equal(params.participants.find((p) => p.id === params.you).name, 'Guest 3');
+  await leave([...people, { stream }]);
+});
+
 test('a change of the name alone causes no frame', async () => {
   const [one] = await meet(daemon, 'control');
   await one.stream.final(0);

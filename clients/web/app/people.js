@@ -39,11 +39,20 @@ export function install(app) {
       app.configure({ name });
     },
   });
-  /** The name that the daemon gave first stays over a reload and a restart of the daemon. */
+  let own = null; // {session, name}: the name that this page has there
+  /** The name that the daemon gave first stays over a reload and a restart of the daemon. A copy of the tab finds it taken, and keeps its own. */
   const keepName = () => {
-    const key = `guest:${connection.session?.id}`;
-    if (participants.me?.name && !storage.recall('name') && !storage.recall(key)) storage.remember(key, participants.me.name);
+    const { me, people: all } = participants;
+    const session = connection.session?.id;
+    if (!me?.name || !session || own?.session === session || storage.recall('name')) return;
+    const key = `guest:${session}`;
+    const known = storage.recall(key);
+    const isFree = known && !all.some(({ isYou, name }) => !isYou && name === known);
+    own = { session, name: isFree ? known : me.name };
+    storage.remember(key, own.name);
+    if (own.name !== me.name) app.configure({ name: own.name });
   };
+  app.guestName = () => (own?.session === connection.session?.id ? own?.name : null);
   app.showParticipants = () => {
     keepName();
     viewer.allow(participants.mayChange);

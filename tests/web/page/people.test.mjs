@@ -44,7 +44,7 @@ const orbit = async (page) => {
 const names = (page) => page.locator('#people li .name').allTextContents();
 const isSame = (a, b) => a.position.every((x, i) => Math.abs(x - b.position[i]) < 1e-6);
 
-test('a participant without a typed name keeps its number over a reload', async (context) => {
+test('a participant without a typed name keeps its number over a reload; a copy of its tab gets another', async (context) => {
   const host = await open(context, daemon.url);
   const guest = await open(context, await link(host.page, 'control'));
   await until(guest.page, 'the first name', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
@@ -52,6 +52,16 @@ test('a participant without a typed name keeps its number over a reload', async 
   await firstFrame(guest.page);
   await until(host.page, 'the same name', (s) => s.people.length === 2 && s.people.some((p) => !p.isYou && p.name === 'Guest 2'));
   await until(guest.page, 'the same name here', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
+  // A copy of the tab has the same session storage.
+  const [copy] = await Promise.all([guest.context.waitForEvent('page'), guest.page.evaluate(() => { window.open(location.href); })]);
+  await firstFrame(copy);
+  assert.ok(await copy.evaluate(() => Object.keys(sessionStorage).some((key) => key.includes('guest:'))), 'the storage is copied');
+  const named = await until(copy, 'a name of its own', (s) => s.people.length === 3 && s.people.find((p) => p.isYou && p.name !== 'Guest 2')?.name);
+  await until(guest.page, 'three names', (s) => new Set(s.people.map((p) => p.name)).size === 3);
+  await until(guest.page, 'its own number', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
+  await copy.reload();
+  await firstFrame(copy);
+  await until(guest.page, 'the name of the copy', `(s) => s.people.length === 3 && s.people.some((p) => !p.isYou && p.name === '${named}')`);
 });
 
 test('links, names and transfer of control work between participants', async (context) => {

@@ -89,6 +89,9 @@ test('after a restart with a new token, host and guest meet in their session', a
   await until(host.page, 'both again', (s) => s.state === 'live' && s.people.length === 2);
   await until(guest.page, 'both again', (s) => s.state === 'live' && s.people.length === 2);
   assert.equal(await session(host.page), id);
+  for (const [page, number] of [[host.page, 1], [guest.page, 2]]) {
+    await until(page, 'the numbers from before', `(s) => s.people.length === 2 && s.people.every((p) => p.name === 'Guest ' + (p.isYou ? ${number} : ${3 - number}))`);
+  }
   await prompt(host.page, 'locked').waitFor();
   await shot(host.page, 'session-locked');
   await prompt(host.page, 'locked').locator('.buttons button').click();
@@ -110,7 +113,8 @@ test('after a restart with a new token, host and guest meet in their session', a
   await host.page.goto(daemon.url);
   await firstFrame(host.page);
   assert.equal(await session(host.page), id, 'the old tab with the new token');
-  await until(guest.page, 'three participants', (s) => s.people.length === 3);
+  await until(guest.page, 'three participants with names of their own', (s) => new Set(s.people.map((p) => p.name)).size === 3);
+  await until(guest.page, 'the number of the guest', (s) => s.people.some((p) => p.isYou && p.name === 'Guest 2'));
   const other = await host.context.newPage();
   await other.goto(daemon.url);
   await firstFrame(other);
