@@ -81,6 +81,11 @@
 #define sp_rows_prefetch SP_ISA_NAME(sp_rows_prefetch)
 #define sp_rows_read SP_ISA_NAME(sp_rows_read)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
+/* surface/ */
+#define sp_surface_tile SP_ISA_NAME(sp_surface_tile)
+#define sp_surface_set_up SP_ISA_NAME(sp_surface_set_up)
+#define sp_surface_resolve SP_ISA_NAME(sp_surface_resolve)
+#define sp_surface_clip_share SP_ISA_NAME(sp_surface_clip_share)
 /* light/ */
 #define sp_light_find_cells SP_ISA_NAME(sp_light_find_cells)
 #define sp_light_pass SP_ISA_NAME(sp_light_pass)

@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The points of an iso-surface: where it crosses the cells between samples.
+ *
+ *   cell of 8 samples ─► one point per piece of surface in it: place, vector area, normal
+ *
+ * The surface is f = v of the trilinear interpolant f of the samples; f >= v is inside. README.md
+ * of this folder derives the three quantities. Points are kept in blocks of 8³ cells, so that
+ * frames skip and order them together.
+ */
+#ifndef SP_SURFACE_POINTS_H
+#define SP_SURFACE_POINTS_H
+
+#include "surface/ranges.h"
+
+enum { SURFACE_POINTS_BEYOND = 16 }; /* more of each array can be read */
+#define SURFACE_PLACE_STEPS 8192.0f  /* per cell */
+#define SURFACE_AREA_STEPS 16384.0f  /* per face of a cell */
+#define SURFACE_NORMAL_STEPS 32767.0f
+
+struct sp_surface_block {
+    uint32_t corner[3]; /* first cell = first sample */
+    uint32_t count;     /* points, at least 1 */
+    uint64_t first;
+    uint16_t low[3], high[3]; /* bounds of the points, as in `at` */
+};
+
+struct sp_surface_points {
+    uint32_t block_count;
+    uint64_t count;
+    struct sp_surface_block *blocks;
+    uint16_t *at[3];    /* from the block's corner [cell/SURFACE_PLACE_STEPS] */
+    int16_t *area[3];   /* from inside to outside, in index space [SURFACE_AREA_STEPS per face] */
+    int16_t *normal[3]; /* unit gradient, world; 0 = the gradient is 0 */
+};
+
+/* Extracts the points of the value. The order of the points does not depend on threads. Fails
+ * before the points are made if they need more than bytes_max. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED; *points is then empty. */
+bool sp_surface_points_init(struct sp_surface_points *points, const struct sp_surface_job *job,
+                            const struct sp_surface_ranges *ranges, uint64_t bytes_max,
+                            struct sp_error *err);
+void sp_surface_points_finish(struct sp_surface_points *points);
+uint64_t sp_surface_points_bytes(const struct sp_surface_points *points);
+
+#endif

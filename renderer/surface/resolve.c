@@ -1,0 +1,174 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+
+#include "splat/exp2.h"
+#include "surface/footprint.h"
+
+static const float full = 0.96f;        /* weight from which on a pixel is covered (tile.c) */
+static const float least = 1.0f / 4096; /* smaller coverage is not drawn */
+
+/* One row of a sheet, resolved. */
+struct resolved {
+    float depth[SURFACE_STRIDE]; /* [cells] */
+    float coverage[SURFACE_STRIDE], color[3][SURFACE_STRIDE];
+};
+
+/* The ray of a pixel: u = depth·ray in perspective, (ray0, ray1, depth) else. */
+static inline void find_ray(const struct sp_ewa_frame *f, int x, int y, sp_wide ray[2]) {
+    const float inverse = 1 / f->scale;
+    ray[0] = (sp_wide_count() + ((float)x + 0.5f - f->centre[0])) * inverse;
+    ray[1] = sp_wide_all(((float)y + 0.5f - f->centre[1]) * inverse);
+}
+
+/* How much the plane keeps of pixels: its distance from the plane over its change per pixel, along
+ * the sheet. */
+static inline sp_wide plane_share(const struct sp_ewa_frame *f, const struct sp_clip_half *h,
+                                  const sp_wide ray[2], sp_wide depth, const sp_wide n[3]) {
+    const bool is_perspective = f->projection == SP_PERSPECTIVE;
+    const sp_wide tiny = sp_wide_all(1e-20f);
+    sp_wide across, along, value, change[2];
+    if (is_perspective) {
+        across = n[0] * ray[0] + n[1] * ray[1] + n[2];
+        along = h->normal[0] * ray[0] + h->normal[1] * ray[1] + h->normal[2];
+        value = depth * along - h->offset;
+    } else {
+        across = n[2];
+        along = sp_wide_all(h->normal[2]);
+        value = h->normal[0] * ray[0] + h->normal[1] * ray[1] + h->normal[2] * depth - h->offset;
+    }
+    /* Depth changes by −(n_i/across) per change of the ray; a sheet that is seen from its side
+     * changes by as much as one at 85°. */
+    sp_wide length = sp_wide_sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    sp_wide bound = sp_wide_max(0.08f * length, tiny);
+    across = sp_wide_copysign(sp_wide_max(sp_wide_abs(across), bound), across);
+    for (int i = 0; i < 2; i++)
+        change[i] = h->normal[i] - along * n[i] / across;
+    sp_wide step = sp_wide_sqrt(change[0] * change[0] + change[1] * change[1]);
+    step *= (is_perspective ? depth : sp_wide_all(1)) / f->scale;
+    sp_wide share = value / sp_wide_max(step, tiny) + 0.5f;
+    return sp_wide_min(sp_wide_max(share, sp_wide_all(0)), sp_wide_all(1));
+}
+
+sp_wide sp_surface_clip_share(const struct sp_surface *s, int x, int y, sp_wide depth,
+                              const sp_wide normal[3]) {
+    const struct sp_clip_half near = { { 0, 0, 1 }, s->frame.near };
+    sp_wide ray[2], share = sp_wide_all(1);
+    find_ray(&s->frame, x, y, ray);
+    for (uint32_t i = 0; i < s->clip.count; i++)
+        share *= plane_share(&s->frame, &s->clip.planes[i], ray, depth, normal);
+    if (s->cuts_near)
+        share *= plane_share(&s->frame, &near, ray, depth, normal);
+    return share;
+}
+
+static inline void shade(const struct sp_surface *s, int x, int y, const sp_wide normal[3],
+                         sp_wide color[3]) {
+    sp_wide eye[3] = { sp_wide_all(0), sp_wide_all(0), sp_wide_all(-1) }, to_eye[3], world[3];
+    for (int c = 0; c < 3; c++)
+        color[c] = sp_wide_all(s->color[c]);
+    if (!s->shade)
+        return;
+    if (s->frame.projection == SP_PERSPECTIVE) {
+        sp_wide ray[2];
+        find_ray(&s->frame, x, y, ray);
+        sp_wide length = sp_wide_inverse_sqrt(ray[0] * ray[0] + ray[1] * ray[1] + 1);
+        eye[0] = -ray[0] * length;
+        eye[1] = -ray[1] * length;
+        eye[2] = -length;
+    }
+    sp_shade_eye(s->shade, eye, to_eye);
+    sp_shade_eye(s->shade, normal, world);
+    sp_shade_direction(s->shade, world, to_eye, color);
+}
+
+static void resolve_row(const struct sp_surface *s, const struct sp_surface_sheet_row *row, int x0,
+                        int y, struct resolved *out) {
+    const sp_wide tiny = sp_wide_all(1e-30f), one = sp_wide_all(1), none = sp_wide_all(0);
+    for (int x = 0; x < SP_FRAGMENT_TILE; x += SP_WIDE) {
+        sp_wide w = sp_wide_load(row->weight + x), normal[3], color[3], square = none;
+        sp_wide_store(out->coverage + x, none);
+        if (!sp_wide_any(sp_wide_lt(sp_wide_all(least), w)))
+            continue;
+        sp_wide depth = sp_wide_load(row->depth + x) / sp_wide_max(w, tiny) + s->depth_first;
+        sp_wide coverage = sp_wide_min(w * (1 / full), one);
+        for (int r = 0; r < 3; r++) {
+            normal[r] = sp_wide_load(row->normal[r] + x);
+            square += normal[r] * normal[r];
+        }
+        sp_wide length = sp_wide_sqrt(square);
+        sp_wide_mask has_side = sp_wide_lt(w * 1e-3f, length);
+        for (int r = 0; r < 3; r++)
+            normal[r] = sp_wide_keep(has_side, normal[r] / sp_wide_max(length, tiny));
+        shade(s, x0 + x, y, normal, color);
+        if (s->clip.count || s->cuts_near)
+            coverage *= sp_surface_clip_share(s, x0 + x, y, depth, normal);
+        sp_wide_store(out->depth + x, depth);
+        sp_wide_store(out->coverage + x, coverage);
+        for (int c = 0; c < 3; c++)
+            sp_wide_store(out->color[c] + x, color[c]);
+    }
+}
+
+enum { ROWS = 2 * SURFACE_SHEETS };
+
+/* The alpha of a sheet behind another one of the same silhouette. Both cover the same part of the
+ * pixel as far as they can, so that they do not hide each other's gaps:
+ *
+ *   transmittance of both = (1 − larger) + (larger − smaller)·(1 − o) + smaller·(1 − o)²
+ */
+static float alpha_behind(float opacity, float front, float behind) {
+    const float through = 1 - opacity, larger = fmaxf(front, behind);
+    const float smaller = fminf(front, behind), first = 1 - opacity * front;
+    float both = 1 - larger + (larger - smaller) * through + smaller * through * through;
+    return first > 1e-6f ? fmaxf(0, 1 - both / first) : 0;
+}
+
+/* Adds the sheets of one pixel. A ray enters and leaves a body in turns; from the first sheet on,
+ * each pair of different facing belongs to one silhouette. */
+static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROWS], int x,
+                      struct sp_fragment_tile *tile, int pixel) {
+    int order[ROWS], count = 0, last = -1;
+    for (int i = 0; i < ROWS; i++) {
+        int at = count;
+        if (!(rows[i].coverage[x] > least))
+            continue;
+        for (; at > 0 && rows[i].depth[x] < rows[order[at - 1]].depth[x]; at--)
+            order[at] = order[at - 1];
+        order[at] = i;
+        count++;
+    }
+    for (int k = 0; k < count; k++) {
+        const struct resolved *row = &rows[order[k]];
+        float coverage = row->coverage[x], alpha = s->opacity * coverage;
+        bool is_pair = last >= 0 && last / SURFACE_SHEETS != order[k] / SURFACE_SHEETS;
+        if (is_pair)
+            alpha = alpha_behind(s->opacity, rows[last].coverage[x], coverage);
+        last = is_pair ? -1 : order[k];
+        const struct sp_fragment fragment = { .depth = row->depth[x] * (float)s->frame.unit,
+                                              .color = { row->color[0][x] * alpha,
+                                                         row->color[1][x] * alpha,
+                                                         row->color[2][x] * alpha },
+                                              .alpha = alpha };
+        if (alpha > least)
+            sp_fragment_add(tile, pixel, &fragment);
+        if (s->is_opaque && coverage >= 1)
+            return;
+    }
+}
+
+void sp_surface_resolve(const struct sp_surface *s, const struct sp_surface_scratch *scratch,
+                        struct sp_fragment_tile *tile) {
+    const int columns = s->frame.size[0] - tile->x, rows = s->frame.size[1] - tile->y;
+    struct resolved resolved[ROWS];
+    for (int i = 0; i < ROWS; i++)
+        for (int x = 0; x < SURFACE_STRIDE; x++)
+            resolved[i].coverage[x] = 0;
+    for (int y = 0; y < SP_FRAGMENT_TILE && y < rows; y++) {
+        for (int facing = 0; facing < 2; facing++)
+            for (int l = 0; l < scratch->used[facing]; l++)
+                resolve_row(s, &scratch->sheets[facing][l][y], tile->x, tile->y + y,
+                            &resolved[facing * SURFACE_SHEETS + l]);
+        for (int x = 0; x < SP_FRAGMENT_TILE && x < columns; x++)
+            add_pixel(s, resolved, x, tile, y * SP_FRAGMENT_TILE + x);
+    }
+}

@@ -1,0 +1,160 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+
+#include "splat/exp2.h"
+#include "surface/footprint.h"
+#include "volume/grid.h"
+
+/* Coverage is complete from this weight on: the ripple of a plane's weights is smaller. */
+static const float full = 0.96f;
+
+static void init_cells(const struct sp_surface *s, const struct sp_surface_block *block,
+                       struct sp_surface_cells *cells) {
+    const struct sp_grid *grid = s->frame.grid;
+    double start[3];
+    cells->is_rectilinear = sp_grid_is_rectilinear(grid);
+    for (unsigned a = 0; a < 3; a++) {
+        const double inverse = 1 / grid->spacing[a];
+        start[a] = sp_grid_distance(grid, a, block->corner[a]) * inverse;
+        for (uint32_t i = 0; i <= SURFACE_BLOCK && cells->is_rectilinear; i++) {
+            uint32_t k = block->corner[a] + i, last = grid->dims[a] - 1;
+            double at = sp_grid_distance(grid, a, k < last ? k : last) * inverse;
+            double next = sp_grid_distance(grid, a, k < last ? k + 1 : last) * inverse;
+            cells->size[a][i] =
+                (float)(sp_grid_local_spacing(grid, a, k < last ? k : last) * inverse);
+            if (i < SURFACE_BLOCK) {
+                cells->start[a][i] = (float)(at - start[a]);
+                cells->gap[a][i] = (float)(next - at);
+            }
+        }
+    }
+    for (int r = 0; r < 3; r++) {
+        const double *step = s->frame.step_hi[r];
+        cells->base[r] = (float)(s->frame.base[r] + step[0] * start[0] + step[1] * start[1] +
+                                 step[2] * start[2]);
+    }
+}
+
+/* Adds weights and depths to the sheets of one row, from column x on. */
+static inline void add_to_sheets(struct sp_surface_scratch *scratch, int facing, int y, int x,
+                                 sp_wide weight, sp_wide depth, float tolerance,
+                                 const float normal[3], sp_wide_mask open) {
+    for (int l = 0; l < SURFACE_SHEETS; l++) {
+        struct sp_surface_sheet_row *row = &scratch->sheets[facing][l][y];
+        if (l == scratch->used[facing])
+            scratch->used[facing] = l + 1;
+        sp_wide w = sp_wide_load(row->weight + x), z = sp_wide_load(row->depth + x);
+        sp_wide_mask take = open;
+        if (l < SURFACE_SHEETS - 1) {
+            sp_wide away = sp_wide_abs(depth * w - z);
+            take = open & sp_wide_le(away, tolerance * w);
+        }
+        sp_wide add = sp_wide_keep(take, weight);
+        sp_wide_store(row->weight + x, w + add);
+        sp_wide_store(row->depth + x, z + add * depth);
+        for (int r = 0; r < 3; r++)
+            sp_wide_store(row->normal[r] + x, sp_wide_load(row->normal[r] + x) + add * normal[r]);
+        open = open & ~take;
+        if (!sp_wide_any(open))
+            return;
+    }
+}
+
+static inline void add_footprint(const struct sp_surface *s, struct sp_surface_scratch *scratch,
+                                 const struct sp_surface_footprints *f, int k) {
+    const sp_wide cut = sp_wide_all(s->frame.cut), count = sp_wide_count();
+    const float normal[3] = { f->normal[0][k], f->normal[1][k], f->normal[2][k] };
+    const int facing = f->back >> k & 1;
+    for (int y = f->y0[k]; y < f->y1[k]; y++) {
+        const float dy = (float)y + 0.5f - f->y[k];
+        for (int x = f->x0[k]; x < f->x1[k]; x += SP_WIDE) {
+            sp_wide dx = count + ((float)x + 0.5f - f->x[k]);
+            sp_wide p = dx * (f->a[k] * dx + f->b[k] * dy) + f->c[k] * dy * dy;
+            sp_wide depth = f->depth[k] + f->slope[0][k] * dx + f->slope[1][k] * dy;
+            sp_wide_mask open =
+                sp_wide_lt(p, cut) &
+                sp_wide_lt(depth - f->tolerance[k], sp_wide_load(&scratch->hidden[y][x]));
+            if (sp_wide_any(open))
+                add_to_sheets(scratch, facing, y, x, f->peak[k] * sp_wide_exp2(-p), depth,
+                              f->tolerance[k], normal, open);
+        }
+    }
+}
+
+/* Finds what opaque sheets hide. Returns the depth behind which nothing of the tile is seen. */
+static float find_hidden(const struct sp_surface *s, struct sp_surface_scratch *scratch,
+                         const struct sp_fragment_tile *tile) {
+    const sp_wide enough = sp_wide_all(full), half = sp_wide_all(0.99f);
+    const int columns = s->frame.size[0] - tile->x, rows = s->frame.size[1] - tile->y;
+    const bool is_clipped = s->clip.count || s->cuts_near;
+    sp_wide farthest = sp_wide_all(-INFINITY);
+    for (int y = 0; y < SP_FRAGMENT_TILE && y < rows; y++)
+        for (int x = 0; x < SP_FRAGMENT_TILE && x < columns; x += SP_WIDE) {
+            sp_wide hidden = sp_wide_load(&scratch->hidden[y][x]);
+            for (int facing = 0; facing < 2; facing++)
+                for (int l = 0; l < scratch->used[facing]; l++) {
+                    const struct sp_surface_sheet_row *row = &scratch->sheets[facing][l][y];
+                    sp_wide w = sp_wide_load(row->weight + x);
+                    sp_wide_mask is_full = sp_wide_lt(enough, w);
+                    if (!sp_wide_any(is_full))
+                        continue;
+                    sp_wide z = sp_wide_load(row->depth + x) / sp_wide_max(w, enough);
+                    if (is_clipped) {
+                        const sp_wide n[3] = { sp_wide_load(row->normal[0] + x),
+                                               sp_wide_load(row->normal[1] + x),
+                                               sp_wide_load(row->normal[2] + x) };
+                        is_full =
+                            is_full &
+                            sp_wide_lt(half, sp_surface_clip_share(s, tile->x + x, tile->y + y,
+                                                                   z + s->depth_first, n));
+                    }
+                    hidden = sp_wide_select(is_full, sp_wide_min(z, hidden), hidden);
+                }
+            sp_wide_store(&scratch->hidden[y][x], hidden);
+            farthest = sp_wide_max(sp_wide_keep(sp_wide_first(columns - x), hidden), farthest);
+        }
+    return sp_wide_largest(farthest);
+}
+
+static void clear(struct sp_surface_scratch *scratch) {
+    for (int facing = 0; facing < 2; facing++) {
+        memset(scratch->sheets[facing], 0, sizeof scratch->sheets[facing]);
+        scratch->used[facing] = 0;
+    }
+    for (int y = 0; y < SP_FRAGMENT_TILE; y++)
+        for (int x = 0; x < SURFACE_STRIDE; x++)
+            scratch->hidden[y][x] = INFINITY;
+}
+
+void sp_surface_tile(const struct sp_surface *s, struct sp_surface_scratch *scratch,
+                     struct sp_fragment_tile *tile) {
+    const uint32_t number = (uint32_t)(tile->y / SP_TILE * s->columns + tile->x / SP_TILE);
+    const uint32_t begin = s->bins.first[number], end = s->bins.first[number + 1];
+    const int corner[2] = { tile->x, tile->y };
+    const float slack = s->tolerance * s->reach;
+    float farthest = INFINITY;
+    if (begin == end || s->opacity <= 0)
+        return;
+    clear(scratch);
+    for (uint32_t e = begin; e < end; e++) {
+        const struct sp_splat *record = &s->blocks[s->bins.entries[e]];
+        const struct sp_surface_block *block = &s->points->blocks[record->sheet];
+        struct sp_surface_cells cells;
+        if (record->depth - s->depth_first > farthest + slack)
+            break;
+        init_cells(s, block, &cells);
+        unsigned added = 0;
+        for (uint32_t i = 0; i < block->count; i += SP_WIDE) {
+            struct sp_surface_footprints f;
+            const uint32_t left = block->count - i;
+            sp_surface_set_up(s, &cells, block->first + i, left < SP_WIDE ? (int)left : SP_WIDE,
+                              corner, &f);
+            added |= f.seen;
+            for (unsigned seen = f.seen; seen; seen &= seen - 1)
+                add_footprint(s, scratch, &f, __builtin_ctz(seen));
+        }
+        if (s->is_opaque && added)
+            farthest = find_hidden(s, scratch, tile);
+    }
+    sp_surface_resolve(s, scratch, tile);
+}
