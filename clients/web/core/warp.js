@@ -9,6 +9,10 @@ const DEGREE = Math.PI / 180;
  * warp would distort it beyond use. */
 const DEPTH_RATIO_MAX = 3;
 
+/** How far a side of the warped picture fades out, at the most and per px of background that shows beyond it. */
+const FADE_MAX = 0.15; // of the shorter side
+const FADE_PER_PX = 2;
+
 /** Returns the homography from the picture of rig `from` to that of rig `to`, or null if no useful one exists. */
 export function homography(from, to, viewport) {
   if (from.projection !== to.projection) return null;
@@ -36,4 +40,21 @@ export function homography(from, to, viewport) {
 /** The CSS transform of a homography, for the transform origin 0 0. */
 export function cssTransform([[a, b, c], [d, e, f], [g, h, i]]) {
   return `matrix3d(${[a, d, 0, g, b, e, 0, h, 0, 0, i, 0, c, f, 0, i].map((n) => n / i).join(', ')})`;
+}
+
+/**
+ * How far each side of the warped picture fades into the background [px of the picture]: {left, right, top, bottom}. A side fades where the
+ * viewport shows what lies beyond it, or the picture would end in a cut through the volume; 0 = its border is outside.
+ */
+export function fadesOf(map, { width, height }) {
+  const at = (x, y) => {
+    const [u, v, w] = map.map(([a, b, c]) => a * x + b * y + c);
+    return [u / w, v / w];
+  };
+  const [topLeft, topRight, bottomLeft, bottomRight] = [at(0, 0), at(width, 0), at(0, height), at(width, height)];
+  const fade = (...bare) => Math.min(Math.max(0, ...bare) * FADE_PER_PX, FADE_MAX * Math.min(width, height));
+  return {
+    left: fade(topLeft[0], bottomLeft[0]), right: fade(width - topRight[0], width - bottomRight[0]),
+    top: fade(topLeft[1], topRight[1]), bottom: fade(height - bottomLeft[1], height - bottomRight[1]),
+  };
 }

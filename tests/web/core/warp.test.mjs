@@ -3,7 +3,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { orbit, pan, pointOnPlane, rigFromCamera, zoom } from '../../../clients/web/core/camera.js';
 import { project } from '../../../clients/web/core/project.js';
-import { cssTransform, homography } from '../../../clients/web/core/warp.js';
+import { cssTransform, fadesOf, homography } from '../../../clients/web/core/warp.js';
 
 const VIEWPORT = { width: 800, height: 500 };
 const POINTS = [[0, 0], [800, 0], [0, 500], [800, 500], [400, 250], [123, 321]];
@@ -45,6 +45,18 @@ test('a camera that sees the plane edge-on or from behind gives no warp', () => 
     assert.ok(homography(from, orbit(from, 0.5, 0, 0), VIEWPORT));
   }
   assert.equal(homography(rigFromCamera(CAMERAS[0]), rigFromCamera(CAMERAS[1]), VIEWPORT), null, 'another projection');
+});
+
+test('the picture fades at the sides beyond which the background shows, and not where its border is outside', () => {
+  const { width, height } = VIEWPORT;
+  const fades = (map) => fadesOf(map, VIEWPORT);
+  const shift = (x, y) => [[1, 0, x], [0, 1, y], [0, 0, 1]];
+  assert.deepEqual(fades(shift(0, 0)), { left: 0, right: 0, top: 0, bottom: 0 });
+  assert.deepEqual(fades(shift(20, -5)), { left: 40, right: 0, top: 0, bottom: 10 });
+  assert.deepEqual(fades(shift(-300, 300)), { left: 0, right: 75, top: 75, bottom: 0 }, 'at the most 15 % of the shorter side');
+  const half = [[0.5, 0, width / 4], [0, 0.5, height / 4], [0, 0, 1]];
+  assert.deepEqual(fades(half), { left: 75, right: 75, top: 75, bottom: 75 });
+  assert.deepEqual(fades([[2, 0, -width / 2], [0, 2, -height / 2], [0, 0, 1]]), { left: 0, right: 0, top: 0, bottom: 0 });
 });
 
 test('the CSS transform has the columns of the matrix', () => {

@@ -2,6 +2,7 @@
 // While frames are late, the page shows the last picture as the newest camera would see it.
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
+import { compare } from '../../support/compare.mjs';
 import { difference, firstFrame, launch, openPage, pixels, shot, until } from '../support/browser.mjs';
 import { MockDaemon } from '../support/mock-daemon.mjs';
 
@@ -44,7 +45,7 @@ async function dragUnseen({ daemon, page }, count) {
   }
 }
 
-const transform = (page) => page.evaluate(() => getComputedStyle(document.querySelector('#warp canvas')).transform);
+const transform = (page) => page.evaluate(() => getComputedStyle(document.querySelector('#warp > div')).transform);
 
 test('the picture follows a drag whose frames are late, and a frame replaces the warp', async (context) => {
   const it = await setUp(context);
@@ -57,6 +58,11 @@ test('the picture follows a drag whose frames are late, and a frame replaces the
   const first = await transform(page);
   assert.match(first, /^matrix3d/);
   await shot(page, 'warp');
+  // Where the picture does not reach, it fades into the background.
+  const fades = await page.evaluate(() => Object.fromEntries([...document.querySelectorAll('#warp i')]
+    .map((strip) => [strip.dataset.side, strip.getBoundingClientRect()]).map(([side, { width, height }]) => [side, Math.min(width, height)])));
+  compare(Math.max(...Object.values(fades)), '>', 1, JSON.stringify(fades));
+  compare(Math.max(...Object.values(fades)), '<', 150, JSON.stringify(fades));
   await page.mouse.move(500, 300);
   await until(page, 'all answered', (s) => s.isIdle);
   assert.notEqual(await transform(page), first, 'the warp follows the camera');
