@@ -1,172 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/ewa.h"
 
-#include "splat/exp2.h"
+#include "splat/outline.h"
 #include "volume/grid.h"
-
-/* Voxels while they are projected, SP_WIDE at a time. */
-struct places {
-    sp_wide u[3];
-    sp_wide kernel[3][3]; /* rows of K */
-    sp_wide inv;          /* 1/u2 */
-    sp_wide m[2][3];      /* the first two rows of J·K */
-    float h2;
-};
-
-/* The properties of the projected voxels' splats. */
-struct outlines {
-    sp_wide x, y, a, b, c, area;
-    sp_wide x0, y0, x1, y1; /* whole numbers */
-    sp_wide gain;           /* |det J| times the footprint's value at its centre */
-};
-
-static inline sp_wide clamp(sp_wide x, float bound) {
-    const sp_wide low = sp_wide_all(-bound), high = sp_wide_all(bound);
-    return sp_wide_select(sp_wide_lt(x, low), low, sp_wide_select(sp_wide_lt(high, x), high, x));
-}
-
-/* Computes the first two rows of J·K; returns |det J|. */
-static inline sp_wide project_kernel(const struct sp_ewa_frame *f, struct places *p) {
-    if (f->projection == SP_ORTHOGRAPHIC) {
-        for (int i = 0; i < 2; i++)
-            for (int a = 0; a < 3; a++)
-                p->m[i][a] = f->scale * p->kernel[i][a];
-        return sp_wide_all(f->scale * f->scale);
-    }
-    sp_wide fx = f->scale * p->inv, ratio[2];
-    for (int i = 0; i < 2; i++) {
-        ratio[i] = clamp(p->u[i] * p->inv, f->ratio_max[i]);
-        for (int a = 0; a < 3; a++)
-            p->m[i][a] = fx * (p->kernel[i][a] - ratio[i] * p->kernel[2][a]);
-    }
-    return fx * fx * sp_wide_sqrt(1 + ratio[0] * ratio[0] + ratio[1] * ratio[1]);
-}
-
-static inline sp_wide cross_squared(const sp_wide m[2][3]) {
-    sp_wide cx = m[0][1] * m[1][2] - m[0][2] * m[1][1];
-    sp_wide cy = m[0][2] * m[1][0] - m[0][0] * m[1][2];
-    sp_wide cz = m[0][0] * m[1][1] - m[0][1] * m[1][0];
-    return cx * cx + cy * cy + cz * cz;
-}
-
-/* Computes V̂ + h²I in v = (V00, V01, V11); returns its determinant. */
-static inline sp_wide variance(const sp_wide m[2][3], float h2, sp_wide v[3]) {
-    sp_wide v00 = m[0][0] * m[0][0] + m[0][1] * m[0][1] + m[0][2] * m[0][2];
-    sp_wide v11 = m[1][0] * m[1][0] + m[1][1] * m[1][1] + m[1][2] * m[1][2];
-    v[0] = v00 + h2;
-    v[1] = m[0][0] * m[1][0] + m[0][1] * m[1][1] + m[0][2] * m[1][2];
-    v[2] = v11 + h2;
-    return cross_squared(m) + h2 * (v00 + v11) + h2 * h2;
-}
-
-/* Swan et al. (1997), section 4.3: scales both axes of m by one factor, so that the smaller
- * variance of V̂ is at least h². */
-static inline void widen(sp_wide m[2][3], float h2) {
-    sp_wide v[3], det = variance((const sp_wide(*)[3])m, 0, v), half = 0.5f * (v[0] + v[2]);
-    sp_wide apart = sp_wide_sqrt(0.25f * (v[0] - v[2]) * (v[0] - v[2]) + v[1] * v[1]);
-    sp_wide smaller = det / (half + apart); /* half − apart would lose its digits by cancellation */
-    sp_wide_mask is_small = sp_wide_lt(smaller, sp_wide_all(h2));
-    sp_wide scale = sp_wide_sqrt(h2 / sp_wide_max(smaller, sp_wide_all(1e-12f * h2)));
-    scale = sp_wide_select(is_small, scale, sp_wide_all(1));
-    for (int i = 0; i < 2; i++)
-        for (int a = 0; a < 3; a++)
-            m[i][a] *= scale;
-}
-
-/* Computes the variance of the footprint for the filter mode; returns its determinant. Sets p->h2
- * to the part of the variance that the low-pass filter adds. */
-static inline sp_wide filter_variance(const struct sp_ewa_frame *f, enum sp_filter_mode mode,
-                                      struct places *p, sp_wide v[3]) {
-    p->h2 = f->lowpass2;
-    switch (mode) {
-    case SP_FILTER_LOWPASS:
-        v[0] = v[2] = sp_wide_all(p->h2);
-        v[1] = sp_wide_all(0);
-        return sp_wide_all(p->h2 * p->h2);
-    case SP_FILTER_SWAN:
-        widen(p->m, p->h2);
-        p->h2 = SP_VARIANCE_MIN;
-        break;
-    case SP_FILTER_RECONSTRUCTION:
-    case SP_FILTER_NONE:
-        p->h2 = SP_VARIANCE_MIN;
-        break;
-    case SP_FILTER_EWA:
-    case SP_FILTER_ADAPTIVE:
-        break;
-    }
-    return variance((const sp_wide(*)[3])p->m, p->h2, v);
-}
-
-static inline sp_wide ceiling(sp_wide x) {
-    return -sp_wide_floor(-x);
-}
-
-static inline sp_wide between(sp_wide x, int low, int high) {
-    return sp_wide_min(sp_wide_max(x, sp_wide_all((float)low)), sp_wide_all((float)high));
-}
-
-/* Computes the half-open range of the pixels in [low, high) whose centres lie within ±reach of x.
- * False if the range is empty or a value is not a number. */
-static inline sp_wide_mask cover(sp_wide x, sp_wide reach, int low, int high, sp_wide *begin,
-                                 sp_wide *end) {
-    *begin = ceiling(between(x - reach + 0.5f - 1, low, high));
-    *end = sp_wide_floor(between(x + reach + 0.5f, low, high));
-    return sp_wide_lt(*begin, *end);
-}
-
-/* The same for centres in [x − reach, x + reach): a width of one pixel contains exactly one centre.
- */
-static inline sp_wide_mask cover_flat(sp_wide x, sp_wide reach, int low, int high, sp_wide *begin,
-                                      sp_wide *end) {
-    *begin = ceiling(between(x - reach - 0.5f, low, high));
-    *end = ceiling(between(x + reach - 0.5f, low, high));
-    return sp_wide_lt(*begin, *end);
-}
-
-/* Flat rectangles are 1.6 voxels wide, and at least one pixel, so that a small rectangle covers
- * exactly the nearest pixel. */
-static inline sp_wide_mask outline_flat(const struct sp_ewa_frame *f, const sp_wide v[3],
-                                        struct outlines *o) {
-    const sp_wide pixel = sp_wide_all(0.5f);
-    sp_wide rx = sp_wide_max(f->flat * sp_wide_sqrt(v[0]), pixel);
-    sp_wide ry = sp_wide_max(f->flat * sp_wide_sqrt(v[2]), pixel);
-    o->a = o->b = o->c = sp_wide_all(0);
-    o->area = 4 * rx * ry;
-    o->gain *= 1 / o->area;
-    return cover_flat(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
-           cover_flat(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
-}
-
-static inline sp_wide_mask outline_ellipse(const struct sp_ewa_frame *f, const sp_wide v[3],
-                                           sp_wide det, struct outlines *o) {
-    sp_wide rx = f->radius * sp_wide_sqrt(v[0]), ry = f->radius * sp_wide_sqrt(v[2]);
-    sp_wide root = sp_wide_sqrt(det), half = 0.5f * SP_LOG2E / det;
-    o->a = half * v[2];
-    o->b = -2 * half * v[1];
-    o->c = half * v[0];
-    o->area = (float)M_PI * f->radius * f->radius * root;
-    o->gain = o->gain * f->peak / root;
-    return cover(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
-           cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
-}
-
-/* Computes the geometry of splats, but not what they add. Returns which of them touch the rows that
- * are being drawn. */
-static inline sp_wide_mask place_splats(const struct sp_ewa_frame *f, struct places *p,
-                                        enum sp_filter_mode mode, struct outlines *o) {
-    sp_wide v[3];
-    sp_wide_mask seen =
-        sp_wide_le(sp_wide_all(f->near), p->u[2]) & sp_wide_lt(p->u[2], sp_wide_all(1e18f));
-    p->inv = f->projection == SP_ORTHOGRAPHIC ? sp_wide_all(1) : 1 / p->u[2];
-    o->x = f->centre[0] + f->scale * (p->u[0] * p->inv);
-    o->y = f->centre[1] + f->scale * (p->u[1] * p->inv);
-    o->gain = project_kernel(f, p);
-    sp_wide det = filter_variance(f, mode, p, v);
-    seen &= sp_wide_lt(det, sp_wide_all(1e36f));
-    seen &= mode == SP_FILTER_NONE ? outline_flat(f, v, o) : outline_ellipse(f, v, det, o);
-    return seen & sp_wide_lt(sp_wide_all(0), o->gain);
-}
 
 static inline float clamp_one(float x, float bound) {
     return x < -bound ? -bound : x > bound ? bound : x;
@@ -185,7 +21,7 @@ static void project_depth(const struct sp_ewa_frame *f, const float kernel[3][3]
 }
 
 /* Computes the input for the extent of one of the voxels. */
-static void get_place(const struct sp_ewa_frame *f, const struct places *p, int lane,
+static void get_place(const struct sp_ewa_frame *f, const struct sp_places *p, int lane,
                       struct sp_kernel_place *k) {
     *k = (struct sp_kernel_place){ .h2 = p->h2, .radius = f->radius };
     for (int r = 0; r < 3; r++) {
@@ -197,7 +33,7 @@ static void get_place(const struct sp_ewa_frame *f, const struct places *p, int 
         }
     }
     project_depth(f, (const float(*)[3])k->kernel, k->u, p->inv[lane], k->m[2]);
-    sp_wide v[3], det = variance((const sp_wide(*)[3])p->m, p->h2, v);
+    sp_wide v[3], det = sp_place_variance((const sp_wide(*)[3])p->m, p->h2, v);
     k->det = det[lane];
     k->inverse[0] = v[2][lane] / k->det;
     k->inverse[1] = -v[1][lane] / k->det;
@@ -207,7 +43,7 @@ static void get_place(const struct sp_ewa_frame *f, const struct places *p, int 
 
 /* Computes the depth range and the cuts of a placed splat. False if the clipping planes leave
  * nothing of it. */
-static bool write_extent(const struct sp_ewa_frame *f, const struct places *p, int lane,
+static bool write_extent(const struct sp_ewa_frame *f, const struct sp_places *p, int lane,
                          const struct sp_splats *out, uint32_t n) {
     struct sp_kernel_place k;
     get_place(f, p, lane, &k);
@@ -228,18 +64,6 @@ struct amounts {
     float value[SP_WIDE];                                /* post: the scalar */
     uint32_t gradient[SP_WIDE], microflakes[2][SP_WIDE]; /* one of the two arrays is used */
 };
-
-static inline void eye_direction(const struct sp_ewa_frame *f, const sp_wide u[3],
-                                 sp_wide to_eye[3]) {
-    if (f->projection == SP_ORTHOGRAPHIC) {
-        to_eye[0] = to_eye[1] = sp_wide_all(0);
-        to_eye[2] = sp_wide_all(-1);
-        return;
-    }
-    sp_wide inv = -1 / sp_wide_sqrt(u[0] * u[0] + u[1] * u[1] + u[2] * u[2]);
-    for (int r = 0; r < 3; r++)
-        to_eye[r] = u[r] * inv;
-}
 
 /* Classifies the lanes in `bits`, whose entries are e[]. `gain` converts the depth of a class to τ.
  * Returns the lanes that add anything. */
@@ -267,9 +91,9 @@ static unsigned classify(const struct sp_ewa_run *run, const uint64_t *e, const 
 }
 
 static inline void shade(const struct sp_ewa_frame *f, const struct sp_ewa_run *run,
-                         const struct places *p, struct amounts *a) {
+                         const struct sp_places *p, struct amounts *a) {
     sp_wide to_eye[3], color[3], lit[3], shine[3];
-    eye_direction(f, p->u, to_eye);
+    sp_place_eye(f, p->u, to_eye);
     for (int k = 0; k < 3; k++)
         color[k] = sp_wide_load(a->color[k]);
     if (sp_visible_has_microflakes(run->list)) {
@@ -303,7 +127,7 @@ static void take_scalars(const struct sp_ewa_run *run, const uint64_t *e, const 
     }
 }
 
-static inline void write_splat(const struct outlines *o, const struct amounts *a, int lane,
+static inline void write_splat(const struct sp_outlines *o, const struct amounts *a, int lane,
                                struct sp_splat *s) {
     s->x = o->x[lane];
     s->y = o->y[lane];
@@ -323,7 +147,7 @@ static inline void write_splat(const struct outlines *o, const struct amounts *a
 /* Computes the voxels' positions; returns the volumes of their cells, divided by the mean volume.
  */
 static inline sp_wide locate(const struct sp_ewa_frame *f, const struct sp_ewa_brick *brick,
-                             bool is_rectilinear, sp_wide_int local, struct places *p) {
+                             bool is_rectilinear, sp_wide_int local, struct sp_places *p) {
     const sp_wide_int i[3] = { local & 15, local >> 4 & 15, local >> 8 };
     sp_wide at[3], volume = sp_wide_all(1);
     for (int a = 0; a < 3; a++)
@@ -351,8 +175,8 @@ static inline uint32_t set_up(const struct sp_ewa_frame *f, const struct sp_ewa_
     int32_t local[SP_WIDE] = { 0 };
     uint64_t entry[SP_WIDE];
     float gain[SP_WIDE];
-    struct places p;
-    struct outlines o;
+    struct sp_places p;
+    struct sp_outlines o;
     struct amounts a = { 0 };
     for (int i = 0; i < lanes; i++) {
         uint32_t place = n + (uint32_t)i;
@@ -360,7 +184,7 @@ static inline uint32_t set_up(const struct sp_ewa_frame *f, const struct sp_ewa_
         entry[i] = run->first + (run->order ? run->order[place] : place);
     }
     sp_wide volume = locate(f, brick, sp_grid_is_rectilinear(f->grid), sp_wide_int_load(local), &p);
-    sp_wide_mask seen = place_splats(f, &p, run->mode, &o) & sp_wide_first(lanes);
+    sp_wide_mask seen = sp_place_splats(f, &p, run->mode, &o) & sp_wide_first(lanes);
     unsigned bits = sp_wide_mask_bits(seen);
     sp_wide_store(gain, o.gain * f->gain * volume);
     if (f->post)

@@ -49,8 +49,9 @@ RENDERER = {
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
     'surface': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'compose', 'backend'},
+    'shell': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'compose', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'uploads', 'session', 'schedule', 'render', 'paths', 'http', '.']

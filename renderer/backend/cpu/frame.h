@@ -11,6 +11,7 @@
 #include "base/arena.h"
 #include "classify/cache.h"
 #include "postconv/postconv.h"
+#include "shell/cache.h"
 #include "splat/cubic.h"
 
 struct cpu_state {
@@ -20,7 +21,8 @@ struct cpu_state {
     struct sp_classify_cache cache;
     struct sp_samples_cache samples; /* of resampled sheets */
     struct sp_light_cache light;     /* of lit ones */
-    uint64_t memory_bytes;           /* of both caches */
+    struct sp_shell_cache shell;
+    uint64_t memory_bytes; /* of both caches */
     struct sp_cubic_table cubic;
     struct sp_postconv_tables postconv;
     char device[SP_DEVICE_NAME];

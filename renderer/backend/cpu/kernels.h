@@ -14,6 +14,7 @@
 #include "postconv/postconv.h"
 #include "postconv/shear.h"
 #include "resample/resample.h"
+#include "shell/kernels.h"
 #include "splat/ewa.h"
 #include "tile/blend.h"
 
@@ -34,6 +35,7 @@ struct cpu_kernels {
     sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
     struct sp_light_kernels light;      /* light/kernels.h */
+    struct sp_shell_kernels shell;      /* shell/kernels.h */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

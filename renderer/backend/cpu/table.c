@@ -14,22 +14,24 @@ static const char *const vectorised[] = {
     "sheet",    "slab", "exponential",    "linear",  "pre",  "post", "phong",    "clip",  NULL
 };
 
-const struct cpu_kernels cpu_table = { .isa = SP_ISA_TEXT,
-                                       .lanes = SP_WIDE,
-                                       .vectorised = vectorised,
-                                       .set_up = sp_ewa_set_up,
-                                       .add = { [SP_COMPOSITE_SPLAT] = sp_splat_add,
-                                                [SP_COMPOSITE_SHEET] = sp_sheet_add,
-                                                [SP_COMPOSITE_SLAB] = sp_slab_add },
-                                       .tile_close = sp_tile_close,
-                                       .postconv_tile = sp_postconv_tile,
-                                       .shear = { sp_shear_tile, sp_shear_warp },
-                                       .resample_tile = sp_resample_tile,
-                                       .ranges_find = sp_ranges_find,
-                                       .light = { sp_light_find_cells, sp_light_pass,
-                                                  sp_light_turn_in, sp_light_turn_out },
+const struct cpu_kernels cpu_table = {
+    .isa = SP_ISA_TEXT,
+    .lanes = SP_WIDE,
+    .vectorised = vectorised,
+    .set_up = sp_ewa_set_up,
+    .add = { [SP_COMPOSITE_SPLAT] = sp_splat_add,
+             [SP_COMPOSITE_SHEET] = sp_sheet_add,
+             [SP_COMPOSITE_SLAB] = sp_slab_add },
+    .tile_close = sp_tile_close,
+    .postconv_tile = sp_postconv_tile,
+    .shear = { sp_shear_tile, sp_shear_warp },
+    .resample_tile = sp_resample_tile,
+    .ranges_find = sp_ranges_find,
+    .light = { sp_light_find_cells, sp_light_pass, sp_light_turn_in, sp_light_turn_out },
+    .shell = { sp_shell_set_up, sp_shell_start, sp_shell_add, sp_shell_resolve, sp_shell_merge },
 #ifdef SP_ISA
-                                       .has_fast_path = true,
+    .has_fast_path = true,
 #endif
-                                       .resolve_rgba8 = sp_resolve_rgba8,
-                                       .resolve_rgbaf32 = sp_resolve_rgbaf32 };
+    .resolve_rgba8 = sp_resolve_rgba8,
+    .resolve_rgbaf32 = sp_resolve_rgbaf32
+};

@@ -1,0 +1,409 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+#include <string.h>
+
+#include "shell/shell.h"
+#include "volume/grid.h"
+
+enum {
+    BLOCK = 1024,       /* voxels that one worker sets up at a time */
+    BATCH_BLOCKS = 128, /* blocks that are set up before tiles are drawn */
+    BAND_TILES = 2304,  /* larger images are drawn in bands */
+    ENTRIES_MIN = 1 << 19
+};
+
+/* What an opaque voxel leaves of the light behind its cell: nothing that counts. */
+static const double opaque_depth = 6.2383; /* ln 512: SP_TRANSMITTANCE_MIN */
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+static bool fail_cancelled(struct sp_error *err) {
+    return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+}
+
+/* The tiles of some rows of the image, and the splats that lie on them. */
+struct band {
+    const struct sp_shell_input *input;
+    const struct sp_shell_list *list;
+    struct sp_shell_frame *frame;
+    const struct sp_shell_order *order;
+    int columns, rows, y;             /* of tiles; first row of the image */
+    uint32_t tiles, blocks;           /* blocks of the batch */
+    uint32_t begin;                   /* first voxel of the batch, in the order */
+    struct sp_shell_record *records;  /* [blocks · BLOCK] */
+    uint32_t *written;                /* by block */
+    uint32_t *counts;                 /* [blocks][tiles] */
+    uint32_t *first, *entries;        /* as in struct sp_shell */
+    uint32_t capacity;                /* of entries */
+    struct sp_shell_tile *tiles_open; /* [tiles], or one per worker: is_single */
+    bool is_single;         /* all splats of the band are in one batch: tiles need not be kept */
+    bool is_first, is_last; /* batch of the band */
+    uint64_t drawn;
+    double area;
+};
+
+static bool is_cancelled(const struct band *b) {
+    return sp_interrupt_is_cancelled(&b->input->interrupt);
+}
+
+static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+    struct band *b = user;
+    (void)worker;
+    for (size_t n = begin; n < end && !is_cancelled(b); n++) {
+        uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->order->count - at;
+        b->written[n] =
+            b->input->kernels->set_up(b->frame, b->list, b->order->voxels + at,
+                                      left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
+    }
+}
+
+/* Tiles that a record touches: columns [c0, c1], rows [r0, r1]. */
+struct span {
+    int c0, r0, c1, r1;
+};
+
+static inline struct span find_span(const struct band *b, const struct sp_shell_record *r) {
+    return (struct span){ r->x0 / SP_SHELL_TILE, (r->y0 - b->y) / SP_SHELL_TILE,
+                          (r->x1 - 1) / SP_SHELL_TILE, (r->y1 - 1 - b->y) / SP_SHELL_TILE };
+}
+
+static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+    struct band *b = user;
+    (void)worker;
+    for (size_t n = begin; n < end && !is_cancelled(b); n++) {
+        uint32_t *counts = b->counts + n * b->tiles;
+        memset(counts, 0, b->tiles * sizeof *counts);
+        for (uint32_t i = 0; i < b->written[n]; i++) {
+            struct span s = find_span(b, &b->records[n * BLOCK + i]);
+            for (int r = s.r0; r <= s.r1; r++)
+                for (int c = s.c0; c <= s.c1; c++)
+                    counts[r * b->columns + c]++;
+        }
+    }
+}
+
+static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+    struct band *b = user;
+    (void)worker;
+    for (size_t n = begin; n < end && !is_cancelled(b); n++) {
+        uint32_t *next = b->counts + n * b->tiles;
+        for (uint32_t i = 0; i < b->written[n]; i++) {
+            struct span s = find_span(b, &b->records[n * BLOCK + i]);
+            for (int r = s.r0; r <= s.r1; r++)
+                for (int c = s.c0; c <= s.c1; c++)
+                    b->entries[next[r * b->columns + c]++] = (uint32_t)(n * BLOCK) + i;
+        }
+    }
+}
+
+/* Turns the counts of blocks [begin, end) into starts. */
+static void sum_counts(struct band *b, uint32_t begin, uint32_t end) {
+    uint32_t at = 0;
+    for (uint32_t t = 0; t < b->tiles; t++) {
+        b->first[t] = at;
+        for (uint32_t n = begin; n < end; n++) {
+            uint32_t *count = &b->counts[(size_t)n * b->tiles + t], had = *count;
+            *count = at;
+            at += had;
+        }
+    }
+    b->first[b->tiles] = at;
+}
+
+static uint64_t block_total(const struct band *b, uint32_t block) {
+    uint64_t total = 0;
+    for (uint32_t t = 0; t < b->tiles; t++)
+        total += b->counts[(size_t)block * b->tiles + t];
+    return total;
+}
+
+/* Fills a tile without splats: the background, line by line. */
+static void fill_empty(const struct band *b, int x, int y) {
+    struct sp_frame *image = b->input->frame;
+    static const float one[SP_SHELL_TILE] = { [0 ... SP_SHELL_TILE - 1] = 1 };
+    static const float none[SP_SHELL_TILE] = { 0 };
+    const float *const planes[4] = { one, none, none, none };
+    const float *background = b->input->view->background;
+    float line[4 * SP_SHELL_TILE];
+    size_t pixel = image->format == SP_RGBAF32 ? 16 : 4;
+    int left = (int)image->width - x, below = (int)image->height - y;
+    uint32_t n = (uint32_t)(left < SP_SHELL_TILE ? left : SP_SHELL_TILE);
+    if (image->format == SP_RGBAF32)
+        sp_resolve_rgbaf32(planes, n, background, line);
+    else
+        sp_resolve_rgba8(planes, n, background, (unsigned char *)line);
+    for (int row = 0; row < SP_SHELL_TILE && row < below; row++)
+        memcpy((char *)image->pixels + (size_t)(y + row) * image->stride_bytes + pixel * (size_t)x,
+               line, n * pixel);
+}
+
+static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
+    struct band *b = user;
+    const struct sp_shell_kernels *kernels = b->input->kernels;
+    for (size_t t = begin; t < end && !is_cancelled(b); t++) {
+        struct sp_shell_tile *tile = &b->tiles_open[b->is_single ? worker : t];
+        int x = (int)(t % (size_t)b->columns) * SP_SHELL_TILE;
+        int y = b->y + (int)(t / (size_t)b->columns) * SP_SHELL_TILE;
+        uint32_t first = b->first[t], count = b->first[t + 1] - first;
+        if (b->is_first && b->is_last && !count) {
+            fill_empty(b, x, y);
+            continue;
+        }
+        if (b->is_first)
+            kernels->start(tile, x, y, b->frame->ewa.size);
+        kernels->add(tile, b->frame, b->records, b->entries + first, count);
+        if (b->is_last)
+            kernels->resolve(tile, b->input->view->background, b->input->frame);
+    }
+}
+
+/* Sets up the next batch of the band. */
+static void begin_batch(struct band *b, uint32_t begin) {
+    uint32_t left = (b->order->count - begin + BLOCK - 1) / BLOCK;
+    b->begin = begin;
+    b->blocks = left < BATCH_BLOCKS ? left : BATCH_BLOCKS;
+    sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
+    sp_parallel_for(b->input->pool, b->blocks, 1, count_blocks, b);
+    for (uint32_t n = 0; n < b->blocks && !is_cancelled(b); n++) {
+        b->drawn += b->written[n];
+        for (uint32_t i = 0; i < b->written[n]; i++)
+            b->area += (double)b->records[(size_t)n * BLOCK + i].area;
+    }
+}
+
+static bool all_closed(const struct band *b) {
+    for (uint32_t t = 0; t < b->tiles && !b->is_single; t++)
+        if (b->tiles_open[t].open)
+            return false;
+    return !b->is_single;
+}
+
+/* Draws the batch, in as many parts as the entries need: one splat may cover all tiles. */
+static void draw_batch(struct band *b, bool is_last) {
+    for (uint32_t begin = 0, end; begin < b->blocks || !b->blocks; begin = end) {
+        uint64_t total = 0;
+        for (end = begin; end < b->blocks; end++) {
+            total += block_total(b, end);
+            if (end > begin && total > b->capacity)
+                break;
+        }
+        sum_counts(b, begin, end);
+        struct band part = *b; /* the workers count blocks from its first one on */
+        part.counts += (size_t)begin * b->tiles;
+        part.written += begin;
+        part.records += (size_t)begin * BLOCK;
+        sp_parallel_for(b->input->pool, end - begin, 1, fill_blocks, &part);
+        if (is_cancelled(b))
+            return; /* some entries were not written */
+        part.is_last = is_last && end == b->blocks;
+        part.is_single = b->is_single;
+        sp_parallel_for(b->input->pool, b->tiles, 1, draw_tiles, &part);
+        b->is_first = false;
+        if (!b->blocks)
+            return;
+    }
+}
+
+static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker) {
+    struct band *b = user;
+    (void)worker;
+    for (size_t t = begin; t < end; t++)
+        b->input->kernels->resolve(&b->tiles_open[t], b->input->view->background, b->input->frame);
+}
+
+static void draw_band(struct band *b, int y, int rows) {
+    uint32_t count = b->order->count, begin = 0;
+    b->y = y;
+    b->rows = rows;
+    b->tiles = (uint32_t)(rows * b->columns);
+    b->frame->ewa.rows[0] = y;
+    b->frame->ewa.rows[1] = y + rows * SP_SHELL_TILE < b->frame->ewa.size[1]
+                                ? y + rows * SP_SHELL_TILE
+                                : b->frame->ewa.size[1];
+    b->is_first = true;
+    do {
+        begin_batch(b, begin);
+        begin += b->blocks * BLOCK;
+        if (is_cancelled(b))
+            return;
+        draw_batch(b, begin >= count);
+        if (begin < count && all_closed(b)) {
+            sp_parallel_for(b->input->pool, b->tiles, 4, resolve_tiles, b);
+            return;
+        }
+    } while (begin < count && !is_cancelled(b));
+}
+
+/* Distances and local spacings along the axes of a rectilinear grid [mean spacings]. */
+static bool init_places(struct sp_shell_frame *frame, const struct sp_grid *grid,
+                        struct sp_arena *arena) {
+    frame->is_rectilinear = sp_grid_is_rectilinear(grid);
+    for (unsigned a = 0; frame->is_rectilinear && a < 3; a++) {
+        uint32_t n = grid->dims[a];
+        float *place = sp_arena_alloc(arena, "coordinates", n, sizeof *place);
+        float *size = sp_arena_alloc(arena, "coordinates", n, sizeof *size);
+        if (!place || !size)
+            return false;
+        for (uint32_t i = 0; i < n; i++) {
+            place[i] = (float)(sp_grid_distance(grid, a, i) / grid->spacing[a]);
+            size[i] = (float)(sp_grid_local_spacing(grid, a, i) / grid->spacing[a]);
+        }
+        frame->place[a] = place;
+        frame->size[a] = size;
+    }
+    return true;
+}
+
+static bool init_frame(const struct sp_shell_input *input, struct sp_shell_frame *frame) {
+    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+    struct sp_view view = *input->view;
+    bool is_flat = input->layer->detail == SP_SHELL_FAST;
+    *frame = (struct sp_shell_frame){
+        .mode = is_flat ? SP_FILTER_NONE : SP_FILTER_EWA,
+        .shade = input->shade,
+        .linear = view.compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .opaque = is_flat ? 64 : (float)opaque_depth,
+        .apart = 0.5f,
+    };
+    view.transfer_function.order = SP_TF_PRE;
+    view.filter.kernel = SP_KERNEL_GAUSSIAN;
+    sp_ewa_frame_init(&frame->ewa, input->camera, grid, &view);
+    return init_places(frame, grid, input->arena);
+}
+
+static bool find_voxels(const struct sp_shell_input *input, const struct sp_shell_list **list,
+                        struct sp_shell_frame *frame, struct sp_shell_order *order,
+                        struct sp_error *err) {
+    struct sp_shell_job job = { .volume = input->volume,
+                                .tf = &input->view->transfer_function,
+                                .low = input->layer->low,
+                                .high = input->layer->high,
+                                .bytes_max = input->bytes_max,
+                                .pool = input->pool,
+                                .interrupt = input->interrupt };
+    *list = sp_shell_cache_get(input->cache, &job, err);
+    if (!*list)
+        return false;
+    struct sp_shell_order_job sort = { .list = *list,
+                                       .camera = input->camera,
+                                       .grid = &sp_volume_info(input->volume)->grid,
+                                       .keeps_hidden = input->keeps_hidden,
+                                       .pool = input->pool,
+                                       .arena = input->arena,
+                                       .interrupt = &input->interrupt };
+    if (!init_frame(input, frame) || !sp_shell_sort(&sort, order))
+        return fail_memory(input->arena, err);
+    return !sp_interrupt_is_cancelled(&input->interrupt) || fail_cancelled(err);
+}
+
+static bool allocate(struct band *b, uint32_t tiles) {
+    struct sp_arena *arena = b->input->arena;
+    uint32_t blocks = (b->order->count + BLOCK - 1) / BLOCK;
+    b->is_single = blocks <= BATCH_BLOCKS;
+    b->blocks = blocks < BATCH_BLOCKS ? blocks : BATCH_BLOCKS;
+    b->capacity = tiles * BLOCK > ENTRIES_MIN ? tiles * BLOCK : ENTRIES_MIN;
+    unsigned kept = b->is_single ? sp_pool_threads(b->input->pool) : tiles;
+    b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
+    b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
+    b->counts = sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * tiles, sizeof *b->counts);
+    b->first = sp_arena_alloc(arena, "bins", tiles + (size_t)1, sizeof *b->first);
+    b->entries = sp_arena_alloc(arena, "bin entries", b->capacity, sizeof *b->entries);
+    b->tiles_open = sp_arena_alloc(arena, "tiles", kept, sizeof *b->tiles_open);
+    return !arena->failed;
+}
+
+static void write_stats(const struct band *b, const double ms[3]) {
+    struct sp_frame_stats *stats = &b->input->frame->stats;
+    stats->mip_level = 0;
+    stats->visible_voxels = b->list->count;
+    stats->splats = b->drawn;
+    stats->fragments = (uint64_t)b->area;
+    stats->stage_count = 2;
+    stats->stages[0] = (struct sp_stage_time){ "classify", ms[1] - ms[0] };
+    stats->stages[1] = (struct sp_stage_time){ "tile", ms[2] - ms[1] };
+}
+
+bool sp_shell_draw(const struct sp_shell_input *input, struct sp_error *err) {
+    struct sp_shell_frame frame;
+    struct sp_shell_order order;
+    struct band b = { .input = input, .frame = &frame, .order = &order };
+    double ms[3] = { sp_interrupt_clock_ms(&input->interrupt) };
+    if (!find_voxels(input, &b.list, &frame, &order, err))
+        return false;
+    ms[1] = sp_interrupt_clock_ms(&input->interrupt);
+    int rows = (frame.ewa.size[1] + SP_SHELL_TILE - 1) / SP_SHELL_TILE, step;
+    b.columns = (frame.ewa.size[0] + SP_SHELL_TILE - 1) / SP_SHELL_TILE;
+    step = BAND_TILES / b.columns < rows ? BAND_TILES / b.columns : rows;
+    if (!allocate(&b, (uint32_t)(step * b.columns)))
+        return fail_memory(input->arena, err);
+    for (int row = 0; row < rows && !is_cancelled(&b); row += step)
+        draw_band(&b, row * SP_SHELL_TILE, row + step < rows ? step : rows - row);
+    if (is_cancelled(&b))
+        return fail_cancelled(err);
+    ms[2] = sp_interrupt_clock_ms(&input->interrupt);
+    write_stats(&b, ms);
+    return true;
+}
+
+static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err) {
+    struct sp_arena *arena = b->input->arena;
+    b->blocks = (b->order->count + BLOCK - 1) / BLOCK;
+    b->tiles = (uint32_t)(b->columns * b->rows);
+    b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
+    b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
+    b->counts =
+        sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * b->tiles, sizeof *b->counts);
+    b->first = sp_arena_alloc(arena, "bins", b->tiles + (size_t)1, sizeof *b->first);
+    if (arena->failed)
+        return fail_memory(arena, err);
+    sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
+    sp_parallel_for(b->input->pool, b->blocks, 1, count_blocks, b);
+    if (is_cancelled(b))
+        return fail_cancelled(err);
+    uint64_t total = 0;
+    for (uint32_t n = 0; n < b->blocks; n++) {
+        total += block_total(b, n);
+        shell->drawn += b->written[n];
+        for (uint32_t i = 0; i < b->written[n]; i++)
+            shell->area += (double)b->records[(size_t)n * BLOCK + i].area;
+    }
+    b->entries = total > UINT32_MAX
+                     ? NULL
+                     : sp_arena_alloc(arena, "bin entries", total + 1, sizeof *b->entries);
+    if (!b->entries)
+        return fail_memory(arena, err);
+    sum_counts(b, 0, b->blocks);
+    sp_parallel_for(b->input->pool, b->blocks, 1, fill_blocks, b);
+    return !is_cancelled(b) || fail_cancelled(err);
+}
+
+bool sp_shell_prepare(const struct sp_shell_input *input, struct sp_shell *shell,
+                      struct sp_error *err) {
+    *shell = (struct sp_shell){ .input = input };
+    if (!find_voxels(input, &shell->list, &shell->frame, &shell->order, err))
+        return false;
+    struct band b = { .input = input,
+                      .list = shell->list,
+                      .frame = &shell->frame,
+                      .order = &shell->order,
+                      .columns = (shell->frame.ewa.size[0] + SP_SHELL_TILE - 1) / SP_SHELL_TILE,
+                      .rows = (shell->frame.ewa.size[1] + SP_SHELL_TILE - 1) / SP_SHELL_TILE };
+    if (!bin_all(shell, &b, err))
+        return false;
+    shell->columns = b.columns;
+    shell->rows = b.rows;
+    shell->records = b.records;
+    shell->first = b.first;
+    shell->entries = b.entries;
+    return true;
+}
+
+void sp_shell_tile(const struct sp_shell *shell, int column, int row,
+                   struct sp_fragment_tile *tile) {
+    uint32_t t = (uint32_t)(row * shell->columns + column), first = shell->first[t];
+    shell->input->kernels->merge(tile, &shell->frame, shell->records, shell->entries + first,
+                                 shell->first[t + 1] - first);
+}

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * From masks to lists: the voxels of the shell, their codes, normals and classes.
+ */
+#ifndef SP_SHELL_EXTRACT_H
+#define SP_SHELL_EXTRACT_H
+
+#include "shell/list.h"
+#include "shell/masks.h"
+
+struct sp_shell_extract {
+    const struct sp_shell_masks *masks;
+    const struct sp_shell_states *states;
+    const struct sp_volume *volume;
+    /* An older list of the same volume, and by pair of sides (masks.h) whether a block there has
+     * changed since. Rows that no change can have reached are copied from it. NULL = extract
+     * all. */
+    const struct sp_shell_list *from;
+    const uint8_t *changed;
+    bool same_classes;  /* copied voxels keep their classes, too */
+    uint64_t bytes_max; /* of the list */
+    struct sp_pool *pool;
+    const struct sp_interrupt *interrupt;
+};
+
+/* Makes an empty list into the shell. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; the list is
+ * then empty. */
+bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_shell_list *list,
+                      struct sp_error *err);
+
+void sp_shell_list_finish(struct sp_shell_list *list);
+uint64_t sp_shell_list_bytes(const struct sp_shell_list *list);
+
+#endif

@@ -1,0 +1,83 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The loops over voxels and pixels of a shell, compiled once per instruction set (base/isa.h).
+ *
+ *   order ─► set_up ─► records ─► (tiles, draw.c) ─► add ─► resolve
+ *                                                 └► merge ─► fragments
+ */
+#ifndef SP_SHELL_KERNELS_H
+#define SP_SHELL_KERNELS_H
+
+#include "base/isa.h"
+#include "frame/fragments.h"
+#include "frame/resolve.h"
+#include "shell/list.h"
+#include "sp/frame.h"
+#include "splat/ewa.h"
+
+enum { SP_SHELL_TILE = SP_FRAGMENT_TILE, SP_SHELL_PIXELS = SP_FRAGMENT_PIXELS };
+
+/* The constants of a frame. */
+struct sp_shell_frame {
+    struct sp_ewa_frame ewa;
+    enum sp_filter_mode mode;     /* EWA, or NONE for flat squares */
+    const struct sp_shade *shade; /* NULL = not lit */
+    bool is_rectilinear;
+    bool linear; /* attenuation */
+    /* Rectilinear: by axis and index, distance from sample 0 and local spacing [mean spacings]. */
+    const float *place[3], *size[3];
+    float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
+    float apart;  /* splats of a pixel whose u2 differ by less become one fragment [cells] */
+};
+
+/* One splat. Its weight on a pixel at (dx, dy) from the centre is 2^−p with
+ * p = a·dx² + b·dx·dy + c·dy², and 0 where p exceeds the frame's cut or outside the box. */
+struct sp_shell_record {
+    float x, y, a, b, c;    /* px */
+    float depth;            /* optical depth at the centre */
+    float color[3];         /* shaded, not multiplied by anything */
+    float u2;               /* of the voxel [cells] */
+    int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
+    float area;             /* px */
+    uint32_t unused[3];
+};
+
+/* A tile while it is composited: transmittance, red, green, blue of SP_WIDE pixels each. Such a
+ * cell is four pixels wide; cells follow each other row by row. */
+struct sp_shell_tile {
+    _Alignas(64) float cells[SP_SHELL_PIXELS * 4];
+    uint8_t is_closed[SP_SHELL_PIXELS / 4]; /* by cell: nothing behind it is seen */
+    uint32_t open;                          /* cells that are not closed */
+    int x, y;                               /* of its corner in the image */
+};
+
+struct sp_shell_kernels {
+    /* Sets up the splats of voxels[count] of the list that touch the rows being drawn, in order.
+     * Returns how many were written. */
+    uint32_t (*set_up)(const struct sp_shell_frame *frame, const struct sp_shell_list *list,
+                       const uint32_t *voxels, uint32_t count, struct sp_shell_record *out);
+    /* Empties the tile at (x, y); pixels outside the image count as opaque. */
+    void (*start)(struct sp_shell_tile *tile, int x, int y, const int size[2]);
+    /* Composites records[entries[0 … count)], front to back. */
+    void (*add)(struct sp_shell_tile *tile, const struct sp_shell_frame *frame,
+                const struct sp_shell_record *records, const uint32_t *entries, uint32_t count);
+    /* Blends the tile over the background into the image. */
+    void (*resolve)(const struct sp_shell_tile *tile, const float background[4],
+                    struct sp_frame *image);
+    /* Adds the same records to an empty tile of fragments. */
+    void (*merge)(struct sp_fragment_tile *tile, const struct sp_shell_frame *frame,
+                  const struct sp_shell_record *records, const uint32_t *entries, uint32_t count);
+};
+
+/* The functions of the instruction set that the including source is compiled for. */
+uint32_t sp_shell_set_up(const struct sp_shell_frame *frame, const struct sp_shell_list *list,
+                         const uint32_t *voxels, uint32_t count, struct sp_shell_record *out);
+void sp_shell_start(struct sp_shell_tile *tile, int x, int y, const int size[2]);
+void sp_shell_add(struct sp_shell_tile *tile, const struct sp_shell_frame *frame,
+                  const struct sp_shell_record *records, const uint32_t *entries, uint32_t count);
+void sp_shell_resolve(const struct sp_shell_tile *tile, const float background[4],
+                      struct sp_frame *image);
+void sp_shell_merge(struct sp_fragment_tile *tile, const struct sp_shell_frame *frame,
+                    const struct sp_shell_record *records, const uint32_t *entries, uint32_t count);
+
+#endif

@@ -1,0 +1,45 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The shell of a volume (Botha and Post 2003, section 2.2): the voxels at borders of opacity.
+ *
+ *   in the shell:  opacity >= low, and the opacity of one of the six neighbours < high
+ *
+ * Beyond the border of the volume the opacity is 0; so is that of a sample that is not finite. A
+ * voxel without any opacity is never in the shell. One of opacity `high` or more is opaque: it
+ * hides what is behind it.
+ *
+ *   P   first[row]  ─► voxels [first[row], first[row + 1]) of the row, rising along axis 0
+ *   D   voxels      row by row and slice by slice
+ */
+#ifndef SP_SHELL_LIST_H
+#define SP_SHELL_LIST_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+/* Bits of a voxel's code: the neighbour on the low or high side of an axis is opaque. */
+#define SP_SHELL_LOW(axis) (1u << (2 * (axis)))
+#define SP_SHELL_HIGH(axis) (2u << (2 * (axis)))
+enum { SP_SHELL_OPAQUE = 64 /* the voxel itself is */ };
+
+struct sp_shell_voxel {
+    uint16_t at[3];    /* index in the volume */
+    uint16_t code;     /* bits as above */
+    uint32_t normal;   /* packed gradient (classify/gradient.h) */
+    uint16_t color[3]; /* of the class, in 65535ths */
+    uint16_t unused;
+    float depth; /* optical depth over the reference length, > 0 */
+};
+
+struct sp_shell_list {
+    uint32_t dims[3];
+    uint32_t *first;               /* P: [dims[1] · dims[2] + 1], owned; NULL = no list */
+    struct sp_shell_voxel *voxels; /* D: [count], owned */
+    uint32_t count;
+};
+
+static inline uint64_t sp_shell_rows(const struct sp_shell_list *list) {
+    return (uint64_t)list->dims[1] * list->dims[2];
+}
+
+#endif

@@ -1,0 +1,223 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Compositing of splats, front to back:
+ *
+ *   colour += T·(1 − e^−τ)·c,   T *= e^−τ,   τ = depth · weight
+ *
+ * A pixel whose transmittance T is below 1/512 does not change any more. Pixels are processed in
+ * cells of four columns and SP_WIDE/4 rows, which suit footprints of a few pixels better than rows
+ * do.
+ */
+#include <string.h>
+
+#include "shell/kernels.h"
+#include "splat/exp2.h"
+
+enum { CELL_ROWS = SP_WIDE / 4, CELLS = SP_SHELL_TILE / 4, CELL_FLOATS = 4 * SP_WIDE };
+
+static inline float *cell_at(struct sp_shell_tile *tile, int column, int row) {
+    return tile->cells + (row * CELLS + column) * CELL_FLOATS;
+}
+
+/* Column and row of each lane in its cell. */
+static inline sp_wide lane_columns(void) {
+    return sp_wide_from_int(sp_wide_int_count() & 3);
+}
+
+static inline sp_wide lane_rows(void) {
+    return sp_wide_from_int(sp_wide_int_count() >> 2);
+}
+
+void sp_shell_start(struct sp_shell_tile *tile, int x, int y, const int size[2]) {
+    const sp_wide one = sp_wide_all(1);
+    tile->x = x;
+    tile->y = y;
+    tile->open = 0;
+    memset(tile->cells, 0, sizeof tile->cells);
+    memset(tile->is_closed, 1, sizeof tile->is_closed);
+    for (int row = 0; row * CELL_ROWS < SP_SHELL_TILE; row++)
+        for (int column = 0; column < CELLS; column++) {
+            sp_wide right = lane_columns() + (float)(x + 4 * column);
+            sp_wide down = lane_rows() + (float)(y + CELL_ROWS * row);
+            sp_wide_mask inside = sp_wide_lt(right, sp_wide_all((float)size[0])) &
+                                  sp_wide_lt(down, sp_wide_all((float)size[1]));
+            sp_wide_store(cell_at(tile, column, row), sp_wide_keep(inside, one));
+            tile->is_closed[row * CELLS + column] = !sp_wide_any(inside);
+            tile->open += sp_wide_any(inside);
+        }
+}
+
+/* The cells that a box touches: columns [x0, x1], rows [y0, y1]. */
+struct cells {
+    int x0, y0, x1, y1;
+};
+
+static inline struct cells find_cells(int x, int y, const struct sp_shell_record *r) {
+    int x0 = r->x0 - x, y0 = r->y0 - y, x1 = r->x1 - 1 - x, y1 = r->y1 - 1 - y;
+    x0 = x0 > 0 ? x0 : 0;
+    y0 = y0 > 0 ? y0 : 0;
+    x1 = x1 < SP_SHELL_TILE ? x1 : SP_SHELL_TILE - 1;
+    y1 = y1 < SP_SHELL_TILE ? y1 : SP_SHELL_TILE - 1;
+    return (struct cells){ x0 / 4, y0 / CELL_ROWS, x1 / 4, y1 / CELL_ROWS };
+}
+
+/* What a splat leaves of the light on the pixels of a cell, and which pixels it covers. */
+static inline sp_wide pass_gaussian(const struct sp_shell_frame *f, const struct sp_shell_record *r,
+                                    sp_wide dx, sp_wide dy, sp_wide_mask *covered) {
+    sp_wide power = (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
+    *covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
+    sp_wide depth = r->depth * sp_wide_exp2(-power);
+    return f->linear ? 1 - sp_wide_min(depth, sp_wide_all(1)) : sp_wide_exp2(-SP_LOG2E * depth);
+}
+
+/* right, down: of the pixels' centres, from the image's corner. */
+static inline sp_wide_mask cover_box(const struct sp_shell_record *r, sp_wide right, sp_wide down) {
+    return sp_wide_lt(sp_wide_all((float)r->x0), right) &
+           sp_wide_lt(right, sp_wide_all((float)r->x1)) &
+           sp_wide_lt(sp_wide_all((float)r->y0), down) &
+           sp_wide_lt(down, sp_wide_all((float)r->y1));
+}
+
+static inline float pass_flat(const struct sp_shell_frame *f, const struct sp_shell_record *r) {
+    return f->linear ? 1 - (r->depth < 1 ? r->depth : 1) : sp_exp2(-SP_LOG2E * r->depth);
+}
+
+/* Composites onto a cell. Returns true if its pixels are all opaque now. */
+static inline bool composite(const struct sp_shell_record *r, sp_wide pass, sp_wide_mask covered,
+                             float *cell) {
+    const sp_wide least = sp_wide_all(SP_TRANSMITTANCE_MIN);
+    sp_wide through = sp_wide_load(cell);
+    covered &= sp_wide_le(least, through);
+    if (!sp_wide_any(covered))
+        return false;
+    sp_wide left = sp_wide_select(covered, through * pass, through), share = through - left;
+    sp_wide_store(cell, left);
+    for (int k = 0; k < 3; k++) {
+        float *plane = cell + (k + 1) * SP_WIDE;
+        sp_wide_store(plane, sp_wide_load(plane) + share * r->color[k]);
+    }
+    return !sp_wide_any(sp_wide_le(least, left));
+}
+
+static inline void add_record(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
+                              const struct sp_shell_record *r, bool is_flat) {
+    struct cells c = find_cells(tile->x, tile->y, r);
+    const sp_wide columns = lane_columns(), rows = lane_rows();
+    const sp_wide all = is_flat ? sp_wide_all(pass_flat(f, r)) : sp_wide_all(0);
+    float left = (float)tile->x + 0.5f, top = (float)tile->y + 0.5f;
+    for (int row = c.y0; row <= c.y1; row++)
+        for (int column = c.x0; column <= c.x1; column++) {
+            uint8_t *is_closed = &tile->is_closed[row * CELLS + column];
+            sp_wide right = columns + (left + (float)(4 * column)), pass = all;
+            sp_wide down = rows + (top + (float)(CELL_ROWS * row));
+            sp_wide_mask covered;
+            if (*is_closed)
+                continue;
+            if (is_flat)
+                covered = cover_box(r, right, down);
+            else
+                pass = pass_gaussian(f, r, right - r->x, down - r->y, &covered);
+            if (composite(r, pass, covered, cell_at(tile, column, row))) {
+                *is_closed = 1;
+                tile->open--;
+            }
+        }
+}
+
+void sp_shell_add(struct sp_shell_tile *tile, const struct sp_shell_frame *frame,
+                  const struct sp_shell_record *records, const uint32_t *entries, uint32_t count) {
+    enum { AHEAD = 8 };
+    for (uint32_t e = 0; e < count && tile->open; e++) {
+        if (e + AHEAD < count)
+            __builtin_prefetch(&records[entries[e + AHEAD]]);
+        if (frame->mode == SP_FILTER_NONE)
+            add_record(tile, frame, &records[entries[e]], true);
+        else
+            add_record(tile, frame, &records[entries[e]], false);
+    }
+}
+
+void sp_shell_resolve(const struct sp_shell_tile *tile, const float background[4],
+                      struct sp_frame *image) {
+    int width = (int)image->width - tile->x, height = (int)image->height - tile->y;
+    uint32_t count = (uint32_t)(width < SP_SHELL_TILE ? width : SP_SHELL_TILE);
+    for (int y = 0; y < SP_SHELL_TILE && y < height; y++) {
+        float planes[4][SP_SHELL_TILE];
+        const float *const rows[4] = { planes[0], planes[1], planes[2], planes[3] };
+        for (int x = 0; x < SP_SHELL_TILE; x += 4) {
+            const float *cell = tile->cells + (y / CELL_ROWS * CELLS + x / 4) * CELL_FLOATS;
+            for (int k = 0; k < 4; k++)
+                memcpy(&planes[k][x], cell + k * SP_WIDE + y % CELL_ROWS * 4, 4 * sizeof(float));
+        }
+        unsigned char *out =
+            (unsigned char *)image->pixels + (size_t)(tile->y + y) * image->stride_bytes;
+        if (image->format == SP_RGBAF32)
+            sp_resolve_rgbaf32(rows, count, background, (float *)(void *)out + 4 * tile->x);
+        else
+            sp_resolve_rgba8(rows, count, background, out + 4 * tile->x);
+    }
+}
+
+/* The fragment of each pixel of a tile that splats still join, and what the pixels let through. */
+struct open_fragments {
+    struct sp_fragment list[SP_SHELL_PIXELS];
+    float through[SP_SHELL_PIXELS];
+};
+
+static void join(struct sp_fragment_tile *tile, struct open_fragments *open, int pixel,
+                 const struct sp_shell_frame *f, const struct sp_shell_record *r, float pass) {
+    struct sp_fragment *to = &open->list[pixel];
+    float depth = r->u2 * (float)f->ewa.unit, apart = f->apart * (float)f->ewa.unit;
+    if (open->through[pixel] < SP_TRANSMITTANCE_MIN)
+        return;
+    if (to->alpha > 0 && !(fabsf(depth - to->depth) < apart)) {
+        sp_fragment_add(tile, pixel, to);
+        to->alpha = 0;
+    }
+    if (!(to->alpha > 0))
+        *to = (struct sp_fragment){ .depth = depth };
+    float share = (1 - to->alpha) * (1 - pass);
+    for (int k = 0; k < 3; k++)
+        to->color[k] += share * r->color[k];
+    to->alpha += share;
+    open->through[pixel] *= pass;
+}
+
+static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragments *open,
+                                const struct sp_shell_frame *f, const struct sp_shell_record *r) {
+    struct cells c = find_cells(tile->x, tile->y, r);
+    bool is_flat = f->mode == SP_FILTER_NONE;
+    for (int row = c.y0; row <= c.y1; row++)
+        for (int column = c.x0; column <= c.x1; column++) {
+            sp_wide right = lane_columns() + ((float)tile->x + 0.5f + (float)(4 * column));
+            sp_wide down = lane_rows() + ((float)tile->y + 0.5f + (float)(CELL_ROWS * row));
+            sp_wide_mask covered;
+            sp_wide pass;
+            if (is_flat) {
+                covered = cover_box(r, right, down);
+                pass = sp_wide_all(pass_flat(f, r));
+            } else {
+                pass = pass_gaussian(f, r, right - r->x, down - r->y, &covered);
+            }
+            for (unsigned bits = sp_wide_mask_bits(covered); bits; bits &= bits - 1) {
+                int i = __builtin_ctz(bits);
+                int pixel = (row * CELL_ROWS + i / 4) * SP_SHELL_TILE + column * 4 + i % 4;
+                join(tile, open, pixel, f, r, pass[i]);
+            }
+        }
+}
+
+void sp_shell_merge(struct sp_fragment_tile *tile, const struct sp_shell_frame *frame,
+                    const struct sp_shell_record *records, const uint32_t *entries,
+                    uint32_t count) {
+    struct open_fragments open;
+    for (int i = 0; i < SP_SHELL_PIXELS; i++) {
+        open.list[i].alpha = 0;
+        open.through[i] = 1;
+    }
+    for (uint32_t e = 0; e < count; e++)
+        merge_record(tile, &open, frame, &records[entries[e]]);
+    for (int i = 0; i < SP_SHELL_PIXELS; i++)
+        if (open.list[i].alpha > 0)
+            sp_fragment_add(tile, i, &open.list[i]);
+}
