@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <float.h>
 
-#include "splat/ewa.h"
+#include "splat/adaptive.h"
+#include "splat/cubic.h"
+#include "splat/ewa_frame.h"
 #include "splat/exp2.h"
 #include "volume/grid.h"
 

@@ -6,7 +6,7 @@
 #ifndef SP_SPLAT_OUTLINE_H
 #define SP_SPLAT_OUTLINE_H
 
-#include "splat/ewa.h"
+#include "splat/ewa_frame.h"
 #include "splat/exp2.h"
 
 /* Voxels while they are projected, SP_WIDE at a time. */

@@ -29,14 +29,15 @@ static const char usage[] =
     "  --compositing C     sheet, ...\n"
     "  --order O           transfer function per voxel or pixel: pre, post, auto\n"
     "  --shading S         none, phong\n"
+    "  --layers L          volume, shell or a JSON list of layers; default from the scene\n"
     "  --lod L             level of detail: auto, off; default from the scene\n"
     "  --coarse N          2^N x 2^N x 2^N voxels averaged into one, 0 (default) to 2\n"
     "  --edit E            none, colour, opacity, range: slightly changes that part of the\n"
     "                      transfer function before each frame; default none\n"
     "  --cold              evicts cached data of the volume before each frame\n"
     "  --against KEY=VALUE alternates with the same setting except for that option (mode,\n"
-    "                      compositing, order, shading, lod, coarse or edit); compares\n"
-    "                      times and images\n"
+    "                      compositing, order, shading, layers, lod, coarse or edit);\n"
+    "                      compares times and images\n"
     "  --cancel N          then starts N frames, cancels each at a random moment, and prints\n"
     "                      how long the call takes to return\n"
     "  --data DIR          folder that contains the volumes of the scenes\n"
@@ -76,11 +77,9 @@ static bool parse_setting(struct bench_setting *s, const char *name, const char 
     const struct {
         const char *name;
         const char **to;
-    } texts[] = { { "mode", &s->overrides.mode },
-                  { "compositing", &s->overrides.compositing },
-                  { "order", &s->overrides.order },
-                  { "shading", &s->overrides.shading },
-                  { "lod", &s->overrides.lod } };
+    } texts[] = { { "mode", &s->overrides.mode },     { "compositing", &s->overrides.compositing },
+                  { "order", &s->overrides.order },   { "shading", &s->overrides.shading },
+                  { "layers", &s->overrides.layers }, { "lod", &s->overrides.lod } };
     *known = true;
     for (size_t i = 0; i < sizeof texts / sizeof texts[0]; i++)
         if (strcmp(name, texts[i].name) == 0) {
@@ -147,7 +146,7 @@ static bool parse_against(struct bench_options *o) {
     if (!known)
         fprintf(stderr,
                 "splat-bench: --against: \"%s\" is not KEY=VALUE with one of mode, compositing, "
-                "order, shading, lod, coarse, edit\n",
+                "order, shading, layers, lod, coarse, edit\n",
                 o->against_text);
     return ok;
 }
@@ -166,6 +165,7 @@ enum bench_parsed bench_options_parse(struct bench_options *o, int argc, char **
         { "compositing", required_argument, NULL, LONG_ONLY },
         { "order", required_argument, NULL, LONG_ONLY },
         { "shading", required_argument, NULL, LONG_ONLY },
+        { "layers", required_argument, NULL, LONG_ONLY },
         { "lod", required_argument, NULL, LONG_ONLY },
         { "coarse", required_argument, NULL, LONG_ONLY },
         { "edit", required_argument, NULL, LONG_ONLY },

@@ -77,6 +77,17 @@ static bool apply_text(struct sp_view *view, const char *text, struct sp_error *
     return ok;
 }
 
+static bool override_layers(struct sp_view *view, const char *layers, struct sp_error *err) {
+    char *text = NULL;
+    int length = layers[0] == '[' ? asprintf(&text, "{\"layers\": %s}", layers)
+                                  : asprintf(&text, "{\"layers\": [{\"type\": \"%s\"}]}", layers);
+    bool ok = length >= 0 ? apply_text(view, text, err)
+                          : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the layers");
+    if (length >= 0)
+        free(text);
+    return ok;
+}
+
 bool bench_view_override(struct sp_view *view, const struct bench_overrides *o,
                          struct sp_error *err) {
     const char *const fields[][3] = { { "filter", "mode", o->mode },
@@ -93,6 +104,8 @@ bool bench_view_override(struct sp_view *view, const struct bench_overrides *o,
         if (!apply_text(view, text, err))
             return false;
     }
+    if (o->layers && !override_layers(view, o->layers, err))
+        return false;
     if (o->size) {
         snprintf(text, sizeof text, "{\"size\": [%u, %u]}", o->size, o->size);
         return apply_text(view, text, err);

@@ -19,6 +19,7 @@ enum { BENCH_CAMERAS_MAX = 4096 };
 /* Options of the command line that override the scene; NULL or 0 = value of the scene. */
 struct bench_overrides {
     const char *mode, *compositing, *order, *shading, *lod; /* as in the protocol */
+    const char *layers;                                     /* a type, or a JSON list */
     unsigned size;                                          /* px, width and height */
     unsigned views; /* views of an orbit, or the most cameras of a scene */
 };

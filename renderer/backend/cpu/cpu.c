@@ -30,6 +30,7 @@ static void cpu_destroy(void *pointer) {
     sp_classify_cache_evict(&state->cache, NULL);
     sp_samples_evict(&state->samples, NULL);
     sp_light_evict(&state->light, NULL);
+    sp_shell_evict(&state->shell, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -75,12 +76,14 @@ static void cpu_evict(void *pointer, const struct sp_volume *volume) {
     sp_classify_cache_evict(&state->cache, volume);
     sp_samples_evict(&state->samples, volume);
     sp_light_evict(&state->light, volume);
+    sp_shell_evict(&state->shell, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
     const struct cpu_state *state = pointer;
     return sp_classify_cache_bytes(&state->cache, volume) +
-           sp_samples_bytes(&state->samples, volume) + sp_light_bytes(&state->light, volume);
+           sp_samples_bytes(&state->samples, volume) + sp_light_bytes(&state->light, volume) +
+           sp_shell_bytes(&state->shell, volume);
 }
 
 static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,

@@ -3,6 +3,7 @@
 
 #include "backend/cpu/general.h"
 #include "resample/axes.h"
+#include "shell/shell.h"
 #include "splat/slices.h"
 
 /* Draws the frame by the fast path if that is worthwhile; *is_drawn says whether it did. */
@@ -165,8 +166,35 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
     return is_drawn || cpu_general_draw(&frame, err);
 }
 
+static bool draw_shell(struct cpu_state *state, const struct sp_backend_job *job,
+                       struct sp_error *err) {
+    struct sp_camera_transform camera;
+    struct sp_shade shade;
+    bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
+    sp_camera_transform_init(&camera, &job->view->camera, job->view->size);
+    if (is_lit)
+        sp_shade_init(&shade, &camera, &job->view->shading);
+    uint64_t used = sp_classify_cache_bytes(&state->cache, NULL) +
+                    sp_samples_bytes(&state->samples, NULL) + sp_light_bytes(&state->light, NULL);
+    const struct sp_shell_input input = { .view = job->view,
+                                          .layer = &job->view->layers[0],
+                                          .volume = job->volume,
+                                          .frame = job->frame,
+                                          .camera = &camera,
+                                          .shade = is_lit ? &shade : NULL,
+                                          .cache = &state->shell,
+                                          .bytes_max = rest_of(state, used),
+                                          .kernels = &state->kernels.shell,
+                                          .interrupt = sp_job_interrupt(job),
+                                          .pool = state->pool,
+                                          .arena = &state->arena };
+    return sp_shell_draw(&input, err);
+}
+
 static bool draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     sp_arena_reset(&state->arena);
+    if (job->view->layer_count == 1 && job->view->layers[0].type == SP_LAYER_SHELL)
+        return draw_shell(state, job, err);
     return sp_resample_draws(job->view) ? draw_resampled(state, job, err)
                                         : draw_classified(state, job, err);
 }
