@@ -20,7 +20,7 @@
  * encode end before the frame is sent; the shortest pong is the least wait, not the usual one; and
  * frames of one size do not show whether a smaller one would come sooner. The round trip of the
  * kernel (TCP_INFO) would, but not behind a proxy. So smaller frames are the answer in both cases;
- * they take less of a busy processor, too. The client knows how long pictures wait at its end, and
+ * they take less of a busy processor, too. The client knows how long frames wait at its end, and
  * names a slow network only if that explains it (clients/web/core/latency.js).
  */
 #ifndef SRV_SESSION_RATE_CONTROL_H
