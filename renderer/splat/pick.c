@@ -1,8 +1,4 @@
-/* SPDX-License-Identifier: Apache-2.0
- *
- * From cell to cell along a ray (Amanatides and Woo 1987), on a grid with any direction matrix and
- * any coordinates: in distances along the grid's axes the ray is straight and cells are boxes.
- */
+/* SPDX-License-Identifier: Apache-2.0 */
 #include "sp/pick.h"
 
 #include <math.h>
@@ -11,182 +7,159 @@
 #include "base/vec.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
-#include "splat/camera.h"
+#include "splat/crossings.h"
+#include "splat/ray.h"
 #include "volume/sample.h"
 
-/* Points from + t·way, t in [begin, end]; world units. */
-struct ray {
-    struct sp_vec3 from, way; /* world; way has unit length */
-    struct sp_vec3 a, b;      /* distances along the axes: a + t·b */
-    double begin, end;
+/* An opaque voxel of a shell has at least this optical depth over the smallest spacing: it lets no
+ * light through that counts. */
+static const double opaque_depth = 6.25;
+
+/* What of the view fills cells: the volume, the shell, both or neither. */
+struct matter {
+    const struct sp_transfer_function *tf;
+    struct sp_gradient_grid samples;
+    bool has_volume;
+    const struct sp_layer *shell; /* NULL = none is visible */
+    double low, high;             /* thresholds of the shell as optical depths */
+    double smallest;              /* spacing */
 };
 
-static struct ray ray_from(const struct sp_view *view, const uint32_t size[2], const double at[2]) {
-    struct sp_camera_transform camera;
-    sp_camera_transform_init(&camera, &view->camera, size);
-    struct sp_mat3 to_world = sp_mat3_transpose(&camera.w);
-    struct sp_vec3 shift = { { (at[0] - camera.centre[0]) / camera.scale,
-                               (at[1] - camera.centre[1]) / camera.scale, 0 } };
-    struct ray ray = { .end = INFINITY };
-    if (camera.projection == SP_ORTHOGRAPHIC) {
-        ray.from = sp_vec3_add(camera.eye, sp_mat3_apply(&to_world, shift));
-        ray.way = sp_vec3_from(camera.w.m[2]);
-        ray.begin = camera.near;
-    } else {
-        shift.v[2] = 1;
-        ray.from = camera.eye;
-        ray.way = sp_vec3_normalize(sp_mat3_apply(&to_world, shift));
-        ray.begin = camera.near * sp_vec3_length(shift);
+static double depth_of(double opacity) {
+    return opacity < 1 ? -log1p(-opacity) : INFINITY;
+}
+
+static void matter_init(struct matter *m, const struct sp_view *view,
+                        const struct sp_volume *volume) {
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    *m = (struct matter){ .tf = &view->transfer_function };
+    sp_gradient_grid_init(&m->samples, volume);
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i];
+        m->has_volume = m->has_volume || (layer->visible && layer->type == SP_LAYER_VOLUME);
+        if (layer->visible && layer->type == SP_LAYER_SHELL)
+            m->shell = layer;
     }
-    return ray;
-}
-
-/* Keeps the part of the ray with offset + t·slope >= 0. */
-static void keep(struct ray *ray, double offset, double slope) {
-    if (slope > 0)
-        ray->begin = fmax(ray->begin, -offset / slope);
-    else if (slope < 0)
-        ray->end = fmin(ray->end, -offset / slope);
-    else if (!(offset >= 0))
-        ray->end = -INFINITY;
-}
-
-static void clip(struct ray *ray, const struct sp_grid *grid, const struct sp_clip *clip) {
-    for (unsigned axis = 0; axis < 3; axis++) {
-        double extent[2], low, high;
-        sp_grid_extent(grid, axis, extent);
-        low = extent[0] + clip->box[0][axis] * (extent[1] - extent[0]);
-        high = extent[0] + clip->box[1][axis] * (extent[1] - extent[0]);
-        keep(ray, ray->a.v[axis] - low, ray->b.v[axis]);
-        keep(ray, high - ray->a.v[axis], -ray->b.v[axis]);
+    if (m->shell) {
+        m->low = depth_of(m->shell->low);
+        m->high = depth_of(m->shell->high);
     }
-    for (uint32_t i = 0; i < clip->plane_count; i++) {
-        const struct sp_clip_plane *plane = &clip->planes[i];
-        double largest =
-            fmax(fabs(plane->normal[0]), fmax(fabs(plane->normal[1]), fabs(plane->normal[2])));
-        struct sp_vec3 n;
-        for (int r = 0; r < 3; r++) /* normals may be of any length */
-            n.v[r] = plane->normal[r] / largest;
-        keep(ray, sp_vec3_dot(n, ray->from) - plane->offset / largest, sp_vec3_dot(n, ray->way));
-    }
+    m->smallest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
 }
 
-/* Returns the upper end of cell i of an axis. */
-static double upper_end(const struct sp_grid *grid, unsigned axis, uint32_t i) {
-    if (i + 1 == grid->dims[axis]) {
-        double extent[2];
-        sp_grid_extent(grid, axis, extent);
-        return extent[1];
-    }
-    return 0.5 * (sp_grid_distance(grid, axis, i) + sp_grid_distance(grid, axis, i + 1));
-}
-
-/* Returns the index of the cell at a distance along an axis, clamped to the first and the last
- * cell. */
-static uint32_t cell_at(const struct sp_grid *grid, unsigned axis, double distance) {
-    uint32_t low = 0, high = grid->dims[axis] - 1;
-    while (low < high) {
-        uint32_t middle = low + (high - low) / 2;
-        if (upper_end(grid, axis, middle) <= distance)
-            low = middle + 1;
-        else
-            high = middle;
-    }
-    return low;
-}
-
-/* The current cell of the walk along the ray. */
-struct walk {
-    const struct sp_grid *grid;
-    uint32_t cell[3];
-    double leaves[3]; /* t where the ray leaves the current cell along each axis */
-};
-
-static void set_leave(struct walk *walk, const struct ray *ray, unsigned axis) {
-    uint32_t i = walk->cell[axis];
-    double slope = ray->b.v[axis];
-    bool is_last = slope > 0 ? i + 1 == walk->grid->dims[axis] : i == 0;
-    walk->leaves[axis] = slope == 0 || is_last ? INFINITY
-                         : slope > 0
-                             ? (upper_end(walk->grid, axis, i) - ray->a.v[axis]) / slope
-                             : (upper_end(walk->grid, axis, i - 1) - ray->a.v[axis]) / slope;
-}
-
-/* Moves to the next cell; false after the last one. */
-static bool step(struct walk *walk, const struct ray *ray) {
-    const double *t = walk->leaves;
-    unsigned axis = t[0] <= t[1] && t[0] <= t[2] ? 0 : t[1] <= t[2] ? 1 : 2;
-    if (!(t[axis] < ray->end))
-        return false;
-    walk->cell[axis] += ray->b.v[axis] > 0 ? 1 : UINT32_MAX;
-    set_leave(walk, ray, axis);
-    return true;
-}
-
-/* Returns the optical depth per world unit. */
-static double extinction(const struct sp_gradient_grid *samples,
-                         const struct sp_transfer_function *tf, const uint32_t cell[3],
-                         double value) {
+/* Returns the optical depth of a cell over the reference length. */
+static double depth_in(const struct matter *m, const uint32_t cell[3], double value) {
     struct sp_class class;
-    sp_transfer_function_eval(tf, value, &class);
+    sp_transfer_function_eval(m->tf, value, &class);
     double depth = (double)class.depth;
-    if (depth > 0 && tf->gradient_count > 0) {
+    if (depth > 0 && m->tf->gradient_count > 0) {
         double gradient[3];
-        sp_gradient_at(samples, cell, gradient);
-        double magnitude = sp_vec3_length(sp_vec3_from(gradient)) / samples->scale;
-        depth = -log1p(sp_transfer_function_scale(tf, magnitude) * expm1(-depth));
+        sp_gradient_at(&m->samples, cell, gradient);
+        double magnitude = sp_vec3_length(sp_vec3_from(gradient)) / m->samples.scale;
+        depth = -log1p(sp_transfer_function_scale(m->tf, magnitude) * expm1(-depth));
     }
-    return depth / tf->reference_length;
+    return depth;
 }
 
-/* Accumulates the opacity of the cells. Records the first position where it reaches one half. */
-static void march(const struct ray *ray, const struct sp_gradient_grid *samples,
-                  const struct sp_transfer_function *tf, struct walk *walk, struct sp_pick *pick) {
-    const uint32_t *dims = walk->grid->dims;
-    const double half = log(2), opaque = 50;
-    double depth = 0, t = ray->begin;
-    do {
-        double leave =
-            fmin(fmin(walk->leaves[0], walk->leaves[1]), fmin(walk->leaves[2], ray->end));
-        uint64_t at = walk->cell[0] + dims[0] * (walk->cell[1] + (uint64_t)dims[1] * walk->cell[2]);
-        double value = sp_sample(samples->voxels, samples->type, at);
-        double per_unit = extinction(samples, tf, walk->cell, value);
-        double more = per_unit * fmax(leave - t, 0);
-        if (!pick->is_hit && depth + more >= half) {
-            pick->is_hit = true;
-            pick->value = value;
-            for (int r = 0; r < 3; r++)
-                pick->position[r] =
-                    ray->from.v[r] + (t + (half - depth) / per_unit) * ray->way.v[r];
+static double value_at(const struct matter *m, const uint32_t cell[3]) {
+    const uint32_t *dims = m->samples.grid->dims;
+    uint64_t at = cell[0] + dims[0] * (cell[1] + (uint64_t)dims[1] * cell[2]);
+    return sp_sample(m->samples.voxels, m->samples.type, at);
+}
+
+/* True if a neighbour of the cell is below the upper threshold of the shell; beyond the border of
+ * the volume there is nothing. */
+static bool is_at_border(const struct matter *m, const uint32_t cell[3]) {
+    const uint32_t *dims = m->samples.grid->dims;
+    for (unsigned axis = 0; axis < 3; axis++)
+        for (int side = 0; side < 2; side++) {
+            uint32_t next[3] = { cell[0], cell[1], cell[2] };
+            next[axis] += side ? 1 : UINT32_MAX;
+            if (next[axis] >= dims[axis] || depth_in(m, next, value_at(m, next)) < m->high)
+                return true;
         }
-        depth += more;
+    return false;
+}
+
+/* Returns the optical depth per world unit in a cell. */
+static double extinction(const struct matter *m, const uint32_t cell[3], double value) {
+    if (!m->has_volume && !m->shell)
+        return 0;
+    double depth = depth_in(m, cell, value), unit = m->tf->reference_length;
+    double sum = m->has_volume ? depth / unit : 0;
+    if (m->shell && depth > 0 && depth >= m->low && is_at_border(m, cell))
+        sum += depth >= m->high ? fmax(depth / unit, opaque_depth / m->smallest) : depth / unit;
+    return sum;
+}
+
+/* The state of picking along the ray. */
+struct march {
+    const struct sp_ray *ray;
+    struct sp_pick *pick;
+    double depth; /* optical depth so far */
+};
+
+/* Records a position where the opacity reaches one half. */
+static void hit(struct march *march, double t, double value) {
+    if (march->pick->is_hit)
+        return;
+    march->pick->is_hit = true;
+    march->pick->value = value;
+    for (int r = 0; r < 3; r++)
+        march->pick->position[r] = march->ray->from.v[r] + t * march->ray->way.v[r];
+}
+
+static const double half = M_LN2;
+
+/* Goes through matter of one kind from t to `to`. */
+static void pass(struct march *march, double t, double to, double per_unit, double value) {
+    double more = per_unit * fmax(to - t, 0);
+    if (march->depth + more >= half && more > 0)
+        hit(march, t + fmax(half - march->depth, 0) / per_unit, value);
+    march->depth += more;
+}
+
+/* Goes through a surface. */
+static void pass_surface(struct march *march, const struct sp_crossing *crossing) {
+    march->depth += depth_of((double)crossing->layer->opacity);
+    if (march->depth >= half)
+        hit(march, crossing->t, crossing->layer->value);
+}
+
+/* Goes along the ray until nothing behind counts. */
+static void follow(struct march *march, const struct matter *matter, struct sp_crossings *crossings,
+                   struct sp_ray_walk *walk) {
+    const double opaque = 50;
+    double t = march->ray->begin;
+    do {
+        double leave = sp_ray_walk_leave(walk, march->ray), value = value_at(matter, walk->cell);
+        double per_unit = extinction(matter, walk->cell, value);
+        const struct sp_crossing *next;
+        while ((next = sp_crossings_peek(crossings)) && next->t <= leave) {
+            pass(march, t, next->t, per_unit, value);
+            pass_surface(march, next);
+            t = fmax(t, next->t);
+            sp_crossings_take(crossings);
+        }
+        pass(march, t, leave, per_unit, value);
         t = fmax(t, leave);
-    } while (depth < opaque && step(walk, ray));
-    pick->opacity = -expm1(-depth);
+    } while (march->depth < opaque && sp_ray_walk_step(walk, march->ray));
+    march->pick->opacity = -expm1(-march->depth);
 }
 
 void sp_pick_at(const struct sp_volume *volume, const struct sp_view *view, const uint32_t size[2],
                 const double at[2], struct sp_pick *pick) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    struct ray ray = ray_from(view, size, at);
-    struct sp_mat3 direction;
-    double det;
+    struct sp_ray ray;
+    struct sp_ray_walk walk;
+    struct sp_crossings crossings;
+    struct matter matter;
     *pick = (struct sp_pick){ .opacity = 0 };
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            direction.m[r][a] = grid->direction[r][a];
-    struct sp_mat3 to_axes = sp_mat3_inverse(&direction, &det);
-    ray.a = sp_mat3_apply(&to_axes, sp_vec3_sub(ray.from, sp_vec3_from(grid->origin)));
-    ray.b = sp_mat3_apply(&to_axes, ray.way);
-    clip(&ray, grid, &view->clip);
+    sp_ray_init(&ray, view, grid, size, at);
     if (!(ray.begin < ray.end))
         return;
-    struct sp_gradient_grid samples;
-    sp_gradient_grid_init(&samples, volume);
-    struct walk walk = { .grid = grid };
-    for (unsigned axis = 0; axis < 3; axis++) {
-        walk.cell[axis] = cell_at(grid, axis, ray.a.v[axis] + ray.begin * ray.b.v[axis]);
-        set_leave(&walk, &ray, axis);
-    }
-    march(&ray, &samples, &view->transfer_function, &walk, pick);
+    matter_init(&matter, view, volume);
+    sp_crossings_init(&crossings, &ray, view, volume);
+    sp_ray_walk_start(&walk, &ray, grid, SP_RAY_AROUND, ray.begin);
+    follow(&(struct march){ .ray = &ray, .pick = pick }, &matter, &crossings, &walk);
 }
