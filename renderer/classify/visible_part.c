@@ -2,6 +2,7 @@
 #include "sp/visible_part.h"
 
 #include <math.h>
+#include <stddef.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -17,6 +18,9 @@ enum {
     SEEN_MIN = 256,   /* visible samples below which it is looked for */
     FLOAT_BINS = 1 << 16
 };
+/* What may be visible. Each has profiles of its own, so that much of one does not make the ends of
+ * another count as tails. */
+enum source { SOURCE_VOLUME, SOURCE_SHELL, SOURCE_SURFACES, SOURCES };
 static const double tail = 0.001;   /* share of the opacity that may lie beyond each end */
 static const double faint = 0.002;  /* opacity of a sample that does not count … */
 static const double fainter = 0.02; /* … unless it is this share of the highest */
@@ -38,10 +42,34 @@ struct lattice {
     uint32_t *voxel[3];    /* [axis][sample]: its index in the volume */
     double cells[3], cell; /* mean distance of samples along an axis, and of all; world units */
     double *plane[SP_CLIP_PLANES_MAX][3]; /* [plane][axis][sample]: its share of the dot product */
-    double *profile[3];                   /* sum of the opacity in each layer */
+    double *profile[SOURCES][3];          /* sum of the opacity in each slice */
+    uint64_t seen[SOURCES];               /* visible samples */
     uint32_t *first, *last;               /* of each row along axis 0; first > last = empty */
-    uint64_t seen;
 };
+
+/* The visible layers of the view. */
+static const struct sp_layer *layer_of(const struct sp_view *view, enum sp_layer_type type) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].type == type && view->layers[i].visible)
+            return &view->layers[i];
+    return NULL;
+}
+
+/* A surface exists within the range of the volume. */
+static bool is_surface(const struct sp_volume_info *info, const struct sp_layer *layer) {
+    return layer->type == SP_LAYER_SURFACE && layer->visible && layer->opacity > 0 &&
+           layer->value > info->range[0] && layer->value <= info->range[1];
+}
+
+static bool has_source(const struct sp_view *view, const struct sp_volume_info *info,
+                       enum source source) {
+    if (source != SOURCE_SURFACES)
+        return layer_of(view, source == SOURCE_SHELL ? SP_LAYER_SHELL : SP_LAYER_VOLUME) != NULL;
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (is_surface(info, &view->layers[i]))
+            return true;
+    return false;
+}
 
 static double distance_of(const struct lattice *l, unsigned axis, uint32_t i) {
     return sp_grid_distance(&l->info->grid, axis, l->voxel[axis][i]);
@@ -49,7 +77,8 @@ static double distance_of(const struct lattice *l, unsigned axis, uint32_t i) {
 
 static void lattice_finish(struct lattice *l) {
     for (int a = 0; a < 3; a++) {
-        free(l->profile[a]);
+        for (int source = 0; source < SOURCES; source++)
+            free(l->profile[source][a]);
         free(l->voxel[a]);
     }
     for (int p = 0; p < SP_CLIP_PLANES_MAX; p++)
@@ -129,7 +158,8 @@ static bool lattice_init(struct lattice *l, const struct sp_view *view,
     bool ok = (l->first = malloc(rows * sizeof *l->first)) != NULL;
     ok = (l->last = calloc(rows, sizeof *l->last)) && ok;
     for (unsigned a = 0; a < 3; a++) {
-        ok = (l->profile[a] = calloc(l->count[a], sizeof *l->profile[a])) && ok;
+        for (int source = 0; source < SOURCES; source++)
+            ok = (l->profile[source][a] = calloc(l->count[a], sizeof(double))) && ok;
         ok = place_samples(l, a) && ok;
     }
     if (ok)
@@ -137,7 +167,9 @@ static bool lattice_init(struct lattice *l, const struct sp_view *view,
     return ok && place_planes(l);
 }
 
-static bool weights_init(struct weights *w, const struct lattice *l) {
+/* `shell`: only what is opaque enough for it; NULL = all that is not too faint. The outer voxels of
+ * what is opaque enough are in the shell, and only they matter here. */
+static bool weights_init(struct weights *w, const struct lattice *l, const struct sp_layer *shell) {
     const struct sp_volume_info *info = l->info;
     const struct sp_transfer_function *tf = &l->view->transfer_function;
     bool is_table = info->type != SP_INT32 && info->type != SP_FLOAT32 && info->type != SP_FLOAT64;
@@ -153,10 +185,12 @@ static bool weights_init(struct weights *w, const struct lattice *l) {
         double at = is_table ? i : (i + 0.5) / FLOAT_BINS * range;
         sp_transfer_function_eval(tf, w->low + at, &class);
         double opacity = -expm1(-(double)class.depth / tf->reference_length * l->cell);
+        if (shell && -expm1(-(double)class.depth) < shell->low)
+            opacity = 0;
         w->at[i] = (float)opacity;
         highest = fmax(highest, opacity);
     }
-    float least = (float)fmin(faint, fainter * highest);
+    float least = shell ? 0 : (float)fmin(faint, fainter * highest);
     for (uint32_t i = 0; i < w->count; i++)
         w->at[i] = w->at[i] > least ? w->at[i] : 0;
     return true;
@@ -169,13 +203,20 @@ static inline float weight_of(const struct weights *w, double value) {
     return w->at[bin < w->count ? (uint32_t)bin : w->count - 1];
 }
 
+static bool is_clipped(const struct lattice *l, const uint32_t at[3]) {
+    const struct sp_clip *clip = &l->view->clip;
+    for (uint32_t p = 0; p < clip->plane_count; p++)
+        if (l->plane[p][0][at[0]] + l->plane[p][1][at[1]] + l->plane[p][2][at[2]] <
+            clip->planes[p].offset)
+            return true;
+    return false;
+}
+
 /* The opacity of a visible value after the gradient axis and the clip planes. */
 static float remaining(const struct lattice *l, const uint32_t at[3], float weight) {
     const struct sp_view *view = l->view;
-    for (uint32_t p = 0; p < view->clip.plane_count; p++)
-        if (l->plane[p][0][at[0]] + l->plane[p][1][at[1]] + l->plane[p][2][at[2]] <
-            view->clip.planes[p].offset)
-            return 0;
+    if (is_clipped(l, at))
+        return 0;
     if (view->transfer_function.gradient_count == 0)
         return weight;
     const uint32_t voxel[3] = { l->voxel[0][at[0]], l->voxel[1][at[1]], l->voxel[2][at[2]] };
@@ -185,27 +226,86 @@ static float remaining(const struct lattice *l, const uint32_t at[3], float weig
     return weight * (float)sp_transfer_function_scale(&view->transfer_function, magnitude);
 }
 
-static void read_samples(struct lattice *l, const struct weights *w) {
+/* Counts a visible sample. */
+static inline void see(struct lattice *l, enum source source, const uint32_t at[3], double weight) {
+    size_t row = (size_t)at[2] * l->count[1] + at[1];
+    for (int a = 0; a < 3; a++)
+        l->profile[source][a][at[a]] += weight;
+    l->first[row] = l->first[row] < at[0] ? l->first[row] : at[0];
+    l->last[row] = l->last[row] > at[0] ? l->last[row] : at[0];
+    l->seen[source]++;
+}
+
+static uint64_t row_of(const struct lattice *l, const uint32_t at[3]) {
     const uint32_t *dims = l->info->grid.dims;
-    uint32_t at[3], *first = l->first, *last = l->last;
+    return ((uint64_t)l->voxel[2][at[2]] * dims[1] + l->voxel[1][at[1]]) * dims[0];
+}
+
+static void read_samples(struct lattice *l, const struct weights *w, enum source source) {
+    uint32_t at[3];
     for (at[2] = 0; at[2] < l->count[2]; at[2]++)
-        for (at[1] = 0; at[1] < l->count[1]; at[1]++, first++, last++) {
-            uint64_t row = ((uint64_t)l->voxel[2][at[2]] * dims[1] + l->voxel[1][at[1]]) * dims[0];
+        for (at[1] = 0; at[1] < l->count[1]; at[1]++) {
+            uint64_t row = row_of(l, at);
             for (at[0] = 0; at[0] < l->count[0]; at[0]++) {
                 float weight =
                     weight_of(w, sp_sample(l->voxels, l->info->type, row + l->voxel[0][at[0]]));
-                if (!(weight > 0) || !((weight = remaining(l, at, weight)) > 0))
-                    continue;
-                for (int a = 0; a < 3; a++)
-                    l->profile[a][at[a]] += (double)weight;
-                *first = *first < at[0] ? *first : at[0];
-                *last = at[0];
-                l->seen++;
+                if (weight > 0 && (weight = remaining(l, at, weight)) > 0)
+                    see(l, source, at, (double)weight);
             }
         }
 }
 
-/* The layers of an axis between which all but the tails lie. */
+/* Of which surfaces a sample lies inside, one bit each, and whether it is finite. */
+enum { FINITE = 1 << SP_LAYERS_MAX };
+static uint16_t sides_of(const struct lattice *l, double value) {
+    uint16_t sides = isfinite(value) ? FINITE : 0;
+    for (uint32_t i = 0; i < l->view->layer_count; i++)
+        if (is_surface(l->info, &l->view->layers[i]) && value >= l->view->layers[i].value)
+            sides |= (uint16_t)(1 << i);
+    return sides;
+}
+
+/* Between two samples beside each other that lie on different sides there is a surface. The one
+ * inside is seen. */
+static void compare_sides(struct lattice *l, const uint32_t at[3], unsigned axis, uint16_t own,
+                          uint16_t other) {
+    uint16_t differ = own ^ other;
+    if (!(own & other & FINITE) || !differ)
+        return;
+    uint32_t before[3] = { at[0], at[1], at[2] };
+    before[axis]--;
+    if (differ & own && !is_clipped(l, at))
+        see(l, SOURCE_SURFACES, at, 1);
+    if (differ & other && !is_clipped(l, before))
+        see(l, SOURCE_SURFACES, before, 1);
+}
+
+/* False when memory is short. */
+static bool read_surfaces(struct lattice *l) {
+    uint32_t at[3];
+    uint16_t *slice = malloc((size_t)l->count[0] * l->count[1] * sizeof *slice);
+    if (!slice)
+        return false;
+    for (at[2] = 0; at[2] < l->count[2]; at[2]++)
+        for (at[1] = 0; at[1] < l->count[1]; at[1]++) {
+            uint64_t row = row_of(l, at);
+            uint16_t *own = slice + (size_t)at[1] * l->count[0];
+            for (at[0] = 0; at[0] < l->count[0]; at[0]++, own++) {
+                uint16_t below = *own;
+                *own = sides_of(l, sp_sample(l->voxels, l->info->type, row + l->voxel[0][at[0]]));
+                if (at[0] > 0)
+                    compare_sides(l, at, 0, *own, own[-1]);
+                if (at[1] > 0)
+                    compare_sides(l, at, 1, *own, own[-(ptrdiff_t)l->count[0]]);
+                if (at[2] > 0)
+                    compare_sides(l, at, 2, *own, below);
+            }
+        }
+    free(slice);
+    return true;
+}
+
+/* The slices of an axis between which all but the tails lie. */
 static void trim(const double *profile, uint32_t count, uint32_t ends[2]) {
     double total = 0, sum = 0;
     for (uint32_t i = 0; i < count; i++)
@@ -296,11 +396,25 @@ static double radius_of(const struct lattice *l, uint32_t ends[3][2], const doub
     return sqrt(most);
 }
 
+/* The slices of an axis between which all that is visible lies. */
+static void find_ends(const struct lattice *l, unsigned axis, uint32_t ends[2]) {
+    ends[0] = l->count[axis] - 1;
+    ends[1] = 0;
+    for (int source = 0; source < SOURCES; source++) {
+        uint32_t own[2];
+        if (l->seen[source] == 0)
+            continue;
+        trim(l->profile[source][axis], l->count[axis], own);
+        ends[0] = own[0] < ends[0] ? own[0] : ends[0];
+        ends[1] = own[1] > ends[1] ? own[1] : ends[1];
+    }
+}
+
 static void set_part(const struct lattice *l, struct sp_visible_part *part) {
     uint32_t ends[3][2];
     double low[3], high[3], center[3];
     for (unsigned a = 0; a < 3; a++) {
-        trim(l->profile[a], l->count[a], ends[a]);
+        find_ends(l, a, ends[a]);
         low[a] = border(l, a, ends[a][0]);
         high[a] = border(l, a, ends[a][1] + 1);
         center[a] = 0.5 * (low[a] + high[a]);
@@ -310,20 +424,36 @@ static void set_part(const struct lattice *l, struct sp_visible_part *part) {
     part->is_visible = true;
 }
 
-/* Reads at most side³ samples. */
+/* False when memory is short. */
+static bool read_source(struct lattice *l, enum source source) {
+    struct weights w = { NULL };
+    if (source == SOURCE_SURFACES)
+        return read_surfaces(l);
+    const struct sp_layer *shell =
+        source == SOURCE_SHELL ? layer_of(l->view, SP_LAYER_SHELL) : NULL;
+    if (!weights_init(&w, l, shell))
+        return false;
+    read_samples(l, &w, source);
+    free(w.at);
+    return true;
+}
+
+/* Reads at most side³ samples for each source. */
 static bool find(const struct sp_view *view, const struct sp_volume *volume, uint32_t side,
                  bool *is_missed, struct sp_visible_part *part) {
     struct lattice l;
-    struct weights w = { NULL };
-    bool ok = lattice_init(&l, view, volume, side);
+    bool ok = lattice_init(&l, view, volume, side), is_seen = false;
     *is_missed = false;
-    if (ok && l.count[0] > 0 && (ok = weights_init(&w, &l))) {
-        read_samples(&l, &w);
-        *is_missed = l.seen < SEEN_MIN && memcmp(l.count, l.dims, sizeof l.count) != 0;
-        if (l.seen > 0)
-            set_part(&l, part);
+    for (int source = 0; ok && l.count[0] > 0 && source < SOURCES; source++) {
+        if (!has_source(view, l.info, source))
+            continue;
+        ok = read_source(&l, source);
+        is_seen = is_seen || l.seen[source] > 0;
+        *is_missed = *is_missed ||
+                     (l.seen[source] < SEEN_MIN && memcmp(l.count, l.dims, sizeof l.count) != 0);
     }
-    free(w.at);
+    if (ok && is_seen)
+        set_part(&l, part);
     lattice_finish(&l);
     return ok;
 }

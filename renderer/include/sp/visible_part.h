@@ -25,12 +25,13 @@ struct sp_visible_part {
     double radius;     /* world units; at most the distance of a corner */
 };
 
-/* Finds what the transfer function, its gradient axis, the clip box and the clip planes of a view
- * leave visible. Isolated samples with 0.1 % of the opacity at each end of an axis do not count.
- * If the view draws slices, they reach to the borders of the volume, and so does the part. The
- * camera has no influence. Reads at most 2 million samples; 32 million if fewer than 256 of those
- * are visible. A few milliseconds; with a gradient axis or the second reading, some tens of them.
- * SP_ERR_MEMORY. Thread-safe. */
+/* Finds what the visible layers of a view show: what the transfer function, its gradient axis, the
+ * clip box and the clip planes leave of the volume and of the shell, and the surfaces. Isolated
+ * samples with 0.1 % of the opacity of a layer at each end of an axis do not count. If the view
+ * draws slices, they reach to the borders of the volume, and so does the part. The camera has no
+ * influence. Reads at most 2 million samples for each of the three types of layer; 32 million if
+ * fewer than 256 of those are visible. A few milliseconds; with a gradient axis or the second
+ * reading, some tens of them. SP_ERR_MEMORY. Thread-safe. */
 SP_API bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volume *volume,
                                       struct sp_visible_part *part, struct sp_error *err);
 

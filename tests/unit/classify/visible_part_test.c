@@ -211,6 +211,102 @@ static void a_few_wild_samples_do_not_count(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* A view of the surface of a value alone. */
+static struct sp_view surface_of(const struct sp_volume *volume, double value) {
+    struct sp_view view = view_of(volume);
+    view.layers[0] = sp_layer_default(SP_LAYER_SURFACE);
+    view.layers[0].value = value;
+    return view;
+}
+
+static void a_surface_has_the_box_of_what_it_encloses(void **state) {
+    (void)state;
+    struct sp_volume *volume =
+        make(64, SP_UINT8, (const uint32_t[3]){ 16, 32, 8 }, (const uint32_t[3]){ 31, 47, 15 }, 50);
+    const double low[3] = { 0.25, 0.5, 0.125 }, high[3] = { 0.5, 0.75, 0.25 };
+    struct sp_view view = surface_of(volume, 120);
+    view.transfer_function.point_count = 1; /* shows nothing; a surface does not need it */
+    struct sp_visible_part part = find(&view, volume);
+    check_box(&part, low, high, 1e-9);
+    view.clip.box[1][0] = 0.4;
+    part = find(&view, volume);
+    check_box(&part, low, (const double[3]){ 0.4, 0.75, 0.25 }, 1.0 / 64);
+    view.clip.box[1][0] = 1;
+    const double none[] = { 0, 201, 1e9 };
+    for (int i = 0; i < 3; i++) {
+        view.layers[0].value = none[i]; /* all samples lie on one side */
+        assert_false(find(&view, volume).is_visible);
+    }
+    view = surface_of(volume, 120);
+    view.layers[0].opacity = 0;
+    assert_false(find(&view, volume).is_visible);
+    sp_volume_unref(&volume);
+}
+
+static void a_surface_around_a_hollow_is_seen(void **state) {
+    (void)state;
+    struct sp_volume *volume =
+        make(64, SP_FLOAT32, (const uint32_t[3]){ 0 }, (const uint32_t[3]){ 62, 63, 63 }, 10);
+    float *voxels = (float *)(uintptr_t)sp_volume_voxels(volume);
+    for (int i = 0; i < 64 * 64 * 64; i++) {
+        const int at[3] = { i % 64, i / 64 % 64, i / 64 / 64 };
+        bool is_hollow = true;
+        for (int a = 0; a < 3; a++)
+            is_hollow = is_hollow && at[a] >= 20 && at[a] < 30;
+        voxels[i] = is_hollow ? NAN : OBJECT; /* a hole has no surface */
+    }
+    struct sp_view view = surface_of(volume, 120);
+    assert_false(find(&view, volume).is_visible);
+    for (int i = 0; i < 64 * 64 * 64; i++)
+        voxels[i] = isfinite(voxels[i]) ? OBJECT : 10;
+    struct sp_visible_part part = find(&view, volume); /* of the samples around the hollow */
+    check_box(&part, (const double[3]){ 19 / 64.0, 19 / 64.0, 19 / 64.0 },
+              (const double[3]){ 31 / 64.0, 31 / 64.0, 31 / 64.0 }, 1e-9);
+    sp_volume_unref(&volume);
+}
+
+static void only_visible_layers_count(void **state) {
+    (void)state;
+    struct sp_volume *volume =
+        make(64, SP_UINT8, (const uint32_t[3]){ 8, 8, 8 }, (const uint32_t[3]){ 47, 47, 47 }, 0);
+    uint8_t *voxels = (uint8_t *)(uintptr_t)sp_volume_voxels(volume);
+    for (int z = 52; z < 56; z++)
+        for (int y = 52; y < 56; y++)
+            for (int x = 52; x < 56; x++)
+                voxels[x + 64 * (y + 64 * z)] = 90; /* less than the volume shows */
+    const double low[3] = { 0.125, 0.125, 0.125 }, inner[3] = { 0.75, 0.75, 0.75 };
+    struct sp_view view = view_of(volume);
+    view.layers[1] = surface_of(volume, 60).layers[0];
+    struct sp_visible_part part = find(&view, volume); /* the volume alone */
+    check_box(&part, low, inner, 1e-9);
+    view.layer_count = 2;
+    part = find(&view, volume); /* a small surface beside a large volume is no tail */
+    check_box(&part, low, (const double[3]){ 0.875, 0.875, 0.875 }, 1e-9);
+    view.layers[1].visible = false;
+    part = find(&view, volume);
+    check_box(&part, low, inner, 1e-9);
+    view.layers[0].visible = false;
+    assert_false(find(&view, volume).is_visible);
+    sp_volume_unref(&volume);
+}
+
+static void a_shell_has_the_box_of_what_is_opaque_enough(void **state) {
+    (void)state;
+    struct sp_volume *volume =
+        make(64, SP_UINT8, (const uint32_t[3]){ 16, 16, 16 }, (const uint32_t[3]){ 47, 47, 47 }, 0);
+    uint8_t *voxels = (uint8_t *)(uintptr_t)sp_volume_voxels(volume);
+    voxels[3 + 64 * (3 + 64 * 3)] = 120;   /* opacity 0.1 */
+    struct sp_view view = view_of(volume); /* the object's is 0.5 */
+    view.layers[0] = sp_layer_default(SP_LAYER_SHELL);
+    view.layers[0].low = 0.3;
+    struct sp_visible_part part = find(&view, volume);
+    check_box(&part, (const double[3]){ 0.25, 0.25, 0.25 }, (const double[3]){ 0.75, 0.75, 0.75 },
+              1e-9);
+    view.layers[0].low = 0.6;
+    assert_false(find(&view, volume).is_visible);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(an_object_has_its_box_in_the_world),
@@ -221,6 +317,10 @@ int main(void) {
         cmocka_unit_test(slices_reach_to_the_borders),
         cmocka_unit_test(a_ball_is_smaller_than_its_box),
         cmocka_unit_test(a_few_wild_samples_do_not_count),
+        cmocka_unit_test(a_surface_has_the_box_of_what_it_encloses),
+        cmocka_unit_test(a_surface_around_a_hollow_is_seen),
+        cmocka_unit_test(only_visible_layers_count),
+        cmocka_unit_test(a_shell_has_the_box_of_what_is_opaque_enough),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
