@@ -30,8 +30,12 @@ bool print_json(const struct options *options, const proto_json *json, struct sp
 /* Returns "/COLLECTION/NAME", allocated; NULL with *err set on failure. */
 char *collection_path(struct http *http, const char *collection, const char *name,
                       struct sp_error *err);
+/* Adds the layers of the options to those of the view (layers.c). False with *err set on failure.
+ */
+bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
- * camera (patch.c). `http` is used for --preset alone. NULL with *err set on failure. */
+ * camera and the layers (patch.c). `http` is used for --preset alone. NULL with *err set on
+ * failure. */
 proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err);
 
 /* An image to write, and the figures of its rendering. */

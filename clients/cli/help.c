@@ -89,6 +89,14 @@ static const char *const texts[BLOCKS] = {
         "  --roll DEGREES          turns the image\n"
         "  --distance D            from the camera to its target, in world units\n"
         "                          (default of these four: the camera of the view)\n"
+        "  --surface VALUE[,COLOR[,OPACITY]]\n"
+        "                          adds the surface on which the volume has this value; the "
+        "colour\n"
+        "                          as RRGGBB, the opacity in [0, 1]; up to 8 times\n"
+        "  --shell LOW,HIGH[,fast] adds the borders of opacity: voxels of at least the opacity "
+        "LOW\n"
+        "                          beside one below HIGH; fast draws squares\n"
+        "  --no-volume             leaves the volume out, for surfaces and a shell alone\n"
         "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n",
     [BLOCK_IMAGE] =
         "render:\n"
@@ -141,8 +149,11 @@ static const char *const texts[BLOCKS] = {
                      "  --help                  print the help; of one command after its name\n"
                      "  --version               print the version\n",
     [BLOCK_FIELDS] =
-        "A view also chooses filter, compositing, light and clipping. \"splatctl view ID\" prints\n"
-        "all fields; among them are:\n"
+        "A view also chooses layers, filter, compositing, light and clipping. \"splatctl view "
+        "ID\"\n"
+        "prints all fields; among them are:\n"
+        "  layers                  [{\"type\": \"volume\"}, {\"type\": \"surface\", \"value\": "
+        "120}, …]\n"
         "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
         "  filter.kernel           gaussian, cubic\n"
         "  compositing.mode        splat, sheet, slab\n"

@@ -42,6 +42,9 @@ enum option_id {
     OPT_UP,
     OPT_SPACING,
     OPT_WINDOW,
+    OPT_SURFACE,
+    OPT_SHELL,
+    OPT_NO_VOLUME,
     OPT_HELP,
     OPT_VERSION
 };
@@ -77,6 +80,9 @@ static const struct option known[] = {
     { "up", required_argument, NULL, OPT_UP },
     { "spacing", required_argument, NULL, OPT_SPACING },
     { "window", required_argument, NULL, OPT_WINDOW },
+    { "surface", required_argument, NULL, OPT_SURFACE },
+    { "shell", required_argument, NULL, OPT_SHELL },
+    { "no-volume", no_argument, NULL, OPT_NO_VOLUME },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
     { NULL, 0, NULL, 0 },
@@ -161,8 +167,13 @@ static bool apply_plain(struct options *o, enum option_id id, const char *value)
         [OPT_WINDOW] = &o->slice.window,
     };
     bool *const flags[OPT_VERSION + 1] = {
-        [OPT_LOCAL] = &o->local,   [OPT_JSON] = &o->json, [OPT_NO_WAIT] = &o->no_wait,
-        [OPT_DELETE] = &o->delete, [OPT_HELP] = &o->help, [OPT_VERSION] = &o->version,
+        [OPT_NO_VOLUME] = &o->layers.no_volume,
+        [OPT_LOCAL] = &o->local,
+        [OPT_JSON] = &o->json,
+        [OPT_NO_WAIT] = &o->no_wait,
+        [OPT_DELETE] = &o->delete,
+        [OPT_HELP] = &o->help,
+        [OPT_VERSION] = &o->version,
     };
     if (texts[id])
         *texts[id] = value;
@@ -198,6 +209,10 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
         return parse_camera("--distance", value, &o->camera[CAMERA_DISTANCE]);
     case OPT_ROLL:
         return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
+    case OPT_SURFACE:
+        return layers_parse_surface(&o->layers, value);
+    case OPT_SHELL:
+        return layers_parse_shell(&o->layers, value);
     default:
         return false;
     }
@@ -208,7 +223,9 @@ static bool apply_option(struct options *o, int id, const char *value) {
 }
 
 bool options_parse(struct options *options, int argc, char **argv) {
-    *options = (struct options){ .timeout_s = 300, .camera = { NAN, NAN, NAN, NAN } };
+    *options = (struct options){ .timeout_s = 300,
+                                 .camera = { NAN, NAN, NAN, NAN },
+                                 .layers = { .low = NAN, .high = NAN } };
     opterr = 0;
     for (int id; (id = getopt_long(argc, argv, ":", known, NULL)) != -1;) {
         const char *given = argv[optind - 1];

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c,
- * measures.c, render.c, slice.c and upload.c are the commands; patch.c makes their view; http.c
- * talks to the daemon; local.c renders without a daemon; output.c writes files completely or not at
- * all; print.c prints tables and JSON; help.c prints the help. Errors are struct sp_error up to
- * main(), which prints `splatctl: place: text`.
+ * measures.c, render.c, slice.c and upload.c are the commands; patch.c and layers.c make their
+ * view; http.c talks to the daemon; local.c renders without a daemon; output.c writes files
+ * completely or not at all; print.c prints tables and JSON; help.c prints the help. Errors are
+ * struct sp_error up to main(), which prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
@@ -26,6 +26,23 @@ struct slice_options {
     const char *axis, *index, *origin, *normal, *up, *spacing, *window;
 };
 
+enum { LAYERS_MAX = 8 }; /* of a view */
+
+struct surface_option {
+    double value;
+    double color[3]; /* [0, 1]; NAN = the default */
+    double opacity;  /* [0, 1]; NAN = the default */
+};
+
+/* Layers that are added to those of the view. */
+struct layer_options {
+    struct surface_option surfaces[LAYERS_MAX];
+    int surface_count;
+    double low, high; /* of a shell, [0, 1]; NAN = no shell */
+    bool is_fast;     /* detail of the shell */
+    bool no_volume;
+};
+
 struct options {
     const char *url, *token; /* NULL = from the environment, else the default */
     const char *command;     /* NULL = none */
@@ -37,6 +54,7 @@ struct options {
     const char *preset;            /* under the view; NULL = none */
     double camera[CAMERA_OPTIONS]; /* NAN = not given */
     struct slice_options slice;
+    struct layer_options layers;
     uint32_t size[2]; /* {0, 0} = the size of the view */
     int quality;      /* 0 = the default */
     unsigned threads; /* 0 = one per core */
@@ -47,6 +65,10 @@ struct options {
 /* Parses the command line. False after a message on standard error if it is wrong (exit status 2).
  * Strings point into argv. */
 bool options_parse(struct options *options, int argc, char **argv);
+
+/* The values of --surface and --shell; layers.c. False after a message. */
+bool layers_parse_surface(struct layer_options *layers, const char *text);
+bool layers_parse_shell(struct layer_options *layers, const char *text);
 
 /* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);

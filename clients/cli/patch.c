@@ -97,5 +97,7 @@ proto_json *read_view(const struct options *options, struct http *http, struct s
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         proto_json_free(&view);
     }
+    if (view && !layers_apply(&options->layers, view, err))
+        proto_json_free(&view);
     return view;
 }

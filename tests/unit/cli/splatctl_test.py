@@ -80,6 +80,12 @@ class Usage(unittest.TestCase):
         for option in ('--azimuth', '--elevation', '--distance', '--roll'):
             for value in ('', 'left', '5deg', 'nan', 'inf'):
                 self.assertIn(option, self.refused('render', '--volume', 'a', '--out', 'x.png', option, value))
+        for surface in ('', 'high', 'nan', '1,', '1,red', '1,fff', '1,#ff00001', '1,ffffff,', '1,ffffff,1.5', '1,ffffff,-0.1', '1,ffffff,1,1', '1e999'):
+            self.assertIn('--surface', self.refused('render', '--volume', 'a', '--out', 'x.png', '--surface', surface))
+        self.assertIn('8 layers', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--surface', '1'] * 9))
+        for shell in ('', '0.1', '0.1,', '0.5,0.2', '-0.1,1', '0,1.1', '0,1,slow', '0,1,fast,', '0 ,1'):
+            self.assertIn('--shell', self.refused('render', '--volume', 'a', '--out', 'x.png', '--shell', shell))
+        self.assertIn('one shell', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--shell', '0,1'] * 2))
         self.refused('render', '--local', '--volume', 'a', '--out', 'x.png', '--preset', 'bones')
         self.refused('unload')
 
@@ -321,6 +327,36 @@ class Remote(RemoteCase):
             'transfer_function': {'points': [4], 'order': None}})
         result = self.run_at('render', '--volume', 'head', '--preset', 'none', '--out', self.out)
         self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: GET /presets/none: there is nothing (HTTP 404)\n'))
+
+    def test_layers(self):
+        self.reply_image()
+        volume, surface = {'type': 'volume'}, {'type': 'surface', 'value': 120}
+        shell = {'type': 'shell', 'low': 0.05, 'high': 0.9, 'detail': 'high'}
+        own = {**surface, 'value': 7, 'flatness': 3}
+        cases = (
+            ([], None, None),
+            (['--surface', '120'], None, [volume, surface]),
+            (['--surface', '120'], {'layers': None}, [volume, surface]),
+            (['--surface', '-1e3,#ff8040,0.5', '--surface', '120,,0.25'], None,
+             [volume, {'type': 'surface', 'value': -1000, 'color': [1, 128 / 255, 64 / 255], 'opacity': 0.5}, {**surface, 'opacity': 0.25}]),
+            (['--shell', '0.05,0.9'], None, [volume, shell]),
+            (['--no-volume', '--shell', '0.05,0.9,fast'], None, [{**shell, 'detail': 'fast'}]),
+            (['--no-volume', '--shell', '0.05,0.9', '--surface', '120'], None, [surface, shell]),
+            (['--surface', '120'], {'layers': [own, {'type': 'shell'}]}, [own, {'type': 'shell'}, surface]),
+            (['--shell', '0.05,0.9'], {'layers': [own, {'type': 'shell'}]}, [own, shell]),
+            (['--no-volume'], {'layers': [{**volume, 'visible': False}, own]}, [own]),
+        )
+        for options, view, layers in cases:
+            with self.subTest(options=options, view=view):
+                result = self.run_at('render', '--volume', 'head', '--out', self.out, *(['--view', '-'] if view else []), *options,
+                                     stdin=json.dumps(view).encode())
+                self.assertEqual((result.returncode, result.stderr), (0, b''))
+                self.assertEqual(json.loads(Daemon.seen[-1][3]).get('layers'), layers)
+        result = self.run_at('render', '--volume', 'head', '--out', self.out, '--no-volume')
+        self.assertEqual((result.returncode, result.stderr),
+                         (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface or --shell\n'))
+        result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--view', '-', stdin=b'{"layers": 5}')
+        self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: /layers: must be an array, not a number\n'))
 
     def test_render_says_which_volumes_exist(self):
         Daemon.answers['POST', '/api/v1/volumes'] = [problem(404, 'no such file', '/path')]

@@ -1,0 +1,155 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The layers of a view from the command line: --surface, --shell and --no-volume.
+ */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cli/commands.h"
+
+/* Reads a finite number; *text then points behind it. */
+static bool take_number(const char **text, double *out) {
+    char *end;
+    *out = strtod(*text, &end);
+    bool ok = end != *text && isfinite(*out);
+    *text = end;
+    return ok;
+}
+
+/* Reads RRGGBB or #RRGGBB; *text then points behind it. */
+static bool take_color(const char **text, double color[3]) {
+    const char *at = *text + (**text == '#' ? 1 : 0);
+    if (strspn(at, "0123456789abcdefABCDEF") != 6)
+        return false;
+    unsigned long all = strtoul(at, NULL, 16);
+    for (int c = 0; c < 3; c++)
+        color[c] = (double)(all >> (16 - 8 * c) & 255) / 255;
+    *text = at + 6;
+    return true;
+}
+
+static bool take_comma(const char **text) {
+    bool ok = **text == ',';
+    *text += ok ? 1 : 0;
+    return ok;
+}
+
+bool layers_parse_surface(struct layer_options *layers, const char *text) {
+    struct surface_option surface = { .color = { NAN, NAN, NAN }, .opacity = NAN };
+    const char *at = text;
+    if (layers->surface_count == LAYERS_MAX) {
+        usage_error("--surface", "a view has at most %d layers", LAYERS_MAX);
+        return false;
+    }
+    bool ok = take_number(&at, &surface.value);
+    if (ok && take_comma(&at))
+        ok = *at == ',' || take_color(&at, surface.color); /* VALUE,,OPACITY: the default */
+    if (ok && take_comma(&at))
+        ok = take_number(&at, &surface.opacity) && surface.opacity >= 0 && surface.opacity <= 1;
+    if (!ok || *at) {
+        usage_error("--surface",
+                    "\"%s\" is not VALUE[,COLOR[,OPACITY]], such as 120,ff8040,0.5 with a colour "
+                    "RRGGBB in hexadecimal digits and an opacity in [0, 1]",
+                    text);
+        return false;
+    }
+    layers->surfaces[layers->surface_count++] = surface;
+    return true;
+}
+
+bool layers_parse_shell(struct layer_options *layers, const char *text) {
+    const char *at = text;
+    double low, high;
+    if (!isnan(layers->low)) {
+        usage_error("--shell", "a view has at most one shell");
+        return false;
+    }
+    bool ok = take_number(&at, &low) && take_comma(&at) && take_number(&at, &high) && low >= 0 &&
+              low <= high && high <= 1;
+    bool is_fast = strcmp(at, ",fast") == 0;
+    if (!ok || (*at && !is_fast && strcmp(at, ",high") != 0)) {
+        usage_error("--shell",
+                    "\"%s\" is not LOW,HIGH[,fast], such as 0.05,0.95, with 0 <= LOW <= HIGH <= 1",
+                    text);
+        return false;
+    }
+    layers->low = low;
+    layers->high = high;
+    layers->is_fast = is_fast;
+    return true;
+}
+
+static bool is_type(const proto_json *layer, const char *type) {
+    const char *own = proto_json_string(proto_json_get(layer, "type"));
+    return own && strcmp(own, type) == 0;
+}
+
+static bool append_surface(proto_json *list, const struct surface_option *surface) {
+    proto_json *layer = proto_json_object();
+    bool ok = proto_json_set_string(layer, "type", "surface") &&
+              proto_json_set_number(layer, "value", surface->value);
+    if (ok && !isnan(surface->color[0])) {
+        proto_json *color = proto_json_array();
+        for (int c = 0; c < 3; c++)
+            ok = proto_json_append_number(color, surface->color[c]) && ok;
+        ok = proto_json_set(layer, "color", color) && ok;
+    }
+    if (ok && !isnan(surface->opacity))
+        ok = proto_json_set_number(layer, "opacity", surface->opacity);
+    return proto_json_append(list, layer) && ok;
+}
+
+static bool append_shell(proto_json *list, const struct layer_options *options) {
+    proto_json *layer = proto_json_object();
+    bool ok = proto_json_set_string(layer, "type", "shell") &&
+              proto_json_set_number(layer, "low", options->low) &&
+              proto_json_set_number(layer, "high", options->high) &&
+              proto_json_set_string(layer, "detail", options->is_fast ? "fast" : "high");
+    return proto_json_append(list, layer) && ok;
+}
+
+/* Copies the layers of the view, or the default ones: without the volume for --no-volume, and
+ * without its shell for --shell. */
+static bool copy_layers(const struct layer_options *options, const proto_json *old,
+                        proto_json *list) {
+    bool ok = true;
+    for (size_t i = 0; i < proto_json_size(old); i++) {
+        const proto_json *layer = proto_json_at(old, i);
+        bool is_dropped = (options->no_volume && is_type(layer, "volume")) ||
+                          (!isnan(options->low) && is_type(layer, "shell"));
+        if (!is_dropped)
+            ok = proto_json_append(list, proto_json_ref((proto_json *)layer)) && ok; /* only read */
+    }
+    if (!old && !options->no_volume) {
+        proto_json *volume = proto_json_object();
+        ok = proto_json_set_string(volume, "type", "volume") && ok;
+        ok = proto_json_append(list, volume) && ok;
+    }
+    return ok;
+}
+
+bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err) {
+    const proto_json *old = proto_json_get(view, "layers");
+    if (!options->surface_count && isnan(options->low) && !options->no_volume)
+        return true;
+    if (proto_json_type(old) == PROTO_JSON_NULL)
+        old = NULL;
+    if (old && proto_json_type(old) != PROTO_JSON_ARRAY)
+        return sp_fail(err, SP_ERR_INVALID, "/layers", "must be an array, not %s",
+                       proto_json_type_name(proto_json_type(old)));
+    proto_json *list = proto_json_array();
+    bool ok = copy_layers(options, old, list);
+    for (int i = 0; i < options->surface_count; i++)
+        ok = append_surface(list, &options->surfaces[i]) && ok;
+    if (!isnan(options->low))
+        ok = append_shell(list, options) && ok;
+    if (ok && proto_json_size(list) == 0) {
+        proto_json_free(&list);
+        return sp_fail(err, SP_ERR_INVALID, "--no-volume",
+                       "leaves nothing to draw: add --surface or --shell");
+    }
+    return (proto_json_set(view, "layers", list) && ok) ||
+           sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+}
