@@ -17,7 +17,7 @@ export function install(app) {
     if (!connection.isLive || String(size) === configured) return;
     configured = String(size);
     const format = await app.formats.wanted();
-    const name = storage.recall('name') ?? app.guestName();
+    const name = storage.recall('name') ?? app.guestName?.();
     try {
       const { formats } = await connection.call('stream.configure', { size, max_fps: maxFps, ...(name ? { name } : {}), ...format });
       if (formats) app.formats.keepGranted(formats);
