@@ -8,6 +8,7 @@
  */
 #include "frame/resolve.h"
 #include "light/read.h"
+#include "resample/insert.h"
 #include "resample/sample.h"
 #include "splat/exp2.h"
 
@@ -334,6 +335,18 @@ static inline void composite(struct sp_resample_block *block, const struct inter
     sp_wide_store(block->light + in->begin, light - share);
 }
 
+/* The same for rays with fragments of other layers in the interval. */
+static void composite_around(const struct work *work, const struct interval *in) {
+    struct sp_resample_block *block = work->block;
+    _Alignas(64) float opacity[SP_WIDE], color[3][SP_WIDE];
+    sp_wide_store(opacity, in->opacity);
+    for (int c = 0; c < 3; c++)
+        sp_wide_store(color[c], in->color[c]);
+    for (int i = 0; i < SP_WIDE; i++)
+        sp_resample_insert(work->t, block, in->begin + i, work->start, work->start + work->width,
+                           opacity[i], (const float[3]){ color[0][i], color[1][i], color[2][i] });
+}
+
 /* Returns false if all pixels are opaque. */
 static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
                          int number) {
@@ -350,8 +363,16 @@ static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resamp
         classify(r, &work.parts[k]);
     for (int k = 0; r->shade && k < work.count; k++)
         shade(&work, &work.parts[k]);
-    for (int k = 0; k < work.count; k++)
-        composite(block, &work.parts[k]);
+    if (block->has_fragments)
+        sp_resample_insert_before(t, block, work.start);
+    for (int k = 0; k < work.count; k++) {
+        const struct interval *in = &work.parts[k];
+        if (block->has_fragments && sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin),
+                                                           sp_wide_all(work.start + work.width))))
+            composite_around(&work, in);
+        else
+            composite(block, in);
+    }
     return is_alive;
 }
 

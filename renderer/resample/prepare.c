@@ -283,6 +283,7 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
         .camera = input->camera,
         .shade = input->shade,
         .light = input->light,
+        .fragments = input->fragments,
         .is_fine = view->compositing.mode == SP_COMPOSITE_SLAB,
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
         .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,

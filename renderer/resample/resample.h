@@ -20,6 +20,7 @@
 #include "base/interrupt.h"
 #include "base/isa.h"
 #include "base/parallel_for.h"
+#include "frame/fragments.h"
 #include "light/light.h"
 #include "resample/curve.h"
 #include "resample/levels.h"
@@ -61,8 +62,9 @@ struct sp_resample {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;       /* NULL = not lit */
-    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
+    const struct sp_shade *shade;         /* NULL = not lit */
+    const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
+    const struct sp_fragments *fragments; /* of other layers; NULL = none */
     float light_scale, light_first; /* cell coordinate = coordinate · light_scale + light_first */
     float light_firmness; /* gradients from 1/firmness on are those of surfaces [gradient_unit] */
     const struct sp_samples *samples;
@@ -110,6 +112,12 @@ struct sp_resample_block {
     float entry_bin[RESAMPLE_PIXELS];
     int entry_sheet[RESAMPLE_PIXELS]; /* on which sheet; by first pixel of a vector */
     float inside[2];                  /* s between which all rays are inside */
+    int at[2];                        /* its corner in the tile [px] */
+    /* Fragments of other layers (insert.h): which comes next, and its s; infinity = none. Set only
+     * if the block has any. */
+    bool has_fragments;
+    uint8_t next[RESAMPLE_PIXELS];
+    _Alignas(64) float next_s[RESAMPLE_PIXELS];
 };
 
 /* Where the rays of a tile's blocks are. */
@@ -168,14 +176,15 @@ struct sp_resample_input {
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;       /* NULL = not lit */
-    const struct sp_light_field *light; /* NULL = no occlusion and no shadow */
-    struct sp_samples_cache *cache;     /* mip levels and ranges */
-    uint64_t bytes_max;                 /* of the cache */
-    unsigned mip_level;                 /* no finer level is drawn */
-    sp_resample_tile_fn *draw_tile;     /* sp_resample_tile() of an instruction set */
-    sp_ranges_find_fn *find_ranges;     /* sp_ranges_find() of that set */
-    bool keeps_layout;                  /* no copy of the samples is turned for faster reading */
+    const struct sp_shade *shade;         /* NULL = not lit */
+    const struct sp_light_field *light;   /* NULL = no occlusion and no shadow */
+    const struct sp_fragments *fragments; /* of other layers; NULL = none */
+    struct sp_samples_cache *cache;       /* mip levels and ranges */
+    uint64_t bytes_max;                   /* of the cache */
+    unsigned mip_level;                   /* no finer level is drawn */
+    sp_resample_tile_fn *draw_tile;       /* sp_resample_tile() of an instruction set */
+    sp_ranges_find_fn *find_ranges;       /* sp_ranges_find() of that set */
+    bool keeps_layout;                    /* no copy of the samples is turned for faster reading */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };

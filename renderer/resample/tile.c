@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "frame/resolve.h"
+#include "resample/insert.h"
 #include "resample/kernels.h"
 #include "resample/rays.h"
 #include "splat/exp2.h"
@@ -68,7 +69,8 @@ static inline void find_eye(const struct sp_resample *r, sp_wide x, sp_wide y, s
 }
 
 /* Nothing is drawn yet. */
-static inline void open_block(struct sp_resample_block *block) {
+static inline void open_block(const struct sp_resample_open_tile *t,
+                              struct sp_resample_block *block) {
     for (int k = 0; k < 4; k++)
         block->value_sheet[k] = -1;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
@@ -79,6 +81,7 @@ static inline void open_block(struct sp_resample_block *block) {
             sp_wide_store(block->normal[c] + i, sp_wide_all(0));
         }
     }
+    sp_resample_open_fragments(t, block);
 }
 
 static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
@@ -147,7 +150,9 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
     block->inside[1] = -sp_wide_largest(-inside[1]);
     bounds->span[0][b] = -sp_wide_largest(-span[0]);
     bounds->span[1][b] = sp_wide_largest(span[1]);
-    open_block(block);
+    block->at[0] = at[0];
+    block->at[1] = at[1];
+    open_block(t, block);
     const float *parts[4] = { block->u, block->v, block->du, block->dv };
     for (int k = 0; k < 4; k++)
         for (int i = 0; i < 4; i++)
@@ -427,12 +432,22 @@ static void find_steep(const struct sp_resample_open_tile *t, uint64_t blocks, u
 }
 
 /* Puts a block's pixels aside, to draw it again. */
-static void put_aside(struct sp_resample_scratch *scratch, int b) {
+static void put_aside(const struct sp_resample_open_tile *t, int b) {
+    struct sp_resample_scratch *scratch = t->scratch;
     struct sp_resample_block *block = &scratch->blocks[b];
     memcpy(scratch->aside[b][0], block->light, sizeof block->light);
     for (int c = 0; c < 3; c++)
         memcpy(scratch->aside[b][c + 1], block->color[c], sizeof block->color[c]);
-    open_block(block);
+    open_block(t, block);
+}
+
+/* Composites the fragments behind the volume. */
+static void finish_fragments(const struct sp_resample_open_tile *t, uint64_t blocks) {
+    for (uint64_t left = blocks; left; left &= left - 1) {
+        struct sp_resample_block *block = &t->scratch->blocks[__builtin_ctzll(left)];
+        if (block->has_fragments)
+            sp_resample_insert_before(t, block, INFINITY);
+    }
 }
 
 /* Mixes a block's pixels with those that were put aside. */
@@ -456,10 +471,12 @@ static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t
         find_steep(t, set, need);
     t->sheets_per_slice = 1;
     draw_blocks(t, need[0]);
+    finish_fragments(t, need[0]);
     for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
-        put_aside(t->scratch, __builtin_ctzll(left));
+        put_aside(t, __builtin_ctzll(left));
     t->sheets_per_slice = 2;
     draw_blocks(t, need[1]);
+    finish_fragments(t, need[1]);
     for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
         mix_aside(t, __builtin_ctzll(left));
 }
@@ -476,6 +493,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                                        .width = right < side ? right : side,
                                        .height = below < side ? below : side };
     struct sp_resample_rays rays;
+    uint64_t with_fragments = 0;
     if (right <= 0 || below <= 0)
         return;
     init_rays(&t, &rays);
@@ -489,10 +507,12 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
             int b = v / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + u / RESAMPLE_BLOCK;
             if (init_block(&t, &rays, b, (const int[2]){ u, v }))
                 t.alive |= UINT64_C(1) << b;
+            with_fragments |= (uint64_t)scratch->blocks[b].has_fragments << b;
         }
     uint64_t drawn = find_active(&t);
     draw_sheets_of(&t, rays.sheets, drawn);
-    resolve(&t, drawn);
+    finish_fragments(&t, with_fragments & ~drawn);
+    resolve(&t, drawn | with_fragments);
 }
 
 void sp_resample_tile(const struct sp_resample *r, struct sp_resample_scratch *scratch,

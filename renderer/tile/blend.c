@@ -3,6 +3,7 @@
 
 #include <string.h>
 
+#include "tile/insert.h"
 #include "tile/post.h"
 
 enum { CHECK_EVERY = 4 }; /* layers between two checks of a whole tile's transmittance */
@@ -22,6 +23,8 @@ void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
     for (int row = 0; row < height; row++)
         for (int i = 0; i < width; i++)
             tile->done[0][row][i] = 1;
+    if (blend->insert)
+        sp_insert_open(tile, blend->insert);
 }
 
 /* Composites columns [begin, end) of a row. May include neighbouring columns, whose sums are zero.
@@ -50,10 +53,13 @@ void sp_tile_check(struct sp_tile *tile) {
             tile->saturated = false;
 }
 
-void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t slot) {
+void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t layer) {
+    uint32_t slot = layer < 0 ? 0 : (uint32_t)((uint64_t)layer % blend->slots);
     struct sp_box *box = &tile->dirty[slot];
     if (box->x1 <= box->x0)
         return;
+    if (blend->insert)
+        sp_insert_before(tile, blend->insert, box, (uint32_t)layer);
     for (int y = box->y0; y < box->y1; y++) {
         float *sum = sp_sums_row(tile, blend, slot, y), *done = tile->done[0][y];
         if (blend->post)
@@ -70,9 +76,9 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t
 }
 
 void sp_tile_close(struct sp_tile *tile, const struct sp_blend *blend) {
-    if (tile->sheet == SP_NO_SHEET)
-        return;
-    for (uint32_t k = 0; k < blend->slots; k++)
-        sp_layer_close(tile, blend, (uint32_t)((uint64_t)(tile->sheet + k) % blend->slots));
+    for (uint32_t k = 0; k < blend->slots && tile->sheet != SP_NO_SHEET; k++)
+        sp_layer_close(tile, blend, tile->sheet + k);
     tile->sheet = SP_NO_SHEET;
+    if (blend->insert)
+        sp_insert_rest(tile, blend->insert);
 }

@@ -23,6 +23,7 @@
 
 enum { SP_SLOTS_MAX = 512 }; /* layers open at once */
 
+struct sp_insert;
 struct sp_post;
 
 struct sp_blend {
@@ -35,11 +36,12 @@ struct sp_blend {
     float thickness;                    /* of a slab [cells] */
     float nearest;              /* slab k begins at nearest + k·thickness from the eye [cells] */
     const struct sp_post *post; /* NULL = splats are classified already */
+    const struct sp_insert *insert; /* fragments of other layers; NULL = none */
 };
 
-/* Composites the sums in a slot, if there are any, and clears them. Checks for saturation from time
- * to time. */
-void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, uint32_t slot);
+/* Composites the sums of an open layer, if there are any, and clears them. Fragments in front of
+ * it come first. Checks for saturation from time to time. */
+void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t layer);
 
 /* Sets tile->saturated. */
 void sp_tile_check(struct sp_tile *tile);

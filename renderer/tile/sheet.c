@@ -75,7 +75,7 @@ void sp_sheet_add(struct sp_tile *tile, const struct sp_blend *blend,
                   const struct sp_splats *records, uint32_t n) {
     const struct sp_splat *s = &records->splat[n];
     if (tile->sheet != s->sheet) {
-        sp_layer_close(tile, blend, 0);
+        sp_layer_close(tile, blend, tile->sheet);
         tile->sheet = s->sheet;
         if (tile->saturated)
             return;

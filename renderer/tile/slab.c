@@ -10,7 +10,7 @@ static void advance(struct sp_tile *tile, const struct sp_blend *blend, uint32_t
     if (tile->sheet == SP_NO_SHEET)
         tile->sheet = layer;
     for (uint32_t k = 0; k < blend->slots && tile->sheet < layer; k++, tile->sheet++)
-        sp_layer_close(tile, blend, (uint32_t)((uint64_t)tile->sheet % blend->slots));
+        sp_layer_close(tile, blend, tile->sheet);
     if (tile->sheet < layer)
         tile->sheet = layer; /* the loop has closed all of them */
 }

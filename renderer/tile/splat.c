@@ -2,6 +2,7 @@
 #include "tile/splat.h"
 
 #include "tile/footprint.h"
+#include "tile/insert.h"
 
 enum { CHECK_EVERY = 256 }; /* splats between two checks of a whole tile's transmittance */
 
@@ -21,6 +22,8 @@ void sp_splat_add(struct sp_tile *tile, const struct sp_blend *blend,
                   const struct sp_splats *records, uint32_t n) {
     const struct sp_splat *s = &records->splat[n];
     struct sp_box box = sp_tile_box(tile, s);
+    if (blend->insert)
+        sp_insert_before(tile, blend->insert, &box, s->sheet);
     for (int y = box.y0; y < box.y1; y++)
         for (int x = sp_column_first(&box); x < box.x1; x += SP_WIDE) {
             struct sp_pixels px;

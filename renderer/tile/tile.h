@@ -41,8 +41,11 @@ struct sp_tile {
     struct sp_box *dirty; /* [slots]: box of the sums that are not zero; empty if x1 <= x0 */
     /* Composited so far: plane 0 is the transmittance, 1 … 3 the premultiplied colour. */
     _Alignas(64) float done[SP_PLANES][SP_TILE][SP_TILE];
-    int x, y;        /* of the tile's corner in the image, px */
-    int64_t sheet;   /* number of the first open layer, or SP_NO_SHEET */
+    int x, y;      /* of the tile's corner in the image, px */
+    int64_t sheet; /* number of the first open layer, or SP_NO_SHEET */
+    /* Fragments of other layers (insert.h); not read if blend->insert is NULL. The owner of the
+     * tiles sets it. */
+    struct sp_tile_insert *insert;
     uint32_t closed; /* layers composited */
     bool saturated;  /* every pixel inside the image has a transmittance below 1/512 */
 };
@@ -57,7 +60,7 @@ struct sp_tile_grid {
 struct sp_blend;
 
 /* Empties the tile at (x, y) of an image of `size` px: pixels outside the image count as opaque.
- * tile->sums and dirty must have memory for blend->slots layers. */
+ * tile->sums and dirty must have memory for blend->slots layers, and so must tile->insert. */
 void sp_tile_init(struct sp_tile *tile, int x, int y, const int size[2],
                   const struct sp_blend *blend);
 

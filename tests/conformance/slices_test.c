@@ -20,125 +20,14 @@
 #include "sp/renderer.h"
 #include "support/compare.h"
 #include "support/image.h"
+#include "support/medium.h"
 #include "support/render.h"
 
-enum { N = 24, SIDE = 96 };
-
-struct scene {
-    struct sp_grid grid;
-    struct sp_volume *volume;
-    struct sp_view view;
-    double sigma; /* extinction */
-};
-
-static const double field[4] = { 0.03, -0.02, 0.05, 0.4 };
-static const float color[3] = { 0.9f, 0.5f, 0.1f };
-
-static double field_at(const double p[3]) {
-    return field[0] * p[0] + field[1] * p[1] + field[2] * p[2] + field[3];
-}
-
-static double dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void make_scene(struct scene *s, enum sp_projection projection) {
-    static double values[N * N * N];
-    s->grid = (struct sp_grid){ .dims = { N, N, N },
-                                .spacing = { 1, 1.5, 0.75 },
-                                .origin = { -9, 4, -6 },
-                                .direction = { { 0.8, -0.6, 0 }, { 0.6, 0.8, 0 }, { 0, 0, 1 } } };
-    for (int i = 0; i < N * N * N; i++) {
-        const int at[3] = { i % N, i / N % N, i / N / N };
-        double p[3];
-        for (int r = 0; r < 3; r++) {
-            p[r] = s->grid.origin[r];
-            for (int a = 0; a < 3; a++)
-                p[r] += s->grid.direction[r][a] * s->grid.spacing[a] * at[a];
-        }
-        values[i] = field_at(p);
-    }
-    s->volume = sp_volume_create(&s->grid, SP_FLOAT64, values, "medium", NULL);
-    assert_non_null(s->volume);
-    sp_view_init(&s->view, sp_volume_info(s->volume), "medium");
-    s->view.size[0] = s->view.size[1] = SIDE;
-    s->view.camera.projection = projection;
-    s->view.shading.mode = SP_SHADING_NONE;
-    s->view.background[2] = 0.25f;
-    struct sp_transfer_function *tf = &s->view.transfer_function;
-    tf->point_count = 1;
-    tf->gradient_count = 0;
-    tf->reference_length = 10;
-    tf->points[0] = (struct sp_tf_point){ .value = 0, .opacity = 0.5f };
-    memcpy(tf->points[0].color, color, sizeof color);
-    s->sigma = log(2) / 10;
-    s->view.slices.center = 0.5;
-    s->view.slices.width = 2;
-    s->view.slices.in_3d = true;
-}
-
-/* The ray of a point of the image: unit direction. */
-static void make_ray(const struct sp_camera *c, double x, double y, double from[3],
-                     double along[3]) {
-    double forward[3], right[3], down[3], length = 0;
-    for (int i = 0; i < 3; i++)
-        forward[i] = c->target[i] - c->position[i];
-    length = sqrt(dot(forward, forward));
-    for (int i = 0; i < 3; i++)
-        forward[i] /= length;
-    for (int i = 0; i < 3; i++)
-        right[i] =
-            forward[(i + 1) % 3] * c->up[(i + 2) % 3] - forward[(i + 2) % 3] * c->up[(i + 1) % 3];
-    length = sqrt(dot(right, right));
-    for (int i = 0; i < 3; i++)
-        right[i] /= length;
-    for (int i = 0; i < 3; i++)
-        down[i] =
-            forward[(i + 1) % 3] * right[(i + 2) % 3] - forward[(i + 2) % 3] * right[(i + 1) % 3];
-    const bool is_flat = c->projection == SP_ORTHOGRAPHIC;
-    double unit = (is_flat ? c->height : 2 * tan(c->fov_y * M_PI / 360)) / SIDE;
-    for (int i = 0; i < 3; i++) {
-        double aside = ((x - 0.5 * SIDE) * right[i] + (y - 0.5 * SIDE) * down[i]) * unit;
-        from[i] = c->position[i] + (is_flat ? aside : 0);
-        along[i] = forward[i] + (is_flat ? 0 : aside);
-    }
-    length = sqrt(dot(along, along));
-    for (int i = 0; i < 3; i++)
-        along[i] /= length;
-}
-
-/* The axis of the grid as a vector, and its range of dot(axis, p − origin). */
-static void axis_of(const struct sp_grid *g, int a, double axis[3], double range[2]) {
-    for (int r = 0; r < 3; r++)
-        axis[r] = g->direction[r][a];
-    range[0] = -0.5 * g->spacing[a];
-    range[1] = (N - 0.5) * g->spacing[a];
-}
-
-/* Cuts [t0, t1] of a ray to the volume, or to its clip. */
-static bool cut_to_volume(const struct scene *s, const double from[3], const double along[3],
-                          bool clipped, double t[2]) {
-    t[0] = 0;
-    t[1] = INFINITY;
-    for (int a = 0; a < 3; a++) {
-        double axis[3], range[2], relative[3], ends[2];
-        axis_of(&s->grid, a, axis, range);
-        for (int r = 0; r < 3; r++)
-            relative[r] = from[r] - s->grid.origin[r];
-        for (int e = 0; e < 2; e++) {
-            double share = clipped ? s->view.clip.box[e][a] : e;
-            double at = range[0] + share * (range[1] - range[0]);
-            ends[e] = (at - dot(axis, relative)) / dot(axis, along);
-        }
-        t[0] = fmax(t[0], fmin(ends[0], ends[1]));
-        t[1] = fmin(t[1], fmax(ends[0], ends[1]));
-    }
-    return t[0] < t[1];
-}
+enum { SIDE = TEST_MEDIUM_SIDE };
 
 /* The distance to the first slice on the ray inside the volume, and its axis; INFINITY, -1 = none.
  */
-static double find_slice(const struct scene *s, const double from[3], const double along[3],
+static double find_slice(const struct test_medium *s, const double from[3], const double along[3],
                          const double t[2], int *axis) {
     const struct sp_slices *slices = &s->view.slices;
     double first = INFINITY;
@@ -147,12 +36,12 @@ static double find_slice(const struct scene *s, const double from[3], const doub
         if (slices->mode == SP_SLICES_ORTHOGONAL && !slices->planes[a])
             continue;
         double normal[3], range[2], to[3];
-        axis_of(&s->grid, a, normal, range);
+        test_medium_axis(&s->grid, a, normal, range);
         if (slices->mode == SP_SLICES_OBLIQUE)
             memcpy(normal, slices->normal, sizeof normal);
         for (int r = 0; r < 3; r++)
             to[r] = slices->position[r] - from[r];
-        double at = dot(normal, to) / dot(normal, along);
+        double at = test_dot(normal, to) / test_dot(normal, along);
         if (at >= t[0] && at <= t[1] && at < first) {
             first = at;
             *axis = a;
@@ -162,13 +51,13 @@ static double find_slice(const struct scene *s, const double from[3], const doub
 }
 
 /* Returns the axis of the slice that is seen; -1 = none. */
-static int expect(const struct scene *s, double x, double y, double rgb[3]) {
+static int expect(const struct test_medium *s, double x, double y, double rgb[3]) {
     double from[3], along[3], t[2], inside[2], depth = 0, slice = INFINITY;
     int axis = -1;
-    make_ray(&s->view.camera, x, y, from, along);
-    if (cut_to_volume(s, from, along, false, t)) /* the clip does not cut slices */
+    test_medium_ray(&s->view.camera, x, y, from, along);
+    if (test_medium_cut(s, from, along, false, t)) /* the clip does not cut slices */
         slice = find_slice(s, from, along, t, &axis);
-    if (cut_to_volume(s, from, along, true, inside))
+    if (test_medium_cut(s, from, along, true, inside))
         depth = fmax(fmin(inside[1], slice) - inside[0], 0);
     double through = exp(-s->sigma * depth), grey = 0;
     if (isfinite(slice)) {
@@ -176,16 +65,16 @@ static int expect(const struct scene *s, double x, double y, double rgb[3]) {
         for (int r = 0; r < 3; r++)
             p[r] = from[r] + slice * along[r];
         const struct sp_slices *w = &s->view.slices;
-        grey = fmin(fmax((field_at(p) - w->center) / w->width + 0.5, 0), 1);
+        grey = fmin(fmax((test_medium_value(p) - w->center) / w->width + 0.5, 0), 1);
     }
     for (int c = 0; c < 3; c++)
-        rgb[c] = (1 - through) * (double)color[c] +
+        rgb[c] = (1 - through) * (double)test_medium_color[c] +
                  through * (isfinite(slice) ? grey : (double)s->view.background[c]);
     return axis;
 }
 
 /* The mean of the closed form over a pixel. */
-static void expect_mean(const struct scene *s, uint32_t x, uint32_t y, double rgb[3]) {
+static void expect_mean(const struct test_medium *s, uint32_t x, uint32_t y, double rgb[3]) {
     enum { PARTS = 8 };
     rgb[0] = rgb[1] = rgb[2] = 0;
     for (int i = 0; i < PARTS * PARTS; i++) {
@@ -198,7 +87,7 @@ static void expect_mean(const struct scene *s, uint32_t x, uint32_t y, double rg
 
 /* True if the expected image changes quickly here, or a border of a slice crosses the pixel, which
  * then shows a mean. */
-static bool is_edge(const struct scene *s, double x, double y) {
+static bool is_edge(const struct test_medium *s, double x, double y) {
     double middle[3], beside[3];
     const int axis = expect(s, x, y, middle);
     for (int i = 0; i < 8; i++) {
@@ -216,7 +105,7 @@ static bool is_edge(const struct scene *s, double x, double y) {
 }
 
 /* Compares the image of one backend with the closed form. */
-static void check_target(const struct scene *s, const char *what,
+static void check_target(const struct test_medium *s, const char *what,
                          const struct test_target *target) {
     struct test_renderer renderer;
     struct test_image image;
@@ -251,7 +140,7 @@ static void check_target(const struct scene *s, const char *what,
     test_renderer_close(&renderer);
 }
 
-static void check(struct scene *s, const char *what) {
+static void check(struct test_medium *s, const char *what) {
     struct test_target target;
     for (unsigned i = 0; test_target_at(i, &target); i++)
         check_target(s, what, &target);
@@ -261,8 +150,8 @@ static void check(struct scene *s, const char *what) {
 static void orthogonal_slices_split_the_volume(void **state) {
     (void)state;
     for (int projection = SP_PERSPECTIVE; projection <= SP_ORTHOGRAPHIC; projection++) {
-        struct scene s;
-        make_scene(&s, (enum sp_projection)projection);
+        struct test_medium s;
+        test_medium_init(&s, (enum sp_projection)projection);
         s.view.slices.mode = SP_SLICES_ORTHOGONAL;
         s.view.slices.position[0] += 3;
         s.view.slices.position[2] -= 2;
@@ -273,8 +162,8 @@ static void orthogonal_slices_split_the_volume(void **state) {
 static void an_oblique_slice_splits_the_volume(void **state) {
     (void)state;
     for (int projection = SP_PERSPECTIVE; projection <= SP_ORTHOGRAPHIC; projection++) {
-        struct scene s;
-        make_scene(&s, (enum sp_projection)projection);
+        struct test_medium s;
+        test_medium_init(&s, (enum sp_projection)projection);
         s.view.slices.mode = SP_SLICES_OBLIQUE;
         memcpy(s.view.slices.normal, (double[3]){ -2, 3, 1.5 }, sizeof s.view.slices.normal);
         check(&s, projection ? "oblique, orthographic" : "oblique, perspective");
@@ -284,14 +173,14 @@ static void an_oblique_slice_splits_the_volume(void **state) {
 /* From behind, and from inside of the volume. */
 static void slices_are_seen_from_everywhere(void **state) {
     (void)state;
-    struct scene s;
-    make_scene(&s, SP_PERSPECTIVE);
+    struct test_medium s;
+    test_medium_init(&s, SP_PERSPECTIVE);
     s.view.slices.mode = SP_SLICES_ORTHOGONAL;
     for (int i = 0; i < 3; i++)
         s.view.camera.position[i] =
             s.view.camera.target[i] - (s.view.camera.position[i] - s.view.camera.target[i]);
     check(&s, "from behind");
-    make_scene(&s, SP_PERSPECTIVE);
+    test_medium_init(&s, SP_PERSPECTIVE);
     s.view.slices.mode = SP_SLICES_OBLIQUE;
     s.view.slices.normal[0] = 1;
     for (int i = 0; i < 3; i++)
@@ -302,8 +191,8 @@ static void slices_are_seen_from_everywhere(void **state) {
 
 static void the_clip_cuts_the_volume_but_not_the_slices(void **state) {
     (void)state;
-    struct scene s;
-    make_scene(&s, SP_PERSPECTIVE);
+    struct test_medium s;
+    test_medium_init(&s, SP_PERSPECTIVE);
     s.view.slices.mode = SP_SLICES_ORTHOGONAL;
     s.view.clip.box[0][1] = 0.4;
     s.view.clip.box[1][2] = 0.8;
@@ -313,14 +202,14 @@ static void the_clip_cuts_the_volume_but_not_the_slices(void **state) {
 static void orthogonal_slices_are_switched_singly(void **state) {
     (void)state;
     for (int kept = 0; kept < 3; kept++) {
-        struct scene s;
-        make_scene(&s, SP_PERSPECTIVE);
+        struct test_medium s;
+        test_medium_init(&s, SP_PERSPECTIVE);
         s.view.slices.mode = SP_SLICES_ORTHOGONAL;
         s.view.slices.position[0] += 3;
         for (int a = 0; a < 3; a++)
             s.view.slices.planes[a] = a == kept;
         check(&s, "one slice");
-        make_scene(&s, SP_PERSPECTIVE);
+        test_medium_init(&s, SP_PERSPECTIVE);
         s.view.slices.mode = SP_SLICES_ORTHOGONAL;
         s.view.slices.planes[kept] = false;
         check(&s, "two slices");
@@ -332,11 +221,11 @@ static void orthogonal_slices_are_switched_singly(void **state) {
 static void borders_of_slices_are_smooth(void **state) {
     (void)state;
     for (int i = 0; i < 4; i++) {
-        struct scene s;
+        struct test_medium s;
         struct test_target target;
         struct test_renderer renderer;
         struct test_image image;
-        make_scene(&s, i & 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE);
+        test_medium_init(&s, i & 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE);
         s.view.slices.mode = i & 2 ? SP_SLICES_OBLIQUE : SP_SLICES_ORTHOGONAL;
         memcpy(s.view.slices.normal, (double[3]){ -2, 3, 1.5 }, sizeof s.view.slices.normal);
         s.view.transfer_function.points[0].opacity = 0;
@@ -369,8 +258,8 @@ static void borders_of_slices_are_smooth(void **state) {
 
 static void a_slice_beside_the_volume_draws_nothing(void **state) {
     (void)state;
-    struct scene s;
-    make_scene(&s, SP_PERSPECTIVE);
+    struct test_medium s;
+    test_medium_init(&s, SP_PERSPECTIVE);
     s.view.slices.mode = SP_SLICES_ORTHOGONAL;
     for (int i = 0; i < 3; i++)
         s.view.slices.position[i] += 1000;

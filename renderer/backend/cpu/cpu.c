@@ -3,6 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "backend/cpu/caches.h"
 #include "backend/cpu/draw.h"
 #include "sp/probe.h"
 
@@ -27,10 +28,11 @@ static void read_device(char *text, size_t size) {
 
 static void cpu_destroy(void *pointer) {
     struct cpu_state *state = pointer;
-    sp_classify_cache_evict(&state->cache, NULL);
-    sp_samples_evict(&state->samples, NULL);
-    sp_light_evict(&state->light, NULL);
-    sp_shell_evict(&state->shell, NULL);
+    for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++)
+        cpu_cache_evict(state, cache, NULL);
+    for (unsigned w = 0; state->worker_arenas && w < sp_pool_threads(state->pool); w++)
+        sp_arena_finish(&state->worker_arenas[w]);
+    free(state->worker_arenas);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     free(state);
@@ -48,10 +50,17 @@ static void *cpu_create(const struct sp_backend_options *options, struct sp_erro
     state->memory_bytes = options->memory_bytes;
     if (cpu_kernels_init(&state->kernels, options->isa, err))
         state->pool = sp_pool_create(options->threads, err);
-    if (!state->pool) {
+    if (state->pool) {
+        state->worker_arenas = calloc(options->threads, sizeof *state->worker_arenas);
+        if (!state->worker_arenas)
+            sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the cpu backend");
+    }
+    if (!state->worker_arenas) {
         cpu_destroy(state);
         return NULL;
     }
+    for (unsigned w = 0; w < options->threads; w++)
+        sp_arena_init(&state->worker_arenas[w]);
     read_device(state->device, sizeof state->device);
     return state;
 }
@@ -72,18 +81,15 @@ static bool cpu_render(void *pointer, const struct sp_backend_job *job, struct s
 }
 
 static void cpu_evict(void *pointer, const struct sp_volume *volume) {
-    struct cpu_state *state = pointer;
-    sp_classify_cache_evict(&state->cache, volume);
-    sp_samples_evict(&state->samples, volume);
-    sp_light_evict(&state->light, volume);
-    sp_shell_evict(&state->shell, volume);
+    for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++)
+        cpu_cache_evict(pointer, cache, volume);
 }
 
 static uint64_t cpu_memory(const void *pointer, const struct sp_volume *volume) {
-    const struct cpu_state *state = pointer;
-    return sp_classify_cache_bytes(&state->cache, volume) +
-           sp_samples_bytes(&state->samples, volume) + sp_light_bytes(&state->light, volume) +
-           sp_shell_bytes(&state->shell, volume);
+    uint64_t bytes = 0;
+    for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++)
+        bytes += cpu_cache_bytes(pointer, cache, volume);
+    return bytes;
 }
 
 static void cpu_probe(const struct sp_backend_options *options, sp_device_visit *visit,
@@ -115,7 +121,7 @@ const struct sp_backend cpu_backend = {
                       .gradient_axis = true,
                       .interpolated_sheets = true,
                       .light = true,
-                      .layers = false,
+                      .layers = true,
                       .clip_box = true,
                       .clip_planes = true },
     .create = cpu_create,

@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/cpu/draw.h"
 
+#include "backend/cpu/caches.h"
 #include "backend/cpu/general.h"
+#include "backend/cpu/layers.h"
 #include "resample/axes.h"
-#include "shell/shell.h"
 #include "splat/slices.h"
 
 /* Draws the frame by the fast path if that is worthwhile; *is_drawn says whether it did. */
@@ -37,11 +38,6 @@ static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err)
     return sp_postconv_draw(&input, &postconv, err);
 }
 
-/* What the other cache leaves of the memory. */
-static uint64_t rest_of(const struct cpu_state *state, uint64_t used) {
-    return used < state->memory_bytes ? state->memory_bytes - used : 0;
-}
-
 /* What is made once for a transfer function counts as classification. */
 static void add_light_time(struct sp_frame_stats *stats, const struct sp_light_field *light,
                            double ms) {
@@ -52,31 +48,29 @@ static void add_light_time(struct sp_frame_stats *stats, const struct sp_light_f
 }
 
 static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job *job,
-                           struct sp_error *err) {
+                           const struct sp_fragments *fragments, struct sp_error *err) {
     struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_light_field light;
     bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
     bool has_light = sp_light_is_wanted(job->view);
-    uint64_t used = sp_classify_cache_bytes(&state->cache, NULL);
     sp_camera_transform_init(&camera, &job->view->camera, job->view->size);
     if (is_lit)
         sp_shade_init(&shade, &camera, &job->view->shading);
-    const struct sp_light_job light_job = {
-        .volume = job->volume,
-        .view = job->view,
-        .clip = job->light_clip,
-        .direction = is_lit && shade.light_count ? shade.lights[0].world : NULL,
-        .bytes_max = rest_of(state, used + sp_samples_bytes(&state->samples, NULL)),
-        .kernels = &state->kernels.light,
-        .pool = state->pool,
-        .interrupt = sp_job_interrupt(job)
-    };
+    const struct sp_light_job light_job = { .volume = job->volume,
+                                            .view = job->view,
+                                            .clip = job->light_clip,
+                                            .direction = is_lit && shade.light_count
+                                                             ? shade.lights[0].world
+                                                             : NULL,
+                                            .bytes_max = cpu_cache_rest(state, CPU_CACHE_LIGHT),
+                                            .kernels = &state->kernels.light,
+                                            .pool = state->pool,
+                                            .interrupt = sp_job_interrupt(job) };
     double begin = sp_job_clock_ms(job);
     if (has_light && !sp_light_get(&state->light, &light_job, &light, err))
         return false;
     double light_ms = sp_job_clock_ms(job) - begin;
-    used += sp_light_bytes(&state->light, NULL);
     struct sp_resample_input input = { .view = job->view,
                                        .volume = job->volume,
                                        .frame = job->frame,
@@ -84,8 +78,9 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
                                        .camera = &camera,
                                        .shade = is_lit ? &shade : NULL,
                                        .light = has_light ? &light : NULL,
+                                       .fragments = fragments,
                                        .cache = &state->samples,
-                                       .bytes_max = rest_of(state, used),
+                                       .bytes_max = cpu_cache_rest(state, CPU_CACHE_SAMPLES),
                                        .mip_level = job->mip_level,
                                        .draw_tile = state->kernels.resample_tile,
                                        .find_ranges = state->kernels.ranges_find,
@@ -148,15 +143,16 @@ static bool mix_axes(struct cpu_frame *f, struct sp_error *err) {
 }
 
 static bool draw_classified(struct cpu_state *state, const struct sp_backend_job *job,
-                            struct sp_error *err) {
+                            const struct sp_fragments *fragments, struct sp_error *err) {
     struct cpu_frame frame;
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
-    bool can_be_fast = state->kernels.has_fast_path && sp_postconv_can_draw(job->view, grid);
+    bool can_be_fast =
+        state->kernels.has_fast_path && !fragments && sp_postconv_can_draw(job->view, grid);
     bool is_drawn = false;
-    state->cache.limit_bytes = rest_of(state, sp_samples_bytes(&state->samples, NULL) +
-                                                  sp_light_bytes(&state->light, NULL));
+    state->cache.limit_bytes = cpu_cache_rest(state, CPU_CACHE_LISTS);
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
+    frame.fragments = fragments;
     if (job->view->compositing.mode == SP_COMPOSITE_SLAB) /* slabs do not mix mip levels */
         can_be_fast = can_be_fast && frame.detail.levels == 1;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
@@ -166,59 +162,70 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
     return is_drawn || cpu_general_draw(&frame, err);
 }
 
-static bool draw_shell(struct cpu_state *state, const struct sp_backend_job *job,
-                       struct sp_error *err) {
-    struct sp_camera_transform camera;
-    struct sp_shade shade;
-    bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
-    sp_camera_transform_init(&camera, &job->view->camera, job->view->size);
-    if (is_lit)
-        sp_shade_init(&shade, &camera, &job->view->shading);
-    uint64_t used = sp_classify_cache_bytes(&state->cache, NULL) +
-                    sp_samples_bytes(&state->samples, NULL) + sp_light_bytes(&state->light, NULL);
-    const struct sp_shell_input input = { .view = job->view,
-                                          .layer = &job->view->layers[0],
-                                          .volume = job->volume,
-                                          .frame = job->frame,
-                                          .camera = &camera,
-                                          .shade = is_lit ? &shade : NULL,
-                                          .cache = &state->shell,
-                                          .bytes_max = rest_of(state, used),
-                                          .kernels = &state->kernels.shell,
-                                          .interrupt = sp_job_interrupt(job),
-                                          .pool = state->pool,
-                                          .arena = &state->arena };
-    return sp_shell_draw(&input, err);
+static bool draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
+    struct sp_frame_stats *stats = &job->frame->stats;
+    struct sp_fragments all, *fragments = NULL;
+    double begin = sp_job_clock_ms(job), layers_ms = 0;
+    sp_arena_reset(&state->arena);
+    if (cpu_layers_are_wanted(job->view)) {
+        if (!cpu_layers_draw(state, job, &all, err))
+            return false;
+        if (!cpu_layers_volume(job->view))
+            return true;
+        fragments = &all;
+        layers_ms = sp_job_clock_ms(job) - begin;
+    }
+    if (!(sp_resample_draws(job->view) ? draw_resampled(state, job, fragments, err)
+                                       : draw_classified(state, job, fragments, err)))
+        return false;
+    if (fragments && stats->stage_count < SP_STAGES_MAX)
+        stats->stages[stats->stage_count++] = (struct sp_stage_time){ "layers", layers_ms };
+    return true;
 }
 
-static bool draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
-    sp_arena_reset(&state->arena);
-    if (job->view->layer_count == 1 && job->view->layers[0].type == SP_LAYER_SHELL)
-        return draw_shell(state, job, err);
-    return sp_resample_draws(job->view) ? draw_resampled(state, job, err)
-                                        : draw_classified(state, job, err);
+static bool has_layer(const struct sp_view *view, enum sp_layer_type type) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].type == type)
+            return true;
+    return false;
+}
+
+/* Does the view need what a cache holds? */
+static bool needs_cache(const struct sp_view *view, enum cpu_cache cache) {
+    bool is_resampled = sp_resample_draws(view), has_volume = has_layer(view, SP_LAYER_VOLUME);
+    switch (cache) {
+    case CPU_CACHE_LISTS:
+        return has_volume && !is_resampled;
+    case CPU_CACHE_SAMPLES:
+        return has_volume && is_resampled;
+    case CPU_CACHE_LIGHT:
+        return has_volume && is_resampled && sp_light_is_wanted(view);
+    case CPU_CACHE_SURFACES:
+        return has_layer(view, SP_LAYER_SURFACE);
+    case CPU_CACHE_SHELLS:
+        return has_layer(view, SP_LAYER_SHELL);
+    case CPU_CACHES:
+        break;
+    }
+    return false;
 }
 
 /* Evicts the caches that the view does not need. False if they are empty. */
-static bool free_other_cache(struct cpu_state *state, const struct sp_view *view) {
-    bool is_resampled = sp_resample_draws(view);
-    bool needs_light = is_resampled && sp_light_is_wanted(view);
-    uint64_t bytes = is_resampled ? sp_classify_cache_bytes(&state->cache, NULL)
-                                  : sp_samples_bytes(&state->samples, NULL);
-    bytes += needs_light ? 0 : sp_light_bytes(&state->light, NULL);
-    if (!needs_light)
-        sp_light_evict(&state->light, NULL);
-    if (is_resampled)
-        sp_classify_cache_evict(&state->cache, NULL);
-    else
-        sp_samples_evict(&state->samples, NULL);
+static bool free_other_caches(struct cpu_state *state, const struct sp_view *view) {
+    uint64_t bytes = 0;
+    for (enum cpu_cache cache = 0; cache < CPU_CACHES; cache++) {
+        if (needs_cache(view, cache))
+            continue;
+        bytes += cpu_cache_bytes(state, cache, NULL);
+        cpu_cache_evict(state, cache, NULL);
+    }
     return bytes > 0;
 }
 
 bool cpu_draw(struct cpu_state *state, const struct sp_backend_job *job, struct sp_error *err) {
     struct sp_error why = { 0 };
     bool is_drawn = draw(state, job, &why);
-    if (!is_drawn && why.code == SP_ERR_BUDGET && free_other_cache(state, job->view))
+    if (!is_drawn && why.code == SP_ERR_BUDGET && free_other_caches(state, job->view))
         is_drawn = draw(state, job, &why);
     if (!is_drawn && err)
         *err = why;

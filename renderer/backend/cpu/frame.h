@@ -13,16 +13,19 @@
 #include "postconv/postconv.h"
 #include "shell/cache.h"
 #include "splat/cubic.h"
+#include "surface/cache.h"
 
 struct cpu_state {
     struct sp_pool *pool;
-    struct sp_arena arena; /* of one frame */
+    struct sp_arena arena;          /* of one frame */
+    struct sp_arena *worker_arenas; /* [threads]: the same, for parallel loops */
     struct cpu_kernels kernels;
     struct sp_classify_cache cache;
     struct sp_samples_cache samples; /* of resampled sheets */
     struct sp_light_cache light;     /* of lit ones */
-    struct sp_shell_cache shell;
-    uint64_t memory_bytes; /* of both caches */
+    struct sp_shell_cache shells;
+    struct sp_surface_cache surfaces;
+    uint64_t memory_bytes; /* of all caches */
     struct sp_cubic_table cubic;
     struct sp_postconv_tables postconv;
     char device[SP_DEVICE_NAME];
@@ -33,6 +36,7 @@ enum cpu_stage { CPU_CLASSIFY, CPU_SPLAT, CPU_BIN, CPU_TILE, CPU_RESOLVE, CPU_ST
 struct cpu_frame {
     const struct sp_backend_job *job;
     struct cpu_state *state;
+    const struct sp_fragments *fragments; /* of other layers; NULL = none */
     double stage_ms[CPU_STAGES];
     struct sp_camera_transform camera;
     struct sp_detail detail; /* the cut: bricks and their mip levels, without clipped bricks */

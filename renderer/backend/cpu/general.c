@@ -6,6 +6,7 @@
 
 #include "tile/bin.h"
 #include "tile/depth.h"
+#include "tile/insert.h"
 #include "tile/order.h"
 #include "tile/post.h"
 
@@ -42,8 +43,10 @@ struct draw {
     const struct sp_shade *shading; /* of voxels; NULL = none, or pixels are shaded instead */
 
     struct sp_order order;
+    double nearest; /* where the first layer begins, if layers are ranges of distance [cells] */
     struct sp_blend blend;
     struct sp_post post;
+    struct sp_insert insert;
 
     struct sp_tile_grid grid;
     struct sp_splats records; /* block b writes from b·BLOCK */
@@ -273,6 +276,9 @@ static void allocate_tiles(struct draw *d, struct sp_arena *arena, uint32_t tile
     for (uint32_t t = 0; !arena->failed && t < tiles; t++) {
         d->grid.tiles[t].sums = sums + t * floats;
         d->grid.tiles[t].dirty = dirty + (size_t)t * d->blend.slots;
+        d->grid.tiles[t].insert = d->blend.insert ? sp_arena_alloc(arena, "fragments of tiles", 1,
+                                                                   sizeof *d->grid.tiles[t].insert)
+                                                  : NULL;
     }
 }
 
@@ -357,6 +363,7 @@ static bool choose_order(struct draw *d, double reach, struct sp_error *err) {
     if (!sp_order_distance(&job, &d->order, &nearest))
         return cpu_fail_memory(arena, err);
     d->blend.nearest = (float)nearest;
+    d->nearest = nearest;
     return true;
 }
 
@@ -386,13 +393,33 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     return true;
 }
 
+/* Relates the depths of fragments to the layers of the order. */
+static bool choose_insert(struct draw *d, double reach, struct sp_error *err) {
+    struct sp_arena *arena = &d->frame->state->arena;
+    const double unit = d->frame->ewa->unit;
+    double thickness = d->blend.mode == SP_COMPOSITE_SLAB
+                           ? (double)d->blend.thickness
+                           : sp_depth_thickness(d->frame->ewa, SPLAT_RANGE, reach);
+    if (!d->frame->fragments)
+        return true;
+    d->blend.insert = &d->insert;
+    d->insert = (struct sp_insert){ .fragments = d->frame->fragments,
+                                    .camera = &d->frame->camera,
+                                    .nearest = d->nearest * unit,
+                                    .thickness = thickness * unit };
+    return d->blend.mode != SP_COMPOSITE_SHEET ||
+           sp_insert_init_sheets(&d->insert, &d->frame->levels[0].grid, d->frame->axis, arena) ||
+           cpu_fail_memory(arena, err);
+}
+
 /* Does all work that precedes the first batch. */
 static bool prepare(struct draw *d, struct sp_error *err) {
     struct sp_arena *arena = &d->frame->state->arena;
     d->grid.columns = (d->frame->ewa->size[0] + SP_TILE - 1) / SP_TILE;
     double reach;
     choose_blend(d, &reach);
-    return choose_shading(d, arena, err) && choose_order(d, reach, err) && allocate(d, arena, err);
+    return choose_shading(d, arena, err) && choose_order(d, reach, err) &&
+           choose_insert(d, reach, err) && allocate(d, arena, err);
 }
 
 static bool all_saturated(const struct draw *d) {

@@ -16,6 +16,7 @@
 #include "resample/resample.h"
 #include "shell/kernels.h"
 #include "splat/ewa.h"
+#include "surface/surface.h"
 #include "tile/blend.h"
 
 struct cpu_kernels {
@@ -36,6 +37,7 @@ struct cpu_kernels {
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
     struct sp_light_kernels light;      /* light/kernels.h */
     struct sp_shell_kernels shell;      /* shell/kernels.h */
+    sp_surface_tile_fn *surface_tile;   /* sp_surface_tile() */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

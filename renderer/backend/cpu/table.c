@@ -26,6 +26,7 @@ const struct cpu_kernels cpu_table = {
     .postconv_tile = sp_postconv_tile,
     .shear = { sp_shear_tile, sp_shear_warp },
     .resample_tile = sp_resample_tile,
+    .surface_tile = sp_surface_tile,
     .ranges_find = sp_ranges_find,
     .light = { sp_light_find_cells, sp_light_pass, sp_light_turn_in, sp_light_turn_out },
     .shell = { sp_shell_set_up, sp_shell_start, sp_shell_add, sp_shell_resolve, sp_shell_merge },

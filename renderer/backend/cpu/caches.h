@@ -1,0 +1,29 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the CPU backend caches of volumes. All caches share the backend's memory.
+ */
+#ifndef SP_BACKEND_CPU_CACHES_H
+#define SP_BACKEND_CPU_CACHES_H
+
+#include "backend/cpu/frame.h"
+
+enum cpu_cache {
+    CPU_CACHE_LISTS,    /* of visible voxels (classify/) */
+    CPU_CACHE_SAMPLES,  /* of interpolated sheets (resample/) */
+    CPU_CACHE_LIGHT,    /* light/ */
+    CPU_CACHE_SURFACES, /* surface/ */
+    CPU_CACHE_SHELLS,   /* shell/ */
+    CPU_CACHES
+};
+
+/* Bytes that a cache has of the volume; NULL = of all volumes. */
+uint64_t cpu_cache_bytes(const struct cpu_state *state, enum cpu_cache cache,
+                         const struct sp_volume *volume);
+
+/* What the other caches leave of the backend's memory. */
+uint64_t cpu_cache_rest(const struct cpu_state *state, enum cpu_cache cache);
+
+/* Drops what a cache has of the volume; NULL = of all volumes. */
+void cpu_cache_evict(struct cpu_state *state, enum cpu_cache cache, const struct sp_volume *volume);
+
+#endif
