@@ -50,8 +50,9 @@ RENDERER = {
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
     'surface': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
     'shell': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'compose', 'backend'},
+    'layers': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'surface', 'shell'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'layers'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'layers', 'compose', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'uploads', 'session', 'schedule', 'render', 'paths', 'http', '.']

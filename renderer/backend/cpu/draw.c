@@ -167,10 +167,10 @@ static bool draw(struct cpu_state *state, const struct sp_backend_job *job, stru
     struct sp_fragments all, *fragments = NULL;
     double begin = sp_job_clock_ms(job), layers_ms = 0;
     sp_arena_reset(&state->arena);
-    if (cpu_layers_are_wanted(job->view)) {
+    if (sp_layers_are_wanted(job->view)) {
         if (!cpu_layers_draw(state, job, &all, err))
             return false;
-        if (!cpu_layers_volume(job->view))
+        if (!sp_layers_volume(job->view))
             return true;
         fragments = &all;
         layers_ms = sp_job_clock_ms(job) - begin;

@@ -1,0 +1,164 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "layers/layers.h"
+
+/* What a worker needs. */
+struct sp_layers_worker {
+    struct sp_fragment_tile tile;
+    struct sp_surface_scratch surface;
+};
+
+const struct sp_layer *sp_layers_volume(const struct sp_view *view) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].type == SP_LAYER_VOLUME)
+            return &view->layers[i];
+    return NULL;
+}
+
+bool sp_layers_are_wanted(const struct sp_view *view) {
+    return view->layer_count != 1 || !sp_layers_volume(view);
+}
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
+                   arena->failed ? arena->failed : "layers");
+}
+
+static uint64_t rest_of(uint64_t bytes, uint64_t used) {
+    return used < bytes ? bytes - used : 0;
+}
+
+static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
+                            struct sp_error *err) {
+    const struct sp_layers_input *from = l->input;
+    const struct sp_surface_cache_job points = {
+        .volume = from->volume,
+        .value = layer->value,
+        .bytes_max = rest_of(from->bytes_max, sp_shell_bytes(from->shells, NULL)),
+        .pool = from->pool,
+        .interrupt = from->interrupt
+    };
+    struct sp_surface_input input = { .view = from->view,
+                                      .layer = layer,
+                                      .grid = &sp_volume_info(from->volume)->grid,
+                                      .points = sp_surface_cache_get(from->surfaces, &points, err),
+                                      .camera = from->camera,
+                                      .shade = from->shade,
+                                      .interrupt = from->interrupt,
+                                      .pool = from->pool,
+                                      .arena = from->arena };
+    return input.points && sp_surface_prepare(&input, &l->surfaces[l->surface_count++], err);
+}
+
+struct sp_shell_input sp_layers_shell(const struct sp_layers_input *from,
+                                      const struct sp_layer *layer) {
+    return (struct sp_shell_input){
+        .view = from->view,
+        .layer = layer,
+        .volume = from->volume,
+        .camera = from->camera,
+        .shade = from->shade,
+        .cache = from->shells,
+        .bytes_max = rest_of(from->bytes_max, sp_surface_cache_bytes(from->surfaces, NULL)),
+        .kernels = from->shell_kernels,
+        .interrupt = from->interrupt,
+        .pool = from->pool,
+        .arena = from->arena
+    };
+}
+
+static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, struct sp_error *err) {
+    switch (layer->type) {
+    case SP_LAYER_SURFACE:
+        return layer->opacity <= 0 || prepare_surface(l, layer, err);
+    case SP_LAYER_SHELL:
+        l->shell_input = sp_layers_shell(l->input, layer);
+        l->has_shell = true;
+        return sp_shell_prepare(&l->shell_input, &l->shell, err);
+    case SP_LAYER_VOLUME:
+        break;
+    }
+    return true;
+}
+
+bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *l,
+                       struct sp_error *err) {
+    *l = (struct sp_layers){ .input = input };
+    sp_surface_cache_begin(input->surfaces);
+    for (uint32_t i = 0; i < input->view->layer_count; i++)
+        if (!prepare_layer(l, &input->view->layers[i], err))
+            return false;
+    l->workers = sp_arena_alloc(input->arena, "tiles of layers", sp_pool_threads(input->pool),
+                                sizeof *l->workers);
+    return l->workers || fail_memory(input->arena, err);
+}
+
+static int columns_of(const struct sp_view *view) {
+    return (int)((view->size[0] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE);
+}
+
+struct drawing {
+    const struct sp_layers *layers;
+    sp_layers_tile_fn *tile;
+    void *user;
+    atomic_bool is_out_of_memory;
+};
+
+static void draw_tile(const struct sp_layers *l, struct sp_layers_worker *w, int column, int row) {
+    sp_fragment_tile_clear(&w->tile, column * SP_FRAGMENT_TILE, row * SP_FRAGMENT_TILE);
+    if (l->has_shell)
+        sp_shell_tile(&l->shell, column, row, &w->tile);
+    for (unsigned i = 0; i < l->surface_count; i++)
+        l->input->surface_tile(&l->surfaces[i], &w->surface, &w->tile);
+}
+
+static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
+    struct drawing *d = user;
+    const struct sp_layers *l = d->layers;
+    const int columns = columns_of(l->input->view);
+    for (size_t t = begin; t < end && !sp_interrupt_is_cancelled(&l->input->interrupt); t++) {
+        draw_tile(l, &l->workers[worker], (int)t % columns, (int)t / columns);
+        if (!d->tile(d->user, &l->workers[worker].tile, worker))
+            atomic_store_explicit(&d->is_out_of_memory, true, memory_order_relaxed);
+    }
+}
+
+bool sp_layers_draw(const struct sp_layers *l, sp_layers_tile_fn *tile, void *user,
+                    struct sp_error *err) {
+    const struct sp_view *view = l->input->view;
+    size_t rows = (view->size[1] + SP_FRAGMENT_TILE - 1) / SP_FRAGMENT_TILE;
+    struct drawing d = { .layers = l, .tile = tile, .user = user };
+    sp_parallel_for(l->input->pool, (size_t)columns_of(view) * rows, 1, draw_tiles, &d);
+    if (sp_interrupt_is_cancelled(&l->input->interrupt))
+        return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    return !atomic_load(&d.is_out_of_memory) ||
+           sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's fragments");
+}
+
+struct collection {
+    struct sp_fragments *fragments;
+    struct sp_arena *arenas;
+};
+
+static bool store(void *user, const struct sp_fragment_tile *tile, unsigned worker) {
+    const struct collection *c = user;
+    uint32_t count = sp_fragment_tile_count(tile);
+    if (!count)
+        return true;
+    uint32_t *first =
+        sp_arena_alloc(&c->arenas[worker], "fragments", SP_FRAGMENT_PIXELS + 1, sizeof *first);
+    struct sp_fragment *list = sp_arena_alloc(&c->arenas[worker], "fragments", count, sizeof *list);
+    if (!first || !list)
+        return false;
+    sp_fragments_store(c->fragments, tile, first, list);
+    return true;
+}
+
+bool sp_layers_collect(const struct sp_layers *l, struct sp_arena *worker_arenas,
+                       struct sp_fragments *fragments, struct sp_error *err) {
+    struct collection collection = { fragments, worker_arenas };
+    for (unsigned w = 0; w < sp_pool_threads(l->input->pool); w++)
+        sp_arena_reset(&worker_arenas[w]);
+    if (!sp_fragments_init(fragments, l->input->view->size, l->input->arena))
+        return fail_memory(l->input->arena, err);
+    return sp_layers_draw(l, store, &collection, err);
+}

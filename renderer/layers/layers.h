@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Surfaces and shells of a frame on the processor: per tile, the fragments of all of them.
+ *
+ *   view ─► sp_layers_prepare() ─► per tile ─┬► sp_layers_draw(): to the caller
+ *           surface/, shell/                 └► sp_layers_collect(): kept for the volume
+ */
+#ifndef SP_LAYERS_LAYERS_H
+#define SP_LAYERS_LAYERS_H
+
+#include "frame/fragments.h"
+#include "shell/shell.h"
+#include "surface/cache.h"
+#include "surface/surface.h"
+
+/* All pointers are borrowed until the frame is drawn. */
+struct sp_layers_input {
+    const struct sp_view *view;
+    struct sp_volume *volume;
+    const struct sp_camera_transform *camera;
+    const struct sp_shade *shade; /* NULL = not lit */
+    struct sp_surface_cache *surfaces;
+    struct sp_shell_cache *shells;
+    uint64_t bytes_max; /* of both caches */
+    sp_surface_tile_fn *surface_tile;
+    const struct sp_shell_kernels *shell_kernels;
+    struct sp_interrupt interrupt;
+    struct sp_pool *pool;
+    struct sp_arena *arena; /* of the frame */
+};
+
+/* A prepared frame. */
+struct sp_layers {
+    const struct sp_layers_input *input;
+    unsigned surface_count;
+    struct sp_surface surfaces[SP_LAYERS_MAX];
+    bool has_shell;
+    struct sp_shell_input shell_input;
+    struct sp_shell shell;
+    struct sp_layers_worker *workers; /* [threads] */
+};
+
+/* Gets a tile of the image with all its fragments. Called on several threads at a time; `worker` is
+ * the thread's number. False: out of memory. */
+typedef bool sp_layers_tile_fn(void *user, const struct sp_fragment_tile *tile, unsigned worker);
+
+/* True if the view has layers other than the volume, or none at all. */
+bool sp_layers_are_wanted(const struct sp_view *view);
+
+/* The view's volume layer; NULL = none. */
+const struct sp_layer *sp_layers_volume(const struct sp_view *view);
+
+/* What a shell is drawn from. */
+struct sp_shell_input sp_layers_shell(const struct sp_layers_input *input,
+                                      const struct sp_layer *layer);
+
+/* Prepares the layers other than the volume; they are valid until the arena is reset.
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *layers,
+                       struct sp_error *err);
+
+/* Passes all tiles to `tile`. SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+bool sp_layers_draw(const struct sp_layers *layers, sp_layers_tile_fn *tile, void *user,
+                    struct sp_error *err);
+
+/* Collects the fragments of all tiles; they are valid until one of the arenas is reset, of which
+ * each thread has one. Errors as above. */
+bool sp_layers_collect(const struct sp_layers *layers, struct sp_arena *worker_arenas,
+                       struct sp_fragments *fragments, struct sp_error *err);
+
+#endif
