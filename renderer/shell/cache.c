@@ -8,6 +8,7 @@ enum { REPEATS = 8 }; /* frames of one shell after which its edits have stopped 
 
 static void empty_slot(struct sp_shell_slot *slot) {
     sp_shell_list_finish(&slot->list);
+    sp_shell_list_finish(&slot->clipped);
     sp_shell_masks_finish(&slot->masks);
     sp_transfer_finish(&slot->transfer);
     sp_volume_unref(&slot->volume);
@@ -17,7 +18,7 @@ static void empty_slot(struct sp_shell_slot *slot) {
 static uint64_t slot_bytes(const struct sp_shell_slot *slot) {
     if (!slot->volume)
         return 0;
-    uint64_t bytes = sp_shell_list_bytes(&slot->list);
+    uint64_t bytes = sp_shell_list_bytes(&slot->list) + sp_shell_list_bytes(&slot->clipped);
     if (slot->masks.ranges)
         bytes += sp_shell_masks_bytes(slot->masks.dims);
     if (slot->transfer.table)
@@ -157,6 +158,7 @@ static bool update_slot(struct sp_shell_slot *slot, const struct sp_shell_job *j
     if (!sp_shell_extract(&extract, &list, err))
         return false;
     sp_shell_list_finish(&slot->list);
+    sp_shell_list_finish(&slot->clipped);
     slot->list = list;
     struct sp_transfer old = slot->transfer;
     slot->transfer = u->transfer;
@@ -174,14 +176,13 @@ static bool renew(struct sp_shell_slot *slot, const struct sp_shell_job *job,
     return ok;
 }
 
-const struct sp_shell_list *sp_shell_cache_get(struct sp_shell_cache *cache,
-                                               const struct sp_shell_job *job,
-                                               struct sp_error *err) {
+/* Returns the slot with the whole shell, or NULL. */
+static struct sp_shell_slot *find_shell(struct sp_shell_cache *cache,
+                                        const struct sp_shell_job *job, struct sp_error *err) {
     for (int i = 0; i < SP_SHELL_SLOTS; i++)
         if (is_wanted(&cache->slots[i], job)) {
             cache->slots[i].repeats++;
-            cache->slots[i].used = ++cache->clock;
-            return &cache->slots[i].list;
+            return &cache->slots[i];
         }
     struct sp_shell_slot *newest = find_newest(cache, job->volume), *slot = newest;
     bool ok = true;
@@ -192,12 +193,51 @@ const struct sp_shell_list *sp_shell_cache_get(struct sp_shell_cache *cache,
         ok = start_masks(slot, newest, job, err);
     }
     ok = ok && renew(slot, job, err);
-    if (!ok) {
-        empty_slot(slot);
-        return NULL;
-    }
     slot->repeats = 0;
+    if (!ok)
+        empty_slot(slot);
+    return ok ? slot : NULL;
+}
+
+static bool clip(struct sp_shell_slot *slot, const struct sp_shell_job *job, struct sp_error *err) {
+    const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
+    struct sp_shell_states states;
+    struct sp_shell_interval *rows = malloc((size_t)grid->dims[1] * grid->dims[2] * sizeof *rows);
+    sp_shell_list_finish(&slot->clipped);
+    uint64_t used = slot_bytes(slot);
+    if (!rows || !sp_shell_states_init(&states, &slot->transfer, slot->low, slot->high, NULL)) {
+        free(rows);
+        return sp_fail(err, SP_ERR_MEMORY, "/clip", "out of memory for the clipped shell");
+    }
+    sp_shell_clip_rows(job->clip, grid, rows);
+    struct sp_shell_extract extract = { .masks = &slot->masks,
+                                        .states = &states,
+                                        .volume = job->volume,
+                                        .from = &slot->list,
+                                        .clip = rows,
+                                        .same_classes = true,
+                                        .bytes_max =
+                                            job->bytes_max > used ? job->bytes_max - used : 0,
+                                        .pool = job->pool,
+                                        .interrupt = &job->interrupt };
+    bool ok = sp_shell_extract(&extract, &slot->clipped, err);
+    slot->clip = *job->clip;
+    sp_shell_states_finish(&states);
+    free(rows);
+    return ok;
+}
+
+const struct sp_shell_list *sp_shell_cache_get(struct sp_shell_cache *cache,
+                                               const struct sp_shell_job *job,
+                                               struct sp_error *err) {
+    struct sp_shell_slot *slot = find_shell(cache, job, err);
+    bool clips = job->clip && sp_shell_clips(job->clip);
+    if (!slot)
+        return NULL;
     slot->used = ++cache->clock;
+    if (clips && !(slot->clipped.first && sp_shell_clip_equal(&slot->clip, job->clip)) &&
+        !clip(slot, job, err))
+        return NULL;
     trim(cache, slot, job->bytes_max);
-    return &slot->list;
+    return clips ? &slot->clipped : &slot->list;
 }

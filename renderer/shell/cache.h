@@ -2,7 +2,8 @@
  *
  * The shells that a backend caches, by volume, transfer function and thresholds; the least recently
  * used is replaced first. An edit of the thresholds or of the transfer function updates the newest
- * shell of the volume, in time that follows what changes.
+ * shell of the volume, in time that follows what changes. Where a view clips, the clipped shell is
+ * cached beside the whole one.
  */
 #ifndef SP_SHELL_CACHE_H
 #define SP_SHELL_CACHE_H
@@ -18,8 +19,10 @@ struct sp_shell_cache {
         double low, high;
         struct sp_shell_masks masks;
         struct sp_shell_list list;
-        uint64_t used;    /* clock of the last use */
-        uint32_t repeats; /* successive uses without a change */
+        struct sp_shell_list clipped; /* the same, clipped; no list = not made */
+        struct sp_clip clip;          /* of `clipped` */
+        uint64_t used;                /* clock of the last use */
+        uint32_t repeats;             /* successive uses without a change */
     } slots[SP_SHELL_SLOTS];
     uint64_t clock;
 };
@@ -27,7 +30,8 @@ struct sp_shell_cache {
 struct sp_shell_job {
     struct sp_volume *volume;
     const struct sp_transfer_function *tf;
-    double low, high;   /* as in struct sp_layer */
+    double low, high; /* as in struct sp_layer */
+    const struct sp_clip *clip;
     uint64_t bytes_max; /* of the cache */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;

@@ -13,7 +13,7 @@ enum {
 };
 
 /* What an opaque voxel leaves of the light behind its cell: nothing that counts. */
-static const double opaque_depth = 6.2383; /* ln 512: SP_TRANSMITTANCE_MIN */
+static const double opaque_depth = 8;
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
@@ -281,6 +281,7 @@ static bool find_voxels(const struct sp_shell_input *input, const struct sp_shel
                                 .tf = &input->view->transfer_function,
                                 .low = input->layer->low,
                                 .high = input->layer->high,
+                                .clip = &input->view->clip,
                                 .bytes_max = input->bytes_max,
                                 .pool = input->pool,
                                 .interrupt = input->interrupt };

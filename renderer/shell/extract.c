@@ -20,42 +20,75 @@ struct around {
     uint64_t opaque[6];
 };
 
-static uint64_t word_at(const struct sp_shell_masks *m, int which, int64_t w, int64_t y,
-                        int64_t z) {
-    bool is_inside = w >= 0 && w < m->words && y >= 0 && y < m->dims[1] && z >= 0 && z < m->dims[2];
-    return is_inside ? sp_shell_masks_row(m, which, (uint32_t)y, (uint32_t)z)[w] : 0;
+/* The bits of a word that clipping leaves. */
+static inline uint64_t clip_word(const struct sp_shell_extract *job, uint32_t w, uint32_t y,
+                                 uint32_t z) {
+    if (!job->clip)
+        return UINT64_MAX;
+    const struct sp_shell_interval *i = &job->clip[(uint64_t)z * job->masks->dims[1] + y];
+    uint32_t first = w * SP_SHELL_WORD;
+    if (i->begin >= first + SP_SHELL_WORD || i->end <= first)
+        return 0;
+    uint64_t bits = i->begin > first ? UINT64_MAX << (i->begin - first) : UINT64_MAX;
+    uint32_t left = i->end - first;
+    return left < SP_SHELL_WORD ? bits & ((UINT64_C(1) << left) - 1) : bits;
 }
 
-static struct around look_around(const struct sp_shell_masks *m, uint32_t w, uint32_t y,
+static uint64_t word_at(const struct sp_shell_extract *job, int which, int64_t w, int64_t y,
+                        int64_t z) {
+    const struct sp_shell_masks *m = job->masks;
+    if (w < 0 || w >= m->words || y < 0 || y >= m->dims[1] || z < 0 || z >= m->dims[2])
+        return 0;
+    return sp_shell_masks_row(m, which, (uint32_t)y, (uint32_t)z)[w] &
+           clip_word(job, (uint32_t)w, (uint32_t)y, (uint32_t)z);
+}
+
+static struct around look_around(const struct sp_shell_extract *job, uint32_t w, uint32_t y,
                                  uint32_t z) {
     const int opaque = 1;
-    uint64_t own = sp_shell_masks_row(m, opaque, y, z)[w];
+    uint64_t own = word_at(job, opaque, w, y, z);
     return (struct around){ {
-        own << 1 | word_at(m, opaque, (int64_t)w - 1, y, z) >> 63,
-        own >> 1 | word_at(m, opaque, (int64_t)w + 1, y, z) << 63,
-        word_at(m, opaque, w, (int64_t)y - 1, z),
-        word_at(m, opaque, w, (int64_t)y + 1, z),
-        word_at(m, opaque, w, y, (int64_t)z - 1),
-        word_at(m, opaque, w, y, (int64_t)z + 1),
+        own << 1 | word_at(job, opaque, (int64_t)w - 1, y, z) >> 63,
+        own >> 1 | word_at(job, opaque, (int64_t)w + 1, y, z) << 63,
+        word_at(job, opaque, w, (int64_t)y - 1, z),
+        word_at(job, opaque, w, (int64_t)y + 1, z),
+        word_at(job, opaque, w, y, (int64_t)z - 1),
+        word_at(job, opaque, w, y, (int64_t)z + 1),
     } };
 }
 
-static uint64_t shell_word(const struct sp_shell_masks *m, uint32_t w, uint32_t y, uint32_t z,
+static uint64_t shell_word(const struct sp_shell_extract *job, uint32_t w, uint32_t y, uint32_t z,
                            struct around *around) {
-    uint64_t in = sp_shell_masks_row(m, 0, y, z)[w], inner = UINT64_MAX;
-    if (!in)
+    uint64_t in = word_at(job, 0, w, y, z), inner = UINT64_MAX;
+    if (!in || !(job->states->high > 0)) /* then even what is beyond the border is opaque */
         return 0;
-    *around = look_around(m, w, y, z);
+    *around = look_around(job, w, y, z);
     for (int i = 0; i < 6; i++)
         inner &= around->opaque[i];
     return in & ~inner;
 }
 
+/* True if clipping leaves less than all of row (y, z) or of a row beside it. */
+static bool is_clipped(const struct sp_shell_extract *job, uint32_t y, uint32_t z) {
+    const uint32_t *dims = job->masks->dims;
+    const struct sp_shell_interval *own = &job->clip[(uint64_t)z * dims[1] + y];
+    const struct sp_shell_interval *rows[5] = { own, y > 0 ? own - 1 : own,
+                                                y + 1 < dims[1] ? own + 1 : own,
+                                                z > 0 ? own - dims[1] : own,
+                                                z + 1 < dims[2] ? own + dims[1] : own };
+    for (int i = 0; i < 5; i++)
+        if (rows[i]->begin > 0 || rows[i]->end < dims[0])
+            return true;
+    return false;
+}
+
 /* True if the masks that row (y, z) depends on may have changed. */
 static bool is_changed(const struct sp_shell_extract *job, uint32_t y, uint32_t z) {
     const struct sp_shell_masks *m = job->masks;
-    if (!job->from)
+    if (!job->from || (job->clip && is_clipped(job, y, z)))
         return true;
+    if (!job->changed)
+        return false;
     uint32_t last[2] = { y + 1 < m->dims[1] ? y + 1 : y, z + 1 < m->dims[2] ? z + 1 : z };
     uint32_t first[2] = { y ? y - 1 : y, z ? z - 1 : z };
     for (uint32_t k = first[1] / SP_SHELL_SIDE; k <= last[1] / SP_SHELL_SIDE; k++)
@@ -77,7 +110,7 @@ static void count_rows(void *user, size_t begin, size_t end, unsigned worker) {
             return;
         if (is_changed(work->job, y, z))
             for (uint32_t w = 0; w < m->words; w++)
-                n += (uint32_t)__builtin_popcountll(shell_word(m, w, y, z, &around));
+                n += (uint32_t)__builtin_popcountll(shell_word(work->job, w, y, z, &around));
         else
             n = from->first[row + 1] - from->first[row];
         work->list->first[row + 1] = n;
@@ -115,7 +148,7 @@ static void write_row(const struct work *work, uint32_t y, uint32_t z, struct sp
     struct around around;
     for (uint32_t w = 0; w < m->words; w++) {
         uint64_t opaque = sp_shell_masks_row(m, 1, y, z)[w];
-        for (uint64_t left = shell_word(m, w, y, z, &around); left; left &= left - 1) {
+        for (uint64_t left = shell_word(work->job, w, y, z, &around); left; left &= left - 1) {
             int bit = __builtin_ctzll(left);
             unsigned code = opaque >> bit & 1 ? SP_SHELL_OPAQUE : 0;
             for (int i = 0; i < 6; i++)
@@ -153,6 +186,18 @@ static void write_rows(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
+static uint32_t row_words(uint32_t rows) {
+    return (rows + 63) / 64;
+}
+
+/* Bytes of the lists' parts that depend on the grid alone. */
+static uint64_t fixed_bytes(const uint32_t dims[3]) {
+    return ((uint64_t)dims[1] * dims[2] + 1) * sizeof(uint32_t) +
+           ((uint64_t)dims[1] * row_words(dims[2]) + (uint64_t)dims[2] * row_words(dims[1])) *
+               sizeof(uint64_t) +
+           ((uint64_t)dims[1] + dims[2]) * sizeof(uint32_t);
+}
+
 /* Turns counts into starts. False if the voxels are too many for P, or for the memory. */
 static bool sum_rows(const struct sp_shell_extract *job, struct sp_shell_list *list,
                      struct sp_error *err) {
@@ -161,7 +206,7 @@ static bool sum_rows(const struct sp_shell_extract *job, struct sp_shell_list *l
         sum += list->first[row + 1];
         list->first[row + 1] = (uint32_t)sum;
     }
-    uint64_t bytes = (rows + 1) * sizeof *list->first + sum * sizeof *list->voxels;
+    uint64_t bytes = fixed_bytes(list->dims) + sum * sizeof *list->voxels;
     if (sum > UINT32_MAX || bytes > job->bytes_max)
         return sp_fail(err, SP_ERR_BUDGET, "/layers",
                        "a shell of %llu voxels needs %llu bytes, %llu may be used: raise \"low\", "
@@ -169,6 +214,29 @@ static bool sum_rows(const struct sp_shell_extract *job, struct sp_shell_list *l
                        (unsigned long long)sum, (unsigned long long)bytes,
                        (unsigned long long)job->bytes_max);
     list->count = (uint32_t)sum;
+    return true;
+}
+
+/* Fills which rows have voxels. */
+static bool note_rows(struct sp_shell_list *list) {
+    const uint32_t *dims = list->dims;
+    for (int a = 0; a < 2; a++) {
+        list->rows[a] = calloc((size_t)dims[a + 1] * row_words(dims[2 - a]), sizeof *list->rows[a]);
+        list->slice_counts[a] = calloc(dims[a + 1], sizeof *list->slice_counts[a]);
+        if (!list->rows[a] || !list->slice_counts[a])
+            return false;
+    }
+    for (uint32_t z = 0; z < dims[2]; z++)
+        for (uint32_t y = 0; y < dims[1]; y++) {
+            const uint32_t *first = list->first + (uint64_t)z * dims[1] + y;
+            uint32_t n = first[1] - first[0];
+            if (n == 0)
+                continue;
+            list->slice_counts[0][y] += n;
+            list->slice_counts[1][z] += n;
+            list->rows[0][(size_t)y * row_words(dims[2]) + z / 64] |= UINT64_C(1) << z % 64;
+            list->rows[1][(size_t)z * row_words(dims[1]) + y / 64] |= UINT64_C(1) << y % 64;
+        }
     return true;
 }
 
@@ -191,7 +259,7 @@ static bool extract(struct work *work, struct sp_error *err) {
     if (!sum_rows(job, list, err))
         return false;
     list->voxels = malloc((list->count + (size_t)1) * sizeof *list->voxels);
-    if (!list->voxels)
+    if (!list->voxels || !note_rows(list))
         return fail_memory(list, err);
     sp_parallel_for(job->pool, rows, 128, write_rows, work);
     return !sp_interrupt_is_cancelled(job->interrupt) ||
@@ -216,11 +284,15 @@ bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_shell_list *
 void sp_shell_list_finish(struct sp_shell_list *list) {
     free(list->first);
     free(list->voxels);
+    for (int a = 0; a < 2; a++) {
+        free(list->rows[a]);
+        free(list->slice_counts[a]);
+    }
     *list = (struct sp_shell_list){ 0 };
 }
 
 uint64_t sp_shell_list_bytes(const struct sp_shell_list *list) {
     if (!list->first)
         return 0;
-    return (sp_shell_rows(list) + 1) * sizeof *list->first + list->count * sizeof *list->voxels;
+    return fixed_bytes(list->dims) + list->count * sizeof *list->voxels;
 }

@@ -5,6 +5,7 @@
 #ifndef SP_SHELL_EXTRACT_H
 #define SP_SHELL_EXTRACT_H
 
+#include "shell/clip.h"
 #include "shell/list.h"
 #include "shell/masks.h"
 
@@ -16,7 +17,10 @@ struct sp_shell_extract {
      * changed since. Rows that no change can have reached are copied from it. NULL = extract
      * all. */
     const struct sp_shell_list *from;
-    const uint8_t *changed;
+    const uint8_t *changed; /* NULL = nothing has */
+    /* By row, what clipping leaves of it: the rest counts as transparent, so that a cut through
+     * opaque material belongs to the shell. `from` is not clipped. NULL = nothing is clipped. */
+    const struct sp_shell_interval *clip;
     bool same_classes;  /* copied voxels keep their classes, too */
     uint64_t bytes_max; /* of the list */
     struct sp_pool *pool;

@@ -36,6 +36,11 @@ struct sp_shell_list {
     uint32_t *first;               /* P: [dims[1] · dims[2] + 1], owned; NULL = no list */
     struct sp_shell_voxel *voxels; /* D: [count], owned */
     uint32_t count;
+    /* Which rows have voxels, and how many voxels each slice has, by slice of axis 1 and of axis 2.
+     * A bit of rows[0] stands for a slice of axis 2, one of rows[1] for a slice of axis 1; owned.
+     */
+    uint64_t *rows[2];
+    uint32_t *slice_counts[2];
 };
 
 static inline uint64_t sp_shell_rows(const struct sp_shell_list *list) {

@@ -10,21 +10,33 @@
  * [mean spacings]. */
 static const double near_margin = 4;
 
+/* A need that no code meets: no face is turned to the eye, or hidden voxels are kept. */
+enum { NEVER = 128 };
+
 struct axis {
     uint32_t *slices; /* by rank: index, away from the eye */
     uint32_t *rank;   /* by index */
     uint8_t *need;    /* by index: the bit of the neighbour towards the eye, or 0 */
-    uint32_t split;   /* indices from it on rise away from the eye, those before it fall */
+    /* Indices from it on rise away from the eye, those before it fall. The cell that the eye is in
+     * comes first. */
+    uint32_t split;
+};
+
+/* Slices of the outer axis that one worker visits at a time. */
+struct group {
+    uint32_t begin, end;   /* ranks */
+    uint32_t first, count; /* where its voxels are */
 };
 
 struct sort {
     const struct sp_shell_order_job *job;
     struct axis axes[3];
-    unsigned major;
-    uint32_t groups, size;      /* of slices along `outer`, and slices per group */
-    unsigned outer;             /* axis that is divided among the workers */
-    uint32_t *counts;           /* by group, or by rank of the slice along axis 0 and group */
-    uint32_t *out;              /* NULL = count only */
+    unsigned major, outer, inner; /* rows are visited by the outer, then by the inner axis */
+    struct group *groups;
+    uint32_t group_count;
+    uint32_t *out;              /* voxels, group by group */
+    uint32_t *counts;           /* axis 0 is major: [group][rank of the slice along it] */
+    uint32_t *sorted;           /* the same voxels by that rank */
     bool has_near;              /* the near plane cuts the volume */
     double step[3], base, near; /* u2 of a voxel and of the near plane, world units */
 };
@@ -46,7 +58,7 @@ static void find_needs(const struct sp_grid *grid, unsigned a, double eye, struc
         axis->need[i] = (uint8_t)(eye < middle(grid, a, i, -1)  ? SP_SHELL_LOW(a)
                                   : eye > middle(grid, a, i, 1) ? SP_SHELL_HIGH(a)
                                                                 : 0);
-        if (sp_grid_distance(grid, a, i) < eye)
+        if (axis->need[i] == SP_SHELL_HIGH(a))
             axis->split = i + 1;
     }
 }
@@ -80,8 +92,8 @@ static bool init_axes(struct sort *s) {
         sp_slices_sort(s->job->camera, grid, a, axis->slices);
         for (uint32_t k = 0; k < n; k++)
             axis->rank[axis->slices[k]] = k;
-        if (isnan(eye)) /* any order serves; sp_slices_sort() falls */
-            axis->split = n;
+        if (s->job->keeps_hidden)
+            memset(axis->need, NEVER, n);
     }
     return true;
 }
@@ -116,110 +128,193 @@ static bool is_near(const struct sort *s, const struct sp_shell_voxel *v) {
 
 static inline bool is_hidden(const struct sort *s, const struct sp_shell_voxel *v, unsigned need) {
     need |= s->axes[0].need[v->at[0]];
-    if ((v->code & need) != need || !need || s->job->keeps_hidden)
-        return false;
-    return !(s->has_near && is_near(s, v));
+    need = need ? need : NEVER;
+    return (v->code & need) == need;
 }
 
-/* Appends the seen voxels of a row to out[n], or counts them. Returns the new n. */
-static uint32_t add_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t *out, uint32_t n) {
+/* Appends the seen ones of the voxels [begin, end) to out; returns where the next one goes. */
+static inline uint32_t *add_rising(const struct sort *s, uint32_t begin, uint32_t end,
+                                   unsigned need, uint32_t *out) {
+    for (uint32_t v = begin; v < end; v++) {
+        *out = v;
+        out += !is_hidden(s, &s->job->list->voxels[v], need);
+    }
+    return out;
+}
+
+static inline uint32_t *add_falling(const struct sort *s, uint32_t begin, uint32_t end,
+                                    unsigned need, uint32_t *out) {
+    for (uint32_t v = end; v-- > begin;) {
+        *out = v;
+        out += !is_hidden(s, &s->job->list->voxels[v], need);
+    }
+    return out;
+}
+
+/* The same where the near plane may have cut away what hides a voxel. */
+static uint32_t *add_near(const struct sort *s, uint32_t begin, uint32_t end, bool falls,
+                          unsigned need, uint32_t *out) {
+    for (uint32_t i = begin; i < end; i++) {
+        uint32_t v = falls ? begin + (end - 1 - i) : i;
+        const struct sp_shell_voxel *voxel = &s->job->list->voxels[v];
+        if (!is_hidden(s, voxel, need) || is_near(s, voxel))
+            *out++ = v;
+    }
+    return out;
+}
+
+/* Adds a row, in the order of its distance from the eye. */
+static uint32_t *add_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t *out) {
     const struct sp_shell_list *list = s->job->list;
     const uint32_t *first = list->first + (uint64_t)z * list->dims[1] + y;
     unsigned need = s->axes[1].need[y] | s->axes[2].need[z];
     uint32_t split = first[0];
     while (split < first[1] && list->voxels[split].at[0] < s->axes[0].split)
         split++;
-    for (uint32_t v = split; v < first[1]; v++)
-        if (!is_hidden(s, &list->voxels[v], need)) {
-            if (out)
-                out[n] = v;
-            n++;
-        }
-    for (uint32_t v = split; v-- > first[0];)
-        if (!is_hidden(s, &list->voxels[v], need)) {
-            if (out)
-                out[n] = v;
-            n++;
-        }
-    return n;
+    if (s->has_near) {
+        out = add_near(s, split, first[1], false, need, out);
+        return add_near(s, first[0], split, true, need, out);
+    }
+    out = add_rising(s, split, first[1], need, out);
+    return add_falling(s, first[0], split, need, out);
 }
 
-/* The same, each voxel to the slice of axis 0 that it belongs to. next: by rank of the slice. */
-static void spread_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t *next) {
+/* Adds the rows that have voxels in slice `at` of the outer axis. */
+static uint32_t *add_slice(const struct sort *s, uint32_t at, uint32_t *out) {
     const struct sp_shell_list *list = s->job->list;
-    const uint32_t *first = list->first + (uint64_t)z * list->dims[1] + y;
-    unsigned need = s->axes[1].need[y] | s->axes[2].need[z];
-    for (uint32_t v = first[0]; v < first[1]; v++)
-        if (!is_hidden(s, &list->voxels[v], need)) {
-            uint32_t *at = &next[s->axes[0].rank[list->voxels[v].at[0]]];
-            if (s->out)
-                s->out[*at] = v;
-            ++*at;
+    uint32_t words = (list->dims[s->inner] + 63) / 64, split = s->axes[s->inner].split;
+    const uint64_t *rows = list->rows[s->outer - 1] + (uint64_t)at * words;
+    uint32_t index[3];
+    index[s->outer] = at;
+    for (uint32_t w = split / 64; w < words; w++) {
+        uint64_t left = rows[w] & (w > split / 64 ? UINT64_MAX : UINT64_MAX << split % 64);
+        for (; left; left &= left - 1) {
+            index[s->inner] = w * 64 + (uint32_t)__builtin_ctzll(left);
+            out = add_row(s, index[1], index[2], out);
         }
+    }
+    for (uint32_t w = (split + 63) / 64; w-- > 0;) {
+        uint64_t left = rows[w];
+        if (w == split / 64)
+            left &= (UINT64_C(1) << split % 64) - 1;
+        while (left) {
+            uint32_t bit = 63 - (uint32_t)__builtin_clzll(left);
+            left ^= UINT64_C(1) << bit;
+            index[s->inner] = w * 64 + bit;
+            out = add_row(s, index[1], index[2], out);
+        }
+    }
+    return out;
 }
 
-/* Visits the rows of some groups of slices of the outer axis. */
-static void visit_groups(void *user, size_t begin, size_t end, unsigned worker) {
+static void add_groups(void *user, size_t begin, size_t end, unsigned worker) {
     struct sort *s = user;
-    unsigned inner = 3 - s->outer; /* of axes 1 and 2 */
-    const uint32_t *dims = s->job->list->dims;
     (void)worker;
     for (size_t g = begin; g < end; g++) {
-        uint32_t last = ((uint32_t)g + 1) * s->size, n = s->counts[g];
-        last = last < dims[s->outer] ? last : dims[s->outer];
-        for (uint32_t k = (uint32_t)g * s->size; k < last; k++) {
+        struct group *group = &s->groups[g];
+        uint32_t *first = s->out + group->first, *out = first;
+        for (uint32_t k = group->begin; k < group->end; k++) {
             if (sp_interrupt_is_cancelled(s->job->interrupt))
                 return;
-            for (uint32_t j = 0; j < dims[inner]; j++) {
-                uint32_t at[3];
-                at[s->outer] = s->axes[s->outer].slices[k];
-                at[inner] = s->axes[inner].slices[j];
-                if (s->major == 0)
-                    spread_row(s, at[1], at[2], s->counts + g * dims[0]);
-                else
-                    n = add_row(s, at[1], at[2], s->out, n);
-            }
+            out = add_slice(s, s->axes[s->outer].slices[k], out);
         }
+        group->count = (uint32_t)(out - first);
         if (s->major != 0)
-            s->counts[g] = n;
+            continue;
+        uint32_t *counts = s->counts + g * s->job->list->dims[0];
+        for (uint32_t i = 0; i < group->count; i++)
+            counts[s->axes[0].rank[s->job->list->voxels[first[i]].at[0]]]++;
     }
 }
 
-/* Turns counts into starts; returns their sum. */
-static uint32_t sum_counts(struct sort *s) {
-    uint32_t sum = 0, ranks = s->major == 0 ? s->job->list->dims[0] : 1;
+/* Sorts the voxels of groups by the slice of axis 0; their order in a slice stays. */
+static void spread_groups(void *user, size_t begin, size_t end, unsigned worker) {
+    struct sort *s = user;
+    (void)worker;
+    for (size_t g = begin; g < end; g++) {
+        const uint32_t *from = s->out + s->groups[g].first;
+        uint32_t *next = s->counts + g * s->job->list->dims[0];
+        for (uint32_t i = 0; i < s->groups[g].count; i++)
+            s->sorted[next[s->axes[0].rank[s->job->list->voxels[from[i]].at[0]]]++] = from[i];
+    }
+}
+
+/* Turns counts by group and rank into starts. */
+static void sum_counts(struct sort *s) {
+    uint32_t sum = 0, ranks = s->job->list->dims[0];
     for (uint32_t r = 0; r < ranks; r++)
-        for (uint32_t g = 0; g < s->groups; g++) {
+        for (uint32_t g = 0; g < s->group_count; g++) {
             uint32_t *count = &s->counts[(size_t)g * ranks + r], n = *count;
             *count = sum;
             sum += n;
         }
-    return sum;
+}
+
+/* Closes the gaps between groups; returns the number of voxels. */
+static uint32_t close_gaps(struct sort *s) {
+    uint32_t count = 0;
+    for (uint32_t g = 0; g < s->group_count; g++) {
+        const struct group *group = &s->groups[g];
+        if (s->major != 0)
+            memmove(s->out + count, s->out + group->first, group->count * sizeof *s->out);
+        count += group->count;
+    }
+    return count;
+}
+
+/* Divides the slices of the outer axis into groups, each with memory for all of its voxels. */
+static bool init_groups(struct sort *s) {
+    enum { GROUPS = 64 };
+    const struct sp_shell_list *list = s->job->list;
+    uint32_t n = list->dims[s->outer], size = (n + GROUPS - 1) / GROUPS, first = 0;
+    s->group_count = (n + size - 1) / size;
+    s->groups =
+        sp_arena_alloc(s->job->arena, "groups of slices", s->group_count, sizeof *s->groups);
+    for (uint32_t g = 0; s->groups && g < s->group_count; g++) {
+        struct group *group = &s->groups[g];
+        *group = (struct group){ .begin = g * size, .end = (g + 1) * size, .first = first };
+        group->end = group->end < n ? group->end : n;
+        for (uint32_t k = group->begin; k < group->end; k++)
+            first += list->slice_counts[s->outer - 1][s->axes[s->outer].slices[k]];
+    }
+    return s->groups != NULL;
+}
+
+static bool sort_by_axis_0(struct sort *s, struct sp_shell_order *order) {
+    sum_counts(s);
+    s->sorted =
+        sp_arena_alloc(s->job->arena, "shell's order", order->count + (size_t)1, sizeof *s->sorted);
+    if (!s->sorted)
+        return false;
+    sp_parallel_for(s->job->pool, s->group_count, 1, spread_groups, s);
+    order->voxels = s->sorted;
+    return true;
 }
 
 bool sp_shell_sort(const struct sp_shell_order_job *job, struct sp_shell_order *order) {
-    enum { GROUPS = 64 };
     struct sort s = { .job = job, .major = sp_slices_major_axis(job->camera, job->grid) };
-    const uint32_t *dims = job->list->dims;
+    const struct sp_shell_list *list = job->list;
     *order = (struct sp_shell_order){ 0 };
-    if (job->list->count == 0)
+    if (list->count == 0)
         return true;
     s.outer = s.major == 1 ? 1 : 2;
-    s.size = (dims[s.outer] + GROUPS - 1) / GROUPS;
-    s.groups = (dims[s.outer] + s.size - 1) / s.size;
-    size_t counts = (size_t)s.groups * (s.major == 0 ? dims[0] : 1);
-    s.counts = sp_arena_alloc(job->arena, "shell's slices", counts, sizeof *s.counts);
-    if (!s.counts || !init_axes(&s))
+    s.inner = 3 - s.outer;
+    if (!init_axes(&s) || !init_groups(&s))
         return false;
     init_near(&s);
-    memset(s.counts, 0, counts * sizeof *s.counts);
-    sp_parallel_for(job->pool, s.groups, 1, visit_groups, &s);
-    order->count = sum_counts(&s);
-    order->voxels =
-        sp_arena_alloc(job->arena, "shell's order", order->count + (size_t)1, sizeof(uint32_t));
-    if (!order->voxels)
+    s.out = sp_arena_alloc(job->arena, "shell's order", list->count + (size_t)1, sizeof *s.out);
+    if (s.major == 0) {
+        size_t counts = (size_t)s.group_count * list->dims[0];
+        s.counts = sp_arena_alloc(job->arena, "shell's slices", counts, sizeof *s.counts);
+        if (s.counts)
+            memset(s.counts, 0, counts * sizeof *s.counts);
+    }
+    if (job->arena->failed)
         return false;
-    s.out = order->voxels;
-    sp_parallel_for(job->pool, s.groups, 1, visit_groups, &s);
-    return true;
+    sp_parallel_for(job->pool, s.group_count, 1, add_groups, &s);
+    if (sp_interrupt_is_cancelled(job->interrupt))
+        return true;
+    order->voxels = s.out;
+    order->count = close_gaps(&s);
+    return s.major != 0 || sort_by_axis_0(&s, order);
 }

@@ -61,13 +61,24 @@ static inline struct cells find_cells(int x, int y, const struct sp_shell_record
     return (struct cells){ x0 / 4, y0 / CELL_ROWS, x1 / 4, y1 / CELL_ROWS };
 }
 
-/* What a splat leaves of the light on the pixels of a cell, and which pixels it covers. */
-static inline sp_wide pass_gaussian(const struct sp_shell_frame *f, const struct sp_shell_record *r,
-                                    sp_wide dx, sp_wide dy, sp_wide_mask *covered) {
-    sp_wide power = (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
-    *covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
-    sp_wide depth = r->depth * sp_wide_exp2(-power);
-    return f->linear ? 1 - sp_wide_min(depth, sp_wide_all(1)) : sp_wide_exp2(-SP_LOG2E * depth);
+/* 2^x for x in [−126, 126], with a relative error below 4e-6; anything elsewhere. */
+static inline sp_wide exp2_within(sp_wide x) {
+    const float round_up = 12582912.0f; /* 1.5·2^23: adding it leaves an integer */
+    sp_wide shifted = x + round_up, f = x - (shifted - round_up);
+    sp_wide p = ((9.60096e-3f * f + 5.591619e-2f) * f + 2.4023707e-1f) * f + 6.9312215e-1f;
+    p = p * f + 1;
+    return (sp_wide)((sp_wide_bits)p + ((sp_wide_bits)shifted << 23));
+}
+
+/* What passes an optical depth. */
+static inline sp_wide attenuate(const struct sp_shell_frame *f, sp_wide depth) {
+    return f->linear ? 1 - sp_wide_min(depth, sp_wide_all(1))
+                     : exp2_within(sp_wide_max(-SP_LOG2E * depth, sp_wide_all(-126)));
+}
+
+/* p of the pixels at (dx, dy) from the centre. */
+static inline sp_wide find_power(const struct sp_shell_record *r, sp_wide dx, sp_wide dy) {
+    return (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
 }
 
 /* right, down: of the pixels' centres, from the image's corner. */
@@ -82,45 +93,68 @@ static inline float pass_flat(const struct sp_shell_frame *f, const struct sp_sh
     return f->linear ? 1 - (r->depth < 1 ? r->depth : 1) : sp_exp2(-SP_LOG2E * r->depth);
 }
 
-/* Composites onto a cell. Returns true if its pixels are all opaque now. */
+/* Composites onto the covered pixels of a cell. Returns true if all of them are opaque now. */
 static inline bool composite(const struct sp_shell_record *r, sp_wide pass, sp_wide_mask covered,
                              float *cell) {
-    const sp_wide least = sp_wide_all(SP_TRANSMITTANCE_MIN);
     sp_wide through = sp_wide_load(cell);
-    covered &= sp_wide_le(least, through);
-    if (!sp_wide_any(covered))
-        return false;
     sp_wide left = sp_wide_select(covered, through * pass, through), share = through - left;
     sp_wide_store(cell, left);
     for (int k = 0; k < 3; k++) {
         float *plane = cell + (k + 1) * SP_WIDE;
         sp_wide_store(plane, sp_wide_load(plane) + share * r->color[k]);
     }
-    return !sp_wide_any(sp_wide_le(least, left));
+    return !sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), left));
 }
 
-static inline void add_record(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
-                              const struct sp_shell_record *r, bool is_flat) {
+/* The pixels of a cell that let light through. */
+static inline sp_wide_mask find_open(const float *cell) {
+    return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), sp_wide_load(cell));
+}
+
+static inline void close_cell(struct sp_shell_tile *tile, int index) {
+    tile->is_closed[index] = 1;
+    tile->open--;
+}
+
+static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
+                                const struct sp_shell_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
-    const sp_wide columns = lane_columns(), rows = lane_rows();
-    const sp_wide all = is_flat ? sp_wide_all(pass_flat(f, r)) : sp_wide_all(0);
-    float left = (float)tile->x + 0.5f, top = (float)tile->y + 0.5f;
+    const sp_wide cut = sp_wide_all(f->ewa.cut);
+    const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
+    const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
+    for (int row = c.y0; row <= c.y1; row++) {
+        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
+        for (int column = c.x0; column <= c.x1; column++) {
+            if (tile->is_closed[row * CELLS + column])
+                continue;
+            float *cell = cell_at(tile, column, row);
+            sp_wide power = find_power(r, dx0 + (float)(4 * column), dy);
+            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(cell);
+            if (!sp_wide_any(covered))
+                continue;
+            sp_wide pass = attenuate(f, r->depth * exp2_within(-power));
+            if (composite(r, pass, covered, cell))
+                close_cell(tile, row * CELLS + column);
+        }
+    }
+}
+
+static inline void add_flat(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
+                            const struct sp_shell_record *r) {
+    struct cells c = find_cells(tile->x, tile->y, r);
+    const sp_wide pass = sp_wide_all(pass_flat(f, r));
+    const sp_wide right = lane_columns() + ((float)tile->x + 0.5f);
+    const sp_wide down = lane_rows() + ((float)tile->y + 0.5f);
     for (int row = c.y0; row <= c.y1; row++)
         for (int column = c.x0; column <= c.x1; column++) {
-            uint8_t *is_closed = &tile->is_closed[row * CELLS + column];
-            sp_wide right = columns + (left + (float)(4 * column)), pass = all;
-            sp_wide down = rows + (top + (float)(CELL_ROWS * row));
-            sp_wide_mask covered;
-            if (*is_closed)
+            if (tile->is_closed[row * CELLS + column])
                 continue;
-            if (is_flat)
-                covered = cover_box(r, right, down);
-            else
-                pass = pass_gaussian(f, r, right - r->x, down - r->y, &covered);
-            if (composite(r, pass, covered, cell_at(tile, column, row))) {
-                *is_closed = 1;
-                tile->open--;
-            }
+            float *cell = cell_at(tile, column, row);
+            sp_wide_mask covered =
+                cover_box(r, right + (float)(4 * column), down + (float)(CELL_ROWS * row)) &
+                find_open(cell);
+            if (sp_wide_any(covered) && composite(r, pass, covered, cell))
+                close_cell(tile, row * CELLS + column);
         }
 }
 
@@ -131,9 +165,9 @@ void sp_shell_add(struct sp_shell_tile *tile, const struct sp_shell_frame *frame
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
         if (frame->mode == SP_FILTER_NONE)
-            add_record(tile, frame, &records[entries[e]], true);
+            add_flat(tile, frame, &records[entries[e]]);
         else
-            add_record(tile, frame, &records[entries[e]], false);
+            add_gaussian(tile, frame, &records[entries[e]]);
     }
 }
 
@@ -197,7 +231,9 @@ static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragm
                 covered = cover_box(r, right, down);
                 pass = sp_wide_all(pass_flat(f, r));
             } else {
-                pass = pass_gaussian(f, r, right - r->x, down - r->y, &covered);
+                sp_wide power = find_power(r, right - r->x, down - r->y);
+                covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
+                pass = attenuate(f, r->depth * exp2_within(-power));
             }
             for (unsigned bits = sp_wide_mask_bits(covered); bits; bits &= bits - 1) {
                 int i = __builtin_ctz(bits);
