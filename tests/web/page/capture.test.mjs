@@ -6,8 +6,8 @@ import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { promisify } from 'node:util';
-import { after, before, test } from 'node:test';
-import { camera, eventually, firstFrame, launch, openPage, rest, shot, until } from '../support/browser.mjs';
+import { test } from 'node:test';
+import { camera, difference, eventually, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -16,24 +16,14 @@ const folder = mkdtempSync(path.join(tmpdir(), 'splatd-capture-'));
 const token = tokenFile();
 const start = () => startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--state', path.join(folder, 'state'),
   '--frame-size', '1M'], { token });
-let browser;
-let daemon;
-before(async () => {
-  daemon = await start();
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
+const shared = await share(start, () => {
   rmSync(folder, { recursive: true });
   token.remove();
 });
+const { browser } = shared;
 
-async function open(context, address = daemon.url, options = { viewport: { width: 700, height: 500 } }) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(address);
-  await firstFrame(opened.page);
+async function open(context, address = shared.daemon.url, options = { viewport: { width: 700, height: 500 } }) {
+  const opened = await visit(context, browser, address, options);
   await rest(opened.page);
   await opened.page.locator('#capture').evaluate((fold) => { fold.open = true; });
   return opened;
@@ -140,7 +130,7 @@ test('the copied commands make the same picture as the page', async (context) =>
 });
 
 test('beside slices, all panes are saved as the layout shows them, or the picture alone', async (context) => {
-  const { page } = await open(context, daemon.url, { viewport: { width: 1200, height: 800 } });
+  const { page } = await open(context, shared.daemon.url, { viewport: { width: 1200, height: 800 } });
   await page.click('#layout-four');
   await rest(page);
   await until(page, 'the slices', () => ['axial', 'coronal', 'sagittal'].every((id) => document.querySelector(`#pane-${id} .pane-body`).dataset.state === 'newest'));
@@ -217,9 +207,9 @@ test('saved views are a gallery that survives reload and restart, and goes to vi
   assert.ok(back.position.every((x, i) => Math.abs(x - home.position[i]) < 1e-4), 'the camera of the view');
   await shot(page, 'saved-views');
 
-  const { port } = daemon;
-  await daemon.stop();
-  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--state', path.join(folder, 'state')], { token, port });
+  const { port } = shared.daemon;
+  await shared.daemon.stop();
+  shared.daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--state', path.join(folder, 'state')], { token, port });
   await page.reload();
   await rest(page);
   await page.locator('#saved li').first().waitFor();
@@ -244,4 +234,38 @@ test('a guest saves the picture of the session, and the gallery explains itself'
   assert.ok((await save(guest.page)).bytes.equals(bytes));
   await guest.page.locator('#saved-note', { hasText: 'joined by a link' }).waitFor();
   assert.ok(await guest.page.isHidden('#saved-form'));
+});
+
+test('the clipboard takes the picture as PNG, and the link; a browser that refuses leaves the link in its field', async (context) => {
+  const { page, context: own } = await open(context);
+  await own.grantPermissions(['clipboard-read', 'clipboard-write']);
+  await choose(page, { size: [120, 80] });
+  await page.click('#capture-copy');
+  await page.locator('#capture-state', { hasText: 'in the clipboard' }).waitFor();
+  const copied = Buffer.from(await page.evaluate(async () => {
+    const [item] = await navigator.clipboard.read();
+    const bytes = new Uint8Array(await (await item.getType('image/png')).arrayBuffer());
+    return String.fromCharCode(...bytes);
+  }), 'latin1');
+  const image = decodePng(copied);
+  assert.deepEqual([image.width, image.height], [120, 80]);
+  const saved = decodePng((await save(page)).bytes);
+  assert.equal(difference(image, saved), 0, 'it is the picture that is saved');
+
+  await page.click('#copy-link');
+  await page.locator('#capture', { hasText: 'copied' }).waitFor();
+  const link = await page.locator('#capture-text').inputValue();
+  assert.match(link, /#view=[0-9a-f]{32}$/);
+  assert.equal(await page.evaluate(() => navigator.clipboard.readText()), link);
+  const guest = await visit(context, browser, `${shared.daemon.url}#${new URL(link).hash.slice(1)}`);
+  assert.equal(await guest.page.evaluate(() => window.splatd.volume), 'engine', 'the link opens the view');
+
+  await page.evaluate(() => {
+    navigator.clipboard.write = navigator.clipboard.writeText = () => Promise.reject(new Error('not allowed'));
+  });
+  await page.click('#copy-link');
+  await page.locator('#capture', { hasText: 'copy it from here' }).waitFor();
+  assert.match(await page.evaluate(() => window.getSelection().toString() || document.activeElement.value), /#view=[0-9a-f]{32}$/);
+  await page.click('#capture-copy');
+  await page.locator('#capture-state', { hasText: 'not allowed' }).waitFor();
 });

@@ -1,59 +1,27 @@
 // SPDX-License-Identifier: Apache-2.0
 // Clipping: the box and the planes in the panel, with the patches that they send, and their handles in pictures of a block.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { after, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { lit, writeBlock } from '../support/block.mjs';
-import { drag, firstFrame, launch, openPage, pixels, rest, shot, touch, until } from '../support/browser.mjs';
+import { drag, firstFrame, openPage, pixels, rest, share, shot, touch, until, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
-import { MockDaemon } from '../support/mock-daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
 const PHONE = { viewport: { width: 390, height: 700 }, deviceScaleFactor: 1, isMobile: true, hasTouch: true };
 const DESK = { viewport: { width: 800, height: 560 }, reducedMotion: 'reduce' };
-let browser;
-let block;
-let real;
-before(async () => {
-  browser = await launch();
-  block = writeBlock();
-  real = await startDaemon(['--volume', block.file]);
-});
-after(async () => {
-  await browser?.close();
-  await real?.stop();
-  block?.remove();
-});
+const block = writeBlock();
+const { browser, daemon: real } = await share(() => startDaemon(['--volume', block.file]), () => block.remove());
 
 /** A page with a daemon that only answers: for the patches. Its volume reaches from z = -1 to 63 and is seen along -z. */
 async function withMock(context, options) {
-  const daemon = await MockDaemon.start();
-  const opened = await openPage(browser, options);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
-  const { page } = opened;
-  await page.goto(daemon.url);
-  await firstFrame(page);
+  const opened = await visitMock(context, browser, { options });
+  const { page, patch } = opened;
   await page.locator('#clip summary').click();
-  const idle = () => until(page, 'all answered', (s) => s.isIdle);
-  const patches = async (act) => {
-    await idle();
-    const from = daemon.heard.length;
-    await act();
-    await idle();
-    return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch);
-  };
   return {
-    ...opened, daemon, patches,
-    async patch(act) {
-      const all = await patches(act);
-      assert.equal(all.length, 1, JSON.stringify(all));
-      return all[0];
-    },
+    ...opened,
     async press(at, key) {
-      return this.patch(async () => {
+      return patch(async () => {
         await page.focus(at);
         await page.keyboard.press(key);
       });

@@ -1,30 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparison with a second picture, and the panel of the status line, with the real daemon.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync } from 'node:fs';
-import { fileURLToPath } from 'node:url';
-import { after, before, test } from 'node:test';
-import { difference, drag, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
+import { after, test } from 'node:test';
+import { checkAxe, difference, drag, firstFrame, NEEDS_AXE, openPage, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '24']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '24']));
 
 async function open(context, options = { viewport: { width: 700, height: 500 } }) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
+  const opened = await visit(context, browser, daemon.url, options);
   await rest(opened.page);
   return opened;
 }
@@ -203,7 +188,7 @@ test('the status panel splits the latency, and offline is said', async (context)
 
 for (const options of [{ viewport: { width: 1000, height: 700 }, colorScheme: 'light' }, { viewport: { width: 390, height: 844 }, hasTouch: true, colorScheme: 'dark' }]) {
   const name = `${options.viewport.width} × ${options.viewport.height}, ${options.colorScheme}`;
-  test(`axe finds nothing in capture, comparison and status, ${name}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing in capture, comparison and status, ${name}`, NEEDS_AXE, async (context) => {
     const { page } = await open(context, { ...options, bypassCSP: true });
     await page.evaluate(() => {
       if (document.getElementById('panel').dataset.open !== 'true') document.getElementById('panel-toggle').click();
@@ -214,10 +199,8 @@ for (const options of [{ viewport: { width: 1000, height: 700 }, colorScheme: 'l
     await page.click('#saved-add');
     await page.locator('#saved li').first().waitFor();
     await page.locator('#stats-toggle').press('Enter');
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
     await shot(page, `capture-${options.viewport.width}`);
-    assert.deepEqual(violations.map(({ id, nodes }) => [id, nodes.map(({ html }) => html.slice(0, 120))]), []);
+    await checkAxe(page);
     const wide = await page.evaluate(() => [...document.querySelectorAll('#capture *, #compare *, #stats *')]
       .filter((element) => element.checkVisibility() && element.getBoundingClientRect().right > window.innerWidth + 1).length);
     assert.equal(wide, 0, 'nothing overflows the window');

@@ -2,30 +2,14 @@
 // Who may change the view, and what the page says to those who may not; the ways back to the default view; what the status and the
 // choices of the page promise. With the real daemon.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import WebSocket from 'ws';
-import { camera, drag, firstFrame, launch, openPage, rest, shot, until } from '../support/browser.mjs';
+import { camera, drag, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { compare } from '../../support/compare.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu', '--control-time', '600']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
-
-async function open(context, address, options) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(address);
-  await firstFrame(opened.page);
-  return opened;
-}
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu', '--control-time', '600']));
+const open = (context, address, options) => visit(context, browser, address, options);
 
 /** Opens a page in a new session, and a second one that joins it with this role. */
 async function openTwo(context, role, options) {

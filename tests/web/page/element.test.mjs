@@ -2,38 +2,25 @@
 // <splat-view> in a page of another origin and in the example page, with the real daemon.
 import assert from 'node:assert/strict';
 import { createServer } from 'node:http';
-import { after, before, test } from 'node:test';
-import { DEADLINE_MS, drag, launch, openPage, shot } from '../support/browser.mjs';
+import { test } from 'node:test';
+import { DEADLINE_MS, drag, openPage, share, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-let browser;
-let daemon;
-let server;
-let origin;
-let base;
-let token;
-before(async () => {
-  // The page around the element: its policy allows the daemon and nothing inline.
-  server = createServer((request, response) => {
-    const own = new URL(base).origin;
-    response.setHeader('Content-Security-Policy', `default-src 'none'; script-src ${own}; connect-src ${own} ${own.replace('http', 'ws')}; style-src 'self'`);
-    response.setHeader('Content-Type', 'text/html');
-    response.end(`<!doctype html><title>Host</title><script type="module" src="${base}element/splat-view.js"></script>
-      <splat-view id="view" label="A phantom"></splat-view>`);
-  });
-  await new Promise((resolve) => { server.listen(0, '127.0.0.1', resolve); });
-  origin = `http://127.0.0.1:${server.address().port}`;
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--allow-origin', origin]);
-  const url = new URL(daemon.url);
-  token = url.searchParams.get('token');
-  base = `${url.origin}/`;
-  browser = await launch();
+// The page around the element: its policy allows the daemon and nothing inline.
+const server = createServer((request, response) => {
+  const own = new URL(base).origin;
+  response.setHeader('Content-Security-Policy', `default-src 'none'; script-src ${own}; connect-src ${own} ${own.replace('http', 'ws')}; style-src 'self'`);
+  response.setHeader('Content-Type', 'text/html');
+  response.end(`<!doctype html><title>Host</title><script type="module" src="${base}element/splat-view.js"></script>
+    <splat-view id="view" label="A phantom"></splat-view>`);
 });
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-  server?.close();
-});
+await new Promise((resolve) => { server.listen(0, '127.0.0.1', resolve); });
+const origin = `http://127.0.0.1:${server.address().port}`;
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--allow-origin', origin]),
+  () => server.close());
+const url = new URL(daemon.url);
+const token = url.searchParams.get('token');
+const base = `${url.origin}/`;
 
 /** Waits until `condition`, a function of the element and of the events so far, is true. */
 async function wait(page, condition) {

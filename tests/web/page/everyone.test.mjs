@@ -1,31 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page for everyone: keyboard, touch, contrast, reduced motion, and the policy that it runs under. All parts of the panel are open.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync } from 'node:fs';
+import { readFileSync } from 'node:fs';
 import { get } from 'node:http';
 import { after, before, test } from 'node:test';
-import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
-import { launch, openPage, firstFrame, shot, unfold, until } from '../support/browser.mjs';
+import { checkAxe, NEEDS_AXE, openPage, rest, share, shot, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32']));
 
 async function setUp(context, options) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
+  const opened = await visit(context, browser, daemon.url, options);
   await until(opened.page, 'rest', (s) => s.isFinal && s.isIdle);
   await unfold(opened.page);
   return opened;
@@ -66,23 +52,19 @@ test('the page has less than 200 kB, as the daemon compresses it', async () => {
 });
 
 for (const colorScheme of ['dark', 'light']) {
-  test(`axe finds nothing with all parts open, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing with all parts open, ${colorScheme}`, NEEDS_AXE, async (context) => {
     const { page } = await setUp(context, { viewport: { width: 1300, height: 4000 }, colorScheme, bypassCSP: true });
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
-    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
+    await checkAxe(page);
     await shot(page, `everything-${colorScheme}`);
   });
 
-  test(`axe finds nothing in the request for a token, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing in the request for a token, ${colorScheme}`, NEEDS_AXE, async (context) => {
     const { context: opened, page } = await openPage(browser, { colorScheme, bypassCSP: true });
     context.after(() => opened.close());
     await page.goto(new URL('/', daemon.url).href);
     await page.locator('#token-form').waitFor();
     assert.ok(await page.locator('#cube').isHidden(), 'no cube without a picture');
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const { violations } = await page.evaluate(() => window.axe.run('#banner', { resultTypes: ['violations'] }));
-    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
+    await checkAxe(page, '#banner');
     await shot(page, `token-${colorScheme}`);
   });
 }

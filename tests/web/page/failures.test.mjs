@@ -1,14 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // The page with a daemon that misbehaves: it reports every problem, never goes blank, and continues.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { launch, openPage, firstFrame, pixels, shot, until } from '../support/browser.mjs';
+import { firstFrame, openPage, pixels, share, shot, until } from '../support/browser.mjs';
 import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
 
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = await share();
 
 async function setUp(context, options = {}, { address = (d) => d.url, page: pageOptions } = {}) {
   const daemon = await MockDaemon.start(options);

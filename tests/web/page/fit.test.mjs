@@ -3,10 +3,10 @@
 import assert from 'node:assert/strict';
 import { writeFileSync } from 'node:fs';
 import path from 'node:path';
-import { after, before, test } from 'node:test';
+import { after, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { lit, writeBlock } from '../support/block.mjs';
-import { camera, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
+import { camera, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const SIDE = 96;
@@ -15,11 +15,8 @@ const LARGE = { low: 40, size: 48, value: 90 };
 const SMALL = { low: 8, size: 8, value: 220 };
 const CENTER = SMALL.low + (SMALL.size - 1) / 2;
 
-let browser;
-let block;
-let daemon;
-before(async () => {
-  block = writeBlock(); // for its folder
+const block = writeBlock(); // for its folder
+const { browser, daemon } = await share(() => {
   const samples = Buffer.alloc(SIDE ** 3);
   for (const { low, size, value } of [LARGE, SMALL]) {
     for (let z = low; z < low + size; z += 1) {
@@ -29,14 +26,8 @@ before(async () => {
   const file = path.join(block.folder, 'cubes.nrrd');
   const head = `NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nspacings: 1 1 1\nencoding: raw\n\n`;
   writeFileSync(file, Buffer.concat([Buffer.from(head), samples]));
-  daemon = await startDaemon(['--volume', file, '--control-time', '600']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-  block?.remove();
-});
+  return startDaemon(['--volume', file, '--control-time', '600']);
+}, () => block.remove());
 
 /** Changes the view of the page's session from elsewhere. */
 async function change(page, patch) {
@@ -57,10 +48,7 @@ async function change(page, patch) {
 const away = (a, b) => Math.hypot(...a.map((x, i) => x - b[i]));
 
 test('a small visible object fills the free part of the window after Fit, and becomes the centre of the orbit', async (context) => {
-  const { page, said, context: opened } = await openPage(browser, { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' });
-  context.after(() => opened.close());
-  await page.goto(daemon.url);
-  await firstFrame(page);
+  const { page, said } = await visit(context, browser, daemon.url, { viewport: { width: 1280, height: 800 }, reducedMotion: 'reduce' });
   const opaque = (value, opacity) => ({ value, color: [1, 1, 1], opacity });
   await change(page, { transfer_function: { points: [opaque(150, 0), opaque(160, 0.9), opaque(255, 0.9)] }, shading: { mode: 'none' } });
   const small = lit(await pixels(page));

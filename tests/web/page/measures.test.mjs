@@ -1,41 +1,28 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measuring in the page: each tool gives the right value on volumes whose truth is known; two windows; the keyboard alone; export.
 import assert from 'node:assert/strict';
-import { existsSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
-import { after, before, test } from 'node:test';
-import { fileURLToPath } from 'node:url';
+import { before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { drag, firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
+import { checkAxe, drag, NEEDS_AXE, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
 const SIDE = 20;
 const SPACING = [2, 1, 1]; // mm
-let browser;
-let daemon;
-let folder;
-before(async () => {
-  folder = mkdtempSync(path.join(tmpdir(), 'splatd-measures-'));
+const folder = mkdtempSync(path.join(tmpdir(), 'splatd-measures-'));
+const { browser, daemon } = await share(() => {
   // The value is that of the column plus ten times the slice: 0 to 209.
   const voxels = Buffer.from(Array.from({ length: SIDE ** 3 }, (_, i) => (i % SIDE) + 10 * Math.floor(i / SIDE / SIDE)));
   writeFileSync(path.join(folder, 'ramp.nrrd'), Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nspace dimension: 3\n`
     + 'space directions: (2,0,0) (0,1,0) (0,0,1)\nspace units: "mm" "mm" "mm"\nspace origin: (0,0,0)\nencoding: raw\n\n'), voxels]));
-  [browser, daemon] = await Promise.all([launch(), startDaemon(['--volume', path.join(folder, 'ramp.nrrd'), '--volume', 'demo:phantom?size=8', '--backend', 'cpu'])]);
-});
-after(async () => {
-  await browser?.close();
-  assert.equal(await daemon.stop(), 0);
-  rmSync(folder, { recursive: true });
-});
+  return startDaemon(['--volume', path.join(folder, 'ramp.nrrd'), '--volume', 'demo:phantom?size=8', '--backend', 'cpu']);
+}, () => rmSync(folder, { recursive: true }));
 
 async function open(context, { url = daemon.url, layout = 'four', viewport = { width: 1300, height: 860 }, colorScheme = 'dark' } = {}) {
-  const opened = await openPage(browser, { viewport, colorScheme, acceptDownloads: true });
-  context.after(() => opened.context.close());
+  const opened = await visit(context, browser, url, { viewport, colorScheme, acceptDownloads: true });
   const { page } = opened;
-  await page.goto(url);
-  await firstFrame(page);
   if (layout !== '3d') {
     await page.click(`#layout-${layout}`);
     await page.locator('.pane-body[data-state="newest"]').nth(2).waitFor();
@@ -302,7 +289,7 @@ test('a draft ends with the volume', async (context) => {
 });
 
 for (const colorScheme of ['dark', 'light']) {
-  test(`axe finds nothing in the section, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing in the section, ${colorScheme}`, NEEDS_AXE, async (context) => {
     const { page, measured: all } = await open(context, { colorScheme });
     await page.keyboard.press('r');
     await drag(page, await spot(page, 'axial', 0.4, 0.35), await spot(page, 'axial', 0.55, 0.55));
@@ -313,8 +300,6 @@ for (const colorScheme of ['dark', 'light']) {
     });
     await page.locator('#measure-plot .measure-bar').first().waitFor({ state: 'attached' });
     await shot(page, `measure-${colorScheme}`);
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const { violations } = await page.evaluate(() => window.axe.run({ include: [['#measure'], ['#toolbar'], ['main']] }, { resultTypes: ['violations'] }));
-    assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ html }) => html).join(' ')}`), []);
+    await checkAxe(page, '#measure', '#toolbar', 'main');
   });
 }

@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, utimesSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, rmSync, utimesSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
-import { fileURLToPath } from 'node:url';
 import { after, before, test } from 'node:test';
-import { firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
+import { checkAxe, firstFrame, NEEDS_AXE, openPage, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
-let browser;
+const folder = mkdtempSync(path.join(tmpdir(), 'splatd-open-'));
+const { browser } = await share(null, () => rmSync(folder, { recursive: true }));
 let daemon;
-let folder;
 
 /** An NRRD file with a box in side³ voxels. */
 function cube(side) {
@@ -24,39 +22,22 @@ function cube(side) {
 const LARGE = { name: 'large.nrrd', mimeType: '', buffer: cube(150) }; // 3.4 MB: several parts
 const SMALL = { name: 'Größe 1.nrrd', mimeType: '', buffer: cube(24) };
 
-before(async () => {
-  folder = mkdtempSync(path.join(tmpdir(), 'splatd-open-'));
+before(() => {
   mkdirSync(path.join(folder, 'scans', 'old'), { recursive: true });
   writeFileSync(path.join(folder, 'cube.nrrd'), cube(24));
   writeFileSync(path.join(folder, 'scans', 'head10.nrrd'), cube(16));
   writeFileSync(path.join(folder, 'scans', 'head2.nrrd'), cube(16));
   writeFileSync(path.join(folder, 'broken.nrrd'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 9 9 9\nencoding: raw\n\nshort');
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  rmSync(folder, { recursive: true });
 });
 
 async function open(context, { args = [], options } = {}) {
   daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'null', '--data', folder, '--upload-bytes', '20M', ...args]);
   context.after(() => daemon.stop());
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
-  return opened;
+  return visit(context, browser, daemon.url, options);
 }
 
 const shows = (page, name) => page.locator('#volumes .pick[aria-current]', { hasText: name }).waitFor();
 const entries = (page) => page.locator('#open-list .name').allTextContents();
-
-async function axe(page) {
-  if (!existsSync(AXE)) return;
-  await page.evaluate(readFileSync(AXE, 'utf8'));
-  const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
-  assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes[0].html.slice(0, 160)}`), []);
-}
 
 test('the data folder by keyboard: folders, filter, back, open; then it is among the recent ones', async (context) => {
   const { page, said } = await open(context);
@@ -65,7 +46,7 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   await page.locator('#open-list [data-name="scans"]').waitFor();
   assert.deepEqual(await entries(page), ['scans', 'broken.nrrd', 'cube.nrrd']);
   assert.match(await page.locator('[data-name="cube.nrrd"] .about').textContent(), /^24 × 24 × 24 · uint8 · 14 kB$/);
-  await axe(page);
+  if (!NEEDS_AXE.skip) await checkAxe(page);
   await shot(page, 'open-folder');
   await page.keyboard.press('ArrowDown');
   await page.keyboard.press('Enter');
@@ -133,7 +114,7 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
   await page.locator('#uploads .about', { hasText: /^31 % of 3.4 MB/ }).waitFor();
   await page.getByRole('button', { name: 'Pause the upload of large.nrrd' }).click();
   await page.locator('#uploads [data-state="paused"]', { hasText: 'paused at 31 %' }).waitFor();
-  await axe(page);
+  if (!NEEDS_AXE.skip) await checkAxe(page);
   await page.reload();
   await firstFrame(page);
   await page.locator('#uploads [data-before]', { hasText: '31 % of 3.4 MB arrived before' }).waitFor();
@@ -185,7 +166,7 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await page.locator('#volumes [data-state="failed"] .about', { hasText: 'the samples need 729 bytes' }).waitFor();
   await page.locator('#volumes [data-state="failed"] .about', { hasText: /failed: broken.nrrd: byte \d+: sizes: / }).waitFor();
   await page.locator('#notice', { hasText: /broken.nrrd: byte \d+: sizes: the samples/ }).waitFor();
-  await axe(page);
+  if (!NEEDS_AXE.skip) await checkAxe(page);
   await shot(page, 'open-failed');
   await page.getByRole('button', { name: 'Remove broken from the list' }).click();
   await page.locator('#volumes .pick[data-id="broken"]').waitFor({ state: 'detached' });

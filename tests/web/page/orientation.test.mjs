@@ -1,34 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Orientation cube, standard views, projection, scale bar, walk and turntable, with pictures of a block of known size.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { BLOCK, lit, writeBlock } from '../support/block.mjs';
-import { camera, drag, firstFrame, launch, openPage, pixels, rest, shot, touch, until } from '../support/browser.mjs';
+import { camera, drag, pixels, rest, share, shot, touch, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
 const SIZE = { width: 700, height: 500 };
 const PHONE = { viewport: { width: 390, height: 700 }, deviceScaleFactor: 1, isMobile: true, hasTouch: true };
-let browser;
-let block;
-let daemon;
-before(async () => {
-  browser = await launch();
-  block = writeBlock();
-  daemon = await startDaemon(['--volume', block.file]);
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-  block?.remove();
-});
+const block = writeBlock();
+const { browser, daemon } = await share(() => startDaemon(['--volume', block.file]), () => block.remove());
 
 async function setUp(context, options = { viewport: SIZE, reducedMotion: 'reduce' }) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
+  const opened = await visit(context, browser, daemon.url, options);
   await rest(opened.page);
   return opened;
 }

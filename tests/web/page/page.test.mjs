@@ -2,33 +2,18 @@
 // The page with the real daemon: rotate, move and zoom by mouse, touch and keyboard; change volume, window and background;
 // lose the daemon and reconnect. In the end the page always shows the last action.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import {
-  camera, difference, drag, launch, openPage, firstFrame, pixels, rest, shot, touch, unfold, until,
-} from '../support/browser.mjs';
+import { camera, difference, drag, firstFrame, openPage, pixels, rest, share, shot, touch, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
 const VOLUMES = ['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64'];
-let browser;
-let daemon;
-let token;
-before(async () => {
-  token = tokenFile();
-  daemon = await startDaemon(VOLUMES, { token });
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-  token?.remove();
-});
+const token = tokenFile();
+const shared = await share(() => startDaemon(VOLUMES, { token }), () => token.remove());
+const { browser } = shared;
 
 async function setUp(context, options) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
+  const opened = await visit(context, browser, shared.daemon.url, options);
   await rest(opened.page);
   await unfold(opened.page);
   return opened;
@@ -208,7 +193,7 @@ test('the page switches to another volume with its own camera and back; the addr
   await page.locator('#volumes button[aria-current]', { hasText: 'engine' }).waitFor();
   await shot(page, 'engine');
   await changes(page, () => drag(page, [450, 300], [300, 200]));
-  await page.goto(`${daemon.url}&volume=engine`);
+  await page.goto(`${shared.daemon.url}&volume=engine`);
   await rest(page);
   assert.equal(await page.evaluate(() => window.splatd.volume), 'engine');
   assert.deepEqual(said, []);
@@ -317,7 +302,7 @@ test('two windows of one session show each other\'s changes', async (context) =>
   const join = await page.evaluate(() => JSON.parse(Object.entries(sessionStorage).find(([k]) => k.endsWith('session'))[1]));
   const other = await openPage(browser);
   context.after(() => other.context.close());
-  await other.page.goto(`${new URL(daemon.url).origin}/?session=${join.id}&token=${join.token}`);
+  await other.page.goto(`${new URL(shared.daemon.url).origin}/?session=${join.id}&token=${join.token}`);
   await firstFrame(other.page);
   await drag(page, [450, 300], [600, 250]);
   await rest(page);
@@ -332,12 +317,12 @@ test('when the daemon stops, a banner says so; when it restarts, the page reconn
   await drag(page, [450, 300], [600, 250]);
   await rest(page);
   const last = await camera(page);
-  const { port } = daemon;
-  assert.equal(await daemon.stop(), 0, 'SIGTERM with a connected client drains and exits with status 0');
+  const { port } = shared.daemon;
+  assert.equal(await shared.daemon.stop(), 0, 'SIGTERM with a connected client drains and exits with status 0');
   await page.locator('#banner', { hasText: 'Connection lost — trying again' }).waitFor();
   await shot(page, 'gone');
   const count = await page.evaluate(() => window.splatd.count);
-  daemon = await startDaemon(VOLUMES, { port, token });
+  shared.daemon = await startDaemon(VOLUMES, { port, token });
   await until(page, 'a new frame', `(s) => s.state === 'live' && s.count > ${count}`);
   await rest(page);
   await page.locator('#banner').waitFor({ state: 'hidden' });

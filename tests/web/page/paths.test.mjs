@@ -4,31 +4,19 @@ import assert from 'node:assert/strict';
 import { readFileSync, writeFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { camera, eventually, launch, openPage, firstFrame, rest, shot, until } from '../support/browser.mjs';
+import { camera, eventually, firstFrame, openPage, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { countFrames, untar } from '../support/containers.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 import { MockDaemon, volume } from '../support/mock-daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu',
-    '--path-frames', '500', '--frame-size', '1M']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu',
+  '--path-frames', '500', '--frame-size', '1M']));
 
 async function open(context, address, options) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
+  const opened = await visit(context, browser, address, options);
   const { page } = opened;
-  await page.goto(address);
-  await firstFrame(page);
   if (options?.hasTouch) await page.tap('#panel-toggle');
   await page.locator('#path > summary').click();
   return {

@@ -1,28 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Several pages in one session of the real daemon: participants, control, links, forks and saved views.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
-import { camera, launch, openPage, firstFrame, rest, shot, unfold, until } from '../support/browser.mjs';
+import { test } from 'node:test';
+import { camera, firstFrame, openPage, rest, share, shot, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=48', '--backend', 'cpu', '--control-time', '600']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
-
-async function open(context, address, options) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
-  await opened.page.goto(address);
-  await firstFrame(opened.page);
-  return opened;
-}
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=48', '--backend', 'cpu', '--control-time', '600']));
+const open = (context, address, options) => visit(context, browser, address, options);
 
 /** Creates a link and reads it from its field. */
 async function link(page, kind) {

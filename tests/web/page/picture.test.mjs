@@ -1,44 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel "Picture": the patches that it sends and the values that it shows, by keyboard and on a phone.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { launch, openPage, firstFrame, shot, unfold, until } from '../support/browser.mjs';
-import { MockDaemon } from '../support/mock-daemon.mjs';
+import { share, shot, unfold, until, visitMock } from '../support/browser.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = await share();
 
 async function setUp(context, options) {
-  const daemon = await MockDaemon.start();
-  const opened = await openPage(browser, options);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
-  const { page } = opened;
-  await page.goto(daemon.url);
-  await firstFrame(page);
+  const opened = await visitMock(context, browser, { options });
+  const { page, daemon } = opened;
   await unfold(page);
-  const idle = () => until(page, 'all answered', (s) => s.isIdle);
   const [session] = daemon.sessions.values();
   return {
     daemon, session, ...opened,
-    /** Runs an action and returns the patches that it sent. */
-    async patches(act) {
-      await idle();
-      const from = daemon.heard.length;
-      await act();
-      await idle();
-      return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch);
-    },
-    async patch(act) {
-      const all = await this.patches(act);
-      assert.equal(all.length, 1, JSON.stringify(all));
-      return all[0];
-    },
     /** Another participant applies `change` to the view. */
     share(change) {
       session.view = { ...session.view, ...change };

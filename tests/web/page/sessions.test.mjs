@@ -5,22 +5,13 @@ import { mkdtempSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { firstFrame, launch, openPage, shot, until } from '../support/browser.mjs';
+import { firstFrame, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const VOLUMES = ['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32', '--backend', 'cpu'];
 
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
-
-async function open(context, address) {
-  const opened = await openPage(browser);
-  context.after(() => opened.context.close());
-  await opened.page.goto(address);
-  await firstFrame(opened.page);
-  return opened;
-}
+const { browser } = await share();
+const open = (context, address) => visit(context, browser, address);
 const session = (page) => page.evaluate(() => window.splatd.session);
 const volume = (page) => page.evaluate(() => window.splatd.volume);
 const prompt = (page, id) => page.locator(`.prompt[data-id="${id}"]`);

@@ -1,23 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the status line says about overload: each text appears when its reason does, and goes with it.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
-import { firstFrame, launch, openPage, until } from '../support/browser.mjs';
+import { after, test } from 'node:test';
+import { firstFrame, openPage, rest, share, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const QUEUE_AT = 32; // of queueUs in the header of a frame (core/frame.js)
 const QUEUE_US = 60e6;
 const HELD_MS = 300; // longer than what counts as a long queue (core/latency.js)
-let browser;
-let daemon; // whose views never come to rest
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:engine?size=32', '--rest-time', '60']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=32', '--rest-time', '60'])); // its views never come to rest
 
 async function open(context, prepare = async () => {}) {
   const { page, context: own } = await openPage(browser, { viewport: { width: 700, height: 500 } });

@@ -2,10 +2,9 @@
 // The foundation for features: toolbar, modes, overlay, panes, sections of the panel, and texts. A feature of this test uses them in
 // the page.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { drag, launch, openPage, firstFrame, shot, touch, until } from '../support/browser.mjs';
-import { MockDaemon } from '../support/mock-daemon.mjs';
+import { drag, firstFrame, share, shot, touch, until, visitMock } from '../support/browser.mjs';
 
 const PROBE = `
 import { ORDER } from './panel.js';
@@ -38,27 +37,19 @@ export function install(app) {
   layoutButton(app, { name: 'probe3', icon: 'contrast', label: 'Panes', order: 12 });
 }`;
 
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = await share();
 
 async function setUp(context, options) {
-  const daemon = await MockDaemon.start();
-  const opened = await openPage(browser, options);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
-  const { page } = opened;
-  await page.route('**/app/probe.js', (route) => route.fulfill({ contentType: 'text/javascript', body: PROBE }));
-  await page.route('**/app/main.js', async (route) => {
-    const response = await route.fetch();
-    const body = (await response.text()).replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
-    await route.fulfill({ response, body });
-  });
-  await page.goto(daemon.url);
-  await firstFrame(page);
-  return { daemon, ...opened, told: () => page.evaluate(() => window.probe.splice(0)) };
+  const prepare = async (page) => {
+    await page.route('**/app/probe.js', (route) => route.fulfill({ contentType: 'text/javascript', body: PROBE }));
+    await page.route('**/app/main.js', async (route) => {
+      const response = await route.fetch();
+      const body = (await response.text()).replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
+      await route.fulfill({ response, body });
+    });
+  };
+  const opened = await visitMock(context, browser, { options, prepare });
+  return { ...opened, told: () => opened.page.evaluate(() => window.probe.splice(0)) };
 }
 
 test('a mode owns the drag, its keys and the bar; Escape leaves it', async (context) => {
@@ -213,6 +204,7 @@ test('sections of the panel stand in their order, and a reload keeps which are o
   assert.equal(await page.evaluate(() => document.getElementById('probe-section').previousElementSibling.id), 'measure');
   await page.click('#probe-section summary');
   await page.click('#clip summary');
+  await until(page, 'the tab to remember both', () => sessionStorage.getItem('splatd:/fold:clip') === 'open' && sessionStorage.getItem('splatd:/fold:probe-section') === 'closed');
   await page.reload();
   await firstFrame(page);
   assert.equal(await page.evaluate(() => document.getElementById('probe-section').open), false);

@@ -2,38 +2,27 @@
 // The panel "Transfer function": every control and the patches that it sends, by mouse, keyboard and touch; files, undo, colour
 // maps, presets, window and level, the gradient axis, and who may edit.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync } from 'node:fs';
+import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
-import { fileURLToPath } from 'node:url';
 import { compare } from '../../support/compare.mjs';
-import { eventually, launch, openPage, firstFrame, shot, until } from '../support/browser.mjs';
-import { MockDaemon, histogram, volume } from '../support/mock-daemon.mjs';
+import { checkAxe, eventually, firstFrame, NEEDS_AXE, share, shot, until, visitMock } from '../support/browser.mjs';
+import { histogram, volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const LARGE = { viewport: { width: 1000, height: 1000 } };
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = await share();
 
 async function setUp(context, options = LARGE, change = {}) {
-  const daemon = await MockDaemon.start(change);
-  const opened = await openPage(browser, options);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
-  const { page } = opened;
-  await page.goto(daemon.url);
-  await firstFrame(page);
+  const opened = await visitMock(context, browser, { options, change });
+  const { page, daemon } = opened;
   if (options.isMobile) await page.tap('#panel-toggle');
-  const idle = () => until(page, 'all answered', (s) => s.isIdle);
   const drawn = () => page.evaluate(() => new Promise((then) => { requestAnimationFrame(() => requestAnimationFrame(() => then())); }));
   await until(page, 'the points', () => document.querySelectorAll('#transfer-curve .handle').length > 0);
   const plot = page.locator('#transfer-curve .plot');
   await plot.scrollIntoViewIfNeeded();
   const [session] = daemon.sessions.values();
   const it = {
-    daemon, session, page, plot, idle, drawn, ...opened,
+    ...opened, session, plot, drawn,
     handle: (i) => page.locator('#transfer-curve .handle').nth(i),
     points: () => page.evaluate(() => window.splatd.transfer.points),
     /** A place of the plot on the screen, by shares of its width and height, from the lower left corner. */
@@ -41,14 +30,10 @@ async function setUp(context, options = LARGE, change = {}) {
       const box = await plot.boundingBox();
       return [box.x + 1 + (box.width - 2) * x, box.y + 1 + (box.height - 2) * (1 - y)];
     },
-    async patches(act) {
-      await idle();
-      const from = daemon.heard.length;
+    patches: async (act) => (await opened.patches(async () => {
       await act();
       await drawn();
-      await idle();
-      return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch.transfer_function);
-    },
+    })).map((patch) => patch.transfer_function),
     async patch(act) {
       const all = await it.patches(act);
       assert.equal(all.length, 1, JSON.stringify(all));
@@ -518,17 +503,14 @@ for (const colorScheme of ['dark', 'light']) {
   });
 }
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
 for (const colorScheme of ['dark', 'light']) {
-  test(`axe finds nothing in the open panel, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing in the open panel, ${colorScheme}`, NEEDS_AXE, async (context) => {
     const it = await setUp(context, { viewport: { width: 1000, height: 1800 }, colorScheme, bypassCSP: true });
     const { page } = it;
     await page.click('#gradient summary');
     await page.selectOption('#transfer-map', 'turbo');
     await page.click('#transfer-window');
     await it.drawn();
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const { violations } = await page.evaluate(() => window.axe.run(document, { resultTypes: ['violations'] }));
-    assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
+    await checkAxe(page);
   });
 }

@@ -3,25 +3,13 @@
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { difference, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
+import { difference, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-let browser;
-let daemon;
-before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']);
-  browser = await launch();
-});
-after(async () => {
-  await browser?.close();
-  await daemon?.stop();
-});
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']));
 
 async function open(context, address) {
-  const opened = await openPage(browser, { viewport: { width: 900, height: 900 } });
-  context.after(() => opened.context.close());
-  await opened.page.goto(address);
-  await firstFrame(opened.page);
+  const opened = await visit(context, browser, address, { viewport: { width: 900, height: 900 } });
   await until(opened.page, 'the histogram', () => !document.getElementById('transfer-kind').disabled || !document.getElementById('transfer-why').hidden);
   return opened;
 }

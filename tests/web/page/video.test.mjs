@@ -2,24 +2,16 @@
 // Video in the browser: each codec that daemon and browser share shows the same image as a snapshot, through drags, size
 // changes and a lost stream. A failed decoder requests a key frame; if none ever works, the page falls back to images.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { startProxy } from '../../bench/serve/proxy.mjs';
 import { compare } from '../../support/compare.mjs';
-import { coarseDifference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
+import { coarseDifference, drag, firstFrame, openPage, pixels, rest, share, shot, until } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
 const VOLUMES = ['--volume', 'demo:engine?size=48'];
-let browser;
-let moving; // a daemon whose views never come to rest, so that frames stay video
-before(async () => {
-  browser = await launch();
-  moving = await startDaemon([...VOLUMES, '--rest-time', '60']);
-});
-after(async () => {
-  await browser?.close();
-  assert.equal(await moving?.stop(), 0);
-});
+// Its views never come to rest, so that frames stay video.
+const { browser, daemon: moving } = await share(() => startDaemon([...VOLUMES, '--rest-time', '60']));
 
 async function setUp(context, daemon, format, before_ = () => {}) {
   const opened = await openPage(browser, { viewport: { width: 900, height: 600 } });

@@ -3,28 +3,23 @@
 import assert from 'node:assert/strict';
 import { existsSync } from 'node:fs';
 import path from 'node:path';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { difference, drag, launch, openPage, firstFrame, pixels, rest, shot, until } from '../support/browser.mjs';
+import { difference, drag, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { DATA, startDaemon } from '../support/daemon.mjs';
 
 const FILES = ['engine_256x256x128_uint8.nrrd', 'cthead_256x256x113_uint16.nrrd'].map((name) => path.join(DATA, 'volumes', name));
 const present = FILES.filter((file) => existsSync(file));
 const skip = present.length ? false : `no ${FILES.join(' and no ')}`;
 
-let browser;
-before(async () => { if (!skip) browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = skip ? {} : await share();
 
 for (const file of skip ? FILES : present) {
   const id = path.basename(file, '.nrrd');
   test(`${id} is loaded, drawn and rotated`, { skip }, async (context) => {
     const daemon = await startDaemon(['--volume', file, '--data', path.dirname(file)]);
     context.after(() => daemon.stop());
-    const { context: opened, page, said } = await openPage(browser);
-    context.after(() => opened.close());
-    await page.goto(daemon.url);
-    await firstFrame(page);
+    const { page, said } = await visit(context, browser, daemon.url);
     await rest(page);
     const first = await pixels(page);
     await shot(page, `${id}-first`);

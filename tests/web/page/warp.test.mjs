@@ -1,20 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // While frames are late, the page shows the last picture as the newest camera would see it.
 import assert from 'node:assert/strict';
-import { after, before, test } from 'node:test';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { difference, firstFrame, launch, openPage, pixels, shot, until } from '../support/browser.mjs';
-import { MockDaemon } from '../support/mock-daemon.mjs';
+import { difference, firstFrame, pixels, share, shot, until, visitMock } from '../support/browser.mjs';
 
-let browser;
-before(async () => { browser = await launch(); });
-after(async () => { await browser?.close(); });
+const { browser } = await share();
 
 /** Opens the page in a browser whose animation frames seem to come every `frameMs`. */
 async function setUp(context, frameMs = 16) {
-  const daemon = await MockDaemon.start();
-  const opened = await openPage(browser);
-  await opened.page.addInitScript(`(() => {
+  const prepare = (page) => page.addInitScript(`(() => {
     const real = window.requestAnimationFrame.bind(window);
     let time = 0;
     let last = 0; // all callbacks of a frame get the same time
@@ -24,13 +19,7 @@ async function setUp(context, frameMs = 16) {
       then(time);
     });
   })()`);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
-  await opened.page.goto(daemon.url);
-  await firstFrame(opened.page);
-  return { daemon, ...opened };
+  return visitMock(context, browser, { prepare });
 }
 
 /** Begins a drag of which the daemon draws nothing, until `count` updates are answered. */

@@ -2,19 +2,100 @@
 // Debian's Chromium with the page, and helpers for tests of the page. Every wait is for a condition and has a deadline;
 // nothing sleeps.
 import assert from 'node:assert/strict';
-import { mkdirSync } from 'node:fs';
+import { existsSync, mkdirSync, readFileSync } from 'node:fs';
 import path from 'node:path';
+import { after } from 'node:test';
 import { setTimeout } from 'node:timers/promises';
+import { fileURLToPath } from 'node:url';
 import { chromium } from 'playwright-core';
+import { MockDaemon } from './mock-daemon.mjs';
 import { decodePng } from './png.mjs';
 
 export const DEADLINE_MS = 60000;
 const POLL_MS = 25;
 const EXECUTABLE = process.env.SPLATD_CHROMIUM ?? '/usr/bin/chromium';
+// Chromium takes the last --disable-features, so the list repeats what Playwright disables. The two popups of the address bar are pages of
+// their own in each window, although no test sees them: they took a quarter of a second of processor time per test.
+const DISABLED = ['AutoDeElevate', 'AvoidUnnecessaryBeforeUnloadCheckSync', 'BoundaryEventDispatchTracksNodeRemoval', 'DestroyProfileOnBrowserClose',
+  'DialMediaRouteProvider', 'GlobalMediaControls', 'HttpsUpgrades', 'LensOverlay', 'MediaRouter', 'OptimizationHints', 'PaintHolding', 'RenderDocument',
+  'ThirdPartyStoragePartitioning', 'Translate', 'WebUIOmniboxAimPopup', 'WebUIOmniboxPopup'];
 const FLAGS = ['--no-sandbox', '--disable-gpu', '--no-first-run', '--disable-background-networking', '--disable-component-update',
-  '--disable-sync', '--disable-quic'];
+  '--disable-sync', '--disable-quic', `--disable-features=${DISABLED.join(',')}`];
 
 export const launch = () => chromium.launch({ executablePath: EXECUTABLE, headless: true, args: FLAGS, timeout: DEADLINE_MS });
+
+/**
+ * What all tests of a file share: Chromium, and the daemon that `start` resolves to. Both end after the tests; remove() runs last.
+ * Resolves to {browser, daemon}.
+ */
+export async function share(start = null, remove = () => {}) {
+  const shared = { browser: null, daemon: null };
+  const end = async () => {
+    await shared.browser?.close();
+    const status = await shared.daemon?.stop();
+    remove();
+    assert.ok(!status, `splatd ended with ${status}`);
+  };
+  after(end);
+  try {
+    [shared.browser, shared.daemon] = await Promise.all([launch().then((browser) => (shared.browser = browser)), start?.().then((daemon) => (shared.daemon = daemon))]);
+  } catch (error) {
+    await end();
+    throw error;
+  }
+  return shared;
+}
+
+/** Opens a page at an address until the end of the test, and waits for its first frame. */
+export async function visit(test, browser, address, options) {
+  const opened = await openPage(browser, options);
+  test.after(() => opened.context.close());
+  await opened.page.goto(address);
+  await firstFrame(opened.page);
+  return opened;
+}
+
+/**
+ * The same with a daemon of its own that only answers (mock-daemon.mjs); `change` are its options, and `prepare(page)` runs before the page
+ * loads. Resolves to {context, page, said, daemon, idle(): waits until all updates are answered, patches(act): runs an action and resolves to
+ * the patches that it sent, patch(act): the same for exactly one}.
+ */
+export async function visitMock(test, browser, { options, change, prepare = async () => {} } = {}) {
+  const daemon = await MockDaemon.start(change);
+  const opened = await openPage(browser, options);
+  test.after(async () => {
+    await opened.context.close();
+    await daemon.kill().catch(() => {});
+  });
+  await prepare(opened.page);
+  await opened.page.goto(daemon.url);
+  await firstFrame(opened.page);
+  const idle = () => until(opened.page, 'all answered', (s) => s.isIdle);
+  const patches = async (act) => {
+    await idle();
+    const from = daemon.heard.length;
+    await act();
+    await idle();
+    return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch);
+  };
+  const patch = async (act) => {
+    const all = await patches(act);
+    assert.equal(all.length, 1, JSON.stringify(all));
+    return all[0];
+  };
+  return { daemon, ...opened, idle, patches, patch };
+}
+
+const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
+/** Options of a test that calls checkAxe(). */
+export const NEEDS_AXE = { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' };
+
+/** Checks that axe finds nothing in parts of the page: a selector, or selectors. */
+export async function checkAxe(page, ...parts) {
+  await page.evaluate(readFileSync(AXE, 'utf8'));
+  const { violations } = await page.evaluate((include) => window.axe.run(include.length ? { include } : document, { resultTypes: ['violations'] }), parts.map((part) => [part]));
+  assert.deepEqual(violations.map(({ id, nodes }) => `${id}: ${nodes.map(({ target, html }) => `${target} ${html}`).join(' ')}`), []);
+}
 
 /** Opens a new context with one page and collects its console messages. options: those of the browser context. */
 export async function openPage(browser, options = {}) {
