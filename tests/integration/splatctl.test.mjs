@@ -290,6 +290,21 @@ test('a camera path that could not be fetched stays and can be fetched later', a
   assert.match((await splatctl(['path', '--id', id])).err, /HTTP 404/);
 });
 
+test('the example of layers is valid, with the daemon and in process, and so are the options', async () => {
+  const view = new URL('../../clients/cli/examples/layers.json', import.meta.url).pathname;
+  for (const how of [['--volume', 'engine'], ['--local', '--backend', 'cpu', '--volume', 'demo:engine?size=32']]) {
+    const image = (...options) => succeeds(['render', ...how, '--size', '64', '--out', '-', ...options]);
+    await image('--view', view);
+    const [surface, same, both, volume] = [
+      await image('--no-volume', '--surface', '90,ff0066,0.5'),
+      await succeeds(['render', ...how, '--size', '64', '--out', '-', '--view', '-'], { input: JSON.stringify({ layers: [{ type: 'surface', value: 90, color: [1, 0, 0.4], opacity: 0.5 }] }) }),
+      await image('--surface', '90,ff0066,0.5'), await image(),
+    ];
+    assert.ok(surface.equals(same), 'the option and the view give the same image');
+    assert.deepEqual([surface.equals(both), both.equals(volume), surface.equals(volume)], [false, false, false]);
+  }
+});
+
 test('the example camera path is valid', async () => {
   const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/turn.json', import.meta.url)));
   const { status, json } = await daemon.post('/api/v1/paths', example);

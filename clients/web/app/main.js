@@ -16,6 +16,7 @@ import * as input from './input.js';
 import * as inspect from './inspect.js';
 import * as savedViews from './saved_views.js';
 import * as keyframes from './keyframes.js';
+import * as layers from './layers.js';
 import * as measures from './measures.js';
 import * as open from './open.js';
 import * as orientation from './orientation.js';
@@ -46,7 +47,7 @@ import * as zoomBox from './zoom_box.js';
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, measures,
+  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures,
   open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
 ];
 

@@ -3,7 +3,7 @@
 
 import { byId } from './dom.js';
 
-const PARTS = ['transfer_function', 'filter', 'compositing', 'shading', 'background'];
+const PARTS = ['transfer_function', 'layers', 'filter', 'compositing', 'shading', 'background'];
 
 export function install({ viewer, connection, report }) {
   const presets = new Presets(viewer, {

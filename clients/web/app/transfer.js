@@ -1,9 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Transfer function": the state of the editor, undo and redo, and the curve over the histogram. Colour maps, presets by kind
-// of data, files, and window and level are modules of their own; they call edit() and draw what onShow() tells.
+// of data, files, window and level, and layers are modules of their own; they call edit() and draw what onShow() tells.
 import { stopsOf } from '../core/color_maps.js';
 import { readHistogram } from '../core/histogram.js';
 import { History } from '../core/history.js';
+import { isSameLayers, layersOf } from '../core/layers.js';
 import {
   EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
 } from '../core/transfer.js';
@@ -40,6 +41,7 @@ class Transfer {
   #note = ''; // about the last preset
   #timer = null; // until the tab remembers the state
   #listeners = new Set();
+  #painters = new Set();
 
   /** load(isJoint) → the daemon's histogram of the session's volume; storage: {recall, remember} of this tab. */
   constructor(viewer, { load, storage }) {
@@ -62,6 +64,8 @@ class Transfer {
 
   /** Calls told() after each change of the transfer function or of the control. */
   onShow(told) { this.#listeners.add(told); }
+  /** Calls told([low, high]) after each drawing of the plot, with the values at its edges. */
+  onPaint(told) { this.#painters.add(told); }
 
   get volume() { return this.#volume; }
   get state() { return this.#history.current; }
@@ -96,15 +100,18 @@ class Transfer {
     const { points: given, gradient = [] } = view.transfer_function ?? {};
     if (!given?.length || !this.#viewer.isCurrent) return;
     const points = within(given);
+    const layers = layersOf(view);
     if (view.volume !== this.#volume) {
       this.#volume = view.volume;
       this.#histogram = null;
       this.#note = '';
       this.#curve.selected = 0;
       this.#curve.showAll();
-      this.#history.reset(this.#recall(points, gradient) ?? { points, gradient, map: null });
+      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers });
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
-      this.#history.put({ points, gradient, map: null }, 'others');
+      this.#history.put({ points, gradient, map: null, layers }, 'others');
+    } else if (!isSameLayers(layers, this.state.layers)) {
+      this.#history.put({ ...this.state, layers }, 'others');
     }
     this.#ask();
     this.plan();
@@ -126,13 +133,16 @@ class Transfer {
 
   #send(time) {
     const { points } = this;
-    const { gradient } = this.state;
-    const old = this.#viewer.view.transfer_function;
-    const patch = isSame(points, tidy(old.points)) ? {} : { points };
-    if (!isSameGradient(gradient, old.gradient ?? [])) patch.gradient = gradient;
+    const { gradient, layers } = this.state;
+    const { view } = this.#viewer;
+    const old = view.transfer_function;
+    const change = isSame(points, tidy(old.points)) ? {} : { points };
+    if (!isSameGradient(gradient, old.gradient ?? [])) change.gradient = gradient;
+    const patch = Object.keys(change).length ? { transfer_function: change } : {};
+    if (!isSameLayers(layers, layersOf(view))) patch.layers = layers;
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#keep(), KEEP_MS);
-    if (Object.keys(patch).length) this.#viewer.change({ transfer_function: patch }, time);
+    if (Object.keys(patch).length) this.#viewer.change(patch, time);
     this.plan();
   }
 
@@ -246,6 +256,7 @@ class Transfer {
     const frame = { width, height, low, high, top };
     const colors = paintCurve(context, points, this.#histogram, frame);
     paintStrip(byId('transfer-strip'), colors, width);
+    for (const told of this.#painters) told([low, high]);
   }
 
   #widen() {
@@ -253,11 +264,11 @@ class Transfer {
     byId('transfer-wide').setAttribute('aria-pressed', String(isWide));
   }
 
-  // A text field outside of this panel keeps the browser's own undo.
+  // A text field outside of these panels keeps the browser's own undo.
   #keys(event) {
     if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
     const field = event.target.closest?.('input:not([type="range"], [type="checkbox"], [type="color"]), textarea, dialog');
-    if (field && !byId('transfer').contains(field)) return;
+    if (field && !field.closest('#transfer, #layers')) return;
     const key = event.key.toLowerCase();
     if (key === 'z' && !event.shiftKey) this.undo(event.timeStamp);
     else if ((key === 'z' && event.shiftKey) || key === 'y') this.redo(event.timeStamp);

@@ -272,10 +272,10 @@ export class Viewer extends Emitter {
     if (this.isReady && this.#view.volume === id) this.#move(fit(this.#rig, part, this.#viewport(), this.#margins()), time);
   }
 
-  /** The part {center, half, radius} that the daemon finds visible, once for each transfer function and clip; null if it does not answer. */
+  /** The part {center, half, radius} that the daemon finds visible, once for each transfer function, layers and clip; null if it does not answer. */
   async #visiblePart() {
-    const { volume, transfer_function, clip, slices } = this.#view;
-    const key = JSON.stringify([volume, transfer_function, clip, slices?.mode, slices?.in_3d, slices?.planes]);
+    const { volume, transfer_function, layers, clip, slices } = this.#view;
+    const key = JSON.stringify([volume, transfer_function, layers, clip, slices?.mode, slices?.in_3d, slices?.planes]);
     if (this.#part?.key === key) return this.#part.part;
     await this.updates.arrived();
     const { session, api } = this.#connection;

@@ -110,6 +110,7 @@ test('the copied commands make the same picture as the page', async (context) =>
   const { page } = await open(context);
   await page.focus('#screen');
   await page.keyboard.press('ArrowLeft');
+  await page.click('#layer-add-surface');
   await rest(page);
   await choose(page, { size: [64, 48], format: 'png', alpha: true });
   const { bytes } = await save(page);
@@ -127,6 +128,7 @@ test('the copied commands make the same picture as the page', async (context) =>
   await page.click('#copy-json');
   const view = JSON.parse(await page.inputValue('#capture-text'));
   assert.deepEqual([view.volume, view.size, view.camera], ['engine', [64, 48], await camera(page)]);
+  assert.deepEqual(view.layers.map(({ type, visible }) => [type, visible]), [['volume', false], ['surface', true]]);
 });
 
 test('beside slices, all panes are saved as the layout shows them, or the picture alone', async (context) => {

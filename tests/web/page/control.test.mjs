@@ -151,19 +151,20 @@ test('the camera or everything returns to the default', async (context) => {
 test('a value read from the picture disappears with the picture', async (context) => {
   const { page } = await open(context, daemon.url);
   await rest(page);
+  const said = page.locator('#notice, .prompt[data-id="pick"]').locator('visible=true').locator('p');
   const read = async () => {
     await page.mouse.move(600, 300);
     await page.keyboard.press('v');
-    await page.locator('#notice-text', { hasText: /^(Value|Nothing)/ }).waitFor();
+    await said.filter({ hasText: /^(Value|Nothing)/ }).waitFor();
   };
   await page.focus('#screen');
   await read();
   await page.keyboard.press('ArrowLeft');
-  await page.locator('#notice').waitFor({ state: 'hidden' });
+  await said.waitFor({ state: 'hidden' });
   await rest(page);
   await read();
   await page.click('#volumes button[data-id="engine"]');
-  await page.locator('#notice').waitFor({ state: 'hidden' });
+  await said.waitFor({ state: 'hidden' });
 });
 
 test('only formats that the daemon has are offered', async (context) => {

@@ -339,9 +339,10 @@ test('V shows the value under the cursor', async (context) => {
   await page.focus('#screen');
   await page.mouse.move(450, 300);
   await page.keyboard.press('v');
-  await page.locator('#notice-text', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
+  await page.locator('.prompt[data-id="pick"] p', { hasText: /^Value -?[\d.]+ at -?[\d.]+, -?[\d.]+, -?[\d.]+/ }).waitFor();
   await page.mouse.move(890, 10);
   await page.keyboard.press('v');
   await page.locator('#notice', { hasText: 'Nothing opaque here: opacity 0 %' }).waitFor();
+  await page.locator('.prompt[data-id="pick"]').waitFor({ state: 'detached' });
   assert.deepEqual(said, []);
 });

@@ -27,7 +27,7 @@ export const defaultView = (id) => ({
     points: [{ value: 60, color: [1, 0.9, 0.8], opacity: 0 }, { value: 200, color: [1, 1, 1], opacity: 0.5 }],
   },
   filter: { mode: 'adaptive', kernel: 'gaussian', sigma: 0.7, cutoff: 3, lowpass: 1, c_min: 0.07, c_max: null },
-  compositing: { mode: 'sheet', attenuation: 'exponential', slab: 1 }, shading: { mode: 'none' },
+  compositing: { mode: 'sheet', attenuation: 'exponential', slab: 1 }, shading: { mode: 'none' }, layers: [{ type: 'volume', visible: true }],
   clip: { box: [[0, 0, 0], [1, 1, 1]], planes: [] },
   slices: { mode: 'none', in_3d: false, planes: { i: true, j: true, k: true }, position: [31.5, 31.5, 31], normal: [0, 0, 1], window: { center: 128, width: 256 } },
 });

@@ -1,0 +1,324 @@
+// SPDX-License-Identifier: Apache-2.0
+// The section "Layers": what the picture shows in one image, the volume, surfaces and a shell. The list is part of the state that the
+// transfer function edits, so both share undo and redo. The marks of surfaces in the histogram are in layers_markers.js.
+import {
+  FLATNESS_MAX, addShell, addSurface, canAdd, changeLayer, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue,
+} from '../core/layers.js';
+import { logarithmic, quadratic } from '../core/slider.js';
+import { t } from '../core/text.js';
+import { byId, icon, make, setAttribute, setText } from './dom.js';
+import { showNumber, showValue } from './fields.js';
+import { LayerMarkers } from './layers_markers.js';
+import { ORDER } from './panel.js';
+
+const MODE = 'surface-value';
+const DISCS = 'inf';
+const ENDS = ['low', 'high'];
+const flatnessScale = logarithmic(1, FLATNESS_MAX);
+const opacityScale = quadratic(1);
+
+export const cssColor = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join(' ')})`;
+const hexOf = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
+const colorOf = (hex) => [1, 3, 5].map((i) => Number((parseInt(hex.slice(i, i + 2), 16) / 255).toFixed(4)));
+const digits = (value) => Number(value.toPrecision(6));
+
+export function install(app) {
+  const layers = new Layers(app);
+  app.layers = layers;
+  const section = new LayersSection(app, layers);
+  const markers = new LayerMarkers(byId('layer-markers'), layers);
+  app.transfer.onShow(() => section.show());
+  app.transfer.onPaint((xs) => markers.show(xs));
+}
+
+/** The list of layers and the selected one: an index, or -1 for none. */
+export class Layers {
+  #app; #gestures = 0; #gesture = null;
+  selected = -1;
+
+  constructor(app) { this.#app = app; }
+
+  get list() { return this.#app.transfer.state?.layers ?? []; }
+  get range() { return this.#app.transfer.range; }
+  get isEditable() { return this.#app.transfer.isEditable; }
+
+  /** What is called "Surface 2". */
+  nameOf(index) {
+    return this.list[index].type === 'shell' ? t('layers.shell') : t('layers.surface', { number: numberOf(this.list, index) });
+  }
+
+  select(index) {
+    this.selected = index;
+    this.#app.transfer.plan();
+  }
+
+  #edit(layers, time, gesture = null) {
+    this.#app.transfer.edit({ layers }, { gesture, time });
+  }
+
+  /** Begins a drag: its changes count as one for undo. */
+  begin() {
+    this.#gestures += 1;
+    this.#gesture = `layer ${this.#gestures}`;
+  }
+
+  end() {
+    this.#gesture = null;
+    this.#app.transfer.seal();
+  }
+
+  change(index, change, time) {
+    if (!this.list[index]) return;
+    this.#edit(changeLayer(this.list, index, change), time, this.#gesture);
+  }
+
+  showVolume(visible, time) { this.#edit(showVolume(this.list, visible), time); }
+
+  /** Adds a surface; without a value, where it shows the object. */
+  addSurface(time, value = digits(surfaceValue(this.list, this.#app.transfer.points, this.#app.transfer.histogram, this.range))) {
+    if (!this.isEditable || !canAdd(this.list, 'surface')) return;
+    this.selected = this.list.length;
+    this.#edit(addSurface(this.list, value), time);
+    this.selected = this.list.length - 1;
+  }
+
+  addShell(time) {
+    if (!this.isEditable || !canAdd(this.list, 'shell')) return;
+    this.#edit(addShell(this.list, this.#app.transfer.points), time);
+    this.selected = this.list.length - 1;
+  }
+
+  remove(index, time) {
+    this.#edit(removeLayer(this.list, index), time);
+    if (this.selected >= index) this.selected = Math.max(-1, Math.min(this.selected - 1, this.list.length - 1));
+  }
+}
+
+/** Streams a slider as one step for undo. */
+function onSlide(layers, slider, change) {
+  slider.addEventListener('pointerdown', () => layers.begin());
+  slider.addEventListener('keydown', ({ repeat }) => repeat || layers.begin());
+  slider.addEventListener('input', ({ timeStamp }) => change(slider.valueAsNumber, timeStamp));
+  slider.addEventListener('change', () => layers.end());
+}
+
+class LayersSection {
+  #app; #layers; #body; #list; #add;
+  #details;
+  #key = '';
+
+  constructor(app, layers) {
+    this.#app = app;
+    this.#layers = layers;
+    this.#body = app.panel.section({ id: 'layers', title: t('layers.section'), order: ORDER.layers, isOpen: true });
+    this.#list = make('ol', { id: 'layer-list', 'aria-label': t('layers.section') });
+    this.#details = { surface: new SurfaceDetails(app, layers), shell: new ShellDetails(layers) };
+    this.#add = {
+      surface: make('button', { id: 'layer-add-surface', text: t('layers.add.surface'), title: t('layers.add.surface.title'), press: ({ timeStamp }) => this.#added(() => layers.addSurface(timeStamp)) }),
+      shell: make('button', { id: 'layer-add-shell', text: t('layers.add.shell'), title: t('layers.add.shell.title'), press: ({ timeStamp }) => this.#added(() => layers.addShell(timeStamp)) }),
+    };
+    this.#body.dataset.pointer = '/layers';
+    this.#body.append(this.#list, make('div', { class: 'buttons' }, this.#add.surface, this.#add.shell));
+  }
+
+  #added(add) {
+    add();
+    this.show();
+    this.#list.querySelector('.layer-pick[aria-expanded="true"]')?.scrollIntoView?.({ block: 'nearest' });
+  }
+
+  #eye(label, press) {
+    return make('button', { class: 'eye', 'aria-label': label, title: label, press });
+  }
+
+  #volumeRow() {
+    const layers = this.#layers;
+    return make('li', { 'data-type': 'volume' }, make('div', { class: 'row' },
+      this.#eye(t('layers.show', { name: t('layers.volume') }), ({ timeStamp }) => layers.showVolume(!showsVolume(layers.list), timeStamp)),
+      make('span', { class: 'layer-name', text: t('layers.volume') })));
+  }
+
+  #row(index) {
+    const layers = this.#layers;
+    const { type } = layers.list[index];
+    const name = layers.nameOf(index);
+    const remove = make('button', { class: 'small', 'aria-label': t('layers.remove', { name }), title: t('layers.remove', { name }) }, icon('trash-2'));
+    remove.addEventListener('click', ({ timeStamp }) => {
+      layers.remove(index, timeStamp);
+      this.show();
+      (this.#list.querySelector('.layer-pick[aria-expanded="true"]') ?? this.#add[type]).focus();
+    });
+    return make('li', { 'data-type': type, 'data-index': index }, make('div', { class: 'row' },
+      this.#eye(t('layers.show', { name }), ({ timeStamp }) => layers.change(index, { visible: !layers.list[index].visible }, timeStamp)),
+      make('button', { class: 'layer-pick', press: () => layers.select(layers.selected === index ? -1 : index) },
+        make('span', { class: 'swatch', 'aria-hidden': 'true' }), make('span', { class: 'layer-name', text: name }), make('span', { class: 'layer-value' })),
+      remove));
+  }
+
+  show() {
+    const layers = this.#layers;
+    const { list, isEditable } = layers;
+    this.#body.toggleAttribute('inert', !isEditable);
+    const indices = list.map((_, i) => i).filter((i) => list[i].type in this.#details);
+    const key = JSON.stringify(list.map(({ type }) => type));
+    if (key !== this.#key) {
+      this.#key = key;
+      for (const { root } of Object.values(this.#details)) root.remove();
+      this.#list.replaceChildren(this.#volumeRow(), ...indices.map((i) => this.#row(i)));
+    }
+    this.#showEye(this.#list.firstElementChild, showsVolume(list));
+    indices.forEach((i, at) => this.#showRow(this.#list.children[at + 1], i));
+    for (const [type, button] of Object.entries(this.#add)) button.disabled = !canAdd(list, type);
+  }
+
+  #showEye(item, isVisible) {
+    const eye = item.querySelector('.eye');
+    if (eye.getAttribute('aria-pressed') === String(isVisible)) return;
+    eye.setAttribute('aria-pressed', String(isVisible));
+    eye.replaceChildren(icon(isVisible ? 'eye' : 'eye-off'));
+    item.toggleAttribute('data-off', !isVisible);
+  }
+
+  #showRow(item, index) {
+    const layer = this.#layers.list[index];
+    const isSelected = index === this.#layers.selected;
+    const isSurface = layer.type === 'surface';
+    this.#showEye(item, layer.visible);
+    setAttribute(item.querySelector('.layer-pick'), 'aria-expanded', isSelected);
+    item.querySelector('.swatch').style.backgroundColor = isSurface ? cssColor(layer.color) : '';
+    setText(item.querySelector('.layer-value'), isSurface ? showNumber(layer.value) : t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) }));
+    const details = this.#details[layer.type];
+    if (isSelected) {
+      if (details.root.parentElement !== item) item.append(details.root);
+      details.show(index);
+    } else if (details.root.parentElement === item) {
+      details.root.remove();
+    }
+  }
+}
+
+/** A row of a label, a slider and what stands for its value. */
+function sliderRow({ id, label, title, slider, value }) {
+  return make('div', { class: 'row', title }, make('label', { for: id, text: label }), slider, value);
+}
+
+class SurfaceDetails {
+  #layers; #app;
+  #index = -1;
+  #value; #number; #color; #opacity; #flatness; #pick;
+
+  constructor(app, layers) {
+    this.#app = app;
+    this.#layers = layers;
+    this.#value = make('input', { id: 'surface-slider', type: 'range', min: 0, max: 1, step: 0.001 });
+    this.#number = make('input', { id: 'surface-value', type: 'number', step: 'any', 'aria-label': t('layers.value') });
+    this.#color = make('input', { id: 'surface-color', type: 'color' });
+    this.#opacity = make('input', { id: 'surface-opacity', type: 'range', min: 0, max: 1, step: 0.01 });
+    this.#flatness = make('input', { id: 'surface-flatness', type: 'range', min: 0, max: 1, step: 0.01 });
+    this.#pick = make('button', { id: 'surface-pick', text: t('layers.pick'), title: t('layers.pick.title'), 'aria-pressed': 'false', press: () => app.modes.toggle(MODE) });
+    const set = (change, time) => layers.change(this.#index, change, time);
+    onSlide(layers, this.#value, (share, time) => set({ value: this.#valueAt(share) }, time));
+    this.#number.addEventListener('change', ({ timeStamp }) => {
+      if (Number.isFinite(this.#number.valueAsNumber)) set({ value: this.#number.valueAsNumber }, timeStamp);
+      app.transfer.plan();
+    });
+    onSlide(layers, this.#opacity, (opacity, time) => set({ opacity }, time));
+    onSlide(layers, this.#flatness, (at, time) => set({ flatness: at >= 1 ? DISCS : flatnessScale.at(at) }, time));
+    this.#color.addEventListener('pointerdown', () => layers.begin());
+    this.#color.addEventListener('input', ({ timeStamp }) => set({ color: colorOf(this.#color.value) }, timeStamp));
+    this.#color.addEventListener('change', () => layers.end());
+    this.root = make('div', { class: 'layer-details' },
+      sliderRow({ id: 'surface-slider', label: t('layers.value'), title: t('layers.value.title'), slider: this.#value, value: this.#number }),
+      make('div', { class: 'row' }, make('label', { for: 'surface-color', text: t('layers.color') }), this.#color, this.#pick),
+      sliderRow({ id: 'surface-opacity', label: t('layers.opacity'), slider: this.#opacity, value: make('output', { for: 'surface-opacity' }) }),
+      make('details', { class: 'fold' }, make('summary', {}, make('h3', { text: t('layers.advanced') })),
+        sliderRow({ id: 'surface-flatness', label: t('layers.flatness'), title: t('layers.flatness.title'), slider: this.#flatness, value: make('output', { for: 'surface-flatness' }) })));
+    this.#addMode();
+  }
+
+  /** The mode in which a click or a drag in a slice takes the value there. */
+  #addMode() {
+    const { modes, viewer } = this.#app;
+    const layers = this.#layers;
+    const take = (at, { timeStamp }, pane) => {
+      const value = pane.valueAt(pane.toWorld(...at));
+      if (value !== null && Number.isFinite(value)) layers.change(this.#index, { value: digits(value) }, timeStamp);
+    };
+    modes.add(MODE, {
+      label: t('layers.pick'), hint: t('layers.pick.hint'), isForPanes: true,
+      enter: () => this.#app.layout.current === '3d' && this.#app.layout.set('four'),
+      panes: {
+        cursor: 'crosshair',
+        down: (at, event, pane) => {
+          layers.begin();
+          take(at, event, pane);
+        },
+        move: take, up: () => layers.end(), cancel: () => layers.end(),
+      },
+    });
+    modes.on('change', (name) => setAttribute(this.#pick, 'aria-pressed', name === MODE));
+    viewer.on('view', () => {
+      if (modes.current === MODE && (!layers.isEditable || layersOf(viewer.view)[this.#index]?.type !== 'surface')) modes.leave(MODE);
+    });
+  }
+
+  #valueAt(share) {
+    const [low, high] = this.#layers.range;
+    return digits(low + (high - low) * share);
+  }
+
+  show(index) {
+    this.#index = index;
+    const { value, color, opacity, flatness } = this.#layers.list[index];
+    const [low, high] = this.#layers.range;
+    this.#value.value = String((value - low) / (high - low));
+    this.#value.setAttribute('aria-valuetext', showNumber(value));
+    if (document.activeElement !== this.#number || this.#number.valueAsNumber === value) this.#number.value = String(digits(value));
+    this.#color.value = hexOf(color);
+    this.#opacity.value = String(opacity);
+    showValue(this.#opacity, showNumber(opacity));
+    this.#flatness.value = String(flatness === DISCS ? 1 : Math.min(flatnessScale.of(flatness), 0.99));
+    showValue(this.#flatness, flatness === DISCS ? t('layers.flatness.discs') : t('layers.flatness.times', { factor: showNumber(flatness) }));
+  }
+}
+
+class ShellDetails {
+  #layers;
+  #index = -1;
+  #sliders; #numbers; #detail;
+
+  constructor(layers) {
+    this.#layers = layers;
+    const inputs = (attributes) => ENDS.map((name) => make('input', { ...attributes, 'data-end': name, 'aria-label': t(`layers.${name}`) }));
+    this.#sliders = inputs({ type: 'range', min: 0, max: 1, step: 0.005 });
+    this.#numbers = inputs({ type: 'number', min: 0, max: 1, step: 'any' });
+    this.#detail = make('select', { id: 'shell-detail' }, ...['high', 'fast'].map((name) => new Option(t(`layers.detail.${name}`), name)));
+    ENDS.forEach((name, i) => {
+      const move = (value, time) => layers.change(this.#index, moveThreshold(layers.list[this.#index], name, value), time);
+      onSlide(layers, this.#sliders[i], (at, time) => move(opacityScale.at(at), time));
+      this.#numbers[i].addEventListener('change', ({ timeStamp }) => {
+        if (Number.isFinite(this.#numbers[i].valueAsNumber)) move(this.#numbers[i].valueAsNumber, timeStamp);
+        this.show(this.#index);
+      });
+    });
+    this.#detail.addEventListener('change', ({ timeStamp }) => layers.change(this.#index, { detail: this.#detail.value }, timeStamp));
+    this.root = make('div', { class: 'layer-details' },
+      make('div', { role: 'group', 'aria-label': t('layers.thresholds.label'), title: t('layers.thresholds.title') },
+        make('div', { class: 'row' }, make('span', { text: t('layers.opacity') }), make('span', { class: 'range' }, this.#numbers[0], '–', this.#numbers[1])),
+        make('span', { class: 'pair' }, ...this.#sliders)),
+      make('div', { class: 'row', title: t('layers.detail.title') }, make('label', { for: 'shell-detail', text: t('layers.detail') }), this.#detail));
+  }
+
+  show(index) {
+    this.#index = index;
+    const layer = this.#layers.list[index];
+    ENDS.forEach((name, i) => {
+      const [slider, number] = [this.#sliders[i], this.#numbers[i]];
+      slider.value = String(opacityScale.of(layer[name]));
+      slider.setAttribute('aria-valuetext', showNumber(layer[name]));
+      slider.parentElement.style.setProperty(`--${name}`, slider.value);
+      if (document.activeElement !== number || number.valueAsNumber === layer[name]) number.value = String(digits(layer[name]));
+    });
+    this.#detail.value = layer.detail;
+  }
+}

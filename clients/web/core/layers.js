@@ -1,0 +1,102 @@
+// SPDX-License-Identifier: Apache-2.0
+// The layers of a view: the volume, surfaces of one value each, and a shell at the borders of opacity. Nothing here changes its
+// arguments.
+import { threshold } from './histogram.js';
+
+const LAYERS_MAX = 8;
+/** Opacity of a surface around another one. */
+export const VEIL = 0.35;
+/** From this flatness on, the slider says that kernels are discs. */
+export const FLATNESS_MAX = 32;
+
+const VOLUME = Object.freeze({ type: 'volume', visible: true });
+const SHELL = Object.freeze({ type: 'shell', visible: true, low: 0.05, high: 0.95, detail: 'high' });
+const OPAQUE_SHARE = 0.9; // of the largest opacity
+/** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
+const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
+
+/** The layers of a view; those of an old daemon are the volume alone. */
+export const layersOf = (view) => view?.layers ?? [VOLUME];
+
+/** True if the image shows the volume itself. */
+export const showsVolume = (layers) => layers.some(({ type, visible = true }) => type === 'volume' && visible);
+
+const near = (a, b) => a === b || (typeof a === 'number' && typeof b === 'number' && Math.abs(a - b) <= 1e-6 * Math.max(1e-6, Math.abs(a), Math.abs(b)));
+const isSameLayer = (a, b) => [...new Set([...Object.keys(a), ...Object.keys(b)])].every((name) => (
+  Array.isArray(a[name]) ? a[name].every((part, i) => near(part, b[name]?.[i])) : near(a[name], b[name])));
+
+/** True if two lists are the same but for rounding. */
+export const isSameLayers = (a, b) => a.length === b.length && a.every((layer, i) => isSameLayer(layer, b[i]));
+
+/** Shows or hides the volume; a view without one gets it. */
+export function showVolume(layers, visible) {
+  if (layers.some(({ type }) => type === 'volume')) return layers.map((layer) => (layer.type === 'volume' ? { ...layer, visible } : layer));
+  return visible ? [VOLUME, ...layers] : layers;
+}
+
+/** Changes fields of a layer. */
+export const changeLayer = (layers, index, change) => layers.map((layer, i) => (i === index ? { ...layer, ...change } : layer));
+
+/** Removes a layer. A view has at least one; without any other the volume becomes visible. */
+export function removeLayer(layers, index) {
+  const left = layers.filter((_, i) => i !== index);
+  return left.some(({ type }) => type !== 'volume') ? left : [VOLUME];
+}
+
+/** The largest value at and below which the points give no opacity; -Infinity if there is none. */
+function lastHidden(points) {
+  const first = points.findIndex(({ opacity }) => opacity > 0);
+  return first > 0 ? points[first - 1].value : -Infinity;
+}
+
+/**
+ * The value of a new surface. The first one encloses what is visible: halfway from where the transfer function of these points begins to the
+ * threshold between background and object. Further ones are the threshold among what lies above the others.
+ */
+export function surfaceValue(layers, points, histogram, [low, high]) {
+  const taken = layers.filter(({ type }) => type === 'surface').map(({ value }) => value);
+  const most = Math.max(low, ...taken.filter((value) => value < high));
+  if (!histogram) return (most + high) / 2;
+  const width = (histogram.range[1] - histogram.range[0]) / histogram.counts.length;
+  const skipped = taken.length ? Math.min(histogram.counts.length, Math.max(0, Math.ceil((most - histogram.range[0]) / width))) : 0;
+  const rest = { range: [histogram.range[0] + width * skipped, histogram.range[1]], counts: histogram.counts.slice(skipped) };
+  if (rest.counts.filter((count) => count > 0).length < 3) return (low + Math.min(high, ...taken.filter((value) => value > low))) / 2; // below the others
+  const cut = threshold(rest);
+  const hidden = Math.max(low, lastHidden(points));
+  return taken.length || hidden >= cut ? cut : (hidden + cut) / 2;
+}
+
+const nextColor = (layers) => {
+  const used = layers.filter(({ type }) => type === 'surface').map(({ color }) => color);
+  return COLORS.find((color) => !used.some((other) => other?.every((part, i) => near(part, color[i])))) ?? COLORS[used.length % COLORS.length];
+};
+
+/** A place in the list: the first layer beside the volume replaces its picture, because it would be hidden in it. */
+const makeRoom = (layers) => (layers.some(({ type, visible = true }) => type !== 'volume' && visible) ? layers : showVolume(layers, false));
+
+/** Adds a surface. Opaque surfaces around it become a veil, because they would hide it. */
+export function addSurface(layers, value) {
+  const isVeil = (layer) => layer.type === 'surface' && layer.value < value && layer.opacity === 1;
+  const isAround = layers.some((layer) => layer.type === 'surface' && layer.value > value);
+  const surface = { type: 'surface', visible: true, value, color: nextColor(layers), opacity: isAround ? VEIL : 1, flatness: 'inf' };
+  return [...makeRoom(layers).map((layer) => (isVeil(layer) ? { ...layer, opacity: VEIL } : layer)), surface];
+}
+
+/** Adds the shell of a transfer function with these points: of all that is visible, and hollow where it is nearly as opaque as it gets. */
+export function addShell(layers, points) {
+  const most = Math.max(0, ...points.map(({ opacity }) => opacity));
+  const round = (value) => Number(value.toPrecision(2));
+  return [...makeRoom(layers), { ...SHELL, low: round(Math.min(SHELL.low, most / 4)), high: round(Math.min(SHELL.high, most * OPAQUE_SHARE)) }];
+}
+
+export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type !== 'shell' || !layers.some((layer) => layer.type === 'shell'));
+
+/** Moves a threshold of a shell; it pushes the other one. name: low or high. */
+export function moveThreshold(layer, name, value) {
+  const held = Math.min(1, Math.max(0, value));
+  const other = name === 'low' ? { high: Math.max(layer.high, held) } : { low: Math.min(layer.low, held) };
+  return { [name]: held, ...other };
+}
+
+/** The number of a surface in its name, from 1. */
+export const numberOf = (layers, index) => layers.slice(0, index + 1).filter(({ type }) => type === 'surface').length;
