@@ -144,6 +144,23 @@ static const struct proto_field clip_fields[] = {
 };
 static const struct proto_group clip = GROUP(clip_fields);
 
+#define EDIT(member) .offset = offsetof(struct sp_edit, member)
+#define ONLY_EDIT(type) .only = 1 << SP_EDIT_##type
+static const struct proto_field edit_fields[] = {
+    { "type", PROTO_FIELD_ENUM, EDIT(type), NAMES("plane", "box", "sphere", "part") },
+    { "keep", PROTO_FIELD_ENUM, .optional = true,
+      .only = 1 << SP_EDIT_BOX | 1 << SP_EDIT_SPHERE | 1 << SP_EDIT_PART, EDIT(keep),
+      NAMES("outside", "inside") },
+    { "normal", PROTO_FIELD_DOUBLE, ONLY_EDIT(PLANE), .columns = 3, EDIT(normal) },
+    { "offset", PROTO_FIELD_DOUBLE, ONLY_EDIT(PLANE), EDIT(offset) },
+    { "box", PROTO_FIELD_DOUBLE, ONLY_EDIT(BOX), .rows = 2, .columns = 3, EDIT(box) },
+    { "center", PROTO_FIELD_DOUBLE, ONLY_EDIT(SPHERE), .columns = 3, EDIT(center) },
+    { "radius", PROTO_FIELD_DOUBLE, ONLY_EDIT(SPHERE), EDIT(radius) },
+    { "point", PROTO_FIELD_DOUBLE, ONLY_EDIT(PART), .columns = 3, EDIT(point) },
+    { "range", PROTO_FIELD_DOUBLE, ONLY_EDIT(PART), .columns = 2, EDIT(range) },
+};
+static const struct proto_group edit = GROUP(edit_fields);
+
 static const struct proto_field quality_fields[] = {
     { "level_of_detail", PROTO_FIELD_ENUM, AT(level_of_detail), NAMES("auto", "off") },
 };
@@ -186,6 +203,9 @@ static const struct proto_field view_fields[] = {
       .count_offset = offsetof(struct sp_view, layer_count), .item_bytes = sizeof(struct sp_layer),
       .item_max = SP_LAYERS_MAX },
     { "clip", PROTO_FIELD_OBJECT, .group = &clip },
+    { "edits", PROTO_FIELD_LIST, AT(edits), .group = &edit,
+      .count_offset = offsetof(struct sp_view, edit_count), .item_bytes = sizeof(struct sp_edit),
+      .item_max = SP_EDITS_MAX },
     { "quality", PROTO_FIELD_OBJECT, .group = &quality },
     { "slices", PROTO_FIELD_OBJECT, .group = &slices },
 };

@@ -14,13 +14,16 @@
 #include "compose/compose.h"
 #include "light/light.h"
 #include "resample/resample.h"
+#include "sp/edit.h"
 #include "sp/inflight.h"
 #include "sp/log.h"
 #include "sp/probe.h"
+#include "volume/volume.h"
 
 /* A frame in flight. */
 struct inflight {
-    struct sp_backend_job job; /* with references to volume and frame */
+    struct sp_backend_job job;  /* with references to volume and frame */
+    struct sp_volume *original; /* a reference: the volume without the view's edits */
     struct sp_view view;
     bool is_begun;       /* the backend works on it */
     bool may_be_pre;     /* order "auto" chose post, and pre is possible, too */
@@ -45,8 +48,9 @@ struct sp_renderer {
     bool is_auto;                     /* created with "auto": may change the backend */
     unsigned failures;                /* of the backend, in a row */
     struct inflight queue[SP_IN_FLIGHT_MAX];
-    unsigned oldest, begun;  /* a ring: `begun` frames from queue[oldest] on */
-    struct sp_pool *workers; /* compose slices; both are NULL until the first one */
+    struct sp_volume *edited; /* the last one that was drawn, a reference; NULL = none */
+    unsigned oldest, begun;   /* a ring: `begun` frames from queue[oldest] on */
+    struct sp_pool *workers;  /* compose slices; both are NULL until the first one */
     struct sp_frame_pool *frames;
 };
 
@@ -138,6 +142,7 @@ static struct inflight *inflight_at(struct sp_renderer *r, unsigned i) {
 static void pop_oldest(struct sp_renderer *r) {
     struct inflight *f = inflight_at(r, 0);
     sp_volume_unref(&f->job.volume);
+    sp_volume_unref(&f->original);
     sp_frame_unref(&f->job.frame);
     r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
     r->begun--;
@@ -153,6 +158,7 @@ void sp_renderer_destroy(struct sp_renderer **renderer) {
         r->fallback.backend->destroy(r->fallback.state);
     while (r->begun)
         pop_oldest(r);
+    sp_volume_unref(&r->edited);
     sp_pool_destroy(&r->workers);
     sp_frame_pool_destroy(&r->frames);
     free((char *)r->wanted.isa);
@@ -392,7 +398,7 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
     if (!r->workers || !r->frames)
         return false;
     name_backend(f->job.frame, &r->info);
-    const struct sp_compose_job job = { .volume = f->job.volume,
+    const struct sp_compose_job job = { .volume = f->original, /* slices show the data as it is */
                                         .view = &f->view,
                                         .workers = r->workers,
                                         .frames = r->frames,
@@ -430,6 +436,23 @@ static void begin(struct sp_renderer *r, struct inflight *f) {
         inflight_at(r, i)->is_begun = false;
 }
 
+static void evict(const struct sp_backend *backend, void *state, const struct sp_volume *volume) {
+    if (backend && backend->evict)
+        backend->evict(state, volume);
+}
+
+/* Replaces what the caches have of the last edited volume by what they will have of this one. */
+static void set_edited(struct sp_renderer *r, struct sp_volume *edited) {
+    if (r->edited == edited || r->begun > 0)
+        return;
+    if (r->edited) {
+        evict(atomic_load(&r->backend), r->state, r->edited);
+        evict(r->fallback.backend, r->fallback.state, r->edited);
+    }
+    sp_volume_unref(&r->edited);
+    r->edited = sp_volume_ref(edited);
+}
+
 bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
                        const struct sp_view *view, struct sp_frame_pool *pool,
                        const struct sp_render_options *options, struct sp_error *err) {
@@ -439,9 +462,15 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     assert(renderer->begun < SP_IN_FLIGHT_MAX && o->mip_level <= SP_MIP_LEVEL_MAX);
     if (!sp_renderer_supports(renderer, view, err))
         return false;
-    struct sp_frame *frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
-    if (!frame)
+    struct sp_volume *edited = sp_edit_volume(volume, view, err);
+    struct sp_frame *frame =
+        edited ? sp_frame_create(pool, view->size[0], view->size[1], o->format, err) : NULL;
+    if (!frame) {
+        sp_volume_unref(&edited);
         return false;
+    }
+    if (edited != volume)
+        set_edited(renderer, edited);
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
     struct inflight *f = inflight_at(renderer, renderer->begun);
     f->view = *view;
@@ -449,7 +478,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     remove_hidden_layers(&f->view);
     f->may_be_pre = view->transfer_function.order == SP_TF_AUTO &&
                     f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
-    f->job = (struct sp_backend_job){ .volume = sp_volume_ref(volume),
+    f->original = sp_volume_ref(volume);
+    f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,
                                       .mip_level = o->mip_level,
                                       .frame = frame,
@@ -488,12 +518,9 @@ struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volu
                : NULL;
 }
 
-static void evict(const struct sp_backend *backend, void *state, const struct sp_volume *volume) {
-    if (backend && backend->evict)
-        backend->evict(state, volume);
-}
-
 void sp_renderer_evict(struct sp_renderer *renderer, const struct sp_volume *volume) {
+    if (sp_volume_is_of(renderer->edited, volume))
+        sp_volume_unref(&renderer->edited);
     evict(atomic_load(&renderer->backend), renderer->state, volume);
     evict(renderer->fallback.backend, renderer->fallback.state, volume);
 }
@@ -504,6 +531,9 @@ static uint64_t memory(const struct sp_backend *backend, const void *state,
 }
 
 uint64_t sp_renderer_memory(const struct sp_renderer *renderer, const struct sp_volume *volume) {
-    return memory(atomic_load(&renderer->backend), renderer->state, volume) +
+    uint64_t edited = renderer->edited && sp_volume_is_of(renderer->edited, volume)
+                          ? sp_volume_info(renderer->edited)->voxel_bytes
+                          : 0;
+    return edited + memory(atomic_load(&renderer->backend), renderer->state, volume) +
            memory(renderer->fallback.backend, renderer->fallback.state, volume);
 }

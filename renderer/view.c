@@ -478,6 +478,75 @@ static bool check_clip(const struct sp_clip *clip, struct sp_error *err) {
     return true;
 }
 
+static bool check_edit_box(const struct sp_edit *edit, const char *place, struct sp_error *err) {
+    char pointer[48];
+    for (int i = 0; i < 6; i++)
+        if (!check_range(edit->box[i / 3][i % 3], 0, 1, err, "%s/box/%d/%d", place, i / 3, i % 3))
+            return false;
+    for (int i = 0; i < 3; i++) {
+        snprintf(pointer, sizeof pointer, "%s/box/0/%d", place, i);
+        if (edit->box[0][i] > edit->box[1][i])
+            return sp_fail(err, SP_ERR_INVALID, pointer, "%g is above the upper corner's %g",
+                           edit->box[0][i], edit->box[1][i]);
+    }
+    return true;
+}
+
+static bool check_edit_part(const struct sp_edit *edit, const char *place, struct sp_error *err) {
+    char pointer[48];
+    snprintf(pointer, sizeof pointer, "%s/point", place);
+    if (!check_position(edit->point, pointer, err) ||
+        !check_range(edit->range[0], -DBL_MAX, DBL_MAX, err, "%s/range/0", place) ||
+        !check_range(edit->range[1], -DBL_MAX, DBL_MAX, err, "%s/range/1", place))
+        return false;
+    snprintf(pointer, sizeof pointer, "%s/range/0", place);
+    return edit->range[0] <= edit->range[1] ||
+           sp_fail(err, SP_ERR_INVALID, pointer, "%g is above the highest value, %g",
+                   edit->range[0], edit->range[1]);
+}
+
+static bool check_edit(const struct sp_edit *edit, const char *place, struct sp_error *err) {
+    char pointer[48];
+    switch (edit->type) {
+    case SP_EDIT_PLANE:
+        snprintf(pointer, sizeof pointer, "%s/normal", place);
+        return check_finite3(edit->normal, pointer, err) &&
+               (!is_zero(edit->normal) ||
+                sp_fail(err, SP_ERR_INVALID, pointer, "the normal is zero")) &&
+               check_range(edit->offset, -DBL_MAX, DBL_MAX, err, "%s/offset", place);
+    case SP_EDIT_BOX:
+        return check_edit_box(edit, place, err);
+    case SP_EDIT_SPHERE:
+        snprintf(pointer, sizeof pointer, "%s/center", place);
+        if (!check_position(edit->center, pointer, err))
+            return false;
+        snprintf(pointer, sizeof pointer, "%s/radius", place);
+        return check_positive(edit->radius, pointer, err);
+    case SP_EDIT_PART:
+        return check_edit_part(edit, place, err);
+    }
+    return true;
+}
+
+static bool check_edits(const struct sp_view *view, struct sp_error *err) {
+    if (!check_range(view->edit_count, 0, SP_EDITS_MAX, err, "/edits"))
+        return false;
+    for (uint32_t i = 0; i < view->edit_count; i++) {
+        const struct sp_edit *edit = &view->edits[i];
+        char place[32];
+        snprintf(place, sizeof place, "/edits/%u/type", i);
+        if (!check_choice(edit->type, SP_EDIT_PART, place, err))
+            return false;
+        snprintf(place, sizeof place, "/edits/%u/keep", i);
+        if (!check_choice(edit->keep, SP_KEEP_INSIDE, place, err))
+            return false;
+        snprintf(place, sizeof place, "/edits/%u", i);
+        if (!check_edit(edit, place, err))
+            return false;
+    }
+    return true;
+}
+
 static bool check_slices(const struct sp_view *view, struct sp_error *err) {
     const struct sp_slices *s = &view->slices;
     if (!check_choice(s->mode, SP_SLICES_OBLIQUE, "/slices/mode", err) ||
@@ -510,6 +579,6 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_transfer_function(&view->transfer_function, err) &&
            check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) && check_layers(view, err) &&
-           check_clip(&view->clip, err) && check_slices(view, err) &&
+           check_clip(&view->clip, err) && check_edits(view, err) && check_slices(view, err) &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "classify/cache.h"
 
+#include "volume/volume.h"
+
 enum { REPEATS = 8 }; /* frames of one transfer function after which its edits have stopped */
 
 static void empty_slot(struct sp_classify_slot *slot) {
@@ -190,7 +192,7 @@ struct sp_classification *sp_classify_cache_get(struct sp_classify_cache *cache,
 
 void sp_classify_cache_evict(struct sp_classify_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (!volume || cache->slots[i].c.volume == volume)
+        if (sp_volume_is_of(cache->slots[i].c.volume, volume))
             empty_slot(&cache->slots[i]);
 }
 
@@ -198,7 +200,7 @@ uint64_t sp_classify_cache_bytes(const struct sp_classify_cache *cache,
                                  const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < SP_CLASSIFY_SLOTS; i++)
-        if (cache->slots[i].c.volume && (!volume || cache->slots[i].c.volume == volume))
+        if (cache->slots[i].c.volume && sp_volume_is_of(cache->slots[i].c.volume, volume))
             bytes += sp_classification_bytes(&cache->slots[i].c);
     return bytes;
 }

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "classify/transfer.h"
+#include "volume/volume.h"
 
 /* R: this share of the volume's diagonal. */
 static const double fading_share = 0.1;
@@ -37,7 +38,7 @@ static void finish_slot(struct sp_light_slot *slot) {
 
 void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < LIGHT_SLOTS; i++)
-        if (cache->slots[i].volume && (!volume || cache->slots[i].volume == volume))
+        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
             finish_slot(&cache->slots[i]);
     if (!volume) {
         free(cache->scratch.floats);
@@ -48,7 +49,7 @@ void sp_light_evict(struct sp_light_cache *cache, const struct sp_volume *volume
 uint64_t sp_light_bytes(const struct sp_light_cache *cache, const struct sp_volume *volume) {
     uint64_t bytes = volume ? 0 : cache->scratch.count * sizeof *cache->scratch.floats;
     for (int i = 0; i < LIGHT_SLOTS; i++)
-        if (!volume || cache->slots[i].volume == volume)
+        if (sp_volume_is_of(cache->slots[i].volume, volume))
             bytes += slot_bytes(&cache->slots[i]);
     return bytes;
 }

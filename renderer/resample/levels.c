@@ -10,6 +10,7 @@
 #include "resample/ranges.h"
 #include "resample/visible.h"
 #include "volume/sample.h"
+#include "volume/volume.h"
 
 static uint64_t region_count(const struct sp_samples *s) {
     return (uint64_t)s->regions[0] * s->regions[1] * s->regions[2];
@@ -57,7 +58,7 @@ static void finish_slot(struct sp_samples_slot *slot) {
 
 void sp_samples_evict(struct sp_samples_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SAMPLES_SLOTS; i++)
-        if (cache->slots[i].volume && (!volume || cache->slots[i].volume == volume))
+        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
             finish_slot(&cache->slots[i]);
 }
 
@@ -65,7 +66,7 @@ uint64_t sp_samples_bytes(const struct sp_samples_cache *cache, const struct sp_
     uint64_t bytes = 0;
     for (int i = 0; i < SAMPLES_SLOTS; i++)
         for (int l = 0; l < SAMPLES_LEVELS; l++)
-            if (cache->slots[i].volume && (!volume || cache->slots[i].volume == volume))
+            if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
                 bytes += samples_bytes(&cache->slots[i].levels[l]);
     return bytes;
 }

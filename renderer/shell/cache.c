@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "volume/volume.h"
+
 enum { REPEATS = 8 }; /* frames of one shell after which its edits have stopped */
 
 static void empty_slot(struct sp_shell_slot *slot) {
@@ -28,14 +30,14 @@ static uint64_t slot_bytes(const struct sp_shell_slot *slot) {
 
 void sp_shell_evict(struct sp_shell_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SP_SHELL_SLOTS; i++)
-        if (cache->slots[i].volume && (!volume || cache->slots[i].volume == volume))
+        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
             empty_slot(&cache->slots[i]);
 }
 
 uint64_t sp_shell_bytes(const struct sp_shell_cache *cache, const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < SP_SHELL_SLOTS; i++)
-        if (!volume || cache->slots[i].volume == volume)
+        if (sp_volume_is_of(cache->slots[i].volume, volume))
             bytes += slot_bytes(&cache->slots[i]);
     return bytes;
 }

@@ -3,6 +3,8 @@
 
 #include <stddef.h>
 
+#include "volume/volume.h"
+
 static void finish_volume(struct sp_surface_volume *slot) {
     sp_surface_ranges_finish(&slot->ranges);
     sp_volume_unref(&slot->volume);
@@ -21,10 +23,10 @@ void sp_surface_cache_begin(struct sp_surface_cache *cache) {
 
 void sp_surface_cache_evict(struct sp_surface_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SURFACE_VOLUMES; i++)
-        if (cache->volumes[i].volume && (!volume || cache->volumes[i].volume == volume))
+        if (cache->volumes[i].volume && sp_volume_is_of(cache->volumes[i].volume, volume))
             finish_volume(&cache->volumes[i]);
     for (int i = 0; i < SURFACE_LISTS; i++)
-        if (cache->lists[i].volume && (!volume || cache->lists[i].volume == volume))
+        if (cache->lists[i].volume && sp_volume_is_of(cache->lists[i].volume, volume))
             finish_list(&cache->lists[i]);
 }
 
@@ -32,10 +34,10 @@ uint64_t sp_surface_cache_bytes(const struct sp_surface_cache *cache,
                                 const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < SURFACE_VOLUMES; i++)
-        if (cache->volumes[i].volume && (!volume || cache->volumes[i].volume == volume))
+        if (cache->volumes[i].volume && sp_volume_is_of(cache->volumes[i].volume, volume))
             bytes += sp_surface_ranges_bytes(&cache->volumes[i].ranges);
     for (int i = 0; i < SURFACE_LISTS; i++)
-        if (cache->lists[i].volume && (!volume || cache->lists[i].volume == volume))
+        if (cache->lists[i].volume && sp_volume_is_of(cache->lists[i].volume, volume))
             bytes += sp_surface_points_bytes(&cache->lists[i].points);
     return bytes;
 }

@@ -3,6 +3,7 @@
 
 #include <assert.h>
 #include <inttypes.h>
+#include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -15,6 +16,11 @@ struct sp_volume {
     void *voxels;
     size_t bytes;
     sp_voxels_release *release;
+    const struct sp_volume *original; /* only compared; NULL = not derived */
+    pthread_mutex_t mutex;            /* guards the fields below */
+    struct sp_volume *derived;        /* NULL = none */
+    void *key;
+    size_t key_bytes;
 };
 
 size_t sp_type_size(enum sp_type type) {
@@ -55,21 +61,30 @@ static bool keep_coordinates(struct sp_volume *volume, struct sp_error *err) {
     return true;
 }
 
-struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
-                                  sp_voxels_release *release, struct sp_error *err) {
+/* Creates a volume that owns the samples, without coordinates. Releases them if it fails. */
+static struct sp_volume *create(const struct sp_volume_info *info, void *voxels, size_t bytes,
+                                sp_voxels_release *release, struct sp_error *err) {
     assert((uintptr_t)voxels % 64 == 0);
-    struct sp_volume *volume = malloc(sizeof *volume);
-    if (!volume) {
+    struct sp_volume *volume = calloc(1, sizeof *volume);
+    if (!volume || pthread_mutex_init(&volume->mutex, NULL) != 0) {
+        free(volume);
         release(voxels, bytes);
         sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for a volume");
         return NULL;
     }
     atomic_init(&volume->references, 1);
     volume->info = *info;
-    volume->coordinates = NULL;
     volume->voxels = voxels;
     volume->bytes = bytes;
     volume->release = release;
+    return volume;
+}
+
+struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
+                                  sp_voxels_release *release, struct sp_error *err) {
+    struct sp_volume *volume = create(info, voxels, bytes, release, err);
+    if (!volume)
+        return NULL;
     const uint32_t *dims = info->grid.dims;
     uint64_t count = (uint64_t)dims[0] * dims[1] * dims[2];
     volume->info.components = 1;
@@ -78,6 +93,50 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
     if (!keep_coordinates(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err))
         sp_volume_unref(&volume);
     return volume;
+}
+
+struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxels, size_t bytes,
+                                   sp_voxels_release *release, struct sp_error *err) {
+    struct sp_volume *volume = create(&original->info, voxels, bytes, release, err);
+    if (!volume)
+        return NULL;
+    volume->original = original->original ? original->original : original;
+    if (!keep_coordinates(volume, err))
+        sp_volume_unref(&volume);
+    return volume;
+}
+
+bool sp_volume_is_of(const struct sp_volume *volume, const struct sp_volume *original) {
+    return !original || volume == original || (volume && volume->original == original);
+}
+
+struct sp_volume *sp_volume_derived(struct sp_volume *volume, void *key, size_t *key_bytes) {
+    struct sp_volume *derived = NULL;
+    pthread_mutex_lock(&volume->mutex);
+    if (volume->derived && volume->key_bytes <= *key_bytes) {
+        derived = sp_volume_ref(volume->derived);
+        memcpy(key, volume->key, volume->key_bytes);
+        *key_bytes = volume->key_bytes;
+    }
+    pthread_mutex_unlock(&volume->mutex);
+    return derived;
+}
+
+void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, const void *key,
+                           size_t key_bytes) {
+    void *copy = derived ? malloc(key_bytes) : NULL;
+    if (derived && !copy)
+        return;
+    if (derived)
+        memcpy(copy, key, key_bytes);
+    pthread_mutex_lock(&volume->mutex);
+    struct sp_volume *old = volume->derived;
+    free(volume->key);
+    volume->derived = derived ? sp_volume_ref(derived) : NULL;
+    volume->key = copy;
+    volume->key_bytes = key_bytes;
+    pthread_mutex_unlock(&volume->mutex);
+    sp_volume_unref(&old);
 }
 
 struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_type type,
@@ -110,7 +169,10 @@ void sp_volume_unref(struct sp_volume **volume) {
     *volume = NULL;
     if (!v || atomic_fetch_sub_explicit(&v->references, 1, memory_order_acq_rel) != 1)
         return;
+    sp_volume_unref(&v->derived);
+    pthread_mutex_destroy(&v->mutex);
     v->release(v->voxels, v->bytes);
+    free(v->key);
     free(v->coordinates);
     free(v);
 }

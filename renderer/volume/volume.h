@@ -22,6 +22,23 @@ typedef void sp_voxels_release(void *voxels, size_t bytes);
 struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
                                   sp_voxels_release *release, struct sp_error *err);
 
+/* Creates a volume with other samples of the same type on the grid of `original`, for the same
+ * readers: everything else in its description is the original's. Samples as above. */
+struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxels, size_t bytes,
+                                   sp_voxels_release *release, struct sp_error *err);
+
+/* True if `volume`, which may be NULL, is `original` or derived from it, or if `original` is NULL.
+ * Caches evict by this rule. */
+bool sp_volume_is_of(const struct sp_volume *volume, const struct sp_volume *original);
+
+/* A volume remembers the last one that was derived from it, under a key of any bytes. get() returns
+ * a reference and copies the key to `key`, of which *key_bytes says the capacity and then the size;
+ * NULL = there is none, or its key is larger. set() adds a reference; NULL = forget it. Both are
+ * thread-safe. set() fails silently without memory for the key. */
+struct sp_volume *sp_volume_derived(struct sp_volume *volume, void *key, size_t *key_bytes);
+void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, const void *key,
+                           size_t key_bytes);
+
 /* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
  * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False
  * with *err set when threads cannot be started. */

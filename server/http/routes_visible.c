@@ -8,15 +8,21 @@
 #include "http/routes.h"
 #include "protocol/view.h"
 #include "protocol/volume.h"
+#include "sp/edit.h"
 
 static proto_json *find_part(struct srv_catalog *catalog, struct srv_volume *volume, const char *id,
                              const proto_json *session_view, struct sp_error *err) {
     struct sp_view defaults, view;
     struct sp_visible_part part;
+    struct sp_volume *shown;
     srv_catalog_default_view(catalog, volume, &defaults);
     memcpy(&view, &defaults, sizeof view);
-    if (!proto_view_apply(session_view, &defaults, &view, err) ||
-        !sp_view_find_visible_part(&view, srv_volume_voxels(volume), &part, err))
+    if (!proto_view_apply(session_view, &defaults, &view, err))
+        return NULL;
+    shown = sp_edit_volume(srv_volume_voxels(volume), &view, err);
+    bool ok = shown && sp_view_find_visible_part(&view, shown, &part, err);
+    sp_volume_unref(&shown);
+    if (!ok)
         return NULL;
     proto_json *json = proto_visible_part_encode(&part, id);
     if (!json)

@@ -14,6 +14,7 @@
  *   directions         turn as the camera does; opposite ones, which have no way between them, and
  *                      lists of different lengths, are a until u = 1
  *   c_min, c_max       a until u = 1 if one of them is automatic
+ *   edits              a until u = 1: each step would change the volume
  *   layers             a until u = 1 if their number or their types differ; an infinite flatness is
  *                      a until u = 1
  */

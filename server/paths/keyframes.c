@@ -18,13 +18,14 @@ enum track {
     TRACK_SHADING,
     TRACK_LAYERS,
     TRACK_CLIP,
+    TRACK_EDITS,
     TRACK_QUALITY,
     TRACK_SLICES,
     TRACKS
 };
 static const char *const track_names[TRACKS] = {
-    "background", "camera", "transfer_function", "filter", "compositing", "shading",
-    "layers",     "clip",   "quality",           "slices",
+    "background", "camera", "transfer_function", "filter", "compositing", "shading", "layers",
+    "clip",       "edits",  "quality",           "slices",
 };
 
 /* How a track approaches a key. */
@@ -329,6 +330,10 @@ static void blend(enum track track, const struct sp_view *a, const struct sp_vie
         break;
     case TRACK_CLIP:
         srv_blend_clip(&a->clip, &b->clip, u, &out->clip);
+        break;
+    case TRACK_EDITS:
+        memcpy(out->edits, a->edits, sizeof out->edits);
+        out->edit_count = a->edit_count;
         break;
     case TRACK_QUALITY:
         out->level_of_detail = a->level_of_detail;

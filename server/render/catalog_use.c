@@ -9,6 +9,7 @@
 
 #include "render/catalog_private.h"
 #include "render/redact.h"
+#include "sp/edit.h"
 
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id) {
     struct srv_volume *v = catalog->entries;
@@ -130,7 +131,9 @@ void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
 void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                       const double at[2], struct sp_pick *pick) {
     (void)user;
-    sp_pick_at(((struct srv_volume *)volume)->volume, view, size, at, pick);
+    struct sp_volume *shown = sp_edit_volume_made(((struct srv_volume *)volume)->volume, view);
+    sp_pick_at(shown, view, size, at, pick);
+    sp_volume_unref(&shown);
 }
 
 bool srv_catalog_measure(void *user, void *handle, const struct sp_measure *measure, double samples,

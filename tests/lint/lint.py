@@ -45,6 +45,7 @@ RENDERER = {
     'first': {'base', 'volume'},
     'light': {'base', 'volume', 'frame', 'classify', 'splat'},
     'compose': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'edit': {'base', 'volume', 'classify'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},

@@ -69,7 +69,7 @@ def check_documented(schema, node, default, path):
     properties = node.get('properties')
     if properties is not None and isinstance(default, dict):
         # A field that only patches have is not part of a view.
-        properties = {name: child for name, child in properties.items() if not child.get('writeOnly')}
+        properties = {name: child for name, child in properties.items() if not child.get('x-patch-only')}
         check(set(properties) == set(default), f'{path}: fields differ: {set(properties) ^ set(default)}')
         check(node.get('additionalProperties') is False, f'{path} allows unknown fields')
         for name in set(properties) & set(default):
@@ -183,7 +183,7 @@ def random_patch(rng, node, schema, depth=0):
         if rng.random() < (0.5 if depth == 0 else 0.6):
             continue
         child = resolve(schema, child)
-        if child.get('writeOnly'):
+        if child.get('x-patch-only'):
             continue  # is merged into other fields
         if rng.random() < 0.2:
             patch[name] = None

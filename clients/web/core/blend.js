@@ -100,6 +100,7 @@ const RULES = {
     const isAlike = a.length === b.length && a.every((layer, i) => layer.type === b[i].type);
     return isAlike ? a.map((layer, i) => ({ ...blendAny(layer, b[i], u), visible: layer.visible })) : a;
   },
+  edits: (a) => a,
   quality: (a) => a,
 };
 

@@ -7,6 +7,7 @@
 #include "backend/gl/visible_ranges.h"
 #include "sp/log.h"
 #include "volume/grid.h"
+#include "volume/volume.h"
 
 enum { KEY_SHIFT = 12, GRAIN = 16 };
 
@@ -423,13 +424,13 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
 
 void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
-        if (!volume || residency->list[i].volume == volume)
+        if (sp_volume_is_of(residency->list[i].volume, volume))
             empty(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
-        if (!volume || residency->voxels[i].volume == volume)
+        if (sp_volume_is_of(residency->voxels[i].volume, volume))
             empty_voxels(&residency->voxels[i]);
     for (int i = 0; i < GL_RESIDENTS; i++)
-        if (!volume || residency->items[i].volume == volume)
+        if (sp_volume_is_of(residency->items[i].volume, volume))
             empty_item(&residency->items[i]);
 }
 
@@ -447,13 +448,13 @@ void gl_residency_lose(struct gl_residency *residency) {
 uint64_t gl_residency_bytes(const struct gl_residency *residency, const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < GL_LISTS; i++)
-        if (!volume || residency->list[i].volume == volume)
+        if (sp_volume_is_of(residency->list[i].volume, volume))
             bytes += list_bytes(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
-        if (!volume || residency->voxels[i].volume == volume)
+        if (sp_volume_is_of(residency->voxels[i].volume, volume))
             bytes += gl_voxels_bytes(&residency->voxels[i]);
     for (int i = 0; i < GL_RESIDENTS; i++)
-        if (!volume || residency->items[i].volume == volume)
+        if (sp_volume_is_of(residency->items[i].volume, volume))
             bytes += residency->items[i].buffer.bytes;
     return bytes;
 }

@@ -28,6 +28,7 @@ enum {
     SP_TF_POINTS_MAX = 256,
     SP_GRADIENT_POINTS_MAX = 16,
     SP_LAYERS_MAX = 8,
+    SP_EDITS_MAX = 32,
     SP_LIGHTS_MAX = 8,
     SP_CLIP_PLANES_MAX = 8
 };
@@ -167,6 +168,27 @@ struct sp_layer { /* "/layers/0" */
     enum sp_shell_detail detail; /* shell [high] */
 };
 
+enum sp_edit_type {
+    SP_EDIT_PLANE, /* keeps one side */
+    SP_EDIT_BOX,   /* along the axes of the grid */
+    SP_EDIT_SPHERE,
+    SP_EDIT_PART /* the samples in a range of values that are connected with a point */
+};
+enum sp_edit_keep { SP_KEEP_OUTSIDE, SP_KEEP_INSIDE };
+/* Removes samples from what all layers show. The volume is never changed. Fields of other types are
+ * ignored. renderer/edit/README.md says what takes the place of removed samples. */
+struct sp_edit { /* "/edits/0" */
+    enum sp_edit_type type;
+    enum sp_edit_keep keep; /* box, sphere, part: what stays [outside] */
+    double normal[3];       /* plane: world, any length but 0 */
+    double offset;          /* plane: keeps the half space dot(normal, world) >= offset */
+    double box[2][3]; /* box: lower and upper corner, fractions of the volume's extent, [0, 1] */
+    double center[3]; /* sphere: world, each in ±SP_POSITION_MAX */
+    double radius;    /* sphere: world units, > 0 */
+    double point[3];  /* part: world, each in ±SP_POSITION_MAX */
+    double range[2];  /* part: lowest and highest value, data unit */
+};
+
 enum sp_slice_mode {
     SP_SLICES_NONE,
     SP_SLICES_ORTHOGONAL, /* three planes through the position, along the axes of the grid */
@@ -200,7 +222,9 @@ struct sp_view {
     /* "/layers": in any order; at most one volume and one shell [the volume] */
     struct sp_layer layers[SP_LAYERS_MAX];
     struct sp_clip clip;
-    enum sp_lod level_of_detail; /* "/quality/level_of_detail" [auto] */
+    uint32_t edit_count;                /* [0, SP_EDITS_MAX] [0] */
+    struct sp_edit edits[SP_EDITS_MAX]; /* "/edits": in this order */
+    enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto] */
     struct sp_slices slices;
 };
 

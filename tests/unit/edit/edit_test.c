@@ -1,0 +1,297 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <string.h>
+
+#include "edit/mask.h"
+#include "sp/edit.h"
+#include "support/compare.h"
+#include "support/scene.h"
+#include "volume/sample.h"
+#include "volume/volume.h"
+
+enum { N = 40, FULL = 200 };
+
+/* Two balls that touch no other, joined by a bridge that is one sample wide, and a third one. */
+static double balls(const void *user, double x, double y, double z) {
+    (void)user;
+    const double places[3][3] = { { 10, 10, 10 }, { 28, 10, 10 }, { 20, 30, 30 } };
+    double value = fabs(y - 10) < 0.5 && fabs(z - 10) < 0.5 && x > 10 && x < 28 ? FULL : 0;
+    for (int i = 0; i < 3; i++) {
+        double dx = x - places[i][0], dy = y - places[i][1], dz = z - places[i][2];
+        value = fmax(value, fmin(fmax(6.5 - sqrt(dx * dx + dy * dy + dz * dz), 0), 1) * FULL);
+    }
+    return value;
+}
+
+struct rig {
+    struct test_scene scene;
+    struct sp_volume *volume;
+    struct sp_view view;
+};
+
+static struct rig make(enum sp_type type, const double spacing[3]) {
+    static const double points[][5] = { { 20, 0, 0, 0, 0 }, { FULL, 1, 1, 1, 0.5 } };
+    struct rig rig;
+    memset(&rig, 0, sizeof rig);
+    test_view_init(&rig.scene.view);
+    assert_true(test_scene_voxels(&rig.scene, "balls", (const uint32_t[3]){ N, N, N }, spacing,
+                                  type, balls, NULL));
+    test_scene_points(&rig.scene, points, 2);
+    rig.volume = test_scene_volume(&rig.scene, NULL);
+    assert_non_null(rig.volume);
+    rig.view = rig.scene.view;
+    return rig;
+}
+
+static void finish(struct rig *rig) {
+    sp_volume_unref(&rig->volume);
+    test_scene_finish(&rig->scene);
+}
+
+static double value_at(const struct sp_volume *volume, int x, int y, int z) {
+    return sp_sample(sp_volume_voxels(volume), sp_volume_info(volume)->type,
+                     (uint64_t)x + N * ((uint64_t)y + (uint64_t)N * (uint64_t)z));
+}
+
+/* The world position of a sample. */
+static void place(const struct rig *rig, int x, int y, int z, double out[3]) {
+    const struct sp_grid *g = &rig->scene.info.grid;
+    const int at[3] = { x, y, z };
+    for (int r = 0; r < 3; r++)
+        out[r] = g->origin[r] + g->spacing[r] * at[r];
+}
+
+static const double even[3] = { 1, 1, 1 };
+
+static void without_edits_the_volume_is_itself(void **state) {
+    (void)state;
+    struct rig rig = make(SP_UINT8, even);
+    struct sp_volume *edited = sp_edit_volume(rig.volume, &rig.view, NULL);
+    assert_ptr_equal(edited, rig.volume);
+    sp_volume_unref(&edited);
+    finish(&rig);
+}
+
+/* The middles of the three balls, in the order of balls(). */
+static const int middles[3][3] = { { 10, 10, 10 }, { 28, 10, 10 }, { 20, 30, 30 } };
+
+static void check_middles(const struct sp_volume *volume, const bool stays[3]) {
+    for (int i = 0; i < 3; i++) {
+        const int *m = middles[i];
+        assert_compare(value_at(volume, m[0], m[1], m[2]), ==, stays[i] ? FULL : 0);
+    }
+}
+
+static void check_edit(struct rig *rig, const struct sp_edit *edit, const bool stays[3]) {
+    rig->view.edits[0] = *edit;
+    rig->view.edit_count = 1;
+    struct sp_volume *edited = sp_edit_volume(rig->volume, &rig->view, NULL);
+    assert_non_null(edited);
+    check_middles(edited, stays);
+    assert_memory_equal(sp_volume_info(edited)->range, sp_volume_info(rig->volume)->range,
+                        2 * sizeof(double));
+    sp_volume_unref(&edited);
+}
+
+static void a_part_is_removed_or_kept(void **state) {
+    (void)state;
+    static const enum sp_type types[] = { SP_UINT8, SP_INT16, SP_FLOAT32, SP_FLOAT64 };
+    for (size_t t = 0; t < sizeof types / sizeof types[0]; t++) {
+        struct rig rig = make(types[t], (const double[3]){ 1, 1.5, 0.5 });
+        struct sp_edit edit = { .type = SP_EDIT_PART, .range = { 100, 255 } };
+        place(&rig, 10, 10, 10, edit.point);
+        check_edit(&rig, &edit, (const bool[3]){ false, false, true });
+        edit.keep = SP_KEEP_INSIDE;
+        check_edit(&rig, &edit, (const bool[3]){ true, true, false });
+        place(&rig, 20, 30, 31, edit.point);
+        check_edit(&rig, &edit, (const bool[3]){ false, false, true });
+        place(&rig, 0, 39, 0, edit.point); /* far from all of them */
+        check_edit(&rig, &edit, (const bool[3]){ true, true, true });
+        edit.point[0] = 1e18;
+        check_edit(&rig, &edit, (const bool[3]){ true, true, true });
+        finish(&rig);
+    }
+}
+
+/* What was the fading border of the part goes with it; what belongs to others stays. */
+static void nothing_of_a_removed_part_is_left(void **state) {
+    (void)state;
+    struct rig rig = make(SP_UINT8, even);
+    rig.view.edits[0] = (struct sp_edit){ .type = SP_EDIT_PART, .range = { 100, 255 } };
+    place(&rig, 10, 10, 10, rig.view.edits[0].point);
+    rig.view.edit_count = 1;
+    struct sp_volume *edited = sp_edit_volume(rig.volume, &rig.view, NULL);
+    assert_non_null(edited);
+    for (int z = 0; z < N; z++)
+        for (int y = 0; y < N; y++)
+            for (int x = 0; x < N; x++)
+                assert_compare(value_at(edited, x, y, z), ==,
+                               y + z < 40 ? 0 : value_at(rig.volume, x, y, z));
+    sp_volume_unref(&edited);
+    finish(&rig);
+}
+
+static void cutting_the_bridge_parts_the_balls(void **state) {
+    (void)state;
+    struct rig rig = make(SP_UINT8, even);
+    struct sp_edit *edits = rig.view.edits;
+    edits[0] = (struct sp_edit){ .type = SP_EDIT_SPHERE, .radius = 1.5 };
+    place(&rig, 19, 10, 10, edits[0].center);
+    edits[1] = (struct sp_edit){ .type = SP_EDIT_PART, .range = { 100, 255 } };
+    place(&rig, 10, 10, 10, edits[1].point);
+    rig.view.edit_count = 1;
+    struct sp_volume *cut = sp_edit_volume(rig.volume, &rig.view, NULL);
+    check_middles(cut, (const bool[3]){ true, true, true });
+    assert_compare(value_at(cut, 19, 10, 10), ==, 0);
+    rig.view.edit_count = 2; /* goes on from the volume with one edit */
+    struct sp_volume *parted = sp_edit_volume(rig.volume, &rig.view, NULL);
+    check_middles(parted, (const bool[3]){ false, true, true });
+    assert_true(sp_volume_is_of(parted, rig.volume));
+    rig.view.edit_count = 1; /* undo */
+    struct sp_volume *undone = sp_edit_volume(rig.volume, &rig.view, NULL);
+    check_middles(undone, (const bool[3]){ true, true, true });
+    sp_volume_unref(&cut);
+    sp_volume_unref(&parted);
+    sp_volume_unref(&undone);
+    finish(&rig);
+}
+
+static void the_last_result_is_remembered(void **state) {
+    (void)state;
+    struct rig rig = make(SP_UINT8, even);
+    rig.view.edits[0] =
+        (struct sp_edit){ .type = SP_EDIT_BOX, .box = { { 0, 0, 0 }, { 0.5, 1, 1 } } };
+    rig.view.edit_count = 1;
+    struct sp_volume *none = sp_edit_volume_made(rig.volume, &rig.view);
+    assert_ptr_equal(none, rig.volume);
+    struct sp_volume *first = sp_edit_volume(rig.volume, &rig.view, NULL);
+    struct sp_volume *second = sp_edit_volume(rig.volume, &rig.view, NULL);
+    struct sp_volume *made = sp_edit_volume_made(rig.volume, &rig.view);
+    assert_ptr_equal(first, second);
+    assert_ptr_equal(first, made);
+    rig.view.transfer_function.points[0].opacity = 0.2f; /* another value is the most transparent */
+    rig.view.transfer_function.points[1].opacity = 0.1f;
+    struct sp_volume *third = sp_edit_volume(rig.volume, &rig.view, NULL);
+    assert_ptr_not_equal(first, third);
+    assert_compare(value_at(third, 0, 0, 0), ==, FULL);
+    sp_volume_unref(&none);
+    sp_volume_unref(&first);
+    sp_volume_unref(&second);
+    sp_volume_unref(&third);
+    sp_volume_unref(&made);
+    finish(&rig);
+}
+
+/* The share of a constant volume that cuts leave, against the volume of their shapes. */
+static double one(const void *user, double x, double y, double z) {
+    (void)user, (void)x, (void)y, (void)z;
+    return 1;
+}
+
+static void cuts_remove_their_volume(void **state) {
+    (void)state;
+    const double spacing[3] = { 1, 1.3, 0.8 };
+    static const double points[][5] = { { 0, 0, 0, 0, 0 }, { 1, 1, 1, 1, 0.5 } };
+    const struct {
+        struct sp_edit edit;
+        double stays; /* samples */
+    } cases[] = {
+        { { .type = SP_EDIT_SPHERE, .radius = 12, .keep = SP_KEEP_INSIDE },
+          4 * M_PI / 3 * 12 * 12 * 12 / (1 * 1.3 * 0.8) },
+        { { .type = SP_EDIT_SPHERE, .radius = 12 },
+          N * N * N - 4 * M_PI / 3 * 12 * 12 * 12 / (1 * 1.3 * 0.8) },
+        { { .type = SP_EDIT_BOX, .box = { { 0.2, 0, 0.125 }, { 1, 1, 0.8 } }, .keep = 1 },
+          0.8 * 0.675 * N * N * N },
+        { { .type = SP_EDIT_PLANE, .normal = { 1, 2, -3 } }, 0.5 * N * N * N },
+        { { .type = SP_EDIT_PLANE, .normal = { 1e200, 0, 0 }, .offset = 4e200 }, 0.4 * N * N * N },
+    };
+    struct rig rig = { .view.edit_count = 1 };
+    test_view_init(&rig.scene.view);
+    assert_true(test_scene_voxels(&rig.scene, "one", (const uint32_t[3]){ N, N, N }, spacing,
+                                  SP_FLOAT32, one, NULL));
+    ((float *)rig.scene.voxels)[0] = 0; /* so that there is a transparent value */
+    test_scene_points(&rig.scene, points, 2);
+    rig.volume = test_scene_volume(&rig.scene, NULL);
+    rig.view = rig.scene.view;
+    rig.view.edit_count = 1;
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        double sum = 0;
+        rig.view.edits[0] = cases[i].edit;
+        struct sp_volume *edited = sp_edit_volume(rig.volume, &rig.view, NULL);
+        for (int k = 0; k < N * N * N; k++)
+            sum += (double)((const float *)sp_volume_voxels(edited))[k];
+        assert_float_equal(sum, cases[i].stays, 0.003 * N * N * N);
+        sp_volume_unref(&edited);
+    }
+    finish(&rig);
+}
+
+static void samples_that_are_not_finite_stay(void **state) {
+    (void)state;
+    struct rig rig = make(SP_FLOAT32, even);
+    float *voxels = rig.scene.voxels;
+    voxels[0] = NAN;
+    sp_volume_unref(&rig.volume);
+    rig.volume = test_scene_volume(&rig.scene, NULL);
+    rig.view.edits[0] =
+        (struct sp_edit){ .type = SP_EDIT_PLANE, .normal = { 1, 0, 0 }, .offset = 1e6 };
+    rig.view.edit_count = 1;
+    struct sp_volume *edited = sp_edit_volume(rig.volume, &rig.view, NULL);
+    assert_true(isnan(value_at(edited, 0, 0, 0)));
+    assert_compare(value_at(edited, 10, 10, 10), ==, 0);
+    sp_volume_unref(&edited);
+    finish(&rig);
+}
+
+/* Growth by bits against its definition, across words and at the ends of rows. */
+static void masks_grow_by_one_sample(void **state) {
+    (void)state;
+    enum { X = 131, Y = 5, Z = 4 };
+    const uint32_t dims[3] = { X, Y, Z };
+    struct sp_mask mask, from;
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    assert_true(sp_mask_init(&mask, dims, NULL) && sp_mask_init(&from, dims, NULL));
+    uint32_t random = 7;
+    for (uint32_t i = 0; i < X * Y * Z; i++) {
+        random = random * 1664525 + 1013904223;
+        if (random >> 26 == 0)
+            sp_mask_row(&mask, i / X % Y, i / X / Y)[i % X / 64] |= UINT64_C(1) << i % X % 64;
+    }
+    sp_mask_grow(&mask, &from, pool);
+    for (int i = 0; i < X * Y * Z; i++) {
+        const int x = i % X, y = i / X % Y, z = i / X / Y;
+        bool wanted = false;
+        for (int k = 0; k < 27; k++) {
+            int at[3] = { x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1 };
+            if (at[0] >= 0 && at[0] < X && at[1] >= 0 && at[1] < Y && at[2] >= 0 && at[2] < Z)
+                wanted =
+                    wanted || sp_mask_has(&from, (uint32_t)at[0], (uint32_t)at[1], (uint32_t)at[2]);
+        }
+        assert_int_equal(sp_mask_has(&mask, (uint32_t)x, (uint32_t)y, (uint32_t)z), wanted);
+    }
+    assert_int_equal(sp_mask_row(&mask, 0, 0)[2] >> 3, 0); /* beyond the row */
+    sp_mask_finish(&mask);
+    sp_mask_finish(&from);
+    sp_pool_destroy(&pool);
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(without_edits_the_volume_is_itself),
+        cmocka_unit_test(a_part_is_removed_or_kept),
+        cmocka_unit_test(nothing_of_a_removed_part_is_left),
+        cmocka_unit_test(cutting_the_bridge_parts_the_balls),
+        cmocka_unit_test(the_last_result_is_remembered),
+        cmocka_unit_test(cuts_remove_their_volume),
+        cmocka_unit_test(samples_that_are_not_finite_stay),
+        cmocka_unit_test(masks_grow_by_one_sample),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}
