@@ -90,6 +90,11 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
     double prepared = sp_job_clock_ms(job);
     if (!sp_layers_draw(&layers, resolve, &l, err))
         return false;
+    if (layers.has_shell) {
+        stats->visible_voxels = layers.shell.list->count;
+        stats->splats = layers.shell.drawn;
+        stats->fragments = (uint64_t)layers.shell.area;
+    }
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "splat", prepared - begin };
     stats->stages[1] = (struct sp_stage_time){ "tile", sp_job_clock_ms(job) - prepared };

@@ -4,11 +4,9 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-enum { HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t) };
+#include "backend/gl/memory.h"
 
-static uint32_t count_pixels(const struct gl_band *band) {
-    return band->job->frame->width * (band->end - band->y);
-}
+enum { HEAD_BYTES = GL_BINS_HEAD * sizeof(uint32_t) };
 
 static uint32_t pixel_bytes(const struct sp_frame *frame) {
     return frame->format == SP_RGBAF32 ? 16 : 4;
@@ -20,28 +18,56 @@ void gl_band_end(struct gl_band *band, uint32_t rows) {
 }
 
 bool gl_band_reserve(struct gl_band *band, struct sp_error *err) {
+    const struct gl_fragments_part fragments = gl_band_fragments(band);
     struct gl_state *s = band->state;
-    uint64_t most = s->block_bytes, pixels = count_pixels(band);
+    uint64_t most = s->block_bytes, pixels = gl_band_pixels(band);
     uint64_t bytes = pixels * pixel_bytes(band->job->frame);
     return gl_buffer_reserve(&s->buffers.image, "pixels", pixels * GL_PIXEL_BYTES, most,
                              GL_USE_SCRATCH, err) &&
            gl_buffer_reserve(&s->buffers.pixels, "pixels", bytes, most, GL_USE_SCRATCH, err) &&
-           gl_readback_reserve(&band->slot->readback, HEAD_BYTES + bytes, err);
+           gl_readback_reserve(&band->slot->readback, HEAD_BYTES + bytes, err) &&
+           gl_fragments_reserve(&fragments, err);
 }
 
-void gl_band_start(const struct gl_band *band) {
+static bool plan(struct gl_band *band, uint32_t rows, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    gl_band_end(band, rows);
+    return gl_band_reserve(band, err) && gl_bins_reserve(&s->bins, 1, 1, s->block_bytes, err) &&
+           gl_memory_fit(s, err);
+}
+
+bool gl_band_plan(struct gl_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    uint32_t rows = gl_workload_limits(&s->workload).tiles / band->columns;
+    struct sp_error why = { .code = SP_OK };
+    rows = rows < 1 ? 1 : rows;
+    bool ok = plan(band, rows, &why);
+    while (!ok && rows > 1 && (why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET)) {
+        rows = rows < gl_band_rows(band) ? rows / 2 : (gl_band_rows(band) + 1) / 2;
+        gl_memory_release(s);
+        gl_readback_finish(&band->slot->readback);
+        ok = plan(band, rows, &why);
+    }
+    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
+}
+
+bool gl_band_start(const struct gl_band *band, struct sp_error *err) {
     static const float clear_pixel[4] = { 1, 0, 0, 0 };
+    const struct gl_fragments_part fragments = gl_band_fragments(band);
+    if (!gl_fragments_upload(&fragments, err))
+        return false;
     gl_timer_start(&band->slot->timer);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
-                         (GLsizeiptr)count_pixels(band) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
+                         (GLsizeiptr)gl_band_pixels(band) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
                          GL_FLOAT, clear_pixel);
     gl_bins_clear_head(&band->state->bins);
+    return true;
 }
 
 void gl_band_clear(const struct gl_band *band, uint32_t layer) {
     static const float zero[4] = { 0, 0, 0, 0 };
-    GLsizeiptr bytes = (GLsizeiptr)count_pixels(band) * (GLsizeiptr)sizeof zero;
+    GLsizeiptr bytes = (GLsizeiptr)gl_band_pixels(band) * (GLsizeiptr)sizeof zero;
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, layer * bytes, bytes, GL_RGBA,
                          GL_FLOAT, zero);
@@ -67,12 +93,12 @@ void gl_band_drop_fences(struct gl_band *band) {
 static void resolve(const struct gl_band *band) {
     struct gl_state *s = band->state;
     glUseProgram(s->resolve);
-    glUniform2ui(0, count_pixels(band), band->job->frame->format == SP_RGBAF32);
+    glUniform2ui(0, gl_band_pixels(band), band->job->frame->format == SP_RGBAF32);
     glUniform4fv(1, 1, band->job->view->background);
-    glUniform1ui(2, band->layer * count_pixels(band));
+    glUniform1ui(2, band->layer * gl_band_pixels(band));
     gl_buffer_bind(&s->buffers.image, 1);
     gl_buffer_bind(&s->buffers.pixels, 2);
-    glDispatchCompute(gl_divide_up(count_pixels(band), GL_GROUP), 1, 1);
+    glDispatchCompute(gl_divide_up(gl_band_pixels(band), GL_GROUP), 1, 1);
     gl_band_barrier(); /* pixels stay bound: the next program may have a block there */
     gl_timer_stamp(&band->slot->timer, GL_STAGE_RESOLVE);
 }
@@ -86,7 +112,7 @@ bool gl_band_send(const struct gl_band *band, struct sp_error *err) {
     gl_readback_begin(&slot->readback);
     gl_readback_copy(&slot->readback, &s->bins.counts, HEAD_BYTES);
     gl_readback_copy(&slot->readback, &s->buffers.pixels,
-                     (uint64_t)count_pixels(band) * pixel_bytes(band->job->frame));
+                     (uint64_t)gl_band_pixels(band) * pixel_bytes(band->job->frame));
     gl_timer_stamp(&slot->timer, GL_STAGE_READ);
     gl_readback_send(&slot->readback);
     return gl_check("drawn", err);

@@ -7,7 +7,7 @@
 #ifndef GL_BAND_H
 #define GL_BAND_H
 
-#include "backend/gl/state.h"
+#include "backend/gl/fragments.h"
 
 enum {
     GL_QUEUED_MIN = 2, /* long dispatches that may be queued on the GPU */
@@ -18,13 +18,23 @@ struct gl_band {
     struct gl_state *state;
     const struct sp_backend_job *job;
     struct gl_slot *slot;
-    uint32_t columns;          /* of tiles */
-    uint32_t y, end;           /* rows [px] */
-    uint32_t layer;            /* of the image's three, which is resolved */
-    unsigned queued_max;       /* dispatches that may be queued, at most GL_QUEUED_MAX */
-    void *sent[GL_QUEUED_MAX]; /* fences */
+    const struct gl_fragments *fragments; /* of other layers; NULL = none */
+    uint32_t columns;                     /* of tiles */
+    uint32_t y, end;                      /* rows [px] */
+    uint32_t layer;                       /* of the image's three, which is resolved */
+    unsigned queued_max;                  /* dispatches that may be queued, at most GL_QUEUED_MAX */
+    void *sent[GL_QUEUED_MAX];            /* fences */
     unsigned sent_count;
 };
+
+static inline uint32_t gl_band_pixels(const struct gl_band *band) {
+    return band->job->frame->width * (band->end - band->y);
+}
+
+static inline struct gl_fragments_part gl_band_fragments(const struct gl_band *band) {
+    return (struct gl_fragments_part){ band->state, band->fragments, band->job->frame->width,
+                                       band->y, band->end };
+}
 
 static inline uint32_t gl_band_rows(const struct gl_band *band) {
     return gl_divide_up(band->end - band->y, GL_TILE);
@@ -37,12 +47,17 @@ static inline uint32_t gl_band_tiles(const struct gl_band *band) {
 /* Lets the band that begins at y end after at most `rows` rows of tiles. */
 void gl_band_end(struct gl_band *band, uint32_t rows);
 
-/* Reserves memory for the pixels. SP_ERR_MEMORY, SP_ERR_BUDGET. A context must be current, here and
- * below. */
+/* Reserves memory for the pixels and their fragments. SP_ERR_MEMORY, SP_ERR_BUDGET. A context must
+ * be current, here and below. */
 bool gl_band_reserve(struct gl_band *band, struct sp_error *err);
 
-/* Clears the pixels and the counters, and starts the timer. */
-void gl_band_start(const struct gl_band *band);
+/* For frames without records: chooses the rows of the band that begins at band->y, and reserves its
+ * memory. Errors as above. */
+bool gl_band_plan(struct gl_band *band, struct sp_error *err);
+
+/* Uploads the fragments, clears the pixels and the counters, and starts the timer. SP_ERR_MEMORY,
+ * SP_ERR_BACKEND. */
+bool gl_band_start(const struct gl_band *band, struct sp_error *err);
 
 /* Clears layer 1 or 2 of the image, which has as many pixels as layer 0, to zero. */
 void gl_band_clear(const struct gl_band *band, uint32_t layer);

@@ -3,10 +3,9 @@
 
 #include <assert.h>
 #include <epoxy/gl.h>
-#include <stdio.h>
 #include <string.h>
 
-#include "backend/gl/band.h"
+#include "backend/gl/compositor.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
 #include "base/clock.h"
@@ -22,10 +21,10 @@ enum {
 
 struct draw {
     struct gl_band band;
-    bool is_resampled;
-    struct gl_resample_frame resampled; /* if is_resampled; else: */
-    struct gl_frame frame;
-    unsigned compositor; /* program */
+    struct gl_fragments fragments;      /* if the slot has layers */
+    struct gl_resample_frame resampled; /* GL_PATH_RESAMPLED */
+    struct gl_frame frame;              /* GL_PATH_SPLATS */
+    unsigned compositor;                /* the same: program */
 };
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -92,51 +91,10 @@ static void bin(struct draw *d, const struct gl_batch *batch) {
     gl_timer_stamp(&d->band.slot->timer, GL_STAGE_BIN);
 }
 
-/* The choices that a compositor is compiled for. */
-struct choices {
-    enum sp_compositing mode;
-    bool is_flat, is_cubic, is_clipped, is_linear, is_post;
-};
-
-/* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). */
-static unsigned open_compositor(struct gl_state *s, const struct choices *c, struct sp_error *err) {
-    struct gl_compositor *own =
-        &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped][c->is_linear][c->is_post];
-    if (own->program)
-        return own->program;
-    struct sp_error why = { .text = "it failed before; the log has the reason" };
-    char defines[160];
-    snprintf(defines, sizeof defines,
-             "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
-             "#define LINEAR %d\n#define POST %d\n",
-             (int)c->mode, c->is_flat, c->is_cubic, c->is_clipped, c->is_linear, c->is_post);
-    if (!own->is_refused)
-        own->program =
-            gl_program_open(c->is_post ? "frame bins records footprint shade post 30_composite"
-                                       : "bins records footprint 30_composite",
-                            defines, &why);
-    own->is_refused = !own->program;
-    if (own->is_refused)
-        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no compositor for this view: %s", s->device,
-                why.text);
-    return own->program;
-}
-
-static unsigned find_compositor(struct gl_state *s, const struct gl_frame *f,
-                                const struct sp_view *view, struct sp_error *err) {
-    const struct choices choices = { .mode = f->compositing,
-                                     .is_flat = view->filter.mode == SP_FILTER_NONE,
-                                     .is_cubic = view->filter.kernel == SP_KERNEL_CUBIC,
-                                     .is_clipped = gl_frame_ewa(f)->clip.count > 0,
-                                     .is_linear =
-                                         view->compositing.attenuation == SP_ATTENUATION_LINEAR,
-                                     .is_post = f->is_post };
-    return open_compositor(s, &choices, err);
-}
-
 static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_error *err) {
     struct gl_state *s = d->band.state;
     const struct gl_frame *f = &d->frame;
+    const struct gl_fragments_part fragments = gl_band_fragments(&d->band);
     use(d, d->compositor, batch);
     glUniform3ui(1, d->band.job->frame->width, (GLuint)s->workload.pairs,
                  d->band.slot->pieces.pass_pairs);
@@ -151,6 +109,7 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     gl_buffer_bind(f->is_post ? &s->curve.buffer : &s->buffers.image, 5);
     gl_buffer_bind(&s->buffers.cubic, 6);
     gl_buffer_bind(&s->bins.counts, 7);
+    gl_fragments_use(&fragments);
     for (uint32_t pass = 0; pass < s->workload.passes; pass++) {
         glUniform4ui(2, batch->resumes, batch->stays_open, pass, s->workload.passes);
         glDispatchCompute(d->band.columns, gl_band_rows(&d->band), 1);
@@ -290,12 +249,30 @@ static bool plan_in_capacity(struct draw *d, struct sp_error *err) {
     return sp_fail(err, why.code, why.place, "%s", why.text);
 }
 
+/* Draws the batches, if there are any, and what is behind them. */
+static bool draw_splats(struct draw *d, struct sp_error *err) {
+    const struct gl_fragments_part fragments = gl_band_fragments(&d->band);
+    d->band.layer = 0;
+    for (uint32_t layer = 1; d->band.fragments && layer < 3; layer++)
+        gl_band_clear(&d->band, layer);
+    if (d->band.slot->path == GL_PATH_SPLATS && !draw_batches(d, err))
+        return false;
+    gl_fragments_finish(&fragments);
+    gl_band_barrier();
+    gl_timer_stamp(&d->band.slot->timer, GL_STAGE_LAYERS);
+    return true;
+}
+
 /* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
-    gl_band_start(&d->band);
-    return (d->is_resampled ? gl_resample_draw(&d->resampled, &d->band, err)
-                            : draw_batches(d, err)) &&
-           gl_band_send(&d->band, err);
+    bool ok;
+    if (!gl_band_start(&d->band, err))
+        return false;
+    if (d->band.slot->path == GL_PATH_RESAMPLED)
+        ok = gl_resample_draw(&d->resampled, &d->band, err);
+    else
+        ok = draw_splats(d, err);
+    return ok && gl_band_send(&d->band, err);
 }
 
 static double longest_dispatch(const double longest[GL_STAGES]) {
@@ -323,8 +300,9 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     slot->stage_ms[GL_STAGE_READ] += sp_clock_ms() - start_ms;
     double longest[GL_STAGES] = { 0 };
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
-    if (slot->is_resampled) {
+    if (slot->path == GL_PATH_RESAMPLED)
         gl_resample_adapt(&s->resample, longest_dispatch(longest), s->workload.limits.dispatch_ms);
+    if (slot->path != GL_PATH_SPLATS) {
         add_counts(slot, &head);
         slot->y = slot->end;
         return true;
@@ -341,14 +319,14 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
 }
 
 static void write_stats(const struct gl_slot *slot, struct sp_frame_stats *stats) {
-    static const char *const names[GL_STAGES] = { "classify", "splat",   "bin",
-                                                  "tile",     "resolve", "read" };
+    static const char *const names[GL_STAGES] = { "classify", "splat", "bin",   "tile",
+                                                  "resolve",  "read",  "layers" };
     stats->mip_level = slot->mip_level;
     stats->visible_voxels = slot->visible;
     stats->splats = slot->splats;
     stats->fragments = slot->fragments;
-    stats->stage_count = GL_STAGES;
-    for (int i = 0; i < GL_STAGES; i++)
+    stats->stage_count = slot->has_layers ? GL_STAGES : GL_STAGE_LAYERS;
+    for (uint32_t i = 0; i < stats->stage_count; i++)
         stats->stages[i] = (struct sp_stage_time){ names[i], slot->stage_ms[i] };
 }
 
@@ -360,19 +338,32 @@ static bool write_curve(struct draw *d, struct sp_error *err) {
                            f->thickness * gl_frame_ewa(f)->unit, err);
 }
 
-static bool plan_frame(struct draw *d, struct sp_error *err) {
+/* Relates the depths of fragments to the layers of the partition. */
+static bool choose_insert(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->band.state;
-    d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
-    if (d->is_resampled)
-        return gl_resample_begin(&d->resampled, &d->band, err);
+    struct gl_frame *f = &d->frame;
+    struct sp_insert *insert = &d->fragments.insert;
+    const double thickness = f->thickness * gl_frame_ewa(f)->unit;
+    if (!d->band.fragments)
+        return true;
+    *insert = (struct sp_insert){ .camera = &f->camera,
+                                  .nearest = (double)s->partition.nearest * thickness,
+                                  .thickness = thickness };
+    return f->compositing != SP_COMPOSITE_SHEET ||
+           sp_insert_init_sheets(insert, f->grid, f->axis, &s->arena) ||
+           fail_memory(&s->arena, err);
+}
+
+static bool plan_splats(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->band.state;
     const struct gl_frame *f = &d->frame;
     const struct gl_sources from = { &s->cache, &s->residency, s->pool, &s->arena, &s->partition };
-    sp_arena_reset(&s->arena);
-    uint64_t used = sp_samples_bytes(&s->samples, NULL);
+    uint64_t used = sp_samples_bytes(&s->samples, NULL) + gl_layers_bytes(&s->layers, NULL);
     s->cache.limit_bytes = used < s->memory_bytes ? s->memory_bytes - used : 0;
-    if (!gl_frame_begin(&d->frame, d->band.job, &from, err) ||
+    if (!gl_frame_begin(&d->frame, d->band.job, &from, err) || !choose_insert(d, err) ||
         !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
-        !write_curve(d, err) || !(d->compositor = find_compositor(s, f, d->band.job->view, err)))
+        !write_curve(d, err) ||
+        !(d->compositor = gl_compositor_find(s, f, d->band.job->view, d->band.fragments, err)))
         return false;
     d->band.slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
     d->band.slot->mip_level = f->mip_level;
@@ -380,11 +371,74 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
     return true;
 }
 
+/* Makes the fragments of other layers, and compiles what composites them at the first use. */
+static bool make_fragments(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->band.state;
+    uint64_t used = sp_samples_bytes(&s->samples, NULL) + sp_classify_cache_bytes(&s->cache, NULL);
+    double start_ms = sp_clock_ms();
+    const struct gl_layers_job job = { .job = d->band.job,
+                                       .bytes_max =
+                                           used < s->memory_bytes ? s->memory_bytes - used : 0,
+                                       .pool = s->pool,
+                                       .arena = &s->arena };
+    if (!gl_fragments_open(s, err) || !gl_layers_make(&s->layers, &job, &d->fragments.made, err))
+        return false;
+    d->band.fragments = &d->fragments;
+    d->band.slot->stage_ms[GL_STAGE_LAYERS] += sp_clock_ms() - start_ms;
+    return true;
+}
+
+/* The stats of a frame without a volume are those of its shell. */
+static void write_counts(const struct gl_layers_made *made, struct gl_slot *slot) {
+    slot->mip_level = 0;
+    slot->visible = made->visible;
+    slot->splats = made->splats;
+    slot->fragments = (uint64_t)made->area;
+}
+
+static bool plan_frame(struct draw *d, struct sp_error *err) {
+    struct gl_slot *slot = d->band.slot;
+    sp_arena_reset(&d->band.state->arena);
+    d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
+    if (slot->has_layers && !make_fragments(d, err))
+        return false;
+    switch (slot->path) {
+    case GL_PATH_SPLATS:
+        return plan_splats(d, err);
+    case GL_PATH_RESAMPLED:
+        return gl_resample_begin(&d->resampled, &d->band, err);
+    case GL_PATH_LAYERS:
+        break;
+    }
+    write_counts(&d->fragments.made, slot);
+    return true;
+}
+
+static bool plan_rows(struct draw *d, struct sp_error *err) {
+    switch (d->band.slot->path) {
+    case GL_PATH_SPLATS:
+        return plan_in_capacity(d, err);
+    case GL_PATH_RESAMPLED:
+        return gl_resample_plan(&d->resampled, &d->band, err);
+    case GL_PATH_LAYERS:
+        break;
+    }
+    d->band.queued_max = GL_QUEUED_MAX;
+    return gl_band_plan(&d->band, err);
+}
+
 /* Returns how many batches or passes the band has. */
 static uint64_t count_dispatches(const struct draw *d) {
     const struct gl_state *s = d->band.state;
-    return d->is_resampled ? d->resampled.dispatches
-                           : (uint64_t)s->partition.batch_count * s->workload.passes;
+    switch (d->band.slot->path) {
+    case GL_PATH_SPLATS:
+        return (uint64_t)s->partition.batch_count * s->workload.passes;
+    case GL_PATH_RESAMPLED:
+        return d->resampled.dispatches;
+    case GL_PATH_LAYERS:
+        break;
+    }
+    return 1;
 }
 
 /* Draws the bands from the slot's y on and submits the last one. Does nothing if that requires
@@ -395,8 +449,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     bool ok = true;
     do {
         d->band.y = slot->y;
-        if (!(d->is_resampled ? gl_resample_plan(&d->resampled, &d->band, err)
-                              : plan_in_capacity(d, err)))
+        if (!plan_rows(d, err))
             return false;
         if (!may_wait && (d->band.end < height || count_dispatches(d) > d->band.queued_max))
             return true;
@@ -406,22 +459,30 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
     return ok;
 }
 
+static enum gl_path choose_path(const struct sp_view *view) {
+    if (!sp_layers_volume(view))
+        return GL_PATH_LAYERS;
+    return sp_resample_draws(view) ? GL_PATH_RESAMPLED : GL_PATH_SPLATS;
+}
+
 static bool try_draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backend_job *job,
                      bool may_wait, struct sp_error *err) {
-    struct draw d = { .band = { .state = s, .job = job, .slot = slot },
-                      .is_resampled = sp_resample_draws(job->view) };
-    slot->is_resampled = d.is_resampled;
+    struct draw d = { .band = { .state = s, .job = job, .slot = slot } };
+    slot->has_layers = sp_layers_are_wanted(job->view);
+    slot->path = choose_path(job->view);
     bool ok = plan_frame(&d, err) && hand_over(&d, may_wait, err);
     gl_band_drop_fences(&d.band);
     return ok;
 }
 
-/* Evicts the processor's cache that the view does not need. */
-static void evict_other_cache(struct gl_state *s, const struct sp_view *view) {
-    if (sp_resample_draws(view))
+/* Evicts the processor's caches that the view does not need. */
+static void evict_other_caches(struct gl_state *s, const struct gl_slot *slot) {
+    if (slot->path != GL_PATH_SPLATS)
         sp_classify_cache_evict(&s->cache, NULL);
-    else
+    if (slot->path != GL_PATH_RESAMPLED)
         sp_samples_evict(&s->samples, NULL);
+    if (!slot->has_layers)
+        gl_layers_evict(&s->layers, NULL);
 }
 
 /* Draws the frame. If memory is short, tries again without the scratch memory of earlier frames;
@@ -435,7 +496,7 @@ static bool draw(struct gl_state *s, struct gl_slot *slot, const struct sp_backe
     if (!is_out_of_memory(&why))
         return sp_fail(err, why.code, why.place, "%s", why.text);
     gl_memory_release(s);
-    evict_other_cache(s, job->view);
+    evict_other_caches(s, slot);
     s->residency.tries_again = false;
     return try_draw(s, slot, job, may_wait, err);
 }
@@ -488,14 +549,14 @@ static bool write_cubic(struct gl_state *s, struct sp_error *err) {
 
 /* Compiles all programs except the compositors that few views need. */
 static bool open_programs(struct gl_state *s, struct sp_error *err) {
-    const struct choices plain = { .mode = SP_COMPOSITE_SHEET };
-    const struct choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
+    const struct gl_compositor_choices plain = { .mode = SP_COMPOSITE_SHEET };
+    const struct gl_compositor_choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
     bool is_software = gl_context_info(s->context)->software;
     double start_ms = sp_clock_ms();
     if (!(s->project = gl_program_open("frame bins records gradient shade 10_project", "", err)) ||
         !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
         !gl_residency_init(&s->residency, is_software, s->block_bytes, err) ||
-        !open_compositor(s, &plain, err) || !open_compositor(s, &clipped, err))
+        !gl_compositor_open(s, &plain, err) || !gl_compositor_open(s, &clipped, err))
         return false;
     sp_log(SP_LOG_INFO, "shaders for %s compiled in %.0f ms", gl_context_info(s->context)->renderer,
            sp_clock_ms() - start_ms);
@@ -517,11 +578,9 @@ void gl_draw_finish(struct gl_state *s) {
     gl_residency_finish(&s->residency);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         gl_buffer_finish(&buffers[i]);
-    struct gl_compositor *composite = &s->composite[0][0][0][0][0][0];
-    for (size_t i = 0; i < sizeof s->composite / sizeof *composite; i++)
-        glDeleteProgram(composite[i].program);
-    memset(s->composite, 0, sizeof s->composite);
+    gl_compositor_finish(s);
     glDeleteProgram(s->project);
+    gl_fragments_close(s);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);

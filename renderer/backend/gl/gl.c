@@ -38,6 +38,7 @@ static void gl_destroy(void *pointer) {
     stop(state);
     sp_classify_cache_evict(&state->cache, NULL);
     sp_samples_evict(&state->samples, NULL);
+    gl_layers_finish(&state->layers);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     gl_partition_finish(&state->partition);
@@ -101,7 +102,7 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
     state->video_bytes = options->video_bytes;
     state->memory_bytes = state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
-    if (state->pool)
+    if (state->pool && gl_layers_init(&state->layers, sp_pool_threads(state->pool), err))
         return state;
     gl_destroy(state);
     return NULL;
@@ -200,12 +201,14 @@ static void gl_evict(void *pointer, const struct sp_volume *volume) {
     }
     sp_classify_cache_evict(&state->cache, volume);
     sp_samples_evict(&state->samples, volume);
+    gl_layers_evict(&state->layers, volume);
 }
 
 static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
     const struct gl_state *state = pointer;
-    uint64_t bytes =
-        sp_classify_cache_bytes(&state->cache, volume) + sp_samples_bytes(&state->samples, volume);
+    uint64_t bytes = sp_classify_cache_bytes(&state->cache, volume) +
+                     sp_samples_bytes(&state->samples, volume) +
+                     gl_layers_bytes(&state->layers, volume);
     if (state->context)
         bytes += gl_residency_bytes(&state->residency, volume);
     if (state->context && !volume)
@@ -220,7 +223,7 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
         .kernels = SP_CAN_ALL, .compositings = SP_CAN_ALL, .attenuations = SP_CAN_ALL,             \
         .orders = SP_CAN_ALL, .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),      \
         .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true,       \
-        .interpolated_sheets = true, .clip_box = true, .clip_planes = true                         \
+        .interpolated_sheets = true, .layers = true, .clip_box = true, .clip_planes = true         \
     }
 
 extern const struct sp_backend gl_backend, gl_software_backend;

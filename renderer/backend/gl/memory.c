@@ -69,13 +69,13 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
 
 /* The buffers of scratch memory; ends with NULL. */
 struct scratch {
-    struct gl_buffer *buffers[9];
+    struct gl_buffer *buffers[10];
 };
 
 static struct scratch scratch_of(struct gl_state *s) {
     return (struct scratch){ { &s->buffers.records, &s->buffers.spans, &s->buffers.image,
-                               &s->buffers.pixels, &s->bins.counts, &s->bins.totals, &s->bins.pairs,
-                               &s->upload.chunks, NULL } };
+                               &s->buffers.pixels, &s->buffers.fragments, &s->bins.counts,
+                               &s->bins.totals, &s->bins.pairs, &s->upload.chunks, NULL } };
 }
 
 bool gl_memory_release(struct gl_state *s) {

@@ -4,7 +4,6 @@
 #include <epoxy/gl.h>
 #include <string.h>
 
-#include "backend/gl/memory.h"
 #include "backend/gl/resample_constants.h"
 #include "resample/rays.h"
 
@@ -93,8 +92,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     const struct sp_backend_job *job = band->job;
     double start_ms = sp_job_clock_ms(job);
     bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
-    uint64_t used = sp_classify_cache_bytes(&s->cache, NULL);
-    sp_arena_reset(&s->arena);
+    uint64_t used = sp_classify_cache_bytes(&s->cache, NULL) + gl_layers_bytes(&s->layers, NULL);
     sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
     sp_shade_init(&f->shade, &f->camera, &job->view->shading);
     const struct sp_resample_input input = { .view = job->view,
@@ -115,9 +113,8 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
         !upload_shading(f, band, err) || !find_passes(f, &input, s, err) ||
         !(f->program = gl_resample_open(&s->resample, f->data.kind, f->resample.needs_gradient,
-                                        s->device, err)))
+                                        band->fragments != NULL, s->device, err)))
         return false;
-    band->slot->is_resampled = true;
     band->slot->mip_level = job->frame->stats.mip_level;
     band->slot->visible = job->frame->stats.visible_voxels;
     band->slot->stage_ms[GL_STAGE_CLASSIFY] += sp_job_clock_ms(job) - start_ms;
@@ -145,32 +142,16 @@ static void divide(struct gl_resample_frame *f, struct gl_band *band) {
     band->queued_max = GL_QUEUED_MAX;
 }
 
-static bool plan(struct gl_resample_frame *f, struct gl_band *band, uint32_t rows,
-                 struct sp_error *err) {
-    struct gl_state *s = band->state;
-    gl_band_end(band, rows);
-    divide(f, band);
-    return gl_band_reserve(band, err) && gl_bins_reserve(&s->bins, 1, 1, s->block_bytes, err) &&
-           gl_memory_fit(s, err);
-}
-
 bool gl_resample_plan(struct gl_resample_frame *f, struct gl_band *band, struct sp_error *err) {
-    struct gl_state *s = band->state;
-    uint32_t rows = gl_workload_limits(&s->workload).tiles / band->columns;
-    struct sp_error why = { .code = SP_OK };
-    rows = rows < 1 ? 1 : rows;
-    bool ok = plan(f, band, rows, &why);
-    while (!ok && rows > 1 && (why.code == SP_ERR_MEMORY || why.code == SP_ERR_BUDGET)) {
-        rows = rows < gl_band_rows(band) ? rows / 2 : (gl_band_rows(band) + 1) / 2;
-        gl_memory_release(s);
-        gl_readback_finish(&band->slot->readback);
-        ok = plan(f, band, rows, &why);
-    }
-    return ok || sp_fail(err, why.code, why.place, "%s", why.text);
+    if (!gl_band_plan(band, err))
+        return false;
+    divide(f, band);
+    return true;
 }
 
 static void bind(const struct gl_resample_frame *f, const struct gl_resample_pass *pass,
-                 const struct gl_state *s) {
+                 const struct gl_band *band) {
+    const struct gl_state *s = band->state;
     gl_buffer_bind(&s->upload.constants, 0);
     gl_buffer_bind(pass->constants, 1);
     gl_buffer_bind(f->data.samples, 2);
@@ -179,18 +160,20 @@ static void bind(const struct gl_resample_frame *f, const struct gl_resample_pas
     gl_buffer_bind(f->data.integral, 5);
     gl_buffer_bind(f->data.places ? f->data.places : pass->constants, 6);
     gl_buffer_bind(&s->bins.counts, 7);
+    if (band->fragments)
+        gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
 }
 
 /* Draws `rows` rows of blocks from row y on, front to back. */
 static bool draw_rows(const struct gl_resample_frame *f, const struct gl_resample_pass *pass,
                       struct gl_band *band, uint32_t y, uint32_t rows, struct sp_error *err) {
     for (int first = 0; first < pass->intervals; first += f->intervals_at_once) {
-        bool ends = f->pass_count > 1 && first + f->intervals_at_once >= pass->intervals;
+        bool ends = first + f->intervals_at_once >= pass->intervals;
         if (sp_job_is_cancelled(band->job))
             return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
         glUniform4ui(0, band->job->frame->width, band->y, band->end, y);
         glUniform2i(1, first, first + f->intervals_at_once);
-        glUniform2i(2, pass->sheets, ends);
+        glUniform3i(2, pass->sheets, ends, ends && f->pass_count > 1);
         glUniform1f(3, pass->share);
         glDispatchCompute(band->columns, rows, 1);
         gl_band_barrier();
@@ -209,7 +192,7 @@ bool gl_resample_draw(const struct gl_resample_frame *f, struct gl_band *band,
         gl_band_clear(band, band->layer);
     glUseProgram(f->program);
     for (int i = 0; i < f->pass_count; i++) {
-        bind(f, &f->passes[i], band->state);
+        bind(f, &f->passes[i], band);
         for (uint32_t row = 0, n; row < rows; row += n) {
             n = rows - row < f->rows ? rows - row : f->rows;
             if (!draw_rows(f, &f->passes[i], band, band->y + row * GL_TILE, n, err))

@@ -40,8 +40,9 @@ struct gl_resample_frame {
     int intervals_at_once; /* the same */
 };
 
-/* Prepares the frame and uploads what it needs. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED,
- * SP_ERR_UNSUPPORTED, SP_ERR_BACKEND. A context must be current, here and below. */
+/* Prepares the frame in the state's arena and uploads what it needs. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED, SP_ERR_UNSUPPORTED, SP_ERR_BACKEND. A context must be current, here and below.
+ */
 bool gl_resample_begin(struct gl_resample_frame *frame, const struct gl_band *band,
                        struct sp_error *err);
 

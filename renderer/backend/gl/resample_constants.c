@@ -35,6 +35,20 @@ static void write_halves(struct gl_resample_constants *c, const struct sp_resamp
         }
 }
 
+/* Relates depths in camera space to s. */
+static void write_depths(struct gl_resample_constants *c, const struct sp_resample *r) {
+    const int axis = r->axis;
+    double inside = ((double)sp_resample_reference(r, axis) - r->eye[axis]) / r->ray[axis];
+    c->metric[1][3] = (float)inside;
+    for (int a = 0; a < 3; a++) {
+        double place = r->eye[a] + (double)c->metric[1][3] * r->ray[a];
+        c->depths[a][0] = (float)(place - (double)sp_resample_reference(r, a));
+        c->depths[a][1] = (float)r->ray[a];
+        c->depths[a][2] = (float)r->right[a];
+        c->depths[a][3] = (float)r->down[a];
+    }
+}
+
 /* The base of levels: of integers as an integer and a rest, of reals as two floats. */
 static void write_base(struct gl_resample_constants *c, const struct sp_resample *r) {
     enum sp_type type = r->samples->type;
@@ -57,6 +71,7 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
     for (int i = 0; i < 6; i++)
         c->metric[i / 3][i % 3] = (float)r->metric[i];
     c->metric[0][3] = r->rounding;
+    write_depths(c, r);
     memcpy(c->steep, r->steep, sizeof r->steep);
     write_base(c, r);
     c->level_scale[0] = (float)r->curve.levels_per_unit;

@@ -13,7 +13,7 @@
 
 /* shaders/resample.glsl: std430. */
 struct gl_resample_constants {
-    float to_world[3][4], metric[2][4], steep[4];
+    float to_world[3][4], metric[2][4], depths[3][4], steep[4];
     float level_scale[4], bin_scale[4], above_bins[4];
     int32_t base[4];
     uint32_t regions[4], size[4];

@@ -13,7 +13,8 @@ enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 22 };
 static const double shortness = 5;
 
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          bool has_gradient, const char *device, struct sp_error *err) {
+                          bool has_gradient, bool has_layers, const char *device,
+                          struct sp_error *err) {
     static const struct {
         int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
     } kinds[GL_SAMPLES_KINDS] = {
@@ -22,18 +23,20 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
         [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
         [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
     };
-    struct gl_resample_program *own = &resample->programs[kind][has_gradient];
+    struct gl_resample_program *own = &resample->programs[kind][has_gradient][has_layers];
     struct sp_error why = { .text = "it failed before; the log has the reason" };
     char defines[256];
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
              "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define SQUARE %du\n"
-             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n",
+             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n#define LAYERS %d\n",
              kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed, has_gradient,
              (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX,
-             GL_RESAMPLE_INTERVALS);
+             GL_RESAMPLE_INTERVALS, has_layers);
     if (!own->program && !own->is_refused)
-        own->program = gl_program_open("frame shade resample 30_resample", defines, &why);
+        own->program = gl_program_open(has_layers ? "frame shade resample fragments 30_resample"
+                                                  : "frame shade resample 30_resample",
+                                       defines, &why);
     own->is_refused = !own->program;
     if (own->is_refused)
         sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no program for this view: %s", device,
@@ -55,7 +58,7 @@ void gl_resample_init(struct gl_resample *resample) {
 }
 
 void gl_resample_finish(struct gl_resample *resample) {
-    struct gl_resample_program *programs = &resample->programs[0][0];
+    struct gl_resample_program *programs = &resample->programs[0][0][0];
     for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
         glDeleteProgram(programs[i].program);
     for (int a = 0; a < 3; a++)

@@ -26,6 +26,7 @@
 #include "backend/gl/context.h"
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
+#include "backend/gl/layers.h"
 #include "backend/gl/readback.h"
 #include "backend/gl/resample_programs.h"
 #include "backend/gl/timer.h"
@@ -40,8 +41,16 @@ enum gl_stage {
     GL_STAGE_BIN,
     GL_STAGE_TILE,
     GL_STAGE_RESOLVE,
-    GL_STAGE_READ, /* readback: the copies by the GPU and by the processor */
+    GL_STAGE_READ,   /* readback: the copies by the GPU and by the processor */
+    GL_STAGE_LAYERS, /* other than the volume */
     GL_STAGES
+};
+
+/* What a frame is drawn from. */
+enum gl_path {
+    GL_PATH_SPLATS,
+    GL_PATH_RESAMPLED, /* resample.h */
+    GL_PATH_LAYERS     /* no volume, but perhaps other layers (fragments.h) */
 };
 
 enum { GL_IN_FLIGHT = 2 }; /* frames that may be in flight */
@@ -57,7 +66,8 @@ struct gl_slot {
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned mip_level;
-    bool is_resampled; /* the frame is (resample.h), so that there are no pieces */
+    enum gl_path path; /* only splats have pieces */
+    bool has_layers;   /* other than the volume, or none at all */
     uint64_t frames;   /* number of frames that used this slot */
 };
 
@@ -67,9 +77,10 @@ struct gl_state {
     struct gl_context *context; /* NULL = lost; the next frame creates another */
     struct sp_pool *pool;       /* classifies, and fills uploads */
     struct sp_arena arena;
-    uint64_t memory_bytes; /* the same: budget of the two caches of the processor */
+    uint64_t memory_bytes; /* the same: budget of the caches of the processor */
     struct sp_classify_cache cache;
     struct sp_samples_cache samples;
+    struct gl_layers layers;
     struct gl_residency residency;
     struct gl_slot slots[GL_IN_FLIGHT];
     unsigned oldest, begun; /* slots in use: `begun` of them from `oldest` on, cyclically */
@@ -79,16 +90,17 @@ struct gl_state {
     struct gl_upload upload;
     struct gl_resample resample;
     unsigned project, resolve; /* programs */
-    /* Programs of the compositor, compiled when a view first needs them. program 0 = not compiled,
-     * or refused by the driver, which is not tried again. By compositing, kernel (Gaussian, cubic,
-     * flat), clipping planes, linear attenuation, and classification of pixels.
+    /* Programs that are compiled when a view first needs them. program 0 = not compiled, or refused
+     * by the driver, which is not tried again. The compositor by compositing, kernel (Gaussian,
+     * cubic, flat), clipping planes, linear attenuation, classification of pixels, and other
+     * layers.
      */
-    struct gl_compositor {
+    struct gl_late_program {
         unsigned program;
         bool is_refused;
-    } composite[3][2][2][2][2][2];
+    } fragments, composite[3][2][2][2][2][2][2];
     struct {
-        struct gl_buffer records, spans, image, cubic, pixels;
+        struct gl_buffer records, spans, image, cubic, pixels, fragments;
     } buffers;
     struct gl_workload workload;
     uint64_t needed; /* most pairs of a batch since memory.c reset it */

@@ -2,13 +2,14 @@
 // Composites a tile's pairs front to back (tile/blend.h). One work group per tile, one thread per pixel. Splats are
 // staged in shared memory. A pixel sums T and E of a layer and composites it when the next layer begins, or composites
 // each splat on its own. A tile with a transmittance below 1/512 stops. To keep dispatches short, a tile with many
-// pairs is composited in several passes, each of which continues where the previous one stopped.
+// pairs is composited in several passes, each of which continues where the previous one stopped. LAYERS: fragments of other
+// layers are inserted.
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
 // By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for the layer that the last
-// pass or batch left open.
+// pass or batch left open; the y of the second is the number of fragments that were composited.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
 layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a pass
@@ -16,7 +17,9 @@ layout(location = 2) uniform uvec4 joint; // batch resumes a layer, batch leaves
 
 const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // words of four of a record, without its cuts
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
+#if !LAYERS
 const uint NO_LAYER = 0xffffffffu;
+#endif
 
 shared uvec4 staged[WORDS * STAGED];
 shared uint staged_at[STAGED];
@@ -62,7 +65,12 @@ void classify() {
 void classify() {}
 #endif
 
-void composite() {
+// Composites the open layer, number `layer` of the batch.
+void composite(uint layer) {
+#if LAYERS
+    if (layer != NO_LAYER)
+        pixel = insert_before(at, uint(slab.x) + layer, pixel);
+#endif
     classify();
     vec2 a = attenuate(sum.x);
     pixel.yzw += a.x * pixel.x * sum.yzw;
@@ -113,7 +121,7 @@ void add_staged(uint n, inout uint layer) {
     for (uint i = 0u; i < n;) {
         uint own = staged[WORDS * i + 1u].w >> 16;
         if (own != layer || compositing == COMPOSITE_SPLAT)
-            composite();
+            composite(layer);
         layer = own;
         do {
             add(i++);
@@ -147,6 +155,10 @@ void main() {
     pixel = inside ? image[index] : vec4(0);
     sum = vec4(0);
     sum_value = 0.0;
+#if LAYERS
+    open_fragments(uint(sheet_planes.w), inside ? index : 0u, batch.x * (tiles.z - tiles.y));
+    set_next(at, inside ? uint(image[left + 1u].y) : fragment_count);
+#endif
     if (inside && (joint.z > 0u || joint.x != 0u)) {
         sum = image[left];
         sum_value = image[left + 1u].x;
@@ -164,7 +176,10 @@ void main() {
         image[left] = sum;
         image[left + 1u].x = sum_value;
     } else {
-        composite();
+        composite(layer);
     }
     image[index] = pixel;
+#if LAYERS
+    image[left + 1u].y = float(next_fragment);
+#endif
 }

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 // Sheets of interpolated values (resample/README.md), front to back: a work group draws a block of 8 × 8 px in a range of
 // intervals between sheets. For each sheet that it needs, the group refines the samples that its pixels see in shared
-// memory: raw ─► between rows ─► refined. Blocks that see too many are drawn in parts.
+// memory: raw ─► between rows ─► refined. Blocks that see too many are drawn in parts. LAYERS: intervals are cut at the
+// fragments of other layers in them.
 
 layout(local_size_x = TILE, local_size_y = TILE) in;
-// By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface; then
-// the sum of passes.
+// By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface and
+// the number of fragments that were composited; then the sum of passes.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 layout(std430, binding = 5) readonly buffer Integral { vec4 integral[]; };
 layout(std430, binding = 7) coherent buffer Counts {
@@ -15,7 +16,7 @@ layout(std430, binding = 7) coherent buffer Counts {
 
 layout(location = 0) uniform uvec4 band;  // width of the image, first row and last + 1 of the band, first row of the dispatch [px]
 layout(location = 1) uniform ivec2 range; // intervals: first, last + 1
-layout(location = 2) uniform ivec2 part;  // sheets per slice of the pass; 1 = it ends, and its pixels are added to the sum
+layout(location = 2) uniform ivec3 part;  // sheets per slice of the pass; 1 = it ends; 1 = its pixels are added to the sum
 layout(location = 3) uniform float axis_share; // share of the image that slices along the pass's axis have
 
 const uint PIXELS = TILE * TILE;
@@ -360,9 +361,71 @@ vec3 find_normal(vec3 gradient, float width, float opacity) {
     return square > TINY ? own * inversesqrt(square) : vec3(0);
 }
 
+void add(float opacity, vec3 color) {
+    pixel.yzw += pixel.x * opacity * color;
+    pixel.x *= 1.0 - opacity;
+}
+
+#if LAYERS
+float next_s; // of the next fragment; FAR_AWAY = there is none
+const float FAR_AWAY = 1e38;
+
+// s of a fragment (resample/insert.c). Depths count from one inside the volume, for the sake of rounding.
+float find_s(float depth) {
+    vec4 by_depth = depths[slices];
+    float beyond = depth - metric[1].w, aside = dot(at - lens.yz, by_depth.zw);
+    float s = by_depth.x + beyond * by_depth.y + (choice.x != 0u ? depth * aside : aside);
+    return is_backwards ? -s : s;
+}
+
+void set_next(uint i) {
+    next_fragment = i;
+    next_s = i < fragment_count ? find_s(fragment_depth(i)) : FAR_AWAY;
+}
+
+// Composites the next fragment.
+void insert() {
+    pixel = over_fragment(pixel);
+    set_next(next_fragment + 1u);
+}
+
+// Composites all fragments that lie before s.
+void insert_before(float s) {
+    while (next_s < s)
+        insert();
+}
+
+// The opacity of a part of an interval.
+float part_of(float opacity, float share) {
+    if (base.y != 0)
+        return opacity * share;
+    return share > 0.0 ? 1.0 - pow(max(1.0 - opacity, 0.0), share) : 0.0;
+}
+
+// Composites the interval [s, s + width], and the fragments in it.
+void composite(float s, float width, float opacity, vec3 color) {
+    float from = max(s, begin), to = min(s + width, end), before = from, left = 1.0;
+    while (next_s < to) {
+        float next = max(next_s, before), share = to > from ? min((next - before) / (to - from), left) : 0.0;
+        add(part_of(opacity, share), color);
+        insert();
+        left -= share;
+        before = next;
+    }
+    add(part_of(opacity, left), color);
+}
+#else
+void composite(float s, float width, float opacity, vec3 color) {
+    add(opacity, color);
+}
+#endif
+
 // Composites the interval between sheets n and n + 1, of which value[1] and value[2] are the values.
 void integrate(int n, vec3 value[4]) {
     float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s;
+#if LAYERS
+    insert_before(s);
+#endif
     float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);
     vec3 x = vec3(value[1].x, max(middle, level_scale.w), value[2].x);
     float low = min(min(x.x, x.y), x.z), high = max(max(x.x, x.y), x.z);
@@ -389,8 +452,7 @@ void integrate(int n, vec3 value[4]) {
         color = shade_normal(color, find_normal(gradient, width, 1.0 - light), to_eye);
     }
 #endif
-    pixel.yzw += pixel.x * (1.0 - light) * color;
-    pixel.x *= light;
+    composite(s, width, 1.0 - light, color);
 }
 
 void add_counts(uint refined_count, uint sheets) {
@@ -429,13 +491,16 @@ void main() {
     Square square = find_square(corner);
     at = vec2(px) + 0.5;
     pixel = is_inside ? image[index] : vec4(0);
-#if GRADIENT
-    uint own = index + band.x * (band.z - band.y);
-    normal = is_inside && range.x > 0 ? image[own].xyz : vec3(0);
-#endif
+    uint pixels = band.x * (band.z - band.y), own = index + pixels;
+    vec4 kept = is_inside && range.x > 0 ? image[own] : vec4(0);
+    normal = kept.xyz;
     open_axis(square.kind.y, square.kind.z != 0, part.x);
     open_ray(square);
     pass_share = find_share(square.kind.w);
+#if LAYERS
+    open_fragments(0u, is_inside ? index : 0u, pixels);
+    set_next(is_inside ? uint(kept.w) : fragment_count);
+#endif
     rays[thread] = ray;
     if (thread == 0u) {
         span[0] = ordinal(1e30);
@@ -454,13 +519,18 @@ void main() {
     barrier();
     if (has_work)
         draw();
-    if (is_inside && part.y != 0) {
-        image[index + 2u * band.x * (band.z - band.y)] += axis_share * pass_share * pixel;
+#if LAYERS
+    if (part.y != 0)
+        insert_before(FAR_AWAY);
+    kept.w = float(next_fragment);
+#endif
+    if (is_inside && part.y != 0 && part.z != 0) {
+        image[own + pixels] += axis_share * pass_share * pixel;
         image[index] = vec4(1.0, 0.0, 0.0, 0.0); // for the next pass
     } else if (is_inside) {
         image[index] = pixel;
-#if GRADIENT
-        image[own] = vec4(normal, 0.0);
+#if GRADIENT || LAYERS
+        image[own] = vec4(normal, kept.w);
 #endif
     }
 }

@@ -19,7 +19,8 @@ struct Square {
 
 layout(std430, binding = 1) readonly buffer Resample {
     vec4 to_world[3]; // rows
-    vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy
+    vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy, a depth inside the volume
+    vec4 depths[3];   // by axis w: s at that depth of the centre's ray, forwards; its change by depth, to the right, down
     vec4 steep;       // between which rays get some half sheets
     vec4 level_scale; // levels per unit, base as two floats, lowest level
     vec4 bin_scale;   // bins per level, first bin; levels between which something is visible

@@ -18,6 +18,7 @@ struct resample_rig {
     struct sp_frame_pool *pool;
     unsigned drawn;
     double worst; /* dB */
+    double alike; /* the least PSNR that passes [dB] */
 };
 
 struct resample_shot {

@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/compositor.h"
+
+#include <epoxy/gl.h>
+#include <stdio.h>
+#include <string.h>
+
+static const char *sources_of(const struct gl_compositor_choices *c) {
+    if (c->is_post && c->has_layers)
+        return "frame bins records footprint shade post fragments insert 30_composite";
+    if (c->is_post)
+        return "frame bins records footprint shade post 30_composite";
+    return c->has_layers ? "frame bins records footprint fragments insert 30_composite"
+                         : "bins records footprint 30_composite";
+}
+
+unsigned gl_compositor_open(struct gl_state *s, const struct gl_compositor_choices *c,
+                            struct sp_error *err) {
+    struct gl_late_program *own = &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped]
+                                               [c->is_linear][c->is_post][c->has_layers];
+    if (own->program)
+        return own->program;
+    struct sp_error why = { .text = "it failed before; the log has the reason" };
+    char defines[160];
+    snprintf(defines, sizeof defines,
+             "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
+             "#define LINEAR %d\n#define POST %d\n#define LAYERS %d\n",
+             (int)c->mode, c->is_flat, c->is_cubic, c->is_clipped, c->is_linear, c->is_post,
+             c->has_layers);
+    if (!own->is_refused)
+        own->program = gl_program_open(sources_of(c), defines, &why);
+    own->is_refused = !own->program;
+    if (own->is_refused)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no compositor for this view: %s", s->device,
+                why.text);
+    return own->program;
+}
+
+unsigned gl_compositor_find(struct gl_state *s, const struct gl_frame *f,
+                            const struct sp_view *view, bool has_layers, struct sp_error *err) {
+    const struct gl_compositor_choices choices = {
+        .mode = f->compositing,
+        .is_flat = view->filter.mode == SP_FILTER_NONE,
+        .is_cubic = view->filter.kernel == SP_KERNEL_CUBIC,
+        .is_clipped = gl_frame_ewa(f)->clip.count > 0,
+        .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
+        .is_post = f->is_post,
+        .has_layers = has_layers
+    };
+    return gl_compositor_open(s, &choices, err);
+}
+
+void gl_compositor_finish(struct gl_state *s) {
+    struct gl_late_program *own = &s->composite[0][0][0][0][0][0][0];
+    for (size_t i = 0; i < sizeof s->composite / sizeof *own; i++)
+        glDeleteProgram(own[i].program);
+    memset(s->composite, 0, sizeof s->composite);
+}

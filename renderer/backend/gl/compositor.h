@@ -1,0 +1,26 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The programs of shaders/30_composite.glsl, which are compiled when a view first needs them.
+ */
+#ifndef GL_COMPOSITOR_H
+#define GL_COMPOSITOR_H
+
+#include "backend/gl/state.h"
+
+/* What a compositor is compiled for. */
+struct gl_compositor_choices {
+    enum sp_compositing mode;
+    bool is_flat, is_cubic, is_clipped, is_linear, is_post, has_layers;
+};
+
+/* Return the program, and compile it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
+ * context must be current, here and below. */
+unsigned gl_compositor_open(struct gl_state *state, const struct gl_compositor_choices *choices,
+                            struct sp_error *err);
+unsigned gl_compositor_find(struct gl_state *state, const struct gl_frame *frame,
+                            const struct sp_view *view, bool has_layers, struct sp_error *err);
+
+/* Deletes all of them. */
+void gl_compositor_finish(struct gl_state *state);
+
+#endif

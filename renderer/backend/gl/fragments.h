@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Fragments of other layers (frame/fragments.h) on the GPU: those of a band, which the shaders of
+ * the volume insert between its parts (shaders/fragments.glsl).
+ */
+#ifndef GL_FRAGMENTS_H
+#define GL_FRAGMENTS_H
+
+#include "backend/gl/state.h"
+#include "tile/insert.h"
+
+enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
+
+/* The fragments of a frame, and how their depths relate to the layers of the volume's order. Frames
+ * of resampled sheets and those without a volume have no `insert`. */
+struct gl_fragments {
+    struct gl_layers_made made;
+    struct sp_insert insert;
+};
+
+/* Those of rows [y, end) of an image: of a band. */
+struct gl_fragments_part {
+    struct gl_state *state;
+    const struct gl_fragments *fragments; /* NULL = there are none: nothing is done */
+    uint32_t width, y, end;               /* px */
+};
+
+/* Compiles the program at the first use. SP_ERR_UNSUPPORTED. A context must be current, here and
+ * below. */
+bool gl_fragments_open(struct gl_state *state, struct sp_error *err);
+void gl_fragments_close(struct gl_state *state);
+
+/* Reserves memory for a part, and uploads it. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_BACKEND. */
+bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err);
+bool gl_fragments_upload(const struct gl_fragments_part *part, struct sp_error *err);
+
+/* Binds the buffer and sets the uniforms of shaders/insert.glsl. */
+void gl_fragments_use(const struct gl_fragments_part *part);
+
+/* Composites the fragments behind the volume, or all of them if there is none. */
+void gl_fragments_finish(const struct gl_fragments_part *part);
+
+#endif

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Surfaces and shells of a frame (layers/layers.h): the processor makes their fragments.
+ */
+#ifndef GL_LAYERS_H
+#define GL_LAYERS_H
+
+#include "backend/backend.h"
+#include "layers/layers.h"
+
+/* What is kept of them from frame to frame. */
+struct gl_layers {
+    struct sp_surface_cache surfaces;
+    struct sp_shell_cache shells;
+    struct sp_arena *arenas; /* [threads]: of the frame's fragments */
+    unsigned threads;
+};
+
+/* What a frame is made from. */
+struct gl_layers_job {
+    const struct sp_backend_job *job;
+    uint64_t bytes_max;     /* of the caches */
+    struct sp_arena *arena; /* of the frame */
+    struct sp_pool *pool;
+};
+
+/* SP_ERR_MEMORY; call gl_layers_finish() also then. */
+bool gl_layers_init(struct gl_layers *layers, unsigned threads, struct sp_error *err);
+void gl_layers_finish(struct gl_layers *layers);
+
+/* Fragments, and what the stats of a frame say of its shell. */
+struct gl_layers_made {
+    struct sp_fragments fragments;
+    uint64_t visible, splats; /* as in sp_frame_stats */
+    double area;              /* of the splats, px */
+};
+
+/* Makes the fragments of a frame; they are valid until the next call, or until the arena is reset.
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
+                    struct gl_layers_made *made, struct sp_error *err);
+
+/* Bytes that are cached of the volume; NULL = of all volumes. The same for dropping them. */
+uint64_t gl_layers_bytes(const struct gl_layers *layers, const struct sp_volume *volume);
+void gl_layers_evict(struct gl_layers *layers, const struct sp_volume *volume);
+
+#endif

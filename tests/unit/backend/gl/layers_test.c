@@ -1,0 +1,180 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Surfaces and shells, alone and inside the volume, on software GL beside the scalar kernels of the
+ * CPU. conformance.layers compares surfaces with a closed form.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "sp/log.h"
+#include "support/compare.h"
+#include "support/data.h"
+#include "support/sanitized.h"
+#include "unit/backend/gl/resample_rig.h"
+
+/* The layers of a view of the ball, whose values go from 0 to 255. */
+enum layers { SURFACE, SURFACES, SHELL, ALL, LAYERS };
+
+static void add_surface(struct sp_view *view, double value, float opacity) {
+    struct sp_layer *layer = &view->layers[view->layer_count++];
+    *layer = sp_layer_default(SP_LAYER_SURFACE);
+    layer->value = value;
+    layer->opacity = opacity;
+    layer->color[0] = view->layer_count & 1 ? 0.2f : 0.9f;
+}
+
+static void add_shell(struct sp_view *view) {
+    struct sp_layer *layer = &view->layers[view->layer_count++];
+    *layer = sp_layer_default(SP_LAYER_SHELL);
+    layer->low = 0.02;
+    layer->high = 0.4;
+}
+
+static void add_layers(struct sp_view *view, enum layers which) {
+    switch (which) {
+    case SURFACE:
+        add_surface(view, 130, 1);
+        break;
+    case SURFACES:
+        add_surface(view, 90, 0.3f);
+        add_surface(view, 190, 0.6f);
+        break;
+    case SHELL:
+        add_shell(view);
+        break;
+    case ALL:
+        add_surface(view, 90, 0.3f);
+        add_shell(view);
+        add_surface(view, 210, 1);
+        break;
+    case LAYERS:
+        break;
+    }
+}
+
+static const struct {
+    const char *name;
+    enum sp_compositing mode;
+    enum sp_tf_order order;
+    enum sp_filter_mode filter;
+} orders[] = {
+    { "resampled", SP_COMPOSITE_SHEET, SP_TF_POST, SP_FILTER_ADAPTIVE },
+    { "sheets", SP_COMPOSITE_SHEET, SP_TF_PRE, SP_FILTER_ADAPTIVE },
+    { "slabs", SP_COMPOSITE_SLAB, SP_TF_PRE, SP_FILTER_ADAPTIVE },
+    { "splats", SP_COMPOSITE_SPLAT, SP_TF_PRE, SP_FILTER_NONE },
+    { "slabs, post", SP_COMPOSITE_SLAB, SP_TF_POST, SP_FILTER_EWA },
+};
+enum { ORDERS = sizeof orders / sizeof *orders };
+
+static void make_view(struct sp_view *view, const struct sp_volume *volume, int order) {
+    resample_make_view(view, volume, 0, 255);
+    view->compositing.mode = orders[order].mode;
+    view->transfer_function.order = orders[order].order;
+    view->filter.mode = orders[order].filter;
+}
+
+/* Other choices by the bits of n. */
+static void vary(struct sp_view *view, int n) {
+    view->camera.projection = n & 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
+    view->shading.mode = n & 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
+    view->clip.box[0][0] = n & 4 ? 0.3 : 0;
+    view->clip.plane_count = n & 4 ? 1 : 0;
+    view->clip.planes[0] = (struct sp_clip_plane){ { 0.5, 1, 0.7 }, -2 };
+    view->compositing.attenuation = n & 8 ? SP_ATTENUATION_LINEAR : SP_ATTENUATION_EXPONENTIAL;
+}
+
+static void layers_inside_the_volume(void **state) {
+    struct resample_rig *rig = *state;
+    for (int is_rectilinear = 0; is_rectilinear < (TEST_SANITIZED ? 1 : 2); is_rectilinear++) {
+        struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, is_rectilinear);
+        for (int order = 0; order < ORDERS; order++)
+            for (int which = 0; which < LAYERS; which++) {
+                struct sp_view view;
+                char what[60];
+                int n = 5 * order + 3 * which + 7 * is_rectilinear;
+                make_view(&view, volume, order);
+                add_layers(&view, (enum layers)which);
+                vary(&view, n);
+                snprintf(what, sizeof what, "%s, layers %d, axes %d, choice %d", orders[order].name,
+                         which, is_rectilinear, n % 16);
+                resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+            }
+        sp_volume_unref(&volume);
+    }
+    resample_report(rig);
+}
+
+/* Alone on the CPU, a shell is composited in the order of its slices, as fragments in the order of
+ * their depths. */
+static const double as_fragments = 50;
+
+static void layers_without_the_volume(void **state) {
+    struct resample_rig *rig = *state;
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    const double usual = rig->alike;
+    for (int which = 0; which <= LAYERS; which++)
+        for (int n = 0; n < 8; n++) {
+            struct sp_view view;
+            char what[60];
+            make_view(&view, volume, n % ORDERS);
+            view.layer_count = 0;
+            add_layers(&view, (enum layers)which);
+            vary(&view, n);
+            view.background[3] = 0.4f;
+            snprintf(what, sizeof what, "layers %d without the volume, choice %d", which, n);
+            if (which == SHELL)
+                rig->alike = as_fragments;
+            resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+            rig->alike = usual;
+        }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
+/* Images of several axes are mixed; each has all fragments. */
+static void mixed_images(void **state) {
+    struct resample_rig *rig = *state;
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    static const double angles[][2] = { { 44, 10 }, { 45, 35.3 }, { 35, 15 }, { 30, 25 } };
+    for (size_t i = 0; i < sizeof angles / sizeof *angles; i++) {
+        struct sp_view view;
+        double a = angles[i][0] * M_PI / 180, e = angles[i][1] * M_PI / 180;
+        char what[40];
+        make_view(&view, volume, 0);
+        add_layers(&view, ALL);
+        vary(&view, (int)i);
+        view.camera.position[0] = 40 * sin(a) * cos(e);
+        view.camera.position[1] = -40 * cos(a) * cos(e);
+        view.camera.position[2] = 40 * sin(e);
+        snprintf(what, sizeof what, "angles %zu", i);
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+    }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
+int main(void) {
+    struct resample_rig rig;
+    struct sp_error err;
+    sp_log_init(NULL, NULL, SP_LOG_ERROR);
+    if (!resample_rig_open(&rig, &err)) {
+        printf("skipped: no software GL here: %s\n", err.text);
+        resample_rig_close(&rig);
+        return TEST_SKIPPED;
+    }
+#define ON(test)                                                                                   \
+    { #test, test, NULL, NULL, &rig }
+    const struct CMUnitTest tests[] = { ON(layers_inside_the_volume), ON(layers_without_the_volume),
+                                        ON(mixed_images) };
+    int failed = cmocka_run_group_tests(tests, NULL, NULL);
+    resample_rig_close(&rig);
+    return failed;
+}
