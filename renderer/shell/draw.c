@@ -35,6 +35,7 @@ struct band {
     uint32_t begin;                   /* first voxel of the batch, in the order */
     struct sp_shell_record *records;  /* [blocks · BLOCK] */
     uint32_t *written;                /* by block */
+    double *areas;                    /* the same, px */
     uint32_t *counts;                 /* [blocks][tiles] */
     uint32_t *first, *entries;        /* as in struct sp_shell */
     uint32_t capacity;                /* of entries */
@@ -49,52 +50,53 @@ static bool is_cancelled(const struct band *b) {
     return sp_interrupt_is_cancelled(&b->input->interrupt);
 }
 
-static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker) {
-    struct band *b = user;
-    (void)worker;
-    for (size_t n = begin; n < end && !is_cancelled(b); n++) {
-        uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->order->count - at;
-        b->written[n] =
-            b->input->kernels->set_up(b->frame, b->list, b->order->voxels + at,
-                                      left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
-    }
-}
-
 /* Tiles that a record touches: columns [c0, c1], rows [r0, r1]. */
 struct span {
-    int c0, r0, c1, r1;
+    unsigned c0, r0, c1, r1;
 };
 
 static inline struct span find_span(const struct band *b, const struct sp_shell_record *r) {
-    return (struct span){ r->x0 / SP_SHELL_TILE, (r->y0 - b->y) / SP_SHELL_TILE,
-                          (r->x1 - 1) / SP_SHELL_TILE, (r->y1 - 1 - b->y) / SP_SHELL_TILE };
+    return (struct span){ (unsigned)r->x0 / SP_SHELL_TILE, (unsigned)(r->y0 - b->y) / SP_SHELL_TILE,
+                          (unsigned)(r->x1 - 1) / SP_SHELL_TILE,
+                          (unsigned)(r->y1 - 1 - b->y) / SP_SHELL_TILE };
 }
 
-static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+/* Sets up blocks of voxels and counts on how many tiles their splats lie. */
+static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct band *b = user;
+    const unsigned columns = (unsigned)b->columns;
     (void)worker;
     for (size_t n = begin; n < end && !is_cancelled(b); n++) {
+        uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->order->count - at;
+        const struct sp_shell_record *records = b->records + n * BLOCK;
         uint32_t *counts = b->counts + n * b->tiles;
+        double area = 0;
+        b->written[n] =
+            b->input->kernels->set_up(b->frame, b->list, b->order->voxels + at,
+                                      left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
         memset(counts, 0, b->tiles * sizeof *counts);
         for (uint32_t i = 0; i < b->written[n]; i++) {
-            struct span s = find_span(b, &b->records[n * BLOCK + i]);
-            for (int r = s.r0; r <= s.r1; r++)
-                for (int c = s.c0; c <= s.c1; c++)
-                    counts[r * b->columns + c]++;
+            struct span s = find_span(b, &records[i]);
+            area += (double)records[i].area;
+            for (unsigned r = s.r0; r <= s.r1; r++)
+                for (unsigned c = s.c0; c <= s.c1; c++)
+                    counts[r * columns + c]++;
         }
+        b->areas[n] = area;
     }
 }
 
 static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct band *b = user;
+    const unsigned columns = (unsigned)b->columns;
     (void)worker;
     for (size_t n = begin; n < end && !is_cancelled(b); n++) {
         uint32_t *next = b->counts + n * b->tiles;
         for (uint32_t i = 0; i < b->written[n]; i++) {
             struct span s = find_span(b, &b->records[n * BLOCK + i]);
-            for (int r = s.r0; r <= s.r1; r++)
-                for (int c = s.c0; c <= s.c1; c++)
-                    b->entries[next[r * b->columns + c]++] = (uint32_t)(n * BLOCK) + i;
+            for (unsigned r = s.r0; r <= s.r1; r++)
+                for (unsigned c = s.c0; c <= s.c1; c++)
+                    b->entries[next[r * columns + c]++] = (uint32_t)(n * BLOCK) + i;
         }
     }
 }
@@ -166,17 +168,15 @@ static void begin_batch(struct band *b, uint32_t begin) {
     b->begin = begin;
     b->blocks = left < BATCH_BLOCKS ? left : BATCH_BLOCKS;
     sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
-    sp_parallel_for(b->input->pool, b->blocks, 1, count_blocks, b);
     for (uint32_t n = 0; n < b->blocks && !is_cancelled(b); n++) {
         b->drawn += b->written[n];
-        for (uint32_t i = 0; i < b->written[n]; i++)
-            b->area += (double)b->records[(size_t)n * BLOCK + i].area;
+        b->area += b->areas[n];
     }
 }
 
 static bool all_closed(const struct band *b) {
     for (uint32_t t = 0; t < b->tiles && !b->is_single; t++)
-        if (b->tiles_open[t].open)
+        if (b->tiles_open[t].open_count)
             return false;
     return !b->is_single;
 }
@@ -309,6 +309,7 @@ static bool allocate(struct band *b, uint32_t tiles) {
     unsigned kept = b->is_single ? sp_pool_threads(b->input->pool) : tiles;
     b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
     b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
+    b->areas = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->areas);
     b->counts = sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * tiles, sizeof *b->counts);
     b->first = sp_arena_alloc(arena, "bins", tiles + (size_t)1, sizeof *b->first);
     b->entries = sp_arena_alloc(arena, "bin entries", b->capacity, sizeof *b->entries);
@@ -355,21 +356,20 @@ static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err
     b->tiles = (uint32_t)(b->columns * b->rows);
     b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
     b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
+    b->areas = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->areas);
     b->counts =
         sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * b->tiles, sizeof *b->counts);
     b->first = sp_arena_alloc(arena, "bins", b->tiles + (size_t)1, sizeof *b->first);
     if (arena->failed)
         return fail_memory(arena, err);
     sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
-    sp_parallel_for(b->input->pool, b->blocks, 1, count_blocks, b);
     if (is_cancelled(b))
         return fail_cancelled(err);
     uint64_t total = 0;
     for (uint32_t n = 0; n < b->blocks; n++) {
         total += block_total(b, n);
         shell->drawn += b->written[n];
-        for (uint32_t i = 0; i < b->written[n]; i++)
-            shell->area += (double)b->records[(size_t)n * BLOCK + i].area;
+        shell->area += b->areas[n];
     }
     b->entries = total > UINT32_MAX
                      ? NULL

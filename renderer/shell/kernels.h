@@ -46,9 +46,9 @@ struct sp_shell_record {
  * cell is four pixels wide; cells follow each other row by row. */
 struct sp_shell_tile {
     _Alignas(64) float cells[SP_SHELL_PIXELS * 4];
-    uint8_t is_closed[SP_SHELL_PIXELS / 4]; /* by cell: nothing behind it is seen */
-    uint32_t open;                          /* cells that are not closed */
-    int x, y;                               /* of its corner in the image */
+    uint8_t open[SP_SHELL_TILE]; /* by row of cells: bit c = column c lets some light through */
+    uint32_t open_count;         /* such cells */
+    int x, y;                    /* of its corner in the image */
 };
 
 struct sp_shell_kernels {

@@ -168,8 +168,8 @@ static uint32_t *add_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t 
     const struct sp_shell_list *list = s->job->list;
     const uint32_t *first = list->first + (uint64_t)z * list->dims[1] + y;
     unsigned need = s->axes[1].need[y] | s->axes[2].need[z];
-    uint32_t split = first[0];
-    while (split < first[1] && list->voxels[split].at[0] < s->axes[0].split)
+    uint32_t split = s->axes[0].split >= list->dims[0] ? first[1] : first[0];
+    while (s->axes[0].split && split < first[1] && list->voxels[split].at[0] < s->axes[0].split)
         split++;
     if (s->has_near) {
         out = add_near(s, split, first[1], false, need, out);

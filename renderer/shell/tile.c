@@ -32,9 +32,9 @@ void sp_shell_start(struct sp_shell_tile *tile, int x, int y, const int size[2])
     const sp_wide one = sp_wide_all(1);
     tile->x = x;
     tile->y = y;
-    tile->open = 0;
+    tile->open_count = 0;
     memset(tile->cells, 0, sizeof tile->cells);
-    memset(tile->is_closed, 1, sizeof tile->is_closed);
+    memset(tile->open, 0, sizeof tile->open);
     for (int row = 0; row * CELL_ROWS < SP_SHELL_TILE; row++)
         for (int column = 0; column < CELLS; column++) {
             sp_wide right = lane_columns() + (float)(x + 4 * column);
@@ -42,8 +42,8 @@ void sp_shell_start(struct sp_shell_tile *tile, int x, int y, const int size[2])
             sp_wide_mask inside = sp_wide_lt(right, sp_wide_all((float)size[0])) &
                                   sp_wide_lt(down, sp_wide_all((float)size[1]));
             sp_wide_store(cell_at(tile, column, row), sp_wide_keep(inside, one));
-            tile->is_closed[row * CELLS + column] = !sp_wide_any(inside);
-            tile->open += sp_wide_any(inside);
+            tile->open[row] |= (uint8_t)(sp_wide_any(inside) << column);
+            tile->open_count += sp_wide_any(inside);
         }
 }
 
@@ -111,22 +111,27 @@ static inline sp_wide_mask find_open(const float *cell) {
     return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), sp_wide_load(cell));
 }
 
-static inline void close_cell(struct sp_shell_tile *tile, int index) {
-    tile->is_closed[index] = 1;
-    tile->open--;
+static inline void close_cell(struct sp_shell_tile *tile, int column, int row) {
+    tile->open[row] &= (uint8_t) ~(1u << column);
+    tile->open_count--;
+}
+
+/* The columns [x0, x1] as bits. */
+static inline unsigned column_bits(const struct cells *c) {
+    return (2u << c->x1) - (1u << c->x0);
 }
 
 static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
                                 const struct sp_shell_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
+    const unsigned columns = column_bits(&c);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
     for (int row = c.y0; row <= c.y1; row++) {
         sp_wide dy = dy0 + (float)(CELL_ROWS * row);
-        for (int column = c.x0; column <= c.x1; column++) {
-            if (tile->is_closed[row * CELLS + column])
-                continue;
+        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
+            int column = __builtin_ctz(bits);
             float *cell = cell_at(tile, column, row);
             sp_wide power = find_power(r, dx0 + (float)(4 * column), dy);
             sp_wide_mask covered = sp_wide_le(power, cut) & find_open(cell);
@@ -134,7 +139,7 @@ static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shel
                 continue;
             sp_wide pass = attenuate(f, r->depth * exp2_within(-power));
             if (composite(r, pass, covered, cell))
-                close_cell(tile, row * CELLS + column);
+                close_cell(tile, column, row);
         }
     }
 }
@@ -142,26 +147,26 @@ static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shel
 static inline void add_flat(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
                             const struct sp_shell_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
+    const unsigned columns = column_bits(&c);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
     const sp_wide right = lane_columns() + ((float)tile->x + 0.5f);
     const sp_wide down = lane_rows() + ((float)tile->y + 0.5f);
     for (int row = c.y0; row <= c.y1; row++)
-        for (int column = c.x0; column <= c.x1; column++) {
-            if (tile->is_closed[row * CELLS + column])
-                continue;
+        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
+            int column = __builtin_ctz(bits);
             float *cell = cell_at(tile, column, row);
             sp_wide_mask covered =
                 cover_box(r, right + (float)(4 * column), down + (float)(CELL_ROWS * row)) &
                 find_open(cell);
             if (sp_wide_any(covered) && composite(r, pass, covered, cell))
-                close_cell(tile, row * CELLS + column);
+                close_cell(tile, column, row);
         }
 }
 
 void sp_shell_add(struct sp_shell_tile *tile, const struct sp_shell_frame *frame,
                   const struct sp_shell_record *records, const uint32_t *entries, uint32_t count) {
     enum { AHEAD = 8 };
-    for (uint32_t e = 0; e < count && tile->open; e++) {
+    for (uint32_t e = 0; e < count && tile->open_count; e++) {
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
         if (frame->mode == SP_FILTER_NONE)
