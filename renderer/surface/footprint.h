@@ -9,6 +9,8 @@
 #include "surface/surface.h"
 
 enum { SURFACE_LANES = 16 }; /* the largest SP_WIDE */
+/* A pixel is covered completely from this weight on: the ripple inside of a surface is smaller. */
+#define SURFACE_FULL 0.94f
 
 /* Footprints of SP_WIDE points in a tile; pixels are counted from its corner. The weight of a pixel
  * at d is peak·2^−p, p = a·dx² + b·dx·dy + c·dy² < frame.cut, and its depth is depth + slope·d. */

@@ -2,7 +2,7 @@
  *
  * The points of an iso-surface: where it crosses the cells between samples.
  *
- *   cell of 8 samples ─► one point per piece of surface in it: place, vector area, normal
+ *   cell of 8 samples ─► one point per piece of surface in it: place, vector area, normal, bend
  *
  * The surface is f = v of the trilinear interpolant f of the samples; f >= v is inside. README.md
  * of this folder derives the three quantities. Points are kept in blocks of 8³ cells, so that
@@ -17,6 +17,7 @@ enum { SURFACE_POINTS_BEYOND = 16 }; /* more of each array can be read */
 #define SURFACE_PLACE_STEPS 8192.0f  /* per cell */
 #define SURFACE_AREA_STEPS 16384.0f  /* per face of a cell */
 #define SURFACE_NORMAL_STEPS 32767.0f
+#define SURFACE_BEND_STEPS 32767.0f
 
 struct sp_surface_block {
     uint32_t corner[3]; /* first cell = first sample */
@@ -28,10 +29,13 @@ struct sp_surface_block {
 struct sp_surface_points {
     uint32_t block_count;
     uint64_t count;
+    uint8_t split[3]; /* each cell is split into so many parts along the axes, 1 to 4 */
     struct sp_surface_block *blocks;
     uint16_t *at[3];    /* from the block's corner [cell/SURFACE_PLACE_STEPS] */
     int16_t *area[3];   /* from inside to outside, in index space [SURFACE_AREA_STEPS per face] */
     int16_t *normal[3]; /* unit gradient, world; 0 = the gradient is 0 */
+    int16_t *bend;      /* how far discs of one voxel's deviation are moved along the normal, so
+                           that they lie on the surface on average [cells/SURFACE_BEND_STEPS] */
 };
 
 /* Extracts the points of the value. The order of the points does not depend on threads. Fails

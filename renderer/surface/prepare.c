@@ -34,6 +34,11 @@ static struct sp_filter choose_filter(const struct sp_filter *view) {
     return filter;
 }
 
+/* Discs of a ball are moved this many times the distance that brings them to the surface on
+ * average: then its silhouette keeps its place, and weights inside of it add up to 1 (README.md).
+ */
+static const float bend = 1.5f;
+
 static void init_frame(struct sp_surface *s, const struct sp_surface_input *input) {
     struct sp_view view = *input->view;
     view.filter = choose_filter(&input->view->filter);
@@ -50,12 +55,15 @@ static void init_frame(struct sp_surface *s, const struct sp_surface_input *inpu
             s->facing[r][a] = (float)cofactor;
             sign += cofactor * m[r][a];
             square += m[r][a] * m[r][a];
+            s->frame.kernel[r][a] /= (float)input->points->split[a];
         }
+        square /= (double)input->points->split[a] * input->points->split[a];
         largest = fmax(largest, square);
     }
     for (int i = 0; i < 9 && sign < 0; i++)
         s->facing[i / 3][i % 3] *= -1;
     s->reach = s->frame.radius * s->frame.sigma * (float)sqrt(largest);
+    s->bend = bend * s->frame.sigma * s->frame.sigma / SURFACE_BEND_STEPS;
     s->stretch = 1;
     if (s->frame.projection == SP_PERSPECTIVE)
         s->stretch += fmaxf(s->frame.ratio_max[0], s->frame.ratio_max[1]);
@@ -198,6 +206,41 @@ static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
     return starts[DEPTH_RANGES];
 }
 
+/* Lists the faces of the volume that the surface comes near, where it ends. */
+static void find_borders(struct sp_surface *s, const struct sp_surface_input *input) {
+    const struct sp_grid *grid = input->grid;
+    const uint32_t near = SURFACE_BLOCK; /* cells; more than kernels reach */
+    struct sp_mat3 direction;
+    double det;
+    bool touches[3][2] = { { false } };
+    for (uint32_t b = 0; b < s->points->block_count; b++)
+        for (int a = 0; a < 3; a++) {
+            const uint32_t corner = s->points->blocks[b].corner[a];
+            touches[a][0] = touches[a][0] || corner < near;
+            touches[a][1] = touches[a][1] || corner + 2 * near >= grid->dims[a];
+        }
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            direction.m[r][a] = grid->direction[r][a];
+    const struct sp_mat3 inverse = sp_mat3_inverse(&direction, &det);
+    s->borders.count = 0;
+    for (unsigned a = 0; a < 3; a++)
+        for (int side = 0; side < 2; side++) {
+            struct sp_vec3 n = sp_vec3_from(inverse.m[a]), at = { { 0 } };
+            if (!touches[a][side])
+                continue;
+            n = sp_vec3_scale(n, (side ? -1 : 1) / sp_vec3_length(n));
+            const double end = side ? sp_grid_distance(grid, a, grid->dims[a] - 1) : 0;
+            for (int r = 0; r < 3; r++)
+                at.v[r] = grid->origin[r] + end * grid->direction[r][a] - input->camera->eye.v[r];
+            struct sp_clip_half *half = &s->borders.planes[s->borders.count++];
+            const struct sp_vec3 c = sp_mat3_apply(&input->camera->w, n);
+            half->offset = (float)(sp_vec3_dot(n, at) / s->frame.unit);
+            for (int r = 0; r < 3; r++)
+                half->normal[r] = (float)c.v[r];
+        }
+}
+
 static bool bin_blocks(struct sp_surface *s, uint32_t count, struct sp_arena *arena,
                        struct sp_error *err) {
     struct sp_tile_grid grid = { .columns = s->columns, .rows = s->rows };
@@ -233,6 +276,7 @@ bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface 
     for (int c = 0; c < 3; c++)
         s->color[c] = layer->color[c];
     init_frame(s, input);
+    find_borders(s, input);
     s->columns = (s->frame.size[0] + SP_TILE - 1) / SP_TILE;
     s->rows = (s->frame.size[1] + SP_TILE - 1) / SP_TILE;
     const uint32_t count = input->points->block_count;

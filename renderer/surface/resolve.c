@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
-#include "splat/exp2.h"
+#include "splat/normal.h"
 #include "surface/footprint.h"
 
-static const float full = 0.96f;        /* weight from which on a pixel is covered (tile.c) */
+static const float full = SURFACE_FULL;
 static const float least = 1.0f / 4096; /* smaller coverage is not drawn */
 
 /* One row of a sheet, resolved. */
@@ -20,10 +20,15 @@ static inline void find_ray(const struct sp_ewa_frame *f, int x, int y, sp_wide 
     ray[1] = sp_wide_all(((float)y + 0.5f - f->centre[1]) * inverse);
 }
 
-/* How much the plane keeps of pixels: its distance from the plane over its change per pixel, along
- * the sheet. */
-static inline sp_wide plane_share(const struct sp_ewa_frame *f, const struct sp_clip_half *h,
-                                  const sp_wide ray[2], sp_wide depth, const sp_wide n[3]) {
+/* A sheet at pixels, as a plane sees it. */
+struct crossing {
+    sp_wide value; /* distance from the plane, positive where it keeps [cells] */
+    sp_wide step;  /* how much that changes per pixel */
+};
+
+static inline void cross(const struct sp_ewa_frame *f, const struct sp_clip_half *h,
+                         const sp_wide ray[2], sp_wide depth, const sp_wide n[3],
+                         struct crossing *out) {
     const bool is_perspective = f->projection == SP_PERSPECTIVE;
     const sp_wide tiny = sp_wide_all(1e-20f);
     sp_wide across, along, value, change[2];
@@ -44,9 +49,64 @@ static inline sp_wide plane_share(const struct sp_ewa_frame *f, const struct sp_
     for (int i = 0; i < 2; i++)
         change[i] = h->normal[i] - along * n[i] / across;
     sp_wide step = sp_wide_sqrt(change[0] * change[0] + change[1] * change[1]);
-    step *= (is_perspective ? depth : sp_wide_all(1)) / f->scale;
-    sp_wide share = value / sp_wide_max(step, tiny) + 0.5f;
+    out->value = value;
+    out->step = sp_wide_max(step * (is_perspective ? depth : sp_wide_all(1)) / f->scale, tiny);
+}
+
+/* How much the plane keeps of pixels. */
+static inline sp_wide keep(const struct crossing *c) {
+    sp_wide share = c->value / c->step + 0.5f;
     return sp_wide_min(sp_wide_max(share, sp_wide_all(0)), sp_wide_all(1));
+}
+
+static inline sp_wide plane_share(const struct sp_ewa_frame *f, const struct sp_clip_half *h,
+                                  const sp_wide ray[2], sp_wide depth, const sp_wide n[3]) {
+    struct crossing c;
+    cross(f, h, ray, depth, n, &c);
+    return keep(&c);
+}
+
+/* Variance of the flat kernel along a direction. */
+static inline sp_wide kernel_variance(const struct sp_surface *s, const float direction[3],
+                                      const sp_wide n[3]) {
+    sp_wide sum = sp_wide_all(0), mixed = sum, square = sp_wide_all(1e-30f);
+    for (int a = 0; a < 3; a++) {
+        float k = 0;
+        sp_wide q = sp_wide_all(0);
+        for (int r = 0; r < 3; r++) {
+            k += direction[r] * s->frame.kernel[r][a];
+            q += n[r] * s->frame.kernel[r][a];
+        }
+        sum += k * k;
+        mixed += k * q;
+        square += q * q;
+    }
+    /* |k − squeeze·(k·q)·q|² with q of unit length */
+    return sum - s->squeeze * (2 - s->squeeze) * mixed * mixed / square;
+}
+
+/* Beside a border of the volume only the kernels of one side exist. Raises the weight to what it
+ * would be without the border, and cuts the surface there. */
+static sp_wide end_at_borders(const struct sp_surface *s, int x, int y, sp_wide depth,
+                              const sp_wide n[3], sp_wide weight, sp_wide *share) {
+    const struct sp_ewa_frame *f = &s->frame;
+    const float least_side = 0.2f;
+    sp_wide ray[2];
+    find_ray(f, x, y, ray);
+    *share = sp_wide_all(1);
+    for (uint32_t i = 0; i < s->borders.count; i++) {
+        const struct sp_clip_half *h = &s->borders.planes[i];
+        struct crossing c;
+        cross(f, h, ray, depth, n, &c);
+        if (!sp_wide_any(sp_wide_lt(c.value, s->reach + 4 * c.step)))
+            continue;
+        sp_wide variance = kernel_variance(s, h->normal, n) + f->lowpass2 * c.step * c.step;
+        sp_wide deviation = sp_wide_sqrt(sp_wide_max(variance, sp_wide_all(1e-12f)));
+        sp_wide side = sp_wide_normal_share(c.value / deviation);
+        weight /= sp_wide_max(side, sp_wide_all(least_side));
+        *share *= keep(&c);
+    }
+    return weight;
 }
 
 sp_wide sp_surface_clip_share(const struct sp_surface *s, int x, int y, sp_wide depth,
@@ -81,6 +141,14 @@ static inline void shade(const struct sp_surface *s, int x, int y, const sp_wide
     sp_shade_direction(s->shade, world, to_eye, color);
 }
 
+/* Weights ripple a little inside of a surface, which must be covered completely. Below a half, they
+ * are the coverage, so that small things keep their energy and silhouettes their place. */
+static inline sp_wide cover(sp_wide weight) {
+    const sp_wide half = sp_wide_all(0.5f);
+    sp_wide above = half + (weight - half) * (0.5f / (full - 0.5f));
+    return sp_wide_select(sp_wide_lt(weight, half), weight, sp_wide_min(above, sp_wide_all(1)));
+}
+
 static void resolve_row(const struct sp_surface *s, const struct sp_surface_sheet_row *row, int x0,
                         int y, struct resolved *out) {
     const sp_wide tiny = sp_wide_all(1e-30f), one = sp_wide_all(1), none = sp_wide_all(0);
@@ -90,7 +158,6 @@ static void resolve_row(const struct sp_surface *s, const struct sp_surface_shee
         if (!sp_wide_any(sp_wide_lt(sp_wide_all(least), w)))
             continue;
         sp_wide depth = sp_wide_load(row->depth + x) / sp_wide_max(w, tiny) + s->depth_first;
-        sp_wide coverage = sp_wide_min(w * (1 / full), one);
         for (int r = 0; r < 3; r++) {
             normal[r] = sp_wide_load(row->normal[r] + x);
             square += normal[r] * normal[r];
@@ -99,6 +166,10 @@ static void resolve_row(const struct sp_surface *s, const struct sp_surface_shee
         sp_wide_mask has_side = sp_wide_lt(w * 1e-3f, length);
         for (int r = 0; r < 3; r++)
             normal[r] = sp_wide_keep(has_side, normal[r] / sp_wide_max(length, tiny));
+        sp_wide share = one;
+        if (s->borders.count)
+            w = end_at_borders(s, x0 + x, y, depth, normal, w, &share);
+        sp_wide coverage = cover(w) * share;
         shade(s, x0 + x, y, normal, color);
         if (s->clip.count || s->cuts_near)
             coverage *= sp_surface_clip_share(s, x0 + x, y, depth, normal);

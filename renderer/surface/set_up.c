@@ -66,19 +66,28 @@ static inline void read_normals(const struct sp_surface *s, uint64_t first, stru
         const float *w = s->to_camera[r];
         p->normal[r] = w[0] * n[0] + w[1] * n[1] + w[2] * n[2];
     }
+    sp_wide bend = load_shorts(s->points->bend + first) * s->bend;
+    for (int r = 0; r < 3; r++)
+        p->u[r] += p->normal[r] * bend;
 }
 
-/* Rows of the kernel, flattened along the normal: (I − (1 − 1/s)·n·nᵀ)·K. */
+/* Rows of the kernel, flattened along q, the direction of the gradient in index space:
+ * K·(I − (1 − 1/s)·q·qᵀ), q = Kᵀn/|Kᵀn|. */
 static inline void flatten(const struct sp_surface *s, const struct points *p, sp_wide k[3][3]) {
+    sp_wide q[3], square = sp_wide_all(1e-30f);
     for (int a = 0; a < 3; a++) {
-        sp_wide along = sp_wide_all(0);
+        q[a] = sp_wide_all(0);
         for (int r = 0; r < 3; r++) {
             k[r][a] = s->frame.kernel[r][a] * p->size[a];
-            along += p->normal[r] * k[r][a];
+            q[a] += p->normal[r] * k[r][a];
         }
-        along *= s->squeeze;
-        for (int r = 0; r < 3; r++)
-            k[r][a] -= p->normal[r] * along;
+        square += q[a] * q[a];
+    }
+    sp_wide factor = s->squeeze / square;
+    for (int r = 0; r < 3; r++) {
+        sp_wide along = dot(k[r], q) * factor;
+        for (int a = 0; a < 3; a++)
+            k[r][a] -= along * q[a];
     }
 }
 
@@ -147,6 +156,21 @@ static inline sp_wide thickness(const struct sp_ewa_frame *f, const struct point
     return sp_wide_sqrt(sum);
 }
 
+/* How far the low-pass filter spreads the depths of a plane that the footprint belongs to [cells].
+ * Planes steeper than 76° count as that steep. */
+static inline sp_wide spread(const struct sp_ewa_frame *f, const struct points *p,
+                             sp_wide inverse) {
+    const bool is_perspective = f->projection == SP_PERSPECTIVE;
+    const sp_wide one = sp_wide_all(1), steepest = sp_wide_all(4);
+    sp_wide x = is_perspective ? p->u[0] * inverse : sp_wide_all(0);
+    sp_wide y = is_perspective ? p->u[1] * inverse : sp_wide_all(0);
+    sp_wide across = p->normal[0] * x + p->normal[1] * y + p->normal[2];
+    sp_wide square = across * across * sp_wide_inverse(x * x + y * y + one); /* of the cosine */
+    square = sp_wide_min(sp_wide_max(square, sp_wide_all(0.05f)), one);
+    sp_wide slope = sp_wide_min(sp_wide_sqrt(1 / square - 1), steepest);
+    return slope * (f->radius * 0.5f * sqrtf(f->lowpass2)) / (f->scale * inverse);
+}
+
 /* Writes everything but centres and normals. Returns which footprints touch the tile. */
 static inline sp_wide_mask write_ellipses(const struct sp_surface *s, const struct points *p,
                                           sp_wide inverse, struct sp_surface_footprints *out) {
@@ -174,7 +198,8 @@ static inline sp_wide_mask write_ellipses(const struct sp_surface *s, const stru
     sp_wide_store(out->depth, p->u[2] - s->depth_first);
     sp_wide_store(out->slope[0], slope[0]);
     sp_wide_store(out->slope[1], slope[1]);
-    sp_wide_store(out->tolerance, s->tolerance * (thickness(f, p) + sp_wide_sqrt(rest)));
+    sp_wide_store(out->tolerance,
+                  s->tolerance * (thickness(f, p) + sp_wide_sqrt(rest) + spread(f, p, inverse)));
     out->back = sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), image.facing));
     return sp_wide_lt(sp_wide_all(1e-6f), peak) & sp_wide_lt(peak, sp_wide_all(1e30f)) &
            store_box(out->x0, out->x1, x, f->radius * sp_wide_sqrt(v00 + h2)) &
@@ -191,6 +216,7 @@ void sp_surface_set_up(const struct sp_surface *s, const struct sp_surface_cells
     struct points p;
     out->seen = 0;
     read_places(s, cells, first, &p);
+    read_normals(s, first, &p);
     sp_wide inverse = is_perspective ? 1 / sp_wide_max(p.u[2], near) : one;
     sp_wide scale = f->scale * inverse;
     sp_wide x = f->centre[0] - (float)corner[0] + scale * p.u[0];
@@ -205,7 +231,6 @@ void sp_surface_set_up(const struct sp_surface *s, const struct sp_surface_cells
         alive = alive & is_kept(s, &p, s->reach * largest + (blur + 2) / scale);
     if (!sp_wide_any(alive))
         return;
-    read_normals(s, first, &p);
     sp_wide_store(out->x, x);
     sp_wide_store(out->y, y);
     for (int r = 0; r < 3; r++)

@@ -46,17 +46,19 @@ struct sp_surface {
     bool is_opaque;
     float facing[3][3]; /* vector area in index space → camera space [cells²] */
     float squeeze;      /* 1 − 1/flatness */
+    float bend;         /* factor of points->bend: cells per step times σ² */
     float tolerance;    /* footprints of one sheet are closer than this [kernel deviations] */
     float reach;        /* of the largest kernel [cells] */
     float stretch;      /* beside the image's centre kernels look at most this much larger */
     float depth_first;  /* depths of sheets are relative to this [cells] */
     float to_camera[3][3];
     struct sp_clip_frame clip;
-    bool cuts_near;          /* some of it is nearer than the near plane */
-    int columns, rows;       /* of tiles */
-    struct sp_splat *blocks; /* in front-to-back order: box, `sheet` = number of the block in
-                                points, `depth` = where it begins [cells] */
-    struct sp_bins bins;     /* entries: numbers of `blocks` */
+    struct sp_clip_frame borders; /* faces of the volume near which some of it lies */
+    bool cuts_near;               /* some of it is nearer than the near plane */
+    int columns, rows;            /* of tiles */
+    struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block in
+                                     points, `depth` = where it begins [cells] */
+    struct sp_bins bins;          /* entries: numbers of `blocks` */
 };
 
 struct sp_surface_sheet_row {

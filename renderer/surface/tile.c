@@ -5,8 +5,7 @@
 #include "surface/footprint.h"
 #include "volume/grid.h"
 
-/* Coverage is complete from this weight on: the ripple of a plane's weights is smaller. */
-static const float full = 0.96f;
+static const float full = SURFACE_FULL;
 
 static void init_cells(const struct sp_surface *s, const struct sp_surface_block *block,
                        struct sp_surface_cells *cells) {

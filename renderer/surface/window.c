@@ -5,6 +5,14 @@
 
 #include "volume/grid.h"
 
+/* Scales values so that the largest difference from the iso-value is about 2: neither squares nor
+ * differences overflow. Halves keep the largest doubles finite. */
+static double find_scale(const struct sp_volume_info *info, double value) {
+    double scale =
+        2 / fmax(fabs(info->range[1] / 2 - value / 2), fabs(info->range[0] / 2 - value / 2));
+    return scale < (double)INFINITY ? scale : 1;
+}
+
 /* The part of a row that is inside the volume: samples [from, to) of the window. */
 struct part {
     int from, to;
@@ -15,13 +23,13 @@ struct part {
     case name: {                                                                                   \
         const type *from = (const type *)sp_volume_voxels(volume) + part->first;                   \
         for (int x = part->from; x < part->to; x++) {                                              \
-            float f = (float)((double)from[x - part->from] - value);                               \
+            float f = (float)(((double)from[x - part->from] / 2 - value / 2) * scale);             \
             row[x] = fabsf(f) < INFINITY ? f : NAN;                                                \
         }                                                                                          \
     } break
 
 static void read_row(float *row, const struct sp_volume *volume, const struct part *part,
-                     double value) {
+                     double value, double scale) {
     for (int x = 0; x < SURFACE_WINDOW; x++)
         row[x] = NAN;
     switch (sp_volume_info(volume)->type) {
@@ -41,6 +49,7 @@ static void read_row(float *row, const struct sp_volume *volume, const struct pa
 void sp_surface_window_read(struct sp_surface_window *window, const struct sp_volume *volume,
                             double value, const uint32_t corner[3]) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    const double scale = find_scale(sp_volume_info(volume), value);
     int from[3], to[3];
     for (unsigned a = 0; a < 3; a++) {
         int64_t last = (int64_t)grid->dims[a] - corner[a] + 1;
@@ -63,7 +72,7 @@ void sp_surface_window_read(struct sp_surface_window *window, const struct sp_vo
                               (uint64_t)y - 1) *
                                  grid->dims[0] +
                              corner[0] + (uint64_t)from[0] - 1;
-            read_row(window->f[z][y], volume, &part, value);
+            read_row(window->f[z][y], volume, &part, value, scale);
         }
 }
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The samples of a block of cells and those one farther, relative to an iso-value.
+ * The samples of a block of cells and those one farther, minus the iso-value, scaled to about ±2.
  */
 #ifndef SP_SURFACE_WINDOW_H
 #define SP_SURFACE_WINDOW_H
