@@ -2,27 +2,15 @@
 // The section "Layers": every control and the patches that it sends, by mouse, keyboard and touch, the marks above the histogram, undo, who
 // may edit; then pictures of the real daemon.
 import assert from 'node:assert/strict';
-import { existsSync, readFileSync } from 'node:fs';
-import { after, before, test } from 'node:test';
-import { fileURLToPath } from 'node:url';
+import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { difference, firstFrame, launch, openPage, pixels, rest, shot, until } from '../support/browser.mjs';
+import { NEEDS_AXE, checkAxe, difference, pixels, rest, share, shot, until, visit, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
-import { MockDaemon, volume } from '../support/mock-daemon.mjs';
+import { volume } from '../support/mock-daemon.mjs';
 
-const AXE = fileURLToPath(new URL('../../node_modules/axe-core/axe.min.js', import.meta.url));
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const LARGE = { viewport: { width: 1000, height: 1000 } };
-let browser;
-let real;
-before(async () => {
-  browser = await launch();
-  real = await startDaemon(['--volume', 'demo:engine?size=48', '--backend', 'cpu', '--control-time', '600']);
-});
-after(async () => {
-  await browser?.close();
-  await real?.stop();
-});
+const { browser, daemon: real } = await share(() => startDaemon(['--volume', 'demo:engine?size=48', '--backend', 'cpu', '--control-time', '600']));
 
 const rowOf = (page, index) => page.locator(`#layer-list [data-index="${index}"]`);
 const eye = (page, name) => page.getByRole('button', { name: `Show ${name}`, exact: true });
@@ -31,36 +19,26 @@ const layersIn = (page) => page.evaluate(() => window.splatd.view.layers);
 const drawn = (page) => page.evaluate(() => new Promise((then) => { requestAnimationFrame(() => requestAnimationFrame(() => then())); }));
 
 async function setUp(context, options = LARGE, change = {}) {
-  const daemon = await MockDaemon.start(change);
-  const opened = await openPage(browser, options);
-  context.after(async () => {
-    await opened.context.close();
-    await daemon.kill().catch(() => {});
-  });
+  const opened = await visitMock(context, browser, { options, change });
   const { page } = opened;
-  await page.goto(daemon.url);
-  await firstFrame(page);
   if (options.isMobile) await page.tap('#panel-toggle');
   await until(page, 'the histogram', () => document.querySelectorAll('#transfer-curve .handle').length > 0 && !document.getElementById('transfer-kind').disabled);
-  const idle = () => until(page, 'all answered', (s) => s.isIdle);
-  const it = {
-    daemon, page, idle, ...opened,
-    async patches(act) {
-      await idle();
-      const from = daemon.heard.length;
+  return {
+    ...opened,
+    /** The layers that an action sends, in one patch. */
+    async patch(act) {
+      const patch = await opened.patch(async () => {
+        await act();
+        await drawn(page);
+      });
+      assert.deepEqual(Object.keys(patch), ['layers']);
+      return patch.layers;
+    },
+    patches: (act) => opened.patches(async () => {
       await act();
       await drawn(page);
-      await idle();
-      return daemon.heard.slice(from).filter((m) => m.method === 'view.update').map((m) => m.params.patch);
-    },
-    async patch(act) {
-      const all = await it.patches(act);
-      assert.equal(all.length, 1, JSON.stringify(all));
-      assert.deepEqual(Object.keys(all[0]), ['layers']);
-      return all[0].layers;
-    },
+    }),
   };
-  return it;
 }
 
 test('a surface and a shell are added, hidden and removed', async (context) => {
@@ -264,21 +242,17 @@ test('changes of others appear, and without control nothing can be changed', asy
 });
 
 for (const colorScheme of ['dark', 'light']) {
-  test(`axe finds nothing in the section and in the marks, ${colorScheme}`, { skip: !existsSync(AXE) && 'no axe-core: run npm ci in tests/' }, async (context) => {
+  test(`axe finds nothing in the section and in the marks, ${colorScheme}`, NEEDS_AXE, async (context) => {
     const it = await setUp(context, { viewport: { width: 1000, height: 1200 }, colorScheme, bypassCSP: true });
     const { page } = it;
-    await page.evaluate(readFileSync(AXE, 'utf8'));
-    const check = async () => {
-      await it.idle();
-      const { violations } = await page.evaluate(() => window.axe.run('#panel', { resultTypes: ['violations'] }));
-      assert.deepEqual(violations.map(({ id, nodes }) => [id, ...nodes.map(({ target }) => target.join(' '))]), []);
-    };
     await page.click('#layer-add-shell');
-    await check();
+    await it.idle();
+    await checkAxe(page, '#panel');
     await page.click('#layer-add-surface');
     await page.locator('.layer-details summary').click();
     await eye(page, 'Shell').click();
-    await check();
+    await it.idle();
+    await checkAxe(page, '#panel');
     await shot(page, `layers-${colorScheme}`);
   });
 }
@@ -314,11 +288,8 @@ test('another volume has layers of its own', async (context) => {
 
 /** The page with the real daemon, seen from its default side, in a session of its own unless the address names one. */
 async function withEngine(context, url = real.url, options = { viewport: { width: 700, height: 520 } }) {
-  const opened = await openPage(browser, options);
-  context.after(() => opened.context.close());
+  const opened = await visit(context, browser, url, options);
   const { page } = opened;
-  await page.goto(url);
-  await firstFrame(page);
   await until(page, 'the histogram', () => !document.getElementById('transfer-kind').disabled);
   await rest(page);
   return opened;
