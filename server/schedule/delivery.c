@@ -124,7 +124,7 @@ enum srv_video_need srv_schedule_video_need(struct srv_schedule *schedule,
         set_refused(schedule->hub, p, false);
     bool is_later = p && job->order > p->delivery.outbox.order;
     if (is_later && p->delivery.outbox.blob) {
-        if (p->schedule->newest.version == job->version)
+        if (srv_schedule_counts(p, job))
             p->schedule->newest.version = 0;
     } else if (is_later) {
         need = has_all_before(p, next) ? SRV_VIDEO_DELTA : SRV_VIDEO_KEY;

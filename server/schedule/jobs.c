@@ -35,6 +35,10 @@ struct srv_participant *srv_schedule_participant(struct srv_session *s, uint64_t
     return NULL;
 }
 
+bool srv_schedule_counts(const struct srv_participant *p, const struct srv_render_job *job) {
+    return p->schedule->newest.order == job->order && p->schedule->newest.version != 0;
+}
+
 /* Do frames of this step have the same size for both participants? */
 static bool has_same_size(const struct srv_session *s, const struct srv_participant *a,
                           const struct srv_participant *b, enum srv_frame_step step) {
@@ -195,6 +199,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     const struct srv_volume_source *source = &schedule->hub->options.volumes;
     job->session = s->identity.number;
     job->version = s->shared.version;
+    job->image = s->shared.image;
     job->order = ++schedule->next_order;
     job->step = choice->request.step;
     job->is_refinement = choice->request.is_refinement;
@@ -285,7 +290,7 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job) {
     pthread_mutex_lock(&schedule->hub->mutex);
     const struct srv_session *s = srv_schedule_session(schedule, job);
-    bool newest = s && s->shared.version == job->version;
+    bool newest = s && s->shared.image == job->image;
     pthread_mutex_unlock(&schedule->hub->mutex);
     return newest;
 }
@@ -401,7 +406,8 @@ void srv_schedule_failed(struct srv_schedule *schedule, struct srv_render_job *j
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
         if (!p)
             continue;
-        p->schedule->failed_version = job->version;
+        p->schedule->failed_version =
+            s->shared.image == job->image ? s->shared.version : job->version;
         p->schedule->waiting.waited_ms = p->schedule->waiting.spent_ms = 0;
         p->pending.error = *err;
         srv_hub_notify(schedule->hub, p, SRV_NOTIFY_ERROR);
@@ -433,7 +439,7 @@ void srv_schedule_cancelled(struct srv_schedule *schedule, struct srv_render_job
     }
     for (uint32_t i = 0; i < job->target_count; i++) {
         struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
-        if (!p || p->schedule->newest.version != job->version)
+        if (!p || !srv_schedule_counts(p, job))
             continue;
         p->schedule->newest.step = SRV_STEP_MOVING;
         if (job->protected_ms < INFINITY)

@@ -64,7 +64,8 @@ struct srv_render_target { /* one participant that gets the frame */
 
 struct srv_render_job {
     uint64_t session, version; /* of the view */
-    uint64_t order;            /* rises from job to job */
+    uint64_t image; /* that the view gives: it may have newer versions with the same image */
+    uint64_t order; /* rises from job to job */
     enum srv_frame_step step;
     bool is_refinement;         /* a newer view of the session cancels it at once */
     bool is_alone;              /* for the only participant of the daemon */
@@ -108,7 +109,7 @@ struct srv_running_job {
 bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_running_job *running,
                              double now_ms, struct srv_render_job *job, double *wait_ms);
 
-/* True if the job's view is the newest of its session. */
+/* True if the newest view of its session gives the image of the job. */
 bool srv_schedule_is_newest(struct srv_schedule *schedule, const struct srv_render_job *job);
 /* True if some view moves, or will within SRV_QUIET_MS. */
 bool srv_schedule_has_motion(struct srv_schedule *schedule);

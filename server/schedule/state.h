@@ -123,5 +123,8 @@ void srv_schedule_let_rest(struct srv_schedule *schedule, double now_ms);
 struct srv_session *srv_schedule_session(const struct srv_schedule *schedule,
                                          const struct srv_render_job *job);
 struct srv_participant *srv_schedule_participant(struct srv_session *session, uint64_t id);
+/* True if the job is the participant's newest one, and its frame is still what is asked for. Its
+ * version does not tell: the view may have a newer one with the same image. */
+bool srv_schedule_counts(const struct srv_participant *p, const struct srv_render_job *job);
 
 #endif

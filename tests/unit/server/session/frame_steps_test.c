@@ -126,6 +126,28 @@ static void a_cancelled_refinement_is_rendered_again(void **state) {
     srv_hub_leave(f->hub, &p, 600);
 }
 
+/* Slices beside the image give the view a new version while a frame of it is drawn. */
+static void a_cancelled_frame_is_rendered_again_after_a_change_of_slices(void **state) {
+    static const char *const slices = "{\"seq\":1,\"patch\":{\"slices\":{\"mode\":\"oblique\"}}}";
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    assert_true(hub_next_job(f, 1, &job));
+    hub_finish(f, &job, 1);
+    hub_drain(f, p, 2);
+    hub_ack(f, p, 1, 3);
+    assert_true(hub_next_job(f, 200, &job));
+    assert_int_equal(job.step, SRV_STEP_FINAL);
+    hub_send(f, p, "view.update", slices, 210);
+    assert_true(srv_schedule_is_newest(f->schedule, &job));
+    srv_schedule_cancelled(f->schedule, &job, 1);
+    assert_true(hub_next_job(f, 420, &job));
+    assert_int_equal(job.step, SRV_STEP_FINAL);
+    hub_finish(f, &job, 1);
+    assert_false(hub_next_job(f, 600, &job));
+    srv_hub_leave(f->hub, &p, 610);
+}
+
 /* For any time between the changes and the first frame, and with some jitter. */
 static void changes_that_come_as_often_as_frames_are_due_do_not_wait(void **state) {
     struct fixture *f = *state;
@@ -271,6 +293,7 @@ int main(void) {
         TEST(a_new_session_starts_with_the_known_times_of_its_volume),
         TEST(updates_coalesce_while_a_job_runs),
         TEST(a_cancelled_refinement_is_rendered_again),
+        TEST(a_cancelled_frame_is_rendered_again_after_a_change_of_slices),
         TEST(changes_that_come_as_often_as_frames_are_due_do_not_wait),
         TEST(moving_frames_are_cancelled_late_and_never_twice_in_a_row),
         TEST(a_change_of_volume_or_stream_interrupts),
