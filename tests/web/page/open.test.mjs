@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { mkdirSync, mkdtempSync, rmSync, utimesSync, writeFileSync } from 'node:fs';
+import { mkdirSync, mkdtempSync, rmSync, truncateSync, utimesSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
@@ -155,7 +155,11 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   await page.getByRole('button', { name: 'Cancel the upload of notes.txt' }).click();
   await page.locator('#uploads').waitFor({ state: 'hidden' });
   await page.click('#open-button');
-  await page.setInputFiles('#open-file', { name: 'huge.nrrd', mimeType: '', buffer: Buffer.alloc(21 << 20) });
+  const huge = path.join(mkdtempSync(path.join(tmpdir(), 'splatd-huge-')), 'huge.nrrd');
+  context.after(() => rmSync(path.dirname(huge), { recursive: true }));
+  writeFileSync(huge, '');
+  truncateSync(huge, 21 << 20);
+  await page.setInputFiles('#open-file', huge);
   await page.locator('#uploads [data-state="failed"]', { hasText: 'The file has 22 MB, and the daemon takes at most 21 MB' }).waitFor();
 });
 

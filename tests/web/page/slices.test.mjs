@@ -223,7 +223,8 @@ test('the buttons of the planes stand in the order of the fields of the position
 });
 
 test('slices in the picture change it, and two windows of one session share the crosshair', async (context) => {
-  const { page } = await open(context);
+  const small = { viewport: { width: 800, height: 560 } };
+  const { page } = await open(context, daemon.url, small);
   await rest(page);
   const plain = await pixels(page);
   await page.evaluate(() => { document.getElementById('slices').open = true; });
@@ -249,7 +250,7 @@ test('slices in the picture change it, and two windows of one session share the 
   await page.keyboard.press('Escape');
   const session = await page.evaluate(() => window.splatd.session);
   const { tokens } = await (await fetch(`${base()}/api/v1/sessions/${session}`, { headers: { Authorization: `Bearer ${token()}` } })).json();
-  const guest = await open(context, `${base()}/#session=${session}&token=${tokens.view}`);
+  const guest = await open(context, `${base()}/#session=${session}&token=${tokens.view}`, small);
   await four(guest.page);
   await page.click('#layout-four');
   await settled(page);

@@ -165,7 +165,7 @@ export function difference(a, b) {
   for (let y = 0; y < a.height; y += 2) {
     for (let x = 0; x < a.width; x += 2) {
       const [p, q] = [a.at(x, y), b.at(x, y)];
-      if (p.some((part, i) => Math.abs(part - q[i]) > 24)) count += 1;
+      if (Math.abs(p[0] - q[0]) > 24 || Math.abs(p[1] - q[1]) > 24 || Math.abs(p[2] - q[2]) > 24) count += 1;
       total += 1;
     }
   }
@@ -183,8 +183,8 @@ export function coarseDifference(a, b) {
       const sums = [0, 0, 0];
       for (let v = y; v < y + side; v += 1) {
         for (let u = x; u < x + side; u += 1) {
-          const q = b.at(u, v);
-          a.at(u, v).slice(0, 3).forEach((part, i) => { sums[i] += part - q[i]; });
+          const [p, q] = [a.at(u, v), b.at(u, v)];
+          for (let i = 0; i < 3; i += 1) sums[i] += p[i] - q[i];
         }
       }
       if (sums.some((sum) => Math.abs(sum) > 24 * side * side)) count += 1;

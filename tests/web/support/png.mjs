@@ -52,7 +52,8 @@ export function decodePng(bytes) {
   const out = Buffer.alloc(stride * height);
   for (let y = 0; y < height; y += 1) {
     const filter = raw[y * (stride + 1)];
-    for (let x = 0; x < stride; x += 1) {
+    if (filter === 0) raw.copy(out, y * stride, y * (stride + 1) + 1, (y + 1) * (stride + 1));
+    for (let x = 0; x < stride && filter !== 0; x += 1) {
       const left = x >= channels ? out[y * stride + x - channels] : 0;
       const up = y > 0 ? out[(y - 1) * stride + x] : 0;
       const corner = x >= channels && y > 0 ? out[(y - 1) * stride + x - channels] : 0;
@@ -61,7 +62,10 @@ export function decodePng(bytes) {
   }
   return {
     width, height,
-    at: (x, y) => [...out.subarray((y * width + x) * channels, (y * width + x) * channels + 3)],
+    at: (x, y) => {
+      const i = (y * width + x) * channels;
+      return [out[i], out[i + 1], out[i + 2]];
+    },
     alpha: (x, y) => (channels === 4 ? out[(y * width + x) * 4 + 3] : 255),
   };
 }
@@ -73,7 +77,9 @@ function predict(filter, left, up, corner) {
     case 3: return (left + up) >> 1;
     case 4: {
       const p = left + up - corner;
-      const [a, b, c] = [Math.abs(p - left), Math.abs(p - up), Math.abs(p - corner)];
+      const a = Math.abs(p - left);
+      const b = Math.abs(p - up);
+      const c = Math.abs(p - corner);
       if (a <= b && a <= c) return left;
       return b <= c ? up : corner;
     }
