@@ -9,7 +9,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "edit/mask.h"
 #include "sp/edit.h"
 #include "support/compare.h"
 #include "support/scene.h"
@@ -250,38 +249,6 @@ static void samples_that_are_not_finite_stay(void **state) {
     finish(&rig);
 }
 
-/* Growth by bits against its definition, across words and at the ends of rows. */
-static void masks_grow_by_one_sample(void **state) {
-    (void)state;
-    enum { X = 131, Y = 5, Z = 4 };
-    const uint32_t dims[3] = { X, Y, Z };
-    struct sp_mask mask, from;
-    struct sp_pool *pool = sp_pool_create(2, NULL);
-    assert_true(sp_mask_init(&mask, dims, NULL) && sp_mask_init(&from, dims, NULL));
-    uint32_t random = 7;
-    for (uint32_t i = 0; i < X * Y * Z; i++) {
-        random = random * 1664525 + 1013904223;
-        if (random >> 26 == 0)
-            sp_mask_row(&mask, i / X % Y, i / X / Y)[i % X / 64] |= UINT64_C(1) << i % X % 64;
-    }
-    sp_mask_grow(&mask, &from, pool);
-    for (int i = 0; i < X * Y * Z; i++) {
-        const int x = i % X, y = i / X % Y, z = i / X / Y;
-        bool wanted = false;
-        for (int k = 0; k < 27; k++) {
-            int at[3] = { x + k % 3 - 1, y + k / 3 % 3 - 1, z + k / 9 - 1 };
-            if (at[0] >= 0 && at[0] < X && at[1] >= 0 && at[1] < Y && at[2] >= 0 && at[2] < Z)
-                wanted =
-                    wanted || sp_mask_has(&from, (uint32_t)at[0], (uint32_t)at[1], (uint32_t)at[2]);
-        }
-        assert_int_equal(sp_mask_has(&mask, (uint32_t)x, (uint32_t)y, (uint32_t)z), wanted);
-    }
-    assert_int_equal(sp_mask_row(&mask, 0, 0)[2] >> 3, 0); /* beyond the row */
-    sp_mask_finish(&mask);
-    sp_mask_finish(&from);
-    sp_pool_destroy(&pool);
-}
-
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_edits_the_volume_is_itself),
@@ -291,7 +258,6 @@ int main(void) {
         cmocka_unit_test(the_last_result_is_remembered),
         cmocka_unit_test(cuts_remove_their_volume),
         cmocka_unit_test(samples_that_are_not_finite_stay),
-        cmocka_unit_test(masks_grow_by_one_sample),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "edit/mask.h"
+#include "part/mask.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -12,7 +12,7 @@ bool sp_mask_init(struct sp_mask *mask, const uint32_t dims[3], struct sp_error 
     memcpy(mask->dims, dims, sizeof mask->dims);
     mask->words = (dims[0] + 63) / 64;
     mask->bits = calloc(word_count(mask), sizeof *mask->bits);
-    return mask->bits || sp_fail(err, SP_ERR_MEMORY, "/edits", "out of memory for the edits");
+    return mask->bits || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a connected part");
 }
 
 void sp_mask_finish(struct sp_mask *mask) {
@@ -33,7 +33,7 @@ static bool push(struct seeds *seeds, uint32_t x, uint32_t y, uint32_t z, struct
         size_t capacity = seeds->capacity ? 2 * seeds->capacity : 4096;
         struct seed *list = realloc(seeds->list, capacity * sizeof *list);
         if (!list)
-            return sp_fail(err, SP_ERR_MEMORY, "/edits", "out of memory for the edits");
+            return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a connected part");
         seeds->list = list;
         seeds->capacity = capacity;
     }

@@ -2,8 +2,8 @@
  *
  * A bit per sample, in rows of words along axis 0.
  */
-#ifndef SP_EDIT_MASK_H
-#define SP_EDIT_MASK_H
+#ifndef SP_PART_MASK_H
+#define SP_PART_MASK_H
 
 #include <stdbool.h>
 #include <stdint.h>
