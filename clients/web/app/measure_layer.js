@@ -14,6 +14,8 @@ const LINE_PX = 16;
 const PADDING_PX = 6;
 const DOT_PX = 5;
 const HIT_PX = 14;
+const AVOID_PX = 10; // between points of a line that labels avoid
+const AVOID_MAX = 40; // points per line
 const CURSOR_PX = [4, 13]; // from the middle
 const context = new OffscreenCanvas(1, 1).getContext('2d');
 context.font = FONT;
@@ -30,7 +32,7 @@ function widthOf(text) {
 
 /** The elements of one <g> by key; those that a drawing does not use are removed. Labels lie above all lines. */
 class Sheet {
-  #lines = svg('g'); #texts = svg('g'); #top = svg('g'); #known = new Map(); #used = new Set(); #labels = [];
+  #lines = svg('g'); #texts = svg('g'); #top = svg('g'); #known = new Map(); #used = new Set(); #labels = []; #dots = [];
   /** Of the picture, px. */
   size = [Infinity, Infinity];
   constructor(group) { group.append(this.#lines, this.#texts, this.#top); }
@@ -54,14 +56,27 @@ class Sheet {
     this.#labels.push(label);
   }
 
+  /** Labels avoid this line of points. */
+  avoid(points) {
+    points.forEach((point, i) => {
+      const before = points[i - 1] ?? point;
+      if (!hasPlace(point) || !hasPlace(before)) return;
+      const steps = Math.min(Math.ceil(Math.hypot(point.x - before.x, point.y - before.y) / AVOID_PX), AVOID_MAX) || 1;
+      for (let step = 1; step <= steps; step += 1) {
+        this.#dots.push({ x: before.x + (point.x - before.x) * step / steps, y: before.y + (point.y - before.y) * step / steps });
+      }
+    });
+  }
+
   /** Draws the labels, and removes what this drawing did not use. A label without a free place appears above the others if it `isWanted`. */
   end(isWanted) {
-    placeLabels(this.#labels, this.size).forEach((place, i) => {
+    placeLabels(this.#labels, this.size, this.#dots).forEach((place, i) => {
       const label = this.#labels[i];
       if (place) this.#putLabel(label, place, '');
       else if (isWanted(label.item)) this.#putLabel(label, { ...label.wanted, leader: null }, 'top:');
     });
     this.#labels = [];
+    this.#dots = [];
     for (const [key, element] of this.#known) {
       if (this.#used.has(key)) continue;
       element.remove();
@@ -146,7 +161,9 @@ function drawItem(sheet, item, { toScreen, isSelected, handle, isApart }) {
   const className = isApart ? 'measure-dim' : '';
   const key = item.id;
   linesOf(item).forEach((line, i) => {
-    const d = pathOf(line.map(toScreen));
+    const points = line.map(toScreen);
+    const d = pathOf(points);
+    if (!isApart) sheet.avoid(points);
     sheet.put(`${key}:halo${i}`, 'path', { class: `measure-halo ${className}`, d });
     sheet.put(`${key}:line${i}`, 'path', { class: `measure-line ${className}`, d, stroke: item.color });
     sheet.put(`${key}:hit${i}`, 'path', { class: 'measure-hit', d, 'data-item': key });

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places for labels beside what they name, so that none covers another. All lengths are px.
+// Places for labels beside what they name, so that none covers another, nor a line if there is room. All lengths are px.
 
 const EDGE_PX = 2; // to the border of the picture
 const GAP_PX = 2; // between two labels
+const DOT_PX = 6; // around a point that should stay visible
 const STEP_PX = [24, 9];
 const REACH_PX = [192, 180];
 const LEADER_PX = 12; // a label that is moved less needs no line to its place
@@ -36,18 +37,25 @@ function leaderOf(place, wanted, anchors) {
 
 /**
  * Places labels {wanted: {x, y} of the middle, size: [width, height], anchors: points that a leader line may begin at}, earlier ones first,
- * in a picture of `size`. Returns for each {x, y, leader: {from, to} or null}, or null if there is no free place near enough.
+ * in a picture of `size`. `dots`: points that they should not cover. Returns for each {x, y, leader: {from, to} or null}, or null if there is
+ * no free place near enough.
  */
-export function placeLabels(labels, size) {
+export function placeLabels(labels, size, dots = []) {
   const placed = [];
+  const near = dots.map(({ x, y }) => ({ x, y, width: DOT_PX, height: DOT_PX }));
   return labels.map(({ wanted, size: [width, height], anchors }) => {
     const start = moveInside({ ...wanted, width, height }, size);
+    let best = null;
     for (const offset of OFFSETS) {
       const place = moveInside({ ...start, x: start.x + offset.x, y: start.y + offset.y }, size);
       if (placed.some((other) => isOver(other, place))) continue;
-      placed.push(place);
-      return { x: place.x, y: place.y, leader: leaderOf(place, wanted, anchors) };
+      best ??= place; // covers a line
+      if (near.some((dot) => isOver(dot, place))) continue;
+      best = place;
+      break;
     }
-    return null;
+    if (!best) return null;
+    placed.push(best);
+    return { x: best.x, y: best.y, leader: leaderOf(best, wanted, anchors) };
   });
 }

@@ -38,6 +38,15 @@ test('labels at one place move apart, nearest first, with a line from what they 
   }
 });
 
+test('a label moves off the lines if there is room, and else covers them', () => {
+  const line = Array.from({ length: 13 }, (_, i) => ({ x: 140 + 10 * i, y: 100 }));
+  const [place] = placeLabels([label(200, 100)], [400, 300], line);
+  compare(Math.abs(place.y - 100), '>=', 10 + 3 + 2);
+  compare(Math.abs(place.y - 100), '<=', 27);
+  const all = Array.from({ length: 41 * 31 }, (_, i) => ({ x: 10 * (i % 41), y: 10 * Math.floor(i / 41) }));
+  assert.deepEqual(placeLabels([label(200, 100)], [400, 300], all), [{ x: 200, y: 100, leader: null }]);
+});
+
 test('a label without a free place near enough is left out, and the others stay', () => {
   const labels = Array.from({ length: 30 }, () => label(100, 60, [180, 24]));
   const places = placeLabels(labels, [200, 120]);
