@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Places for labels beside what they name, so that none covers another, nor a line if there is room. All lengths are px.
+// Places for labels beside what they name, so that none covers another, nor a line if there is space. All lengths are px.
 
 const EDGE_PX = 2; // to the border of the picture
 const GAP_PX = 2; // between two labels

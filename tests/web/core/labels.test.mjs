@@ -38,7 +38,7 @@ test('labels at one place move apart, nearest first, with a line from what they 
   }
 });
 
-test('a label moves off the lines if there is room, and else covers them', () => {
+test('a label moves off the lines if there is space, and else covers them', () => {
   const line = Array.from({ length: 13 }, (_, i) => ({ x: 140 + 10 * i, y: 100 }));
   const [place] = placeLabels([label(200, 100)], [400, 300], line);
   compare(Math.abs(place.y - 100), '>=', 10 + 3 + 2);
