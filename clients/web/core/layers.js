@@ -12,6 +12,7 @@ export const FLATNESS_MAX = 32;
 const VOLUME = Object.freeze({ type: 'volume', visible: true });
 const SHELL = Object.freeze({ type: 'shell', visible: true, low: 0.05, high: 0.95, detail: 'high' });
 const OPAQUE_SHARE = 0.9; // of the largest opacity
+const OPAQUE_LEAST = 0.4; // of a transfer function that shows opaque matter
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
 const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
 
@@ -82,11 +83,14 @@ export function addSurface(layers, value) {
   return [...makeRoom(layers).map((layer) => (isVeil(layer) ? { ...layer, opacity: VEIL } : layer)), surface];
 }
 
-/** Adds the shell of a transfer function with these points: of all that is visible, and hollow where it is nearly as opaque as it gets. */
+/**
+ * Adds the shell of a transfer function with these points: of all that is visible, and hollow where it is nearly as opaque as it gets. A
+ * translucent transfer function gets no opaque voxels, which would show the noise of its largest opacities.
+ */
 export function addShell(layers, points) {
   const most = Math.max(0, ...points.map(({ opacity }) => opacity));
   const round = (value) => Number(value.toPrecision(2));
-  return [...makeRoom(layers), { ...SHELL, low: round(Math.min(SHELL.low, most / 4)), high: round(Math.min(SHELL.high, most * OPAQUE_SHARE)) }];
+  return [...makeRoom(layers), { ...SHELL, low: round(Math.min(SHELL.low, most / 4)), high: most < OPAQUE_LEAST ? SHELL.high : round(Math.min(SHELL.high, most * OPAQUE_SHARE)) }];
 }
 
 export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type !== 'shell' || !layers.some((layer) => layer.type === 'shell'));

@@ -383,6 +383,34 @@ test('each control of a shell changes the picture as it says', async (context) =
   assert.deepEqual(said, []);
 });
 
+test('a preset and a saved view bring the layers back', async (context) => {
+  const { page, said } = await withEngine(context);
+  await page.click('#layer-add-surface');
+  await fill(page, '#surface-value', 100);
+  const surface = await picture(page);
+  await page.fill('#preset-name', 'layers');
+  await page.press('#preset-name', 'Enter');
+  await page.locator('#preset option[value="layers"]').waitFor({ state: 'attached' });
+  await page.locator('#capture').evaluate((fold) => { fold.open = true; });
+  await page.fill('#saved-name', 'layers');
+  await page.press('#saved-name', 'Enter');
+  await page.locator('#saved li').waitFor();
+  const reset = async () => {
+    await page.click('#reset-all');
+    await until(page, 'the default layers', (s) => s.isIdle && s.view.layers.length === 1);
+  };
+  await reset();
+  await page.selectOption('#preset', ''); // else it is chosen already
+  await page.selectOption('#preset', 'layers');
+  await until(page, 'the layers of the preset', (s) => s.isIdle && s.view.layers[1]?.value === 100);
+  assert.equal(difference(await picture(page), surface), 0);
+  await reset();
+  await page.locator('#saved .picture').click();
+  await until(page, 'the layers of the saved view', (s) => s.isIdle && s.view.layers[1]?.value === 100);
+  assert.equal(difference(await picture(page), surface), 0);
+  assert.deepEqual(said, []);
+});
+
 test('V offers the surface of the value under the cursor, and Fit frames a surface without the volume', async (context) => {
   const { page, said } = await withEngine(context);
   await page.focus('#screen');
