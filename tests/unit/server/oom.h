@@ -24,7 +24,7 @@ int oom_tear_down(void **state);
 struct oom_client {
     int fd;
     size_t have;
-    char bytes[1 << 17]; /* received but not used yet, with a NUL after them */
+    char bytes[1 << 18]; /* received but not used yet, with a NUL after them */
 };
 extern struct oom_client oom_http; /* used by oom_ask(); its bytes are the last answer */
 #define OOM_JSON "application/json"
