@@ -71,11 +71,22 @@ static const struct proto_field filter_fields[] = {
 };
 static const struct proto_group filter = GROUP(filter_fields);
 
+static const struct proto_field projection_window_fields[] = {
+    { "center", PROTO_FIELD_AUTO, AT(compositing.center) },
+    { "width", PROTO_FIELD_AUTO, AT(compositing.width) },
+};
+static const struct proto_group projection_window = GROUP(projection_window_fields);
+
 static const struct proto_field compositing_fields[] = {
-    { "mode", PROTO_FIELD_ENUM, AT(compositing.mode), NAMES("splat", "sheet", "slab") },
+    { "mode", PROTO_FIELD_ENUM, AT(compositing.mode),
+      NAMES("splat", "sheet", "slab", "maximum", "minimum", "mean", "sum") },
     { "attenuation", PROTO_FIELD_ENUM, AT(compositing.attenuation),
       NAMES("exponential", "linear") },
     { "slab", PROTO_FIELD_DOUBLE, AT(compositing.slab) },
+    { "colors", PROTO_FIELD_ENUM, AT(compositing.colors), NAMES("grey", "transfer_function") },
+    { "window", PROTO_FIELD_OBJECT, .group = &projection_window },
+    { "zero", PROTO_FIELD_AUTO, AT(compositing.zero) },
+    { "absorption", PROTO_FIELD_AUTO, AT(compositing.absorption) },
 };
 static const struct proto_group compositing = GROUP(compositing_fields);
 

@@ -212,6 +212,8 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
                                      const struct sp_view *v) {
     const struct sp_backend *backend = atomic_load(&r->backend);
     struct sp_camera_transform camera;
+    if (sp_compositing_is_projection(v->compositing.mode)) /* of interpolated values */
+        return SP_TF_POST;
     if (v->transfer_function.order != SP_TF_AUTO)
         return v->transfer_function.order;
     if (sp_light_is_wanted(v)) /* check_light() has found sheets */
@@ -476,7 +478,10 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     f->view = *view;
     f->view.transfer_function.order = choose_order(renderer, volume, view);
     remove_hidden_layers(&f->view);
-    f->may_be_pre = view->transfer_function.order == SP_TF_AUTO &&
+    bool is_projection = sp_compositing_is_projection(view->compositing.mode);
+    if (is_projection)
+        f->view.shading.mode = SP_SHADING_NONE;
+    f->may_be_pre = !is_projection && view->transfer_function.order == SP_TF_AUTO &&
                     f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
     f->original = sp_volume_ref(volume);
     f->job = (struct sp_backend_job){ .volume = edited,

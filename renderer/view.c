@@ -175,7 +175,7 @@ static void init_slices(struct sp_slices *slices, const struct sp_volume_info *i
 
 bool sp_view_draws_slices(const struct sp_view *view) {
     const struct sp_slices *s = &view->slices;
-    return s->in_3d &&
+    return s->in_3d && !sp_compositing_is_projection(view->compositing.mode) &&
            (s->mode == SP_SLICES_OBLIQUE ||
             (s->mode == SP_SLICES_ORTHOGONAL && (s->planes[0] || s->planes[1] || s->planes[2])));
 }
@@ -196,7 +196,12 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
         .size = { 512, 512 },
         .background = { 0, 0, 0, 1 },
         .filter = default_filter,
-        .compositing = { SP_COMPOSITE_SHEET, SP_ATTENUATION_EXPONENTIAL, 1 },
+        .compositing = { .mode = SP_COMPOSITE_SHEET,
+                         .slab = 1,
+                         .center = NAN,
+                         .width = NAN,
+                         .zero = NAN,
+                         .absorption = NAN },
         .shading = { .mode = SP_SHADING_PHONG,
                      .ambient = 0.25,
                      .diffuse = 0.8,
@@ -361,10 +366,19 @@ static bool check_filter(const struct sp_filter *f, const struct sp_camera *came
 
 static bool check_compositing(const struct sp_view *view, struct sp_error *err) {
     const struct sp_compositing_options *c = &view->compositing;
-    if (!check_choice(c->mode, SP_COMPOSITE_SLAB, "/compositing/mode", err) ||
+    if (!check_choice(c->mode, SP_COMPOSITE_SUM, "/compositing/mode", err) ||
         !check_choice(c->attenuation, SP_ATTENUATION_LINEAR, "/compositing/attenuation", err) ||
-        !check_range(c->slab, 0.05, 64, err, "/compositing/slab"))
+        !check_range(c->slab, 0.05, 64, err, "/compositing/slab") ||
+        !check_choice(c->colors, SP_COLORS_TRANSFER_FUNCTION, "/compositing/colors", err) ||
+        (!isnan(c->center) &&
+         !check_range(c->center, -DBL_MAX, DBL_MAX, err, "/compositing/window/center")) ||
+        (!isnan(c->width) && !check_positive(c->width, "/compositing/window/width", err)) ||
+        (!isnan(c->zero) && !check_range(c->zero, -DBL_MAX, DBL_MAX, err, "/compositing/zero")) ||
+        (!isnan(c->absorption) && !check_positive(c->absorption, "/compositing/absorption", err)))
         return false;
+    if (c->mode == SP_COMPOSITE_SUM && c->colors == SP_COLORS_TRANSFER_FUNCTION)
+        return sp_fail(err, SP_ERR_INVALID, "/compositing/colors",
+                       "a sum is not in the unit of the transfer function: use \"grey\"");
     if (view->transfer_function.order == SP_TF_POST && c->mode == SP_COMPOSITE_SPLAT)
         return sp_fail(
             err, SP_ERR_INVALID, "/transfer_function/order",

@@ -36,7 +36,8 @@ bool sp_support_check(const struct sp_backend *backend, const struct sp_view *v,
     static const char *const filters[] = { "adaptive", "ewa", "reconstruction", "lowpass", "swan",
                                            "none",     NULL };
     static const char *const kernels[] = { "gaussian", "cubic", NULL };
-    static const char *const compositings[] = { "splat", "sheet", "slab", NULL };
+    static const char *const compositings[] = { "splat",   "sheet", "slab", "maximum",
+                                                "minimum", "mean",  "sum",  NULL };
     static const char *const attenuations[] = { "exponential", "linear", NULL };
     static const char *const orders[] = { "pre", "post", "auto", NULL };
     static const char *const shadings[] = { "none", "phong", NULL };
@@ -79,6 +80,10 @@ static bool check_sheets(const struct sp_backend *backend, bool is_alone, const 
                          struct sp_error *err) {
     if (!sp_resample_draws(v) || backend->capabilities.interpolated_sheets || !is_alone)
         return true;
+    if (sp_compositing_is_projection(v->compositing.mode))
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "/compositing/mode",
+                       "the %s backend draws no projections: use \"sheet\", \"slab\" or \"splat\"",
+                       backend->entry.name);
     return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
                    "the %s backend does not classify sheets after interpolation: use order "
                    "\"pre\", or compositing.mode \"slab\" with a filter other than the default",
@@ -88,13 +93,18 @@ static bool check_sheets(const struct sp_backend *backend, bool is_alone, const 
 /* True unless a layer needs a backend that may not draw. */
 static bool check_layers(const struct sp_backend *backend, bool is_alone, const struct sp_view *v,
                          struct sp_error *err) {
+    const bool is_projection = sp_compositing_is_projection(v->compositing.mode);
     char place[32];
     for (uint32_t i = 0; i < v->layer_count; i++) {
         const struct sp_layer *layer = &v->layers[i];
-        if (layer->type == SP_LAYER_VOLUME || !layer->visible || backend->capabilities.layers ||
-            !is_alone)
+        bool can_draw = backend->capabilities.layers || !is_alone;
+        if (layer->type == SP_LAYER_VOLUME || !layer->visible || (can_draw && !is_projection))
             continue;
         snprintf(place, sizeof place, "/layers/%u/type", i);
+        if (is_projection)
+            return sp_fail(err, SP_ERR_UNSUPPORTED, place,
+                           "a projection shows the volume alone: hide the layer, or set "
+                           "compositing.mode to \"sheet\" or \"slab\"");
         return sp_fail(err, SP_ERR_UNSUPPORTED, place,
                        "the %s backend draws the volume only: remove the layer, or start with "
                        "backend \"auto\" or \"cpu\"",

@@ -81,6 +81,9 @@
 #define sp_rows_prefetch SP_ISA_NAME(sp_rows_prefetch)
 #define sp_rows_read SP_ISA_NAME(sp_rows_read)
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
+#define sp_resample_reduce SP_ISA_NAME(sp_resample_reduce)
+#define sp_resample_reduce_close SP_ISA_NAME(sp_resample_reduce_close)
+#define sp_resample_reduce_open SP_ISA_NAME(sp_resample_reduce_open)
 /* surface/ */
 #define sp_surface_tile SP_ISA_NAME(sp_surface_tile)
 #define sp_surface_set_up SP_ISA_NAME(sp_surface_set_up)

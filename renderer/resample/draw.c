@@ -14,14 +14,13 @@ static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;
     /* Refined samples of one sheet at most; what vectors read beyond. */
     enum { MOST = 1 << 19, BEYOND = 4096 };
-    size_t largest = 0, intervals = 0;
+    size_t largest = 0, slabs = 0;
     for (int a = 0; a < 3; a++) {
         size_t across = dims[a == 0 ? 1 : 0], down = dims[a == 2 ? 1 : 2];
         size_t units = 2 * RESAMPLE_SLACK + across / 8; /* the columns of units that are cut */
         size_t samples = 2 * (across + units) * 2 * (down + RESAMPLE_SLACK);
         largest = samples > largest ? samples : largest;
-        size_t length = (size_t)regions[a] * SAMPLES_REGION;
-        intervals = length > intervals ? length : intervals;
+        slabs = regions[a] > slabs ? regions[a] : slabs;
     }
     r->refined_max = largest < MOST ? largest : MOST;
     *scratch = sp_arena_alloc(arena, "tiles", workers, sizeof **scratch);
@@ -29,7 +28,10 @@ static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch
         struct sp_resample_scratch *s = &(*scratch)[w];
         const size_t rows = r->refined_max / (4 * RESAMPLE_SLACK);
         memset(s, 0, sizeof *s);
-        s->active = sp_arena_alloc(arena, "intervals", intervals, sizeof *s->active);
+        s->active = sp_arena_alloc(arena, "intervals", slabs * SAMPLES_REGION, sizeof *s->active);
+        s->open = sp_arena_alloc(arena, "slabs", slabs, sizeof *s->open);
+        if (r->reduction.is_extreme)
+            s->most = sp_arena_alloc(arena, "slabs", slabs, sizeof *s->most);
         s->seen = sp_arena_alloc(arena, "rows", rows, sizeof *s->seen);
         s->around = sp_arena_alloc(arena, "rows", rows, sizeof *s->around);
         for (int i = 0; i < RESAMPLE_SHEETS; i++)

@@ -59,6 +59,16 @@ uint64_t sp_resample_near_visible(const struct sp_resample_open_tile *t, int num
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batch, int b);
 
+/* The same for a projection (reduction.h). Returns false if nothing can change any pixel. */
+bool sp_resample_reduce(const struct sp_resample_open_tile *t,
+                        const struct sp_resample_batch *batch, int b);
+
+/* Sets the numbers of a block's pixels before anything was seen. */
+void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_block *block);
+
+/* Turns them into transmittance and colour. */
+void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block);
+
 /* The slice that sheet `number` lies on, a multiple of ½; the first sheets lie before the volume.
  */
 static inline float sp_resample_slice(const struct sp_resample_open_tile *t, int number) {

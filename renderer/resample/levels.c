@@ -50,8 +50,9 @@ static void finish_samples(struct sp_samples *s) {
 }
 
 static void finish_slot(struct sp_samples_slot *slot) {
-    for (int l = 0; l < SAMPLES_LEVELS; l++)
-        finish_samples(&slot->levels[l]);
+    for (int k = 0; k < SAMPLES_KINDS; k++)
+        for (int l = 0; l < SAMPLES_LEVELS; l++)
+            finish_samples(&slot->levels[k][l]);
     sp_volume_unref(&slot->volume);
     slot->used = 0;
 }
@@ -65,9 +66,9 @@ void sp_samples_evict(struct sp_samples_cache *cache, const struct sp_volume *vo
 uint64_t sp_samples_bytes(const struct sp_samples_cache *cache, const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < SAMPLES_SLOTS; i++)
-        for (int l = 0; l < SAMPLES_LEVELS; l++)
+        for (int l = 0; l < SAMPLES_KINDS * SAMPLES_LEVELS; l++)
             if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-                bytes += samples_bytes(&cache->slots[i].levels[l]);
+                bytes += samples_bytes(&cache->slots[i].levels[0][0] + l);
     return bytes;
 }
 
@@ -118,6 +119,7 @@ static bool fail_budget(uint64_t bytes, uint64_t bytes_max, struct sp_error *err
 }
 
 struct average {
+    enum sp_samples_kind kind;
     const struct sp_samples *fine;
     struct sp_samples *coarse;
     const struct sp_interrupt *interrupt;
@@ -151,8 +153,10 @@ static void write_sample(void *voxels, enum sp_type type, uint64_t at, double x)
     }
 }
 
-/* Mean of the finite samples among the eight that sample (x, y, z) replaces; NaN without any. */
-static double average(const struct sp_samples *fine, uint32_t x, uint32_t y, uint32_t z) {
+/* Mean, maximum or minimum of the finite samples among the eight that sample (x, y, z) replaces;
+ * NaN without any. */
+static double average(const struct sp_samples *fine, enum sp_samples_kind kind, uint32_t x,
+                      uint32_t y, uint32_t z) {
     double sum = 0;
     int n = 0;
     for (uint32_t k = 0; k < 8; k++) {
@@ -161,12 +165,15 @@ static double average(const struct sp_samples *fine, uint32_t x, uint32_t y, uin
             continue;
         uint64_t at = ((uint64_t)l * fine->dims[1] + j) * fine->dims[0] + i;
         double value = sp_sample(fine->voxels, fine->type, at);
-        if (isfinite(value)) {
+        if (!isfinite(value))
+            continue;
+        if (kind == SAMPLES_MEANS)
             sum += value;
-            n++;
-        }
+        else if (n == 0 || (kind == SAMPLES_MAXIMA ? value > sum : value < sum))
+            sum = value;
+        n++;
     }
-    return n ? sum / n : NAN;
+    return n == 0 ? NAN : kind == SAMPLES_MEANS ? sum / n : sum;
 }
 
 static void average_rows(void *user, size_t begin, size_t end, unsigned worker) {
@@ -175,8 +182,9 @@ static void average_rows(void *user, size_t begin, size_t end, unsigned worker) 
     (void)worker;
     for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(a->interrupt); row++)
         for (uint32_t x = 0; x < dims[0]; x++)
-            write_sample(a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
-                         average(a->fine, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1])));
+            write_sample(
+                a->coarse->owned, a->coarse->type, (uint64_t)row * dims[0] + x,
+                average(a->fine, a->kind, x, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1])));
 }
 
 /* Fills an empty level from the next finer one; fine NULL = from the volume. */
@@ -201,7 +209,7 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
         return fail_memory(err);
     }
     if (fine) {
-        struct average average = { fine, &made, &job->interrupt };
+        struct average average = { job->kind, fine, &made, &job->interrupt };
         made.voxels = made.owned;
         sp_parallel_for(job->pool, (size_t)made.dims[1] * made.dims[2], 16, average_rows, &average);
     }
@@ -349,11 +357,12 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
                                         const struct sp_samples_class **class,
                                         struct sp_error *err) {
     struct sp_samples_slot *slot = find_slot(cache, job->volume);
-    for (unsigned l = 0; l <= job->level; l++)
-        if (!slot->levels[l].range &&
-            !make_samples(&slot->levels[l], l ? &slot->levels[l - 1] : NULL, job, cache, slot, err))
+    struct sp_samples *s = NULL, *finer = NULL;
+    for (unsigned l = 0; l <= job->level; l++, finer = s) {
+        s = &slot->levels[l ? job->kind : SAMPLES_MEANS][l];
+        if (!s->range && !make_samples(s, finer, job, cache, slot, err))
             return NULL;
-    struct sp_samples *s = &slot->levels[job->level];
+    }
     struct sp_samples_class *found = find_class(s, job);
     if (!found->used && !fill_class(found, s, job, cache, slot, err))
         return NULL;

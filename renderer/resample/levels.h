@@ -6,7 +6,9 @@
  *   level n + 1, sample i  =  mean of samples 2i and 2i + 1 of level n, per axis
  *   coordinate on level n  =  (coordinate on level 0 + ½)/2ⁿ − ½
  *
- * At an odd end sample i is that of 2i alone. Samples that are not finite do not count.
+ * At an odd end sample i is that of 2i alone. Samples that are not finite do not count. Maxima and
+ * minima of projections have levels of their own: the largest or the smallest sample in place of
+ * the mean.
  */
 #ifndef SP_RESAMPLE_LEVELS_H
 #define SP_RESAMPLE_LEVELS_H
@@ -16,10 +18,13 @@
 
 enum { SAMPLES_LEVELS = 8, SAMPLES_SLOTS = 8 };
 
+enum sp_samples_kind { SAMPLES_MEANS, SAMPLES_MAXIMA, SAMPLES_MINIMA, SAMPLES_KINDS };
+
 struct sp_samples_cache {
     struct sp_samples_slot {
         struct sp_volume *volume; /* one reference; NULL = empty */
-        struct sp_samples levels[SAMPLES_LEVELS];
+        /* Level 0 is that of the means for all kinds. */
+        struct sp_samples levels[SAMPLES_KINDS][SAMPLES_LEVELS];
         uint64_t used;
     } slots[SAMPLES_SLOTS];
     uint64_t clock;
@@ -28,6 +33,7 @@ struct sp_samples_cache {
 struct sp_samples_job {
     struct sp_volume *volume;
     unsigned level;
+    enum sp_samples_kind kind; /* of the levels above 0 */
     unsigned axis; /* of the slices that frames show; for axis 0 `turned` makes reading faster */
     const struct sp_transfer_function *tf;
     uint64_t bytes_max;             /* of the cache */

@@ -12,6 +12,8 @@
 #include "volume/grid.h"
 
 bool sp_resample_draws(const struct sp_view *view) {
+    if (sp_compositing_is_projection(view->compositing.mode))
+        return true;
     if (view->transfer_function.order != SP_TF_POST)
         return false;
     return view->compositing.mode == SP_COMPOSITE_SHEET ||
@@ -203,7 +205,8 @@ static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_in
     return true;
 }
 
-static void init_metric(struct sp_resample *r, const struct coordinates *c) {
+/* Returns the world units per reference length. */
+static double init_metric(struct sp_resample *r, const struct coordinates *c) {
     const double most = 1e15; /* reference lengths per sample: what is visible is opaque */
     double unit = r->view->transfer_function.reference_length;
     struct sp_mat3 turned = sp_mat3_transpose(&c->from);
@@ -220,6 +223,7 @@ static void init_metric(struct sp_resample *r, const struct coordinates *c) {
     for (int i = 0; i < 9; i++)
         r->to_world[i / 3][i % 3] = (float)(slope.m[i / 3][i % 3] / largest);
     r->gradient_unit = (float)(largest / r->curve.levels_per_unit);
+    return unit;
 }
 
 /* Rays that go farther than 1.3 from slice to slice get half sheets, and so do those about 12 px
@@ -253,12 +257,38 @@ static float find_rounding(enum sp_type type, const struct sp_curve *curve) {
     return (float)fmax(levels, is_real ? 0 : 0.5 * curve->levels_per_unit);
 }
 
+/* What the samples of coarser levels are made of: a maximum of means would lose thin structures. */
+static enum sp_samples_kind kind_of(enum sp_compositing mode) {
+    return mode == SP_COMPOSITE_MAXIMUM   ? SAMPLES_MAXIMA
+           : mode == SP_COMPOSITE_MINIMUM ? SAMPLES_MINIMA
+                                          : SAMPLES_MEANS;
+}
+
+/* False without memory. */
+static bool init_reduction(const struct sp_resample_input *input, struct sp_resample *r,
+                           double length_unit) {
+    const struct sp_volume_info *info = sp_volume_info(input->volume);
+    float(*colors)[4] =
+        sp_arena_alloc(input->arena, "colours", REDUCTION_COLORS + 1, sizeof *colors);
+    if (!colors)
+        return false;
+    sp_reduction_colors(input->view, info, colors);
+    sp_reduction_init(&r->reduction, input->view, info, &r->curve, length_unit);
+    r->colors = (const float(*)[4])colors;
+    return true;
+}
+
 bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample *r, int axis,
                       struct sp_error *err) {
+    struct sp_transfer_function tf; /* by which a projection skips samples */
+    bool is_projection = sp_compositing_is_projection(input->view->compositing.mode);
+    if (is_projection)
+        sp_reduction_transfer(input->view, sp_volume_info(input->volume), &tf);
     struct sp_samples_job job = { .volume = input->volume,
                                   .level = choose_level(input),
+                                  .kind = kind_of(input->view->compositing.mode),
                                   .axis = (unsigned)axis,
-                                  .tf = &input->view->transfer_function,
+                                  .tf = is_projection ? &tf : &input->view->transfer_function,
                                   .bytes_max = input->bytes_max,
                                   .find_ranges = input->find_ranges,
                                   .pool = input->pool,
@@ -276,6 +306,7 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
                          struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(input->volume);
     const struct sp_view *view = input->view;
+    const bool is_projection = sp_compositing_is_projection(view->compositing.mode);
     *r = (struct sp_resample){
         .view = view,
         .frame = input->frame,
@@ -286,7 +317,8 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
         .fragments = input->fragments,
         .is_fine = view->compositing.mode == SP_COMPOSITE_SLAB,
         .is_linear = view->compositing.attenuation == SP_ATTENUATION_LINEAR,
-        .needs_gradient = input->shade || view->transfer_function.gradient_count > 0,
+        .needs_gradient =
+            !is_projection && (input->shade || view->transfer_function.gradient_count > 0),
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };
@@ -305,7 +337,9 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
             return fail_memory(input->arena, err);
     if (r->light)
         init_light(r, level);
-    init_metric(r, &coordinates);
+    double length_unit = init_metric(r, &coordinates);
+    if (is_projection && !init_reduction(input, r, length_unit))
+        return fail_memory(input->arena, err);
     input->frame->stats.mip_level = input->mip_level;
     input->frame->stats.visible_voxels =
         r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;

@@ -55,6 +55,24 @@ static inline sp_wide_short between(const sp_wide_short x[TAPS]) {
                                   sp_wide_short_scale(sp_wide_short_average(x[1], x[4]), outer));
 }
 
+/* The same where a sample may be none (CURVE_LEVEL_NONE): then there is none beside it, and
+ * the value between two others is their mean. */
+static inline sp_wide_short between_known(const sp_wide_short x[TAPS]) {
+    const sp_wide_short zero = { 0 }, none = zero + (ROWS_RAISED + CURVE_LEVEL_NONE);
+    const sp_wide_short lowest = zero + (ROWS_RAISED + CURVE_LEVEL_MIN);
+    sp_wide_short inner = sp_wide_short_min(x[2], x[3]), all = inner;
+    for (int k = 0; k < TAPS; k++)
+        all = sp_wide_short_min(all, x[k]);
+    sp_wide_short is_known = (sp_wide_short)(inner >= lowest);
+    sp_wide_short has_all = (sp_wide_short)(all >= lowest);
+    sp_wide_short value = (between(x) & has_all) | (sp_wide_short_average(x[2], x[3]) & ~has_all);
+    return (sp_wide_short_max(value, lowest) & is_known) | (none & ~is_known);
+}
+
+static inline sp_wide_short halfway(const sp_wide_short x[TAPS], bool has_none) {
+    return has_none ? between_known(x) : between(x);
+}
+
 /* Takes the first columns from a set of units: those of neighbouring units, and of units that the
  * last vector of them reaches. */
 static inline bool take_columns(uint64_t *units, int unit_bits, int *begin, int *end) {
@@ -192,12 +210,12 @@ static struct sp_resample_rows *rows_of(const struct sp_resample_open_tile *t,
 }
 
 /* Doubles the samples of a row: its own and those between them, in turns. */
-static inline void double_across(const uint16_t *from, int count, uint16_t *out) {
+static inline void double_across(const uint16_t *from, int count, uint16_t *out, bool has_none) {
     for (int i = 0; i < count; i += SP_WIDE_SHORT) {
         sp_wide_short x[TAPS], both[2];
         for (int k = 0; k < TAPS; k++)
             x[k] = sp_wide_short_load(from + i + k);
-        sp_fetch_alternate(x[BEFORE], between(x), both);
+        sp_fetch_alternate(x[BEFORE], halfway(x, has_none), both);
         sp_wide_short_store(out + 2 * i, both[0]);
         if (i + SP_WIDE < count)
             sp_wide_short_store(out + 2 * i + SP_WIDE_SHORT, both[1]);
@@ -208,14 +226,20 @@ static inline void double_across(const uint16_t *from, int count, uint16_t *out)
  * read across two others waits until these have reached the cache. */
 struct pending {
     int count;
+    bool has_none; /* some levels are none */
     int columns[PENDING];
     uint16_t *out[PENDING];
     _Alignas(64) uint16_t levels[PENDING][ROWS_MEMORY];
 };
 
 static void double_pending(struct pending *pending) {
-    for (int i = 0; i < pending->count; i++)
-        double_across(pending->levels[i] + ROWS_MARGIN, pending->columns[i], pending->out[i]);
+    for (int i = 0; i < pending->count; i++) {
+        const uint16_t *levels = pending->levels[i] + ROWS_MARGIN;
+        if (pending->has_none)
+            double_across(levels, pending->columns[i], pending->out[i], true);
+        else
+            double_across(levels, pending->columns[i], pending->out[i], false);
+    }
     pending->count = 0;
 }
 
@@ -248,6 +272,7 @@ static struct sp_resample_rows *fill_rows(const struct sp_resample_open_tile *t,
     int shift = (sheet->first[0] - rows->origin[0]) >> t->unit_bits;
     struct pending pending;
     pending.count = 0;
+    pending.has_none = t->r->reduction.leaves_out;
     for (int j = 0; j < count; j++) {
         uint64_t units = t->scratch->around[j] << shift & ~rows->filled[first + j];
         if (units)
@@ -266,6 +291,7 @@ static const uint16_t *start_of(const struct sp_resample_rows *rows, const struc
 /* Makes the rows of a sheet half way between the third and the fourth of six slices. */
 static void mix_rows(const struct sp_resample_open_tile *t, const struct region *region,
                      struct sp_resample_rows *const slices[TAPS], struct sp_resample_rows *out) {
+    const bool has_none = t->r->reduction.leaves_out;
     const uint16_t *from[TAPS];
     int count = region->last[1] - region->first[1] + TAPS, begin, end;
     open_rows(t, region, INT_MIN, out);
@@ -279,7 +305,7 @@ static void mix_rows(const struct sp_resample_open_tile *t, const struct region 
                 sp_wide_short x[TAPS];
                 for (int k = 0; k < TAPS; k++)
                     x[k] = sp_wide_short_load(from[k] + i);
-                sp_wide_short_store(to + i, between(x));
+                sp_wide_short_store(to + i, halfway(x, has_none));
             }
         for (int k = 0; k < TAPS; k++)
             from[k] += slices[k]->width;
@@ -295,6 +321,7 @@ static inline void write_levels(sp_wide_short x, sp_wide_short lowest, uint16_t 
 /* Doubles rows down into the sheet. */
 static void double_down(const struct sp_resample_open_tile *t, const struct region *region,
                         const struct sp_resample_rows *rows, struct sp_resample_sheet *sheet) {
+    const bool has_none = t->r->reduction.leaves_out;
     const sp_wide_short lowest = sp_wide_short_all(ROWS_RAISED + (int)t->r->lowest);
     const uint16_t *from = start_of(rows, region);
     const ptrdiff_t width = rows->width, next = sheet->width;
@@ -308,7 +335,7 @@ static void double_down(const struct sp_resample_open_tile *t, const struct regi
                 for (int k = 0; k < TAPS; k++)
                     x[k] = sp_wide_short_load(from + k * width + i);
                 write_levels(x[BEFORE], lowest, out + i);
-                write_levels(between(x), lowest, out + next + i);
+                write_levels(halfway(x, has_none), lowest, out + next + i);
             }
             count += end - begin;
         }

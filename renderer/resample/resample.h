@@ -25,6 +25,7 @@
 #include "resample/curve.h"
 #include "resample/levels.h"
 #include "resample/ranges.h"
+#include "resample/reduction.h"
 #include "sp/frame.h"
 #include "splat/shade.h"
 
@@ -71,16 +72,19 @@ struct sp_resample {
     const struct sp_samples_class *class;
     struct sp_curve curve;
     struct sp_resample_axis axes[3];
-    bool is_linear;           /* SP_ATTENUATION_LINEAR */
-    bool is_fine;             /* sheets half a slice apart for all rays */
-    float steep[2];           /* between them some rays get such sheets, beyond them all (rays.h) */
-    bool needs_gradient;      /* lit, or the transfer function has a gradient axis */
-    int axis;                 /* of the slices; tiles of wide views may take another one */
-    double share[3];          /* of the image that slices along each axis have (axes.h) */
-    int columns, rows;        /* of tiles */
-    size_t refined_max;       /* refined samples that a sheet has memory for */
-    double eye[3];            /* samples; perspective */
-    double ray[3];            /* direction of the ray through the image's centre [samples] */
+    struct sp_reduction reduction;
+    const float (
+        *colors)[4];     /* of it, in the order of its numbers; NULL = the view is no projection */
+    bool is_linear;      /* SP_ATTENUATION_LINEAR */
+    bool is_fine;        /* sheets half a slice apart for all rays */
+    float steep[2];      /* between them some rays get such sheets, beyond them all (rays.h) */
+    bool needs_gradient; /* lit, or the transfer function has a gradient axis */
+    int axis;            /* of the slices; tiles of wide views may take another one */
+    double share[3];     /* of the image that slices along each axis have (axes.h) */
+    int columns, rows;   /* of tiles */
+    size_t refined_max;  /* refined samples that a sheet has memory for */
+    double eye[3];       /* samples; perspective */
+    double ray[3];       /* direction of the ray through the image's centre [samples] */
     double right[3], down[3]; /* its change per pixel; orthographic: of the ray's start */
     double start[3];          /* orthographic: a point of the centre's ray [samples] */
     double metric[6];     /* of sample coordinates: xx, yy, zz, yz, xz, xy [reference length²] */
@@ -99,9 +103,11 @@ struct sp_resample_block {
     float du[RESAMPLE_PIXELS], dv[RESAMPLE_PIXELS];            /* per slice */
     float length[RESAMPLE_PIXELS]; /* of the ray per slice, reference lengths */
     float begin[RESAMPLE_PIXELS], end[RESAMPLE_PIXELS]; /* of the ray inside the halves [s] */
-    float to_eye[3][RESAMPLE_PIXELS];   /* unit vector in world space; only if the volume is lit */
-    float light[RESAMPLE_PIXELS];       /* transmittance so far */
-    float color[3][RESAMPLE_PIXELS];    /* premultiplied */
+    float to_eye[3][RESAMPLE_PIXELS]; /* unit vector in world space; only if the volume is lit */
+    float light[RESAMPLE_PIXELS];     /* transmittance so far */
+    /* Premultiplied. Of a projection, until it is closed: the number so far, and the length of the
+     * ray that it comes from if some samples are left out. */
+    float color[3][RESAMPLE_PIXELS];
     float value[4][RESAMPLE_PIXELS];    /* of the last sheets that were read, by number modulo 4 */
     int value_sheet[4];                 /* their numbers */
     float slope[4][2][RESAMPLE_PIXELS]; /* their gradients along u and v */
@@ -160,7 +166,12 @@ struct sp_resample_scratch {
      * blocks see. */
     uint64_t *seen, *around;
     uint64_t *active; /* by interval between slices: the blocks that may see something in it */
-    bool is_too_wide; /* a block sees more of a sheet than there is memory for */
+    /* Of a maximum or minimum, by slab of regions: the largest number that each block may see in
+     * it, and the blocks that it may change. By block: the smallest number of its pixels. */
+    float (*most)[RESAMPLE_BLOCKS];
+    uint64_t *open;
+    _Alignas(64) float least[RESAMPLE_BLOCKS];
+    bool is_too_wide;          /* a block sees more of a sheet than there is memory for */
     uint64_t refined, sampled; /* slice samples; pixels of sheets */
 };
 

@@ -82,6 +82,8 @@ static inline void open_block(const struct sp_resample_open_tile *t,
         }
     }
     sp_resample_open_fragments(t, block);
+    if (t->r->reduction.is_on)
+        sp_resample_reduce_open(t->r, block);
 }
 
 static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
@@ -164,7 +166,8 @@ static bool init_block(const struct sp_resample_open_tile *t, const struct sp_re
 struct slab {
     float s[2];             /* between which rays are in it */
     const uint8_t *visible; /* of its regions */
-    size_t stride[2];       /* of regions along u and v */
+    const float (*range)[2];
+    size_t stride[2]; /* of regions along u and v */
 };
 
 /* The regions of a slab that blocks see: first and last, per axis. */
@@ -183,6 +186,7 @@ static void init_slab(const struct sp_resample_open_tile *t, int number, struct 
     slab->s[0] = sp_resample_s(t, t->is_backwards ? far : near);
     slab->s[1] = sp_resample_s(t, t->is_backwards ? near : far);
     slab->visible = t->r->class->visible + (size_t)number * strides[t->axis[2]];
+    slab->range = (const float(*)[2])t->r->samples->range + (size_t)number * strides[t->axis[2]];
     for (int a = 0; a < 2; a++)
         slab->stride[a] = strides[t->axis[a]];
 }
@@ -194,6 +198,26 @@ static unsigned look(const struct slab *slab, const int first[2], const int last
         for (int i = first[0]; i <= last[0]; i++)
             seen |= slab->visible[(size_t)i * slab->stride[0] + (size_t)j * slab->stride[1]];
     return seen;
+}
+
+/* The largest sign·level that a maximum or minimum may find in the regions first to last. Reading
+ * rounds. */
+static float look_for_most(const struct sp_resample_open_tile *t, const struct slab *slab,
+                           const int first[2], const int last[2]) {
+    const double rounding = 2, beyond = 1e6;
+    const float sign = t->r->reduction.sign;
+    const struct sp_curve *curve = &t->r->curve;
+    float most = -INFINITY;
+    for (int j = first[1]; j <= last[1]; j++)
+        for (int i = first[0]; i <= last[0]; i++) {
+            const float *range =
+                slab->range[(size_t)i * slab->stride[0] + (size_t)j * slab->stride[1]];
+            float own = sign > 0 ? range[1] : -range[0];
+            most = own > most ? own : most;
+        }
+    double level = ((double)(sign * most) - curve->base) * curve->levels_per_unit + CURVE_LEVEL_MIN;
+    level = fmin(fmax(level, CURVE_LEVEL_MIN), CURVE_LEVEL_MAX); /* as interpolation does */
+    return (float)fmin(fmax((double)sign * level + rounding, -beyond), beyond);
 }
 
 /* Finds what each of the blocks sees of a slab. Returns those that see any of it. */
@@ -246,6 +270,7 @@ static uint64_t find_active(const struct sp_resample_open_tile *t) {
     for (int n = 0; n < (int)t->r->samples->regions[t->axis[2]]; n++) {
         uint64_t *active = t->scratch->active + (size_t)n * SAMPLES_REGION;
         memset(active, 0, SAMPLES_REGION * sizeof *active);
+        t->scratch->open[n] = UINT64_MAX;
         init_slab(t, n, &slab);
         uint64_t left = find_regions(t, &slab, t->alive, &regions);
         if (!is_any_visible(&slab, left, &regions))
@@ -260,18 +285,39 @@ static uint64_t find_active(const struct sp_resample_open_tile *t) {
             for (int k = 0; k < SAMPLES_REGION; k++)
                 active[k] |= (uint64_t)(seen >> k & 1) << b;
             any |= (uint64_t)(seen != 0) << b;
+            if (seen && t->r->reduction.is_extreme)
+                t->scratch->most[n][b] = look_for_most(t, &slab, first, last);
         }
     }
     return any;
 }
 
-/* Interval n lies between sheets n and n + 1. */
+/* The interval between slices that holds interval n, which lies between sheets n and n + 1. */
+static int interval_of(const struct sp_resample_open_tile *t, int n) {
+    int last = (int)t->r->samples->regions[t->axis[2]] * SAMPLES_REGION - 1;
+    int i = (int)floorf(0.5f * (sp_resample_slice(t, n) + sp_resample_slice(t, n + 1)));
+    return i < 0 ? 0 : i < last ? i : last;
+}
+
 static uint64_t active_at(const struct sp_resample_open_tile *t, int n, int count) {
     if (n < 1 || n >= count)
         return 0;
-    int last = (int)t->r->samples->regions[t->axis[2]] * SAMPLES_REGION - 1;
-    int i = (int)floorf(0.5f * (sp_resample_slice(t, n) + sp_resample_slice(t, n + 1)));
-    return t->scratch->active[i < 0 ? 0 : i < last ? i : last];
+    int i = interval_of(t, n);
+    return t->scratch->active[i] & t->scratch->open[i / SAMPLES_REGION];
+}
+
+/* Finds which blocks the slabs of intervals first to last may still change. */
+static void find_open(const struct sp_resample_open_tile *t, int first, int last) {
+    struct sp_resample_scratch *scratch = t->scratch;
+    for (int n = first; n <= last; n++) {
+        int slab = interval_of(t, n) / SAMPLES_REGION;
+        uint64_t open = 0;
+        for (int b = 0; b < RESAMPLE_BLOCKS; b += SP_WIDE)
+            open |= (uint64_t)sp_wide_mask_bits(sp_wide_lt(sp_wide_load(scratch->least + b),
+                                                           sp_wide_load(scratch->most[slab] + b)))
+                    << b;
+        scratch->open[slab] = open;
+    }
 }
 
 /* Blocks that need sheet n: those of the two intervals before it and of the two behind it. */
@@ -301,21 +347,32 @@ static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
     return any;
 }
 
+static bool draw_batch(const struct sp_resample_open_tile *t, const struct sp_resample_batch *batch,
+                       int b) {
+    return t->r->reduction.is_on ? sp_resample_reduce(t, batch, b)
+                                 : sp_resample_integrate(t, batch, b);
+}
+
 /* Draws the sheets from two slices before the volume to two slices behind it. The outer sheets
  * repeat the border slices. Each block draws a few sheets at a time, so that its state stays in the
  * nearest cache. */
 static void draw_sheets(struct sp_resample_open_tile *t) {
     int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
+    const bool is_extreme = t->r->reduction.is_extreme;
     struct sp_resample_batch batch;
     sp_resample_start_sheets(t);
+    for (int b = 0; b < RESAMPLE_BLOCKS; b++)
+        t->scratch->least[b] = t->r->reduction.start;
     for (int first = 0; first <= count + 1 && t->alive; first += RESAMPLE_BATCH) {
         batch.first = first;
         batch.last =
             first + RESAMPLE_BATCH - 1 < count + 1 ? first + RESAMPLE_BATCH - 1 : count + 1;
         if (sp_interrupt_is_cancelled(&t->r->interrupt))
             return;
+        if (is_extreme)
+            find_open(t, batch.first - 2, batch.last + 1);
         for (uint64_t left = refine_sheets(t, count, &batch); left; left &= left - 1)
-            if (!sp_resample_integrate(t, &batch, __builtin_ctzll(left)))
+            if (!draw_batch(t, &batch, __builtin_ctzll(left)))
                 t->alive &= ~(left & -left);
     }
 }
@@ -509,8 +566,14 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                 t.alive |= UINT64_C(1) << b;
             with_fragments |= (uint64_t)scratch->blocks[b].has_fragments << b;
         }
-    uint64_t drawn = find_active(&t);
+    uint64_t met = t.alive, drawn = find_active(&t);
     draw_sheets_of(&t, rays.sheets, drawn);
+    if (r->reduction.is_on) {
+        for (uint64_t left = met; left; left &= left - 1)
+            sp_resample_reduce_close(r, &scratch->blocks[__builtin_ctzll(left)]);
+        resolve(&t, met);
+        return;
+    }
     finish_fragments(&t, with_fragments & ~drawn);
     resolve(&t, drawn | with_fragments);
 }

@@ -97,7 +97,8 @@ static double rest_ms(const struct bench_times *t) {
 static void encode_view(proto_json *j, const struct sp_view *view) {
     static const char *const modes[] = { "adaptive", "ewa",  "reconstruction",
                                          "lowpass",  "swan", "none" };
-    static const char *const compositings[] = { "splat", "sheet", "slab" };
+    static const char *const compositings[] = { "splat",   "sheet", "slab", "maximum",
+                                                "minimum", "mean",  "sum" };
     static const char *const orders[] = { "pre", "post", "auto" };
     proto_json_set_integer(j, "size", view->size[0]);
     proto_json_set_string(j, "mode", modes[view->filter.mode]);

@@ -27,7 +27,7 @@ const WRONG = [
   [{ filter: { c_min: 0 } }, '/filter/c_min', /above 0/],
   [{ filter: { c_min: 2, c_max: 1 } }, '/filter/c_min', /c_min 2 is above c_max 1/],
   [{ filter: { c_min: 50 } }, '/filter/c_min', /c_min 50 is above c_max .*default for this camera/],
-  [{ compositing: { mode: 'slabs' } }, '/compositing/mode', /"sheet" or "slab"/],
+  [{ compositing: { mode: 'slabs' } }, '/compositing/mode', /"mean" or "sum"/],
   [{ compositing: { attenuation: 'none' } }, '/compositing/attenuation', /"exponential" or "linear"/],
   [{ compositing: { mode: 'slab', slab: 0 } }, '/compositing/slab', /0 is outside \[0\.05, 64\]/],
   [{ compositing: { mode: 'slab', slab: -1 } }, '/compositing/slab', /-1 is outside/],

@@ -110,7 +110,8 @@ static void errors_name_the_field_and_the_remedy(void **state) {
         { "{\"filter\":{\"kernel\":\"box\"}}", "/filter/kernel",
           "must be \"gaussian\" or \"cubic\", not \"box\"" },
         { "{\"compositing\":{\"mode\":7}}", "/compositing/mode",
-          "must be \"splat\", \"sheet\" or \"slab\", not a number" },
+          "must be \"splat\", \"sheet\", \"slab\", \"maximum\", \"minimum\", \"mean\" or \"sum\", "
+          "not a number" },
         { "{\"camera\":{\"up\":[0,1]}}", "/camera/up", "must be an array of 3 numbers, not of 2" },
         { "{\"camera\":{\"up\":\"y\"}}", "/camera/up",
           "must be an array of 3 numbers, not a string" },

@@ -20,8 +20,9 @@ struct marcher {
     bool is_lit; /* with occlusion or a shadow */
 };
 
-static void march(const struct marcher *m, const double eye[3], const double ahead[3], double from,
-                  double to, double step, double *rgba) {
+static void march(void *user, const double eye[3], const double ahead[3], double from, double to,
+                  double step, double *rgba) {
+    const struct marcher *m = user;
     const struct sp_view *view = m->view;
     double light = 1, share[2] = { 1, 1 };
     double lit_at = -INFINITY, lit_light = 1; /* where `share` was found */
@@ -55,11 +56,10 @@ static void march(const struct marcher *m, const double eye[3], const double ahe
     rgba[3] = 1 - light;
 }
 
-bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image) {
+bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *follow, void *user,
+                   struct test_image *image) {
     const struct sp_view *view = &scene->view;
-    const struct sp_shading *shading = &view->shading;
     const struct sp_grid *grid = &scene->info.grid;
-    struct marcher m = { .view = view };
     double w[3][3], middle[3], radius = 0, smallest = INFINITY;
     test_camera_axes(&view->camera, w);
     double scale = test_camera_scale(view);
@@ -76,11 +76,9 @@ bool test_interpolated(const struct test_scene *scene, unsigned steps, struct te
         for (int r = 0; r < 3; r++)
             middle[r] += 0.5 * end * grid->direction[r][a];
     }
-    m.is_lit = shading->mode == SP_SHADING_PHONG && (shading->occlusion > 0 || shading->shadow > 0);
-    bool ok = test_image_init(image, view->size[0], view->size[1]) &&
-              test_interpolant_init(&m.field, scene) &&
-              (!m.is_lit || test_lit_init(&m.lit, &m.field, 2));
-    for (unsigned y = 0; ok && y < view->size[1]; y++)
+    if (!test_image_init(image, view->size[0], view->size[1]))
+        return false;
+    for (unsigned y = 0; y < view->size[1]; y++)
         for (unsigned x = 0; x < view->size[0]; x++) {
             double right = (x + 0.5 - 0.5 * view->size[0]) / scale;
             double down = (y + 0.5 - 0.5 * view->size[1]) / scale;
@@ -99,14 +97,23 @@ bool test_interpolated(const struct test_scene *scene, unsigned steps, struct te
             }
             /* The near plane, and a sphere that holds the volume. */
             double from = fmax(along - radius, view->camera.near * (is_flat ? 1 : length));
-            march(&m, eye, ahead, from, along + radius, smallest / steps,
-                  test_image_at(image, x, y));
+            follow(user, eye, ahead, from, along + radius, smallest / steps,
+                   test_image_at(image, x, y));
         }
+    return true;
+}
+
+bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image) {
+    const struct sp_view *view = &scene->view;
+    const struct sp_shading *shading = &view->shading;
+    struct marcher m = { .view = view };
+    m.is_lit = shading->mode == SP_SHADING_PHONG && (shading->occlusion > 0 || shading->shadow > 0);
+    bool ok = test_interpolant_init(&m.field, scene) &&
+              (!m.is_lit || test_lit_init(&m.lit, &m.field, 2)) &&
+              test_each_ray(scene, steps, march, &m, image);
     test_lit_finish(&m.lit);
     test_interpolant_finish(&m.field);
     if (ok)
         test_image_over(image, view->background);
-    else
-        test_image_finish(image);
     return ok;
 }

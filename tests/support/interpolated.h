@@ -22,4 +22,13 @@
  * memory. */
 bool test_interpolated(const struct test_scene *scene, unsigned steps, struct test_image *image);
 
+/* Called with the ray of a pixel: distances `from` the eye `to` where nothing more is, and the step
+ * to sample it with; writes four numbers for the pixel. */
+typedef void test_ray_fn(void *user, const double eye[3], const double ahead[3], double from,
+                         double to, double step, double *rgba);
+
+/* Follows the ray of each pixel's centre. False when out of memory. */
+bool test_each_ray(const struct test_scene *scene, unsigned steps, test_ray_fn *follow, void *user,
+                   struct test_image *image);
+
 #endif

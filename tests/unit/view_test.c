@@ -195,6 +195,12 @@ static void ranges_are_checked(void **state) {
     REFUSED(filter.c_max, INFINITY, "/filter/c_max");
     REFUSED(filter.mode, (enum sp_filter_mode)17, "/filter/mode");
     REFUSED(compositing.slab, 0, "/compositing/slab");
+    REFUSED(compositing.mode, (enum sp_compositing)7, "/compositing/mode");
+    REFUSED(compositing.colors, (enum sp_projection_colors)2, "/compositing/colors");
+    REFUSED(compositing.center, INFINITY, "/compositing/window/center");
+    REFUSED(compositing.width, 0, "/compositing/window/width");
+    REFUSED(compositing.zero, -INFINITY, "/compositing/zero");
+    REFUSED(compositing.absorption, 0, "/compositing/absorption");
     REFUSED(shading.exponent, 0.5, "/shading/exponent");
     REFUSED(shading.occlusion, 1.1, "/shading/occlusion");
     REFUSED(shading.shadow, -0.1, "/shading/shadow");
@@ -247,6 +253,63 @@ static void single_splats_are_not_classified_after_interpolation(void **state) {
         else
             assert_true(sp_view_validate(&view, NULL));
     }
+}
+
+static void sums_have_no_colours_of_the_transfer_function(void **state) {
+    (void)state;
+    struct sp_view view = make_view();
+    view.compositing.colors = SP_COLORS_TRANSFER_FUNCTION;
+    view.compositing.mode = SP_COMPOSITE_MEAN;
+    assert_true(sp_view_validate(&view, NULL));
+    view.compositing.mode = SP_COMPOSITE_SUM;
+    check_refused(&view, "/compositing/colors");
+}
+
+static void projections_show_no_slices(void **state) {
+    (void)state;
+    struct sp_view view = make_view(), other;
+    view.slices.mode = SP_SLICES_ORTHOGONAL;
+    view.slices.in_3d = true;
+    view.compositing.mode = SP_COMPOSITE_MAXIMUM;
+    memcpy(&other, &view, sizeof other);
+    other.slices.position[0] += 1;
+    assert_false(sp_view_draws_slices(&view));
+    assert_true(sp_view_is_same_image(&view, &other));
+}
+
+static void windows_of_projections_suit_the_volume(void **state) {
+    (void)state;
+    struct sp_view view = make_view();
+    /* Half of the samples are 0, half are 100. */
+    struct sp_volume_info info = { .range = { 0, 100 }, .histogram = { [0] = 500, [255] = 500 } };
+    const double root = 100 * (255.5 / 256) * sqrt(0.5);
+    double window[2];
+    for (int a = 0; a < 3; a++) {
+        info.grid.dims[a] = 10;
+        info.grid.spacing[a] = 2;
+    }
+    view.compositing.zero = view.compositing.absorption = NAN;
+    view.compositing.center = view.compositing.width = NAN;
+    view.compositing.mode = SP_COMPOSITE_MEAN;
+    sp_projection_window(&view, &info, window);
+    assert_float_equal(window[1], 2 * root, 1e-9);
+    assert_float_equal(window[0], root, 1e-9);
+    view.compositing.mode = SP_COMPOSITE_SUM;
+    sp_projection_window(&view, &info, window);
+    assert_float_equal(window[1], 2 * root * 20, 1e-9);
+    view.compositing.absorption = 0.1;
+    sp_projection_window(&view, &info, window);
+    assert_float_equal(window[0], 0.5, 1e-12);
+    assert_float_equal(window[1], 1, 1e-12);
+    view.compositing.mode = SP_COMPOSITE_MAXIMUM;
+    view.compositing.width = 7;
+    sp_projection_window(&view, &info, window);
+    assert_float_equal(window[0], 50, 1e-9);
+    assert_float_equal(window[1], 7, 1e-12);
+    info.range[1] = 0; /* a single value */
+    view.compositing.width = NAN;
+    sp_projection_window(&view, &info, window);
+    assert_true(window[1] > 0);
 }
 
 static void degenerate_cameras_are_refused(void **state) {
@@ -308,6 +371,9 @@ int main(void) {
         cmocka_unit_test(ranges_are_checked),
         cmocka_unit_test(slices_beside_the_image_do_not_change_it),
         cmocka_unit_test(single_splats_are_not_classified_after_interpolation),
+        cmocka_unit_test(sums_have_no_colours_of_the_transfer_function),
+        cmocka_unit_test(projections_show_no_slices),
+        cmocka_unit_test(windows_of_projections_suit_the_volume),
         cmocka_unit_test(degenerate_cameras_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function.
+// The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function, or
+// changes the window of a projection in grey.
+import { dragWindow, isProjection, projectionWindow, windowPatch } from '../core/projection.js';
 import { stretchAll, windowOf } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
@@ -13,18 +15,32 @@ const WINDOW_REACH = 180; // px of a drag for a factor e
 
 class WindowDrag {
   #transfer;
-  #start = null; // {at, state, window, gesture}; null: no drag, or no control
+  #viewer;
+  #start = null; // {at, state, window, gesture}, or {at, projection}; null: no drag, or no control
 
-  constructor(transfer) { this.#transfer = transfer; }
+  constructor(transfer, viewer) {
+    this.#transfer = transfer;
+    this.#viewer = viewer;
+  }
 
   begin(at) {
     const { isEditable, state, range } = this.#transfer;
+    const projection = isEditable ? projectionWindow(this.#viewer.view, range) : null;
+    if (projection || isProjection(this.#viewer.view)) {
+      this.#start = projection && { at, projection };
+      return;
+    }
     this.#start = isEditable ? { at, state, window: windowOf(state.points, range), gesture: `window ${performance.now()}` } : null;
   }
 
   /** To the right the window gets wider, upwards the level rises. */
   move(at, time) {
     if (!this.#start) return;
+    if (this.#start.projection) {
+      const moved = dragWindow(this.#start.projection, (at[0] - this.#start.at[0]) / WINDOW_REACH, (this.#start.at[1] - at[1]) / LEVEL_REACH);
+      this.#viewer.change(windowPatch(moved), time);
+      return;
+    }
     const { state, window: from, gesture } = this.#start;
     const [dx, dy] = [at[0] - this.#start.at[0], at[1] - this.#start.at[1]];
     const [low, high] = this.#transfer.range;
@@ -34,16 +50,16 @@ class WindowDrag {
   }
 
   end() {
+    if (this.#start && !this.#start.projection) this.#transfer.seal();
     this.#start = null;
-    this.#transfer.seal();
   }
 }
 
-export function install({ modes, toolbar, transfer }) {
-  const drag = new WindowDrag(transfer);
+export function install({ modes, toolbar, transfer, viewer }) {
+  const drag = new WindowDrag(transfer, viewer);
   const sayWindow = () => {
     if (!transfer.state) return;
-    const { level, width } = windowOf(transfer.state.points, transfer.range);
+    const { level, width } = projectionWindow(viewer.view, transfer.range) ?? windowOf(transfer.state.points, transfer.range);
     modes.say(t('window.values', { width: showNumber(width), level: showNumber(level) }));
   };
   modes.add(MODE, {

@@ -2,6 +2,8 @@
 // The rendering choices of the page, by their JSON pointers in the view: their defaults, which of them have an effect beside
 // the others, and which fields must change together so that the daemon accepts a change.
 
+import { isProjection } from './projection.js';
+
 const DEFAULTS = Object.freeze({
   '/filter/mode': 'adaptive',
   '/filter/kernel': 'gaussian',
@@ -11,6 +13,7 @@ const DEFAULTS = Object.freeze({
   '/compositing/mode': 'sheet',
   '/compositing/attenuation': 'exponential',
   '/compositing/slab': 1,
+  '/compositing/colors': 'grey',
   '/transfer_function/order': 'auto',
   '/shading/occlusion': 0,
   '/shading/shadow': 0,
@@ -29,6 +32,9 @@ const patchAt = (pointer, value) => names(pointer).reduceRight((inner, name) => 
 
 /** True if the choice affects the image beside the others. The daemon stores and ignores a choice without effect. */
 export function matters(view, pointer) {
+  if (isProjection(view)) {
+    return pointer === '/compositing/mode' || (pointer === '/compositing/colors' && view.compositing.mode !== 'sum');
+  }
   const mode = valueAt(view, '/filter/mode');
   const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
   if (isInterpolated && pointer.startsWith('/filter/')) return false;
@@ -39,6 +45,7 @@ export function matters(view, pointer) {
     case '/filter/sigma':
     case '/filter/cutoff': return mode !== 'none' && valueAt(view, '/filter/kernel') === 'gaussian';
     case '/filter/lowpass': return mode !== 'none' && mode !== 'reconstruction';
+    case '/compositing/colors': return false;
     case '/compositing/slab': return valueAt(view, '/compositing/mode') === 'slab';
     default: return true;
   }
@@ -52,6 +59,11 @@ export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
   if (OCCLUSIONS.includes(pointer) && value > 0) {
     return { ...patch, ...patchAt('/compositing/mode', 'sheet'), ...patchAt('/transfer_function/order', 'auto') };
+  }
+  // Every projection has a window of its own, and a sum is not in the unit of the transfer function.
+  if (pointer === '/compositing/mode' && isProjection({ compositing: { mode: value } })) {
+    const isSum = value === 'sum' && valueAt(view, '/compositing/colors') !== 'grey';
+    return { compositing: { mode: value, window: null, ...(isSum ? { colors: 'grey' } : {}) } };
   }
   const isOccluded = OCCLUSIONS.some((other) => valueAt(view, other) > 0);
   if (isOccluded && ((pointer === '/compositing/mode' && value !== 'sheet') || (pointer === '/transfer_function/order' && value === 'pre'))) {

@@ -55,7 +55,7 @@ static uint64_t of_slots(const struct gl_state *s) {
 
 uint64_t gl_draw_bytes(const struct gl_state *s) {
     const struct gl_buffer *buffers = (const struct gl_buffer *)&s->buffers;
-    uint64_t bytes = 0;
+    uint64_t bytes = s->resample.colors.bytes;
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         bytes += buffers[i].bytes;
     for (int a = 0; a < 3; a++)

@@ -27,6 +27,20 @@ static bool upload_shading(const struct gl_resample_frame *f, const struct gl_ba
     return gl_upload_shading(&s->upload, shading, s->block_bytes, err);
 }
 
+/* Of a projection. */
+static bool upload_colors(const struct gl_resample_frame *f, struct gl_state *s,
+                          struct sp_error *err) {
+    const uint64_t bytes = (REDUCTION_COLORS + 1) * sizeof f->resample.colors[0];
+    if (!f->resample.reduction.is_on)
+        return true;
+    if (!gl_buffer_reserve(&s->resample.colors, "colours", bytes, s->block_bytes, GL_USE_STREAM,
+                           err))
+        return false;
+    gl_buffer_update(&s->resample.colors, 0, f->resample.colors, bytes);
+    s->upload.bytes += bytes;
+    return true;
+}
+
 /* Uploads the constants of the axis f->resample.axis, and adds its passes. */
 static bool add_passes(struct gl_resample_frame *f, struct gl_state *s,
                        const struct gl_buffer *visible, struct sp_error *err) {
@@ -92,6 +106,7 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     const struct sp_backend_job *job = band->job;
     double start_ms = sp_job_clock_ms(job);
     bool is_lit = job->view->shading.mode == SP_SHADING_PHONG;
+    enum gl_resample_use use;
     uint64_t used = sp_classify_cache_bytes(&s->cache, NULL) + gl_layers_bytes(&s->layers, NULL);
     sp_camera_transform_init(&f->camera, &job->view->camera, job->view->size);
     sp_shade_init(&f->shade, &f->camera, &job->view->shading);
@@ -111,9 +126,15 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
                                              .arena = &s->arena };
     if (!sp_resample_prepare(&input, &f->resample, err) ||
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
-        !upload_shading(f, band, err) || !find_passes(f, &input, s, err) ||
-        !(f->program = gl_resample_open(&s->resample, f->data.kind, f->resample.needs_gradient,
-                                        band->fragments != NULL, s->device, err)))
+        !upload_shading(f, band, err) || !upload_colors(f, s, err) ||
+        !find_passes(f, &input, s, err))
+        return false;
+    use = f->resample.reduction.is_on  ? GL_RESAMPLE_PROJECTION
+          : f->resample.needs_gradient ? GL_RESAMPLE_GRADIENTS
+                                       : GL_RESAMPLE_PLAIN;
+    f->program =
+        gl_resample_open(&s->resample, f->data.kind, use, band->fragments != NULL, s->device, err);
+    if (!f->program)
         return false;
     band->slot->mip_level = job->frame->stats.mip_level;
     band->slot->visible = job->frame->stats.visible_voxels;
@@ -157,7 +178,7 @@ static void bind(const struct gl_resample_frame *f, const struct gl_resample_pas
     gl_buffer_bind(f->data.samples, 2);
     gl_buffer_bind(pass->visible, 3);
     gl_buffer_bind(&s->buffers.image, 4);
-    gl_buffer_bind(f->data.integral, 5);
+    gl_buffer_bind(f->resample.reduction.is_on ? &s->resample.colors : f->data.integral, 5);
     gl_buffer_bind(f->data.places ? f->data.places : pass->constants, 6);
     gl_buffer_bind(&s->bins.counts, 7);
     if (band->fragments)

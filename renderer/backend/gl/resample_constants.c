@@ -63,6 +63,14 @@ static void write_base(struct gl_resample_constants *c, const struct sp_resample
     c->level_scale[2] = (float)(base - whole);
 }
 
+static void write_reduction(struct gl_resample_constants *c, const struct sp_reduction *r) {
+    const float numbers[2][4] = { { r->sign, r->start, r->full, r->zero },
+                                  { r->absorption, r->gain, r->offset } };
+    const int32_t choices[4] = { r->is_extreme, r->is_mean, r->leaves_out };
+    memcpy(c->numbers, numbers, sizeof numbers);
+    memcpy(c->choices, choices, sizeof choices);
+}
+
 void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp_resample *r) {
     const struct sp_transfer_function *tf = &r->view->transfer_function;
     *c = (struct gl_resample_constants){ 0 };
@@ -81,6 +89,7 @@ void gl_resample_constants_init(struct gl_resample_constants *c, const struct sp
                       r->curve.visible[1] },
            sizeof c->bin_scale);
     memcpy(c->above_bins, r->curve.above, sizeof c->above_bins);
+    write_reduction(c, &r->reduction);
     c->base[1] = r->is_linear;
     c->base[2] = (int32_t)r->half_count;
     c->base[3] = (int32_t)tf->gradient_count;

@@ -15,6 +15,8 @@
 struct gl_resample_constants {
     float to_world[3][4], metric[2][4], depths[3][4], steep[4];
     float level_scale[4], bin_scale[4], above_bins[4];
+    float numbers[2][4]; /* of a projection */
+    int32_t choices[4];
     int32_t base[4];
     uint32_t regions[4], size[4];
     struct gl_resample_axis {

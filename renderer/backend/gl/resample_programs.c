@@ -13,7 +13,7 @@ enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 22 };
 static const double shortness = 5;
 
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          bool has_gradient, bool has_layers, const char *device,
+                          enum gl_resample_use use, bool has_layers, const char *device,
                           struct sp_error *err) {
     static const struct {
         int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
@@ -23,16 +23,17 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
         [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
         [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
     };
-    struct gl_resample_program *own = &resample->programs[kind][has_gradient][has_layers];
+    struct gl_resample_program *own = &resample->programs[kind][use][has_layers];
     struct sp_error why = { .text = "it failed before; the log has the reason" };
-    char defines[256];
+    char defines[320];
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
-             "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define SQUARE %du\n"
-             "#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n#define LAYERS %d\n",
-             kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed, has_gradient,
-             (unsigned)RESAMPLE_TILE, RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX,
-             GL_RESAMPLE_INTERVALS, has_layers);
+             "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define PROJECTION %d\n"
+             "#define SQUARE %du\n#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n"
+             "#define LAYERS %d\n",
+             kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed,
+             use == GL_RESAMPLE_GRADIENTS, use == GL_RESAMPLE_PROJECTION, (unsigned)RESAMPLE_TILE,
+             RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers);
     if (!own->program && !own->is_refused)
         own->program = gl_program_open(has_layers ? "frame shade resample fragments 30_resample"
                                                   : "frame shade resample 30_resample",
@@ -63,5 +64,6 @@ void gl_resample_finish(struct gl_resample *resample) {
         glDeleteProgram(programs[i].program);
     for (int a = 0; a < 3; a++)
         gl_buffer_finish(&resample->constants[a]);
+    gl_buffer_finish(&resample->colors);
     *resample = (struct gl_resample){ .work = resample->work };
 }

@@ -23,19 +23,27 @@ enum gl_samples_kind {
 /* Intervals per dispatch, at most: a thread per slab of four slices looks for what is visible. */
 enum { GL_RESAMPLE_INTERVALS = 200 };
 
+enum gl_resample_use {
+    GL_RESAMPLE_PLAIN,
+    GL_RESAMPLE_GRADIENTS,
+    GL_RESAMPLE_PROJECTION,
+    GL_RESAMPLE_USES
+};
+
 struct gl_resample {
     struct gl_resample_program {
-        unsigned program;               /* 0 = not compiled */
-        bool is_refused;                /* by the driver: not compiled again */
-    } programs[GL_SAMPLES_KINDS][2][2]; /* by kind, with gradients, with other layers */
-    struct gl_buffer constants[3];      /* by axis of the slices */
-    uint32_t work;                      /* blocks times intervals per dispatch */
+        unsigned program;                              /* 0 = not compiled */
+        bool is_refused;                               /* by the driver: not compiled again */
+    } programs[GL_SAMPLES_KINDS][GL_RESAMPLE_USES][2]; /* by kind, use, with other layers */
+    struct gl_buffer constants[3];                     /* by axis of the slices */
+    struct gl_buffer colors;                           /* of the last projection */
+    uint32_t work;                                     /* blocks times intervals per dispatch */
 };
 
 /* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
  * context must be current, here and below. */
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          bool has_gradient, bool has_layers, const char *device,
+                          enum gl_resample_use use, bool has_layers, const char *device,
                           struct sp_error *err);
 
 /* Adapts the size of dispatches to the longest one of a band. limit_ms: a longer one is too long;

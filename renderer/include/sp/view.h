@@ -48,7 +48,20 @@ enum sp_compositing {
     SP_COMPOSITE_SHEET, /* slices along the axis closest to the view direction (Westover 1990) */
     /* Slabs of equal distance from the eye (Mueller and Crawfis 1998). With order post and the
      * default filter: interpolated sheets half a slice apart. */
-    SP_COMPOSITE_SLAB
+    SP_COMPOSITE_SLAB,
+    /* Projections: one number per pixel, of the interpolated values along its ray inside the volume
+     * and the clip. Samples that are not finite are left out. */
+    SP_COMPOSITE_MAXIMUM,
+    SP_COMPOSITE_MINIMUM,
+    SP_COMPOSITE_MEAN,
+    SP_COMPOSITE_SUM /* the integral of max(value − zero, 0), data unit · world unit; or the share
+                        of X-rays that is absorbed */
+};
+/* How the number of a projection becomes a colour. */
+enum sp_projection_colors {
+    SP_COLORS_GREY,             /* the window: from black to white */
+    SP_COLORS_TRANSFER_FUNCTION /* colour and opacity of the transfer function: what one reference
+                                   length of the value looks like */
 };
 /* Opacity of optical depth T: 1 − e^−T, or min(T, 1). */
 enum sp_attenuation { SP_ATTENUATION_EXPONENTIAL, SP_ATTENUATION_LINEAR };
@@ -111,6 +124,15 @@ struct sp_compositing_options {      /* "/compositing" */
     enum sp_attenuation attenuation; /* [exponential] */
     double slab; /* thickness in smallest (mean) spacings, [0.05, 64]; slab mode only, and not where
                     slabs are interpolated [1] */
+    /* Of projections: */
+    enum sp_projection_colors colors; /* "transfer_function" is not for sums [grey] */
+    /* "window", in the unit of the number: centre, and width > 0 from black to white. NaN (JSON
+     * null) = chosen for the volume and the mode, sp_projection_window() [NaN] */
+    double center, width;
+    double zero; /* sum: lower values count as this one; NaN = the volume's smallest value [NaN] */
+    /* sum: X-rays. Attenuation per data unit above `zero`, 1 / world unit, > 0: the pixel shows the
+     * absorbed share 1 − e^−∫attenuation, [0, 1]. NaN = the integral itself [NaN] */
+    double absorption;
 };
 
 struct sp_light {
@@ -243,7 +265,24 @@ SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume,
 /* The defaults of a layer of that type; a surface has no value yet (NaN). Thread-safe. */
 SP_API struct sp_layer sp_layer_default(enum sp_layer_type type);
 
-/* True if slices are drawn in the image. Thread-safe. */
+/* True for the modes that show one number of the values along a ray. Thread-safe. */
+static inline bool sp_compositing_is_projection(enum sp_compositing mode) {
+    return mode >= SP_COMPOSITE_MAXIMUM;
+}
+
+/* Writes centre and width of the window of the view's projection: what `compositing` gives, and
+ * where it is NaN what suits the volume:
+ *
+ *   maximum, minimum   from the lower end of sp_slice_default_window() to the largest value
+ *   mean               from the smallest value up, by twice the root mean square of what is above
+ * it sum                from 0 to twice that of max(value − zero, 0) times the volume's mean side;
+ *                      with absorption from 0 to 1
+ *
+ * The width is above 0. Thread-safe. */
+SP_API void sp_projection_window(const struct sp_view *view, const struct sp_volume_info *info,
+                                 double window[2]);
+
+/* True if slices are drawn in the image: not in a projection. Thread-safe. */
 SP_API bool sp_view_draws_slices(const struct sp_view *view);
 
 /* True if the two views give the same image, although they may differ in slices that are not

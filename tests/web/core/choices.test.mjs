@@ -8,6 +8,17 @@ import { compare } from '../../support/compare.mjs';
 
 const slabs = { compositing: { mode: 'slab' }, transfer_function: { order: 'post', points: [] }, filter: {} };
 
+test('projections have their own choices, and each begins with its own window', () => {
+  const mip = { compositing: { mode: 'maximum' } };
+  assert.deepEqual(['/filter/mode', '/shading/occlusion', '/transfer_function/order', '/compositing/slab', '/compositing/mode', '/compositing/colors']
+    .filter((pointer) => matters(mip, pointer)), ['/compositing/mode', '/compositing/colors']);
+  assert.ok(!matters({ compositing: { mode: 'sum' } }, '/compositing/colors'));
+  assert.ok(!matters({}, '/compositing/colors'));
+  assert.deepEqual(choose(mip, '/compositing/mode', 'mean'), { compositing: { mode: 'mean', window: null } });
+  assert.deepEqual(choose({ compositing: { mode: 'mean', colors: 'transfer_function' } }, '/compositing/mode', 'sum'),
+    { compositing: { mode: 'sum', window: null, colors: 'grey' } });
+});
+
 test('valueAt returns the value of the view, or the default of the protocol', () => {
   assert.equal(valueAt({}, '/filter/mode'), 'adaptive');
   assert.equal(valueAt({ filter: { sigma: 1.5 } }, '/filter/sigma'), 1.5);

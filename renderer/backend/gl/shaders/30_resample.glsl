@@ -8,7 +8,11 @@ layout(local_size_x = TILE, local_size_y = TILE) in;
 // By pixel of the band: transmittance and premultiplied colour; then, again by pixel, the gradient of the last surface and
 // the number of fragments that were composited; then the sum of passes.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
+#if PROJECTION
+layout(std430, binding = 5) readonly buffer Colors { vec4 colors[]; }; // and alpha
+#else
 layout(std430, binding = 5) readonly buffer Integral { vec4 integral[]; };
+#endif
 layout(std430, binding = 7) coherent buffer Counts {
     uint splats;           // refined samples
     uint fragments, carry; // pixels of sheets: low and high word
@@ -24,6 +28,8 @@ const int RAW = 512, REFINED = 640; // samples around those that are refined; wo
 const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1;
 const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
+const float NONE_BELOW = 512.0; // levels below it are those of samples that are not finite
+const int COLORS = 1024;
 const float TAP0 = 150.0 / 256.0, TAP1 = -25.0 / 256.0, TAP2 = 3.0 / 256.0;
 
 shared vec4 rays[PIXELS];      // u, v, du, dv
@@ -36,7 +42,9 @@ shared int span[2];            // s between which some ray is inside, as integer
 shared int live_at;            // the newest sheet at which some pixel was not opaque
 
 uint thread;
-vec4 pixel; // transmittance and premultiplied colour
+// Transmittance and premultiplied colour. Of a projection, until its pass ends: 1 while the pixel may change, the number so
+// far, and the length of the ray that it comes from if samples are left out.
+vec4 pixel;
 vec3 normal; // gradient of the surface that was met last
 vec2 at;    // the pixel's centre
 vec4 ray;   // u, v, du, dv
@@ -183,12 +191,19 @@ int find_next(int n) {
 
 // The value half way between the third and the fourth of six neighbours.
 float between(float a, float b, float c, float d, float e, float f) {
+#if PROJECTION
+    if (choices.z != 0 && min(min(min(a, b), min(c, d)), min(e, f)) < NONE_BELOW)
+        return min(c, d) < NONE_BELOW ? 0.0 : 0.5 * (c + d);
+    if (choices.z != 0)
+        return max((c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2, LEVEL_MIN);
+#endif
     return (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
 }
 
 // The level of a slice, or half way between two slices.
 float read(ivec2 p, float z) {
     const float share[6] = float[6](TAP2, TAP1, TAP0, TAP0, TAP1, TAP2);
+    float own[6];
     int whole = int(floor(z));
     bool is_between = z > float(whole);
     p = clamp(p, ivec2(0), last.xy);
@@ -197,7 +212,12 @@ float read(ivec2 p, float z) {
     for (int k = is_between ? -2 : 0; k <= (is_between ? 3 : 0); k++) {
         float level = level_of(line + uint(clamp(whole + k, 0, last.z)) * strides.z);
         sum += is_between ? share[k + 2] * level : level;
+        own[k + 2] = level;
     }
+#if PROJECTION
+    if (is_between && choices.z != 0)
+        return between(own[0], own[1], own[2], own[3], own[4], own[5]);
+#endif
     return sum;
 }
 
@@ -262,6 +282,10 @@ vec3 sample_at(ivec2 p, vec2 part, int width) {
                       mix(level_at(p + ivec2(0, 2), width), level_at(p + ivec2(1, 2), width), part.x), part.y);
     return vec3(value, right - left, below - above);
 #else
+#if PROJECTION
+    if (choices.z != 0 && min(min(a, b), min(c, d)) < NONE_BELOW)
+        value = 0.0;
+#endif
     return vec3(value, 0.0, 0.0);
 #endif
 }
@@ -315,6 +339,7 @@ float cut(float s, float width, inout vec3 value) {
     return to - from;
 }
 
+#if !PROJECTION
 // The mean of the transfer function from value x to value y: half of it, because an interval has two such parts. Colour
 // times depth, and depth.
 vec4 mean_of_half(float x, float y) {
@@ -454,6 +479,49 @@ void integrate(int n, vec3 value[4]) {
 #endif
     composite(s, width, 1.0 - light, color);
 }
+#else
+// Adds the interval between sheets n and n + 1 to the pixel's number (resample/reduce.c).
+void integrate(int n, vec3 value[4]) {
+    float s = s_of(slice_of(n)), width = s_of(slice_of(n + 1)) - s, sign = numbers[0].x;
+    float middle = (9.0 / 16.0) * (value[1].x + value[2].x) - (1.0 / 16.0) * (value[0].x + value[3].x);
+    bool is_known = choices.z == 0 || min(value[1].x, value[2].x) >= NONE_BELOW;
+    if (choices.z != 0 && min(value[0].x, value[3].x) < NONE_BELOW)
+        middle = 0.5 * (value[1].x + value[2].x);
+    vec3 x = vec3(value[1].x, clamp(middle, LEVEL_MIN, LEVEL_MAX), value[2].x);
+    float share = cut(s, width, x), passed = ray_length * width * share;
+    if (!(share > 0.0) || !is_known)
+        return;
+    pixel.z += passed;
+    if (choices.x == 0) {
+        pixel.y += passed * dot(max(x - numbers[0].w, 0.0), vec3(1.0, 4.0, 1.0) / 6.0);
+        return;
+    }
+    x *= sign;
+    float bend = x.x + x.z - 2.0 * x.y, change = x.z - x.x;
+    pixel.y = max(pixel.y, max(max(x.x, x.z), x.y));
+    if (bend < -1e-3 && abs(change) < -2.0 * bend)
+        pixel.y = max(pixel.y, x.y - change * change / (8.0 * bend));
+    if (pixel.y >= numbers[0].z)
+        pixel.x = 0.0;
+}
+
+// Turns the pixel's number into transmittance and colour.
+void close_pixel() {
+    float number = pixel.y, ray = choices.z != 0 ? pixel.z : (end - begin) * ray_length;
+    if (!(begin < end) || !(ray > 0.0)) {
+        pixel = vec4(1.0, 0.0, 0.0, 0.0);
+        return;
+    }
+    if (choices.y != 0)
+        number /= ray;
+    if (numbers[1].x > 0.0)
+        number = 1.0 - exp2(-numbers[1].x * number);
+    float place = clamp(number * numbers[1].y + numbers[1].z, 0.0, 1.0) * float(COLORS);
+    int whole = min(int(place), COLORS - 1);
+    vec4 color = mix(colors[whole], colors[whole + 1], place - float(whole));
+    pixel = vec4(1.0 - color.a, color.rgb * color.a);
+}
+#endif
 
 void add_counts(uint refined_count, uint sheets) {
     uint px = sheets * PIXELS, before = atomicAdd(fragments, px);
@@ -494,6 +562,10 @@ void main() {
     uint pixels = band.x * (band.z - band.y), own = index + pixels;
     vec4 kept = is_inside && range.x > 0 ? image[own] : vec4(0);
     normal = kept.xyz;
+#if PROJECTION
+    if (is_inside && range.x == 0)
+        pixel = vec4(1.0, choices.x != 0 ? numbers[0].y : 0.0, 0.0, 0.0);
+#endif
     open_axis(square.kind.y, square.kind.z != 0, part.x);
     open_ray(square);
     pass_share = find_share(square.kind.w);
@@ -523,6 +595,10 @@ void main() {
     if (part.y != 0)
         insert_before(FAR_AWAY);
     kept.w = float(next_fragment);
+#endif
+#if PROJECTION
+    if (part.y != 0)
+        close_pixel();
 #endif
     if (is_inside && part.y != 0 && part.z != 0) {
         image[own + pixels] += axis_share * pass_share * pixel;
