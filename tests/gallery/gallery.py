@@ -27,7 +27,7 @@ import tempfile
 import zlib
 
 HERE = os.path.dirname(os.path.abspath(__file__))
-SIZE_MAX = 1500000
+SIZE_MAX = 2000000
 RENDERER = os.path.join(HERE, '..', '..', 'renderer')
 
 
