@@ -4,7 +4,7 @@
 #include "base/vec.h"
 #include "part/connect.h"
 #include "sp/part.h"
-#include "surface/points.h"
+#include "surface/extract.h"
 #include "volume/grid.h"
 #include "volume/volume.h"
 
@@ -92,7 +92,7 @@ static bool add_area(const struct sp_volume *volume, double value, const struct 
     struct sp_surface_ranges ranges = { 0 };
     struct sp_surface_points points = { 0 };
     bool ok = sp_surface_ranges_init(&ranges, &job, err) &&
-              sp_surface_points_init(&points, &job, &ranges, UINT64_MAX, err);
+              sp_surface_extract(&points, &job, &ranges, UINT64_MAX, err);
     if (ok)
         size->area += sum_area(&sp_volume_info(volume)->grid, &points, mine);
     sp_surface_points_finish(&points);

@@ -3,6 +3,7 @@
 
 #include <stddef.h>
 
+#include "surface/extract.h"
 #include "volume/volume.h"
 
 static void finish_volume(struct sp_surface_volume *slot) {
@@ -117,7 +118,7 @@ const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *ca
     for (int attempt = 0; volume; attempt++) {
         uint64_t used = sp_surface_cache_bytes(cache, NULL);
         uint64_t rest = used < job->bytes_max ? job->bytes_max - used : 0;
-        if (sp_surface_points_init(&points, &own, &volume->ranges, rest, &why))
+        if (sp_surface_extract(&points, &own, &volume->ranges, rest, &why))
             break;
         if (why.code != SP_ERR_BUDGET || attempt) {
             if (err)

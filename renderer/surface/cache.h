@@ -8,6 +8,7 @@
 #define SP_SURFACE_CACHE_H
 
 #include "surface/points.h"
+#include "surface/ranges.h"
 
 enum { SURFACE_VOLUMES = 8, SURFACE_LISTS = 32 };
 

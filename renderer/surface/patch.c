@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "surface/patch.h"
 
-#include <math.h>
-#include <stdbool.h>
+#include "base/wide.h"
 
 /* The corners that share an edge with one of `corners`. */
 static unsigned grow(unsigned corners) {
@@ -21,198 +20,214 @@ static unsigned first_part(unsigned corners) {
 }
 
 /* Splits the corners into connected parts; returns their number. */
-static int split(unsigned corners, unsigned parts[SURFACE_PATCHES_MAX]) {
+static int split(unsigned corners, uint8_t parts[SURFACE_PARTS_MAX]) {
     int count = 0;
     for (; corners; corners &= ~parts[count - 1])
-        parts[count++] = first_part(corners);
+        parts[count++] = (uint8_t)first_part(corners);
     return count;
 }
 
-/* One piece per part of the inside or, if that is connected, per part of the outside. Sets *outside
- * if the parts are outside. */
-static int find_parts(unsigned inside, unsigned parts[SURFACE_PATCHES_MAX], int *outside) {
-    int count = split(inside, parts);
-    *outside = 0;
-    if (count > 1)
-        return count;
-    *outside = 1;
-    return split(~inside & 255, parts);
+void sp_surface_find_parts(unsigned inside, struct sp_surface_parts *out) {
+    int count = split(inside, out->corners);
+    out->are_outside = count < 2;
+    if (out->are_outside)
+        count = split(~inside & 255, out->corners);
+    out->count = (uint8_t)count;
 }
 
-int sp_surface_patch_count(unsigned inside) {
-    unsigned parts[SURFACE_PATCHES_MAX];
-    int outside;
-    return find_parts(inside, parts, &outside);
-}
-
-/* Where the edge from a corner with value a to one with b is crossed, as a share of the edge. */
-static float crossing(float a, float b) {
-    return a / (a - b);
-}
-
-static float mix(float a, float b, float t) {
-    return a + t * (b - a);
-}
-
-/* The part of a face that is inside of a polygon: its area, and the integrals of both coordinates.
- */
-struct share {
-    float area, moment[2];
+/* Pieces in the lanes of vectors. An edge is known by its axis and the corner where it begins. */
+struct cells {
+    sp_wide f[8];
+    sp_wide_mask in[8];     /* the corner belongs to the part */
+    sp_wide crossing[3][8]; /* as a share of the edge; 0 = none */
+    sp_wide_mask is_crossed[3][8];
 };
 
-/* Adds the triangle of the face's corner 0 and an edge of the polygon. */
-static void add_triangle(struct share *share, const float a[2], const float b[2]) {
-    float area = 0.5f * (a[0] * b[1] - a[1] * b[0]);
-    share->area += area;
-    for (int k = 0; k < 2; k++)
-        share->moment[k] += area * (a[k] + b[k]) * (1.0f / 3);
+static inline void read_cells(const struct sp_surface_patches *p, int first, struct cells *out) {
+    const sp_wide_int corners = sp_wide_int_load(p->corners + first), zero = { 0 };
+    for (int c = 0; c < 8; c++) {
+        out->f[c] = sp_wide_load(p->f[c] + first);
+        out->in[c] = sp_wide_int_lt(zero, corners & 1 << c);
+    }
+    for (int a = 0; a < 3; a++)
+        for (int i = 0; i < 8; i++) {
+            const int j = i | 1 << a;
+            if (i == j)
+                continue;
+            sp_wide share = out->f[i] / (out->f[i] - out->f[j]);
+            out->is_crossed[a][i] = out->in[i] ^ out->in[j];
+            out->crossing[a][i] = sp_wide_keep(out->is_crossed[a][i], share);
+        }
 }
 
-/* The share of a face that the part covers. f: around the face, positive in the part. Corners of
- * the part that face each other do not connect. */
-static struct share face_share(const float f[4], unsigned part) {
-    static const float corners[4][2] = { { 0, 0 }, { 1, 0 }, { 1, 1 }, { 0, 1 } };
-    struct share share = { 0 };
-    float at[8][2];
-    int count = 0;
-    if (part == 5 || part == 10) {
-        struct share other = face_share(f, part & 12);
-        share = face_share(f, part & 3);
-        return (struct share){ share.area + other.area,
-                               { share.moment[0] + other.moment[0],
-                                 share.moment[1] + other.moment[1] } };
-    }
-    for (int i = 0; i < 4 && part; i++) {
+/* The share of a face that a part covers: its area, and the integrals of both coordinates. */
+struct share {
+    sp_wide area, moment[2];
+};
+
+/* Adds a segment from x to y of the boundary, with the share on its left:
+ * ∮ u dv, ∮ u²/2 dv, −∮ v²/2 du. */
+static inline void add_chord(struct share *share, const sp_wide x[2], const sp_wide y[2]) {
+    const float sixth = 1.0f / 6;
+    sp_wide du = y[0] - x[0], dv = y[1] - x[1];
+    share->area += 0.5f * (x[0] + y[0]) * dv;
+    share->moment[0] += sixth * dv * (x[0] * (x[0] + y[0]) + y[0] * y[0]);
+    share->moment[1] -= sixth * du * (x[1] * (x[1] + y[1]) + y[1] * y[1]);
+}
+
+/* in: the corners (0, 0), (1, 0), (1, 1), (0, 1) of the face; at: where the edges from each to the
+ * next are crossed, along the axes. The boundary of the part leaves the edges at most once. */
+static inline void add_face(const sp_wide_mask in[4], const sp_wide at[4], struct share *share) {
+    const sp_wide one = sp_wide_all(1);
+    sp_wide_mask leaves[4], enters[4];
+    for (int i = 0; i < 4; i++) {
         const int next = (i + 1) & 3;
-        const bool is_in = part >> i & 1, is_next_in = part >> next & 1;
-        if (is_in) {
-            at[count][0] = corners[i][0];
-            at[count++][1] = corners[i][1];
-        }
-        if (is_in == is_next_in)
-            continue;
-        const float t = crossing(f[i], f[next]);
-        for (int k = 0; k < 2; k++)
-            at[count][k] = corners[i][k] + t * (corners[next][k] - corners[i][k]);
-        count++;
+        leaves[i] = in[i] & ~in[next];
+        enters[i] = in[next] & ~in[i];
     }
-    for (int i = 0; i < count; i++)
-        add_triangle(&share, at[i], at[i + 1 < count ? i + 1 : 0]);
-    return share;
+    const sp_wide from[2] = { sp_wide_keep(leaves[0], at[0]) + sp_wide_keep(leaves[1], one) +
+                                  sp_wide_keep(leaves[2], at[2]),
+                              sp_wide_keep(leaves[1], at[1]) + sp_wide_keep(leaves[2], one) +
+                                  sp_wide_keep(leaves[3], at[3]) };
+    const sp_wide to[2] = { sp_wide_keep(enters[0], at[0]) + sp_wide_keep(enters[1], one) +
+                                sp_wide_keep(enters[2], at[2]),
+                            sp_wide_keep(enters[1], at[1]) + sp_wide_keep(enters[2], one) +
+                                sp_wide_keep(enters[3], at[3]) };
+    /* The lengths of the parts of the edges where u = 1 and v = 1. */
+    sp_wide right = sp_wide_select(in[2], one, at[1]) - sp_wide_keep(~in[1], at[1]);
+    sp_wide upper = sp_wide_select(in[2], one, at[2]) - sp_wide_keep(~in[3], at[2]);
+    share->area += right;
+    share->moment[0] += 0.5f * right;
+    share->moment[1] += 0.5f * upper;
+    add_chord(share, from, to);
 }
 
-/* The region of the part is closed by its shares of the six faces and by the surface, so that the
- * vector areas of all of them add up to 0 (Gauss). In the same way the shares of the faces across
- * the axis b give ∫ x_a dA_b of the surface, and thus its centre along the other axes. */
-static void find_area(const float f[8], unsigned part, struct sp_surface_patch *out,
-                      float moment[3][2]) {
-    for (int a = 0; a < 3; a++) {
-        const int b = 1 << (a + 1) % 3, c = 1 << (a + 2) % 3;
-        struct share share[2];
-        for (int side = 0; side < 2; side++) {
-            const int corner = side << a;
-            const int around[4] = { corner, corner | b, corner | b | c, corner | c };
-            float g[4];
-            unsigned in = 0;
-            for (int i = 0; i < 4; i++) {
-                g[i] = f[around[i]];
-                in |= (part >> around[i] & 1) << i;
-            }
-            share[side] = face_share(g, in);
-        }
-        out->area[a] = share[0].area - share[1].area;
-        for (int k = 0; k < 2; k++)
-            moment[a][k] = share[0].moment[k] - share[1].moment[k];
+/* The face across axis a. Corners of the part that face each other do not connect. */
+static inline void find_share(const struct cells *cells, int a, int side, struct share *share) {
+    const int b = (a + 1) % 3, c = (a + 2) % 3, first = side << a;
+    const int around[4] = { first, first | 1 << b, first | 1 << b | 1 << c, first | 1 << c };
+    const sp_wide_mask in[4] = { cells->in[around[0]], cells->in[around[1]], cells->in[around[2]],
+                                 cells->in[around[3]] };
+    const sp_wide at[4] = { cells->crossing[b][around[0]], cells->crossing[c][around[1]],
+                            cells->crossing[b][around[3]], cells->crossing[c][around[0]] };
+    *share = (struct share){ sp_wide_all(0), { sp_wide_all(0), sp_wide_all(0) } };
+    sp_wide_mask is_split = (in[0] ^ in[1]) & (in[1] ^ in[2]) & (in[2] ^ in[3]);
+    if (!sp_wide_any(is_split)) {
+        add_face(in, at, share);
+        return;
     }
+    const sp_wide_mask lower[4] = { in[0], in[1], in[2] & ~is_split, in[3] & ~is_split };
+    const sp_wide_mask upper[4] = { in[0] & ~in[0], in[0] & ~in[0], in[2] & is_split,
+                                    in[3] & is_split };
+    add_face(lower, at, share);
+    sp_wide rest[4];
+    for (int i = 0; i < 4; i++)
+        rest[i] = sp_wide_keep(is_split, at[i]);
+    add_face(upper, rest, share);
 }
 
 /* The mean of the crossings of the part's edges. */
-static void find_middle(const float f[8], unsigned part, float at[3]) {
-    int count = 0;
-    at[0] = at[1] = at[2] = 0;
+static inline void find_middle(const struct cells *cells, sp_wide at[3]) {
+    const sp_wide one = sp_wide_all(1);
+    sp_wide count = sp_wide_all(1e-30f);
+    for (int a = 0; a < 3; a++)
+        at[a] = sp_wide_all(0);
     for (int a = 0; a < 3; a++)
         for (int i = 0; i < 8; i++) {
-            int j = i | 1 << a;
-            if (i == j || !((part >> i ^ part >> j) & 1))
+            if (i >> a & 1)
                 continue;
-            at[a] += crossing(f[i], f[j]);
-            at[(a + 1) % 3] += (float)(i >> (a + 1) % 3 & 1);
-            at[(a + 2) % 3] += (float)(i >> (a + 2) % 3 & 1);
-            count++;
+            sp_wide is_crossed = sp_wide_keep(cells->is_crossed[a][i], one);
+            at[a] += cells->crossing[a][i];
+            for (int k = 1; k < 3; k++)
+                if (i >> (a + k) % 3 & 1)
+                    at[(a + k) % 3] += is_crossed;
+            count += is_crossed;
         }
     for (int a = 0; a < 3; a++)
-        at[a] /= (float)count;
+        at[a] /= count;
 }
 
-static float clamp(float x) {
-    return x > 0 ? (x < 1 ? x : 1) : 0;
+static inline sp_wide clamp(sp_wide x) {
+    return sp_wide_min(sp_wide_max(x, sp_wide_all(0)), sp_wide_all(1));
 }
 
-/* The centre of the patch, by the axis that it faces most; on the surface, if the surface is there.
- */
-static void find_center(const float f[8], unsigned part, struct sp_surface_patch *patch,
-                        const float moment[3][2]) {
-    const float least = 1e-3f; /* a smaller area has no direction */
-    int b = 0;
-    for (int a = 1; a < 3; a++)
-        b = fabsf(patch->area[a]) > fabsf(patch->area[b]) ? a : b;
-    find_middle(f, part, patch->at);
-    if (fabsf(patch->area[b]) < least)
-        return;
+static inline sp_wide mix(sp_wide a, sp_wide b, sp_wide t) {
+    return a + t * (b - a);
+}
+
+/* Where `chosen`, moves the place to the centre of a piece that faces axis b most; on the surface,
+ * if the surface is there. */
+static inline void move_to_center(const struct cells *cells, int b, sp_wide_mask chosen,
+                                  sp_wide area, const sp_wide moment[2], sp_wide at[3]) {
     const int c = (b + 1) % 3, d = (b + 2) % 3;
-    patch->at[c] = clamp(moment[b][0] / patch->area[b]);
-    patch->at[d] = clamp(moment[b][1] / patch->area[b]);
-    float ends[2];
+    const sp_wide zero = sp_wide_all(0);
+    sp_wide ends[2];
+    at[c] = sp_wide_select(chosen, clamp(moment[0] / area), at[c]);
+    at[d] = sp_wide_select(chosen, clamp(moment[1] / area), at[d]);
     for (int side = 0; side < 2; side++) {
-        const int corner = side << b;
-        float near = mix(f[corner], f[corner | 1 << c], patch->at[c]);
-        float far = mix(f[corner | 1 << d], f[corner | 1 << c | 1 << d], patch->at[c]);
-        ends[side] = mix(near, far, patch->at[d]);
+        const int k = side << b;
+        sp_wide near = mix(cells->f[k], cells->f[k | 1 << c], at[c]);
+        sp_wide far = mix(cells->f[k | 1 << d], cells->f[k | 1 << c | 1 << d], at[c]);
+        ends[side] = mix(near, far, at[d]);
     }
-    if ((ends[0] >= 0) != (ends[1] >= 0))
-        patch->at[b] = crossing(ends[0], ends[1]);
+    chosen = chosen & (sp_wide_lt(ends[0], zero) ^ sp_wide_lt(ends[1], zero));
+    at[b] = sp_wide_select(chosen, ends[0] / (ends[0] - ends[1]), at[b]);
 }
 
-/* Moves a place in the cell along the gradient of the interpolant to where that is 0. */
-static void move(const float f[8], float at[3]) {
+/* Moves places along the gradient of the interpolant to where that is 0. */
+static inline void move(const sp_wide f[8], sp_wide at[3]) {
+    const sp_wide quarter = sp_wide_all(0.25f), tiny = sp_wide_all(1e-30f);
+    sp_wide_mask moves = sp_wide_first(SP_WIDE);
     for (int step = 0; step < 2; step++) {
-        const float x = at[0], y = at[1], z = at[2];
-        float e[4] = { mix(f[0], f[1], x), mix(f[2], f[3], x), mix(f[4], f[5], x),
-                       mix(f[6], f[7], x) };
-        float value = mix(mix(e[0], e[1], y), mix(e[2], e[3], y), z);
-        float slope[3] = {
-            mix(mix(f[1] - f[0], f[3] - f[2], y), mix(f[5] - f[4], f[7] - f[6], y), z),
-            mix(e[1] - e[0], e[3] - e[2], z), mix(e[2], e[3], y) - mix(e[0], e[1], y)
-        };
-        float square = slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2];
-        float length = square > 0 ? value / square : 0;
+        const sp_wide x = at[0], y = at[1], z = at[2];
+        sp_wide e[4], d[4];
+        for (int i = 0; i < 4; i++) {
+            d[i] = f[2 * i + 1] - f[2 * i];
+            e[i] = f[2 * i] + x * d[i];
+        }
+        sp_wide low = mix(e[0], e[1], y), high = mix(e[2], e[3], y), value = mix(low, high, z);
+        const sp_wide slope[3] = { mix(mix(d[0], d[1], y), mix(d[2], d[3], y), z),
+                                   mix(e[1] - e[0], e[3] - e[2], z), high - low };
+        sp_wide square = slope[0] * slope[0] + slope[1] * slope[1] + slope[2] * slope[2];
+        sp_wide length = value / sp_wide_max(square, tiny);
         /* Farther than half a cell the interpolant is too bent: the middle of the crossings is
          * better. */
-        if (!(length * length * square < 0.25f))
-            return;
-        for (int a = 0; a < 3; a++) {
-            at[a] -= length * slope[a];
-            at[a] = at[a] < 0 ? 0 : at[a] > 1 ? 1 : at[a];
-        }
+        moves = moves & sp_wide_lt(length * length * square, quarter);
+        for (int a = 0; a < 3; a++)
+            at[a] = sp_wide_select(moves, clamp(at[a] - length * slope[a]), at[a]);
     }
 }
 
-int sp_surface_patches(const float f[8], struct sp_surface_patch out[SURFACE_PATCHES_MAX]) {
-    unsigned inside = 0, parts[SURFACE_PATCHES_MAX];
-    float g[8];
-    int outside;
-    for (int i = 0; i < 8; i++)
-        inside |= (unsigned)(f[i] >= 0) << i;
-    int count = find_parts(inside, parts, &outside);
-    for (int i = 0; i < 8; i++)
-        g[i] = outside ? -f[i] : f[i];
-    for (int p = 0; p < count; p++) {
-        float moment[3][2];
-        find_area(g, parts[p], &out[p], moment);
-        find_center(f, parts[p], &out[p], moment);
-        move(f, out[p].at);
-        for (int a = 0; a < 3 && outside; a++)
-            out[p].area[a] *= -1;
+/* The region of a part is closed by its shares of the six faces and by the surface, so that the
+ * vector areas of all of them add up to 0 (Gauss). In the same way the shares of the faces across
+ * the axis b give ∫ x_a dA_b of the surface, and thus its centre along the other axes. */
+static void find_patches(struct sp_surface_patches *p, int first) {
+    const sp_wide least = sp_wide_all(1e-3f); /* a smaller area has no direction */
+    struct cells cells;
+    sp_wide area[3], moment[3][2], size[3], at[3], sign = sp_wide_load(p->sign + first);
+    read_cells(p, first, &cells);
+    for (int a = 0; a < 3; a++) {
+        struct share low, high;
+        find_share(&cells, a, 0, &low);
+        find_share(&cells, a, 1, &high);
+        area[a] = low.area - high.area;
+        size[a] = sp_wide_abs(area[a]);
+        for (int k = 0; k < 2; k++)
+            moment[a][k] = low.moment[k] - high.moment[k];
+        sp_wide_store(p->area[a] + first, area[a] * sign);
     }
-    return count;
+    find_middle(&cells, at);
+    sp_wide_mask faces_0 = sp_wide_le(size[1], size[0]) & sp_wide_le(size[2], size[0]);
+    sp_wide_mask faces_1 = sp_wide_le(size[2], size[1]) & ~faces_0;
+    const sp_wide_mask faces[3] = { faces_0, faces_1, ~(faces_0 | faces_1) };
+    for (int b = 0; b < 3; b++)
+        move_to_center(&cells, b, faces[b] & sp_wide_le(least, size[b]), area[b], moment[b], at);
+    move(cells.f, at);
+    for (int a = 0; a < 3; a++)
+        sp_wide_store(p->at[a] + first, at[a]);
+}
+
+void sp_surface_find_patches(struct sp_surface_patches *patches) {
+    for (int i = 0; i < patches->count; i += SP_WIDE)
+        find_patches(patches, i);
 }

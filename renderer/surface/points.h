@@ -38,12 +38,8 @@ struct sp_surface_points {
                            that they lie on the surface on average [cells/SURFACE_BEND_STEPS] */
 };
 
-/* Extracts the points of the value. The order of the points does not depend on threads. Fails
- * before the points are made if they need more than bytes_max. SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED; *points is then empty. */
-bool sp_surface_points_init(struct sp_surface_points *points, const struct sp_surface_job *job,
-                            const struct sp_surface_ranges *ranges, uint64_t bytes_max,
-                            struct sp_error *err);
+/* Allocates the arrays of `count` points. False: out of memory. */
+bool sp_surface_points_allocate(struct sp_surface_points *points);
 void sp_surface_points_finish(struct sp_surface_points *points);
 uint64_t sp_surface_points_bytes(const struct sp_surface_points *points);
 

@@ -1,61 +1,76 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "surface/ranges.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
 
-/* Widens [*low, *high] by the finite samples of a row. Comparisons with NaN are false. */
-#define WIDEN(name, type, limit)                                                                   \
-    case name: {                                                                                   \
-        const type *x = (const type *)voxels + first;                                              \
-        type least = x[0], most = x[0];                                                            \
-        for (uint32_t i = 1; i < count && !(limit); i++) {                                         \
-            least = x[i] < least ? x[i] : least;                                                   \
-            most = x[i] > most ? x[i] : most;                                                      \
-        }                                                                                          \
-        for (uint32_t i = 0; i < count && (limit); i++) {                                          \
-            double f = (double)x[i];                                                               \
-            *low = f < *low && f > -INFINITY ? f : *low;                                           \
-            *high = f > *high && f < INFINITY ? f : *high;                                         \
-        }                                                                                          \
-        if (!(limit)) {                                                                            \
-            *low = (double)least < *low ? (double)least : *low;                                    \
-            *high = (double)most > *high ? (double)most : *high;                                   \
-        }                                                                                          \
-    } break
+enum {
+    CHUNK = 64, /* blocks along axis 0 that are searched together */
+    SAMPLES = CHUNK * SURFACE_BLOCK + 1
+};
 
-static void widen(const void *voxels, enum sp_type type, uint64_t first, uint32_t count,
-                  double *low, double *high) {
-    switch (type) {
-        WIDEN(SP_UINT8, uint8_t, 0);
-        WIDEN(SP_INT8, int8_t, 0);
-        WIDEN(SP_UINT16, uint16_t, 0);
-        WIDEN(SP_INT16, int16_t, 0);
-        WIDEN(SP_INT32, int32_t, 0);
-        WIDEN(SP_FLOAT32, float, 1);
-        WIDEN(SP_FLOAT64, double, 1);
-    case SP_TYPE_COUNT:
-        break;
+/* The samples that a chunk of blocks has in one row of the volume. */
+struct chunk {
+    const struct sp_volume *volume;
+    uint32_t start[3], end[3]; /* samples */
+    float (*range)[2];
+};
+
+/* The smallest and the largest samples of columns across axis 0, then of blocks; the samples of far
+ * faces belong to both blocks. Comparisons with NaN are false. Rounded to floats outwards. */
+#define FIND(name, type, lowest, highest, low_end, high_end)                                       \
+    static void find_##name(const struct chunk *chunk) {                                           \
+        const uint32_t *dims = sp_volume_info(chunk->volume)->grid.dims;                           \
+        const type *voxels = sp_volume_voxels(chunk->volume);                                      \
+        const uint32_t count = chunk->end[0] - chunk->start[0];                                    \
+        type low[SAMPLES], high[SAMPLES];                                                          \
+        for (uint32_t i = 0; i < count; i++) {                                                     \
+            low[i] = highest;                                                                      \
+            high[i] = lowest;                                                                      \
+        }                                                                                          \
+        for (uint32_t z = chunk->start[2]; z < chunk->end[2]; z++)                                 \
+            for (uint32_t y = chunk->start[1]; y < chunk->end[1]; y++) {                           \
+                const type *x = voxels + ((uint64_t)z * dims[1] + y) * dims[0] + chunk->start[0];  \
+                for (uint32_t i = 0; i < count; i++) {                                             \
+                    low[i] = x[i] < low[i] && x[i] >= low_end ? x[i] : low[i];                     \
+                    high[i] = x[i] > high[i] && x[i] <= high_end ? x[i] : high[i];                 \
+                }                                                                                  \
+            }                                                                                      \
+        for (uint32_t b = 0; b * SURFACE_BLOCK + 1 < count; b++) {                                 \
+            type least = highest, most = lowest;                                                   \
+            for (uint32_t i = b * SURFACE_BLOCK; i <= (b + 1) * SURFACE_BLOCK && i < count; i++) { \
+                least = low[i] < least ? low[i] : least;                                           \
+                most = high[i] > most ? high[i] : most;                                            \
+            }                                                                                      \
+            store_range(chunk->range[b], (double)least, (double)most);                             \
+        }                                                                                          \
     }
-}
-#undef WIDEN
+#define FIND_INTEGERS(name, type, lowest, highest)                                                 \
+    FIND(name, type, lowest, highest, lowest, highest)
 
-/* The smallest and the largest finite sample of a block; those of its far faces belong to it. */
-static void find_range(const struct sp_volume *volume, const uint32_t corner[3], float range[2]) {
-    const struct sp_volume_info *info = sp_volume_info(volume);
-    const uint32_t *dims = info->grid.dims;
-    uint32_t end[3];
-    double low = INFINITY, high = -INFINITY;
-    for (int a = 0; a < 3; a++)
-        end[a] = dims[a] - corner[a] > SURFACE_BLOCK ? corner[a] + SURFACE_BLOCK + 1 : dims[a];
-    for (uint32_t z = corner[2]; z < end[2]; z++)
-        for (uint32_t y = corner[1]; y < end[1]; y++)
-            widen(sp_volume_voxels(volume), info->type,
-                  ((uint64_t)z * dims[1] + y) * dims[0] + corner[0], end[0] - corner[0], &low,
-                  &high);
-    /* Rounded to floats outwards. */
+static void store_range(float range[2], double low, double high) {
     range[0] = (double)(float)low <= low ? (float)low : nextafterf((float)low, -INFINITY);
     range[1] = (double)(float)high >= high ? (float)high : nextafterf((float)high, INFINITY);
+}
+
+FIND_INTEGERS(uint8, uint8_t, 0, UINT8_MAX)
+FIND_INTEGERS(int8, int8_t, INT8_MIN, INT8_MAX)
+FIND_INTEGERS(uint16, uint16_t, 0, UINT16_MAX)
+FIND_INTEGERS(int16, int16_t, INT16_MIN, INT16_MAX)
+FIND_INTEGERS(int32, int32_t, INT32_MIN, INT32_MAX)
+FIND(float32, float, -INFINITY, INFINITY, -FLT_MAX, FLT_MAX)
+FIND(float64, double, (double)-INFINITY, (double)INFINITY, -DBL_MAX, DBL_MAX)
+#undef FIND
+#undef FIND_INTEGERS
+
+static void find_chunk(const struct chunk *chunk) {
+    static void (*const find[SP_TYPE_COUNT])(const struct chunk *chunk) = {
+        [SP_UINT8] = find_uint8,     [SP_INT8] = find_int8,   [SP_UINT16] = find_uint16,
+        [SP_INT16] = find_int16,     [SP_INT32] = find_int32, [SP_FLOAT32] = find_float32,
+        [SP_FLOAT64] = find_float64,
+    };
+    find[sp_volume_info(chunk->volume)->type](chunk);
 }
 
 struct range_search {
@@ -63,17 +78,29 @@ struct range_search {
     struct sp_surface_ranges *ranges;
 };
 
+static uint32_t end_sample(uint32_t block, uint32_t blocks, uint32_t dim) {
+    const uint32_t end = (block + blocks) * SURFACE_BLOCK + 1;
+    return end < dim ? end : dim;
+}
+
+/* Searches rows of blocks along axis 0. */
 static void find_ranges(void *user, size_t begin, size_t end, unsigned worker) {
     const struct range_search *search = user;
     const uint32_t *blocks = search->ranges->blocks;
+    const uint32_t *dims = sp_volume_info(search->job->volume)->grid.dims;
     (void)worker;
-    for (size_t b = begin; b < end && !sp_interrupt_is_cancelled(&search->job->interrupt); b++) {
-        size_t row = b / blocks[0];
-        const uint32_t corner[3] = { (uint32_t)(b % blocks[0]) * SURFACE_BLOCK,
-                                     (uint32_t)(row % blocks[1]) * SURFACE_BLOCK,
-                                     (uint32_t)(row / blocks[1]) * SURFACE_BLOCK };
-        find_range(search->job->volume, corner, search->ranges->range[b]);
-    }
+    for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(&search->job->interrupt);
+         row++)
+        for (uint32_t x = 0; x < blocks[0]; x += CHUNK) {
+            const uint32_t at[3] = { x, (uint32_t)(row % blocks[1]), (uint32_t)(row / blocks[1]) };
+            struct chunk chunk = { .volume = search->job->volume,
+                                   .range = search->ranges->range + row * blocks[0] + x };
+            for (int a = 0; a < 3; a++) {
+                chunk.start[a] = at[a] * SURFACE_BLOCK;
+                chunk.end[a] = end_sample(at[a], a ? 1 : CHUNK, dims[a]);
+            }
+            find_chunk(&chunk);
+        }
 }
 
 void sp_surface_ranges_finish(struct sp_surface_ranges *ranges) {
@@ -101,7 +128,7 @@ bool sp_surface_ranges_init(struct sp_surface_ranges *ranges, const struct sp_su
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the ranges of the volume");
     }
     struct range_search search = { job, ranges };
-    sp_parallel_for(job->pool, count, 64, find_ranges, &search);
+    sp_parallel_for(job->pool, count ? count / ranges->blocks[0] : 0, 4, find_ranges, &search);
     if (sp_interrupt_is_cancelled(&job->interrupt)) {
         sp_surface_ranges_finish(ranges);
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

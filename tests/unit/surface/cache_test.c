@@ -209,6 +209,55 @@ static void cancellation_leaves_nothing(void **state) {
     end(&f);
 }
 
+#define STORE(name, type)                                                                          \
+    case name:                                                                                     \
+        ((type *)voxels)[index] = (type)value;                                                     \
+        break
+
+static void store(void *voxels, enum sp_type type, size_t index, double value) {
+    switch (type) {
+        STORE(SP_UINT8, uint8_t);
+        STORE(SP_INT8, int8_t);
+        STORE(SP_UINT16, uint16_t);
+        STORE(SP_INT16, int16_t);
+        STORE(SP_INT32, int32_t);
+        STORE(SP_FLOAT32, float);
+        STORE(SP_FLOAT64, double);
+    case SP_TYPE_COUNT:
+        break;
+    }
+}
+#undef STORE
+
+/* Every type of sample, and rows that are longer than what is searched at a time. */
+static void types_and_long_rows_have_the_same_points(void **state) {
+    (void)state;
+    enum { LONG = 1100, WIDE = 12 };
+    static const enum sp_type types[] = { SP_UINT8, SP_INT8,    SP_UINT16, SP_INT16,
+                                          SP_INT32, SP_FLOAT32, SP_FLOAT64 };
+    const struct sp_grid grid = { .dims = { LONG, WIDE, WIDE },
+                                  .spacing = { 1, 1, 1 },
+                                  .direction = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    static double samples[LONG * WIDE * WIDE];
+    static double voxels[LONG * WIDE * WIDE];
+    uint64_t crossings = 0;
+    for (int i = 0; i < LONG * WIDE * WIDE; i++)
+        samples[i] = i % LONG % 37 < 19 ? 20 : 90; /* sheets across axis 0 */
+    for (int x = 1; x < LONG; x++)
+        crossings += samples[x] != samples[x - 1];
+    for (size_t t = 0; t < sizeof types / sizeof types[0]; t++) {
+        struct sp_error err;
+        struct fixture f;
+        for (int i = 0; i < LONG * WIDE * WIDE; i++)
+            store(voxels, types[t], (size_t)i, samples[i]);
+        begin(&f, sp_volume_create(&grid, types[t], voxels, "test", &err), 50, 2);
+        const struct sp_surface_points *points = sp_surface_cache_get(&f.cache, &f.job, &err);
+        assert_non_null(points);
+        assert_int_equal(points->count, crossings * (WIDE - 1) * (WIDE - 1));
+        end(&f);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(spheres_have_their_area),
@@ -216,6 +265,7 @@ int main(void) {
         cmocka_unit_test(threads_do_not_matter),
         cmocka_unit_test(degenerate_input_gives_empty_or_partial_lists),
         cmocka_unit_test(lists_are_kept_within_the_budget),
+        cmocka_unit_test(types_and_long_rows_have_the_same_points),
         cmocka_unit_test(cancellation_leaves_nothing),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
