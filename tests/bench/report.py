@@ -476,6 +476,7 @@ FILES = [
     ('pixels.csv', 'every scene, classified per pixel: this renderer and VTK'),
     ('profile.csv', 'time per stage'), ('limit.csv', 'the highest rate of adding footprints, per instruction set; memory bandwidth'),
     ('exact.csv', 'images of analytic fields against the exact image'), ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
+    ('layers.csv', 'shells, surfaces and projections against the volume layer'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
     ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),

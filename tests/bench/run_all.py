@@ -20,11 +20,12 @@ import sys
 import tempfile
 import time
 
+from pairs import flat, measure_edits, measure_layers, measure_pairs, pair, PAIR_COLUMNS, zooms
 from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -163,10 +164,6 @@ class Run:
         return [self.scene_copy(name, thin) for name in names or self.scenes]
 
 
-def flat(row, **more):
-    return {**row, **more}
-
-
 SCENE_COLUMNS = ['scene', 'size', 'threads', 'shading', 'renderer', 'isa', 'views', 'visible_voxels', 'splats', 'fragments',
                  'median_ms', 'p95_ms', 'cpu_ms', 'fps', 'voxels', 'derived_bytes', 'derived_per_voxel', 'allocations']
 
@@ -216,53 +213,6 @@ def write_profile(run, rows):
         names += [n for n in row['stages'] if n not in names]
     columns = ['scene', 'size', 'threads', 'shading', 'isa', 'splats', 'fragments', 'median_ms', 'mean_ms'] + [n + '_ms' for n in names]
     run.write('profile.csv', columns, [flat(row, **{n + '_ms': v for n, v in row['stages'].items()}) for row in rows])
-
-
-PAIR_COLUMNS = ['scene', 'zoom', 'size', 'threads', 'shading', 'setting', 'against', 'views', 'splats', 'against_splats', 'median_ms',
-                'against_median_ms', 'speedup', 'cpu_speedup', 'psnr_db', 'psnr_worst_db']
-
-
-def pair(row, setting, zoom=1):
-    other = row['against']
-    return flat(row, zoom=zoom, setting=setting, against=other['setting'], against_splats=other['splats'],
-                against_median_ms=other['median_ms'], **{k: other.get(k, '') for k in PAIR_COLUMNS[-4:]})
-
-
-def zoomed(run, name, zoom, views):
-    """Returns a scene with the camera `zoom` times as near."""
-    def change(scene):
-        scene['cameras'] = chosen(scene['cameras'], views)
-        for c in scene['cameras']:
-            c['position'] = [t + (p - t) / zoom for p, t in zip(c['position'], c['target'])]
-    return run.scene_copy(name, change)
-
-
-def zooms(run):
-    """Returns the scenes that compare filters and levels of detail: all scenes unchanged, and two from near and far."""
-    names = [(name, 1) for name in run.scenes]
-    for name in ('engine', 'head-full', 'checkerboard'):
-        if name in run.scenes:
-            names += [(name, zoom) for zoom in (0.125, 0.25, 0.5, 4)]
-    return names
-
-
-def measure_pairs(run, file, options, setting, against):
-    rows = []
-    for zoom in sorted({z for _, z in zooms(run)}):
-        files = [zoomed(run, name, z, max(2, run.o.views // 3)) for name, z in zooms(run) if z == zoom]
-        label = f'{setting} against {against}' + (f', from {1 / zoom:g} times the distance' if zoom != 1 else '')
-        rows += [pair(row, setting, zoom) for row in run.bench(label, '--size', 512, '--threads', 2, '--warm', 1, *options,
-                                                               '--against', against, *files)]
-    run.write(file, PAIR_COLUMNS, rows)
-
-
-def measure_edits(run):
-    rows = []
-    for edit in ('colour', 'opacity', 'range'):
-        for row in run.bench(f'transfer function changing ({edit}) against fixed', '--size', 512, '--threads', 2, '--edit', edit,
-                             '--against', 'edit=none', *run.files(run.o.views)):
-            rows.append(pair(row, 'edit=' + edit))
-    run.write('edits.csv', PAIR_COLUMNS, rows)
 
 
 CANCEL_COLUMNS = ['scene', 'size', 'threads', 'what', 'stopped', 'finished', 'median_ms', 'worst_ms', 'range_ms']
@@ -552,6 +502,7 @@ def main():
             'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
             'edits': (3, lambda: measure_edits(run)),
+            'layers': (4 + len(run.scenes), lambda: measure_layers(run)),
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),
