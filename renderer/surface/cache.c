@@ -132,6 +132,6 @@ const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *ca
     slot->volume = sp_volume_ref(job->volume);
     slot->value = job->value;
     slot->points = points;
-    slot->used = ++cache->clock;
+    slot->used = slot->points.made = ++cache->clock;
     return &slot->points;
 }

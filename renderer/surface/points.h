@@ -29,6 +29,7 @@ struct sp_surface_block {
 struct sp_surface_points {
     uint32_t block_count;
     uint64_t count;
+    uint64_t made;    /* number of the contents in their cache */
     uint8_t split[3]; /* each cell is split into so many parts along the axes, 1 to 4 */
     struct sp_surface_block *blocks;
     uint16_t *at[3];    /* from the block's corner [cell/SURFACE_PLACE_STEPS] */

@@ -167,11 +167,11 @@ static void images_match_rays(void **state) {
     test_renderer_close(&renderer);
 }
 
-static void instruction_sets_match_the_reference(void **state) {
+static void backends_and_instruction_sets_match_the_reference(void **state) {
     (void)state;
     struct test_target target;
     struct test_image wanted[ROWS];
-    for (unsigned t = 0; test_target_at(t, &target) && strcmp(target.backend, "cpu") == 0; t++) {
+    for (unsigned t = 0; test_target_at(t, &target); t++) {
         struct test_renderer renderer;
         if (!test_renderer_open(&renderer, &target, 1, NULL))
             continue;
@@ -184,7 +184,7 @@ static void instruction_sets_match_the_reference(void **state) {
             if (!t)
                 continue;
             double psnr = test_image_psnr(&got, &wanted[i]);
-            printf("%-14s %-8s %6.2f dB\n", rows[i].name, target.isa, psnr);
+            printf("%-14s %-11s %-8s %6.2f dB\n", rows[i].name, target.backend, target.isa, psnr);
             assert_compare(psnr, >=, 70);
             test_image_finish(&got);
         }
@@ -216,7 +216,8 @@ static void threads_do_not_change_a_bit(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(images_match_rays),
-                                        cmocka_unit_test(instruction_sets_match_the_reference),
+                                        cmocka_unit_test(
+                                            backends_and_instruction_sets_match_the_reference),
                                         cmocka_unit_test(threads_do_not_change_a_bit) };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

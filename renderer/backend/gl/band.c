@@ -54,15 +54,13 @@ bool gl_band_plan(struct gl_band *band, struct sp_error *err) {
 bool gl_band_start(const struct gl_band *band, struct sp_error *err) {
     static const float clear_pixel[4] = { 1, 0, 0, 0 };
     const struct gl_fragments_part fragments = gl_band_fragments(band);
-    if (!gl_fragments_upload(&fragments, err))
-        return false;
     gl_timer_start(&band->slot->timer);
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, band->state->buffers.image.name);
     glClearBufferSubData(GL_SHADER_STORAGE_BUFFER, GL_RGBA32F, 0,
                          (GLsizeiptr)gl_band_pixels(band) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
                          GL_FLOAT, clear_pixel);
     gl_bins_clear_head(&band->state->bins);
-    return true;
+    return gl_fragments_upload(&fragments, &band->slot->fragments_most, err);
 }
 
 void gl_band_clear(const struct gl_band *band, uint32_t layer) {

@@ -8,6 +8,7 @@
 #include "backend/gl/compositor.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
+#include "backend/gl/surfaces.h"
 #include "base/clock.h"
 #include "light/light.h"
 #include "resample/resample.h"
@@ -22,6 +23,7 @@ enum {
 struct draw {
     struct gl_band band;
     struct gl_fragments fragments;      /* if the slot has layers */
+    struct gl_surfaces surfaces;        /* the same */
     struct gl_resample_frame resampled; /* GL_PATH_RESAMPLED */
     struct gl_frame frame;              /* GL_PATH_SPLATS */
     unsigned compositor;                /* the same: program */
@@ -266,7 +268,7 @@ static bool draw_splats(struct draw *d, struct sp_error *err) {
 /* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
     bool ok;
-    if (!gl_band_start(&d->band, err))
+    if (!gl_band_start(&d->band, err) || !gl_surfaces_draw(&d->surfaces, &d->band, err))
         return false;
     if (d->band.slot->path == GL_PATH_RESAMPLED)
         ok = gl_resample_draw(&d->resampled, &d->band, err);
@@ -302,6 +304,11 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
     if (slot->path == GL_PATH_RESAMPLED)
         gl_resample_adapt(&s->resample, longest_dispatch(longest), s->workload.limits.dispatch_ms);
+    if (!gl_fragments_fit(s, head.stored, slot->fragments_most,
+                          (uint64_t)job->frame->width * (slot->end - slot->y))) {
+        slot->end = slot->y;
+        return true;
+    }
     if (slot->path != GL_PATH_SPLATS) {
         add_counts(slot, &head);
         slot->y = slot->end;
@@ -338,29 +345,14 @@ static bool write_curve(struct draw *d, struct sp_error *err) {
                            f->thickness * gl_frame_ewa(f)->unit, err);
 }
 
-/* Relates the depths of fragments to the layers of the partition. */
-static bool choose_insert(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->band.state;
-    struct gl_frame *f = &d->frame;
-    struct sp_insert *insert = &d->fragments.insert;
-    const double thickness = f->thickness * gl_frame_ewa(f)->unit;
-    if (!d->band.fragments)
-        return true;
-    *insert = (struct sp_insert){ .camera = &f->camera,
-                                  .nearest = (double)s->partition.nearest * thickness,
-                                  .thickness = thickness };
-    return f->compositing != SP_COMPOSITE_SHEET ||
-           sp_insert_init_sheets(insert, f->grid, f->axis, &s->arena) ||
-           fail_memory(&s->arena, err);
-}
-
 static bool plan_splats(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->band.state;
     const struct gl_frame *f = &d->frame;
     const struct gl_sources from = { &s->cache, &s->residency, s->pool, &s->arena, &s->partition };
     uint64_t used = sp_samples_bytes(&s->samples, NULL) + gl_layers_bytes(&s->layers, NULL);
     s->cache.limit_bytes = used < s->memory_bytes ? s->memory_bytes - used : 0;
-    if (!gl_frame_begin(&d->frame, d->band.job, &from, err) || !choose_insert(d, err) ||
+    if (!gl_frame_begin(&d->frame, d->band.job, &from, err) ||
+        (d->band.fragments && !gl_fragments_relate(&d->fragments, f, s, err)) ||
         !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
         !write_curve(d, err) ||
         !(d->compositor = gl_compositor_find(s, f, d->band.job->view, d->band.fragments, err)))
@@ -374,18 +366,21 @@ static bool plan_splats(struct draw *d, struct sp_error *err) {
 /* Makes the fragments of other layers, and compiles what composites them at the first use. */
 static bool make_fragments(struct draw *d, struct sp_error *err) {
     struct gl_state *s = d->band.state;
-    uint64_t used = sp_samples_bytes(&s->samples, NULL) + sp_classify_cache_bytes(&s->cache, NULL);
     double start_ms = sp_clock_ms();
-    const struct gl_layers_job job = { .job = d->band.job,
-                                       .bytes_max =
-                                           used < s->memory_bytes ? s->memory_bytes - used : 0,
-                                       .pool = s->pool,
-                                       .arena = &s->arena };
-    if (!gl_fragments_open(s, err) || !gl_layers_make(&s->layers, &job, &d->fragments.made, err))
+    gl_residency_begin(&s->residency);
+    if (!gl_fragments_open(s, err) || !gl_fragments_make(&d->fragments, s, d->band.job, err))
         return false;
     d->band.fragments = &d->fragments;
     d->band.slot->stage_ms[GL_STAGE_LAYERS] += sp_clock_ms() - start_ms;
     return true;
+}
+
+static bool upload_shading(struct draw *d, struct sp_error *err) {
+    struct gl_state *s = d->band.state;
+    const struct sp_view *view = d->band.job->view;
+    struct sp_camera_transform camera;
+    sp_camera_transform_init(&camera, &view->camera, view->size);
+    return gl_upload_shading(&s->upload, &camera, view, s->block_bytes, err);
 }
 
 /* The stats of a frame without a volume are those of its shell. */
@@ -396,12 +391,8 @@ static void write_counts(const struct gl_layers_made *made, struct gl_slot *slot
     slot->fragments = (uint64_t)made->area;
 }
 
-static bool plan_frame(struct draw *d, struct sp_error *err) {
+static bool plan_volume(struct draw *d, struct sp_error *err) {
     struct gl_slot *slot = d->band.slot;
-    sp_arena_reset(&d->band.state->arena);
-    d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
-    if (slot->has_layers && !make_fragments(d, err))
-        return false;
     switch (slot->path) {
     case GL_PATH_SPLATS:
         return plan_splats(d, err);
@@ -411,7 +402,21 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
         break;
     }
     write_counts(&d->fragments.made, slot);
-    return true;
+    return upload_shading(d, err);
+}
+
+static bool plan_frame(struct draw *d, struct sp_error *err) {
+    bool has_layers = d->band.slot->has_layers;
+    sp_arena_reset(&d->band.state->arena);
+    d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
+    if ((has_layers && !make_fragments(d, err)) || !plan_volume(d, err))
+        return false;
+    if (!has_layers)
+        return true;
+    bool ok = gl_surfaces_begin(&d->surfaces, &d->band, err);
+    d->fragments.grows = d->surfaces.count > 0;
+    d->fragments.sheet_words = d->surfaces.sheet_words;
+    return ok;
 }
 
 static bool plan_rows(struct draw *d, struct sp_error *err) {
@@ -432,13 +437,13 @@ static uint64_t count_dispatches(const struct draw *d) {
     const struct gl_state *s = d->band.state;
     switch (d->band.slot->path) {
     case GL_PATH_SPLATS:
-        return (uint64_t)s->partition.batch_count * s->workload.passes;
+        return d->surfaces.passes + (uint64_t)s->partition.batch_count * s->workload.passes;
     case GL_PATH_RESAMPLED:
-        return d->resampled.dispatches;
+        return d->surfaces.passes + d->resampled.dispatches;
     case GL_PATH_LAYERS:
         break;
     }
-    return 1;
+    return d->surfaces.passes + 1;
 }
 
 /* Draws the bands from the slot's y on and submits the last one. Does nothing if that requires
@@ -581,6 +586,7 @@ void gl_draw_finish(struct gl_state *s) {
     gl_compositor_finish(s);
     glDeleteProgram(s->project);
     gl_fragments_close(s);
+    gl_surfaces_finish(s);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);

@@ -16,7 +16,18 @@ enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;
+    bool grows;           /* surfaces add to them (surfaces.h) */
+    uint32_t sheet_words; /* words of four that surfaces need per pixel */
 };
+
+/* Makes what layers/ makes of a frame, in the state's arena. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
+bool gl_fragments_make(struct gl_fragments *fragments, struct gl_state *state,
+                       const struct sp_backend_job *job, struct sp_error *err);
+
+/* Relates the depths of fragments to the layers of the frame's partition. SP_ERR_MEMORY. */
+bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *frame,
+                         struct gl_state *state, struct sp_error *err);
 
 /* Those of rows [y, end) of an image: of a band. */
 struct gl_fragments_part {
@@ -30,9 +41,17 @@ struct gl_fragments_part {
 bool gl_fragments_open(struct gl_state *state, struct sp_error *err);
 void gl_fragments_close(struct gl_state *state);
 
-/* Reserves memory for a part, and uploads it. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_BACKEND. */
+/* Reserves memory for a part. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err);
-bool gl_fragments_upload(const struct gl_fragments_part *part, struct sp_error *err);
+
+/* Uploads it, after gl_bins_clear_head(); *most: fragments for which there is memory.
+ * SP_ERR_MEMORY, SP_ERR_BACKEND. */
+bool gl_fragments_upload(const struct gl_fragments_part *part, uint32_t *most,
+                         struct sp_error *err);
+
+/* After a part that was drawn: true if its `stored` fragments fit into the memory for `most`. Else
+ * the next attempt reserves more. */
+bool gl_fragments_fit(struct gl_state *state, uint32_t stored, uint32_t most, uint64_t pixels);
 
 /* Binds the buffer and sets the uniforms of shaders/insert.glsl. */
 void gl_fragments_use(const struct gl_fragments_part *part);

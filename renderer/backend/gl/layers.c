@@ -2,6 +2,7 @@
 #include "backend/gl/layers.h"
 
 #include <stdlib.h>
+#include <string.h>
 
 static const struct sp_shell_kernels shell_kernels = { .set_up = sp_shell_set_up,
                                                        .start = sp_shell_start,
@@ -44,17 +45,20 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
                                            .surfaces = &l->surfaces,
                                            .shells = &l->shells,
                                            .bytes_max = from->bytes_max,
-                                           .surface_tile = sp_surface_tile,
                                            .shell_kernels = &shell_kernels,
                                            .interrupt = sp_job_interrupt(from->job),
                                            .pool = from->pool,
                                            .arena = from->arena };
     if (!sp_layers_prepare(&input, &layers, err))
         return false;
+    made->has_shell = layers.has_shell;
+    made->surface_count = layers.surface_count;
+    memcpy(made->surfaces, layers.surfaces, sizeof made->surfaces);
     made->visible = layers.has_shell ? layers.shell.list->count : 0;
     made->splats = layers.shell.drawn;
     made->area = layers.shell.area;
-    return sp_layers_collect(&layers, l->arenas, &made->fragments, err);
+    layers.surface_count = 0;
+    return !layers.has_shell || sp_layers_collect(&layers, l->arenas, &made->fragments, err);
 }
 
 uint64_t gl_layers_bytes(const struct gl_layers *l, const struct sp_volume *volume) {

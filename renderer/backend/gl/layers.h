@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Surfaces and shells of a frame (layers/layers.h): the processor makes their fragments.
+ * The processor's part of surfaces and shells (layers/layers.h): the fragments of shells, and the
+ * points of surfaces, of which surfaces.h makes fragments.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
@@ -16,27 +17,31 @@ struct gl_layers {
     unsigned threads;
 };
 
-/* What a frame is made from. */
-struct gl_layers_job {
-    const struct sp_backend_job *job;
-    uint64_t bytes_max;     /* of the caches */
-    struct sp_arena *arena; /* of the frame */
-    struct sp_pool *pool;
-};
-
 /* SP_ERR_MEMORY; call gl_layers_finish() also then. */
 bool gl_layers_init(struct gl_layers *layers, unsigned threads, struct sp_error *err);
 void gl_layers_finish(struct gl_layers *layers);
 
-/* Fragments, and what the stats of a frame say of its shell. */
+/* What a frame is made from. */
+struct gl_layers_job {
+    const struct sp_backend_job *job;
+    uint64_t bytes_max; /* of the caches */
+    struct sp_pool *pool;
+    struct sp_arena *arena; /* of the frame */
+};
+
+/* The fragments of a shell, the surfaces, and what the stats of a frame say of the shell. */
 struct gl_layers_made {
-    struct sp_fragments fragments;
+    bool has_shell;
+    struct sp_fragments fragments; /* if it has */
+    unsigned surface_count;
+    struct sp_surface surfaces[SP_LAYERS_MAX];
     uint64_t visible, splats; /* as in sp_frame_stats */
     double area;              /* of the splats, px */
 };
 
-/* Makes the fragments of a frame; they are valid until the next call, or until the arena is reset.
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+/* Makes the fragments of a frame's shell, and sorts the blocks of its surfaces. Both are valid
+ * until the next call, or until the arena is reset. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED.
+ */
 bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
                     struct gl_layers_made *made, struct sp_error *err);
 

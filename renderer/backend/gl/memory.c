@@ -60,6 +60,8 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
         bytes += buffers[i].bytes;
     for (int a = 0; a < 3; a++)
         bytes += s->resample.constants[a].bytes;
+    for (int i = 0; i < SP_LAYERS_MAX; i++)
+        bytes += s->surfaces.constants[i].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
            s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
            s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
@@ -69,13 +71,14 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
 
 /* The buffers of scratch memory; ends with NULL. */
 struct scratch {
-    struct gl_buffer *buffers[10];
+    struct gl_buffer *buffers[11];
 };
 
 static struct scratch scratch_of(struct gl_state *s) {
     return (struct scratch){ { &s->buffers.records, &s->buffers.spans, &s->buffers.image,
-                               &s->buffers.pixels, &s->buffers.fragments, &s->bins.counts,
-                               &s->bins.totals, &s->bins.pairs, &s->upload.chunks, NULL } };
+                               &s->buffers.pixels, &s->buffers.fragments, &s->buffers.sheets,
+                               &s->bins.counts, &s->bins.totals, &s->bins.pairs, &s->upload.chunks,
+                               NULL } };
 }
 
 bool gl_memory_release(struct gl_state *s) {
@@ -85,6 +88,7 @@ bool gl_memory_release(struct gl_state *s) {
         had = had || scratch.buffers[i]->name;
         gl_buffer_finish(scratch.buffers[i]);
     }
+    s->surfaces.per_pixel = 0;
     s->workload.pairs = least(GL_PAIRS_MIN, gl_workload_limits(&s->workload).pairs);
     s->residency.beside_bytes = gl_draw_bytes(s);
     return had;

@@ -9,7 +9,7 @@
 
 #include "sp/log.h"
 
-enum { SOURCES_MAX = 12 };
+enum { SOURCES_MAX = 14 };
 
 /* Writes the driver's whole log to the program's log and its first line to the error. Frees it. */
 static bool fail_with_log(const char *name, const char *what, char *text, struct sp_error *err) {

@@ -16,17 +16,6 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", arena->failed);
 }
 
-static bool upload_shading(const struct gl_resample_frame *f, const struct gl_band *band,
-                           struct sp_error *err) {
-    struct gl_state *s = band->state;
-    struct gl_constants *shading = sp_arena_alloc(&s->arena, "constants", 1, sizeof *shading);
-    if (!shading)
-        return fail_memory(&s->arena, err);
-    memset(shading, 0, sizeof *shading);
-    gl_frame_write_shading(shading, &f->camera, band->job->view);
-    return gl_upload_shading(&s->upload, shading, s->block_bytes, err);
-}
-
 /* Of a projection. */
 static bool upload_colors(const struct gl_resample_frame *f, struct gl_state *s,
                           struct sp_error *err) {
@@ -126,8 +115,8 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
                                              .arena = &s->arena };
     if (!sp_resample_prepare(&input, &f->resample, err) ||
         !gl_resample_data_get(&f->data, &s->residency, job->volume, &f->resample, s->pool, err) ||
-        !upload_shading(f, band, err) || !upload_colors(f, s, err) ||
-        !find_passes(f, &input, s, err))
+        !gl_upload_shading(&s->upload, &f->camera, job->view, s->block_bytes, err) ||
+        !upload_colors(f, s, err) || !find_passes(f, &input, s, err))
         return false;
     use = f->resample.reduction.is_on  ? GL_RESAMPLE_PROJECTION
           : f->resample.needs_gradient ? GL_RESAMPLE_GRADIENTS

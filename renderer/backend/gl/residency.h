@@ -29,7 +29,8 @@ enum gl_resident_kind {
     GL_RESIDENT_LEVELS,
     GL_RESIDENT_VISIBLE,
     GL_RESIDENT_INTEGRAL,
-    GL_RESIDENT_PLACES
+    GL_RESIDENT_PLACES,
+    GL_RESIDENT_SURFACE /* points (surfaces.h) */
 };
 
 struct gl_resident {

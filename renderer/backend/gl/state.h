@@ -66,9 +66,10 @@ struct gl_slot {
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned mip_level;
-    enum gl_path path; /* only splats have pieces */
-    bool has_layers;   /* other than the volume, or none at all */
-    uint64_t frames;   /* number of frames that used this slot */
+    enum gl_path path;       /* only splats have pieces */
+    bool has_layers;         /* other than the volume, or none at all */
+    uint32_t fragments_most; /* of other layers, that the memory of the band holds */
+    uint64_t frames;         /* number of frames that used this slot */
 };
 
 struct gl_state {
@@ -89,18 +90,22 @@ struct gl_state {
     struct gl_partition partition;
     struct gl_upload upload;
     struct gl_resample resample;
+    struct gl_surfaces_kept {
+        struct gl_late_program {
+            unsigned program; /* 0 = not compiled, or refused by the driver */
+            bool is_refused;  /* it is not compiled again */
+        } program;
+        struct gl_buffer constants[SP_LAYERS_MAX];
+        double per_pixel; /* fragments for which there is memory */
+    } surfaces;
     unsigned project, resolve; /* programs */
-    /* Programs that are compiled when a view first needs them. program 0 = not compiled, or refused
-     * by the driver, which is not tried again. The compositor by compositing, kernel (Gaussian,
-     * cubic, flat), clipping planes, linear attenuation, classification of pixels, and other
-     * layers.
+    /* Programs that are compiled when a view first needs them. The compositor by compositing,
+     * kernel (Gaussian, cubic, flat), clipping planes, linear attenuation, classification of
+     * pixels, and other layers.
      */
-    struct gl_late_program {
-        unsigned program;
-        bool is_refused;
-    } fragments, composite[3][2][2][2][2][2][2];
+    struct gl_late_program fragments, composite[3][2][2][2][2][2][2];
     struct {
-        struct gl_buffer records, spans, image, cubic, pixels, fragments;
+        struct gl_buffer records, spans, image, cubic, pixels, fragments, sheets;
     } buffers;
     struct gl_workload workload;
     uint64_t needed; /* most pairs of a batch since memory.c reset it */

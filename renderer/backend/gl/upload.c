@@ -22,12 +22,15 @@ static void send_shading(struct gl_upload *upload, const struct gl_constants *c)
          offsetof(struct gl_constants, lights) + c->choice[2] * sizeof c->lights[0]);
 }
 
-bool gl_upload_shading(struct gl_upload *upload, const struct gl_constants *c, uint64_t most,
-                       struct sp_error *err) {
-    bool ok = reserve(&upload->constants, "constants", sizeof *c, most, &upload->sheets_made, err);
-    if (ok)
-        send_shading(upload, c);
-    return ok;
+bool gl_upload_shading(struct gl_upload *upload, const struct sp_camera_transform *camera,
+                       const struct sp_view *view, uint64_t most, struct sp_error *err) {
+    struct gl_constants constants = { .choice = { 0 } };
+    if (!reserve(&upload->constants, "constants", sizeof constants, most, &upload->sheets_made,
+                 err))
+        return false;
+    gl_frame_write_shading(&constants, camera, view);
+    send_shading(upload, &constants);
+    return true;
 }
 
 bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,

@@ -23,9 +23,9 @@ struct gl_upload {
 bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *frame,
                      const struct gl_partition *partition, uint64_t most, struct sp_error *err);
 
-/* The same for a frame without a partition: everything up to the lights. */
-bool gl_upload_shading(struct gl_upload *upload, const struct gl_constants *constants,
-                       uint64_t most, struct sp_error *err);
+/* The same for a frame without a partition: what shading needs. */
+bool gl_upload_shading(struct gl_upload *upload, const struct sp_camera_transform *camera,
+                       const struct sp_view *view, uint64_t most, struct sp_error *err);
 
 /* Reserves memory for the partition's chunks: at most `enough` bytes, but at least the chunks of
  * one batch. */

@@ -12,7 +12,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint planned;          // pairs of this batch, before they are counted by bin
     uint crowded;          // pairs of the longest bin that was too long to sort
     uint widest;           // most rounds of a splat that was left out because of them
-    uint unused[7];
+    uint stored;           // fragments of other layers
+    uint unused[6];
     uint count[];
 };
 

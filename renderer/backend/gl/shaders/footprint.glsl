@@ -39,15 +39,6 @@ float cubic_share(float q, float zeta) {
     return zeta > 0.0 ? 0.5 + part : 0.5 - part;
 }
 
-// Φ (splat/normal.h).
-float normal_share(float x) {
-    float z = abs(x) * 0.707106781, t = 1.0 / (1.0 + 0.3275911 * z);
-    float p = t * (0.254829592 +
-                   t * (-0.284496736 + t * (1.421413741 + t * (-1.453152027 + t * 1.061405429))));
-    float tail = 0.5 * p * exp2(-LOG2E * z * z);
-    return x < 0.0 ? tail : 1.0 - tail;
-}
-
 float share(float exponent, float depth) {
     return is_cubic ? cubic_share(exponent / cut, depth) : normal_share(depth);
 }

@@ -4,7 +4,10 @@
 //   words   planes of sheets (insert.glsl) | by pixel of the band: where its fragments begin << 5 | how many
 //           | by fragment: depth, premultiplied red, green, blue, alpha
 
-layout(std430, binding = 8) readonly buffer Fragments { uint fragment_words[]; };
+#ifndef FRAGMENTS_ACCESS
+#define FRAGMENTS_ACCESS readonly
+#endif
+layout(std430, binding = 8) FRAGMENTS_ACCESS buffer Fragments { uint fragment_words[]; };
 
 const uint FRAGMENT_WORDS = 5u, FRAGMENT_COUNT_BITS = 5u;
 

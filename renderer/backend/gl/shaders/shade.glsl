@@ -11,10 +11,8 @@ float highlight(vec3 n, vec3 h) {
     return exp2(phong.w * log2(along * along / length2) * 0.5);
 }
 
-vec3 shade_normal(vec3 color, vec3 world, vec3 to_eye) {
-    vec3 n = vec3(dot(to_camera[0].xyz, world), dot(to_camera[1].xyz, world),
-                  dot(to_camera[2].xyz, world));
-    bool has_side = any(notEqual(world, vec3(0)));
+// n: in camera space.
+vec3 shade_facing(vec3 color, vec3 n, bool has_side, vec3 to_eye) {
     vec3 lit = vec3(phong.x), shine = vec3(0);
     for (uint i = 0u; i < choice.z; i++) {
         vec3 l = lights[i].direction.xyz, strength = lights[i].color.rgb;
@@ -23,6 +21,12 @@ vec3 shade_normal(vec3 color, vec3 world, vec3 to_eye) {
             shine += phong.z * strength * highlight(n, l + to_eye);
     }
     return color * lit + shine;
+}
+
+vec3 shade_normal(vec3 color, vec3 world, vec3 to_eye) {
+    vec3 n = vec3(dot(to_camera[0].xyz, world), dot(to_camera[1].xyz, world),
+                  dot(to_camera[2].xyz, world));
+    return shade_facing(color, n, any(notEqual(world, vec3(0))), to_eye);
 }
 
 // A symmetric matrix: diagonal (xx, yy, zz), rest (xy, xz, yz).

@@ -20,7 +20,7 @@
 #include "support/data.h"
 #include "support/image.h"
 
-enum { SIZE = 40, SHOTS = 7 };
+enum { SIZE = 40, SHOTS = 10 };
 
 /* A view, and its image when it is drawn alone. */
 struct shot {
@@ -231,6 +231,24 @@ static void describe_shots(struct rig *rig) {
     rig->shots[6].view.shading.mode = SP_SHADING_PHONG;
 }
 
+/* Other layers in the volume, without it, and in footprints. */
+static void describe_layers(struct rig *rig) {
+    for (int i = 7; i < SHOTS; i++) {
+        struct sp_view *view = &rig->shots[i].view;
+        struct sp_layer *surface = &view->layers[1], *shell = &view->layers[2];
+        const double *range = sp_volume_info(rig->shots[i].volume)->range;
+        *surface = sp_layer_default(SP_LAYER_SURFACE);
+        surface->value = 0.6 * range[0] + 0.4 * range[1];
+        surface->opacity = 0.4f;
+        *shell = sp_layer_default(SP_LAYER_SHELL);
+        view->layer_count = 3;
+        view->transfer_function.order = i == 7 ? SP_TF_POST : SP_TF_PRE;
+    }
+    struct sp_view *alone = &rig->shots[8].view;
+    alone->layers[0] = alone->layers[2];
+    alone->layer_count = 2;
+}
+
 static void draw_alone(struct rig *rig, struct shot *shot) {
     struct sp_error err;
     struct sp_backend_job job = make_job(rig, shot, NULL);
@@ -254,6 +272,7 @@ static bool open_rig(struct rig *rig, struct sp_error *err) {
     assert_true(rig->volumes[0]);
     assert_true(rig->volumes[1]);
     describe_shots(rig);
+    describe_layers(rig);
     for (int i = 0; i < SHOTS; i++)
         draw_alone(rig, &rig->shots[i]);
     return true;

@@ -14,9 +14,11 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "backend/gl/memory.h"
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
+#include "support/render.h"
 #include "support/sanitized.h"
 #include "unit/backend/gl/resample_rig.h"
 
@@ -161,6 +163,112 @@ static void mixed_images(void **state) {
     resample_report(rig);
 }
 
+/* Eight surfaces, close enough that they fill the image: twice as many fragments in most pixels as
+ * there is memory for at first. */
+static void make_nested(struct sp_view *view, const struct sp_volume *volume, int order) {
+    make_view(view, volume, order);
+    view->layer_count = 1;
+    for (int i = 0; i < 7; i++)
+        add_surface(view, 60 + 20 * i, 0.2f);
+    view->camera.position[0] = 7;
+    view->camera.position[1] = -16;
+    view->camera.position[2] = 4;
+    view->size[0] = 19;
+    view->size[1] = 13;
+}
+
+/* Frees the memory that earlier frames needed. */
+static void release(struct gl_state *gl) {
+    struct sp_error err;
+    if (!gl_context_bind(gl->context, &err))
+        fail_msg("%s", err.text);
+    gl_memory_release(gl);
+    gl_context_unbind(gl->context);
+}
+
+/* Points take several passes, bands are one row of tiles high, and fragments need more memory. */
+static void pieces_add_up(void **state) {
+    struct resample_rig *rig = *state;
+    struct gl_state *gl = resample_rig_gl(rig);
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    const struct gl_limits whole = gl->workload.limits;
+    for (int n = 0; n < 4; n++) {
+        struct sp_view view;
+        char what[40];
+        make_nested(&view, volume, n % 2);
+        snprintf(what, sizeof what, "pieces %d", n);
+        release(gl);
+        gl->workload.limits.loops = n & 1 ? 800 : whole.loops;
+        gl->workload.limits.tiles = n & 2 ? 1 : whole.tiles;
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        assert_compare(gl->surfaces.per_pixel, >, 2.5);
+        assert_int_equal(gl->buffers.sheets.name != 0, n & 1);
+        gl->workload.limits = whole;
+    }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
+/* Points are uploaded once, and not kept after the volume is evicted. */
+static void points_stay_on_the_gpu(void **state) {
+    struct resample_rig *rig = *state;
+    struct gl_state *gl = resample_rig_gl(rig);
+    struct sp_volume *volume = resample_make_ball(SP_INT16, 0, 255, false, false);
+    struct sp_view view;
+    make_view(&view, volume, 0);
+    view.layer_count = 0;
+    add_surface(&view, 100, 1);
+    const struct resample_shot shot = { &view, volume, 0, NULL };
+    uint64_t before = gl->residency.uploaded;
+    resample_check(rig, "first", &shot);
+    uint64_t points = gl->residency.uploaded - before;
+    assert_compare(points, >, 1000 * 20);
+    assert_compare(gl_residency_bytes(&gl->residency, volume), >=, points);
+    view.camera.position[0] += 3;
+    resample_check(rig, "another direction", &shot);
+    assert_compare(gl->residency.uploaded - before, ==, points);
+    for (int b = 0; b < BACKENDS; b++)
+        rig->backends[b]->evict(rig->states[b], volume);
+    assert_compare(rig->backends[GL]->memory(rig->states[GL], volume), ==, 0);
+    resample_check(rig, "again", &shot);
+    assert_compare(gl->residency.uploaded - before, ==, 2 * points);
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
+/* The renderer draws parts of the volume between slices, each with its part of the layers. */
+static void slices_cut_layers(void **state) {
+    (void)state;
+    static const struct test_target targets[BACKENDS] = { { "cpu", "scalar" },
+                                                          { "gl-software", "auto" } };
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    for (int which = SURFACE; which < LAYERS; which++) {
+        struct test_image images[BACKENDS];
+        struct sp_view view;
+        make_view(&view, volume, which % 2);
+        add_layers(&view, (enum layers)which);
+        vary(&view, which);
+        view.slices.mode = SP_SLICES_ORTHOGONAL;
+        view.slices.in_3d = true;
+        view.slices.planes[0] = view.slices.planes[1] = true;
+        view.slices.position[0] = 1.3;
+        for (int b = 0; b < BACKENDS; b++) {
+            struct test_renderer renderer;
+            struct sp_error err;
+            if (!test_renderer_open(&renderer, &targets[b], 1, &err) ||
+                !test_render(&renderer, volume, &view, &images[b], &err))
+                fail_msg("%s: %s", targets[b].backend, err.text);
+            test_renderer_close(&renderer);
+        }
+        double psnr = test_image_psnr(&images[GL], &images[CPU]);
+        print_message("  slices, layers %d: %.1f dB\n", which, psnr);
+        assert_compare(psnr, >=, 70);
+        for (int b = 0; b < BACKENDS; b++)
+            test_image_finish(&images[b]);
+    }
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     struct resample_rig rig;
     struct sp_error err;
@@ -172,8 +280,12 @@ int main(void) {
     }
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
-    const struct CMUnitTest tests[] = { ON(layers_inside_the_volume), ON(layers_without_the_volume),
-                                        ON(mixed_images) };
+    const struct CMUnitTest tests[] = { ON(layers_inside_the_volume),
+                                        ON(layers_without_the_volume),
+                                        ON(mixed_images),
+                                        ON(pieces_add_up),
+                                        ON(points_stay_on_the_gpu),
+                                        ON(slices_cut_layers) };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     resample_rig_close(&rig);
     return failed;
