@@ -18,7 +18,7 @@ static bool read_kind(const proto_json *object, enum sp_measure_kind *kind, stru
             return true;
         }
     return sp_fail(err, SP_ERR_INVALID, "/kind",
-                   "must be distance, angle, profile, rectangle, ellipse or marker");
+                   "must be distance, angle, profile, rectangle, ellipse, marker, part or path");
 }
 
 static bool read_points(const proto_json *points, struct sp_measure *measure,
@@ -39,14 +39,29 @@ static bool read_points(const proto_json *points, struct sp_measure *measure,
                 return sp_fail(err, SP_ERR_INVALID, place, "must be a number");
         }
     }
-    return sp_measure_check(measure, err);
+    return true;
+}
+
+/* Reads "range", which a part and a path need and others do not have. */
+static bool read_range(const proto_json *range, struct sp_measure *measure, struct sp_error *err) {
+    if (!sp_measure_has_range(measure->kind))
+        return !range || sp_fail(err, SP_ERR_INVALID, "/range", "only a part or a path has it");
+    for (unsigned i = 0; i < 2; i++)
+        if (proto_json_size(range) != 2 ||
+            !proto_json_number(proto_json_at(range, i), &measure->range[i]))
+            return sp_fail(err, SP_ERR_INVALID, "/range",
+                           "must be the lowest and the highest value of the %s: [low, high]",
+                           sp_measure_kind_name(measure->kind));
+    return true;
 }
 
 bool proto_measure_decode(const proto_json *object, struct sp_measure *measure,
                           struct sp_error *err) {
     *measure = (struct sp_measure){ .kind = SP_MEASURE_DISTANCE };
     return read_kind(object, &measure->kind, err) &&
-           read_points(proto_json_get(object, "points"), measure, err);
+           read_points(proto_json_get(object, "points"), measure, err) &&
+           read_range(proto_json_get(object, "range"), measure, err) &&
+           sp_measure_check(measure, err);
 }
 
 bool proto_measure_is_id(const char *id) {
@@ -97,6 +112,11 @@ bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_meas
     if ((is_new || proto_json_get(patch, "points")) &&
         !read_points(proto_json_get(patch, "points"), &next.geometry, err))
         return false;
+    if ((is_new || proto_json_get(patch, "range")) &&
+        !read_range(proto_json_get(patch, "range"), &next.geometry, err))
+        return false;
+    if (!sp_measure_check(&next.geometry, err))
+        return false;
     if (!read_text(proto_json_get(patch, "text"), next.text, err) ||
         !read_color(proto_json_get(patch, "color"), next.color, err))
         return false;
@@ -110,12 +130,12 @@ bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_meas
 
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]) {
     const enum sp_measure_unit kind = value->result.unit;
-    const bool is_square = kind == SP_MEASURE_AREA && value->world_unit[0];
+    const char *power = kind == SP_MEASURE_AREA ? "^2" : kind == SP_MEASURE_VOLUME ? "^3" : "";
     snprintf(unit, SP_UNIT_BYTES + 2, "%s%s",
              kind == SP_MEASURE_DEGREES ? "deg"
              : kind == SP_MEASURE_DATA  ? ""
                                         : value->world_unit,
-             is_square ? "^2" : "");
+             value->world_unit[0] ? power : "");
 }
 
 /* A number that is not finite has no JSON; it becomes null. */
@@ -144,6 +164,20 @@ static proto_json *encode_points(const struct sp_measure *measure) {
     return points;
 }
 
+static proto_json *encode_pair(const double pair[2]) {
+    proto_json *array = proto_json_array();
+    if (!proto_json_append_number(array, pair[0]) || !proto_json_append_number(array, pair[1]))
+        proto_json_free(&array);
+    return array;
+}
+
+/* Sets "points", and "range" of a part or a path. */
+static bool set_geometry(proto_json *json, const struct sp_measure *measure) {
+    return proto_json_set(json, "points", encode_points(measure)) &&
+           (!sp_measure_has_range(measure->kind) ||
+            proto_json_set(json, "range", encode_pair(measure->range)));
+}
+
 static proto_json *encode_statistics(const struct sp_statistics *s) {
     const bool has_any = s->count > 0;
     proto_json *json = proto_json_object();
@@ -169,9 +203,17 @@ static void percent_of(double share, char text[32]) {
 void proto_measure_note(const struct sp_measure *measure, const struct proto_measure_value *value,
                         char note[PROTO_MEASURE_NOTE_MAX + 1]) {
     const struct sp_measure_result *result = &value->result;
-    const bool is_in_world = result->unit == SP_MEASURE_LENGTH || result->unit == SP_MEASURE_AREA;
+    const bool is_in_world = result->unit == SP_MEASURE_LENGTH || result->unit == SP_MEASURE_AREA ||
+                             result->unit == SP_MEASURE_VOLUME;
     const char *name = sp_measure_kind_name(measure->kind);
     char unit[80] = "", outside[160] = "", share[32] = "";
+    if (sp_measure_has_range(measure->kind) && !result->has_value) {
+        snprintf(note, PROTO_MEASURE_NOTE_MAX + 1, "%s",
+                 measure->kind == SP_MEASURE_PART
+                     ? "no sample near the point has a value in the range"
+                     : "the ends of the path are not on one connected part");
+        return;
+    }
     if (is_in_world && !value->world_unit[0])
         snprintf(unit, sizeof unit, "the volume does not state the unit of its coordinates");
     if (result->outside > 0 && result->outside < 1)
@@ -186,7 +228,19 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
              outside);
 }
 
-/* Sets "value", "unit", "outside", "note" and "statistics". */
+/* Sets what a part or a path has besides its value. */
+static bool set_part(proto_json *json, const struct sp_measure *measure,
+                     const struct sp_measure_result *result) {
+    if (!result->has_value)
+        return true;
+    if (measure->kind == SP_MEASURE_PATH)
+        return proto_json_set_number(json, "straight", result->straight);
+    return measure->kind != SP_MEASURE_PART ||
+           (proto_json_set_number(json, "area", result->area) &&
+            proto_json_set_integer(json, "samples", (int64_t)result->samples));
+}
+
+/* Sets "value", "unit", "outside", "note", "statistics", and the members of parts and paths. */
 static bool set_value(proto_json *json, const struct sp_measure *measure,
                       const struct proto_measure_value *value) {
     char unit[SP_UNIT_BYTES + 2], note[PROTO_MEASURE_NOTE_MAX + 1];
@@ -196,6 +250,7 @@ static bool set_value(proto_json *json, const struct sp_measure *measure,
            proto_json_set_string(json, "unit", unit) &&
            proto_json_set_number(json, "outside", value->result.outside) &&
            (!note[0] || proto_json_set_string(json, "note", note)) &&
+           set_part(json, measure, &value->result) &&
            (!value->result.has_statistics ||
             proto_json_set(json, "statistics", encode_statistics(&value->result.statistics)));
 }
@@ -205,7 +260,7 @@ proto_json *proto_measure_encode(const struct proto_measure *measure) {
     bool ok = proto_json_set_string(json, "id", measure->id) &&
               proto_json_set_string(json, "kind", sp_measure_kind_name(measure->geometry.kind)) &&
               proto_json_set_string(json, "volume", measure->volume) &&
-              proto_json_set(json, "points", encode_points(&measure->geometry)) &&
+              set_geometry(json, &measure->geometry) &&
               proto_json_set_string(json, "text", measure->text) &&
               proto_json_set_string(json, "color", measure->color) &&
               proto_json_set_string(json, "author", measure->author) &&
@@ -217,13 +272,12 @@ proto_json *proto_measure_encode(const struct proto_measure *measure) {
 }
 
 static proto_json *encode_histogram(const struct sp_measure_result *result) {
-    proto_json *json = proto_json_object(), *range = proto_json_array(),
-               *counts = proto_json_array();
-    bool ok = proto_json_append_number(range, result->statistics.min) &&
-              proto_json_append_number(range, result->statistics.max);
+    const double range[2] = { result->statistics.min, result->statistics.max };
+    proto_json *json = proto_json_object(), *counts = proto_json_array();
+    bool ok = true;
     for (int b = 0; b < SP_MEASURE_BINS && ok; b++)
         ok = proto_json_append_integer(counts, (int64_t)result->histogram[b]);
-    ok = proto_json_set(json, "range", range) && ok;
+    ok = proto_json_set(json, "range", encode_pair(range)) && ok;
     ok = proto_json_set(json, "counts", counts) && ok;
     if (!ok)
         proto_json_free(&json);
@@ -251,19 +305,31 @@ static proto_json *encode_profile(const struct sp_measure *line, double length,
     return json;
 }
 
+static proto_json *encode_path(const struct sp_part_path *path) {
+    proto_json *array = proto_json_array();
+    for (uint32_t i = 0; i < path->count; i++)
+        if (!proto_json_append(array, encode_position(path->points[i]))) {
+            proto_json_free(&array);
+            return NULL;
+        }
+    return array;
+}
+
 proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
-                                 const struct proto_measure_value *value, const double *profile,
-                                 uint32_t profile_count) {
+                                 const struct proto_measure_value *value,
+                                 const struct proto_measure_line *line) {
     proto_json *json = proto_json_object();
     bool ok = proto_json_set_string(json, "volume", volume) &&
               proto_json_set_string(json, "kind", sp_measure_kind_name(measure->kind)) &&
-              proto_json_set(json, "points", encode_points(measure)) &&
-              set_value(json, measure, value);
+              set_geometry(json, measure) && set_value(json, measure, value);
     if (ok && value->result.has_histogram)
         ok = proto_json_set(json, "histogram", encode_histogram(&value->result));
-    if (ok && profile)
-        ok = proto_json_set(json, "profile",
-                            encode_profile(measure, value->result.value, profile, profile_count));
+    if (ok && line->profile)
+        ok = proto_json_set(
+            json, "profile",
+            encode_profile(measure, value->result.value, line->profile, line->profile_count));
+    if (ok && line->path && line->path->is_found)
+        ok = proto_json_set(json, "path", encode_path(line->path));
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -299,17 +365,28 @@ static bool copy_string(const proto_json *json, const char *key, char *out, size
     return true;
 }
 
+/* Reads what a part or a path has besides its value. */
+static bool read_part(const proto_json *json, const struct sp_measure *geometry,
+                      struct sp_measure_result *result) {
+    int64_t samples;
+    if (!result->has_value || !sp_measure_has_range(geometry->kind))
+        return true;
+    if (geometry->kind == SP_MEASURE_PATH)
+        return proto_json_number(proto_json_get(json, "straight"), &result->straight);
+    if (!proto_json_number(proto_json_get(json, "area"), &result->area) ||
+        !proto_json_integer(proto_json_get(json, "samples"), &samples) || samples < 0)
+        return false;
+    result->samples = (uint64_t)samples;
+    return true;
+}
+
 /* The unit of a result follows from the kind; the saved text tells the unit of the world. */
 static bool restore_value(const proto_json *json, const struct sp_measure *geometry,
                           struct proto_measure_value *value) {
     struct sp_measure_result *result = &value->result;
     const proto_json *statistics = proto_json_get(json, "statistics");
     char unit[SP_UNIT_BYTES + 2];
-    result->unit = geometry->kind == SP_MEASURE_ANGLE    ? SP_MEASURE_DEGREES
-                   : geometry->kind == SP_MEASURE_MARKER ? SP_MEASURE_DATA
-                   : geometry->kind == SP_MEASURE_RECTANGLE || geometry->kind == SP_MEASURE_ELLIPSE
-                       ? SP_MEASURE_AREA
-                       : SP_MEASURE_LENGTH;
+    result->unit = sp_measure_unit_of(geometry->kind);
     result->has_value = proto_json_number(proto_json_get(json, "value"), &result->value);
     /* An earlier daemon did not save it. */
     if (!proto_json_number(proto_json_get(json, "outside"), &result->outside) ||
@@ -317,11 +394,12 @@ static bool restore_value(const proto_json *json, const struct sp_measure *geome
         result->outside = 0;
     result->has_statistics = statistics != NULL;
     if ((statistics && !read_statistics(statistics, &result->statistics)) ||
-        !copy_string(json, "unit", unit, sizeof unit))
+        !read_part(json, geometry, result) || !copy_string(json, "unit", unit, sizeof unit))
         return false;
-    if (result->unit == SP_MEASURE_AREA && strlen(unit) >= 2)
+    const bool has_power = result->unit == SP_MEASURE_AREA || result->unit == SP_MEASURE_VOLUME;
+    if (has_power && strlen(unit) >= 2)
         unit[strlen(unit) - 2] = 0;
-    if (result->unit == SP_MEASURE_AREA || result->unit == SP_MEASURE_LENGTH)
+    if (has_power || result->unit == SP_MEASURE_LENGTH)
         snprintf(value->world_unit, sizeof value->world_unit, "%.*s", SP_UNIT_BYTES - 1, unit);
     return true;
 }

@@ -2,8 +2,10 @@
  *
  * Measurements in JSON: what a client asks for, what the daemon answers, and the list of a session.
  *
- *   {"kind", "points"} ─► struct sp_measure ─► sp_measure_compute() ─► {"value", "unit", …}
- *   {"id", "kind", "points", "text", "color", "hidden"} ─► struct proto_measure ─► list, CSV, store
+ *   {"kind", "points", "range"} ─► struct sp_measure ─► sp_measure_compute() ─► {"value", "unit",
+ * …}
+ *   {"id", "kind", "points", "range", "text", "color", "hidden"} ─► struct proto_measure ─► list,
+ * CSV, store
  */
 #ifndef PROTO_MEASURE_H
 #define PROTO_MEASURE_H
@@ -25,6 +27,7 @@ enum {
 struct proto_measure_value {
     struct sp_measure_result result;
     char world_unit[SP_UNIT_BYTES];
+    double volume_samples; /* that a part or a path took, for accounts of time; not saved */
 };
 
 /* A measurement of a session. */
@@ -39,41 +42,49 @@ struct proto_measure {
     struct proto_measure_value value; /* without its histogram */
 };
 
-/* Reads the members "kind" and "points" and checks the points. SP_ERR_INVALID at "/kind",
- * "/points", "/points/N" or "/points/N/AXIS". Thread-safe. */
+/* What a client draws of a measurement; NULL = none. */
+struct proto_measure_line {
+    const double *profile; /* the values of a profile */
+    uint32_t profile_count;
+    const struct sp_part_path *path; /* of a path */
+};
+
+/* Reads the members "kind", "points" and "range" and checks them. SP_ERR_INVALID at "/kind",
+ * "/points", "/points/N", "/points/N/AXIS" or "/range". Thread-safe. */
 bool proto_measure_decode(const proto_json *object, struct sp_measure *measure,
                           struct sp_error *err);
 
-/* Merges the members of an object into a measurement: "points", "text", "color", "hidden", and
- * "kind", which a measurement that exists (is_new = false) cannot change. Ignores "id". A new one
- * needs "kind" and "points". On failure *measure is unchanged: SP_ERR_INVALID with the pointer.
- * Thread-safe. */
+/* Merges the members of an object into a measurement: "points", "range", "text", "color",
+ * "hidden", and "kind", which a measurement that exists (is_new = false) cannot change. Ignores
+ * "id". A new one needs "kind" and "points", and a part or a path a "range". On failure *measure is
+ * unchanged: SP_ERR_INVALID with the pointer. Thread-safe. */
 bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_measure *measure,
                          struct sp_error *err);
 /* True for 1 to PROTO_MEASURE_ID_MAX characters of A-Z a-z 0-9 _ -. NULL: false. */
 bool proto_measure_is_id(const char *id);
 
-/* Encodes a measurement of a session: {"id", "kind", "volume", "points", "text", "color", "author",
- * "hidden", "value", "unit", "outside", "note", "statistics"}. Thread-safe. */
+/* Encodes a measurement of a session: {"id", "kind", "volume", "points", "range", "text", "color",
+ * "author", "hidden", "value", "unit", "outside", "note", "statistics", "area", "samples",
+ * "straight"}; a kind has only some of them. Thread-safe. */
 proto_json *proto_measure_encode(const struct proto_measure *measure);
 /* Reads what proto_measure_encode() wrote. False: it is something else. Thread-safe. */
 bool proto_measure_restore(const proto_json *json, struct proto_measure *measure);
 
-/* Encodes the answer to a request for a measurement: {"volume", "kind", "points", "value", "unit",
- * "outside", "note", "statistics", "histogram", "profile"}. `profile` has the values of a profile,
- * NULL = none. NULL when out of memory. Thread-safe. */
+/* Encodes the answer to a request for a measurement: the same without "id", "text",
+ * "color", "author" and "hidden", and with "histogram", "profile" and "path". NULL when out of
+ * memory. Thread-safe. */
 proto_json *proto_measure_answer(const char *volume, const struct sp_measure *measure,
-                                 const struct proto_measure_value *value, const double *profile,
-                                 uint32_t profile_count);
+                                 const struct proto_measure_value *value,
+                                 const struct proto_measure_line *line);
 
 /* Returns the measurements as CSV (RFC 4180, UTF-8) with a header line; malloc'ed, NUL-terminated.
  * No text of a person becomes a formula in a spreadsheet: see measure_csv.c. NULL when out of
  * memory. Thread-safe. */
 char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, size_t *size);
-/* Returns the unit of a result: "", the unit of world coordinates, its square, or "deg". */
+/* Returns the unit of a result: "", the unit of world coordinates, its square or cube, or "deg". */
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]);
-/* Writes what a reader of the value must know: that the unit is not known, and which share lies
- * outside of the volume; "" = nothing. English. */
+/* Writes what a reader of the value must know: that the unit is not known, which share lies
+ * outside of the volume, or that there is no part; "" = nothing. English. */
 void proto_measure_note(const struct sp_measure *measure, const struct proto_measure_value *value,
                         char note[PROTO_MEASURE_NOTE_MAX + 1]);
 

@@ -101,6 +101,25 @@ static void put_number(FILE *out, double value) {
     fputs(isfinite(value) ? text : "", out);
 }
 
+/* Writes the range of a part or a path, and what it has besides its value. */
+static void put_part(FILE *out, const struct proto_measure *m) {
+    const struct sp_measure_result *result = &m->value.result;
+    const bool has_range = sp_measure_has_range(m->geometry.kind);
+    const bool is_part = m->geometry.kind == SP_MEASURE_PART && result->has_value;
+    const bool is_path = m->geometry.kind == SP_MEASURE_PATH && result->has_value;
+    for (int end = 0; end < 2; end++) {
+        fputc(',', out);
+        put_number(out, has_range ? m->geometry.range[end] : NAN);
+    }
+    fputc(',', out);
+    put_number(out, is_part ? result->area : NAN);
+    fputc(',', out);
+    if (is_part)
+        fprintf(out, "%" PRIu64, result->samples);
+    fputc(',', out);
+    put_number(out, is_path ? result->straight : NAN);
+}
+
 static void put_line(FILE *out, const struct proto_measure *m) {
     const struct sp_measure_result *result = &m->value.result;
     const struct sp_statistics *s = &result->statistics;
@@ -137,6 +156,7 @@ static void put_line(FILE *out, const struct proto_measure *m) {
                             ? m->geometry.points[i / 3][i % 3]
                             : NAN);
     }
+    put_part(out, m);
     fputs("\r\n", out);
 }
 
@@ -146,7 +166,7 @@ char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, 
     if (!out)
         return NULL;
     fputs("id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,"
-          "max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3\r\n",
+          "max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight\r\n",
           out);
     for (size_t i = 0; i < count; i++)
         put_line(out, &measures[i]);

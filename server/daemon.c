@@ -46,7 +46,8 @@ struct srv_daemon {
     struct srv_timer_thread *timers;
     struct srv_timer_task tick;
     struct srv_work_queue *disk;
-    struct srv_uploads *uploads; /* NULL = --upload-bytes is 0 */
+    struct srv_work_queue *measuring; /* parts of volumes */
+    struct srv_uploads *uploads;      /* NULL = --upload-bytes is 0 */
     double
         ran_ms; /* plus srv_clock_ms(): for how long daemons have run with this store; constant */
     struct srv_http_options http_options;
@@ -279,6 +280,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
         .changed = on_changed,
         .ended = on_ended,
         .recall = c->state ? on_recall : NULL,
+        .measuring = d->measuring,
     };
     const struct srv_schedule_options schedule = { .user = d,
                                                    .wake = on_work,
@@ -339,6 +341,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->store = d->store;
     o->paths = atomic_load(&d->paths);
     o->disk = d->disk;
+    o->measuring = d->measuring;
     o->uploads = d->uploads;
     o->metrics = d->metrics;
     if (!srv_cors_check_origins(c->allow_origin, err) ||
@@ -420,7 +423,8 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .upload_close = on_upload_close,
         .unloaded = on_unloaded,
     };
-    if ((d->disk = srv_work_queue_create(err)) &&
+    if ((d->disk = srv_work_queue_create(NULL, err)) &&
+        (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
         open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
         (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
@@ -480,6 +484,8 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
         srv_hub_drain(d->hub);
     if (http)
         srv_http_drain(http, (double)d->config->drain_time_ms);
+    if (d->measuring)
+        srv_work_queue_stop(d->measuring);
     if (d->catalog)
         srv_catalog_stop(d->catalog);
     if (d->streams)
@@ -507,6 +513,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_catalog_destroy(&d->catalog);
     srv_store_destroy(&d->store);
     srv_work_queue_destroy(&d->disk);
+    srv_work_queue_destroy(&d->measuring);
     srv_uploads_destroy(&d->uploads);
     srv_metrics_destroy(&d->metrics);
     free(d);

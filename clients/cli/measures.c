@@ -2,6 +2,7 @@
  *
  * Lists the measurements of a session, or exports them as CSV.
  */
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -19,6 +20,22 @@ static void add_number(struct table *table, const proto_json *object, const char
         table_add(table, "-");
 }
 
+/* Adds what a part or a path has besides its value. */
+static void add_more(struct table *table, const proto_json *measure) {
+    const char *unit = text_of(measure, "unit");
+    const int unit_bytes = (int)strcspn(unit, "^");
+    double number;
+    int64_t samples;
+    if (proto_json_number(proto_json_get(measure, "area"), &number) &&
+        proto_json_integer(proto_json_get(measure, "samples"), &samples))
+        table_add(table, "area %.6g%s%.*s%s, %" PRId64 " samples", number, unit_bytes ? " " : "",
+                  unit_bytes, unit, unit_bytes ? "^2" : "", samples);
+    else if (proto_json_number(proto_json_get(measure, "straight"), &number))
+        table_add(table, "straight %.6g%s%s", number, unit[0] ? " " : "", unit);
+    else
+        table_add(table, "-");
+}
+
 static void add_measure(struct table *table, const proto_json *measure) {
     const proto_json *statistics = proto_json_get(measure, "statistics");
     const char *text = text_of(measure, "text");
@@ -29,13 +46,14 @@ static void add_measure(struct table *table, const proto_json *measure) {
     table_add(table, "%s", text_of(measure, "unit")[0] ? text_of(measure, "unit") : "-");
     add_number(table, statistics, "mean");
     add_number(table, statistics, "deviation");
+    add_more(table, measure);
     table_add(table, "%s", text_of(measure, "note"));
 }
 
 static bool print_measures(const proto_json *list, struct sp_error *err) {
-    static const char *const headings[] = { "ID",   "KIND", "TEXT", "VALUE",
-                                            "UNIT", "MEAN", "SD",   "NOTE" };
-    struct table table = { .columns = 8, .is_right = { [3] = true, [5] = true, [6] = true } };
+    static const char *const headings[] = { "ID",   "KIND", "TEXT", "VALUE", "UNIT",
+                                            "MEAN", "SD",   "MORE", "NOTE" };
+    struct table table = { .columns = 9, .is_right = { [3] = true, [5] = true, [6] = true } };
     for (size_t c = 0; c < table.columns; c++)
         table_add(&table, "%s", headings[c]);
     for (size_t i = 0; i < proto_json_size(list); i++)

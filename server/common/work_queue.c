@@ -6,10 +6,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "common/background.h"
+
 struct srv_work_queue {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
     struct srv_work *first, **last; /* last: where the next one goes */
+    unsigned count;                 /* waiting, and running */
+    const char *background;
     bool stop;
     bool is_ended; /* the thread takes no more work */
     bool is_joined;
@@ -32,24 +36,32 @@ static struct srv_work *take(struct srv_work_queue *queue) {
 }
 
 static void *run(void *user) {
-    for (struct srv_work *work; (work = take(user));)
+    struct srv_work_queue *queue = user;
+    if (queue->background)
+        srv_background_thread_enter(queue->background);
+    for (struct srv_work *work; (work = take(queue));) {
         work->run(work);
+        pthread_mutex_lock(&queue->mutex);
+        queue->count--;
+        pthread_mutex_unlock(&queue->mutex);
+    }
     return NULL;
 }
 
-struct srv_work_queue *srv_work_queue_create(struct sp_error *err) {
+struct srv_work_queue *srv_work_queue_create(const char *background, struct sp_error *err) {
     struct srv_work_queue *queue = calloc(1, sizeof *queue);
     if (!queue) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a thread");
         return NULL;
     }
     queue->last = &queue->first;
+    queue->background = background;
     pthread_mutex_init(&queue->mutex, NULL);
     pthread_cond_init(&queue->changed, NULL);
     int failed = pthread_create(&queue->thread, NULL, run, queue);
     if (!failed)
         return queue;
-    sp_fail(err, SP_ERR_IO, NULL, "cannot start the disk thread: %s", strerror(failed));
+    sp_fail(err, SP_ERR_IO, NULL, "cannot start a thread: %s", strerror(failed));
     pthread_cond_destroy(&queue->changed);
     pthread_mutex_destroy(&queue->mutex);
     free(queue);
@@ -63,11 +75,19 @@ void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work) {
     if (!is_ended) {
         *queue->last = work;
         queue->last = &work->next;
+        queue->count++;
         pthread_cond_signal(&queue->changed);
     }
     pthread_mutex_unlock(&queue->mutex);
     if (is_ended)
         work->run(work);
+}
+
+unsigned srv_work_queue_count(struct srv_work_queue *queue) {
+    pthread_mutex_lock(&queue->mutex);
+    const unsigned count = queue->count;
+    pthread_mutex_unlock(&queue->mutex);
+    return count;
 }
 
 void srv_work_queue_stop(struct srv_work_queue *queue) {

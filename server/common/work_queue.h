@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A thread that does work which may wait for a disk, one piece after the other, so that the HTTP
- * threads never do: writing uploads, removing files, listing folders.
+ * A thread that does work which takes time, one piece after the other, so that the HTTP threads and
+ * the stream thread never do. The daemon has two: one for work that waits for a disk (writing
+ * uploads, removing files, listing folders), one that measures parts of volumes.
  */
 #ifndef SRV_COMMON_WORK_QUEUE_H
 #define SRV_COMMON_WORK_QUEUE_H
@@ -16,8 +17,11 @@ struct srv_work { /* the first member of the caller's struct, valid until run() 
     struct srv_work *next; /* the queue's */
 };
 
-/* NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
-struct srv_work_queue *srv_work_queue_create(struct sp_error *err);
+/* `background`: the thread's name in the log, if it runs at a low priority; a constant; NULL = it
+ * does not. NULL with *err set: SP_ERR_MEMORY, SP_ERR_IO. */
+struct srv_work_queue *srv_work_queue_create(const char *background, struct sp_error *err);
+/* Returns how much work waits or runs. */
+unsigned srv_work_queue_count(struct srv_work_queue *queue);
 /* Adds work at the end. Any thread; under a lock only if run() does not take it. */
 void srv_work_queue_add(struct srv_work_queue *queue, struct srv_work *work);
 /* Runs what was added, then ends the thread. Work that is added later runs at once, on the thread

@@ -39,8 +39,9 @@ struct srv_http_options {
     struct srv_streams *streams;
     struct srv_store *store;
     struct srv_paths *paths;
-    struct srv_work_queue *disk; /* for work that waits for a disk */
-    struct srv_uploads *uploads; /* NULL = there are none */
+    struct srv_work_queue *disk;      /* for work that waits for a disk */
+    struct srv_work_queue *measuring; /* for measurements that take time */
+    struct srv_uploads *uploads;      /* NULL = there are none */
     struct srv_metrics *metrics;
     /* Why other backends were refused at startup; owned by the caller. */
     const char *const *refusals;

@@ -2,14 +2,39 @@
  *
  * Measurements: computed on request for a volume or for the volume that a session shows, and the
  * list of a session as JSON or CSV. The HTTP thread computes them: up to 0.2 s for the largest
- * region.
+ * region. Parts and paths take longer: the measuring thread computes those.
  */
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "common/clock.h"
+#include "common/work_queue.h"
 #include "http/routes.h"
 #include "protocol/measure.h"
+#include "protocol/view.h"
+#include "sp/edit.h"
+
+/* Suspends the request and adds the work, which completes it. False: the reply says why not. */
+static bool wait_for_turn(struct srv_request *request, struct srv_work *work,
+                          struct srv_reply *reply) {
+    const struct srv_http_options *app = request->app;
+    if (srv_work_queue_count(app->measuring) >= SRV_MEASURING_MAX) {
+        srv_reply_problem(reply, 429, NULL, "the daemon is measuring many parts; try again later");
+        return false;
+    }
+    srv_request_suspend(request);
+    srv_work_queue_add(app->measuring, work);
+    return true;
+}
+
+/* True if the daemon does not stop; else the reply says that it does. */
+static bool may_begin(struct srv_request *request) {
+    if (!srv_hub_is_draining(request->app->hub))
+        return true;
+    srv_reply_problem(&request->reply, 503, NULL, "the daemon stops");
+    return false;
+}
 
 /* Reads "samples": how many values a profile has; 0 = the default. */
 static bool read_samples(const proto_json *body, const struct sp_measure *measure,
@@ -28,11 +53,31 @@ static bool read_samples(const proto_json *body, const struct sp_measure *measur
     return true;
 }
 
+static proto_json *measure_path(const struct sp_volume *volume, const char *id,
+                                const struct sp_measure *measure, struct sp_error *err) {
+    struct proto_measure_value value;
+    proto_json *json = NULL;
+    struct sp_part_path *path = malloc(sizeof *path);
+    if (!path) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the path");
+    } else if (sp_measure_path(volume, measure, &value.result, path, err)) {
+        memcpy(value.world_unit, sp_volume_info(volume)->unit, sizeof value.world_unit);
+        json =
+            proto_measure_answer(id, measure, &value, &(struct proto_measure_line){ .path = path });
+        if (!json)
+            sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
+    }
+    free(path);
+    return json;
+}
+
 static proto_json *measure_volume(const struct sp_volume *volume, const char *id,
                                   const struct sp_measure *measure, uint32_t samples,
                                   struct sp_error *err) {
     struct proto_measure_value value;
     double *profile = NULL;
+    if (measure->kind == SP_MEASURE_PATH)
+        return measure_path(volume, id, measure, err);
     if (!sp_measure_compute(volume, measure, &value.result, err))
         return NULL;
     memcpy(value.world_unit, sp_volume_info(volume)->unit, sizeof value.world_unit);
@@ -45,22 +90,87 @@ static proto_json *measure_volume(const struct sp_volume *volume, const char *id
         }
         sp_measure_profile(volume, measure, samples, profile);
     }
-    proto_json *json = proto_measure_answer(id, measure, &value, profile, samples);
+    proto_json *json = proto_measure_answer(
+        id, measure, &value,
+        &(struct proto_measure_line){ .profile = profile, .profile_count = samples });
     if (!json)
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
     free(profile);
     return json;
 }
 
-/* Answers with a measurement in the volume `id`; `at` is the place of errors about the volume. */
+/* A part or a path that waits. */
+struct part_request {
+    struct srv_work work; /* first: it is this struct */
+    struct srv_request *request;
+    struct srv_volume *volume; /* a use of it */
+    struct sp_measure measure;
+    struct sp_view view; /* whose edits count */
+    char id[SP_NAME_BYTES];
+};
+
+static void run_part(struct srv_work *work) {
+    struct part_request *part = (struct part_request *)work;
+    struct srv_request *request = part->request;
+    struct sp_error err;
+    if (may_begin(request)) {
+        struct sp_volume *shown =
+            sp_edit_volume(srv_volume_voxels(part->volume), &part->view, &err);
+        proto_json *json = shown ? measure_volume(shown, part->id, &part->measure, 0, &err) : NULL;
+        sp_volume_unref(&shown);
+        if (json)
+            srv_reply_json(&request->reply, 200, json);
+        else
+            srv_reply_view_error(&request->reply, "", &err);
+    }
+    srv_catalog_release(request->app->catalog, part->volume);
+    free(part);
+    srv_request_complete(request);
+}
+
+/* Measures a part or a path of the volume that a session shows, or of a volume: session_view NULL.
+ */
+static void reply_part(struct srv_request *request, const struct sp_measure *measure,
+                       const char *id, const proto_json *session_view, struct srv_reply *reply) {
+    struct srv_catalog *catalog = request->app->catalog;
+    struct sp_error err;
+    struct sp_view defaults;
+    struct part_request *part = malloc(sizeof *part);
+    void *volume = part ? srv_catalog_acquire(catalog, id, &err) : NULL;
+    if (!part)
+        sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
+    bool ok = volume != NULL;
+    if (ok) {
+        *part = (struct part_request){
+            .work = { .run = run_part }, .request = request, .volume = volume, .measure = *measure
+        };
+        snprintf(part->id, sizeof part->id, "%s", id);
+        srv_catalog_default_view(catalog, volume, &defaults);
+        part->view = defaults;
+        ok = !session_view || proto_view_apply(session_view, &defaults, &part->view, &err);
+    }
+    if (ok && wait_for_turn(request, &part->work, reply))
+        return;
+    if (!ok)
+        srv_reply_view_error(reply, "", &err);
+    if (volume)
+        srv_catalog_release(catalog, volume);
+    free(part);
+}
+
+/* Answers with a measurement in the volume `id`; `view` of the session that shows it, or NULL. */
 static void reply_measure(struct srv_request *request, const proto_json *body, const char *id,
-                          struct srv_reply *reply) {
+                          const proto_json *view, struct srv_reply *reply) {
     struct sp_error err;
     struct sp_measure measure;
     uint32_t samples;
     if (!proto_measure_decode(body, &measure, &err) ||
         !read_samples(body, &measure, &samples, &err)) {
         srv_reply_error(reply, &err);
+        return;
+    }
+    if (sp_measure_has_range(measure.kind)) {
+        reply_part(request, &measure, id, view, reply);
         return;
     }
     void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
@@ -75,7 +185,7 @@ static void reply_measure(struct srv_request *request, const proto_json *body, c
 }
 
 void srv_post_measure(struct srv_request *request, struct srv_reply *reply) {
-    static const char *const known[] = { "volume", "kind", "points", "samples", NULL };
+    static const char *const known[] = { "volume", "kind", "points", "range", "samples", NULL };
     struct sp_error err;
     proto_json *body = srv_request_json(request, reply);
     const char *id = proto_json_string(proto_json_get(body, "volume"));
@@ -84,20 +194,19 @@ void srv_post_measure(struct srv_request *request, struct srv_reply *reply) {
     else if (body && (!id || !*id))
         srv_reply_problem(reply, 422, "/volume", "must be the id of a volume");
     else if (body)
-        reply_measure(request, body, id, reply);
+        reply_measure(request, body, id, NULL, reply);
     proto_json_free(&body);
 }
 
 static void reply_session_measure(struct srv_request *request, const char *id,
                                   const proto_json *view, struct srv_reply *reply) {
-    (void)view;
-    static const char *const known[] = { "kind", "points", "samples", NULL };
+    static const char *const known[] = { "kind", "points", "range", "samples", NULL };
     struct sp_error err;
     proto_json *body = srv_request_json(request, reply);
     if (body && !proto_json_only(body, known, &err))
         srv_reply_error(reply, &err);
     else if (body)
-        reply_measure(request, body, id, reply);
+        reply_measure(request, body, id, view, reply);
     proto_json_free(&body);
 }
 
@@ -162,7 +271,9 @@ static void reply_change_error(struct sp_error *err, struct srv_reply *reply) {
 /* Puts the measurement of the body into the session `session`; `id` NULL = a new one. */
 static void put(struct srv_request *request, const char *session, const char *id,
                 enum srv_measure_change change, struct srv_reply *reply) {
-    static const char *const known[] = { "kind", "points", "text", "color", "hidden", NULL };
+    static const char *const known[] = {
+        "kind", "points", "range", "text", "color", "hidden", NULL
+    };
     const bool is_patch = change == SRV_MEASURE_CHANGE; /* the kind cannot change */
     struct sp_error err;
     struct srv_measure_answer answer;
@@ -185,6 +296,56 @@ static void put(struct srv_request *request, const char *session, const char *id
     proto_json_free(&body);
 }
 
+/* A change that waits: of a part or a path. */
+struct put_request {
+    struct srv_work work; /* first: it is this struct */
+    struct srv_request *request;
+    const char *session, *id; /* in the request */
+    enum srv_measure_change change;
+};
+
+static void run_put(struct srv_work *work) {
+    struct put_request *waiting = (struct put_request *)work;
+    struct srv_request *request = waiting->request;
+    if (may_begin(request))
+        put(request, waiting->session, waiting->id, waiting->change, &request->reply);
+    free(waiting);
+    srv_request_complete(request);
+}
+
+/* True if the body may give the place of a part or a path: only the session knows the kind of a
+ * measurement that exists. */
+static bool may_be_slow(struct srv_request *request) {
+    struct srv_reply unused = { 0 };
+    struct sp_error err;
+    struct sp_measure measure;
+    proto_json *body = srv_request_json(request, &unused);
+    const bool has_kind = proto_json_get(body, "kind") != NULL;
+    const bool is_slow =
+        has_kind ? proto_measure_decode(body, &measure, &err) && sp_measure_has_range(measure.kind)
+                 : proto_json_get(body, "points") || proto_json_get(body, "range");
+    proto_json_free(&body);
+    srv_reply_finish(&unused);
+    return is_slow;
+}
+
+/* As put(), on the measuring thread if it takes time. */
+static void put_in_turn(struct srv_request *request, const char *session, const char *id,
+                        enum srv_measure_change change, struct srv_reply *reply) {
+    if (!may_be_slow(request)) {
+        put(request, session, id, change, reply);
+        return;
+    }
+    struct put_request *waiting = malloc(sizeof *waiting);
+    if (!waiting) {
+        srv_reply_problem(reply, 503, NULL, "out of memory for the measurement");
+        return;
+    }
+    *waiting = (struct put_request){ { .run = run_put }, request, session, id, change };
+    if (!wait_for_turn(request, &waiting->work, reply))
+        free(waiting);
+}
+
 /* Splits the parameters of the path, "SESSION/ID"; returns the id. */
 static char *split(struct srv_request *request) {
     char *slash = strchr(request->param, '/');
@@ -193,17 +354,17 @@ static char *split(struct srv_request *request) {
 }
 
 void srv_post_session_measures(struct srv_request *request, struct srv_reply *reply) {
-    put(request, request->param, NULL, SRV_MEASURE_REPLACE, reply);
+    put_in_turn(request, request->param, NULL, SRV_MEASURE_REPLACE, reply);
 }
 
 void srv_put_session_measure(struct srv_request *request, struct srv_reply *reply) {
     const char *id = split(request);
-    put(request, request->param, id, SRV_MEASURE_REPLACE, reply);
+    put_in_turn(request, request->param, id, SRV_MEASURE_REPLACE, reply);
 }
 
 void srv_patch_session_measure(struct srv_request *request, struct srv_reply *reply) {
     const char *id = split(request);
-    put(request, request->param, id, SRV_MEASURE_CHANGE, reply);
+    put_in_turn(request, request->param, id, SRV_MEASURE_CHANGE, reply);
 }
 
 void srv_delete_session_measure(struct srv_request *request, struct srv_reply *reply) {

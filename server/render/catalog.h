@@ -126,8 +126,9 @@ void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
 void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
-bool srv_catalog_measure(void *catalog, void *volume, const struct sp_measure *measure,
-                         double samples, struct proto_measure_value *value, struct sp_error *err);
+bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view,
+                         const struct sp_measure *measure, double samples,
+                         struct proto_measure_value *value, struct sp_error *err);
 
 /* The voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);

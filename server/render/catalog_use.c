@@ -136,19 +136,34 @@ void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, cons
     sp_volume_unref(&shown);
 }
 
-bool srv_catalog_measure(void *user, void *handle, const struct sp_measure *measure, double samples,
+/* A part or a path of the volume with the view's edits. */
+static bool measure_part(struct sp_volume *volume, const struct sp_view *view,
+                         const struct sp_measure *measure, struct proto_measure_value *value,
+                         struct sp_error *err) {
+    struct sp_volume *shown = sp_edit_volume(volume, view, err);
+    const bool ok = shown && sp_measure_compute(shown, measure, &value->result, err);
+    value->volume_samples = sp_measure_cost(volume, measure);
+    sp_volume_unref(&shown);
+    return ok;
+}
+
+bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
+                         const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err) {
-    const struct sp_volume *volume = ((struct srv_volume *)handle)->volume;
+    struct sp_volume *volume = ((struct srv_volume *)handle)->volume;
     (void)user;
     if (!sp_measure_check(measure, err))
         return false;
+    memcpy(value->world_unit, sp_volume_info(volume)->unit, sizeof value->world_unit);
+    value->volume_samples = 0;
+    if (sp_measure_has_range(measure->kind))
+        return measure_part(volume, view, measure, value, err);
     const double cost = sp_measure_cost(volume, measure);
     if (cost > samples)
         return sp_fail(err, SP_ERR_INVALID, "/points",
                        "the region covers %.0f samples and a session takes up to %.0f; make it "
                        "smaller, or measure it by POST /measure",
                        cost, samples);
-    memcpy(value->world_unit, sp_volume_info(volume)->unit, sizeof value->world_unit);
     return sp_measure_compute(volume, measure, &value->result, err);
 }
 

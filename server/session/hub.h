@@ -45,9 +45,11 @@ struct srv_volume_source {
     /* As sp_pick_at(). Runs without the hub's mutex. */
     void (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                  const double at[2], struct sp_pick *pick);
-    /* As sp_measure_compute(), for at most `samples` samples of a region. Runs without the hub's
-     * mutex, too. NULL = a test never measures. */
-    bool (*measure)(void *user, void *volume, const struct sp_measure *measure, double samples,
+    /* As sp_measure_compute(), for at most `samples` samples of a region; parts and paths are those
+     * of the volume with the view's edits. Runs without the hub's mutex, too. NULL = a test never
+     * measures. */
+    bool (*measure)(void *user, void *volume, const struct sp_view *view,
+                    const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err);
 };
 
@@ -77,6 +79,9 @@ struct srv_hub_options {
      * token is gone, and its last known quota stays valid. NULL = rights and quotas never change.
      */
     bool (*token)(void *user, const char *name, unsigned *rights, struct srv_quota *quota);
+    /* Measures parts and paths of streams, which are answered later; the caller's. It is stopped
+     * before the hub is destroyed. NULL = they are measured at once. */
+    struct srv_work_queue *measuring;
     /* Can the renderer draw this view? NULL = it can draw all. */
     bool (*supports)(void *user, const struct sp_view *view, struct sp_error *err);
 };
@@ -118,6 +123,8 @@ proto_json *srv_hub_session_get(struct srv_hub *hub, const char *id, bool with_t
 /* Merges a patch; returns the new view. */
 proto_json *srv_hub_session_patch(struct srv_hub *hub, const char *id, const proto_json *patch,
                                   double now_ms, struct sp_error *err);
+/* True if measurements that take time must not begin: the daemon stops. */
+bool srv_hub_is_draining(struct srv_hub *hub);
 /* Copies the measurements; the caller finishes them. */
 bool srv_hub_measures(struct srv_hub *hub, const char *id, double now_ms,
                       struct srv_measures *measures, struct sp_error *err);

@@ -244,6 +244,13 @@ void srv_hub_notify_others(struct srv_hub *hub, struct srv_session *session, uin
             srv_hub_notify(hub, p, notes);
 }
 
+bool srv_hub_is_draining(struct srv_hub *hub) {
+    pthread_mutex_lock(&hub->mutex);
+    const bool is_draining = hub->is_draining;
+    pthread_mutex_unlock(&hub->mutex);
+    return is_draining;
+}
+
 void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
     if (!hub->is_draining)
         srv_metrics_add(hub->options.metrics, reason, 1);

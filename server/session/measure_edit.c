@@ -5,8 +5,10 @@
 #include <stdio.h>
 #include <string.h>
 
-/* The time that one sample of a region costs of the quota, ms: 2 million samples per second. */
+/* The time that one sample costs of the quota, ms: 2 million samples of regions per second, and 40
+ * million of volumes with parts, which take no time of the stream thread. */
 #define SAMPLE_MS (1 / 2000.0)
+#define PART_SAMPLE_MS (1 / 40000.0)
 enum { MADE_ID_DIGITS = 16 };
 
 static bool refuse(struct srv_measure_edit *edit, enum proto_rpc_code code) {
@@ -66,6 +68,20 @@ static bool begin(struct srv_measure_edit *edit, const char *id, bool is_named,
     return true;
 }
 
+static bool has_place(const proto_json *body) {
+    return proto_json_get(body, "points") || proto_json_get(body, "range");
+}
+
+bool srv_measure_edit_is_slow(const struct srv_session *session, const char *id,
+                              const proto_json *body) {
+    const struct srv_measure_item *item = id ? srv_measures_find(&session->measures, id) : NULL;
+    const char *kind = proto_json_string(proto_json_get(body, "kind"));
+    const bool is_named = kind && (strcmp(kind, sp_measure_kind_name(SP_MEASURE_PART)) == 0 ||
+                                   strcmp(kind, sp_measure_kind_name(SP_MEASURE_PATH)) == 0);
+    return has_place(body) &&
+           (is_named || (item && sp_measure_has_range(item->measure.geometry.kind)));
+}
+
 /* Computes the value without the mutex, so that others need not wait. The session may end
  * meanwhile, which is an error. */
 static bool compute(struct srv_measure_edit *edit, struct sp_error *err) {
@@ -80,20 +96,25 @@ static bool compute(struct srv_measure_edit *edit, struct sp_error *err) {
                        "the measurement belongs to the volume %.100s, which the session does not "
                        "show; its points cannot change",
                        made->volume);
+    const struct sp_view view = edit->session->shared.view;
     void *volume = source->ref(source->user, edit->session->shared.volume);
     pthread_mutex_unlock(&hub->mutex);
-    const bool ok = source->measure(source->user, volume, &made->geometry, SRV_MEASURE_SAMPLES,
-                                    &made->value, err);
+    const bool ok = source->measure(source->user, volume, &view, &made->geometry,
+                                    SRV_MEASURE_SAMPLES, &made->value, err);
     pthread_mutex_lock(&hub->mutex);
     source->release(source->user, volume);
-    if (!ok)
+    if (!ok) {
+        if (err->code == SP_ERR_MEMORY)
+            edit->code = PROTO_RPC_INTERNAL;
         return false;
+    }
     if (srv_hub_find_active(hub, id) != edit->session) {
         sp_fail(err, SP_ERR_NOT_FOUND, NULL, "the session was deleted");
         return refuse(edit, PROTO_RPC_NOT_FOUND);
     }
     const struct sp_statistics *statistics = &made->value.result.statistics;
-    *edit->quota_ms += (double)(statistics->count + statistics->nonfinite) * SAMPLE_MS;
+    *edit->quota_ms += (double)(statistics->count + statistics->nonfinite) * SAMPLE_MS +
+                       made->value.volume_samples * PART_SAMPLE_MS;
     return true;
 }
 
@@ -110,7 +131,7 @@ bool srv_measure_edit_prepare(struct srv_measure_edit *edit, const char *id, con
     const bool is_whole = edit->is_new || edit->change == SRV_MEASURE_REPLACE;
     if (!proto_measure_apply(body, is_whole, &edit->made, err))
         return refuse(edit, PROTO_RPC_PARAMS);
-    return has_quota(edit, err) && (!proto_json_get(body, "points") || compute(edit, err));
+    return has_quota(edit, err) && (!has_place(body) || compute(edit, err));
 }
 
 bool srv_measure_edit_commit(struct srv_measure_edit *edit, struct sp_error *err) {

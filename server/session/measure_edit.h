@@ -23,6 +23,9 @@ struct srv_measure_edit {
     bool is_new;               /* it was added */
 };
 
+/* True if the change computes a part or a path, which takes time. */
+bool srv_measure_edit_is_slow(const struct srv_session *session, const char *id,
+                              const proto_json *body);
 /* Computes the measurement `id` from the members of `body`; `id` NULL: a new one, whose id is made
  * here. Nobody sees it before srv_measure_edit_commit(), so that the caller can encode its answer
  * first. Releases the mutex while it computes. False with *err and edit->code. */

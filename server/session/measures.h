@@ -20,7 +20,8 @@
 enum {
     SRV_MEASURES_MAX = 100,        /* per session */
     SRV_MEASURE_SAMPLES = 1 << 20, /* of a region: the stream thread reads them */
-    SRV_MEASURES_PER_SECOND = 20   /* changes by one participant; large regions count more */
+    SRV_MEASURES_PER_SECOND = 20,  /* changes by one participant; large regions count more */
+    SRV_MEASURING_MAX = 16         /* measurements that take time and wait */
 };
 
 /* How a measurement comes into the list. */

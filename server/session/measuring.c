@@ -38,9 +38,13 @@ static const char *id_of(const struct srv_call *call) {
 }
 
 bool srv_call_measure_put(struct srv_call *call) {
-    static const char *const known[] = { "id", "kind", "points", "text", "color", "hidden", NULL };
+    static const char *const known[] = { "id",   "kind",  "points", "range",
+                                         "text", "color", "hidden", NULL };
     if (!srv_call_knows(call, known) || !may_edit(call))
         return false;
+    if (call->hub->options.measuring &&
+        srv_measure_edit_is_slow(call->participant->session, id_of(call), call->params))
+        return srv_call_measure_late(call);
     struct srv_measure_edit edit = edit_by(call);
     bool ok = srv_measure_edit_prepare(&edit, id_of(call), call->params, &call->err);
     if (ok) {

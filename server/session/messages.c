@@ -92,9 +92,11 @@ static char *text_of_error(const struct srv_participant *p, size_t *size) {
     return proto_rpc_notification("render.error", params, size);
 }
 
-/* Returns the text of one pending notification and clears its bit. */
+/* Returns the text of one pending answer or notification and clears it. */
 char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, double now_ms,
                                 size_t *size) {
+    if (p->pending.answers)
+        return srv_late_answer_take(p, size);
     if (p->pending.notifications & SRV_NOTIFY_DRAINING) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_DRAINING;
         return proto_rpc_notification("server.draining", proto_json_object(), size);

@@ -55,6 +55,7 @@ static struct srv_participant *alloc_participant(const struct srv_hub *hub) {
 
 static void free_participant(struct srv_participant *p) {
     free(p->schedule);
+    srv_late_answers_free(p);
     free(p);
 }
 

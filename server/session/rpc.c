@@ -193,6 +193,8 @@ static bool dispatch(struct srv_call *call, const char *method) {
                       ? methods[i].call(call)
                       : srv_call_refuse(call, PROTO_RPC_NOT_FOUND, NULL, "the session was deleted");
         pthread_mutex_unlock(&call->hub->mutex);
+        if (call->later)
+            srv_work_queue_add(call->hub->options.measuring, call->later);
         return ok;
     }
     call->code = PROTO_RPC_METHOD;
@@ -212,7 +214,10 @@ bool srv_hub_message(struct srv_hub *hub, struct srv_participant *participant, c
         return false;
     if (decoded) {
         call.params = message.params;
+        call.message = &message;
         ok = dispatch(&call, message.method);
+        if (call.later)
+            return true;
     }
     bool wanted = !decoded || message.has_id;
     if (wanted)

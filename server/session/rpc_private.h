@@ -5,6 +5,7 @@
 #ifndef SRV_SESSION_RPC_PRIVATE_H
 #define SRV_SESSION_RPC_PRIVATE_H
 
+#include "common/work_queue.h"
 #include "session/session.h"
 
 struct srv_call {
@@ -15,6 +16,9 @@ struct srv_call {
     proto_json *result; /* NULL after success = out of memory */
     enum proto_rpc_code code;
     struct sp_error err;
+    /* The method may take it over and set `later`: work that answers the call. */
+    struct proto_rpc_message *message;
+    struct srv_work *later; /* added to the hub's queue once the mutex is released */
 };
 
 /* True with *result, or false with *code and *err. */
@@ -31,5 +35,7 @@ srv_method_fn srv_call_request_control, srv_call_release_control, srv_call_grant
 srv_method_fn srv_call_configure; /* settings.c */
 srv_method_fn srv_call_measure_put, srv_call_measure_remove,
     srv_call_measure_list; /* measuring.c */
+/* Sets call->later to measure.put with these params (measure_late.c). */
+bool srv_call_measure_late(struct srv_call *call);
 
 #endif

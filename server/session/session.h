@@ -64,6 +64,13 @@ struct srv_pending {
     struct sp_error error;      /* for SRV_NOTIFY_ERROR */
     uint16_t close_code;        /* for SRV_NOTIFY_CLOSE */
     const char *close_reason;
+    struct srv_late_answer *answers; /* to calls that took time, oldest first; owned */
+};
+
+struct srv_late_answer {
+    struct srv_late_answer *next;
+    char *text; /* owned */
+    size_t size;
 };
 
 struct srv_stream_settings { /* of stream.configure */
@@ -335,6 +342,12 @@ const char *srv_hub_first_color(void);
 /* Returns the notification session.measures for a participant: malloc'ed, NULL when out of memory.
  * (measuring.c) */
 char *srv_measures_text(struct srv_participant *to, size_t *size);
+
+/* Late answers (measure_late.c). */
+
+/* Takes the oldest one, which exists; malloc'ed. */
+char *srv_late_answer_take(struct srv_participant *participant, size_t *size);
+void srv_late_answers_free(struct srv_participant *participant);
 /* Takes the text of the next pending notification; NULL = none, or out of memory. (messages.c) */
 char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *participant,
                                 double now_ms, size_t *size);

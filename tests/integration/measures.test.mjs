@@ -105,6 +105,55 @@ test('who only watches may not edit, unless control was granted', async () => {
   for (const stream of [host, guest]) await stream.end();
 });
 
+// The values 21 to 63: the samples behind the first one of the last rows of slice 1, and slices 2 and 3.
+const PART = { kind: 'part', points: [[4, 2, 2]], range: [21, 63] };
+const PATH = { kind: 'path', points: [[0, 0, 3], [6, 3, 3]], range: [21, 63] };
+
+test('parts and paths have sizes, over HTTP and the stream', async () => {
+  const { json } = await daemon.post('/api/v1/measure', { volume: 'cube', ...PART });
+  assert.deepEqual([json.value, json.unit, json.samples, json.range, json.outside], [2 * 43, 'mm^3', 43, [21, 63], 0]);
+  assert.ok(json.area > 0, JSON.stringify(json));
+  const path_ = (await daemon.post('/api/v1/measure', { volume: 'cube', ...PATH })).json;
+  assert.deepEqual([path_.unit, path_.path[0].length], ['mm', 3]);
+  assert.ok(path_.value >= path_.straight && path_.straight > 0, JSON.stringify(path_));
+  const none = (await daemon.post('/api/v1/measure', { volume: 'cube', ...PART, range: [100, 200] })).json;
+  assert.deepEqual([none.value, none.note], [null, 'no sample near the point has a value in the range']);
+  const session = await daemon.session({ volume: 'cube' });
+  const [ann, guest] = [await daemon.stream({ session }), await daemon.stream({ session, token: session.tokens.view })];
+  const made = await ann.call('measure.put', { id: 'p', ...PART });
+  assert.deepEqual([made.value, made.unit, made.samples, made.area], [86, 'mm^3', 43, json.area]);
+  assert.deepEqual((await guest.note('session.measures')).params.changed, [made]);
+  const line = await ann.call('measure.put', { id: 'l', ...PATH });
+  assert.deepEqual([line.value, line.straight], [path_.value, path_.straight]);
+  const narrow = await ann.call('measure.put', { id: 'p', range: [60, 63] });
+  assert.equal(narrow.samples, 4);
+  await refused(guest.call('measure.put', { ...PART }), -32004);
+  // Scripts: the same, and CSV with all numbers.
+  const url = `/api/v1/sessions/${session.id}/measures`;
+  assert.equal((await daemon.post(url, PART, { token: session.tokens.view })).status, 403);
+  const added = await daemon.post(url, PART, { token: session.tokens.control });
+  assert.deepEqual([added.status, added.json.value], [201, 86]);
+  const patched = await daemon.json(`${url}/p`, { method: 'PATCH', body: JSON.stringify({ range: [21, 63] }), token: session.tokens.control, headers: { 'Content-Type': 'application/json' } });
+  assert.deepEqual([patched.status, patched.json.value], [200, 86]);
+  const rows = (await (await daemon.fetch(`${url}?format=csv`)).text()).split('\r\n');
+  assert.match(rows[1], /^p,part,.*,86,mm\^3,.*,21,63,[\d.]+,43,$/);
+  assert.match(rows[2], /^l,path,.*,mm,.*,21,63,,,[\d.]+$/);
+  for (const stream of [ann, guest]) await stream.end();
+});
+
+test('parts of a session are those of its edited volume', async () => {
+  const session = await daemon.session({ volume: 'cube' });
+  const stream = await daemon.stream({ session });
+  const whole = await stream.call('measure.put', { id: 'p', ...PART });
+  await stream.update({ edits: [{ type: 'plane', normal: [0, 0, -1], offset: -2.5 }] }); // slice 3 is gone
+  const cut = await stream.call('measure.put', { id: 'p', points: PART.points });
+  assert.deepEqual([whole.samples, cut.samples], [43, 27]);
+  const asked = await daemon.post(`/api/v1/sessions/${session.id}/measure`, PART, { token: session.tokens.view });
+  assert.equal(asked.json.samples, 27);
+  assert.equal((await daemon.post('/api/v1/measure', { volume: 'cube', ...PART })).json.samples, 43);
+  await stream.end();
+});
+
 test('bad measurements are refused with a pointer, and over the limits', async () => {
   const session = await daemon.session({ volume: 'cube' });
   const stream = await daemon.stream({ session });
@@ -120,6 +169,9 @@ test('bad measurements are refused with a pointer, and over the limits', async (
     [{ kind: 'marker', points: [[0, 0, 0]], text: 'a\u0007' }, '/text'],
     [{ kind: 'marker', points: [[0, 0, 0]], color: 'red' }, '/color'],
     [{ kind: 'marker', points: [[0, 0, 0]], value: 7 }, '/value'],
+    [{ kind: 'part', points: [[0, 0, 0]] }, '/range'],
+    [{ kind: 'path', points: [[0, 0, 0], [1, 1, 1]], range: [2, 1] }, '/range'],
+    [{ kind: 'marker', points: [[0, 0, 0]], range: [0, 1] }, '/range'],
   ];
   for (const [params, pointer] of cases) await refused(stream.call('measure.put', params), -32602, pointer);
   await refused(stream.call('measure.remove', { id: 'none' }), -32002, '/id');
@@ -151,8 +203,8 @@ test('the list is exported as JSON and CSV, without formulas', async () => {
   assert.match(csv.headers.get('content-type'), /^text\/csv/);
   assert.match(csv.headers.get('content-disposition'), /measures\.csv/);
   const [header, line, end] = (await csv.text()).split('\r\n');
-  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3');
-  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,,0,0,1,4,0,1,0,2,1$/);
+  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight');
+  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,,0,0,1,4,0,1,0,2,1,,,,,$/);
   assert.equal(end, '');
   assert.equal((await list(session.id, session.tokens.view))[0].text, '=1+1, "x"');
   assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}/measures?format=xml`)).status, 400);

@@ -47,6 +47,7 @@ RENDERER = {
     'compose': {'base', 'volume', 'frame', 'classify', 'splat'},
     'part': {'base', 'volume', 'surface'},
     'edit': {'base', 'volume', 'classify', 'part'},
+    'measure': {'base', 'volume'},
     'tile': {'base', 'volume', 'frame', 'classify', 'splat'},
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},

@@ -158,10 +158,10 @@ static void bad_members_are_refused(void **state) {
 
 #define HEADER                                                                                     \
     "id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,"   \
-    "outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3\r\n"
+    "outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight\r\n"
 #define NUMBERS                                                                                    \
     "#ff8000,true,6,mm^2,12,1,0.1,0.3333333333333333,-5,1e+300,0.25,\"25 % of the rectangle lies " \
-    "outside of the volume; the statistics count the rest\",0,0,1,2,0,1,0,3,1\r\n"
+    "outside of the volume; the statistics count the rest\",0,0,1,2,0,1,0,3,1,,,,,\r\n"
 
 static void csv_follows_rfc_4180(void **state) {
     (void)state;
@@ -172,7 +172,7 @@ static void csv_follows_rfc_4180(void **state) {
     items[1].geometry.points[0][1] = -0.1;
     char *text = proto_measures_to_csv(items, 2, &size);
     assert_string_equal(text, HEADER "m-1,rectangle,head,\"a \"\"b\"\", c\",Zoë," NUMBERS
-                                     "m,marker,\" v\",,,,false,,,,,,,,,0,,0,-0.1,0,,,,,,\r\n");
+                                     "m,marker,\" v\",,,,false,,,,,,,,,0,,0,-0.1,0,,,,,,,,,,,\r\n");
     assert_int_equal(size, strlen(text));
     free(text);
 }
@@ -276,12 +276,13 @@ static void an_answer_says_that_the_unit_is_not_known(void **state) {
     (void)state;
     struct proto_measure m = rectangle();
     m.value.result.outside = 0;
-    proto_json *json = proto_measure_answer("v", &m.geometry, &m.value, NULL, 0);
+    proto_json *json =
+        proto_measure_answer("v", &m.geometry, &m.value, &(struct proto_measure_line){ 0 });
     assert_null(proto_json_get(json, "note"));
     assert_string_equal(proto_json_string(proto_json_get(json, "unit")), "mm^2");
     proto_json_free(&json);
     m.value.world_unit[0] = 0;
-    json = proto_measure_answer("v", &m.geometry, &m.value, NULL, 0);
+    json = proto_measure_answer("v", &m.geometry, &m.value, &(struct proto_measure_line){ 0 });
     assert_non_null(proto_json_get(json, "note"));
     assert_string_equal(proto_json_string(proto_json_get(json, "unit")), "");
     proto_json_free(&json);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Measurements in a volume: lengths, angles, values along a line, statistics of a region of a
- * plane. All points are world positions, so that a grid may be anisotropic, rotated or sheared.
+ * plane, sizes of connected parts (sp/part.h) and paths on their surface. All points are world
+ * positions, so that a grid may be anisotropic, rotated or sheared.
  *
  * Value at a point: trilinear interpolation between the eight samples around it. The volume reaches
  * half a gap beyond its first and last sample of each axis; there the value is that of the nearest
@@ -11,6 +12,7 @@
  *   distance    a ─── b              rectangle  c────┐        ellipse     ╭──c──╮
  *   angle       a ─── b ⟍ c                     │    │                    │  a──b
  *   profile     a ∙∙∙∙∙ b                       a────b                    ╰─────╯
+ *   path        a ╌╌╌╌╌ b
  *
  * Samples of a region:
  *   - If two axes of the grid lie in its plane, they are the samples of the grid whose centres are
@@ -21,6 +23,9 @@
  *     the smallest spacing of the grid.
  * Samples outside of the volume are not counted. Samples that are not finite are counted on their
  * own and ignored otherwise.
+ *
+ * A part and a path need all samples of the volume. There is no value if no sample near the point
+ * is in the range, or if the ends of a path are not on one part.
  */
 #ifndef SP_MEASURE_H
 #define SP_MEASURE_H
@@ -29,6 +34,7 @@
 #include <stdint.h>
 
 #include "sp/api.h"
+#include "sp/part.h"
 #include "sp/volume.h"
 
 #ifdef __cplusplus
@@ -42,12 +48,16 @@ enum sp_measure_kind {
     SP_MEASURE_RECTANGLE, /* a corner a and the two corners beside it, b and c */
     SP_MEASURE_ELLIPSE,   /* the centre a and the ends of the two semi-axes, b and c */
     SP_MEASURE_MARKER,    /* the value at a */
+    SP_MEASURE_PART,      /* the connected part at a */
+    SP_MEASURE_PATH,      /* a shortest path from a to b on the surface of the part at a */
     SP_MEASURE_KINDS
 };
 
 enum {
-    SP_MEASURE_POINTS = 3,            /* points of a measurement at most */
-    SP_MEASURE_SAMPLES = 1 << 22,     /* samples of a region at most */
+    SP_MEASURE_POINTS = 3,        /* points of a measurement at most */
+    SP_MEASURE_SAMPLES = 1 << 22, /* samples of a region at most */
+    SP_MEASURE_PART_SAMPLES =
+        1 << 28,                      /* samples of a volume in which parts are measured, at most */
     SP_MEASURE_BINS = 32,             /* of the histogram of a region */
     SP_MEASURE_PROFILE_SAMPLES = 4096 /* samples of a profile at most */
 };
@@ -55,12 +65,14 @@ enum {
 struct sp_measure {
     enum sp_measure_kind kind;
     double points[SP_MEASURE_POINTS][3]; /* world; sp_measure_point_count() of them count */
+    double range[2]; /* of a part or a path: lowest and highest value, data unit; else unused */
 };
 
 enum sp_measure_unit {
     SP_MEASURE_DATA,   /* the unit of the samples */
     SP_MEASURE_LENGTH, /* the unit of world coordinates */
     SP_MEASURE_AREA,   /* its square */
+    SP_MEASURE_VOLUME, /* its cube */
     SP_MEASURE_DEGREES
 };
 
@@ -76,11 +88,13 @@ struct sp_statistics {
 };
 
 struct sp_measure_result {
-    bool has_value; /* false: a marker outside of the volume, or where the value is not finite */
-    double value;   /* length, angle in [0, 180], length of a profile, area, value at a marker */
+    /* False: a marker outside of the volume, or where the value is not finite; no part, no path. */
+    bool has_value;
+    /* Length, angle in [0, 180], length of a profile or a path, area, value at a marker, volume. */
+    double value;
     enum sp_measure_unit unit;
     /* Share that lies outside of the volume, [0, 1]: of the line, of both arms, of the area; 0 or 1
-     * of a marker. Of an ellipse within 0.0002. */
+     * of a marker. Of an ellipse within 0.0002. 0 for a part or a path, which are inside. */
     double outside;
     bool has_statistics; /* profile, rectangle, ellipse */
     struct sp_statistics statistics;
@@ -88,28 +102,44 @@ struct sp_measure_result {
     /* Finite samples by value: bins of equal width from min to max; the last one includes max. If
      * all values are equal, the first bin has all samples. */
     uint64_t histogram[SP_MEASURE_BINS];
+    double area;      /* of a part's surface; world unit² */
+    uint64_t samples; /* of a part */
+    double straight;  /* of a path: the distance of its ends, world units */
 };
 
-/* Returns "distance", "angle", "profile", "rectangle", "ellipse" or "marker". A constant string. */
+/* Returns "distance", "angle", "profile", "rectangle", "ellipse", "marker", "part" or "path". A
+ * constant string. */
 SP_API const char *sp_measure_kind_name(enum sp_measure_kind kind);
 /* Returns how many points a measurement of the kind has, [1, SP_MEASURE_POINTS]. */
 SP_API unsigned sp_measure_point_count(enum sp_measure_kind kind);
+/* Returns the unit that the result of a kind has. */
+SP_API enum sp_measure_unit sp_measure_unit_of(enum sp_measure_kind kind);
+/* True if a measurement of the kind has a range. */
+SP_API bool sp_measure_has_range(enum sp_measure_kind kind);
 
-/* Checks the points, without a volume. SP_ERR_INVALID at "/points" or "/points/N": a coordinate is
- * not finite or above SP_POSITION_MAX; an arm of an angle or a side of a region has no length; the
- * sides of a region are not perpendicular (the cosine of their angle is above 0.001). Thread-safe.
- */
+/* Checks the points and the range, without a volume. SP_ERR_INVALID at "/points" or "/points/N": a
+ * coordinate is not finite or above SP_POSITION_MAX; an arm of an angle or a side of a region has
+ * no length; the sides of a region are not perpendicular (the cosine of their angle is above
+ * 0.001). At
+ * "/range": an end is not finite, or the lowest value is above the highest. Thread-safe. */
 SP_API bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err);
 
 /* Returns an upper bound of the samples that sp_measure_compute() reads, for accounts of time; the
  * measurement must pass sp_measure_check(). Thread-safe. */
 SP_API double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *measure);
 
-/* Computes a measurement. Takes up to 50 ns per sample, thus 0.2 s at most. SP_ERR_INVALID: as
- * sp_measure_check(), and a region of more than SP_MEASURE_SAMPLES samples at "/points".
- * Thread-safe. */
+/* Computes a measurement. Takes up to 50 ns per sample: 0.2 s at most for a region, and for a part
+ * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(), a region of more than
+ * SP_MEASURE_SAMPLES samples at "/points", and a part or a path in a volume of more than
+ * SP_MEASURE_PART_SAMPLES samples at "/kind". SP_ERR_MEMORY. Thread-safe. */
 SP_API bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,
                                struct sp_measure_result *result, struct sp_error *err);
+
+/* Computes a path and also gets its points: path->is_found if the result has a value. Errors as
+ * sp_measure_compute(). Thread-safe. */
+SP_API bool sp_measure_path(const struct sp_volume *volume, const struct sp_measure *measure,
+                            struct sp_measure_result *result, struct sp_part_path *path,
+                            struct sp_error *err);
 
 /* Returns how many samples a profile has by default: about two per smallest spacing of the grid,
  * [2, 1024]. Thread-safe. */

@@ -62,10 +62,12 @@ static void count_interrupt(void *user, uint64_t of, enum srv_interrupt why) {
     }
 }
 
-static bool measure(void *user, void *volume, const struct sp_measure *measure, double samples,
+static bool measure(void *user, void *volume, const struct sp_view *view,
+                    const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err) {
     (void)user;
     (void)volume;
+    (void)view;
     (void)samples;
     (void)err;
     value->result = (struct sp_measure_result){ .has_value = true, .value = measure->points[0][0] };

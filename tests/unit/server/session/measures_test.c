@@ -14,6 +14,8 @@
 
 #include <pthread.h>
 
+#include "common/work_queue.h"
+#include "session/session.h"
 #include "unit/server/session/hub_fixture.h"
 
 enum { ROUNDS = 400, NOW_MS = 2000 };
@@ -227,6 +229,39 @@ static void scripts_have_a_quota_and_a_limit(void **state) {
     assert_non_null(strstr(err.text, "has 100 measurements"));
 }
 
+/* The measuring thread answers; whoever has left gets no answer, and the list has the result. */
+static void parts_are_answered_later(void **state) {
+    static const char put_part[] =
+        "{\"id\":\"%s\",\"kind\":\"part\",\"points\":[[7,0,0]],\"range\":[1,2]}";
+    struct fixture *f = *state;
+    struct sp_error err;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_participant *b = hub_join(f, SRV_ROLE_CONTROL, 0);
+    struct srv_work_queue *queue = srv_work_queue_create("test", &err);
+    char params[160], *answer = NULL;
+    struct srv_measures measures;
+    f->hub->options.measuring = queue;
+    free(told(f, a));
+    snprintf(params, sizeof params, put_part, "a");
+    assert_true(call(f->hub, a, "measure.put", params, NOW_MS, &answer));
+    assert_null(answer);
+    snprintf(params, sizeof params, put_part, "b");
+    assert_true(call(f->hub, b, "measure.put", params, NOW_MS, &answer));
+    assert_null(answer);
+    srv_hub_leave(f->hub, &b, 0);
+    srv_work_queue_stop(queue);
+    struct srv_message message;
+    assert_int_equal(srv_hub_next_message(f->hub, a, false, 0, &message), SRV_MESSAGE_TEXT);
+    assert_non_null(strstr(message.text, "\"result\""));
+    assert_non_null(strstr(message.text, "\"value\":7"));
+    free(message.text);
+    assert_true(srv_hub_measures(f->hub, f->id, 0, &measures, &err));
+    assert_int_equal(measures.count, 2);
+    srv_measures_finish(&measures);
+    srv_hub_leave(f->hub, &a, 0);
+    srv_work_queue_destroy(&queue);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(threads_share_the_list, hub_set_up, hub_tear_down),
@@ -236,6 +271,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(scripts_change_measurements, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(scripts_have_a_quota_and_a_limit, hub_set_up,
                                         hub_tear_down),
+        cmocka_unit_test_setup_teardown(parts_are_answered_later, hub_set_up, hub_tear_down),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

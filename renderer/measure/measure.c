@@ -1,18 +1,20 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Measurements of all kinds; region.c has those of regions.
+ * Measurements of all kinds; region.c has those of regions, part/ those of parts.
  */
 #include <assert.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "base/vec.h"
+#include "measure/outside.h"
+#include "measure/region.h"
+#include "measure/statistics.h"
 #include "sp/measure.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
-#include "volume/outside.h"
-#include "volume/region.h"
-#include "volume/statistics.h"
 
 #define PERPENDICULAR 1e-3 /* largest cosine between the sides of a region */
 #define SHORTEST 1e-40     /* length of a line that is no point; its fourth power is a double */
@@ -23,10 +25,16 @@ enum { PROFILE_DEFAULT_MAX = 1024 };
 static const struct {
     const char *name;
     unsigned points;
+    enum sp_measure_unit unit;
 } kinds[SP_MEASURE_KINDS] = {
-    [SP_MEASURE_DISTANCE] = { "distance", 2 }, [SP_MEASURE_ANGLE] = { "angle", 3 },
-    [SP_MEASURE_PROFILE] = { "profile", 2 },   [SP_MEASURE_RECTANGLE] = { "rectangle", 3 },
-    [SP_MEASURE_ELLIPSE] = { "ellipse", 3 },   [SP_MEASURE_MARKER] = { "marker", 1 },
+    [SP_MEASURE_DISTANCE] = { "distance", 2, SP_MEASURE_LENGTH },
+    [SP_MEASURE_ANGLE] = { "angle", 3, SP_MEASURE_DEGREES },
+    [SP_MEASURE_PROFILE] = { "profile", 2, SP_MEASURE_LENGTH },
+    [SP_MEASURE_RECTANGLE] = { "rectangle", 3, SP_MEASURE_AREA },
+    [SP_MEASURE_ELLIPSE] = { "ellipse", 3, SP_MEASURE_AREA },
+    [SP_MEASURE_MARKER] = { "marker", 1, SP_MEASURE_DATA },
+    [SP_MEASURE_PART] = { "part", 1, SP_MEASURE_VOLUME },
+    [SP_MEASURE_PATH] = { "path", 2, SP_MEASURE_LENGTH },
 };
 
 const char *sp_measure_kind_name(enum sp_measure_kind kind) {
@@ -37,6 +45,15 @@ const char *sp_measure_kind_name(enum sp_measure_kind kind) {
 unsigned sp_measure_point_count(enum sp_measure_kind kind) {
     assert(kind < SP_MEASURE_KINDS);
     return kinds[kind].points;
+}
+
+enum sp_measure_unit sp_measure_unit_of(enum sp_measure_kind kind) {
+    assert(kind < SP_MEASURE_KINDS);
+    return kinds[kind].unit;
+}
+
+bool sp_measure_has_range(enum sp_measure_kind kind) {
+    return kind == SP_MEASURE_PART || kind == SP_MEASURE_PATH;
 }
 
 static bool has_plane(enum sp_measure_kind kind) {
@@ -74,8 +91,17 @@ static bool check_lines(const struct sp_measure *measure, unsigned corner, const
     return true;
 }
 
+static bool check_range(const struct sp_measure *measure, struct sp_error *err) {
+    const double *range = measure->range;
+    return (isfinite(range[0]) && isfinite(range[1]) && range[0] <= range[1]) ||
+           sp_fail(err, SP_ERR_INVALID, "/range",
+                   "the lowest value %g is above the highest one %g, or one is not finite",
+                   range[0], range[1]);
+}
+
 bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err) {
-    if (!check_coordinates(measure, err))
+    if (!check_coordinates(measure, err) ||
+        (sp_measure_has_range(measure->kind) && !check_range(measure, err)))
         return false;
     if (measure->kind == SP_MEASURE_ANGLE)
         return check_lines(measure, 1, "an arm of the angle", err);
@@ -92,8 +118,14 @@ bool sp_measure_check(const struct sp_measure *measure, struct sp_error *err) {
                    cosine, PERPENDICULAR);
 }
 
+static double sample_count(const struct sp_volume *volume) {
+    const uint32_t *dims = sp_volume_info(volume)->grid.dims;
+    return (double)dims[0] * dims[1] * dims[2];
+}
+
 double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *measure) {
-    return has_plane(measure->kind)              ? sp_region_cost(volume, measure)
+    return sp_measure_has_range(measure->kind)   ? sample_count(volume)
+           : has_plane(measure->kind)            ? sp_region_cost(volume, measure)
            : measure->kind == SP_MEASURE_PROFILE ? sp_measure_profile_count(volume, measure)
                                                  : 1;
 }
@@ -134,9 +166,62 @@ static void profile_statistics(const struct sp_volume *volume, const struct sp_m
     sp_sums_finish(&sums, statistics);
 }
 
+static bool check_samples(const struct sp_volume *volume, struct sp_error *err) {
+    return sample_count(volume) <= SP_MEASURE_PART_SAMPLES ||
+           sp_fail(err, SP_ERR_INVALID, "/kind",
+                   "the volume has %.0f samples, and a part is measured in at most %d; load a "
+                   "smaller or a coarser volume",
+                   sample_count(volume), SP_MEASURE_PART_SAMPLES);
+}
+
+static struct sp_part part_of(const struct sp_measure *measure) {
+    struct sp_part part;
+    memcpy(part.point, measure->points[0], sizeof part.point);
+    memcpy(part.range, measure->range, sizeof part.range);
+    return part;
+}
+
+static bool measure_part(const struct sp_volume *volume, const struct sp_measure *measure,
+                         struct sp_measure_result *result, struct sp_error *err) {
+    const struct sp_part part = part_of(measure);
+    struct sp_part_size size;
+    if (!check_samples(volume, err) || !sp_part_measure(volume, &part, &size, err))
+        return false;
+    result->has_value = size.is_found;
+    result->value = size.volume;
+    result->area = size.area;
+    result->samples = size.samples;
+    return true;
+}
+
+bool sp_measure_path(const struct sp_volume *volume, const struct sp_measure *measure,
+                     struct sp_measure_result *result, struct sp_part_path *path,
+                     struct sp_error *err) {
+    const struct sp_part part = part_of(measure);
+    assert(measure->kind == SP_MEASURE_PATH);
+    *result = (struct sp_measure_result){ .unit = SP_MEASURE_LENGTH };
+    if (!sp_measure_check(measure, err) || !check_samples(volume, err) ||
+        !sp_part_find_path(volume, &part, measure->points[1], path, err))
+        return false;
+    result->has_value = path->is_found;
+    result->value = path->length;
+    result->straight = path->straight;
+    return true;
+}
+
+static bool measure_path_alone(const struct sp_volume *volume, const struct sp_measure *measure,
+                               struct sp_measure_result *result, struct sp_error *err) {
+    struct sp_part_path *path = malloc(sizeof *path);
+    const bool ok = path ? sp_measure_path(volume, measure, result, path, err)
+                         : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a path");
+    free(path);
+    return ok;
+}
+
 bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,
                         struct sp_measure_result *result, struct sp_error *err) {
-    *result = (struct sp_measure_result){ .has_value = true, .unit = SP_MEASURE_LENGTH };
+    *result =
+        (struct sp_measure_result){ .has_value = true, .unit = sp_measure_unit_of(measure->kind) };
     if (!sp_measure_check(measure, err))
         return false;
     result->outside = sp_measure_outside(volume, measure);
@@ -150,19 +235,20 @@ bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure 
         result->value = sp_vec3_length(between(measure, 0, 1));
         break;
     case SP_MEASURE_ANGLE:
-        result->unit = SP_MEASURE_DEGREES;
         result->value = angle_of(measure);
         break;
     case SP_MEASURE_RECTANGLE:
     case SP_MEASURE_ELLIPSE:
-        result->unit = SP_MEASURE_AREA;
         result->value = area_of(measure);
         return sp_region_compute(volume, measure, result, err);
     case SP_MEASURE_MARKER:
-        result->unit = SP_MEASURE_DATA;
         result->has_value =
             sp_measure_value(volume, measure->points[0], &result->value) && isfinite(result->value);
         break;
+    case SP_MEASURE_PART:
+        return measure_part(volume, measure, result, err);
+    case SP_MEASURE_PATH:
+        return measure_path_alone(volume, measure, result, err);
     case SP_MEASURE_KINDS:
         assert(false);
     }

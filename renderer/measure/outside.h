@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#ifndef SP_VOLUME_OUTSIDE_H
-#define SP_VOLUME_OUTSIDE_H
+#ifndef SP_MEASURE_OUTSIDE_H
+#define SP_MEASURE_OUTSIDE_H
 
 #include "sp/measure.h"
 

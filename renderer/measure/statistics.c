@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "volume/statistics.h"
+#include "measure/statistics.h"
 
 #include <math.h>
 

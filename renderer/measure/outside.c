@@ -8,7 +8,7 @@
  *   rectangle, ellipse    the polygon in (s, t) = shares of the sides, cut at six lines
  *                         (Sutherland, Hodgman: Reentrant Polygon Clipping, CACM 1974)
  */
-#include "volume/outside.h"
+#include "measure/outside.h"
 
 #include <math.h>
 
@@ -137,7 +137,7 @@ static double lines_inside(const struct sp_interpolator *to, const struct sp_mea
 
 double sp_measure_outside(const struct sp_volume *volume, const struct sp_measure *measure) {
     struct sp_interpolator to;
-    double inside = 0;
+    double inside = 1;
     sp_interpolator_init(&to, volume);
     switch (measure->kind) {
     case SP_MEASURE_RECTANGLE:
@@ -146,6 +146,9 @@ double sp_measure_outside(const struct sp_volume *volume, const struct sp_measur
         break;
     case SP_MEASURE_MARKER:
         inside = line_inside(&to, measure->points[0], measure->points[0]);
+        break;
+    case SP_MEASURE_PART:
+    case SP_MEASURE_PATH:
         break;
     case SP_MEASURE_DISTANCE:
     case SP_MEASURE_PROFILE:

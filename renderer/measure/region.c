@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "volume/region.h"
+#include "measure/region.h"
 
 #include <math.h>
 #include <string.h>
 
 #include "base/vec.h"
+#include "measure/statistics.h"
 #include "volume/grid.h"
 #include "volume/interpolate.h"
 #include "volume/sample.h"
-#include "volume/statistics.h"
 
 /* Sine of the angle between two planes that count as one. */
 #define SAME_PLANE 1e-7

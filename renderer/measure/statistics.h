@@ -7,8 +7,8 @@
  * COMPSTAT 1982, eq. 1.5, with weights for counts. No difference of large sums occurs, so a large
  * mean costs no digits.
  */
-#ifndef SP_VOLUME_STATISTICS_H
-#define SP_VOLUME_STATISTICS_H
+#ifndef SP_MEASURE_STATISTICS_H
+#define SP_MEASURE_STATISTICS_H
 
 #include "sp/measure.h"
 

@@ -98,11 +98,15 @@ static void lengths_and_angles_are_those_of_the_world(void **state) {
     (void)state;
     const struct sp_grid grids[] = { grid_of(1, 1, 1, identity), grid_of(0.5, 1, 3, rotated),
                                      grid_of(1, 2, 1, sheared) };
-    const struct sp_measure distance = { SP_MEASURE_DISTANCE, { { 1, 2, 3 }, { 4, 6, 15 } } };
-    const struct sp_measure right = { SP_MEASURE_ANGLE, { { 5, 0, 0 }, { 0, 0, 0 }, { 0, 0, 2 } } };
-    const struct sp_measure flat = { SP_MEASURE_ANGLE, { { -1, 0, 0 }, { 0, 0, 0 }, { 3, 0, 0 } } };
-    const struct sp_measure sixty = { SP_MEASURE_ANGLE,
-                                      { { 1, 0, 0 }, { 0, 0, 0 }, { 0.5, sqrt(0.75), 0 } } };
+    const struct sp_measure distance = { .kind = SP_MEASURE_DISTANCE,
+                                         .points = { { 1, 2, 3 }, { 4, 6, 15 } } };
+    const struct sp_measure right = { .kind = SP_MEASURE_ANGLE,
+                                      .points = { { 5, 0, 0 }, { 0, 0, 0 }, { 0, 0, 2 } } };
+    const struct sp_measure flat = { .kind = SP_MEASURE_ANGLE,
+                                     .points = { { -1, 0, 0 }, { 0, 0, 0 }, { 3, 0, 0 } } };
+    const struct sp_measure sixty = {
+        .kind = SP_MEASURE_ANGLE, .points = { { 1, 0, 0 }, { 0, 0, 0 }, { 0.5, sqrt(0.75), 0 } }
+    };
     for (size_t i = 0; i < sizeof grids / sizeof *grids; i++) {
         struct sp_volume *volume = field(&grids[i], linear);
         const struct sp_measure_result result = compute(volume, &distance);
@@ -264,8 +268,9 @@ static void samples_of_a_rectilinear_grid_have_weights(void **state) {
     struct sp_grid grid = grid_of(20.0 / (N - 1), 1, 1, identity);
     grid.coordinates[0] = uneven;
     struct sp_volume *volume = field(&grid, distance_of_x);
-    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
-                                       { { 9.5, -19, 33 }, { 32, -19, 33 }, { 9.5, -15, 33 } } };
+    const struct sp_measure region = { .kind = SP_MEASURE_RECTANGLE,
+                                       .points = {
+                                           { 9.5, -19, 33 }, { 32, -19, 33 }, { 9.5, -15, 33 } } };
     const struct sp_measure_result result = compute(volume, &region);
     double sum = 0, weights = 0, squares = 0, moment = 0;
     for (int pass = 0; pass < 2; pass++)
@@ -293,10 +298,10 @@ static void an_oblique_region_is_interpolated(void **state) {
     struct sp_volume *volume = field(&grid, linear);
     /* A square of 4 by 4 around the middle, in the plane of (1, 1, 0) and z. */
     const double h = 4 / sqrt(8), c[3] = { 15, -15, 35 };
-    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
-                                       { { c[0] - h, c[1] - h, c[2] - 2 },
-                                         { c[0] + h, c[1] + h, c[2] - 2 },
-                                         { c[0] - h, c[1] - h, c[2] + 2 } } };
+    const struct sp_measure region = { .kind = SP_MEASURE_RECTANGLE,
+                                       .points = { { c[0] - h, c[1] - h, c[2] - 2 },
+                                                   { c[0] + h, c[1] + h, c[2] - 2 },
+                                                   { c[0] - h, c[1] - h, c[2] + 2 } } };
     const struct sp_measure_result result = compute(volume, &region);
     assert_int_equal(result.statistics.count, 16);
     assert_near(result.statistics.mean, linear(c), 1e-9);
@@ -327,7 +332,7 @@ static void samples_that_are_not_finite_are_counted_apart(void **state) {
         assert_near(result.statistics.min, 4, 1e-12);
         assert_near(result.statistics.max, 7, 1e-12);
     }
-    struct sp_measure marker = { SP_MEASURE_MARKER, { { 15, -15, 35 } } };
+    struct sp_measure marker = { .kind = SP_MEASURE_MARKER, .points = { { 15, -15, 35 } } };
     assert_false(compute(volume, &marker).has_value);
     marker.points[0][2] += 1; /* the value of the NaN has the weight 0 */
     assert_true(compute(volume, &marker).has_value);
@@ -338,15 +343,18 @@ static void a_region_outside_of_the_volume_is_empty(void **state) {
     (void)state;
     const struct sp_grid grid = grid_of(1, 1, 1, identity);
     struct sp_volume *volume = field(&grid, linear);
-    const struct sp_measure beside = { SP_MEASURE_RECTANGLE,
-                                       { { 15, -15, 29 }, { 18, -15, 29 }, { 15, -12, 29 } } };
+    const struct sp_measure beside = { .kind = SP_MEASURE_RECTANGLE,
+                                       .points = {
+                                           { 15, -15, 29 }, { 18, -15, 29 }, { 15, -12, 29 } } };
     const struct sp_measure_result result = compute(volume, &beside);
     assert_int_equal(result.statistics.count, 0);
     assert_false(result.has_histogram);
     assert_near(result.value, 9, 1e-12);
     /* A part of it is inside. */
-    const struct sp_measure wide = { SP_MEASURE_RECTANGLE,
-                                     { { -1e9, -1e9, 31 }, { 1e9, -1e9, 31 }, { -1e9, 1e9, 31 } } };
+    const struct sp_measure wide = {
+        .kind = SP_MEASURE_RECTANGLE,
+        .points = { { -1e9, -1e9, 31 }, { 1e9, -1e9, 31 }, { -1e9, 1e9, 31 } }
+    };
     assert_int_equal(compute(volume, &wide).statistics.count, N * N);
     sp_volume_unref(&volume);
 }
@@ -423,8 +431,9 @@ static void a_flat_volume_has_a_plane(void **state) {
     grid.dims[0] = grid.dims[1] = 2;
     grid.dims[2] = 1;
     struct sp_volume *volume = sp_volume_create(&grid, SP_UINT8, voxels, "flat", &err);
-    const struct sp_measure region = { SP_MEASURE_RECTANGLE,
-                                       { { 9, -21, 32 }, { 12, -21, 32 }, { 9, -18, 32 } } };
+    const struct sp_measure region = {
+        .kind = SP_MEASURE_RECTANGLE, .points = { { 9, -21, 32 }, { 12, -21, 32 }, { 9, -18, 32 } }
+    };
     assert_int_equal(compute(volume, &region).statistics.count, 4);
     assert_near(compute(volume, &region).statistics.mean, 3, 1e-12);
     sp_volume_unref(&volume);
@@ -441,8 +450,9 @@ static void refused(const struct sp_volume *volume, struct sp_measure measure, c
 /* People count from the first point; pointers count from 0. */
 static void errors_name_points_by_their_order(void **state) {
     (void)state;
-    const struct sp_measure angle = { SP_MEASURE_ANGLE, { { 1 }, { 1 }, { 2 } } };
-    const struct sp_measure slanted = { SP_MEASURE_RECTANGLE, { { 0 }, { 1, 0, 0 }, { 1, 1, 0 } } };
+    const struct sp_measure angle = { .kind = SP_MEASURE_ANGLE, .points = { { 1 }, { 1 }, { 2 } } };
+    const struct sp_measure slanted = { .kind = SP_MEASURE_RECTANGLE,
+                                        .points = { { 0 }, { 1, 0, 0 }, { 1, 1, 0 } } };
     struct sp_error err = { 0 };
     assert_false(sp_measure_check(&angle, &err));
     assert_string_equal(err.text, "the first point is the same as the second one, so that an arm "
@@ -455,19 +465,89 @@ static void bad_points_are_refused(void **state) {
     (void)state;
     const struct sp_grid grid = grid_of(1e-6, 1e-6, 1, identity);
     struct sp_volume *volume = field(&grid, linear);
-    refused(volume, (struct sp_measure){ SP_MEASURE_MARKER, { { 0, 2e18, 0 } } }, "/points/0/1");
-    refused(volume, (struct sp_measure){ SP_MEASURE_DISTANCE, { { 0 }, { 0, 0, NAN } } },
+    refused(volume, (struct sp_measure){ .kind = SP_MEASURE_MARKER, .points = { { 0, 2e18, 0 } } },
+            "/points/0/1");
+    refused(volume,
+            (struct sp_measure){ .kind = SP_MEASURE_DISTANCE, .points = { { 0 }, { 0, 0, NAN } } },
             "/points/1/2");
-    refused(volume, (struct sp_measure){ SP_MEASURE_ANGLE, { { 1 }, { 1 }, { 2 } } }, "/points/0");
-    refused(volume, (struct sp_measure){ SP_MEASURE_ELLIPSE, { { 1 }, { 2 }, { 1 } } },
+    refused(volume,
+            (struct sp_measure){ .kind = SP_MEASURE_ANGLE, .points = { { 1 }, { 1 }, { 2 } } },
+            "/points/0");
+    refused(volume,
+            (struct sp_measure){ .kind = SP_MEASURE_ELLIPSE, .points = { { 1 }, { 2 }, { 1 } } },
             "/points/2");
     refused(volume,
-            (struct sp_measure){ SP_MEASURE_RECTANGLE, { { 0 }, { 1, 0, 0 }, { 0.1, 1, 0 } } },
+            (struct sp_measure){ .kind = SP_MEASURE_RECTANGLE,
+                                 .points = { { 0 }, { 1, 0, 0 }, { 0.1, 1, 0 } } },
             "/points");
     /* Oblique, and a million cells wide. */
     refused(volume,
-            (struct sp_measure){ SP_MEASURE_RECTANGLE, { { 0 }, { 1, 1, 1 }, { 1, -1, 0 } } },
+            (struct sp_measure){ .kind = SP_MEASURE_RECTANGLE,
+                                 .points = { { 0 }, { 1, 1, 1 }, { 1, -1, 0 } } },
             "/points");
+    sp_volume_unref(&volume);
+}
+
+/* A ball of radius 4 around the middle of the grid: values fall by 10 per world unit. */
+static double ball(const double p[3]) {
+    const double x = p[0] - 15.5, y = p[1] + 14.5, z = p[2] - 35.5;
+    return 100 - 10 * sqrt(x * x + y * y + z * z);
+}
+
+static void a_part_has_volume_area_and_samples(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_volume *volume = field(&grid, ball);
+    struct sp_measure part = { .kind = SP_MEASURE_PART,
+                               .points = { { 15, -15, 36 } },
+                               .range = { 60, 200 } };
+    const struct sp_part same = { .point = { 15, -15, 36 }, .range = { 60, 200 } };
+    struct sp_part_size size;
+    assert_true(sp_part_measure(volume, &same, &size, NULL));
+    struct sp_measure_result result = compute(volume, &part);
+    assert_true(result.has_value);
+    assert_int_equal(result.unit, SP_MEASURE_VOLUME);
+    assert_near(result.value, size.volume, 0);
+    assert_near(result.value, 4 / 3. * 3.14159265 * 64, 20);
+    assert_near(result.area, 4 * 3.14159265 * 16, 8);
+    assert_int_equal(result.samples, size.samples);
+    assert_near(result.outside, 0, 0);
+    assert_near(sp_measure_cost(volume, &part), N * N * N, 0);
+    part.points[0][0] = 300; /* no part is near */
+    result = compute(volume, &part);
+    assert_false(result.has_value);
+    sp_volume_unref(&volume);
+}
+
+static void a_path_goes_along_the_surface(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_volume *volume = field(&grid, ball);
+    struct sp_measure path = { .kind = SP_MEASURE_PATH,
+                               .points = { { 11.5, -14.5, 35.5 }, { 19.5, -14.5, 35.5 } },
+                               .range = { 60, 200 } };
+    struct sp_measure_result result = compute(volume, &path), same;
+    struct sp_part_path points;
+    struct sp_error err = { 0 };
+    assert_true(result.has_value);
+    assert_int_equal(result.unit, SP_MEASURE_LENGTH);
+    assert_near(result.straight, 8, 0.2);
+    assert_near(result.value, 4 * 3.14159265, 0.4);
+    assert_true(sp_measure_path(volume, &path, &same, &points, &err));
+    assert_near(same.value, result.value, 0);
+    assert_near(points.length, result.value, 0);
+    path.range[0] = 1000; /* nothing has such values */
+    path.range[1] = 2000;
+    assert_false(compute(volume, &path).has_value);
+    sp_volume_unref(&volume);
+}
+
+static void bad_ranges_are_refused(void **state) {
+    (void)state;
+    const struct sp_grid grid = grid_of(1, 1, 1, identity);
+    struct sp_volume *volume = field(&grid, linear);
+    refused(volume, (struct sp_measure){ .kind = SP_MEASURE_PART, .range = { 2, 1 } }, "/range");
+    refused(volume, (struct sp_measure){ .kind = SP_MEASURE_PATH, .range = { NAN, 1 } }, "/range");
     sp_volume_unref(&volume);
 }
 
@@ -488,6 +568,9 @@ int main(void) {
         cmocka_unit_test(a_flat_volume_has_a_plane),
         cmocka_unit_test(errors_name_points_by_their_order),
         cmocka_unit_test(bad_points_are_refused),
+        cmocka_unit_test(a_part_has_volume_area_and_samples),
+        cmocka_unit_test(a_path_goes_along_the_surface),
+        cmocka_unit_test(bad_ranges_are_refused),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

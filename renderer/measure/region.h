@@ -6,8 +6,8 @@
  *                 │ first pass: weighted mean and deviation, minimum, maximum
  *                 └ second pass: histogram from minimum to maximum
  */
-#ifndef SP_VOLUME_REGION_H
-#define SP_VOLUME_REGION_H
+#ifndef SP_MEASURE_REGION_H
+#define SP_MEASURE_REGION_H
 
 #include "sp/measure.h"
 
