@@ -94,7 +94,9 @@ test('single splats with post-classification are refused with a remedy, and the 
   await stream.update({ transfer_function: { order: 'post' } });
   await stream.update({ compositing: null, transfer_function: { order: null } }, 9);
   const last = (await stream.call('view.get')).view;
-  assert.deepEqual([last.transfer_function.order, last.compositing], ['auto', { mode: 'sheet', attenuation: 'exponential', slab: 1 }]);
+  assert.deepEqual([last.transfer_function.order, last.compositing], ['auto', {
+    mode: 'sheet', attenuation: 'exponential', slab: 1, colors: 'grey', window: { center: null, width: null }, zero: null, absorption: null,
+  }]);
   await stream.final(9);
   await stream.end();
 });

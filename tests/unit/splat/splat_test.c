@@ -50,7 +50,12 @@ static struct sp_view make_view(enum sp_projection projection) {
                     .near = 0.1 },
         .transfer_function = thin,
         .filter = { SP_FILTER_EWA, SP_KERNEL_GAUSSIAN, 0.7, 3, 0.8, 0.3, NAN },
-        .compositing = { SP_COMPOSITE_SHEET, SP_ATTENUATION_EXPONENTIAL, 1 },
+        .compositing = { .mode = SP_COMPOSITE_SHEET,
+                         .slab = 1,
+                         .center = NAN,
+                         .width = NAN,
+                         .zero = NAN,
+                         .absorption = NAN },
         .shading = { .exponent = 1 },
         .slices = { .normal = { 0, 0, 1 }, .width = 1 },
     };
