@@ -57,6 +57,8 @@ static struct sp_view make_view(enum sp_projection projection) {
                          .zero = NAN,
                          .absorption = NAN },
         .shading = { .exponent = 1 },
+        .layer_count = 1,
+        .layers = { { .flatness = INFINITY, .high = 1, .visible = true } },
         .slices = { .normal = { 0, 0, 1 }, .width = 1 },
     };
     return view;
