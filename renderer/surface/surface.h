@@ -69,7 +69,9 @@ struct sp_surface_sheet_row {
 struct sp_surface_scratch {
     _Alignas(64) struct sp_surface_sheet_row sheets[2][SURFACE_SHEETS][SP_FRAGMENT_TILE];
     _Alignas(64) float hidden[SP_FRAGMENT_TILE][SURFACE_STRIDE]; /* what is behind is not seen */
-    int used[2]; /* sheets that are not empty, by facing */
+    float ends[4][4]; /* by cells of the tile: the largest of `hidden` */
+    unsigned changed; /* cells whose `hidden` is not up to date, bit 4·row + column */
+    int used[2];      /* sheets that are not empty, by facing */
 };
 
 /* Prepares the surface for the tiles of the image. It is valid until the arena is reset.
