@@ -25,7 +25,7 @@
 enum { SIDE = TEST_MEDIUM_SIDE };
 
 /* Mean and largest difference. */
-static const double exact[2] = { 1.5e-4, 8e-3 }, within_a_sheet[2] = { 4e-3, 0.03 };
+static const double exact[2] = { 5e-5, 2e-4 }, within_a_sheet[2] = { 4e-3, 0.03 };
 
 /* The distance at which the ray meets a surface; INFINITY = it does not. Surfaces lie between
  * samples, so that they end half a gap before the volume. */
