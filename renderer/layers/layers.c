@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "layers/layers.h"
 
+#include "surface/merge.h"
+
 /* What a worker needs. */
 struct sp_layers_worker {
     struct sp_fragment_tile tile;
@@ -30,19 +32,25 @@ static uint64_t rest_of(uint64_t bytes, uint64_t used) {
 static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
                             struct sp_error *err) {
     const struct sp_layers_input *from = l->input;
+    const struct sp_grid *grid = &sp_volume_info(from->volume)->grid;
+    const unsigned level = sp_surface_level(from->view, grid, from->camera);
+    const unsigned most = sp_surface_can_merge(grid) ? SURFACE_LEVELS - 1 : 0;
+    const unsigned preview = from->mip_level < most ? from->mip_level : most;
     const struct sp_surface_cache_job points = {
         .volume = from->volume,
         .value = layer->value,
+        .level = preview > level ? preview : level,
         .bytes_max = rest_of(from->bytes_max, sp_shell_bytes(from->shells, NULL)),
         .pool = from->pool,
         .interrupt = from->interrupt
     };
     struct sp_surface_input input = { .view = from->view,
                                       .layer = layer,
-                                      .grid = &sp_volume_info(from->volume)->grid,
+                                      .grid = grid,
                                       .points = sp_surface_cache_get(from->surfaces, &points, err),
                                       .camera = from->camera,
                                       .shade = from->shade,
+                                      .is_enlarged = preview > level,
                                       .interrupt = from->interrupt,
                                       .pool = from->pool,
                                       .arena = from->arena };

@@ -24,6 +24,7 @@ struct sp_layers_input {
     uint64_t bytes_max; /* of both caches */
     sp_surface_tile_fn *surface_tile;
     const struct sp_shell_kernels *shell_kernels;
+    unsigned mip_level; /* surfaces are drawn at this level or a coarser one */
     struct sp_interrupt interrupt;
     struct sp_pool *pool;
     struct sp_arena *arena; /* of the frame */

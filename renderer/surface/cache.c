@@ -4,6 +4,7 @@
 #include <stddef.h>
 
 #include "surface/extract.h"
+#include "surface/merge.h"
 #include "volume/volume.h"
 
 static void finish_volume(struct sp_surface_volume *slot) {
@@ -100,26 +101,30 @@ static struct sp_surface_list *find_slot(struct sp_surface_cache *cache) {
     return slot;
 }
 
-const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *cache,
-                                                     const struct sp_surface_cache_job *job,
-                                                     struct sp_error *err) {
-    for (int i = 0; i < SURFACE_LISTS; i++) {
-        struct sp_surface_list *slot = &cache->lists[i];
-        if (slot->volume != job->volume || slot->value != job->value)
-            continue;
-        slot->used = ++cache->clock;
-        return &slot->points;
-    }
+/* Makes the points; finer: those of level 0, NULL = extracts them. */
+static bool make_points(const struct sp_surface_cache *cache,
+                        const struct sp_surface_cache_job *job,
+                        const struct sp_surface_volume *volume,
+                        const struct sp_surface_points *finer, struct sp_surface_points *points,
+                        struct sp_error *err) {
     const struct sp_surface_job own = { job->volume, job->value, job->pool, job->interrupt };
-    struct sp_surface_volume *volume = get_ranges(cache, job, err);
-    struct sp_surface_list *slot = volume ? find_slot(cache) : NULL;
+    uint64_t used = sp_surface_cache_bytes(cache, NULL);
+    uint64_t rest = used < job->bytes_max ? job->bytes_max - used : 0;
+    return finer ? sp_surface_merge(finer, job->level, &own, rest, points, err)
+                 : sp_surface_extract(points, &own, &volume->ranges, rest, err);
+}
+
+static const struct sp_surface_points *add_list(struct sp_surface_cache *cache,
+                                                const struct sp_surface_cache_job *job,
+                                                const struct sp_surface_points *finer,
+                                                struct sp_error *err) {
+    struct sp_surface_volume *volume = finer ? NULL : get_ranges(cache, job, err);
+    struct sp_surface_list *slot = finer || volume ? find_slot(cache) : NULL;
     struct sp_surface_points points;
     struct sp_error why = { 0 };
-    for (int attempt = 0; volume; attempt++) {
-        uint64_t used = sp_surface_cache_bytes(cache, NULL);
-        uint64_t rest = used < job->bytes_max ? job->bytes_max - used : 0;
-        if (sp_surface_extract(&points, &own, &volume->ranges, rest, &why))
-            break;
+    if (!slot)
+        return NULL;
+    for (int attempt = 0; !make_points(cache, job, volume, finer, &points, &why); attempt++) {
         if (why.code != SP_ERR_BUDGET || attempt) {
             if (err)
                 *err = why;
@@ -127,11 +132,35 @@ const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *ca
         }
         shrink(cache, 0, volume); /* what the frame uses stays */
     }
-    if (!volume || !slot)
-        return NULL;
-    slot->volume = sp_volume_ref(job->volume);
-    slot->value = job->value;
-    slot->points = points;
-    slot->used = slot->points.made = ++cache->clock;
+    *slot =
+        (struct sp_surface_list){ sp_volume_ref(job->volume), job->value, points, ++cache->clock };
+    slot->points.made = slot->used;
     return &slot->points;
+}
+
+const struct sp_surface_points *sp_surface_cache_get(struct sp_surface_cache *cache,
+                                                     const struct sp_surface_cache_job *job,
+                                                     struct sp_error *err) {
+    struct sp_surface_cache_job first = *job;
+    const struct sp_surface_points *finer;
+    for (int i = 0; i < SURFACE_LISTS; i++) {
+        struct sp_surface_list *slot = &cache->lists[i];
+        if (slot->volume != job->volume || slot->value != job->value ||
+            slot->points.level != job->level)
+            continue;
+        slot->used = ++cache->clock;
+        return &slot->points;
+    }
+    if (!job->level)
+        return add_list(cache, job, NULL, err);
+    first.level = 0;
+    if (!(finer = sp_surface_cache_get(cache, &first, err)))
+        return NULL;
+    struct sp_error why = { 0 };
+    const struct sp_surface_points *merged = add_list(cache, job, finer, &why);
+    if (!merged && why.code == SP_ERR_BUDGET)
+        return finer; /* slower, but right */
+    if (!merged && err)
+        *err = why;
+    return merged;
 }

@@ -21,7 +21,7 @@ struct sp_surface_cache {
     struct sp_surface_list {
         struct sp_volume *volume; /* one reference; NULL = empty */
         double value;
-        struct sp_surface_points points;
+        struct sp_surface_points points; /* of a level */
         uint64_t used;
     } lists[SURFACE_LISTS];
     uint64_t clock;
@@ -31,6 +31,7 @@ struct sp_surface_cache {
 struct sp_surface_cache_job {
     struct sp_volume *volume;
     double value;
+    unsigned level;     /* below SURFACE_LEVELS; merged from level 0, which is kept, too */
     uint64_t bytes_max; /* of the cache */
     struct sp_pool *pool;
     struct sp_interrupt interrupt;

@@ -8,14 +8,12 @@
 #include "surface/batch.h"
 #include "surface/window.h"
 
-enum { SPLIT_MAX = 4 };
-
 struct extraction {
     const struct sp_surface_job *job;
     struct sp_surface_points *points;
     struct sp_surface_batch_frame frame;
     struct sp_surface_parts parts[256]; /* by the inside corners of a cell; 0 and 255: none */
-    float weights[SPLIT_MAX * SPLIT_MAX * SPLIT_MAX][8][8];
+    float weights[SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX * SURFACE_SPLIT_MAX][8][8];
 };
 
 /* The samples of a row of cells. */
@@ -191,14 +189,6 @@ static void number_points(struct sp_surface_points *points) {
     points->block_count = kept;
 }
 
-/* Cells that are longer than wide are split into nearly even parts: kernels as long as they are
- * would stick out of curved surfaces. */
-static void choose_split(struct sp_surface_points *points, const struct sp_grid *grid) {
-    double least = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
-    for (int a = 0; a < 3; a++)
-        points->split[a] = (uint8_t)fmin(rint(grid->spacing[a] / least), SPLIT_MAX);
-}
-
 static bool fail(struct sp_surface_points *points, enum sp_code code, struct sp_error *err) {
     sp_surface_points_finish(points);
     return code == SP_ERR_CANCELLED
@@ -212,7 +202,7 @@ bool sp_surface_extract(struct sp_surface_points *points, const struct sp_surfac
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     struct extraction e = { .job = job, .points = points };
     *points = (struct sp_surface_points){ 0 };
-    choose_split(points, grid);
+    sp_surface_points_split(grid, points->split);
     sp_surface_batch_frame_init(&e.frame, points, grid);
     find_weights(&e, points->split);
     for (unsigned inside = 1; inside < 255; inside++)

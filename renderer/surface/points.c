@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "surface/points.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 enum { ARRAYS = 10 }; /* of 16 bits per point */
@@ -31,4 +32,12 @@ bool sp_surface_points_allocate(struct sp_surface_points *points) {
     }
     points->bend = all ? (int16_t *)all + length * 9 : NULL;
     return all;
+}
+
+/* Cells that are longer than wide are split into nearly even parts: kernels as long as they are
+ * would stick out of curved surfaces. */
+void sp_surface_points_split(const struct sp_grid *grid, uint8_t split[3]) {
+    double least = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    for (int a = 0; a < 3; a++)
+        split[a] = (uint8_t)fmin(rint(grid->spacing[a] / least), SURFACE_SPLIT_MAX);
 }

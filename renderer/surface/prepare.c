@@ -2,6 +2,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "surface/filter.h"
+#include "surface/merge.h"
 #include "surface/surface.h"
 #include "volume/grid.h"
 
@@ -18,22 +20,6 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "data");
 }
 
-/* The filter of a surface. Kernels end where the view says, and not later than where the rest is
- * below the rounding of coverage. */
-static struct sp_filter choose_filter(const struct sp_filter *view) {
-    struct sp_filter filter = *view;
-    const double adaptive_lowpass = 0.5;
-    filter.kernel = SP_KERNEL_GAUSSIAN;
-    filter.sigma = sp_kernel_sigma(view);
-    if (view->kernel == SP_KERNEL_CUBIC)
-        filter.cutoff = 3;
-    if (view->mode == SP_FILTER_ADAPTIVE)
-        filter.lowpass *= adaptive_lowpass;
-    else if (view->mode == SP_FILTER_RECONSTRUCTION || view->mode == SP_FILTER_NONE)
-        filter.lowpass = 0;
-    return filter;
-}
-
 /* Discs of a ball are moved this many times the distance that brings them to the surface on
  * average: then its silhouette keeps its place, and weights inside of it add up to 1 (README.md).
  */
@@ -41,9 +27,11 @@ static const float bend = 1.5f;
 
 static void init_frame(struct sp_surface *s, const struct sp_surface_input *input) {
     struct sp_view view = *input->view;
-    view.filter = choose_filter(&input->view->filter);
+    view.filter = sp_surface_filter(&input->view->filter);
     sp_ewa_frame_init(&s->frame, input->camera, input->grid, &view);
     sp_clip_frame_init(&s->clip, input->camera, input->grid, &input->view->clip, s->frame.unit);
+    const unsigned level = input->points->level;
+    const double growth = sp_surface_growth(level, view.filter.sigma, input->is_enlarged);
     double sign = 0, largest = 0;
     for (int a = 0; a < 3; a++) {
         double square = 0;
@@ -52,18 +40,21 @@ static void init_frame(struct sp_surface *s, const struct sp_surface_input *inpu
             const int p = (r + 1) % 3, q = (r + 2) % 3;
             const double(*m)[3] = s->frame.step_hi;
             double cofactor = m[p][b] * m[q][c] - m[q][b] * m[p][c];
-            s->facing[r][a] = (float)cofactor;
+            s->facing[r][a] = (float)ldexp(cofactor, 2 * (int)level);
             sign += cofactor * m[r][a];
             square += m[r][a] * m[r][a];
-            s->frame.kernel[r][a] /= (float)input->points->split[a];
+            s->frame.kernel[r][a] *= (float)(growth / input->points->split[a]);
         }
-        square /= (double)input->points->split[a] * input->points->split[a];
+        square *= growth * growth / (input->points->split[a] * input->points->split[a]);
         largest = fmax(largest, square);
     }
     for (int i = 0; i < 9 && sign < 0; i++)
         s->facing[i / 3][i % 3] *= -1;
     s->reach = s->frame.radius * s->frame.sigma * (float)sqrt(largest);
+    /* Discs of merged points are as those that they stand for, together. */
     s->bend = bend * s->frame.sigma * s->frame.sigma / SURFACE_BEND_STEPS;
+    if (input->is_enlarged)
+        s->bend *= (float)(growth * growth);
     s->stretch = 1;
     if (s->frame.projection == SP_PERSPECTIVE)
         s->stretch += fmaxf(s->frame.ratio_max[0], s->frame.ratio_max[1]);

@@ -32,6 +32,7 @@ struct sp_surface_input {
     const struct sp_surface_points *points;
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */
+    bool is_enlarged;             /* the level of the points is coarser than the image needs */
     struct sp_interrupt interrupt;
     struct sp_pool *pool;
     struct sp_arena *arena; /* of the frame */

@@ -61,6 +61,7 @@ static void init(struct drawing *l, struct cpu_state *state, const struct sp_bac
                                                cpu_cache_bytes(state, CPU_CACHE_SHELLS, NULL),
                                   .surface_tile = state->kernels.surface_tile,
                                   .shell_kernels = &state->kernels.shell,
+                                  .mip_level = job->mip_level,
                                   .interrupt = sp_job_interrupt(job),
                                   .pool = state->pool,
                                   .arena = &state->arena };

@@ -46,6 +46,7 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
                                            .shells = &l->shells,
                                            .bytes_max = from->bytes_max,
                                            .shell_kernels = &shell_kernels,
+                                           .mip_level = from->job->mip_level,
                                            .interrupt = sp_job_interrupt(from->job),
                                            .pool = from->pool,
                                            .arena = from->arena };
