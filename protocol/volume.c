@@ -1,6 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "protocol/volume.h"
 
+#include <math.h>
+
+#include "sp/view.h"
+
 static proto_json *numbers(const double *values, size_t count) {
     proto_json *array = proto_json_array();
     for (size_t i = 0; i < count; i++)
@@ -90,6 +94,28 @@ static bool append_counts(proto_json *counts, const struct sp_volume_info *info,
     return ok;
 }
 
+/* {"maximum": {"center": c, "width": w}, …}: the automatic windows of projections. */
+static proto_json *windows(const struct sp_volume_info *info) {
+    static const char *const names[] = { "maximum", "minimum", "mean", "sum" };
+    proto_json *object = proto_json_object();
+    struct sp_view view = { 0 };
+    struct sp_compositing_options *c = &view.compositing;
+    bool ok = object != NULL;
+    c->center = c->width = c->zero = c->absorption = NAN;
+    for (int m = 0; m < 4; m++) {
+        proto_json *window = proto_json_object();
+        double values[2];
+        c->mode = (enum sp_compositing)(SP_COMPOSITE_MAXIMUM + m);
+        sp_projection_window(&view, info, values);
+        ok = proto_json_set_number(window, "center", values[0]) && ok;
+        ok = proto_json_set_number(window, "width", values[1]) && ok;
+        ok = proto_json_set(object, names[m], window) && ok;
+    }
+    if (!ok)
+        proto_json_free(&object);
+    return object;
+}
+
 proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char *id,
                                    const struct sp_joint_histogram *joint) {
     proto_json *object = proto_json_object(), *axes = proto_json_array();
@@ -105,6 +131,7 @@ proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char
     ok = append_counts(counts, info, joint, &samples) && ok;
     ok = proto_json_set_integer(object, "samples", (int64_t)samples) && ok;
     ok = proto_json_set(object, "counts", counts) && ok;
+    ok = proto_json_set(object, "windows", windows(info)) && ok;
     if (!ok)
         proto_json_free(&object);
     return object;

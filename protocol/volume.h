@@ -18,8 +18,10 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
                                 bool with_histogram);
 
 /* Encodes a histogram for an editor of transfer functions: {"volume": id, "type", "axes",
- * "samples", "counts"}. Without `joint`: the 256 bins of the values; with it: the bins of value and
- * gradient magnitude, one row per bin of the magnitude. NULL when out of memory. Thread-safe. */
+ * "samples", "counts", "windows"}. Without `joint`: the 256 bins of the values; with it: the bins
+ * of value and gradient magnitude, one row per bin of the magnitude. "windows" are those of
+ * sp_projection_window() per projection: {"center", "width"}. NULL when out of memory. Thread-safe.
+ */
 proto_json *proto_histogram_encode(const struct sp_volume_info *info, const char *id,
                                    const struct sp_joint_histogram *joint);
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select or a slider.
+// Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select, a slider, or
+// an input for a number, which is null while it is empty.
 // Errors of the daemon about a field appear below its row.
 import { choose, isChoice, matters, valueAt } from '../core/choices.js';
 import { numberText } from '../core/lengths.js';
@@ -35,18 +36,20 @@ export class Fields {
       const { pointer } = row.dataset;
       if (!isChoice(pointer)) continue;
       const control = row.querySelector('select, input');
-      const isSlider = control.type === 'range';
+      const [isSlider, isNumber] = [control.type === 'range', control.type === 'number'];
       const scale = SCALES[pointer] ?? IDENTITY;
+      const read = () => (isSlider ? scale.at(control.valueAsNumber) : control.value);
+      const readNumber = () => (Number.isFinite(control.valueAsNumber) ? control.valueAsNumber : null);
       control.addEventListener(isSlider ? 'input' : 'change', (event) => {
-        const value = isSlider ? scale.at(control.valueAsNumber) : control.value;
+        const value = isNumber ? readNumber() : read();
         viewer.change(choose(viewer.view, pointer, value), event.timeStamp);
       });
-      this.#rows.push({ row, pointer, control, isSlider, scale });
+      this.#rows.push({ row, pointer, control, isSlider, isNumber, scale });
     }
   }
 
   show(view) {
-    for (const { row, pointer, control, isSlider, scale } of this.#rows) {
+    for (const { row, pointer, control, isSlider, isNumber, scale } of this.#rows) {
       const value = valueAt(view, pointer);
       control.disabled = !matters(view, pointer);
       row.toggleAttribute('data-idle', control.disabled);
@@ -54,6 +57,8 @@ export class Fields {
         control.value = scale.of(value);
         const { unit } = control.dataset;
         showValue(control, unit ? `${showNumber(value)} ${unit}` : showNumber(value));
+      } else if (isNumber) {
+        if (document.activeElement !== control || control.valueAsNumber !== value) control.value = value ?? '';
       } else {
         showChoice(control, value);
       }

@@ -27,6 +27,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get volume() { return viewer.view?.volume ?? null; },
       get background() { return structuredClone(viewer.view?.background ?? null); },
       get transfer() { return structuredClone(viewer.view?.transfer_function ?? null); },
+      get compositing() { return structuredClone(viewer.view?.compositing ?? null); },
       get session() { return connection.session?.id ?? null; },
       get latencyMs() { return status.latencyMs; },
       get latency() { return statusPanel.latency; },

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Picture" of the panel: background, shading, and the rendering choices.
-import { flatLimit, hideFlat, steepest } from '../core/choices.js';
+import { flatLimit, hideFlat, matters, steepest } from '../core/choices.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
@@ -51,6 +51,11 @@ export function install({ viewer }) {
     document.body.style.backgroundColor = color;
     byId('shading').checked = view.shading?.mode === 'phong';
     showFlat(view.transfer_function?.gradient);
+    for (const id of ['shading', 'flat']) {
+      const row = byId(id).closest('.row');
+      byId(id).disabled = !matters(view, row.dataset.pointer);
+      row.toggleAttribute('data-idle', byId(id).disabled);
+    }
     fields.show(view);
     document.title = view.volume ? t('page.title', { volume: view.volume }) : 'splatd';
   });

@@ -4,7 +4,9 @@
 import { stopsOf } from '../core/color_maps.js';
 import { readHistogram } from '../core/histogram.js';
 import { History } from '../core/history.js';
+import { chooseShown } from '../core/choices.js';
 import { isSameLayers, layersOf } from '../core/layers.js';
+import { isShownAlike, shownAs } from '../core/projection.js';
 import {
   EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
 } from '../core/transfer.js';
@@ -100,18 +102,18 @@ class Transfer {
     const { points: given, gradient = [] } = view.transfer_function ?? {};
     if (!given?.length || !this.#viewer.isCurrent) return;
     const points = within(given);
-    const layers = layersOf(view);
+    const [layers, shown] = [layersOf(view), shownAs(view)];
     if (view.volume !== this.#volume) {
       this.#volume = view.volume;
       this.#histogram = null;
       this.#note = '';
       this.#curve.selected = 0;
       this.#curve.showAll();
-      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers });
+      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers, shown });
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
-      this.#history.put({ points, gradient, map: null, layers }, 'others');
-    } else if (!isSameLayers(layers, this.state.layers)) {
-      this.#history.put({ ...this.state, layers }, 'others');
+      this.#history.put({ points, gradient, map: null, layers, shown }, 'others');
+    } else if (!isSameLayers(layers, this.state.layers) || !isShownAlike(shown, this.state.shown)) {
+      this.#history.put({ ...this.state, layers, shown }, shown.mode === this.state.shown.mode ? 'others' : null);
     }
     this.#ask();
     this.plan();
@@ -133,13 +135,17 @@ class Transfer {
 
   #send(time) {
     const { points } = this;
-    const { gradient, layers } = this.state;
+    const { gradient, layers, shown } = this.state;
     const { view } = this.#viewer;
     const old = view.transfer_function;
     const change = isSame(points, tidy(old.points)) ? {} : { points };
     if (!isSameGradient(gradient, old.gradient ?? [])) change.gradient = gradient;
     const patch = Object.keys(change).length ? { transfer_function: change } : {};
     if (!isSameLayers(layers, layersOf(view))) patch.layers = layers;
+    if (!isShownAlike(shown, shownAs(view))) {
+      const chosen = chooseShown(view, shown);
+      Object.assign(patch, chosen, chosen.transfer_function ? { transfer_function: { ...chosen.transfer_function, ...change } } : {});
+    }
     clearTimeout(this.#timer);
     this.#timer = setTimeout(() => this.#keep(), KEEP_MS);
     if (Object.keys(patch).length) this.#viewer.change(patch, time);

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function, or
 // changes the window of a projection in grey.
-import { dragWindow, isProjection, projectionWindow, windowPatch } from '../core/projection.js';
+import { dragWindow, isProjection, projectionWindow } from '../core/projection.js';
 import { stretchAll, windowOf } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
@@ -16,7 +16,7 @@ const WINDOW_REACH = 180; // px of a drag for a factor e
 class WindowDrag {
   #transfer;
   #viewer;
-  #start = null; // {at, state, window, gesture}, or {at, projection}; null: no drag, or no control
+  #start = null; // {at, gesture, projection} or {at, gesture, state, window}; null: no drag, or no control
 
   constructor(transfer, viewer) {
     this.#transfer = transfer;
@@ -24,25 +24,26 @@ class WindowDrag {
   }
 
   begin(at) {
-    const { isEditable, state, range } = this.#transfer;
-    const projection = isEditable ? projectionWindow(this.#viewer.view, range) : null;
+    const { isEditable, state, range, histogram } = this.#transfer;
+    const projection = isEditable ? projectionWindow(this.#viewer.view, histogram) : null;
+    const gesture = `window ${performance.now()}`;
     if (projection || isProjection(this.#viewer.view)) {
-      this.#start = projection && { at, projection };
+      this.#start = projection && { at, gesture, projection };
       return;
     }
-    this.#start = isEditable ? { at, state, window: windowOf(state.points, range), gesture: `window ${performance.now()}` } : null;
+    this.#start = isEditable ? { at, gesture, state, window: windowOf(state.points, range) } : null;
   }
 
   /** To the right the window gets wider, upwards the level rises. */
   move(at, time) {
     if (!this.#start) return;
-    if (this.#start.projection) {
-      const moved = dragWindow(this.#start.projection, (at[0] - this.#start.at[0]) / WINDOW_REACH, (this.#start.at[1] - at[1]) / LEVEL_REACH);
-      this.#viewer.change(windowPatch(moved), time);
+    const { state, window: from, gesture, projection } = this.#start;
+    const [dx, dy] = [at[0] - this.#start.at[0], at[1] - this.#start.at[1]];
+    if (projection) {
+      const { level, width } = dragWindow(projection, dx / WINDOW_REACH, -dy / LEVEL_REACH);
+      this.#transfer.edit({ shown: { ...this.#transfer.state.shown, center: level, width } }, { gesture, time });
       return;
     }
-    const { state, window: from, gesture } = this.#start;
-    const [dx, dy] = [at[0] - this.#start.at[0], at[1] - this.#start.at[1]];
     const [low, high] = this.#transfer.range;
     const width = Math.min(Math.max(from.width * Math.exp(dx / WINDOW_REACH), (high - low) * 1e-3), (high - low) * 10);
     const level = Math.min(Math.max(from.level - dy / LEVEL_REACH * (high - low), low - (high - low)), high + (high - low));
@@ -50,7 +51,7 @@ class WindowDrag {
   }
 
   end() {
-    if (this.#start && !this.#start.projection) this.#transfer.seal();
+    if (this.#start) this.#transfer.seal();
     this.#start = null;
   }
 }
@@ -59,7 +60,7 @@ export function install({ modes, toolbar, transfer, viewer }) {
   const drag = new WindowDrag(transfer, viewer);
   const sayWindow = () => {
     if (!transfer.state) return;
-    const { level, width } = projectionWindow(viewer.view, transfer.range) ?? windowOf(transfer.state.points, transfer.range);
+    const { level, width } = projectionWindow(viewer.view, transfer.histogram) ?? windowOf(transfer.state.points, transfer.range);
     modes.say(t('window.values', { width: showNumber(width), level: showNumber(level) }));
   };
   modes.add(MODE, {

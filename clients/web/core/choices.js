@@ -14,6 +14,8 @@ const DEFAULTS = Object.freeze({
   '/compositing/attenuation': 'exponential',
   '/compositing/slab': 1,
   '/compositing/colors': 'grey',
+  '/compositing/zero': null, // the smallest value
+  '/compositing/absorption': null, // the sum itself
   '/transfer_function/order': 'auto',
   '/shading/occlusion': 0,
   '/shading/shadow': 0,
@@ -30,10 +32,13 @@ export function valueAt(view, pointer) {
 
 const patchAt = (pointer, value) => names(pointer).reduceRight((inner, name) => ({ [name]: inner }), value);
 
+const SUMS = ['/compositing/zero', '/compositing/absorption'];
+
 /** True if the choice affects the image beside the others. The daemon stores and ignores a choice without effect. */
 export function matters(view, pointer) {
   if (isProjection(view)) {
-    return pointer === '/compositing/mode' || (pointer === '/compositing/colors' && view.compositing.mode !== 'sum');
+    const isSum = view.compositing.mode === 'sum';
+    return pointer === '/compositing/mode' || (pointer === '/compositing/colors' && !isSum) || (SUMS.includes(pointer) && isSum);
   }
   const mode = valueAt(view, '/filter/mode');
   const isInterpolated = valueAt(view, '/compositing/mode') === 'sheet' && valueAt(view, '/transfer_function/order') === 'post';
@@ -45,7 +50,9 @@ export function matters(view, pointer) {
     case '/filter/sigma':
     case '/filter/cutoff': return mode !== 'none' && valueAt(view, '/filter/kernel') === 'gaussian';
     case '/filter/lowpass': return mode !== 'none' && mode !== 'reconstruction';
-    case '/compositing/colors': return false;
+    case '/compositing/colors':
+    case '/compositing/zero':
+    case '/compositing/absorption': return false;
     case '/compositing/slab': return valueAt(view, '/compositing/mode') === 'slab';
     default: return true;
   }
@@ -65,6 +72,10 @@ export function choose(view, pointer, value) {
     const isSum = value === 'sum' && valueAt(view, '/compositing/colors') !== 'grey';
     return { compositing: { mode: value, window: null, ...(isSum ? { colors: 'grey' } : {}) } };
   }
+  // The window of a sum is in the unit of the sum, or a share.
+  if (pointer === '/compositing/absorption' && (value === null) !== (valueAt(view, pointer) === null)) {
+    return { compositing: { absorption: value, window: null } };
+  }
   const isOccluded = OCCLUSIONS.some((other) => valueAt(view, other) > 0);
   if (isOccluded && ((pointer === '/compositing/mode' && value !== 'sheet') || (pointer === '/transfer_function/order' && value === 'pre'))) {
     const plain = choose({ ...view, shading: { ...view.shading, occlusion: 0, shadow: 0 } }, pointer, value);
@@ -77,6 +88,12 @@ export function choose(view, pointer, value) {
     return { ...patch, ...patchAt('/transfer_function/order', 'auto') };
   }
   return patch;
+}
+
+/** The merge patch for a way to show the picture (core/projection.js). */
+export function chooseShown(view, { mode, center, width }) {
+  const patch = mode === valueAt(view, '/compositing/mode') ? {} : choose(view, '/compositing/mode', mode);
+  return { ...patch, compositing: { ...patch.compositing, window: { center, width } } };
 }
 
 /** The gradient axis that fades regions in which the value changes by less than `magnitude` per world unit; 0 hides nothing. */

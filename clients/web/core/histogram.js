@@ -4,11 +4,11 @@
 const SPAN = 8e307; // a range of double precision would have an infinite width
 const holdRange = (range) => range.map((end) => Math.min(SPAN, Math.max(-SPAN, end)));
 
-/** {range, counts} of a histogram of values, or {x, y, counts} of a joint one, from the daemon's answer. */
-export function readHistogram({ axes, counts, type, volume }) {
+/** {range, counts, windows} of a histogram of values, or {x, y, counts} of a joint one, from the daemon's answer. */
+export function readHistogram({ axes, counts, type, volume, windows }) {
   const [x, y] = axes;
   const [first, second] = [x, y].map((axis) => axis && { range: holdRange(axis.range), bins: axis.bins });
-  return y ? { volume, x: first, y: second, counts } : { volume, type, range: first.range, counts };
+  return y ? { volume, x: first, y: second, counts } : { volume, type, range: first.range, counts, windows };
 }
 
 const widthOf = ({ range: [low, high], counts }) => (high - low) / counts.length;
@@ -42,6 +42,17 @@ export function percentile(histogram, part, above = -Infinity) {
     left -= rest[i];
   }
   return range[1];
+}
+
+/** The root mean square of max(value − zero, 0), as the daemon counts it for the window of a sum. */
+export function meanAbove(histogram, zero) {
+  const { range, counts } = histogram;
+  const width = widthOf(histogram);
+  const [squares, samples] = counts.reduce(([sum, all], count, b) => {
+    const above = b === 0 && zero === range[0] ? 0 : Math.max(range[0] + (b + 0.5) * width - zero, 0);
+    return [sum + count * above * above, all + count];
+  }, [0, 0]);
+  return samples > 0 ? Math.sqrt(squares / samples) : 0;
 }
 
 /** The middle of the fullest bin between two values. */

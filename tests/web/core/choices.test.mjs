@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { choose, flatLimit, hideFlat, isChoice, matters, steepest, valueAt } from '../../../clients/web/core/choices.js';
+import { choose, chooseShown, flatLimit, hideFlat, isChoice, matters, steepest, valueAt } from '../../../clients/web/core/choices.js';
 import { applyPatch } from '../../../clients/web/core/merge.js';
 import { logarithmic, quadratic } from '../../../clients/web/core/slider.js';
 import { compare } from '../../support/compare.mjs';
@@ -17,6 +17,26 @@ test('projections have their own choices, and each begins with its own window', 
   assert.deepEqual(choose(mip, '/compositing/mode', 'mean'), { compositing: { mode: 'mean', window: null } });
   assert.deepEqual(choose({ compositing: { mode: 'mean', colors: 'transfer_function' } }, '/compositing/mode', 'sum'),
     { compositing: { mode: 'sum', window: null, colors: 'grey' } });
+});
+
+test('zero and absorption belong to a sum, whose window changes its unit with absorption', () => {
+  const sum = { compositing: { mode: 'sum' } };
+  for (const pointer of ['/compositing/zero', '/compositing/absorption']) {
+    assert.deepEqual([sum, { compositing: { mode: 'mean' } }, {}].map((view) => matters(view, pointer)), [true, false, false]);
+    assert.equal(valueAt(sum, pointer), null);
+  }
+  assert.deepEqual(choose(sum, '/compositing/zero', -1000), { compositing: { zero: -1000 } });
+  assert.deepEqual(choose(sum, '/compositing/absorption', 2e-5), { compositing: { absorption: 2e-5, window: null } });
+  const xray = { compositing: { mode: 'sum', absorption: 2e-5 } };
+  assert.deepEqual(choose(xray, '/compositing/absorption', 3e-5), { compositing: { absorption: 3e-5 } });
+  assert.deepEqual(choose(xray, '/compositing/absorption', null), { compositing: { absorption: null, window: null } });
+});
+
+test('undo returns to a mode and its window, with all that the mode needs', () => {
+  const sum = { compositing: { mode: 'sum' }, transfer_function: { order: 'post' } };
+  assert.deepEqual(chooseShown(sum, { mode: 'sum', center: 1, width: 2 }), { compositing: { window: { center: 1, width: 2 } } });
+  assert.deepEqual(chooseShown(sum, { mode: 'splat', center: null, width: null }),
+    { compositing: { mode: 'splat', window: { center: null, width: null } }, transfer_function: { order: 'auto' } });
 });
 
 test('valueAt returns the value of the view, or the default of the protocol', () => {

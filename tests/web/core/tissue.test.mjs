@@ -15,7 +15,8 @@ function histogramOf(range, peaks, base = 3) {
 
 test('the answer of the daemon is read: one axis or two', () => {
   const x = { axis: 'value', range: [0, 255], bins: 2 };
-  assert.deepEqual(readHistogram({ volume: 'v', type: 'uint8', axes: [x], counts: [1, 2] }), { volume: 'v', type: 'uint8', range: [0, 255], counts: [1, 2] });
+  assert.deepEqual(readHistogram({ volume: 'v', type: 'uint8', axes: [x], counts: [1, 2], windows: {} }),
+    { volume: 'v', type: 'uint8', range: [0, 255], counts: [1, 2], windows: {} });
   const joint = readHistogram({ volume: 'v', axes: [x, { axis: 'gradient', range: [0, 9], bins: 1 }], counts: [1, 2] });
   assert.deepEqual(readHistogram({ axes: [{ range: [-1.7e308, 1.7e308], bins: 1 }], counts: [1] }).range, [-8e307, 8e307]);
   assert.deepEqual(joint, { volume: 'v', x: { range: [0, 255], bins: 2 }, y: { range: [0, 9], bins: 1 }, counts: [1, 2] });
