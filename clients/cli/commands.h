@@ -34,8 +34,8 @@ char *collection_path(struct http *http, const char *collection, const char *nam
  */
 bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
- * camera and the layers (patch.c). `http` is used for --preset alone. NULL with *err set on
- * failure. */
+ * camera, the projection and the layers (patch.c). `http` is used for --preset alone. NULL with
+ * *err set on failure. */
 proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err);
 
 /* An image to write, and the figures of its rendering. */

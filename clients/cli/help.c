@@ -97,6 +97,10 @@ static const char *const texts[BLOCKS] = {
         "LOW\n"
         "                          beside one below HIGH; fast draws squares\n"
         "  --no-volume             leaves the volume out, for surfaces and a shell alone\n"
+        "  --projection NAME       one number of the values along each ray: maximum, minimum, "
+        "mean\n"
+        "                          or sum\n"
+        "  --window CENTRE,WIDTH   of the projection, from black to white (default: automatic)\n"
         "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n",
     [BLOCK_IMAGE] =
         "render:\n"

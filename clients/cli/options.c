@@ -42,6 +42,7 @@ enum option_id {
     OPT_UP,
     OPT_SPACING,
     OPT_WINDOW,
+    OPT_PROJECTION,
     OPT_SURFACE,
     OPT_SHELL,
     OPT_NO_VOLUME,
@@ -80,6 +81,7 @@ static const struct option known[] = {
     { "up", required_argument, NULL, OPT_UP },
     { "spacing", required_argument, NULL, OPT_SPACING },
     { "window", required_argument, NULL, OPT_WINDOW },
+    { "projection", required_argument, NULL, OPT_PROJECTION },
     { "surface", required_argument, NULL, OPT_SURFACE },
     { "shell", required_argument, NULL, OPT_SHELL },
     { "no-volume", no_argument, NULL, OPT_NO_VOLUME },
@@ -144,6 +146,31 @@ static bool parse_camera(const char *name, const char *text, double *out) {
     return false;
 }
 
+static bool parse_projection(const char *text, const char **out) {
+    static const char *const names[] = { "maximum", "minimum", "mean", "sum" };
+    for (size_t i = 0; i < sizeof names / sizeof names[0]; i++)
+        if (strcmp(text, names[i]) == 0) {
+            *out = names[i];
+            return true;
+        }
+    usage_error("--projection", "\"%s\" is not maximum, minimum, mean or sum", text);
+    return false;
+}
+
+/* The daemon gets the text for a slice, and the numbers for a projection. */
+static bool parse_window(struct options *o, const char *text) {
+    char *comma, *end;
+    o->slice.window = text;
+    o->window[0] = strtod(text, &comma);
+    o->window[1] = *comma == ',' ? strtod(comma + 1, &end) : NAN;
+    if (comma != text && *comma == ',' && end != comma + 1 && *end == 0 && isfinite(o->window[0]) &&
+        isfinite(o->window[1]) && o->window[1] > 0)
+        return true;
+    usage_error("--window", "\"%s\" is not CENTRE,WIDTH with a width above 0, such as 40,400",
+                text);
+    return false;
+}
+
 /* Sets an option that is a text or a flag. False if it is another one. */
 static bool apply_plain(struct options *o, enum option_id id, const char *value) {
     const char **const texts[OPT_VERSION + 1] = {
@@ -164,7 +191,6 @@ static bool apply_plain(struct options *o, enum option_id id, const char *value)
         [OPT_NORMAL] = &o->slice.normal,
         [OPT_UP] = &o->slice.up,
         [OPT_SPACING] = &o->slice.spacing,
-        [OPT_WINDOW] = &o->slice.window,
     };
     bool *const flags[OPT_VERSION + 1] = {
         [OPT_NO_VOLUME] = &o->layers.no_volume,
@@ -209,6 +235,10 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
         return parse_camera("--distance", value, &o->camera[CAMERA_DISTANCE]);
     case OPT_ROLL:
         return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
+    case OPT_PROJECTION:
+        return parse_projection(value, &o->projection);
+    case OPT_WINDOW:
+        return parse_window(o, value);
     case OPT_SURFACE:
         return layers_parse_surface(&o->layers, value);
     case OPT_SHELL:
@@ -225,6 +255,7 @@ static bool apply_option(struct options *o, int id, const char *value) {
 bool options_parse(struct options *options, int argc, char **argv) {
     *options = (struct options){ .timeout_s = 300,
                                  .camera = { NAN, NAN, NAN, NAN },
+                                 .window = { NAN, NAN },
                                  .layers = { .low = NAN, .high = NAN } };
     opterr = 0;
     for (int id; (id = getopt_long(argc, argv, ":", known, NULL)) != -1;) {

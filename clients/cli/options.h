@@ -55,9 +55,11 @@ struct options {
     double camera[CAMERA_OPTIONS]; /* NAN = not given */
     struct slice_options slice;
     struct layer_options layers;
-    uint32_t size[2]; /* {0, 0} = the size of the view */
-    int quality;      /* 0 = the default */
-    unsigned threads; /* 0 = one per core */
+    const char *projection; /* one of the names of compositing.mode; NULL = not given */
+    double window[2];       /* of the projection: centre, width; NAN = not given */
+    uint32_t size[2];       /* {0, 0} = the size of the view */
+    int quality;            /* 0 = the default */
+    unsigned threads;       /* 0 = one per core */
     unsigned timeout_s;
     bool local, json, no_wait, delete, help, version;
 };

@@ -65,6 +65,14 @@ static proto_json *add_preset(const char *name, struct http *http, proto_json *v
     return preset;
 }
 
+/* Returns the object of the view, which replaces what is none. */
+static proto_json *object_of(proto_json *view, const char *name) {
+    if (proto_json_type(proto_json_get(view, name)) != PROTO_JSON_OBJECT &&
+        !proto_json_set(view, name, proto_json_object()))
+        return NULL;
+    return (proto_json *)proto_json_get(view, name); /* `view` is ours */
+}
+
 /* A position in the view would contradict the angles; --azimuth and the others replace it. */
 static bool set_camera(const struct options *options, proto_json *view) {
     static const char *const names[CAMERA_OPTIONS] = { "azimuth", "elevation", "distance", "roll" };
@@ -72,10 +80,8 @@ static bool set_camera(const struct options *options, proto_json *view) {
     for (int i = 0; i < CAMERA_OPTIONS; i++) {
         if (isnan(options->camera[i]))
             continue;
-        if (proto_json_type(proto_json_get(view, "camera")) != PROTO_JSON_OBJECT)
-            ok = proto_json_set(view, "camera", proto_json_object()) && ok;
-        proto_json *camera = (proto_json *)proto_json_get(view, "camera");
-        ok = ok && proto_json_set_number(camera, names[i], options->camera[i]);
+        proto_json *camera = object_of(view, "camera");
+        ok = ok && camera && proto_json_set_number(camera, names[i], options->camera[i]);
     }
     return ok;
 }
@@ -89,11 +95,28 @@ static bool set_size(const struct options *options, proto_json *view) {
     return proto_json_set(view, "size", size) && ok;
 }
 
+/* A window in the view belongs to its projection; that of --projection has a window of its own. */
+static bool set_projection(const struct options *options, proto_json *view) {
+    if (!options->projection && isnan(options->window[0]))
+        return true;
+    proto_json *compositing = object_of(view, "compositing");
+    bool ok = compositing != NULL;
+    if (ok && options->projection)
+        ok = proto_json_set_string(compositing, "mode", options->projection) &&
+             proto_json_set(compositing, "window", proto_json_object());
+    proto_json *window = ok ? object_of(compositing, "window") : NULL;
+    if (ok && !isnan(options->window[0]))
+        ok = proto_json_set_number(window, "center", options->window[0]) &&
+             proto_json_set_number(window, "width", options->window[1]);
+    return ok && window;
+}
+
 proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err) {
     proto_json *view = read_file(options, err);
     if (view && options->preset)
         view = add_preset(options->preset, http, view, err);
-    if (view && (!set_camera(options, view) || !set_size(options, view))) {
+    if (view && (!set_camera(options, view) || !set_size(options, view) ||
+                 !set_projection(options, view))) {
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         proto_json_free(&view);
     }

@@ -305,6 +305,19 @@ test('the example of layers is valid, with the daemon and in process, and so are
   }
 });
 
+test('projections: the options and the view give the same image, with the daemon and in process', async () => {
+  for (const how of [['--volume', 'engine'], ['--local', '--backend', 'cpu', '--volume', 'demo:engine?size=32']]) {
+    const image = (options, view) => succeeds(['render', ...how, '--size', '64', '--out', '-', '--view', '-', ...options], { input: JSON.stringify(view) });
+    const compositing = { mode: 'maximum', window: { center: 100, width: 80 } };
+    const [option, same, automatic, sum] = [
+      await image(['--projection', 'maximum', '--window', '100,80'], {}), await image([], { compositing }),
+      await image(['--projection', 'maximum'], { compositing }), await image(['--projection', 'sum'], {}),
+    ];
+    assert.ok(option.equals(same));
+    assert.deepEqual([option.equals(automatic), automatic.equals(sum)], [false, false]);
+  }
+});
+
 test('the example camera path is valid', async () => {
   const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/turn.json', import.meta.url)));
   const { status, json } = await daemon.post('/api/v1/paths', example);

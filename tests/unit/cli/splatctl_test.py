@@ -86,6 +86,10 @@ class Usage(unittest.TestCase):
         for shell in ('', '0.1', '0.1,', '0.5,0.2', '-0.1,1', '0,1.1', '0,1,slow', '0,1,fast,', '0 ,1'):
             self.assertIn('--shell', self.refused('render', '--volume', 'a', '--out', 'x.png', '--shell', shell))
         self.assertIn('one shell', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--shell', '0,1'] * 2))
+        for mode in ('', 'Maximum', 'sheet', 'sum '):
+            self.assertIn('--projection', self.refused('render', '--volume', 'a', '--out', 'x.png', '--projection', mode))
+        for window in ('', '1', '1,', ',1', '1,0', '1,-2', '1,2,3', '1,2 ', '1;2', 'nan,1', '1,inf', '1e999,1'):
+            self.assertIn('--window', self.refused('render', '--volume', 'a', '--out', 'x.png', '--window', window))
         self.refused('render', '--local', '--volume', 'a', '--out', 'x.png', '--preset', 'bones')
         self.refused('unload')
 
@@ -357,6 +361,24 @@ class Remote(RemoteCase):
                          (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface or --shell\n'))
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--view', '-', stdin=b'{"layers": 5}')
         self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: /layers: must be an array, not a number\n'))
+
+    def test_projections(self):
+        self.reply_image()
+        cases = (
+            ([], None, None),
+            (['--projection', 'sum'], None, {'mode': 'sum', 'window': {}}),
+            (['--projection', 'mean', '--window', '-1e1,2.5'], None, {'mode': 'mean', 'window': {'center': -10, 'width': 2.5}}),
+            (['--window', '1,2'], {'compositing': {'mode': 'mean', 'window': None, 'zero': 3}},
+             {'mode': 'mean', 'window': {'center': 1, 'width': 2}, 'zero': 3}),
+            (['--projection', 'sum'], {'compositing': {'mode': 'mean', 'window': {'center': 1}, 'zero': 3}}, {'mode': 'sum', 'window': {}, 'zero': 3}),
+            (['--projection', 'sum'], {'compositing': None}, {'mode': 'sum', 'window': {}}),
+        )
+        for options, view, compositing in cases:
+            with self.subTest(options=options, view=view):
+                result = self.run_at('render', '--volume', 'head', '--out', self.out, *(['--view', '-'] if view else []), *options,
+                                     stdin=json.dumps(view).encode())
+                self.assertEqual((result.returncode, result.stderr), (0, b''))
+                self.assertEqual(json.loads(Daemon.seen[-1][3]).get('compositing'), compositing)
 
     def test_render_says_which_volumes_exist(self):
         Daemon.answers['POST', '/api/v1/volumes'] = [problem(404, 'no such file', '/path')]
