@@ -15,6 +15,11 @@ static float mix_float(float a, float b, double u) {
                       u); /* rounding is monotonic: the result stays in [a, b] */
 }
 
+/* Linear, or `a` until u = 1 if one is automatic (NaN). */
+static double mix_set(double a, double b, double u) {
+    return isnan(a) || isnan(b) ? (u >= 1 ? b : a) : mix(a, b, u);
+}
+
 /* Linear in the logarithm; both are above 0. */
 static double mix_log(double a, double b, double u) {
     double x = u >= 1 ? b : u <= 0 ? a : exp(mix(log(a), log(b), u));
@@ -285,6 +290,14 @@ void srv_blend_compositing(const struct sp_compositing_options *a,
                            struct sp_compositing_options *out) {
     *out = u >= 1 ? *b : *a;
     out->slab = mix(a->slab, b->slab, u);
+    if (a->mode != b->mode)
+        return;
+    out->zero = mix_set(a->zero, b->zero, u);
+    out->absorption = mix_set(a->absorption, b->absorption, u);
+    if (isnan(a->absorption) != isnan(b->absorption))
+        return;
+    out->center = mix_set(a->center, b->center, u);
+    out->width = mix_set(a->width, b->width, u);
 }
 
 static void blend_lights(const struct sp_shading *a, const struct sp_shading *b, double u,

@@ -14,9 +14,10 @@
  *   directions         turn as the camera does; opposite ones, which have no way between them, and
  *                      lists of different lengths, are a until u = 1
  *   c_min, c_max       a until u = 1 if one of them is automatic
- *   edits              a until u = 1: each step would change the volume
- *   layers             a until u = 1 if their number or their types differ; an infinite flatness is
- *                      a until u = 1
+ *   window, zero,      of a projection: a until u = 1 if the modes differ, or one of them is
+ * automatic; absorption         the window also if one of both has no absorption, which changes its
+ * unit edits              a until u = 1: each step would change the volume layers             a
+ * until u = 1 if their number or their types differ; an infinite flatness is a until u = 1
  */
 #ifndef SRV_PATHS_BLEND_H
 #define SRV_PATHS_BLEND_H

@@ -76,6 +76,12 @@ const RULES = {
     const blended = blendAny(a, b, u);
     return isAutomatic(a) === isAutomatic(b) ? blended : { ...blended, c_min: a.c_min };
   },
+  compositing: (a, b, u) => {
+    const blended = blendAny(a, b, u);
+    if (a.mode !== b.mode) return { ...a, slab: blended.slab };
+    const isSameUnit = (typeof a.absorption === 'number') === (typeof b.absorption === 'number');
+    return isSameUnit || !('window' in a) ? blended : { ...blended, window: a.window };
+  },
   shading: (a, b, u) => {
     const blended = blendAny(a, b, u);
     for (const name of ['occlusion', 'shadow']) { // not from or to 0: the frames between may be of a mode that draws neither

@@ -25,6 +25,17 @@ test('a name, and a threshold whose counterpart is automatic, change only at b',
   close([both.c_min, both.c_max], [(A.filter.c_min + 0.5) / 2, 0.8], 1e-12);
 });
 
+test('the window of a projection is blended within one mode and unit', () => {
+  const sum = { mode: 'sum', slab: 1, colors: 'grey', window: { center: 2, width: 8 }, zero: -10, absorption: null };
+  const end = { ...sum, window: { center: 4, width: 4 }, zero: 10 };
+  const blended = (a, b) => blendViews({ ...A, compositing: a }, { ...A, compositing: b }, 0.25).compositing;
+  assert.deepEqual(blended(sum, end), { ...sum, window: { center: 2.5, width: 7 }, zero: -5 });
+  assert.deepEqual(blended(sum, { ...end, mode: 'mean', slab: 3 }), { ...sum, slab: 1.5 });
+  assert.deepEqual(blended(sum, { ...end, absorption: 2 }), { ...sum, zero: -5 });
+  assert.deepEqual(blended({ ...sum, absorption: 1 }, { ...end, absorption: 3 }), { ...sum, window: { center: 2.5, width: 7 }, zero: -5, absorption: 1.5 });
+  assert.deepEqual(blended(sum, { ...end, zero: null, window: { center: null, width: 4 } }), { ...sum, window: { center: 2, width: 7 } });
+});
+
 test('the camera moves on an arc; near plane and distance change by constant ratios', () => {
   const { camera } = blendViews(A, B, 0.5);
   const [from, to] = [300 - 31, 300];

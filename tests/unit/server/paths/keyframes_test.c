@@ -263,6 +263,43 @@ static void names_change_at_the_next_key(void **state) {
     srv_keyframes_free(&keyframes);
 }
 
+/* One track: compositing. */
+static void the_window_of_a_projection_is_blended_in_one_unit(void **state) {
+    (void)state;
+    struct srv_keyframes *keyframes = read_keys(
+        "[{\"frame\": 0, \"view\": {\"compositing\": "
+        "{\"mode\": \"sum\", \"window\": {\"center\": 2, "
+        "\"width\": 8}, \"zero\": -10}}},"
+        "{\"frame\": 20, \"view\": {\"compositing\": "
+        "{\"mode\": \"sum\", \"window\": {\"center\": 4, "
+        "\"width\": 4}, \"zero\": 10}}},"
+        "{\"frame\": 40, \"view\": {\"compositing\": "
+        "{\"mode\": \"sum\", \"window\": {\"center\": 1, "
+        "\"width\": 2}, \"zero\": 30, \"absorption\": 1}}},"
+        "{\"frame\": 60, \"view\": {\"compositing\": "
+        "{\"mode\": \"sum\", \"window\": {\"center\": null, \"width\": 6}, \"zero\": null, "
+        "\"absorption\": 3}}},"
+        "{\"frame\": 80, \"view\": {\"compositing\": "
+        "{\"mode\": \"mean\", \"window\": {\"center\": 7, "
+        "\"width\": 8}, \"absorption\": 3}}}]");
+    const double expected[][5] = {
+        /* frame, centre, width, zero, absorption; NAN = automatic */
+        { 5, 2.5, 7, -5, NAN }, { 20, 4, 4, 10, NAN },  { 30, 4, 4, 20, NAN },  { 40, 1, 2, 30, 1 },
+        { 50, 1, 4, 30, 2 },    { 60, NAN, 6, NAN, 3 }, { 70, NAN, 6, NAN, 3 }, { 80, 7, 8, NAN, 3 }
+    };
+    for (size_t i = 0; i < sizeof expected / sizeof expected[0]; i++) {
+        struct sp_view view = frame_of(keyframes, (uint32_t)expected[i][0]);
+        const struct sp_compositing_options *c = &view.compositing;
+        const double got[] = { c->center, c->width, c->zero, c->absorption };
+        for (int k = 0; k < 4; k++) {
+            assert_int_equal(isnan(got[k]) != 0, isnan(expected[i][k + 1]) != 0);
+            if (!isnan(got[k]))
+                assert_near(got[k], expected[i][k + 1]);
+        }
+    }
+    srv_keyframes_free(&keyframes);
+}
+
 static void values_that_cannot_be_blended_stay_until_the_key(void **state) {
     (void)state;
     struct srv_keyframes *keyframes = read_keys(
@@ -401,6 +438,7 @@ int main(void) {
         cmocka_unit_test(transfer_functions_are_blended_at_every_value),
         cmocka_unit_test(tracks_are_interpolated_independently),
         cmocka_unit_test(names_change_at_the_next_key),
+        cmocka_unit_test(the_window_of_a_projection_is_blended_in_one_unit),
         cmocka_unit_test(values_that_cannot_be_blended_stay_until_the_key),
         cmocka_unit_test(a_key_may_be_approached_smoothly_or_in_one_step),
         cmocka_unit_test(errors_have_a_pointer),
