@@ -10,12 +10,14 @@
 
 struct walker {
     struct test_interpolant field;
-    double zero;
+    double zero[2];
+    double *second; /* the numbers of the next pixel for the second zero */
 };
 
 static void follow(void *user, const double eye[3], const double ahead[3], double from, double to,
                    double step, double *number) {
-    const struct walker *w = user;
+    struct walker *w = user;
+    double other = 0;
     number[0] = -INFINITY;
     number[1] = INFINITY;
     number[2] = number[3] = 0;
@@ -28,16 +30,22 @@ static void follow(void *user, const double eye[3], const double ahead[3], doubl
         double value = test_interpolant_value(&w->field, index);
         number[0] = fmax(number[0], value);
         number[1] = fmin(number[1], value);
-        number[2] += fmax(value - w->zero, 0) * step;
+        number[2] += fmax(value - w->zero[0], 0) * step;
+        other += fmax(value - w->zero[1], 0) * step;
         number[3] += step;
     }
+    memcpy(w->second, number, 4 * sizeof *number);
+    w->second[2] = other;
+    w->second += 4; /* pixels come row by row */
 }
 
-bool test_projected(const struct test_scene *scene, unsigned steps, double zero,
-                    struct test_image *numbers) {
-    struct walker w = { .zero = zero };
-    bool ok =
-        test_interpolant_init(&w.field, scene) && test_each_ray(scene, steps, follow, &w, numbers);
+bool test_projected(const struct test_scene *scene, unsigned steps, const double zero[2],
+                    struct test_image numbers[2]) {
+    struct walker w = { .zero = { zero[0], zero[1] } };
+    bool ok = test_image_init(&numbers[1], scene->view.size[0], scene->view.size[1]) &&
+              test_interpolant_init(&w.field, scene);
+    w.second = numbers[1].rgba;
+    ok = ok && test_each_ray(scene, steps, follow, &w, &numbers[0]);
     test_interpolant_finish(&w.field);
     return ok;
 }

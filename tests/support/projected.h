@@ -10,10 +10,11 @@
 #include "support/scene.h"
 
 /* Writes four numbers per pixel: the largest and the smallest value, the integral of
- * max(value − zero, 0) and the length of the ray inside; length 0 = it misses the volume. Samples
- * must be finite. False when out of memory. */
-bool test_projected(const struct test_scene *scene, unsigned steps, double zero,
-                    struct test_image *numbers);
+ * max(value − zero, 0) and the length of the ray inside; length 0 = it misses the volume. Follows
+ * the rays once for two zeros, each with numbers of its own. Samples must be finite. False when out
+ * of memory; the caller then finishes both images too. */
+bool test_projected(const struct test_scene *scene, unsigned steps, const double zero[2],
+                    struct test_image numbers[2]);
 
 /* Makes the image of the view's projection from these numbers: its window, its colours, over its
  * background. `zero` as above; the view's zero is not read. False when out of memory. */
