@@ -194,6 +194,15 @@ static float alpha_behind(float opacity, float front, float behind) {
     return first > 1e-6f ? fmaxf(0, 1 - both / first) : 0;
 }
 
+/* A ray from outside meets the outside of a body first. Where an edge is close to a sheet behind
+ * it, both are one sheet, whose mean depth may lie behind the far side of the edge. */
+static bool is_out_of_order(const struct sp_surface *s, const struct resolved rows[ROWS],
+                            const int order[ROWS], int x) {
+    const bool is_cut = s->clip.count || s->cuts_near;
+    return !is_cut && order[0] >= SURFACE_SHEETS && order[1] < SURFACE_SHEETS &&
+           rows[order[0]].coverage[x] < 1;
+}
+
 /* Adds the sheets of one pixel. A ray enters and leaves a body in turns; from the first sheet on,
  * each pair of different facing belongs to one silhouette. */
 static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROWS], int x,
@@ -208,6 +217,11 @@ static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROW
         order[at] = i;
         count++;
     }
+    const int nearest = count ? order[0] : 0;
+    if (count > 1 && is_out_of_order(s, rows, order, x)) {
+        order[0] = order[1];
+        order[1] = nearest;
+    }
     for (int k = 0; k < count; k++) {
         const struct resolved *row = &rows[order[k]];
         float coverage = row->coverage[x], alpha = s->opacity * coverage;
@@ -215,7 +229,8 @@ static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROW
         if (is_pair)
             alpha = alpha_behind(s->opacity, rows[last].coverage[x], coverage);
         last = is_pair ? -1 : order[k];
-        const struct sp_fragment fragment = { .depth = row->depth[x] * (float)s->frame.unit,
+        const float depth = rows[k ? order[k] : nearest].depth[x];
+        const struct sp_fragment fragment = { .depth = depth * (float)s->frame.unit,
                                               .color = { row->color[0][x] * alpha,
                                                          row->color[1][x] * alpha,
                                                          row->color[2][x] * alpha },

@@ -141,6 +141,13 @@ void sort_in(Resolved own) {
     sorted_count++;
 }
 
+// A ray from outside meets the outside of a body first. Where an edge is close to a sheet behind it, both are one sheet, whose
+// mean depth may lie behind the far side of the edge.
+bool is_out_of_order() {
+    bool is_cut = plane_counts.x != 0u || kind.y != 0u;
+    return !is_cut && sorted[0].side == 1u && sorted[1].side == 0u && sorted[0].coverage < 1.0;
+}
+
 // Makes the fragments of the pixel; returns how many. From the first sheet on, each pair of different facing belongs to one
 // silhouette.
 uint make_fragments(out Fragment list[2u * SHEETS]) {
@@ -151,6 +158,12 @@ uint make_fragments(out Fragment list[2u * SHEETS]) {
         own.side = i / SHEETS;
         if (own.coverage > LEAST)
             sort_in(own);
+    }
+    if (sorted_count > 1u && is_out_of_order()) {
+        Resolved first = sorted[0];
+        sorted[0] = sorted[1];
+        sorted[0].depth = first.depth;
+        sorted[1] = first;
     }
     for (uint k = 0u; k < sorted_count; k++) {
         Resolved own = sorted[k];
