@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Import and export of transfer functions. A bad file leaves everything as it was and explains itself beside the button.
-import { BYTES_MAX, readTransferFile, writeOwn, writeParaview } from '../core/transfer_files.js';
+import { BYTES_MAX, readTransferFile, stretch, writeOwn, writeParaview } from '../core/transfer_files.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
 
@@ -47,8 +47,10 @@ class TransferFiles {
       const read = readTransferFile(await file.text());
       if (!this.#transfer.isEditable) throw new Error(t('transfer.file.locked'));
       if (read.kind === 'map') this.#transfer.useMap(read, time);
-      else this.#transfer.replace(read, time);
-      said.textContent = read.kind === 'map' ? t('transfer.file.map', { map: read.name, file: file.name }) : t('transfer.file.whole', { file: file.name });
+      const stretched = read.kind === 'whole' ? stretch(read, this.#transfer.range) : null;
+      if (read.kind === 'whole') this.#transfer.replace(stretched ? { ...read, points: stretched } : read, time);
+      said.textContent = read.kind === 'map' ? t('transfer.file.map', { map: read.name, file: file.name })
+        : t(stretched ? 'transfer.file.stretched' : 'transfer.file.whole', { file: file.name });
     } catch (error) {
       said.className = 'complaint';
       said.textContent = t('transfer.file.wrong', { file: file.name, reason: error.message });

@@ -133,7 +133,17 @@ function readParaview(map) {
   const colors = stops.map(([value, color]) => ({ value, color }));
   const values = [...new Set([...opacities.map((p) => p.value), ...stops.map(([value]) => value)])].sort((a, b) => a - b);
   if (values.length > POINTS_MAX) fail('map.many', { count: values.length, most: POINTS_MAX });
-  return { kind: 'whole', name, points: tidy(values.map((value) => ({ value, color: colorAt(colors, value), opacity: opacityAt(opacities, value) }))), gradient: null };
+  const isNormalized = values[0] === 0 && values.at(-1) === 1;
+  return { kind: 'whole', name, isNormalized, points: tidy(values.map((value) => ({ value, color: colorAt(colors, value), opacity: opacityAt(opacities, value) }))), gradient: null };
+}
+
+/**
+ * Presets of ParaView have values from 0 to 1, which ParaView stretches over the data. Does the same for a volume with these values;
+ * null: the values of the file are those of the volume.
+ */
+export function stretch({ isNormalized = false, points }, [low, high]) {
+  if (!isNormalized || (low >= 0 && high <= 1) || !(high > low)) return null;
+  return points.map((point) => ({ ...point, value: low + (high - low) * point.value }));
 }
 
 /**

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { MIXES, labFromRgb, rgbFromLab } from '../../../clients/web/core/color_space.js';
 import { colorAt, opacityAt } from '../../../clients/web/core/transfer.js';
-import { readTransferFile, writeOwn, writeParaview } from '../../../clients/web/core/transfer_files.js';
+import { readTransferFile, stretch, writeOwn, writeParaview } from '../../../clients/web/core/transfer_files.js';
 import { compare } from '../../support/compare.mjs';
 
 const points = [{ value: -100, opacity: 0, color: [0, 0.25, 1] }, { value: 50.5, opacity: 0.3, color: [1, 1, 0] }, { value: 900, opacity: 0.999, color: [1, 0, 0] }];
@@ -58,6 +58,15 @@ test('midpoint and sharpness of opacities, as in VTK', () => {
   const smooth = of(0.5, 0.5);
   compare(opacityAt(smooth, 0.25), '<', 0.1);
   compare(opacityAt(smooth, 0.75), '>', 0.7);
+});
+
+test('a preset of ParaView from 0 to 1 is stretched over the values of the volume', () => {
+  const preset = (high) => read([{ RGBPoints: [0, 0, 0, 0, high, 1, 1, 1], Points: [0, 0, 0.5, 0, high, 0.5, 0.5, 0] }]);
+  assert.deepEqual(stretch(preset(1), [-100, 300]).map(({ value, opacity }) => [value, opacity]), [[-100, 0], [300, 0.5]]);
+  assert.equal(stretch(preset(1), [0, 0.8]), null, 'the values of the volume may be the same');
+  assert.equal(stretch(preset(40), [-100, 300]), null);
+  assert.equal(stretch(preset(1), [7, 7]), null);
+  assert.equal(stretch(readTransferFile(writeOwn('head', points, gradient)), [0, 255]), null);
 });
 
 test('equal values, which ParaView uses for steps, move apart', () => {
