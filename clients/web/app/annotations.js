@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the overlay (measurements, scale bar) into a saved picture.
+// Draws the overlay (measurements), the scale bar and the orientation cube into a saved picture.
 import { overlayPlacement } from '../core/capture.js';
 import { byId } from './dom.js';
 
@@ -8,11 +8,15 @@ const PROPERTIES = ['fill', 'fill-opacity', 'stroke', 'stroke-opacity', 'stroke-
   'stroke-linejoin', 'opacity', 'display', 'visibility', 'paint-order', 'font-family', 'font-size', 'font-weight', 'letter-spacing',
   'text-anchor', 'dominant-baseline'];
 
+const CORNER_PX = 14; // from the scale bar and the cube to the edges of the picture
+
 const overlay = () => byId('overlay');
 
-/** True if the overlay shows anything. */
+const isShown = (element) => element !== null && element.checkVisibility();
+
+/** True if the page shows anything above the picture. */
 export function hasAnnotations() {
-  return !overlay().hasAttribute('hidden') && overlay().querySelector('path, line, polyline, polygon, circle, ellipse, rect, text') !== null;
+  return isShown(byId('scale-bar')) || isShown(byId('cube')) || !overlay().hasAttribute('hidden') && overlay().querySelector('path, line, polyline, polygon, circle, ellipse, rect, text') !== null;
 }
 
 /** A copy of an <svg>, with the computed style of each element as attributes, as a document of its own. */
@@ -49,6 +53,31 @@ export async function imageOf(source, size, viewBox) {
   }
 }
 
+/** Draws the scale bar of the page, if it shows one, with its lower right corner at a place. */
+export function drawScaleBar(context, [right, bottom]) {
+  const root = byId('scale-bar');
+  if (!isShown(root)) return;
+  const [line, text] = ['.scale-line', '.scale-text'].map((part) => root.querySelector(part));
+  const [{ width, height }, above] = [line, text].map((part) => part.getBoundingClientRect());
+  const { fontWeight, fontSize, fontFamily } = getComputedStyle(text);
+  context.save();
+  Object.assign(context, { font: `${fontWeight} ${fontSize} ${fontFamily}`, textAlign: 'center', textBaseline: 'bottom' });
+  Object.assign(context, { shadowColor: '#000', shadowBlur: 3, fillStyle: '#fff', strokeStyle: '#fff', lineWidth: 1.5 });
+  const center = right - Math.max(width, above.width) / 2;
+  context.stroke(new Path2D(`M${center - width / 2} ${bottom - height}v${height}h${width}v${-height}`));
+  context.fillText(text.textContent, center, bottom - height - 2);
+  context.restore();
+}
+
+/** Draws the cube with its letters into the upper right corner. */
+async function drawCube(context, width, scale) {
+  const cube = byId('cube');
+  if (!isShown(cube)) return;
+  const side = cube.getBoundingClientRect().width;
+  const drawing = await imageOf(cube, [side * scale, side * scale], cube.getAttribute('viewBox'));
+  context.drawImage(drawing, width / scale - side - CORNER_PX, CORNER_PX, side, side);
+}
+
 /** Resolves to the picture with the overlay in it, in the same format. */
 export async function burnIn(blob, { size: [width, height], viewport, quality }) {
   const { scale, x, y } = overlayPlacement(viewport, [width, height]);
@@ -59,5 +88,8 @@ export async function burnIn(blob, { size: [width, height], viewport, quality })
   context.drawImage(picture, 0, 0);
   context.drawImage(drawing, 0, 0, width, height);
   picture.close();
+  context.scale(scale, scale);
+  drawScaleBar(context, [width / scale - CORNER_PX, height / scale - CORNER_PX]);
+  await drawCube(context, width, scale);
   return canvas.convertToBlob({ type: blob.type, quality: quality / 100 });
 }

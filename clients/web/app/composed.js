@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // One picture of all panes as the layout shows them: the 3-D picture, the slices, and the lines and letters above them.
-import { imageOf } from './annotations.js';
+import { drawScaleBar, imageOf } from './annotations.js';
 import { byId } from './dom.js';
 
-const TEXTS = '.pane-title, .slice-letter, .slice-foot input, .slice-foot span, .slice-read, .scale-text';
+const TEXTS = '.pane-title, .slice-letter, .slice-foot input, .slice-foot span, .slice-read';
 
 const panes = () => [...document.querySelectorAll('main > .pane:not([hidden])')];
 
@@ -27,13 +27,6 @@ function drawTexts(context, pane, origin) {
     context.fillStyle = style.color;
     context.fillText(text, box.left - origin.left + parseFloat(style.paddingLeft), box.top - origin.top + box.height / 2);
   }
-  const line = pane.querySelector('.scale-line');
-  if (line?.checkVisibility()) {
-    const { left, right, top, bottom } = line.getBoundingClientRect();
-    context.strokeStyle = '#fff';
-    context.lineWidth = 1.5;
-    context.stroke(new Path2D(`M${left - origin.left} ${top - origin.top}V${bottom - origin.top}H${right - origin.left}V${top - origin.top}`));
-  }
   context.shadowColor = 'transparent';
 }
 
@@ -52,6 +45,10 @@ async function drawPane(context, pane, origin, picture, ratio) {
   if (content) context.drawImage(content, ...place);
   if (drawing) context.drawImage(drawing, ...place);
   drawTexts(context, pane, origin);
+  if (is3d) {
+    const { right, bottom } = byId('scale-bar').getBoundingClientRect();
+    drawScaleBar(context, [right - origin.left, bottom - origin.top]);
+  }
   context.restore();
 }
 

@@ -466,7 +466,7 @@ export default {
   'capture.alpha': 'Transparent',
   'capture.alpha.title': 'Leaves the background out; PNG, WebP and EXR have an alpha channel',
   'capture.burn': 'Annotations',
-  'capture.burn.title': 'Draws measurements, letters and the scale bar into the picture',
+  'capture.burn.title': 'Draws measurements, the cube with its letters and the scale bar into the picture, except in EXR',
   'capture.busy': 'The daemon is busy: {reason}. Try again in a moment.',
   'capture.cancel': 'Cancel',
   'capture.cancelled': 'Cancelled.',

@@ -181,6 +181,10 @@ test('annotations are drawn into the picture on request', async (context) => {
   assert.deepEqual(burnt.at(175, 4).slice(0, 3), [255, 0, 0]);
   assert.notDeepEqual(plain.at(175, 4).slice(0, 3), [255, 0, 0]);
   assert.deepEqual(burnt.at(175, 125).slice(0, 3), plain.at(175, 125).slice(0, 3));
+  const part = ({ at }, left, top, width, height) => ({ width, height, at: (x, y) => at(left + x, top + y) });
+  for (const [name, ...box] of [['the scale bar', 250, 220, 100, 30], ['the cube', 270, 24, 80, 60]]) {
+    assert.ok(difference(part(burnt, ...box), part(plain, ...box)) > 0.02, name);
+  }
 });
 
 test('saved views are a gallery that survives reload and restart, and goes to views of other volumes', async (context) => {
