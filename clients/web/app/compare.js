@@ -202,6 +202,9 @@ class Compare {
     const [a, b] = [viewer.view, this.#companion.view].map(settingsOf);
     viewer.restore({ ...viewer.view, ...b });
     this.#companion.change(a);
+    this.listSources();
+    this.#source.value = `volume:${a.volume}`;
+    if (!this.#source.value) this.#source.value = COPY; // both show one volume
     this.#look();
   }
 

@@ -116,6 +116,12 @@ test('another volume is compared, and a daemon without a free session says so', 
   assert.ok(await compared(page) > 0.05);
   assert.equal(await page.evaluate(() => window.splatd.compared.view.volume), 'phantom');
   await page.locator('.compare-badge[data-side="b"]', { hasText: 'phantom' }).waitFor();
+  await page.click('#compare-swap');
+  await until(page, 'the swap', (s) => s.isIdle && s.volume === 'phantom' && s.compared.view.volume === 'engine');
+  assert.equal(await page.locator('#compare-source').inputValue(), 'volume:engine');
+  await page.click('#compare-swap');
+  await until(page, 'the swap back', (s) => s.isIdle && s.volume === 'engine' && s.compared.view.volume === 'phantom');
+  assert.equal(await page.locator('#compare-source').inputValue(), 'volume:phantom');
   await page.click('#compare-end');
   await page.route('**/api/v1/sessions', (route) => route.fulfill({
     status: 429, headers: { 'Retry-After': '1', 'Content-Type': 'application/problem+json' }, body: '{"title":"x","status":429,"detail":"4 sessions are open"}' }));
