@@ -65,6 +65,8 @@ export function install(app) {
 class People {
   #participants; #call; #fail; #links; #prompts;
   #key = '';
+  #was = { isHolder: false, isAsking: false, holder: null };
+  #isOwnAct = false; // this user gave control away or stopped asking
 
   /**
    * call(method, params) → promise; fail(Error) shows it; links(): {watch, control, view, fork}. Each is a function that
@@ -82,7 +84,10 @@ class People {
       if (name) rename(name);
     });
     byId('control-ask').addEventListener('click', () => this.#call('session.request_control'));
-    byId('control-release').addEventListener('click', () => this.#call('session.release_control'));
+    byId('control-release').addEventListener('click', () => {
+      this.#isOwnAct = true;
+      this.#call('session.release_control');
+    });
     for (const kind of ['watch', 'control', 'view']) {
       byId(`link-${kind}`).addEventListener('click', () => this.#share(kind));
     }
@@ -117,6 +122,7 @@ class People {
     const key = JSON.stringify([people, this.#participants.isHolder]);
     if (key === this.#key) return;
     this.#key = key;
+    this.#sayControl();
     const name = byId('person-name');
     if (me && document.activeElement !== name) name.value = me.name ?? '';
     byId('people-dots').replaceChildren(...people.map((p) => this.#dot(p)));
@@ -126,13 +132,33 @@ class People {
     if (this.#participants.mayChange || this.#participants.isAsking) this.#prompts.hide('denied');
   }
 
+  #grant(to) {
+    this.#isOwnAct = true;
+    this.#call('session.grant_control', { to });
+  }
+
+  /** Says what became of control, because the section may be folded: it passed on, or a request was answered. */
+  #sayControl() {
+    const { isHolder, isAsking, holder } = this.#participants;
+    const was = this.#was;
+    this.#was = { isHolder, isAsking, holder: holder?.id ?? null };
+    const isAnswered = was.isAsking && !isAsking;
+    if (isAsking) this.#prompts.hide('control');
+    if (isHolder) {
+      if (isAnswered) this.#prompts.show('control', { text: t('people.gained'), ms: DENIED_MS });
+    } else if (holder && !this.#isOwnAct && (isAnswered || was.isHolder)) {
+      this.#prompts.show('control', { text: t(was.holder === holder.id ? 'people.refused' : 'people.passed', { name: holder.name }), ms: DENIED_MS });
+    }
+    if (isAnswered || was.isHolder !== isHolder) this.#isOwnAct = false;
+  }
+
   /** Requests for control are shown over the picture, wherever the panel is. */
   #showRequests(asking) {
     for (const { id, name, asks: { seconds } } of asking) {
       this.#prompts.show(`asked:${id}`, {
         text: seconds === null ? t('people.asked', { name }) : t('people.asked.until', { name, seconds: Math.ceil(seconds) }), isUrgent: true,
         actions: [
-          { label: t('people.grant'), press: () => this.#call('session.grant_control', { to: id }) },
+          { label: t('people.grant'), press: () => this.#grant(id) },
           { label: t('people.refuse'), press: () => this.#call('session.refuse_control', { to: id }) },
         ],
       });
@@ -171,7 +197,7 @@ class People {
     item.append(this.#dot(person), name, about);
     if (this.#participants.isHolder && person.asks) {
       item.append(
-        make('button', { text: t('people.grant'), press: () => this.#call('session.grant_control', { to: person.id }) }),
+        make('button', { text: t('people.grant'), press: () => this.#grant(person.id) }),
         make('button', { text: t('people.refuse'), press: () => this.#call('session.refuse_control', { to: person.id }) }),
       );
     }

@@ -81,6 +81,8 @@ test('links, names and transfer of control work between participants', async (co
   await host.page.click('#people li button:text("Grant")');
   await until(guest.page, 'control', (s) => s.canControl && s.people.some((p) => p.isYou && p.isHolder));
   await until(host.page, 'control to be lost', (s) => !s.canControl);
+  await guest.page.locator('.prompt', { hasText: 'You have control now.' }).waitFor();
+  assert.equal(await host.page.locator('.prompt').count(), 0, 'the host granted it: no message');
   await orbit(guest.page);
   await rest(guest.page);
   assert.ok(!isSame(await followed(), moved));
@@ -93,6 +95,7 @@ test('links, names and transfer of control work between participants', async (co
   await watcher.page.click('#control-ask');
   await guest.page.click('#people li button:text("Refuse")');
   await watcher.page.locator('#control-ask').waitFor();
+  await watcher.page.locator('.prompt', { hasText: 'Grace keeps control.' }).waitFor();
   await guest.page.click('#control-release');
   await until(host.page, 'control to be free', (s) => s.canControl);
   assert.equal(await watcher.page.evaluate(() => window.splatd.canControl), false);
