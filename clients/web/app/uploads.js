@@ -147,6 +147,7 @@ class Uploads {
     });
     upload.resume();
     this.#app.panel.toggle(true);
+    row.element.scrollIntoView({ block: 'nearest' });
     return row;
   }
 
