@@ -153,11 +153,13 @@ static const char *const texts[BLOCKS] = {
                      "  --help                  print the help; of one command after its name\n"
                      "  --version               print the version\n",
     [BLOCK_FIELDS] =
-        "A view also chooses layers, filter, compositing, light and clipping. \"splatctl view "
-        "ID\"\n"
-        "prints all fields; among them are:\n"
+        "A view also chooses layers, edits, filter, compositing, light and clipping.\n"
+        "\"splatctl view ID\" prints all fields; among them are:\n"
         "  layers                  [{\"type\": \"volume\"}, {\"type\": \"surface\", \"value\": "
         "120}, …]\n"
+        "  edits                   [{\"type\": \"sphere\", \"center\": [X, Y, Z], \"radius\": R}, "
+        "…]: cuts\n"
+        "                          by plane, box and sphere, and connected parts (part)\n"
         "  filter.mode             adaptive, ewa, reconstruction, lowpass, swan, none\n"
         "  filter.kernel           gaussian, cubic\n"
         "  compositing.mode        splat, sheet, slab; projections: maximum, minimum, mean, sum\n"

@@ -229,8 +229,11 @@ test('the measurements of a session are listed and written as CSV', async () => 
   const { status, json } = await daemon.json(`${at}/wall`, { method: 'PUT', body, headers: { 'Content-Type': 'application/json' } });
   assert.deepEqual([status, json.value], [201, 5]);
   const table = (await succeeds(['measures', id])).toString();
-  assert.match(table, /^wall +distance +=Wall +5 +- +- +- +the volume does not state the unit of its coordinates *$/m);
+  assert.match(table, /^wall +distance +=Wall +5 +- +- +- +- +the volume does not state the unit of its coordinates *$/m);
   assert.deepEqual(JSON.parse(await succeeds(['measures', id, '--json'])).measures, [json]);
+  const part = await daemon.post(`${at}`, { kind: 'part', points: [[0, 0, 0]], range: [-1e9, 1e9], text: 'all' });
+  assert.match((await succeeds(['measures', id])).toString(), new RegExp(`all +[\\d.e+]+ +- +- +- +area [\\d.e+]+, ${part.json.samples} samples`));
+  await daemon.fetch(`${at}/${part.json.id}`, { method: 'DELETE' });
   const csv = (await succeeds(['measures', id, '--format', 'csv'])).toString();
   assert.match(csv, /^id,kind,volume,text,.*\r\nwall,distance,engine,"'=Wall",/);
   await succeeds(['measures', id, '--format', 'csv', '--out', inFolder('m.csv')]);
@@ -290,11 +293,13 @@ test('a camera path that could not be fetched stays and can be fetched later', a
   assert.match((await splatctl(['path', '--id', id])).err, /HTTP 404/);
 });
 
-test('the example of layers is valid, with the daemon and in process, and so are the options', async () => {
+test('the examples of layers and edits are valid, with the daemon and in process, and so are the options', async () => {
   const view = new URL('../../clients/cli/examples/layers.json', import.meta.url).pathname;
+  const edits = new URL('../../clients/cli/examples/edits.json', import.meta.url).pathname;
   for (const how of [['--volume', 'engine'], ['--local', '--backend', 'cpu', '--volume', 'demo:engine?size=32']]) {
     const image = (...options) => succeeds(['render', ...how, '--size', '64', '--out', '-', ...options]);
     await image('--view', view);
+    await image('--view', edits);
     const [surface, same, both, volume] = [
       await image('--no-volume', '--surface', '90,ff0066,0.5'),
       await succeeds(['render', ...how, '--size', '64', '--out', '-', '--view', '-'], { input: JSON.stringify({ layers: [{ type: 'surface', value: 90, color: [1, 0, 0.4], opacity: 0.5 }] }) }),

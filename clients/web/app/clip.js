@@ -13,9 +13,10 @@ const AXES = ['x', 'y', 'z'];
 export function install(app) {
   const { viewer, panel, toolbar } = app;
   const state = new ClipState(app);
+  app.clip = state;
   const body = panel.section({ id: 'clip', title: t('clip.section'), order: ORDER.clip });
   const handles = switchRow('clip-handles-on', t('clip.handles'), t('clip.handles.title'));
-  const box = new BoxRows(state);
+  const box = new BoxRows(state, { id: 'clip-box', class: 'box-rows', 'data-pointer': '/clip/box' });
   const planes = new PlaneList(state);
   const reset = make('button', { id: 'clip-reset', text: t('clip.reset'), title: t('clip.reset.title'), press: ({ timeStamp }) => state.reset(timeStamp) });
   body.append(handles.row, box.root, planes.root, make('div', { class: 'buttons' }, reset));
@@ -45,15 +46,15 @@ function switchRow(id, label, title) {
   return { row: make('div', { class: 'row', title }, make('label', { for: id, text: label }), input), input };
 }
 
-/** Two numbers and two sliders per axis. */
-class BoxRows {
+/** Two numbers and two sliders per axis. state: see ClipState. */
+export class BoxRows {
   #state;
   #rows;
 
-  constructor(state) {
+  constructor(state, attributes) {
     this.#state = state;
     this.#rows = [0, 1, 2].map((axis) => this.#row(axis));
-    this.root = make('div', { id: 'clip-box', 'data-pointer': '/clip/box' }, ...this.#rows.map(({ row }) => row));
+    this.root = make('div', attributes, ...this.#rows.map(({ row }) => row));
   }
 
   #row(axis) {

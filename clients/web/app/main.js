@@ -9,6 +9,7 @@ import * as clip from './clip.js';
 import * as compare from './compare.js';
 import * as connectionBanner from './connection_banner.js';
 import { showTexts } from './dom.js';
+import * as edits from './edits.js';
 import * as formats from './formats.js';
 import * as frames from './frames.js';
 import * as gradient from './gradient.js';
@@ -47,7 +48,7 @@ import * as zoomBox from './zoom_box.js';
 const FEATURES = [
   frames, warp, status, stream, formats, connectionBanner, session, input, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures,
+  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures, edits,
   open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
 ];
 

@@ -117,8 +117,8 @@ function pathOf(points) {
 /** The middle of the label of `size` px, so that it covers no line. */
 function labelPlace(item, points, size) {
   const [width, height] = size;
-  if (item.kind === 'marker') return { x: points[0].x + DOT_PX + 7 + width / 2, y: points[0].y };
-  if (item.kind === 'distance' || item.kind === 'profile') return labelBeside(points[0], points[1], width, height);
+  if (item.kind === 'marker' || item.kind === 'part') return { x: points[0].x + DOT_PX + 7 + width / 2, y: points[0].y };
+  if (item.kind === 'distance' || item.kind === 'profile' || item.kind === 'path') return labelBeside(points[0], points[1], width, height);
   if (item.kind === 'angle') {
     const [a, v, c] = points;
     const towards = { x: a.x + c.x - 2 * v.x, y: a.y + c.y - 2 * v.y };
@@ -134,10 +134,13 @@ function labelPlace(item, points, size) {
   return { x: (left + right) / 2, y: top - 2 * reach >= 0 ? top - reach : bottom + reach };
 }
 
+/** Two points around the middle of a path. */
+const middleOf = (path) => [0.45, 0.55].map((share) => path[Math.round(share * (path.length - 1))]);
+
 /** Where a line to a label that lies apart may begin. */
 function anchorsOf({ kind }, points) {
   const middle = (a, b) => ({ x: (a.x + b.x) / 2, y: (a.y + b.y) / 2 });
-  const named = { distance: () => [middle(points[0], points[1])], profile: () => [middle(points[0], points[1])], angle: () => [points[1]] }[kind];
+  const named = { distance: () => [middle(points[0], points[1])], profile: () => [middle(points[0], points[1])], path: () => [middle(points[0], points[1])], angle: () => [points[1]] }[kind];
   return (named ? named() : points).filter(hasPlace);
 }
 
@@ -157,10 +160,10 @@ function drawLabel(sheet, key, item, points) {
   sheet.label({ key, item, lines, wanted, size, anchors: anchorsOf(item, points) });
 }
 
-function drawItem(sheet, item, { toScreen, isSelected, handle, isApart }) {
+function drawItem(sheet, item, { toScreen, isSelected, handle, isApart, path }) {
   const className = isApart ? 'measure-dim' : '';
   const key = item.id;
-  linesOf(item).forEach((line, i) => {
+  linesOf(item, path).forEach((line, i) => {
     const points = line.map(toScreen);
     const d = pathOf(points);
     if (!isApart) sheet.avoid(points);
@@ -170,14 +173,14 @@ function drawItem(sheet, item, { toScreen, isSelected, handle, isApart }) {
   });
   const handles = handlesOf(item).map(toScreen);
   handles.forEach((point, i) => {
-    if (!hasPlace(point) || !(isSelected || item.kind === 'marker' || (i < 3 && item.kind !== 'rectangle' && item.kind !== 'ellipse'))) return;
+    if (!hasPlace(point) || !(isSelected || item.kind === 'marker' || item.kind === 'part' || (i < 3 && item.kind !== 'rectangle' && item.kind !== 'ellipse'))) return;
     sheet.put(`${key}:dot${i}`, 'circle', {
       class: `measure-dot ${className}`, cx: point.x, cy: point.y, r: isSelected ? DOT_PX : 3.5, fill: item.color,
       'data-focus': isSelected && handle === i,
     });
     sheet.put(`${key}:grip${i}`, 'circle', { class: 'measure-grip', cx: point.x, cy: point.y, r: HIT_PX, 'data-item': key, 'data-handle': i });
   });
-  const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : handles;
+  const ends = item.kind === 'rectangle' || item.kind === 'ellipse' ? linesOf(item)[0].map(toScreen) : path ? middleOf(path).map(toScreen) : handles;
   if (isApart) return; // lines alone, or labels would cover the slice
   if (item.kind !== 'distance' || handles.every(hasPlace)) drawLabel(sheet, key, item, ends);
 }
@@ -214,7 +217,7 @@ function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
     if (place === 'apart') continue;
     drawItem(sheet, item, {
       toScreen, isSelected: measures.selected === item, handle: measures.handle,
-      isApart: place === 'across',
+      isApart: place === 'across', path: measures.pathOf(item),
     });
   }
   if (measures.draft) drawDraft(sheet, measures.draft, pane, toScreen);

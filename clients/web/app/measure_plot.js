@@ -10,6 +10,7 @@ const HEIGHT = 118;
 const RIGHT = 8;
 const TOP = 8;
 const BOTTOM = 20;
+const WIDE_TEXT = 10; // letters of a number that takes a row for itself
 const LETTER_PX = 6; // of a tick's number
 
 /** A frame with grid lines and numbers: x(value), y(value) in px. The axes are [low, high]. */
@@ -119,5 +120,5 @@ export function histogramPlot({ range, counts }) {
 
 /** All numbers of a measurement with their names, as a table. */
 export function numbersTable(item) {
-  return make('dl', { class: 'measure-table' }, ...numbersOf(item).map(([name, text], i) => make('div', { class: i === 0 ? 'measure-first' : '' }, make('dt', { text: name }), make('dd', { text }))));
+  return make('dl', { class: 'measure-table' }, ...numbersOf(item).map(([name, text], i) => make('div', { class: i === 0 || text.length > WIDE_TEXT ? 'measure-first' : '' }, make('dt', { text: name }), make('dd', { text }))));
 }

@@ -12,7 +12,7 @@ import { ORDER } from './panel.js';
 
 const ICONS = {
   distance: () => icon('ruler'), angle: () => icon('triangle-right'), profile: () => icon('chart-line'), rectangle: () => icon('square-dashed'),
-  ellipse: () => icon('circle-dashed'), marker: () => icon('map-pin'),
+  ellipse: () => icon('circle-dashed'), marker: () => icon('map-pin'), part: () => icon('cuboid'), path: () => icon('spline'),
 };
 const ARROWS = { ArrowLeft: [-1, 0, 0], ArrowRight: [1, 0, 0], ArrowUp: [0, -1, 0], ArrowDown: [0, 1, 0], PageUp: [0, 0, 1], PageDown: [0, 0, -1] };
 const FINE = 0.1;
@@ -94,7 +94,7 @@ class Section {
     this.#noUnit.hidden = !items.some(lacksUnit);
     this.#elsewhere.hidden = elsewhere === 0;
     setText(this.#elsewhere, t('measure.elsewhere', { count: elsewhere }));
-    const key = JSON.stringify([items.map((m) => [m.id, measures.nameOf(m), m.value, m.unit, m.outside, m.color, m.hidden]), measures.selected?.id, canEdit]);
+    const key = JSON.stringify([items.map((m) => [m.id, measures.nameOf(m), m.value, m.unit, m.note, m.outside, m.color, m.hidden]), measures.selected?.id, canEdit]);
     if (key !== this.#shownList) {
       this.#shownList = key;
       this.#showList(items, canEdit);
@@ -228,8 +228,8 @@ class Section {
 
   /** The numbers at once; the plot after the points have rested. */
   #showPlot(item) {
-    const { kind, points, statistics, value, unit, outside } = item;
-    const key = JSON.stringify([item.id, points, statistics, value, unit, outside]);
+    const { kind, points, statistics, value, unit, outside, note, area, straight } = item;
+    const key = JSON.stringify([item.id, points, statistics, value, unit, outside, note, area, straight]);
     if (key === this.#plotKey) return;
     this.#plotKey = key;
     clearTimeout(this.#plotTimer);

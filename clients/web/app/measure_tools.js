@@ -4,12 +4,14 @@
 // the arrow keys move from the crosshair.
 import { namedValue } from '../core/measure_text.js';
 import { KINDS, pointsFromCorners, quickValue, unitOf } from '../core/measures.js';
+import { rangeOfPart } from '../core/edits.js';
 import { t } from '../core/text.js';
 
 const TOOLS = [
   { kind: 'distance', icon: 'ruler', key: 'd' }, { kind: 'angle', icon: 'triangle-right', key: 'a' },
   { kind: 'profile', icon: 'chart-line', key: 'i' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r' },
   { kind: 'ellipse', icon: 'circle-dashed', key: 'e' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
+  { kind: 'part', icon: 'cuboid', key: 'b' }, { kind: 'path', icon: 'spline', key: 'n' },
 ];
 const DRAG_PX = 6;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -49,16 +51,25 @@ export function installTools(app, measures) {
 }
 
 /** The surface below a point of the 3-D picture, or null. */
-export async function surfaceAt({ connection, screen, notice }, at) {
+export const surfaceAt = async (app, at) => (await pickAt(app, at))?.position ?? null;
+
+/** {position, value} below a point of the 3-D picture, or null. */
+export async function pickAt({ connection, screen, notice }, at) {
   const { width, height } = screen.viewport;
   try {
-    const { position } = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
-    if (!position) notice.show(t('measure.nothing'));
-    return position;
+    const found = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
+    if (!found.position) notice.show(t('measure.nothing'));
+    return found.position ? found : null;
   } catch (error) {
     notice.show(error.message, 'error');
     return null;
   }
+}
+
+/** {position, value} at a place of a pane with slices. */
+function foundIn(pane, at) {
+  const position = pane.toWorld(...at);
+  return { position, value: pane.valueAt(position) };
 }
 
 /** The panes with slices. */
@@ -179,7 +190,7 @@ class Tool {
     if (key !== 'Enter' || usesEnter) return false;
     if (this.#draft.cursor?.pane !== pane || !pane) this.#draft.cursor = this.#keyCursor(pane);
     const { at } = this.#draft.cursor;
-    if (pane) this.#put(pane.toWorld(...at), pane);
+    if (pane) this.#put(foundIn(pane, at), pane);
     else this.#place(at, null);
     return true;
   }
@@ -200,22 +211,29 @@ class Tool {
     }
     const draft = this.#draft;
     this.#waiting = this.#waiting.then(async () => {
-      const world = pane ? pane.toWorld(...at) : await surfaceAt(this.#app, at);
-      if (draft === this.#draft) this.#put(world, pane);
+      const found = pane ? foundIn(pane, at) : await pickAt(this.#app, at);
+      if (draft === this.#draft && found) this.#put(found, pane);
     });
   }
 
-  #put(world, pane) {
+  #put({ position: world, value }, pane) {
     const draft = this.#draft;
     if (!draft || !world) return;
     const last = draft.points.at(-1);
     if (last && last.every((part, i) => part === world[i])) return;
     if (draft.points.length === 0 || (this.#hasPlane && draft.pane !== pane)) {
-      Object.assign(draft, { points: [], pane, plane: pane?.plane ?? null });
+      Object.assign(draft, { points: [], value: null, pane, plane: pane?.plane ?? null });
     }
     draft.points.push(world);
+    draft.value ??= value;
     if (draft.points.length >= this.#wanted) this.#finish();
     else this.#show();
+  }
+
+  /** The values of the part at the first point, from what is shown. */
+  #rangeOf(value) {
+    const { viewer, transfer } = this.#app;
+    return rangeOfPart(viewer.view, Number.isFinite(value) ? value : transfer.range[0], transfer.range).map((end) => Number(end.toPrecision(6)));
   }
 
   #removeLast() {
@@ -230,9 +248,10 @@ class Tool {
       this.#removeLast(); // the corners are on one line
       return;
     }
+    const range = KINDS[this.#kind].hasRange ? this.#rangeOf(this.#draft.value) : null;
     this.#draft = null;
     this.#app.modes.leave();
-    const item = this.#measures.add(this.#kind, all);
+    const item = this.#measures.add(this.#kind, all, range);
     if (item && this.#kind === 'marker') this.#measures.emit('name', item.id);
   }
 

@@ -3,7 +3,7 @@
 // tells of others. Events: change; hover. The parts: measure_tools.js (drawing new ones), measure_layer.js (lines above the pictures),
 // measure_section.js (the panel).
 import { Emitter } from '../core/emitter.js';
-import { Changes, MeasureList, putParams, quickValue, unitOf } from '../core/measures.js';
+import { Changes, KINDS, MeasureList, putParams, quickValue, unitOf } from '../core/measures.js';
 import { t } from '../core/text.js';
 import { installLayers } from './measure_layer.js';
 import { installSection } from './measure_section.js';
@@ -15,6 +15,8 @@ const TRIES = 5;
 const OVER_A_LIMIT = -32005;
 const ID_BYTES = 8;
 
+/** What the points of a path depend on. */
+const pathKey = ({ points, range, value }) => JSON.stringify([points, range, value]);
 const newId = () => [...crypto.getRandomValues(new Uint8Array(ID_BYTES))].map((byte) => byte.toString(16).padStart(2, '0')).join('');
 const pause = (ms) => new Promise((resolve) => { setTimeout(resolve, ms); });
 
@@ -34,6 +36,7 @@ export class Measures extends Emitter {
   #session = null;
   #gesture = null; // {id, before}: a drag counts as one change
   #selected = null;
+  #paths = new Map(); // id → {key, points}: of the paths that are drawn
   #numbers = new Map(); // id → number in the name of a measurement without a text
   /** The measurement under the pointer, by id. */
   hovered = null;
@@ -105,11 +108,32 @@ export class Measures extends Emitter {
     this.emit('change');
   }
 
-  add(kind, points) {
+  /** The points of a path; null until the daemon told them. */
+  pathOf(item) {
+    const known = this.#paths.get(item.id);
+    return item.kind === 'path' && known?.key === pathKey(item) ? known.points : null;
+  }
+
+  /** Asks for the points of paths that are new, or that changed. */
+  async #findPaths() {
+    const { session } = this.#app.connection;
+    const wanted = this.items.filter((item) => item.kind === 'path' && item.value !== null && item.straight !== undefined && !item.hidden && this.#paths.get(item.id)?.key !== pathKey(item));
+    for (const item of wanted) {
+      const found = { key: pathKey(item), points: null };
+      this.#paths.set(item.id, found);
+      try {
+        const { kind, points, range } = item;
+        found.points = (await this.#app.api.measure(session.id, session.tokens?.view ?? session.token, { kind, points, range })).path ?? null;
+        this.emit('change');
+      } catch { /* a straight line stands for it */ }
+    }
+  }
+
+  add(kind, points, range = null) {
     if (!this.canEdit) return null;
     const { participants, viewer } = this.#app;
     const item = {
-      id: newId(), kind, points, volume: viewer.view.volume, text: '', hidden: false, color: participants.me?.color ?? '#56b4e9',
+      id: newId(), kind, points, ...(range ? { range } : {}), volume: viewer.view.volume, text: '', hidden: false, color: participants.me?.color ?? '#56b4e9',
       author: participants.me?.name ?? '', value: quickValue({ kind, points }), unit: unitOf(kind, viewer.volume?.unit),
     };
     this.#changes.put({ id: item.id, before: null, after: item });
@@ -127,7 +151,7 @@ export class Measures extends Emitter {
     if (patch.points) after.value = quickValue(after) ?? before.value;
     if (!isDrag) this.#changes.put({ id, before, after });
     this.#list.put(after);
-    this.#send(id, patch);
+    if (!isDrag || !KINDS[before.kind].hasRange) this.#send(id, patch);
     this.#show();
   }
 
@@ -138,6 +162,7 @@ export class Measures extends Emitter {
     this.#gesture = null;
     const after = this.#list.get(id);
     if (after) this.#changes.put({ id, before, after });
+    if (after && KINDS[after.kind].hasRange && after.points !== before.points) this.#send(id, { points: after.points });
     this.#show();
   }
 
@@ -184,6 +209,7 @@ export class Measures extends Emitter {
       this.#selected = null;
       this.handle = this.probe = null;
     }
+    this.#findPaths();
     this.emit('change');
   }
 

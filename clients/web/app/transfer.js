@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Transfer function": the state of the editor, undo and redo, and the curve over the histogram. Colour maps, presets by kind
-// of data, files, window and level, and layers are modules of their own; they call edit() and draw what onShow() tells.
+// of data, files, window and level, layers and edits are modules of their own; they call edit() and draw what onShow() tells.
 import { stopsOf } from '../core/color_maps.js';
 import { readHistogram } from '../core/histogram.js';
+import { editsOf, isSameEdits } from '../core/edits.js';
 import { History } from '../core/history.js';
 import { chooseShown } from '../core/choices.js';
 import { isSameLayers, layersOf } from '../core/layers.js';
@@ -102,18 +103,18 @@ class Transfer {
     const { points: given, gradient = [] } = view.transfer_function ?? {};
     if (!given?.length || !this.#viewer.isCurrent) return;
     const points = within(given);
-    const [layers, shown] = [layersOf(view), shownAs(view)];
+    const [layers, edits, shown] = [layersOf(view), editsOf(view), shownAs(view)];
     if (view.volume !== this.#volume) {
       this.#volume = view.volume;
       this.#histogram = null;
       this.#note = '';
       this.#curve.selected = 0;
       this.#curve.showAll();
-      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers, shown });
+      this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers, edits, shown });
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
-      this.#history.put({ points, gradient, map: null, layers, shown }, 'others');
-    } else if (!isSameLayers(layers, this.state.layers) || !isShownAlike(shown, this.state.shown)) {
-      this.#history.put({ ...this.state, layers, shown }, shown.mode === this.state.shown.mode ? 'others' : null);
+      this.#history.put({ points, gradient, map: null, layers, edits, shown }, 'others');
+    } else if (!isSameLayers(layers, this.state.layers) || !isSameEdits(edits, this.state.edits) || !isShownAlike(shown, this.state.shown)) {
+      this.#history.put({ ...this.state, layers, edits, shown }, shown.mode === this.state.shown.mode ? 'others' : null);
     }
     this.#ask();
     this.plan();
@@ -132,16 +133,19 @@ class Transfer {
   undo(time) { if (this.isEditable && this.#history.undo()) this.#send(time); }
   redo(time) { if (this.isEditable && this.#history.redo()) this.#send(time); }
   seal() { this.#history.seal(); }
+  get canUndo() { return this.isEditable && this.#history.canUndo; }
+  get canRedo() { return this.isEditable && this.#history.canRedo; }
 
   #send(time) {
     const { points } = this;
-    const { gradient, layers, shown } = this.state;
+    const { gradient, layers, edits, shown } = this.state;
     const { view } = this.#viewer;
     const old = view.transfer_function;
     const change = isSame(points, tidy(old.points)) ? {} : { points };
     if (!isSameGradient(gradient, old.gradient ?? [])) change.gradient = gradient;
     const patch = Object.keys(change).length ? { transfer_function: change } : {};
     if (!isSameLayers(layers, layersOf(view))) patch.layers = layers;
+    if (!isSameEdits(edits, editsOf(view))) patch.edits = edits;
     if (!isShownAlike(shown, shownAs(view))) {
       const chosen = chooseShown(view, shown);
       Object.assign(patch, chosen, chosen.transfer_function ? { transfer_function: { ...chosen.transfer_function, ...change } } : {});
@@ -240,10 +244,10 @@ class Transfer {
   }
 
   #draw() {
-    const { isEditable } = this;
+    const { isEditable, canUndo, canRedo } = this;
     for (const group of byId('transfer').querySelectorAll('fieldset')) group.disabled = !isEditable;
-    byId('transfer-undo').disabled = !isEditable || !this.#history.canUndo;
-    byId('transfer-redo').disabled = !isEditable || !this.#history.canRedo;
+    byId('transfer-undo').disabled = !canUndo;
+    byId('transfer-redo').disabled = !canRedo;
     setText(byId('transfer-why'), this.#why ?? '');
     byId('transfer-why').hidden = !this.#why;
     setText(byId('transfer-note'), this.#problem ? t('transfer.nohistogram', { reason: this.#problem }) : this.#note);
@@ -274,7 +278,7 @@ class Transfer {
   #keys(event) {
     if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
     const field = event.target.closest?.('input:not([type="range"], [type="checkbox"], [type="color"]), textarea, dialog');
-    if (field && !field.closest('#transfer, #layers')) return;
+    if (field && !field.closest('#transfer, #layers, #edit')) return;
     const key = event.key.toLowerCase();
     if (key === 'z' && !event.shiftKey) this.undo(event.timeStamp);
     else if ((key === 'z' && event.shiftKey) || key === 'y') this.redo(event.timeStamp);

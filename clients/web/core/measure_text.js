@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // The words of a measurement: each number with its name and unit, in labels, in the list, and in the table for the clipboard.
-import { shortNumber, unitText, valueText } from './measures.js';
+import { KINDS, shortNumber, unitText, valueText } from './measures.js';
 import { t } from './text.js';
 
 const NAMES = {
-  distance: 'measure.length', profile: 'measure.length', angle: 'measure.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value',
+  distance: 'measure.length', profile: 'measure.length', angle: 'measure.angle', rectangle: 'measure.area', ellipse: 'measure.area', marker: 'measure.value', part: 'measure.volume', path: 'measure.length',
 };
 const STATISTICS = [['count', 'measure.count'], ['mean', 'measure.mean.short'], ['deviation', 'measure.deviation'], ['min', 'measure.min'], ['max', 'measure.max']];
 // Blanks and characters without a width that spreadsheets skip, and the signs that begin a formula, full-width ones too.
@@ -25,9 +25,28 @@ function resultText(item) {
   return lacksUnit(item) ? withUnit(text, '') : text;
 }
 
+/** The unit of lengths of a part or a path, from that of its value. */
+const lengthUnit = ({ unit }) => (unit ?? '').replace(/\^\d$/, '');
+
+/** A length or an area beside the value of a part or a path, with its unit. */
+function besides(value, unit, digits = 4) {
+  return withUnit(valueText({ value, unit }, '–', digits), unit);
+}
+
+/** [name, text] of what a part or a path has besides its value. */
+function moreOf(item, digits = 4) {
+  const unit = lengthUnit(item);
+  if (item.area !== undefined) return [[t('measure.surface'), besides(item.area, unit && `${unit}^2`, digits)], [t('measure.count'), String(item.samples)]];
+  return item.straight === undefined ? [] : [[t('measure.straight'), besides(item.straight, unit, digits)]];
+}
+
+/** Why a part or a path has no value: the daemon measures it, or there is none. */
+const withoutValue = ({ kind, note }) => t(note === undefined ? 'measure.waiting' : `measure.${kind}.none`);
+
 /** The value with its name: "Area 12.5 mm²", or "No value". */
 export function namedValue(item) {
   const { kind, value } = item;
+  if (KINDS[kind].hasRange && (value === null || value === undefined)) return withoutValue(item);
   return value === null || value === undefined ? t('measure.novalue.alone') : t('measure.named', { name: valueName(kind), value: resultText(item) });
 }
 
@@ -47,6 +66,8 @@ export function labelLines(item) {
   const { text, statistics } = item;
   const lines = text ? [text, namedValue(item)] : [namedValue(item)];
   if (statistics?.count > 0) lines.push(t('measure.mean', { mean: numberText(statistics.mean), deviation: numberText(statistics.deviation) }));
+  const more = moreOf(item);
+  if (more.length) lines.push(more[0].join(' '));
   const outside = outsideText(item);
   return outside ? [...lines, outside] : lines;
 }
@@ -55,6 +76,7 @@ export function labelLines(item) {
 export function numbersOf(item) {
   const { statistics: s, kind, unit } = item;
   const rows = [[valueName(kind), lacksUnit(item) ? withUnit(shortNumber(item.value, 5), '') : valueText({ value: item.value, unit }, t('measure.novalue'), 5)]];
+  if (item.range) rows.push(...moreOf(item, 5), [t('measure.range'), item.range.map((end) => shortNumber(end, 5)).join(' – ')]);
   if (!s) return rows;
   const number = (value) => (value === null ? '–' : shortNumber(value, 5));
   return [...rows, ...STATISTICS.filter(([key]) => key !== 'count').map(([key, name]) => [t(name), number(s[key])]), [t('measure.count'), String(s.count)],
@@ -66,8 +88,8 @@ const cell = (text) => (FORMULA.test(text) ? `'${text}` : text).replace(/[\t\r\n
 
 /** The table of a list for the clipboard: a heading and a line per measurement, with tabs. */
 export function tableText(items, nameOf) {
-  const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.outside'];
+  const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.outside', 'measure.surface', 'measure.straight'];
   const rows = items.map((item) => [cell(nameOf(item)), t(`measure.${item.kind}`), item.value ?? '', cell(unitText(item.unit ?? '')),
-    ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), item.outside ?? '']);
+    ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), item.outside ?? '', item.area ?? '', item.straight ?? '']);
   return [headings.map((key) => t(key)), ...rows].map((row) => row.join('\t')).join('\n');
 }

@@ -3,10 +3,11 @@
 // (protocol/stream.md); points are world positions. A plane is {origin, right, down, normal} (slices.js).
 import { add, cross, dot, length, normalize, scale, subtract } from './vector.js';
 
-/** Points of each kind; hasPlane: it lies in a slice. */
+/** Points of each kind; hasPlane: it lies in a slice; hasRange: it needs a range of values, and the daemon takes time to measure it. */
 export const KINDS = Object.freeze({
   distance: { points: 2 }, angle: { points: 3 }, profile: { points: 2 }, rectangle: { points: 3, hasPlane: true },
   ellipse: { points: 3, hasPlane: true }, marker: { points: 1 },
+  part: { points: 1, hasRange: true }, path: { points: 2, hasRange: true },
 });
 const ELLIPSE_STEPS = 64;
 const ARC_STEPS = 16;
@@ -70,7 +71,7 @@ export class Changes {
 }
 
 /** The members of a measurement that measure.put takes. */
-export const putParams = ({ id, kind, points, text, color, hidden }) => ({ id, kind, points, text, color, hidden });
+export const putParams = ({ id, kind, points, range, text, color, hidden }) => ({ id, kind, points, ...(range ? { range } : {}), text, color, hidden });
 
 /** The points of a rectangle or an ellipse from two opposite corners of it in a plane; null if it has no area. */
 export function pointsFromCorners(kind, from, to, { right, down }) {
@@ -118,9 +119,10 @@ export function moveHandle({ kind, points }, handle, to) {
   return points.map((point, i) => (i === handle ? to : point));
 }
 
-/** The lines of a measurement in the world: a list of lists of points. */
-export function linesOf({ kind, points }) {
-  if (kind === 'marker') return [];
+/** The lines of a measurement in the world: a list of lists of points. path: the points of a path, once they are known. */
+export function linesOf({ kind, points }, path = null) {
+  if (kind === 'marker' || kind === 'part') return [];
+  if (kind === 'path' && path) return [path];
   if (kind === 'rectangle') {
     const corners = handlesOf({ kind, points });
     return [[...corners, corners[0]]];
@@ -190,7 +192,7 @@ export function ticks(low, high, count) {
 }
 
 /** The unit as people write it. */
-export const unitText = (unit) => ({ deg: '°' }[unit] ?? unit.replace(/\^2$/, '²'));
+export const unitText = (unit) => ({ deg: '°' }[unit] ?? unit.replace(/\^2$/, '²').replace(/\^3$/, '³'));
 
 /** A value with its unit, such as "12.5 mm" and "90°"; `none` without a value. */
 export function valueText({ value, unit }, none, digits = 4) {
@@ -200,7 +202,7 @@ export function valueText({ value, unit }, none, digits = 4) {
 }
 
 /** The unit of the value of this kind in a volume with this unit of length; what the daemon answers, too. */
-export const unitOf = (kind, unit) => (kind === 'angle' ? 'deg' : kind === 'marker' || !unit ? '' : KINDS[kind].hasPlane ? `${unit}^2` : unit);
+export const unitOf = (kind, unit) => (kind === 'angle' ? 'deg' : kind === 'marker' || !unit ? '' : kind === 'part' ? `${unit}^3` : KINDS[kind].hasPlane ? `${unit}^2` : unit);
 
 /**
  * The place {x, y} of the middle of a label of `width` × `height` px beside the line from a to b (px), on its upper side or, for a steep

@@ -42,7 +42,7 @@ test('the table for the clipboard has headings and no formulas', () => {
   const items = [{ ...region, statistics: { count: 3, mean: 1.5, deviation: null, min: 1, max: 2 } },
     ...['b', 'c', 'd'].map((id) => ({ id, kind: 'marker', value: null, unit: '' }))];
   assert.deepEqual(tableText(items, ({ id }) => names[id]).split('\n'), [
-    'Name\tKind\tValue\tUnit\tSamples\tMean\tSD\tMinimum\tMaximum\tOutside',
-    "'=1 +1\tRectangle\t123.45\tmm²\t3\t1.5\t\t1\t2\t0", "'\ufeff -1\tMarker\t\t\t\t\t\t\t\t", "'\uff1d1\tMarker\t\t\t\t\t\t\t\t", 'a-1\tMarker\t\t\t\t\t\t\t\t',
+    'Name\tKind\tValue\tUnit\tSamples\tMean\tSD\tMinimum\tMaximum\tOutside\tSurface\tStraight',
+    "'=1 +1\tRectangle\t123.45\tmm²\t3\t1.5\t\t1\t2\t0\t\t", "'\ufeff -1\tMarker\t\t\t\t\t\t\t\t\t\t", "'\uff1d1\tMarker\t\t\t\t\t\t\t\t\t\t", 'a-1\tMarker\t\t\t\t\t\t\t\t\t\t',
   ]);
 });

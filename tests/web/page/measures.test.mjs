@@ -199,7 +199,7 @@ test('with the keyboard alone: a rectangle in a slice, its corners set at a curs
   await until(page, 'another slice', `(s) => Math.abs(s.view.slices.position[1] - ${before[1]}) > 0.5`);
   await page.keyboard.press('Escape');
   assert.equal(await page.evaluate(() => window.splatd.mode), 'navigate');
-  assert.equal(await page.locator('.measure-key-cursor').count(), 0);
+  await page.locator('.measure-key-cursor').waitFor({ state: 'detached' });
   assert.deepEqual(said, []);
 });
 
