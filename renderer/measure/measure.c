@@ -185,8 +185,16 @@ static bool measure_part(const struct sp_volume *volume, const struct sp_measure
                          struct sp_measure_result *result, struct sp_error *err) {
     const struct sp_part part = part_of(measure);
     struct sp_part_size size;
-    if (!check_samples(volume, err) || !sp_part_measure(volume, &part, &size, err))
+    struct sp_error why;
+    if (!check_samples(volume, err))
         return false;
+    if (!sp_part_measure(volume, &part, &size, &why))
+        return why.code == SP_ERR_BUDGET
+                   ? sp_fail(
+                         err, SP_ERR_INVALID, "/range",
+                         "%s: the volume is too noisy at an end of the range; choose other ends",
+                         why.text)
+                   : sp_fail(err, why.code, why.place, "%s", why.text);
     result->has_value = size.is_found;
     result->value = size.volume;
     result->area = size.area;

@@ -92,7 +92,7 @@ static bool add_area(const struct sp_volume *volume, double value, const struct 
     struct sp_surface_ranges ranges = { 0 };
     struct sp_surface_points points = { 0 };
     bool ok = sp_surface_ranges_init(&ranges, &job, err) &&
-              sp_surface_extract(&points, &job, &ranges, UINT64_MAX, err);
+              sp_surface_extract(&points, &job, &ranges, SP_PART_AREA_BYTES, err);
     if (ok)
         size->area += sum_area(&sp_volume_info(volume)->grid, &points, mine);
     sp_surface_points_finish(&points);

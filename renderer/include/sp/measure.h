@@ -131,7 +131,8 @@ SP_API double sp_measure_cost(const struct sp_volume *volume, const struct sp_me
 /* Computes a measurement. Takes up to 50 ns per sample: 0.2 s at most for a region, and for a part
  * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(), a region of more than
  * SP_MEASURE_SAMPLES samples at "/points", and a part or a path in a volume of more than
- * SP_MEASURE_PART_SAMPLES samples at "/kind". SP_ERR_MEMORY. Thread-safe. */
+ * SP_MEASURE_PART_SAMPLES samples at "/kind", and a part whose surface needs more than
+ * SP_PART_AREA_BYTES at "/range". SP_ERR_MEMORY. Thread-safe. */
 SP_API bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,
                                struct sp_measure_result *result, struct sp_error *err);
 

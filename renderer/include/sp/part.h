@@ -24,6 +24,8 @@ extern "C" {
 #endif
 
 enum { SP_PART_PATH_MAX = 1025 /* points of a path, at most */ };
+/* Memory for the points of a surface, at most: 50 million of them or more. */
+#define SP_PART_AREA_BYTES (UINT64_C(1) << 30)
 
 struct sp_part {
     double point[3]; /* of the part, or at most two samples beside it, world */
@@ -45,7 +47,9 @@ struct sp_part_path {
     double points[SP_PART_PATH_MAX][3]; /* world */
 };
 
-/* Measures a part. Takes about 20 ns per sample of the volume. SP_ERR_MEMORY. Thread-safe. */
+/* Measures a part. Takes about 20 ns per sample of the volume. SP_ERR_MEMORY; SP_ERR_BUDGET if a
+ * surface at an end of the range, of all parts together, needs more than SP_PART_AREA_BYTES.
+ * Thread-safe. */
 SP_API bool sp_part_measure(const struct sp_volume *volume, const struct sp_part *part,
                             struct sp_part_size *size, struct sp_error *err);
 
