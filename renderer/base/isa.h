@@ -84,6 +84,7 @@
 #define sp_resample_reduce SP_ISA_NAME(sp_resample_reduce)
 #define sp_resample_reduce_close SP_ISA_NAME(sp_resample_reduce_close)
 #define sp_resample_reduce_open SP_ISA_NAME(sp_resample_reduce_open)
+#define sp_resample_resolve SP_ISA_NAME(sp_resample_resolve)
 /* surface/ */
 #define sp_surface_tile SP_ISA_NAME(sp_surface_tile)
 #define sp_surface_set_up SP_ISA_NAME(sp_surface_set_up)

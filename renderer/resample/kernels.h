@@ -69,6 +69,9 @@ void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_blo
 /* Turns them into transmittance and colour. */
 void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block);
 
+/* Writes the pixels of the tile: of the blocks of `drawn`, and the background elsewhere. */
+void sp_resample_resolve(const struct sp_resample_open_tile *t, uint64_t drawn);
+
 /* The slice that sheet `number` lies on, a multiple of ½; the first sheets lie before the volume.
  */
 static inline float sp_resample_slice(const struct sp_resample_open_tile *t, int number) {

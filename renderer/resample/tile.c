@@ -6,7 +6,6 @@
 #include <math.h>
 #include <string.h>
 
-#include "frame/resolve.h"
 #include "resample/insert.h"
 #include "resample/kernels.h"
 #include "resample/rays.h"
@@ -353,54 +352,60 @@ static bool draw_batch(const struct sp_resample_open_tile *t, const struct sp_re
                                  : sp_resample_integrate(t, batch, b);
 }
 
-/* Draws the sheets from two slices before the volume to two slices behind it. The outer sheets
- * repeat the border slices. Each block draws a few sheets at a time, so that its state stays in the
- * nearest cache. */
-static void draw_sheets(struct sp_resample_open_tile *t) {
-    int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
-    const bool is_extreme = t->r->reduction.is_extreme;
+/* The first sheet of the batch from which a maximum or minimum begins: that of the slab that
+ * promises the blocks most. Once it is drawn, the others can seldom change a block. */
+static int find_start(const struct sp_resample_open_tile *t, int count) {
+    const struct sp_resample_scratch *scratch = t->scratch;
+    int best = 0, best_slab = -1;
+    float most = -INFINITY;
+    for (int n = 1; n < count; n++) {
+        int interval = interval_of(t, n), slab = interval / SAMPLES_REGION;
+        uint64_t left = t->alive & scratch->active[interval];
+        float sum = 0;
+        if (slab == best_slab)
+            continue;
+        for (; left; left &= left - 1)
+            sum += scratch->most[slab][__builtin_ctzll(left)] - t->r->reduction.start;
+        if (sum > most) {
+            most = sum;
+            best = n;
+            best_slab = slab;
+        }
+    }
+    return best / RESAMPLE_BATCH * RESAMPLE_BATCH;
+}
+
+/* Draws the intervals of the sheets from first to last, whole batches. Each block draws a few
+ * sheets at a time, so that its state stays in the nearest cache. */
+static void draw_batches(struct sp_resample_open_tile *t, int count, int first, int last) {
     struct sp_resample_batch batch;
     sp_resample_start_sheets(t);
-    for (int b = 0; b < RESAMPLE_BLOCKS; b++)
-        t->scratch->least[b] = t->r->reduction.start;
-    for (int first = 0; first <= count + 1 && t->alive; first += RESAMPLE_BATCH) {
-        batch.first = first;
-        batch.last =
-            first + RESAMPLE_BATCH - 1 < count + 1 ? first + RESAMPLE_BATCH - 1 : count + 1;
+    /* The batch before makes the sheets that the first interval needs. */
+    for (int n = first > 0 ? first - RESAMPLE_BATCH : 0; n <= last && t->alive;
+         n += RESAMPLE_BATCH) {
+        batch.first = n;
+        batch.last = n + RESAMPLE_BATCH - 1 < count + 1 ? n + RESAMPLE_BATCH - 1 : count + 1;
         if (sp_interrupt_is_cancelled(&t->r->interrupt))
             return;
-        if (is_extreme)
+        if (t->r->reduction.is_extreme)
             find_open(t, batch.first - 2, batch.last + 1);
-        for (uint64_t left = refine_sheets(t, count, &batch); left; left &= left - 1)
+        uint64_t left = refine_sheets(t, count, &batch);
+        for (; n >= first && left; left &= left - 1)
             if (!draw_batch(t, &batch, __builtin_ctzll(left)))
                 t->alive &= ~(left & -left);
     }
 }
 
-static void resolve(const struct sp_resample_open_tile *t, uint64_t drawn) {
-    struct sp_frame *frame = t->r->frame;
-    const float *background = t->r->view->background;
-    _Alignas(64) float row[4][RESAMPLE_TILE];
-    const float *const planes[4] = { row[0], row[1], row[2], row[3] };
-    const float none[RESAMPLE_BLOCK] = { 0 }, light[RESAMPLE_BLOCK] = { 1, 1, 1, 1, 1, 1, 1, 1 };
-    for (int y = 0; y < t->height; y++) {
-        unsigned char *out =
-            (unsigned char *)frame->pixels + (size_t)(t->y + y) * frame->stride_bytes;
-        for (int x = 0; x < t->width; x += RESAMPLE_BLOCK) {
-            int b = y / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + x / RESAMPLE_BLOCK;
-            int i = y % RESAMPLE_BLOCK * RESAMPLE_BLOCK;
-            const struct sp_resample_block *block = &t->scratch->blocks[b];
-            bool is_drawn = drawn >> b & 1;
-            memcpy(row[0] + x, is_drawn ? block->light + i : light, sizeof light);
-            for (int c = 0; c < 3; c++)
-                memcpy(row[c + 1] + x, is_drawn ? block->color[c] + i : none, sizeof none);
-        }
-        if (frame->format == SP_RGBA8)
-            sp_resolve_rgba8(planes, (uint32_t)t->width, background, out + 4 * (size_t)t->x);
-        else
-            sp_resolve_rgbaf32(planes, (uint32_t)t->width, background,
-                               (float *)(void *)out + 4 * (size_t)t->x);
-    }
+/* Draws the sheets from two slices before the volume to two slices behind it. The outer sheets
+ * repeat the border slices. */
+static void draw_sheets(struct sp_resample_open_tile *t) {
+    int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
+    int start = t->r->reduction.is_extreme ? find_start(t, count) : 0;
+    for (int b = 0; b < RESAMPLE_BLOCKS; b++)
+        t->scratch->least[b] = t->r->reduction.start;
+    draw_batches(t, count, start, count + 1);
+    if (start > 0)
+        draw_batches(t, count, 0, start - 1);
 }
 
 /* Does the memory hold what a set of blocks sees of a sheet? The extent of straight rays is largest
@@ -571,11 +576,11 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
     if (r->reduction.is_on) {
         for (uint64_t left = met; left; left &= left - 1)
             sp_resample_reduce_close(r, &scratch->blocks[__builtin_ctzll(left)]);
-        resolve(&t, met);
+        sp_resample_resolve(&t, met);
         return;
     }
     finish_fragments(&t, with_fragments & ~drawn);
-    resolve(&t, drawn | with_fragments);
+    sp_resample_resolve(&t, drawn | with_fragments);
 }
 
 void sp_resample_tile(const struct sp_resample *r, struct sp_resample_scratch *scratch,
