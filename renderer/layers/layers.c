@@ -81,7 +81,8 @@ static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, str
     case SP_LAYER_SHELL:
         l->shell_input = sp_layers_shell(l->input, layer);
         l->has_shell = true;
-        return sp_shell_prepare(&l->shell_input, &l->shell, err);
+        return l->input->shell_kernels ? sp_shell_prepare(&l->shell_input, &l->shell, err)
+                                       : sp_shell_find(&l->shell_input, &l->shell, err);
     case SP_LAYER_VOLUME:
         break;
     }

@@ -22,6 +22,7 @@ struct sp_layers_input {
     struct sp_surface_cache *surfaces;
     struct sp_shell_cache *shells;
     uint64_t bytes_max; /* of both caches */
+    /* Both NULL: the frame is prepared only; of the shell, sp_shell_find(). */
     sp_surface_tile_fn *surface_tile;
     const struct sp_shell_kernels *shell_kernels;
     unsigned mip_level; /* surfaces are drawn at this level or a coarser one */

@@ -381,10 +381,15 @@ static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err
     return !is_cancelled(b) || fail_cancelled(err);
 }
 
+bool sp_shell_find(const struct sp_shell_input *input, struct sp_shell *shell,
+                   struct sp_error *err) {
+    *shell = (struct sp_shell){ .input = input };
+    return find_voxels(input, &shell->list, &shell->frame, &shell->order, err);
+}
+
 bool sp_shell_prepare(const struct sp_shell_input *input, struct sp_shell *shell,
                       struct sp_error *err) {
-    *shell = (struct sp_shell){ .input = input };
-    if (!find_voxels(input, &shell->list, &shell->frame, &shell->order, err))
+    if (!sp_shell_find(input, shell, err))
         return false;
     struct band b = { .input = input,
                       .list = shell->list,

@@ -49,6 +49,10 @@ struct sp_shell {
  * SP_ERR_CANCELLED. */
 bool sp_shell_draw(const struct sp_shell_input *input, struct sp_error *err);
 
+/* Finds what a shell is drawn from: `list`, `frame` and `order`. Errors as above. */
+bool sp_shell_find(const struct sp_shell_input *input, struct sp_shell *shell,
+                   struct sp_error *err);
+
 /* Prepares the same shell for sp_shell_tile(). The arena holds about 80 bytes per drawn voxel.
  * Errors as above. */
 bool sp_shell_prepare(const struct sp_shell_input *input, struct sp_shell *shell,

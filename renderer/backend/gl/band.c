@@ -60,7 +60,7 @@ bool gl_band_start(const struct gl_band *band, struct sp_error *err) {
                          (GLsizeiptr)gl_band_pixels(band) * (GLsizeiptr)sizeof clear_pixel, GL_RGBA,
                          GL_FLOAT, clear_pixel);
     gl_bins_clear_head(&band->state->bins);
-    return gl_fragments_upload(&fragments, &band->slot->fragments_most, err);
+    return gl_fragments_start(&fragments, &band->slot->fragments_most, err);
 }
 
 void gl_band_clear(const struct gl_band *band, uint32_t layer) {

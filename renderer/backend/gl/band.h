@@ -55,8 +55,7 @@ bool gl_band_reserve(struct gl_band *band, struct sp_error *err);
  * memory. Errors as above. */
 bool gl_band_plan(struct gl_band *band, struct sp_error *err);
 
-/* Uploads the fragments, clears the pixels and the counters, and starts the timer. SP_ERR_MEMORY,
- * SP_ERR_BACKEND. */
+/* Clears the pixels, their fragments and the counters, and starts the timer. SP_ERR_MEMORY. */
 bool gl_band_start(const struct gl_band *band, struct sp_error *err);
 
 /* Clears layer 1 or 2 of the image, which has as many pixels as layer 0, to zero. */

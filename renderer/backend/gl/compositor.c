@@ -5,6 +5,8 @@
 #include <stdio.h>
 #include <string.h>
 
+#include "splat/cubic.h"
+
 static const char *sources_of(const struct gl_compositor_choices *c) {
     if (c->is_post && c->has_layers)
         return "frame bins records normal footprint shade post fragments insert 30_composite";
@@ -48,6 +50,17 @@ unsigned gl_compositor_find(struct gl_state *s, const struct gl_frame *f,
         .has_layers = has_layers
     };
     return gl_compositor_open(s, &choices, err);
+}
+
+bool gl_compositor_init(struct gl_state *s, struct sp_error *err) {
+    struct sp_cubic_table *table = sp_arena_alloc(&s->arena, "cubic kernel", 1, sizeof *table);
+    if (!table)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the cubic kernel");
+    sp_cubic_table_init(table);
+    if (!gl_buffer_reserve(&s->buffers.cubic, "cubic kernel", sizeof *table, 0, GL_USE_KEPT, err))
+        return false;
+    gl_buffer_write(&s->buffers.cubic, table, sizeof *table);
+    return true;
 }
 
 void gl_compositor_finish(struct gl_state *s) {

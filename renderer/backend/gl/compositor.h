@@ -13,8 +13,11 @@ struct gl_compositor_choices {
     bool is_flat, is_cubic, is_clipped, is_linear, is_post, has_layers;
 };
 
-/* Return the program, and compile it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
- * context must be current, here and below. */
+/* Uploads the table of the cubic kernel. SP_ERR_MEMORY. A context must be current, here and below.
+ */
+bool gl_compositor_init(struct gl_state *state, struct sp_error *err);
+
+/* Return the program, and compile it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). */
 unsigned gl_compositor_open(struct gl_state *state, const struct gl_compositor_choices *choices,
                             struct sp_error *err);
 unsigned gl_compositor_find(struct gl_state *state, const struct gl_frame *frame,

@@ -8,12 +8,12 @@
 #include "backend/gl/compositor.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
+#include "backend/gl/shells.h"
 #include "backend/gl/surfaces.h"
 #include "base/clock.h"
 #include "light/light.h"
 #include "resample/resample.h"
 #include "sp/log.h"
-#include "splat/cubic.h"
 
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
@@ -24,15 +24,11 @@ struct draw {
     struct gl_band band;
     struct gl_fragments fragments;      /* if the slot has layers */
     struct gl_surfaces surfaces;        /* the same */
+    struct gl_shell shell;              /* the same */
     struct gl_resample_frame resampled; /* GL_PATH_RESAMPLED */
     struct gl_frame frame;              /* GL_PATH_SPLATS */
     unsigned compositor;                /* the same: program */
 };
-
-static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s",
-                   arena->failed ? arena->failed : "data");
-}
 
 /* Returns how many batches or passes may be queued on the GPU: together they have at most as many
  * pairs as one may have. */
@@ -268,7 +264,8 @@ static bool draw_splats(struct draw *d, struct sp_error *err) {
 /* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
     bool ok;
-    if (!gl_band_start(&d->band, err) || !gl_surfaces_draw(&d->surfaces, &d->band, err))
+    if (!gl_band_start(&d->band, err) || !gl_shell_draw(&d->shell, &d->band, err) ||
+        !gl_surfaces_draw(&d->surfaces, &d->band, err))
         return false;
     if (d->band.slot->path == GL_PATH_RESAMPLED)
         ok = gl_resample_draw(&d->resampled, &d->band, err);
@@ -386,9 +383,8 @@ static bool upload_shading(struct draw *d, struct sp_error *err) {
 /* The stats of a frame without a volume are those of its shell. */
 static void write_counts(const struct gl_layers_made *made, struct gl_slot *slot) {
     slot->mip_level = 0;
-    slot->visible = made->visible;
-    slot->splats = made->splats;
-    slot->fragments = (uint64_t)made->area;
+    slot->visible = made->has_shell ? made->shell.list->count : 0;
+    slot->splats = made->has_shell ? made->shell.order.count : 0;
 }
 
 static bool plan_volume(struct draw *d, struct sp_error *err) {
@@ -413,9 +409,11 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
         return false;
     if (!has_layers)
         return true;
-    bool ok = gl_surfaces_begin(&d->surfaces, &d->band, err);
-    d->fragments.grows = d->surfaces.count > 0;
-    d->fragments.sheet_words = d->surfaces.sheet_words;
+    bool ok =
+        gl_shell_begin(&d->shell, &d->band, err) && gl_surfaces_begin(&d->surfaces, &d->band, err);
+    uint32_t words[2] = { d->shell.words, d->surfaces.sheet_words };
+    d->fragments.grows = d->surfaces.count > 0 || (d->shell.is_drawn && !d->shell.is_alone);
+    d->fragments.state_words = words[0] > words[1] ? words[0] : words[1];
     return ok;
 }
 
@@ -435,15 +433,16 @@ static bool plan_rows(struct draw *d, struct sp_error *err) {
 /* Returns how many batches or passes the band has. */
 static uint64_t count_dispatches(const struct draw *d) {
     const struct gl_state *s = d->band.state;
+    uint64_t layers = d->surfaces.passes + d->shell.passes;
     switch (d->band.slot->path) {
     case GL_PATH_SPLATS:
-        return d->surfaces.passes + (uint64_t)s->partition.batch_count * s->workload.passes;
+        return layers + (uint64_t)s->partition.batch_count * s->workload.passes;
     case GL_PATH_RESAMPLED:
-        return d->surfaces.passes + d->resampled.dispatches;
+        return layers + d->resampled.dispatches;
     case GL_PATH_LAYERS:
         break;
     }
-    return d->surfaces.passes + 1;
+    return layers + 1;
 }
 
 /* Draws the bands from the slot's y on and submits the last one. Does nothing if that requires
@@ -541,17 +540,6 @@ void gl_draw_drop(struct gl_state *s) {
     s->begun = 0;
 }
 
-static bool write_cubic(struct gl_state *s, struct sp_error *err) {
-    struct sp_cubic_table *table = sp_arena_alloc(&s->arena, "cubic kernel", 1, sizeof *table);
-    if (!table)
-        return fail_memory(&s->arena, err);
-    sp_cubic_table_init(table);
-    if (!gl_buffer_reserve(&s->buffers.cubic, "cubic kernel", sizeof *table, 0, GL_USE_KEPT, err))
-        return false;
-    gl_buffer_write(&s->buffers.cubic, table, sizeof *table);
-    return true;
-}
-
 /* Compiles all programs except the compositors that few views need. */
 static bool open_programs(struct gl_state *s, struct sp_error *err) {
     const struct gl_compositor_choices plain = { .mode = SP_COMPOSITE_SHEET };
@@ -575,7 +563,7 @@ bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
     gl_resample_init(&s->resample);
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_timer_init(&s->slots[i].timer);
-    return open_programs(s, err) && write_cubic(s, err);
+    return open_programs(s, err) && gl_compositor_init(s, err);
 }
 
 void gl_draw_finish(struct gl_state *s) {
@@ -587,6 +575,7 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->project);
     gl_fragments_close(s);
     gl_surfaces_finish(s);
+    gl_shell_finish(s);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);

@@ -11,13 +11,13 @@
 
 enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 
-/* The fragments of a frame, and how their depths relate to the layers of the volume's order. Frames
- * of resampled sheets and those without a volume have no `insert`. */
+/* Other layers of a frame, and how depths relate to the layers of the volume's order. Frames of
+ * resampled sheets and those without a volume have no `insert`. */
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;
-    bool grows;           /* surfaces add to them (surfaces.h) */
-    uint32_t sheet_words; /* words of four that surfaces need per pixel */
+    bool grows;           /* there will be some */
+    uint32_t state_words; /* words of four per pixel between passes of surfaces.h and shells.h */
 };
 
 /* Makes what layers/ makes of a frame, in the state's arena. SP_ERR_MEMORY, SP_ERR_BUDGET,
@@ -44,10 +44,8 @@ void gl_fragments_close(struct gl_state *state);
 /* Reserves memory for a part. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err);
 
-/* Uploads it, after gl_bins_clear_head(); *most: fragments for which there is memory.
- * SP_ERR_MEMORY, SP_ERR_BACKEND. */
-bool gl_fragments_upload(const struct gl_fragments_part *part, uint32_t *most,
-                         struct sp_error *err);
+/* Empties the lists of all pixels; *most: fragments for which there is memory. SP_ERR_MEMORY. */
+bool gl_fragments_start(const struct gl_fragments_part *part, uint32_t *most, struct sp_error *err);
 
 /* After a part that was drawn: true if its `stored` fragments fit into the memory for `most`. Else
  * the next attempt reserves more. */

@@ -38,7 +38,7 @@ static void gl_destroy(void *pointer) {
     stop(state);
     sp_classify_cache_evict(&state->cache, NULL);
     sp_samples_evict(&state->samples, NULL);
-    gl_layers_finish(&state->layers);
+    gl_layers_evict(&state->layers, NULL);
     sp_pool_destroy(&state->pool);
     sp_arena_finish(&state->arena);
     gl_partition_finish(&state->partition);
@@ -102,7 +102,7 @@ static struct gl_state *make(const struct sp_backend_options *options, bool soft
     state->video_bytes = options->video_bytes;
     state->memory_bytes = state->cache.limit_bytes = options->memory_bytes;
     state->pool = sp_pool_create(options->threads, err);
-    if (state->pool && gl_layers_init(&state->layers, sp_pool_threads(state->pool), err))
+    if (state->pool)
         return state;
     gl_destroy(state);
     return NULL;

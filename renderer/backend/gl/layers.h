@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of surfaces and shells (layers/layers.h): the fragments of shells, and the
- * points of surfaces, of which surfaces.h makes fragments.
+ * The processor's part of surfaces and shells (layers/layers.h): their points and voxels, front to
+ * back. surfaces.h and shells.h draw them.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
@@ -13,13 +13,7 @@
 struct gl_layers {
     struct sp_surface_cache surfaces;
     struct sp_shell_cache shells;
-    struct sp_arena *arenas; /* [threads]: of the frame's fragments */
-    unsigned threads;
 };
-
-/* SP_ERR_MEMORY; call gl_layers_finish() also then. */
-bool gl_layers_init(struct gl_layers *layers, unsigned threads, struct sp_error *err);
-void gl_layers_finish(struct gl_layers *layers);
 
 /* What a frame is made from. */
 struct gl_layers_job {
@@ -29,19 +23,15 @@ struct gl_layers_job {
     struct sp_arena *arena; /* of the frame */
 };
 
-/* The fragments of a shell, the surfaces, and what the stats of a frame say of the shell. */
 struct gl_layers_made {
     bool has_shell;
-    struct sp_fragments fragments; /* if it has */
+    struct sp_shell shell; /* sp_shell_find() */
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
-    uint64_t visible, splats; /* as in sp_frame_stats */
-    double area;              /* of the splats, px */
 };
 
-/* Makes the fragments of a frame's shell, and sorts the blocks of its surfaces. Both are valid
- * until the next call, or until the arena is reset. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED.
- */
+/* Prepares the layers of a frame; they are valid until the next call, or until the arena is reset.
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
                     struct gl_layers_made *made, struct sp_error *err);
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "backend/gl/pass.h"
+#include "backend/gl/tile_lists.h"
 #include "volume/grid.h"
 
 enum {
@@ -22,10 +23,6 @@ struct constants {
     float view[4], filter[4], bounds[4], sheet[4], look[4], cell[4];
     uint32_t kind[4], plane_counts[4], words[4], rows[3][4];
     float clip[GL_CLIP_PLANES][4], borders[BORDERS][4];
-};
-
-struct entry {
-    uint32_t block, before;
 };
 
 struct block {
@@ -109,19 +106,9 @@ static void write_coordinates(float *to, const struct sp_grid *grid, unsigned a)
     }
 }
 
-/* Writes the entries of all tiles; returns the most points of a tile. */
-static uint32_t write_entries(struct entry *to, const struct sp_surface *s) {
-    uint32_t most = 0;
-    for (uint32_t t = 0; t < s->bins.tiles; t++) {
-        uint32_t before = 0;
-        for (uint32_t e = s->bins.first[t]; e < s->bins.first[t + 1]; e++) {
-            uint32_t block = s->bins.entries[e];
-            to[e] = (struct entry){ block, before };
-            before += s->points->blocks[s->blocks[block].sheet].count;
-        }
-        most = before > most ? before : most;
-    }
-    return most;
+static uint32_t size_of(const void *user, uint32_t block) {
+    const struct sp_surface *s = user;
+    return s->points->blocks[s->blocks[block].sheet].count;
 }
 
 /* Where the words behind the constants begin. */
@@ -138,7 +125,7 @@ static struct layout lay_out(const struct sp_surface *s) {
     for (uint32_t e = 0; e < entries; e++)
         if (s->bins.entries[e] >= at.block_count)
             at.block_count = s->bins.entries[e] + 1;
-    at.blocks = at.entries + entries * (uint32_t)(sizeof(struct entry) / WORD);
+    at.blocks = gl_tile_lists_words(&s->bins);
     at.coordinates = at.blocks + at.block_count * (uint32_t)(sizeof(struct block) / WORD);
     at.end = at.coordinates;
     if (sp_grid_is_rectilinear(grid))
@@ -150,14 +137,14 @@ static struct layout lay_out(const struct sp_surface *s) {
 static uint32_t write_words(uint32_t *to, const struct layout *at, const struct sp_surface *s) {
     struct block *blocks = (struct block *)(void *)(to + at->blocks);
     float *row = (float *)(void *)(to + at->coordinates);
-    memcpy(to, s->bins.first, at->entries * sizeof *to);
     for (uint32_t b = 0; b < at->block_count; b++)
         blocks[b] = make_block(s, &s->blocks[b]);
     for (unsigned a = 0; a < 3 && at->end > at->coordinates; a++) {
         write_coordinates(row, s->frame.grid, a);
         row += ROW_WORDS * s->frame.grid->dims[a];
     }
-    return write_entries((struct entry *)(void *)(to + at->entries), s);
+    return gl_tile_lists_write(to, (struct gl_entry *)(void *)(to + at->entries), &s->bins, size_of,
+                               s);
 }
 
 static bool upload_words(struct gl_surface *to, struct gl_buffer *buffer, struct gl_state *state,
@@ -230,9 +217,10 @@ static bool open_program(struct gl_state *s, struct sp_error *err) {
     struct gl_late_program *own = &s->surfaces.program;
     struct sp_error why = { .text = "it failed before; the log has the reason" };
     if (!own->program && !own->is_refused)
-        own->program =
-            gl_program_open("frame bins normal shade fragments surface surface_resolve 25_surface",
-                            "#define FRAGMENTS_ACCESS\n", &why);
+        own->program = gl_program_open(
+            "frame bins normal shade fragments fragment_lists entries surface surface_resolve "
+            "25_surface",
+            "#define FRAGMENTS_ACCESS\n", &why);
     own->is_refused = !own->program;
     return own->program || sp_fail(err, SP_ERR_UNSUPPORTED, "",
                                    "%s has no program for surfaces: %s", s->device, why.text);

@@ -11,7 +11,7 @@ layout(std430, binding = 3) buffer Sheets { vec4 sheet_words[]; };
 layout(location = 1) uniform uvec4 part;     // width of the image [px]; points of a tile in this pass: first, end; 1 = first pass
 layout(location = 2) uniform uvec3 capacity; // fragments that the buffer holds; words before those of pixels; 1 = last pass
 
-const uint STAGED = TILE * TILE, SIDE = 32u, SHEETS = 4u, FRAGMENTS_MAX = 16u;
+const uint SHEETS = 4u;
 const float FAR_AWAY = 1e30;
 
 struct Sheet {
@@ -19,16 +19,9 @@ struct Sheet {
     vec3 normal;
 };
 
-struct Fragment {
-    float depth;
-    vec4 color; // premultiplied by alpha, alpha
-};
-
 shared Footprint staged[STAGED];
 shared uint seen[STAGED / 32u];   // bits of the staged footprints that touch the tile
-shared uint wanted[STAGED / 32u]; // bits of the entries that are drawn now
 shared int farthest;              // depth behind which nothing of the tile is seen, as an integer that rises with it
-shared uint made, place;          // fragments of the tile, and where they begin
 
 uint thread;
 vec2 at, corner; // the pixel's centre in the tile, the tile's corner in the image [px]
@@ -37,8 +30,6 @@ Sheet sheets[2u * SHEETS]; // by facing
 float hidden;              // what is behind is not seen
 Resolved sorted[2u * SHEETS]; // by depth
 uint sorted_count;
-Fragment merged[FRAGMENTS_MAX]; // of the pixel, sorted by depth
-uint merged_count;
 
 int ordinal(float x) {
     int bits = floatBitsToInt(x);
@@ -77,7 +68,8 @@ void find_hidden() {
 }
 
 // Every thread must call it.
-void add_block(Block block) {
+void add_entry(uint slot, uint number) {
+    Block block = read_block(number);
     bool has_added = false;
     for (uint first = 0u; first < block.count; first += STAGED) {
         if (thread < STAGED / 32u)
@@ -97,35 +89,23 @@ void add_block(Block block) {
         find_hidden();
 }
 
-// Does the pass draw the entry in this tile?
-bool is_wanted(uint entry) {
-    uint before = surface_words[words.x + 2u * entry + 1u];
-    if (before < part.y || before >= part.z)
-        return false;
-    Block block = read_block(surface_words[words.x + 2u * entry]);
-    uvec2 first = uvec2(corner), end = first + TILE;
-    return all(lessThan(block.box.xy, end)) && all(lessThan(first, block.box.zw)) &&
+void begin_entries() {
+    if (thread == 0u)
+        farthest = ordinal(-FAR_AWAY);
+    barrier();
+    if (is_inside)
+        atomicMax(farthest, ordinal(hidden));
+}
+
+// Is the block seen in this tile?
+bool is_wanted(uint number) {
+    Block block = read_block(number);
+    return touches(block.box.xy, block.box.zw, uvec2(corner)) &&
            block.depth - sheet_of.w <= from_ordinal(farthest) + sheet_of.z * bounds.z;
 }
 
-void add_entries(uint begin, uint end) {
-    for (uint first = begin; first < end; first += STAGED) {
-        barrier();
-        if (thread < STAGED / 32u)
-            wanted[thread] = 0u;
-        if (thread == 0u)
-            farthest = ordinal(-FAR_AWAY);
-        barrier();
-        if (is_inside)
-            atomicMax(farthest, ordinal(hidden));
-        barrier();
-        if (first + thread < end && is_wanted(first + thread))
-            atomicOr(wanted[thread / 32u], 1u << (thread % 32u));
-        barrier();
-        for (uint w = 0u; w < STAGED / 32u; w++)
-            for (uint left = wanted[w]; left != 0u; left &= left - 1u)
-                add_block(read_block(surface_words[words.x + 2u * (first + 32u * w + uint(findLSB(left)))]));
-    }
+uint tile_word(uint i) {
+    return surface_words[i];
 }
 
 void sort_in(Resolved own) {
@@ -148,10 +128,11 @@ bool is_out_of_order() {
     return !is_cut && sorted[0].side == 1u && sorted[1].side == 0u && sorted[0].coverage < 1.0;
 }
 
-// Makes the fragments of the pixel; returns how many. From the first sheet on, each pair of different facing belongs to one
-// silhouette.
-uint make_fragments(out Fragment list[2u * SHEETS]) {
-    uint n = 0u, last = 2u;
+// Adds the fragments of the pixel; returns whether there are any. From the first sheet on, each pair of different facing
+// belongs to one silhouette.
+bool add_fragments() {
+    bool has_any = false;
+    uint last = 2u;
     sorted_count = 0u;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
         Resolved own = resolve(corner + at, sheets[i].weight, sheets[i].depth, sheets[i].normal);
@@ -170,80 +151,14 @@ uint make_fragments(out Fragment list[2u * SHEETS]) {
         bool is_pair = last < 2u && last != own.side;
         float alpha = is_pair ? alpha_behind(sorted[k - 1u].coverage, own.coverage) : look.w * own.coverage;
         last = is_pair ? 2u : own.side;
-        if (alpha > LEAST)
-            list[n++] = Fragment(own.depth * cell.x, vec4(own.color * alpha, alpha));
+        if (alpha > LEAST) {
+            add_fragment(Fragment(own.depth * cell.x, vec4(own.color * alpha, alpha)));
+            has_any = true;
+        }
         if (kind.x != 0u && own.coverage >= 1.0)
             break;
     }
-    return n;
-}
-
-Fragment read_fragment(uint i) {
-    uint w = fragment_at + FRAGMENT_WORDS * i;
-    return Fragment(uintBitsToFloat(fragment_words[w]),
-                    uintBitsToFloat(uvec4(fragment_words[w + 1u], fragment_words[w + 2u], fragment_words[w + 3u],
-                                          fragment_words[w + 4u])));
-}
-
-void write_fragment(uint at, Fragment f) {
-    uvec4 bits = floatBitsToUint(f.color);
-    fragment_words[at] = floatBitsToUint(f.depth);
-    for (uint c = 0u; c < 4u; c++)
-        fragment_words[at + 1u + c] = bits[c];
-}
-
-// sp_fragment_add(): if the pixel is full, its two farthest fragments become one.
-void add_fragment(Fragment f) {
-    const uint LAST = FRAGMENTS_MAX - 1u;
-    if (merged_count == FRAGMENTS_MAX && !(f.depth < merged[LAST].depth)) {
-        merged[LAST].color += (1.0 - merged[LAST].color.a) * f.color;
-        return;
-    }
-    if (merged_count == FRAGMENTS_MAX) {
-        merged[LAST - 1u].color += (1.0 - merged[LAST - 1u].color.a) * merged[LAST].color;
-        merged_count = LAST;
-    }
-    bool is_moving = false;
-    for (uint i = 0u; i < FRAGMENTS_MAX; i++) {
-        is_moving = is_moving || i == merged_count || f.depth < merged[i].depth;
-        Fragment own = merged[i];
-        if (is_moving) {
-            merged[i] = f;
-            f = own;
-        }
-    }
-    merged_count++;
-}
-
-// Writes the fragments that the pixel had and the new ones.
-void merge(uint to, Fragment list[2u * SHEETS], uint count) {
-    for (merged_count = 0u; merged_count < fragment_count; merged_count++)
-        merged[merged_count] = read_fragment(merged_count);
-    for (uint i = 0u; i < count; i++)
-        add_fragment(list[i]);
-    for (uint i = 0u; i < merged_count; i++)
-        write_fragment(to + FRAGMENT_WORDS * i, merged[i]);
-}
-
-// Every thread must call it. If the fragments do not fit, the band is drawn again with more memory.
-void store(uint pixel, uint pixels) {
-    Fragment list[2u * SHEETS];
-    uint count = is_inside ? make_fragments(list) : 0u, own = 0u;
-    open_fragments(capacity.y, is_inside ? pixel : 0u, pixels);
-    uint total = count > 0u ? min(fragment_count + count, FRAGMENTS_MAX) : 0u;
-    if (thread == 0u)
-        made = 0u;
-    barrier();
-    if (total > 0u)
-        own = atomicAdd(made, total);
-    barrier();
-    if (thread == 0u && made > 0u)
-        place = atomicAdd(stored, made);
-    barrier();
-    if (total == 0u || place + made > capacity.x || place + made < place)
-        return;
-    merge(capacity.y + pixels + FRAGMENT_WORDS * (place + own), list, count);
-    fragment_words[capacity.y + pixel] = (place + own) << FRAGMENT_COUNT_BITS | total;
+    return has_any;
 }
 
 void load_sheets(uint pixel, uint pixels) {
@@ -272,10 +187,12 @@ void main() {
     corner = vec2(gl_WorkGroupID.xy * TILE + uvec2(0u, tiles.y));
     at = vec2(gl_LocalInvocationID.xy) + 0.5;
     load_sheets(is_inside ? pixel : 0u, pixels);
-    uint tile = uint(corner.y) / SIDE * kind.w + uint(corner.x) / SIDE;
-    add_entries(surface_words[tile], surface_words[tile + 1u]);
-    if (capacity.z != 0u)
-        store(pixel, pixels);
-    else if (is_inside)
-        keep_sheets(pixel, pixels);
+    add_entries(uvec2(corner), kind.w, words.x, part.yz);
+    if (capacity.z == 0u) {
+        if (is_inside)
+            keep_sheets(pixel, pixels);
+        return;
+    }
+    load_fragments(capacity.y, is_inside ? pixel : 0u, pixels);
+    store_fragments(is_inside && add_fragments(), capacity.y, capacity.x, pixel, pixels);
 }

@@ -98,7 +98,7 @@ static void layers_inside_the_volume(void **state) {
     for (int is_rectilinear = 0; is_rectilinear < (TEST_SANITIZED ? 1 : 2); is_rectilinear++) {
         struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, is_rectilinear);
         for (int order = 0; order < ORDERS; order++)
-            for (int which = 0; which < LAYERS; which++) {
+            for (int which = 0; which < LAYERS; which += 1 + TEST_SANITIZED) {
                 struct sp_view view;
                 char what[60];
                 int n = 5 * order + 3 * which + 7 * is_rectilinear;
@@ -114,16 +114,11 @@ static void layers_inside_the_volume(void **state) {
     resample_report(rig);
 }
 
-/* Alone on the CPU, a shell is composited in the order of its slices, as fragments in the order of
- * their depths. */
-static const double as_fragments = 50;
-
 static void layers_without_the_volume(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
-    const double usual = rig->alike;
     for (int which = 0; which <= LAYERS; which++)
-        for (int n = 0; n < 8; n++) {
+        for (int n = 0; n < (TEST_SANITIZED ? 2 : 8); n++) {
             struct sp_view view;
             char what[60];
             make_view(&view, volume, n % ORDERS);
@@ -132,10 +127,7 @@ static void layers_without_the_volume(void **state) {
             vary(&view, n);
             view.background[3] = 0.4f;
             snprintf(what, sizeof what, "layers %d without the volume, choice %d", which, n);
-            if (which == SHELL)
-                rig->alike = as_fragments;
             resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
-            rig->alike = usual;
         }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -203,6 +195,33 @@ static void pieces_add_up(void **state) {
         resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
         assert_compare(gl->surfaces.per_pixel, >, 2.5);
         assert_int_equal(gl->buffers.sheets.name != 0, n & 1);
+        gl->workload.limits = whole;
+    }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
+/* The same for the voxels of a shell, alone and beside a surface. */
+static void pieces_of_shells_add_up(void **state) {
+    struct resample_rig *rig = *state;
+    struct gl_state *gl = resample_rig_gl(rig);
+    struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, true);
+    const struct gl_limits whole = gl->workload.limits;
+    for (int n = 0; n < 6; n++) {
+        struct sp_view view;
+        char what[40];
+        make_view(&view, volume, 0);
+        view.layer_count = n < 4;
+        add_shell(&view);
+        if (n < 2)
+            add_surface(&view, 190, 0.5f);
+        view.layers[n < 4].detail = n % 2 ? SP_SHELL_FAST : SP_SHELL_HIGH;
+        snprintf(what, sizeof what, "pieces of shells %d", n);
+        release(gl);
+        gl->workload.limits.loops = 2000;
+        gl->workload.limits.tiles = 1;
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        assert_int_equal(gl->buffers.sheets.name != 0, n < 4);
         gl->workload.limits = whole;
     }
     sp_volume_unref(&volume);
@@ -284,6 +303,7 @@ int main(void) {
                                         ON(layers_without_the_volume),
                                         ON(mixed_images),
                                         ON(pieces_add_up),
+                                        ON(pieces_of_shells_add_up),
                                         ON(points_stay_on_the_gpu),
                                         ON(slices_cut_layers) };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -18,7 +18,6 @@ struct resample_rig {
     struct sp_frame_pool *pool;
     unsigned drawn;
     double worst; /* dB */
-    double alike; /* the least PSNR that passes [dB] */
 };
 
 struct resample_shot {

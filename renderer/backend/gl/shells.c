@@ -1,0 +1,287 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "backend/gl/shells.h"
+
+#include <epoxy/gl.h>
+#include <math.h>
+#include <string.h>
+
+#include "backend/gl/tile_lists.h"
+#include "volume/grid.h"
+
+enum {
+    BLOCK = 512, /* voxels that a worker lists at a time */
+    ROUNDS = 16, /* loop rounds of a voxel, at most */
+    STATE_WORDS = 2 + 2 * SP_FRAGMENTS_MAX,
+    ROW_WORDS = 2 /* of a sample of a rectilinear axis */
+};
+
+/* shaders/shell.glsl: std430. */
+struct constants {
+    float steps[3][4], kernel[3][4];
+    float view[4], filter[4], bounds[4], cell[4];
+    uint32_t kind[4], words[4], rows[3][4];
+};
+_Static_assert(sizeof(struct sp_shell_voxel) == 6 * sizeof(uint32_t), "six words in the shader");
+
+/* The voxels of a frame, and on which tiles they lie. */
+struct frame {
+    const struct sp_shell *shell;
+    struct sp_shell_voxel *voxels; /* in order, in the buffer */
+    float reach;                   /* of a kernel of the mean spacing, in perspective as it looks at
+                                      most [cells] */
+    struct sp_tile_grid grid;
+    struct sp_bins bins; /* its entries are numbers of voxels */
+};
+
+static void write_constants(struct constants *c, const struct frame *frame) {
+    const struct sp_shell *s = frame->shell;
+    const struct sp_ewa_frame *f = &s->frame.ewa;
+    *c = (struct constants){
+        .view = { f->scale, f->centre[0], f->centre[1], f->near },
+        .filter = { f->lowpass2, f->radius, f->cut, f->peak },
+        .bounds = { f->ratio_max[0], f->ratio_max[1], f->flat, f->gain },
+        .cell = { (float)f->unit, s->frame.opaque, s->frame.apart, frame->reach },
+        .kind = { s->frame.mode == SP_FILTER_NONE, s->frame.linear, s->frame.is_rectilinear,
+                  (uint32_t)frame->grid.columns },
+    };
+    for (int r = 0; r < 3; r++) {
+        memcpy(c->steps[r], f->step[r], sizeof f->step[r]);
+        memcpy(c->kernel[r], f->kernel[r], sizeof f->kernel[r]);
+        c->steps[r][3] = (float)f->base[r];
+    }
+    for (unsigned a = 0, row = 0; a < 3; row += f->grid->dims[a++])
+        c->rows[a][0] = row;
+}
+
+static int16_t bounded(float x, int limit) {
+    return (int16_t)(x > 0 ? (x < (float)limit ? x : (float)limit) : 0);
+}
+
+/* Finds the box that a voxel's splat lies in; nothing on any tile if it is not drawn. */
+static struct sp_splat find_box(const struct frame *frame, const struct sp_shell_voxel *v) {
+    const struct sp_splat nowhere = { .x0 = SP_TILE, .y0 = SP_TILE };
+    const struct sp_shell_frame *s = &frame->shell->frame;
+    const struct sp_ewa_frame *f = &s->ewa;
+    float at[3], u[3], size = 1;
+    for (int a = 0; a < 3; a++) {
+        at[a] = s->is_rectilinear ? s->place[a][v->at[a]] : (float)v->at[a];
+        size = s->is_rectilinear ? fmaxf(size, s->size[a][v->at[a]]) : size;
+    }
+    for (int r = 0; r < 3; r++)
+        u[r] = (float)f->base[r] + f->step[r][0] * at[0] + f->step[r][1] * at[1] +
+               f->step[r][2] * at[2];
+    if (!(u[2] >= f->near))
+        return nowhere;
+    float scale = f->scale / (f->projection == SP_PERSPECTIVE ? u[2] : 1);
+    float x = f->centre[0] + scale * u[0], y = f->centre[1] + scale * u[1];
+    float margin = frame->reach * size * scale + f->radius * sqrtf(f->lowpass2) + 1;
+    struct sp_splat box = { .x0 = bounded(floorf(x - margin), f->size[0]),
+                            .y0 = bounded(floorf(y - margin), f->size[1]),
+                            .x1 = bounded(ceilf(x + margin), f->size[0]),
+                            .y1 = bounded(ceilf(y + margin), f->size[1]) };
+    return box.x0 < box.x1 && box.y0 < box.y1 ? box : nowhere;
+}
+
+/* Finds the boxes of a block of voxels; returns how many there are. */
+static uint32_t find_boxes(const struct frame *frame, uint32_t block, struct sp_splat *boxes) {
+    const struct sp_shell *s = frame->shell;
+    const uint32_t first = block * BLOCK, left = s->order.count - first;
+    const uint32_t count = left < BLOCK ? left : BLOCK;
+    for (uint32_t i = 0; i < count; i++)
+        boxes[i] = find_box(frame, &s->list->voxels[s->order.voxels[first + i]]);
+    return count;
+}
+
+/* Copies blocks of voxels and counts their tiles. */
+static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct frame *frame = user;
+    const struct sp_shell *s = frame->shell;
+    struct sp_splat boxes[BLOCK];
+    (void)worker;
+    for (uint32_t b = (uint32_t)begin; b < end; b++) {
+        uint32_t count = find_boxes(frame, b, boxes);
+        for (uint32_t i = b * BLOCK; i < b * BLOCK + count; i++)
+            frame->voxels[i] = s->list->voxels[s->order.voxels[i]];
+        sp_bins_clear(&frame->bins, b);
+        sp_bins_count(&frame->bins, b, &frame->grid, boxes, count);
+    }
+}
+
+static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
+    struct frame *frame = user;
+    struct sp_splat boxes[BLOCK];
+    (void)worker;
+    for (uint32_t b = (uint32_t)begin; b < end; b++) {
+        uint32_t count = find_boxes(frame, b, boxes);
+        sp_bins_fill(&frame->bins, b, &frame->grid, boxes, count, b * BLOCK);
+    }
+}
+
+static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the shell's %s",
+                   arena->failed ? arena->failed : "data");
+}
+
+static void init_frame(struct frame *frame) {
+    const struct sp_ewa_frame *f = &frame->shell->frame.ewa;
+    float square = 0;
+    for (int i = 0; i < 9; i++)
+        square += f->kernel[i / 3][i % 3] * f->kernel[i / 3][i % 3];
+    frame->reach = fmaxf(f->radius, f->flat) * sqrtf(square);
+    if (f->projection == SP_PERSPECTIVE)
+        frame->reach *= 1 + fmaxf(f->ratio_max[0], f->ratio_max[1]);
+    frame->grid = (struct sp_tile_grid){ .columns = (f->size[0] + SP_TILE - 1) / SP_TILE,
+                                         .rows = (f->size[1] + SP_TILE - 1) / SP_TILE };
+    frame->bins = (struct sp_bins){ .tiles = (uint32_t)(frame->grid.columns * frame->grid.rows),
+                                    .blocks = (frame->shell->order.count + BLOCK - 1) / BLOCK };
+}
+
+/* Uploads the voxels and lists them by tile. */
+static bool send_voxels(struct frame *frame, struct gl_state *state, struct sp_error *err) {
+    struct sp_bins *bins = &frame->bins;
+    struct sp_arena *arena = &state->arena;
+    const uint64_t bytes = (uint64_t)frame->shell->order.count * sizeof *frame->voxels;
+    uint64_t total = 0;
+    bins->counts = sp_arena_alloc(arena, "counts of tiles", (size_t)bins->blocks * bins->tiles,
+                                  sizeof *bins->counts);
+    bins->first = sp_arena_alloc(arena, "starts of tiles", bins->tiles + 1, sizeof *bins->first);
+    if (!bins->counts || !bins->first)
+        return fail_memory(arena, err);
+    if (!gl_buffer_reserve(&state->shells.voxels, "voxels of a shell", bytes, state->block_bytes,
+                           GL_USE_STREAM, err) ||
+        !(frame->voxels = gl_buffer_map(&state->shells.voxels, bytes, err)))
+        return false;
+    sp_parallel_for(state->pool, bins->blocks, 4, count_blocks, frame);
+    state->upload.bytes += bytes;
+    if (!gl_buffer_unmap(&state->shells.voxels, err))
+        return false;
+    for (uint32_t b = 0; b < bins->blocks; b++)
+        total += sp_bins_block_total(bins, b);
+    bins->entries = total < UINT32_MAX
+                        ? sp_arena_alloc(arena, "lists of tiles", total + 1, sizeof *bins->entries)
+                        : NULL;
+    if (!bins->entries)
+        return fail_memory(arena, err);
+    bins->capacity = (uint32_t)total;
+    sp_bins_start(bins, 0, bins->blocks);
+    sp_parallel_for(state->pool, bins->blocks, 4, fill_blocks, frame);
+    return true;
+}
+
+static uint32_t size_of(const void *user, uint32_t block) {
+    (void)user;
+    (void)block;
+    return 1;
+}
+
+/* Fills the words; returns the most voxels of a tile. */
+static uint32_t write_words(uint32_t *to, const uint32_t at[2], const struct frame *frame) {
+    const struct sp_shell_frame *s = &frame->shell->frame;
+    float *row = (float *)(void *)(to + at[1]);
+    for (unsigned a = 0; a < 3 && s->is_rectilinear; a++)
+        for (uint32_t i = 0; i < s->ewa.grid->dims[a]; i++, row += ROW_WORDS) {
+            row[0] = s->place[a][i];
+            row[1] = s->size[a][i];
+        }
+    return gl_tile_lists_write(to, (struct gl_entry *)(void *)(to + at[0]), &frame->bins, size_of,
+                               NULL);
+}
+
+static bool send_words(struct gl_shell *to, const struct frame *frame, struct gl_state *state,
+                       struct sp_error *err) {
+    const struct sp_shell *s = frame->shell;
+    const struct gl_buffer *buffer = &state->shells.constants;
+    const uint32_t *dims = s->frame.ewa.grid->dims;
+    const uint32_t rows = gl_tile_lists_words(&frame->bins);
+    uint64_t end =
+        rows + (s->frame.is_rectilinear ? ROW_WORDS * ((uint64_t)dims[0] + dims[1] + dims[2]) : 0);
+    uint64_t bytes = sizeof(struct constants) + end * sizeof(uint32_t);
+    struct constants c;
+    write_constants(&c, frame);
+    memcpy(c.words, (uint32_t[]){ frame->bins.tiles + 1, rows }, 2 * sizeof(uint32_t));
+    if (!gl_buffer_reserve(&state->shells.constants, "lists of a shell", bytes, state->block_bytes,
+                           GL_USE_STREAM, err))
+        return false;
+    struct constants *mapped = gl_buffer_map(buffer, bytes, err);
+    if (!mapped)
+        return false;
+    *mapped = c;
+    to->most = write_words((uint32_t *)(void *)(mapped + 1), c.words, frame);
+    state->upload.bytes += bytes;
+    return gl_buffer_unmap(buffer, err);
+}
+
+static unsigned open_program(struct gl_state *s, bool is_alone, struct sp_error *err) {
+    struct gl_late_program *own = &s->shells.programs[is_alone];
+    struct sp_error why = { .text = "it failed before; the log has the reason" };
+    if (!own->program && !own->is_refused)
+        own->program =
+            is_alone ? gl_program_open("frame bins gradient shade entries shell 24_shell",
+                                       "#define ALONE 1\n", &why)
+                     : gl_program_open("frame bins gradient shade fragments fragment_lists entries "
+                                       "shell 24_shell",
+                                       "#define ALONE 0\n#define FRAGMENTS_ACCESS\n", &why);
+    own->is_refused = !own->program;
+    if (own->is_refused)
+        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no program for shells: %s", s->device,
+                why.text);
+    return own->program;
+}
+
+bool gl_shell_begin(struct gl_shell *shell, const struct gl_band *band, struct sp_error *err) {
+    struct gl_state *state = band->state;
+    const struct sp_view *view = band->job->view;
+    const struct gl_layers_made *made = &band->fragments->made;
+    struct frame frame = { .shell = &made->shell };
+    *shell = (struct gl_shell){ .is_alone = view->layer_count == 1 };
+    if (!made->has_shell || !made->shell.order.count)
+        return true;
+    init_frame(&frame);
+    if (!(shell->program = open_program(state, shell->is_alone, err)) ||
+        !send_voxels(&frame, state, err) || !send_words(shell, &frame, state, err))
+        return false;
+    uint32_t voxels = gl_workload_limits(&state->workload).loops / ROUNDS;
+    shell->at_once = voxels > 0 ? voxels : 1;
+    shell->passes = gl_divide_up(shell->most, shell->at_once);
+    shell->words = shell->passes > 1 && !shell->is_alone ? STATE_WORDS : 0;
+    shell->is_drawn = shell->most > 0;
+    return true;
+}
+
+bool gl_shell_draw(const struct gl_shell *shell, struct gl_band *band, struct sp_error *err) {
+    struct gl_state *s = band->state;
+    const struct gl_bins_space space = { band->columns, band->y, band->end, gl_band_rows(band), 1 };
+    if (!shell->is_drawn)
+        return true;
+    glUseProgram(shell->program);
+    gl_bins_set_space(&space);
+    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->shells.constants, 1);
+    gl_buffer_bind(&s->shells.voxels, 2);
+    gl_buffer_bind(shell->words ? &s->buffers.sheets : &s->buffers.image, 4);
+    gl_buffer_bind(&s->bins.counts, 7);
+    if (!shell->is_alone)
+        gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
+    for (uint32_t first = 0; first < shell->most; first += shell->at_once) {
+        uint32_t left = shell->most - first;
+        uint32_t n = left < shell->at_once ? left : shell->at_once;
+        if (sp_job_is_cancelled(band->job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
+        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.slices, n == left);
+        glDispatchCompute(band->columns, gl_band_rows(band), 1);
+        gl_band_barrier();
+        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
+        if (!gl_band_follow(band, err))
+            return false;
+    }
+    return true;
+}
+
+void gl_shell_finish(struct gl_state *s) {
+    for (int i = 0; i < 2; i++)
+        glDeleteProgram(s->shells.programs[i].program);
+    gl_buffer_finish(&s->shells.constants);
+    gl_buffer_finish(&s->shells.voxels);
+    memset(&s->shells, 0, sizeof s->shells);
+}
