@@ -125,11 +125,25 @@ static void copy_pixels(const struct sp_frame *frame, unsigned char pixels[SIZE]
         memcpy(pixels[y], (char *)frame->pixels + frame->stride_bytes * y, 4 * SIZE);
 }
 
+/* What a view has that others have not. */
+enum kind { PLAIN, SLAB, WITH_LAYERS };
+
+static void add_layers(const struct scene *scene, int i, struct sp_view *view) {
+    const double *range = sp_volume_info(scene->volumes[i])->range;
+    view->layers[1] = sp_layer_default(SP_LAYER_SURFACE);
+    view->layers[1].value = 0.5 * (range[0] + range[1]);
+    view->layers[1].opacity = 0.5f;
+    view->layers[2] = sp_layer_default(SP_LAYER_SHELL);
+    view->layer_count = 3;
+}
+
 /* Draws volume i; false with scene->err set. */
-static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[SIZE][SIZE][4]) {
+static bool draw(struct scene *scene, int i, enum kind kind, unsigned char pixels[SIZE][SIZE][4]) {
     struct sp_view view;
     make_view(scene, i, &view);
-    if (is_slab) { /* the new context has its own programs and tables */
+    if (kind == WITH_LAYERS)
+        add_layers(scene, i, &view);
+    if (kind == SLAB) { /* the new context has its own programs and tables */
         view.compositing.mode = SP_COMPOSITE_SLAB;
         view.transfer_function.order = SP_TF_POST;
     }
@@ -145,7 +159,7 @@ static bool draw(struct scene *scene, int i, bool is_slab, unsigned char pixels[
 static void check_images(struct scene *scene) {
     unsigned char got[SIZE][SIZE][4];
     for (int i = 0; i < 2; i++) {
-        if (!draw(scene, i, false, got))
+        if (!draw(scene, i, PLAIN, got))
             fail_msg("%s", scene->err.text);
         assert_memory_equal(got, scene->wanted[i], sizeof got);
     }
@@ -209,18 +223,25 @@ static void a_reset_costs_no_frame_in_flight(void **state) {
     }
 }
 
-static void slab_frames_survive_a_context_loss(void **state) {
-    struct scene *scene = *state;
+static void check_loss(struct scene *scene, enum kind kind) {
     static unsigned char wanted[SIZE][SIZE][4], got[SIZE][SIZE][4];
-    if (!draw(scene, 0, true, wanted)) {
+    if (!draw(scene, 0, kind, wanted)) {
         assert_int_equal(scene->err.code, SP_ERR_UNSUPPORTED);
         return;
     }
     assert_memory_not_equal(wanted, scene->wanted[0], sizeof wanted);
     plan.resets = 1;
-    assert_true(draw(scene, 0, true, got));
+    assert_true(draw(scene, 0, kind, got));
     assert_int_equal(plan.resets, 0);
     assert_memory_equal(got, wanted, sizeof got);
+}
+
+static void slab_frames_survive_a_context_loss(void **state) {
+    check_loss(*state, SLAB);
+}
+
+static void so_do_surfaces_and_shells(void **state) {
+    check_loss(*state, WITH_LAYERS);
 }
 
 static void a_context_that_cannot_be_bound_is_replaced(void **state) {
@@ -236,7 +257,7 @@ static void a_gpu_that_resets_repeatedly_is_replaced(void **state) {
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
     assert_false(
-        draw(scene, 0, false, pixels)); /* the backend was named, so there is no fallback */
+        draw(scene, 0, PLAIN, pixels)); /* the backend was named, so there is no fallback */
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_int_equal(warnings, 3);
     /* Calls that need no context still work. */
@@ -250,10 +271,10 @@ static void without_another_context_the_next_frame_tries_again(void **state) {
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 1;
     plan.contexts = 1000;
-    assert_false(draw(scene, 1, false, pixels));
+    assert_false(draw(scene, 1, PLAIN, pixels));
     assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     assert_non_null(strstr(scene->err.text, "EGL_BAD_ALLOC"));
-    assert_false(draw(scene, 1, false, pixels));
+    assert_false(draw(scene, 1, PLAIN, pixels));
     plan.contexts = 0;
     check_images(scene);
 }
@@ -265,7 +286,7 @@ static void a_device_that_is_gone_counts_as_a_failure(void **state) {
     plan.resets = 1;
     plan.lists = 1000;
     for (unsigned i = 0; i < 2; i++) {
-        assert_false(draw(scene, 1, false, pixels));
+        assert_false(draw(scene, 1, PLAIN, pixels));
         assert_int_equal(scene->err.code, SP_ERR_BACKEND);
     }
     assert_int_equal(warnings, 4); /* three tries, then one per frame */
@@ -278,7 +299,7 @@ static void a_renderer_without_a_context_can_be_destroyed(void **state) {
     struct scene *scene = *state;
     unsigned char pixels[SIZE][SIZE][4];
     plan.resets = 3;
-    assert_false(draw(scene, 0, false, pixels));
+    assert_false(draw(scene, 0, PLAIN, pixels));
     sp_renderer_destroy(&scene->renderer);
     assert_null(eglGetCurrentContext());
 }
@@ -291,7 +312,7 @@ static bool init_scene(struct scene *scene) {
     bool ok = scene->pool != NULL;
     for (int i = 0; ok && i < 2; i++)
         ok = (scene->volumes[i] = sp_volume_load(sources[i], NULL, &scene->err)) &&
-             draw(scene, i, false, scene->wanted[i]);
+             draw(scene, i, PLAIN, scene->wanted[i]);
     return ok;
 }
 
@@ -309,6 +330,7 @@ int main(void) {
         TEST(a_reset_costs_no_frame),
         TEST(a_reset_costs_no_frame_in_flight),
         TEST(slab_frames_survive_a_context_loss),
+        TEST(so_do_surfaces_and_shells),
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_resets_repeatedly_is_replaced),
         TEST(without_another_context_the_next_frame_tries_again),
