@@ -12,7 +12,7 @@
  * on that line, so that points and vectors read as one item. */
 bool print_indented(const proto_json *json, struct sp_error *err);
 
-enum { TABLE_COLUMNS_MAX = 8 };
+enum { TABLE_COLUMNS_MAX = 12 };
 
 struct table {
     size_t columns;

@@ -100,10 +100,14 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxel
     struct sp_volume *volume = create(&original->info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
-    volume->original = original->original ? original->original : original;
+    volume->original = sp_volume_original(original);
     if (!keep_coordinates(volume, err))
         sp_volume_unref(&volume);
     return volume;
+}
+
+const struct sp_volume *sp_volume_original(const struct sp_volume *volume) {
+    return volume->original ? volume->original : volume;
 }
 
 bool sp_volume_is_of(const struct sp_volume *volume, const struct sp_volume *original) {

@@ -31,6 +31,9 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxel
  * Caches evict by this rule. */
 bool sp_volume_is_of(const struct sp_volume *volume, const struct sp_volume *original);
 
+/* The volume that this one was derived from, or itself. Only for comparisons: it may be gone. */
+const struct sp_volume *sp_volume_original(const struct sp_volume *volume);
+
 /* A volume remembers the last one that was derived from it, under a key of any bytes. get() returns
  * a reference and copies the key to `key`, of which *key_bytes says the capacity and then the size;
  * NULL = there is none, or its key is larger. set() adds a reference; NULL = forget it. Both are

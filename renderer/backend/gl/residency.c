@@ -381,6 +381,7 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
     if (!list)
         list = take_place(residency);
     list->volume = from->volume;
+    list->original = sp_volume_original(from->volume);
     list->used = ++residency->clock;
     if (!update(residency, list, from, err)) {
         empty(list);
@@ -411,7 +412,9 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
             item = &residency->items[i];
     if (!item) {
         item = take_item(residency);
-        *item = (struct gl_resident){ .volume = volume, .kind = kind, .made = made };
+        *item = (struct gl_resident){
+            .volume = volume, .original = sp_volume_original(volume), .kind = kind, .made = made
+        };
     }
     item->used = ++residency->clock;
     if (item->is_filled || item->buffer.bytes >= bytes ||
@@ -422,15 +425,21 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
     return NULL;
 }
 
+/* sp_volume_is_of() for volumes that may be gone. */
+static bool is_of(const struct sp_volume *volume, const struct sp_volume *original,
+                  const struct sp_volume *wanted) {
+    return !wanted || volume == wanted || original == wanted;
+}
+
 void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *volume) {
     for (int i = 0; i < GL_LISTS; i++)
-        if (sp_volume_is_of(residency->list[i].volume, volume))
+        if (is_of(residency->list[i].volume, residency->list[i].original, volume))
             empty(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
         if (sp_volume_is_of(residency->voxels[i].volume, volume))
             empty_voxels(&residency->voxels[i]);
     for (int i = 0; i < GL_RESIDENTS; i++)
-        if (sp_volume_is_of(residency->items[i].volume, volume))
+        if (is_of(residency->items[i].volume, residency->items[i].original, volume))
             empty_item(&residency->items[i]);
 }
 
@@ -448,13 +457,13 @@ void gl_residency_lose(struct gl_residency *residency) {
 uint64_t gl_residency_bytes(const struct gl_residency *residency, const struct sp_volume *volume) {
     uint64_t bytes = 0;
     for (int i = 0; i < GL_LISTS; i++)
-        if (sp_volume_is_of(residency->list[i].volume, volume))
+        if (is_of(residency->list[i].volume, residency->list[i].original, volume))
             bytes += list_bytes(&residency->list[i]);
     for (int i = 0; i < GL_VOLUMES; i++)
         if (sp_volume_is_of(residency->voxels[i].volume, volume))
             bytes += gl_voxels_bytes(&residency->voxels[i]);
     for (int i = 0; i < GL_RESIDENTS; i++)
-        if (sp_volume_is_of(residency->items[i].volume, volume))
+        if (is_of(residency->items[i].volume, residency->items[i].original, volume))
             bytes += residency->items[i].buffer.bytes;
     return bytes;
 }

@@ -34,7 +34,8 @@ enum gl_resident_kind {
 };
 
 struct gl_resident {
-    const struct sp_volume *volume; /* not a reference; NULL = empty */
+    /* Not references; NULL = empty. `original` is sp_volume_original() of the volume. */
+    const struct sp_volume *volume, *original;
     enum gl_resident_kind kind;
     uint64_t made; /* number of the contents; no others of this kind have it */
     uint64_t used; /* clock of the last use */

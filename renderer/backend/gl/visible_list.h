@@ -16,7 +16,9 @@
 #include "classify/classification.h"
 
 struct gl_visible_list {
-    const struct sp_volume *volume; /* not a reference, see gl_residency_evict(); NULL = empty */
+    /* Not references, see gl_residency_evict(); NULL = empty. `original` is sp_volume_original().
+     */
+    const struct sp_volume *volume, *original;
     uint64_t list_made, table_made; /* generation numbers of the level when it was uploaded */
     uint64_t used;                  /* clock of the last use */
     struct sp_grid grid;            /* of the level */

@@ -20,7 +20,7 @@
 static double speckled(const void *user, double x, double y, double z) {
     (void)user;
     double blob = 120 * exp(-0.01 * ((x - 30) * (x - 30) + 4 * (y - 5) * (y - 5) + z * z));
-    uint32_t hash = (uint32_t)(x * 73856093) ^ (uint32_t)(y * 19349663) ^ (uint32_t)(z * 83492791);
+    uint32_t hash = (uint32_t)x * 73856093u ^ (uint32_t)y * 19349663u ^ (uint32_t)z * 83492791u;
     return blob + (hash * 2654435761u >> 16) % 32;
 }
 
