@@ -228,7 +228,10 @@ function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
   sheet.end((item) => item === measures.selected || item.id === measures.hovered);
 }
 
-/** Selects what is pressed, shows the label of what the pointer is on, and drags handles. move(item, handle, at) gives the world point; settle(world, at) the final one. */
+/**
+ * Selects the measurement that is pressed, shows the label of the measurement under the pointer, and drags handles.
+ * move(item, handle, at) returns the world point; settle(world, at) returns the final one.
+ */
 function listen(group, measures, { place, move, settle }) {
   group.addEventListener('pointerover', ({ target }) => measures.hover(target.dataset.item ?? null));
   group.addEventListener('pointerleave', () => measures.hover(null));

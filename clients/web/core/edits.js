@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Edits of what a view shows: cuts by planes, boxes and spheres, and connected parts. Nothing here changes its arguments. An edit is an
-// entry of `edits` in the view (protocol/view.schema.json).
+// Edits of a view: cuts by planes, boxes and spheres, and connected parts that are kept or removed. An edit is an entry of `edits`
+// in the view (protocol/view.schema.json). No function changes its arguments.
 import { layersOf } from './layers.js';
 import { opacityAt } from './transfer.js';
 import { dot, length, scale } from './vector.js';

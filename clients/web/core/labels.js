@@ -26,7 +26,7 @@ function moveInside({ x, y, width, height }, [right, bottom]) {
   return { x: inside(x, width, right), y: inside(y, height, bottom), width, height };
 }
 
-/** The line from the nearest point of what is named to the border of its label; null if the label is close to its wanted place. */
+/** Returns the leader line of a label: from the nearest point of its measurement to the label's border. Null if the label is near. */
 function leaderOf(place, wanted, anchors) {
   if (Math.hypot(place.x - wanted.x, place.y - wanted.y) < LEADER_PX || anchors.length === 0) return null;
   const away = (point) => Math.hypot(point.x - place.x, point.y - place.y);

@@ -33,7 +33,7 @@ function besides(value, unit, digits = 4) {
   return withUnit(valueText({ value, unit }, '–', digits), unit);
 }
 
-/** [name, text] of what a part or a path has besides its value. */
+/** Returns a [name, text] pair for each further number: the area and samples of a part, the straight distance of a path. */
 function moreOf(item, digits = 4) {
   const unit = lengthUnit(item);
   if (item.area !== undefined) return [[t('measure.surface'), besides(item.area, unit && `${unit}^2`, digits)], [t('measure.count'), String(item.samples)]];
