@@ -83,6 +83,24 @@ bool gl_band_follow(struct gl_band *band, struct sp_error *err) {
     return true;
 }
 
+bool gl_band_draw_lists(struct gl_band *band, uint32_t most, uint32_t at_once,
+                        struct sp_error *err) {
+    for (uint32_t first = 0; first < most; first += at_once) {
+        uint32_t left = most - first;
+        uint32_t n = left < at_once ? left : at_once;
+        if (sp_job_is_cancelled(band->job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
+        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.slices, n == left);
+        glDispatchCompute(band->columns, gl_band_rows(band), 1);
+        gl_band_barrier();
+        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
+        if (!gl_band_follow(band, err))
+            return false;
+    }
+    return true;
+}
+
 void gl_band_drop_fences(struct gl_band *band) {
     for (int i = 0; i < GL_QUEUED_MAX; i++)
         gl_fence_drop(&band->sent[i]);

@@ -11,8 +11,8 @@
 
 enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 
-/* The surfaces and shells of a frame. `insert` relates their depths to the sheets, slabs or splats of
- * the volume. It is not used for resampled sheets, nor without a volume. */
+/* The surfaces and shells of a frame. `insert` relates their depths to the sheets, slabs or splats
+ * of the volume. It is not used for resampled sheets, nor without a volume. */
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;

@@ -262,20 +262,7 @@ bool gl_shell_draw(const struct gl_shell *shell, struct gl_band *band, struct sp
     gl_buffer_bind(&s->bins.counts, 7);
     if (!shell->is_alone)
         gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
-    for (uint32_t first = 0; first < shell->most; first += shell->at_once) {
-        uint32_t left = shell->most - first;
-        uint32_t n = left < shell->at_once ? left : shell->at_once;
-        if (sp_job_is_cancelled(band->job))
-            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
-        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.slices, n == left);
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
-            return false;
-    }
-    return true;
+    return gl_band_draw_lists(band, shell->most, shell->at_once, err);
 }
 
 void gl_shell_finish(struct gl_state *s) {

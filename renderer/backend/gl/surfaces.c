@@ -262,20 +262,7 @@ static bool draw(const struct gl_surfaces *surfaces, const struct gl_surface *su
     gl_bins_set_space(&space);
     gl_buffer_bind(surface->constants, 1);
     gl_buffer_bind(surface->points, 2);
-    for (uint32_t first = 0; first < surface->most; first += surfaces->at_once) {
-        uint32_t left = surface->most - first;
-        uint32_t n = left < surfaces->at_once ? left : surfaces->at_once;
-        if (sp_job_is_cancelled(band->job))
-            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
-        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.slices, n == left);
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
-            return false;
-    }
-    return true;
+    return gl_band_draw_lists(band, surface->most, surfaces->at_once, err);
 }
 
 bool gl_surfaces_draw(const struct gl_surfaces *surfaces, struct gl_band *band,
