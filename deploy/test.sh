@@ -122,7 +122,7 @@ report() {
     say "slowest 20 tests"
     for log in "$logs"/*.log; do
         sed -nE "s|^ *[0-9]+/[0-9]+ +Test +#[0-9]+: +([^ ]+) .* ([0-9.]+) sec *\$|\2 s  $(basename "$log" .log)  \1|p" "$log"
-    done | sort -rn | head -n 20 >&2
+    done | sort -rn | sed -n 1,20p >&2 # head would end sort by SIGPIPE
     say "time of each stage"
     printf '%s\n' "${stages[@]}" "$(printf '%-16s %5d s wall' total $SECONDS)" >&2
 }
