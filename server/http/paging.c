@@ -26,9 +26,8 @@ bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv
     return page->items != NULL;
 }
 
-void srv_paging_reply(struct srv_page *page, const char *name,
-                      proto_json *(*encode)(void *user, const void *item), void *user,
-                      struct srv_reply *reply) {
+proto_json *srv_paging_json(struct srv_page *page, const char *name,
+                            proto_json *(*encode)(void *user, const void *item), void *user) {
     const char *items = page->items;
     bool has_next = page->count == page->max, ok = true;
     unsigned count = has_next ? page->max - 1 : page->count;
@@ -41,5 +40,11 @@ void srv_paging_reply(struct srv_page *page, const char *name,
     if (!ok)
         proto_json_free(&json);
     free(page->items);
-    srv_reply_json(reply, 200, json);
+    return json;
+}
+
+void srv_paging_reply(struct srv_page *page, const char *name,
+                      proto_json *(*encode)(void *user, const void *item), void *user,
+                      struct srv_reply *reply) {
+    srv_reply_json(reply, 200, srv_paging_json(page, name, encode, user));
 }

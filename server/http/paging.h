@@ -12,8 +12,11 @@
 /* Prepares a page from the query parameters. False: the reply is a problem document. */
 bool srv_paging_begin(struct srv_request *request, size_t item_bytes, struct srv_page *page,
                       struct srv_reply *reply);
-/* Replies with {"`name`": [encode(user, item), …], "next"?} and frees the page. encode() returns
- * NULL when out of memory. */
+/* Returns {"`name`": [encode(user, item), …], "next"?} and frees the page; the caller owns the
+ * JSON. encode() returns NULL when out of memory, and so does this function. */
+proto_json *srv_paging_json(struct srv_page *page, const char *name,
+                            proto_json *(*encode)(void *user, const void *item), void *user);
+/* Replies with that JSON. */
 void srv_paging_reply(struct srv_page *page, const char *name,
                       proto_json *(*encode)(void *user, const void *item), void *user,
                       struct srv_reply *reply);

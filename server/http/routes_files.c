@@ -48,10 +48,14 @@ static void run_listing(struct srv_work *work) {
     const char *data = srv_catalog_data(request->app->catalog);
     struct srv_data_entry *entries = listing->page.items;
     struct sp_error err;
-    if (srv_data_list(data, listing->path, &listing->page, &err)) {
+    unsigned unlisted;
+    if (srv_data_list(data, listing->path, &listing->page, &unlisted, &err)) {
         for (unsigned i = 0; i < listing->page.count; i++)
             srv_data_describe(data, listing->path, &entries[i]);
-        srv_paging_reply(&listing->page, "entries", encode_entry, NULL, &request->reply);
+        proto_json *json = srv_paging_json(&listing->page, "entries", encode_entry, NULL);
+        if (!proto_json_set_integer(json, "unlisted", unlisted))
+            proto_json_free(&json);
+        srv_reply_json(&request->reply, 200, json);
     } else {
         free(listing->page.items);
         if (err.code == SP_ERR_IO)

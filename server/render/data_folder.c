@@ -167,7 +167,7 @@ static bool stays_inside(const char *data, const char *folder, const char *name)
 }
 
 static void show(const char *data, const char *folder, int fd, const char *name,
-                 struct srv_page *page) {
+                 struct srv_page *page, unsigned *unlisted) {
     struct stat st;
     char key[NAME_MAX + 2];
     if (name[0] == '.' || fstatat(fd, name, &st, AT_SYMLINK_NOFOLLOW) != 0 ||
@@ -175,8 +175,12 @@ static void show(const char *data, const char *folder, int fd, const char *name,
          (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0)))
         return;
     const char *format = S_ISREG(st.st_mode) ? srv_format_of(name) : NULL;
-    if ((!S_ISDIR(st.st_mode) && !format) || !is_utf8(name))
+    if (!S_ISDIR(st.st_mode) && !format)
         return;
+    if (!is_utf8(name)) {
+        ++*unlisted;
+        return;
+    }
     snprintf(key, sizeof key, "%c%s", S_ISDIR(st.st_mode) ? '/' : ':', name);
     struct srv_data_entry *entry = srv_page_slot(page, key);
     if (!entry)
@@ -187,7 +191,7 @@ static void show(const char *data, const char *folder, int fd, const char *name,
     memcpy(entry->key, key, sizeof key);
 }
 
-bool srv_data_list(const char *data, const char *path, struct srv_page *page,
+bool srv_data_list(const char *data, const char *path, struct srv_page *page, unsigned *unlisted,
                    struct sp_error *err) {
     char real[PATH_MAX];
     const struct wanted wanted = { "/path", "folder" };
@@ -210,8 +214,9 @@ bool srv_data_list(const char *data, const char *path, struct srv_page *page,
         return sp_fail(err, error == ENOMEM ? SP_ERR_MEMORY : SP_ERR_IO, "/path",
                        "cannot read the folder: %s", strerror(error));
     }
+    *unlisted = 0;
     for (struct dirent *entry; (entry = readdir(folder));)
-        show(data, real, fd, entry->d_name, page);
+        show(data, real, fd, entry->d_name, page, unlisted);
     closedir(folder);
     return true;
 }

@@ -40,10 +40,12 @@ struct srv_data_entry {
 #define srv_data_name(entry) ((entry)->key + 1)
 
 /* Puts the folders and loadable files of a folder on a page of struct srv_data_entry. `path` "" is
- * the data folder itself. Leaves out names that begin with a dot or are not UTF-8, and links that
- * lead out of the data folder. Blocks while it reads the disk. Errors as above, with the place
- * "/path"; SP_ERR_INVALID (not a folder), SP_ERR_IO. */
-bool srv_data_list(const char *data, const char *path, struct srv_page *page, struct sp_error *err);
+ * the data folder itself. Leaves out names that begin with a dot, links that lead out of the data
+ * folder, and names that are not UTF-8, which JSON cannot carry; *unlisted is how many folders and
+ * loadable files of the whole folder have such a name. Blocks while it reads the disk. Errors as
+ * above, with the place "/path"; SP_ERR_INVALID (not a folder), SP_ERR_IO. */
+bool srv_data_list(const char *data, const char *path, struct srv_page *page, unsigned *unlisted,
+                   struct sp_error *err);
 
 /* Reads dims and type from the beginning of a file that srv_data_list() found, if its format has
  * them there. Blocks. */

@@ -22,6 +22,7 @@ before(async () => {
   writeFileSync(at('bad.nrrd'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 9 9 9\nencoding: raw\n\nshort');
   writeFileSync(at('readme.txt'), 'text');
   for (let i = 0; i < 5; i++) writeFileSync(at('scans', `${i}.nrrd`), nrrd());
+  writeFileSync(Buffer.concat([Buffer.from(at('scans', 'bad')), Buffer.from([0xff]), Buffer.from('.nrrd')]), nrrd()); // not UTF-8
   symlinkSync('../outside', at('out'));
   symlinkSync('circle', at('circle'));
   symlinkSync('../outside/secret.nrrd', at('secret.nrrd'));
@@ -42,6 +43,7 @@ test('a folder lists folders first, then loadable files with size, format and di
       { name: 'bad.nrrd', kind: 'volume', bytes: 67, format: 'NRRD', dims: [9, 9, 9], type: 'uint8' },
       { name: 'größe.nrrd', kind: 'volume', bytes: nrrd().length, format: 'NRRD', dims: [4, 4, 4], type: 'uint8' },
     ],
+    unlisted: 0,
   });
   assert.deepEqual(names(await list('?path=scans/gr%C3%B6%C3%9Fe')), []);
 });
@@ -52,6 +54,7 @@ test('a long folder comes in pages', async () => {
     const page = await list(`?path=scans&limit=2&after=${encodeURIComponent(after)}`);
     assert.equal(page.status, 200);
     assert.ok(page.json.entries.length <= 2);
+    assert.equal(page.json.unlisted, 1);
     seen.push(...names(page));
     after = page.json.next;
   }

@@ -66,6 +66,8 @@ static int set_up(void **state) {
     write_file("data/samples.raw", "no volume");
     write_file("data/.hidden.nrrd", "NRRD0004\n");
     write_file("data/bad\xff.nrrd", "NRRD0004\n");
+    write_file("data/bad\xff.txt", "no volume");
+    make_folder("data/bad\xff");
     make_link("../outside", "data/out");
     make_link("../outside/secret.nrrd", "data/link.nrrd");
     make_link("absent.nrrd", "data/dangling.nrrd");
@@ -141,8 +143,10 @@ static unsigned list(const char *path, const char *after, unsigned max,
     struct srv_page page = {
         .items = entries, .item_bytes = sizeof *entries, .max = max, .after = after
     };
-    if (!srv_data_list(data, path, &page, &err))
+    unsigned unlisted;
+    if (!srv_data_list(data, path, &page, &unlisted, &err))
         fail_msg("%s: %s", path, err.text);
+    assert_int_equal(unlisted, path[0] ? 0 : 2); /* bad\xff and bad\xff.nrrd */
     return page.count;
 }
 
@@ -189,7 +193,8 @@ static void what_is_no_folder_is_not_listed(void **state) {
             .items = entries, .item_bytes = sizeof *entries, .max = 2, .after = ""
         };
         struct sp_error err = { .code = SP_OK };
-        assert_false(srv_data_list(data, cases[i].path, &page, &err));
+        unsigned unlisted;
+        assert_false(srv_data_list(data, cases[i].path, &page, &unlisted, &err));
         assert_int_equal(err.code, cases[i].code);
         assert_string_equal(err.text, cases[i].text);
         assert_string_equal(err.place, "/path");
