@@ -89,6 +89,13 @@ class OpenDialog {
     this.#said.hidden = !text;
   }
 
+  /** count: entries of the folder whose names are not UTF-8. */
+  #tellUnlisted(count) {
+    const hint = byId('open-unlisted');
+    hint.hidden = count === 0;
+    setText(hint, count === 1 ? t('open.unlisted.one') : t('open.unlisted', { count }));
+  }
+
   /** Shows a folder; `focus`: the name of the entry to focus. */
   async #enter(folder, focus = null) {
     const asked = ++this.#asked;
@@ -103,6 +110,7 @@ class OpenDialog {
         const page = await this.#app.api.files(folder, after);
         if (asked !== this.#asked) return;
         entries.push(...page.entries);
+        this.#tellUnlisted(page.unlisted);
         after = page.next ?? '';
         this.#entries = entries;
         this.#showEntries();
@@ -112,6 +120,7 @@ class OpenDialog {
       if (asked !== this.#asked) return;
       this.#entries = [];
       this.#showEntries();
+      this.#tellUnlisted(0);
       this.#say(error.message, true);
     }
   }
@@ -182,7 +191,7 @@ class OpenDialog {
       this.#app.openVolume(volume);
     } catch (error) {
       this.#say(error.message, true);
-      if (!this.#dialog.open) this.#app.notice.show(error.message, 'error');
+      if (!this.#dialog.open) this.#app.notice.show(error.message, 'error', 'open');
     }
   }
 }
@@ -195,8 +204,12 @@ function showWhenReady({ connection, viewer, notice }) {
     const volume = wanted && volumes.find(({ id }) => id === wanted);
     if (!volume || volume.state === 'loading') return;
     wanted = null;
-    if (volume.state === 'ready') viewer.selectVolume(volume.id);
-    else notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }), 'error');
+    if (volume.state === 'ready') {
+      notice.hide('open');
+      viewer.selectVolume(volume.id);
+    } else {
+      notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }), 'error', 'open');
+    }
   }
 
   connection.on('volumes', look);

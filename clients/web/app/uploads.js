@@ -85,18 +85,19 @@ class Uploads {
   async take(files) {
     const wanted = this.#wanted;
     this.#wanted = null;
+    this.#app.notice.hide('open'); // about files that were opened before
     let known = [];
     try {
       known = (await this.#app.api.uploads()).uploads;
     } catch { /* the upload will say what is wrong */ }
     const rest = files.filter((file) => file.size > 0);
-    for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }), 'warning');
+    for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }), 'warning', 'open');
     for (const set of await sortedIntoSets(rest)) this.#take(set, known, wanted);
   }
 
   #take({ file, companions, missing }, known, wanted) {
     if (missing.length > 0) {
-      this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }), 'warning');
+      this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }), 'warning', 'open');
       return;
     }
     if (this.#rows.some(({ upload }) => upload.name === file.name && upload.bytes === file.size && upload.state !== 'failed')) return;
@@ -134,6 +135,7 @@ class Uploads {
     const row = new Row(upload, isOfSet, () => (row.drop ? row.drop() : this.#remove(row)));
     row.drop = drop;
     let isDone = false;
+    for (const failed of this.#rows.filter((other) => other.upload.name === file.name && other.upload.state === 'failed')) this.#remove(failed);
     this.#rows.push(row);
     this.#list.querySelector(`[data-before="${CSS.escape(id ?? '')}"]`)?.remove();
     this.#list.append(row.element);
@@ -158,7 +160,7 @@ class Uploads {
       this.#app.openVolume(volume);
     } catch (error) {
       for (const row of rows) this.#drop(row);
-      this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }), 'error');
+      this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }), 'error', 'open');
     }
   }
 

@@ -3,16 +3,24 @@
 
 const UNITS = ['B', 'kB', 'MB', 'GB', 'TB'];
 
-/** A size as people read it: 999 B, 1.2 MB, 34 GB. */
-export function sizeText(bytes) {
+/** A size as people read it: 999 B, 1.2 MB, 34 GB; with `more` digits than usual. */
+export function sizeText(bytes, more = 0) {
   let value = bytes;
   let unit = 0;
   while (value >= 999.5 && unit < UNITS.length - 1) {
     value /= 1000;
     unit += 1;
   }
-  const digits = unit > 0 && value < 9.95 ? 1 : 0;
+  const digits = unit > 0 ? more + (value < 9.95 ? 1 : 0) : 0;
   return `${value.toFixed(digits)} ${UNITS[unit]}`;
+}
+
+/** Two sizes that differ, with as many digits as show the difference. */
+export function sizeTexts(a, b) {
+  for (let more = 0; ; more += 1) {
+    const texts = [sizeText(a, more), sizeText(b, more)];
+    if (texts[0] !== texts[1] || more === 6) return texts;
+  }
 }
 
 export const joined = (folder, name) => (folder ? `${folder}/${name}` : name);

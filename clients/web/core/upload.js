@@ -5,7 +5,7 @@
 //              ▲           │  └─► paused ─► starting
 //              └─ waiting ◄┘ (no connection; tries again)        any ─► failed (resume() tries again) or cancelled
 import { Emitter } from './emitter.js';
-import { sizeText } from './files.js';
+import { sizeTexts } from './files.js';
 import { t } from './text.js';
 
 const VOLUME_NAME = /\.(nrrd|nhdr|vtk|vti|vtr|json|tiff?)$/i; // that a file of its own must have
@@ -35,7 +35,7 @@ export class Upload extends Emitter {
   sent = 0;
   /** The ApiError that made it fail or wait; null = none. */
   error = null;
-  /** What the daemon takes: {most, free} in bytes; null if it did not fail because of its size. */
+  /** What the daemon takes: {most, free, own} in bytes, {files} that it still takes; null if it did not fail because of these. */
   limits = null;
 
   /**
@@ -178,10 +178,10 @@ export class Upload extends Emitter {
 
   async #refused(error, epoch) {
     this.limits = null;
-    if (error.pointer === '/bytes') {
+    if (error.status === 413 || error.status === 507) {
       try {
-        const { bytes_max: most, bytes_free: free } = await this.#api().uploads();
-        this.limits = { most, free };
+        const { bytes_max: most, bytes_free: free, bytes: own, uploads_free: files } = await this.#api().uploads();
+        this.limits = { most, free, own, files };
       } catch { /* the text of the daemon has to do */ }
     }
     if (epoch === this.#epoch) this.#set('failed', error);
@@ -191,7 +191,14 @@ export class Upload extends Emitter {
 /** Why an upload failed, for a person. */
 export function refusalText({ name, bytes, error, limits }) {
   if (error?.pointer === '/name' && !VOLUME_NAME.test(name)) return t('upload.kind', { name });
-  if (!limits) return error?.message ?? '';
-  const size = sizeText(bytes);
-  return bytes > limits.most ? t('upload.large', { size, most: sizeText(limits.most) }) : t('upload.full', { size, free: sizeText(limits.free) });
+  if (bytes > limits?.most) {
+    const [size, most] = sizeTexts(bytes, limits.most);
+    return t('upload.large', { size, most });
+  }
+  if (limits?.files === 0) return t('upload.many');
+  if (bytes > limits?.free) {
+    const [size, free] = sizeTexts(bytes, limits.free);
+    return t(limits.own > 0 ? 'upload.full' : 'upload.full.others', { size, free });
+  }
+  return error?.message ?? ''; // there is space by now, or the daemon has another reason
 }

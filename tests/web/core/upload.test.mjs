@@ -15,7 +15,7 @@ function fixture({ bytes = 3 << 20, id = null, existing = 0 } = {}) {
   const api = {
     createUpload: async ({ name, size }) => { f.calls.push(['create', name, size]); if (f.refusal) throw f.refusal; f.stored = 0; return { id: 'new' }; },
     upload: async (asked) => { f.calls.push(['ask', asked]); if (f.isGone) throw new ApiError(404, 'gone'); return { offset: f.stored }; },
-    uploads: async () => ({ bytes_max: 157286400, bytes_free: 1e6 }),
+    uploads: async () => f.limits,
     deleteUpload: async (asked) => { f.removed.push(asked); },
     sendPart: async (to, offset, part, { signal }) => {
       f.calls.push(['part', to, offset, part.size]);
@@ -159,7 +159,7 @@ test('cancelled while the upload is being created: it is removed', async () => {
 });
 
 test('sizes, paths, filters and recent files', () => {
-  assert.deepEqual([0, 999, 1000, 1234567, 9990000, 34e9, 5e15].map(sizeText), ['0 B', '999 B', '1.0 kB', '1.2 MB', '10 MB', '34 GB', '5000 TB']);
+  assert.deepEqual([0, 999, 1000, 1234567, 9990000, 34e9, 5e15].map((bytes) => sizeText(bytes)), ['0 B', '999 B', '1.0 kB', '1.2 MB', '10 MB', '34 GB', '5000 TB']);
   assert.deepEqual(crumbs('a/b'), [{ name: 'a', path: 'a' }, { name: 'b', path: 'a/b' }]);
   assert.deepEqual([parentOf('a/b'), parentOf('a'), parentOf('')], ['a', '', '']);
   const entries = [{ name: 'scan10.nrrd', kind: 'volume' }, { name: 'Scan2.nrrd', kind: 'volume' }, { name: 'z', kind: 'folder' }];
@@ -169,8 +169,9 @@ test('sizes, paths, filters and recent files', () => {
 });
 
 test('a refusal is told in words and sizes for a person', async () => {
-  const refused = async (bytes, error, name = 'a.nrrd') => {
+  const refused = async (bytes, error, name = 'a.nrrd', limits = {}) => {
     const f = fixture({ bytes });
+    f.limits = { bytes: 5e6, bytes_max: 157286400, bytes_free: 1e6, uploads_free: 3, ...limits };
     f.upload.file.name = name;
     f.refusal = error;
     f.upload.resume();
@@ -179,8 +180,12 @@ test('a refusal is told in words and sizes for a person', async () => {
   };
   const large = new ApiError(413, 'the file has 199229440 bytes and --upload-bytes allows 157286400', { pointer: '/bytes' });
   assert.equal(await refused(199229440, large), 'The file has 199 MB, and the daemon takes at most 157 MB.');
-  const full = new ApiError(507, 'the file has 2000000 bytes; …', { pointer: '/bytes' });
-  assert.match(await refused(2e6, full), /^The file has 2\.0 MB, and 1\.0 MB are free/);
+  const full = new ApiError(507, 'the file has 2000000 bytes; …');
+  assert.match(await refused(2e6, full), /^The file has 2\.0 MB, and 1\.0 MB are free for uploads\. Close volumes that you uploaded/);
+  assert.match(await refused(1000400, full), /^The file has 1\.0004 MB, and 1\.0000 MB are free/, 'digits that show the difference');
+  assert.match(await refused(2e6, full, 'a.nrrd', { bytes: 0 }), /other users or the disk take the rest\. Try again later/);
+  assert.match(await refused(2e6, full, 'a.nrrd', { uploads_free: 0 }), /^The daemon takes no more files now/);
+  assert.equal(await refused(9e5, full), 'the file has 2000000 bytes; …', 'there is space by now');
   const kind = new ApiError(422, 'a file with the samples of a header needs "header", the id of the upload', { pointer: '/name' });
   assert.match(await refused(1, kind, 'notes.txt'), /^notes\.txt is not a volume\. .*\.nrrd/);
   assert.equal(await refused(1, new ApiError(422, 'the name has a slash', { pointer: '/name' })), 'the name has a slash');

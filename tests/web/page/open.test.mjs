@@ -27,6 +27,7 @@ before(() => {
   writeFileSync(path.join(folder, 'cube.nrrd'), cube(24));
   writeFileSync(path.join(folder, 'scans', 'head10.nrrd'), cube(16));
   writeFileSync(path.join(folder, 'scans', 'head2.nrrd'), cube(16));
+  for (const name of ['a', 'b']) writeFileSync(Buffer.concat([Buffer.from(path.join(folder, 'scans', name)), Buffer.from([0xff]), Buffer.from('.nrrd')]), cube(16)); // not UTF-8
   writeFileSync(path.join(folder, 'broken.nrrd'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 9 9 9\nencoding: raw\n\nshort');
 });
 
@@ -48,6 +49,7 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   assert.match(await page.locator('[data-name="cube.nrrd"] .about').textContent(), /^24 × 24 × 24 · uint8 · 14 kB$/);
   if (!NEEDS_AXE.skip) await checkAxe(page);
   await shot(page, 'open-folder');
+  assert.ok(await page.locator('#open-unlisted').isHidden());
   await page.keyboard.press('ArrowDown');
   await page.keyboard.press('Enter');
   await page.locator('[data-name="head2.nrrd"]').waitFor();
@@ -56,6 +58,7 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   await page.locator('#open-list [data-name="scans"]:focus').waitFor();
   await page.keyboard.press('Enter');
   await page.locator('[data-name="head2.nrrd"]').waitFor();
+  await page.locator('#open-unlisted', { hasText: '2 files or folders are not listed, because their names are not UTF-8' }).waitFor();
   await page.fill('#open-filter', 'head 10');
   assert.deepEqual(await entries(page), ['head10.nrrd']);
   await page.keyboard.press('Enter');
@@ -138,7 +141,9 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
 });
 
 test('files are dropped on the page: one is shown, the errors of others stand beside their names', async (context) => {
-  const { page } = await open(context);
+  const state = mkdtempSync(path.join(tmpdir(), 'splatd-state-')); // a daemon with it keeps the uploads of open volumes
+  const { page } = await open(context, { args: ['--state', state] });
+  context.after(() => rmSync(state, { recursive: true }));
   const drop = (type, files) => page.evaluate(([kind, list]) => {
     const data = new DataTransfer();
     for (const { name, bytes } of list) data.items.add(new File([new Uint8Array(bytes)], name));
@@ -161,6 +166,16 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   truncateSync(huge, 21 << 20);
   await page.setInputFiles('#open-file', huge);
   await page.locator('#uploads [data-state="failed"]', { hasText: 'The file has 22 MB, and the daemon takes at most 21 MB' }).waitFor();
+  truncateSync(huge, (20 << 20) - 5000); // the volume that is open has 14 kB
+  await page.setInputFiles('#open-file', huge);
+  await page.locator('#uploads [data-state="failed"]', { hasText: 'The file has 20.97 MB, and 20.96 MB are free for uploads. Close volumes that you uploaded' }).waitFor();
+  assert.equal(await page.locator('#uploads [data-upload="huge.nrrd"]').count(), 1, 'the refusal of before is gone');
+  await page.setInputFiles('#open-file', { name: 'empty.nrrd', mimeType: '', buffer: Buffer.alloc(0) });
+  await page.locator('#notice', { hasText: 'empty.nrrd is empty' }).waitFor();
+  await shot(page, 'open-full');
+  await page.setInputFiles('#open-file', { ...SMALL, name: 'next.nrrd' });
+  await shows(page, 'next');
+  assert.ok(await page.locator('#notice').isHidden(), 'the notice was about other files');
 });
 
 test('a failed load says why and is removed; closing the shown volume shows another one; the info follows', async (context) => {
