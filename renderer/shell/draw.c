@@ -40,6 +40,7 @@ struct band {
     uint32_t *first, *entries;        /* as in struct sp_shell */
     uint32_t capacity;                /* of entries */
     struct sp_shell_tile *tiles_open; /* [tiles], or one per worker: is_single */
+    bool *closed;                     /* [tiles] */
     bool is_single;         /* all splats of the band are in one batch: tiles need not be kept */
     bool is_first, is_last; /* batch of the band */
     uint64_t drawn;
@@ -174,11 +175,13 @@ static void begin_batch(struct band *b, uint32_t begin) {
     }
 }
 
-static bool all_closed(const struct band *b) {
-    for (uint32_t t = 0; t < b->tiles && !b->is_single; t++)
-        if (b->tiles_open[t].open_count)
-            return false;
-    return !b->is_single;
+/* Notes which tiles are closed; returns true if all are. */
+static bool note_closed(struct band *b) {
+    uint32_t count = 0;
+    for (uint32_t t = 0; t < b->tiles; t++)
+        count += b->closed[t] = b->tiles_open[t].open_count == 0;
+    b->frame->closed = count ? b->closed : NULL;
+    return count == b->tiles;
 }
 
 /* Draws the batch, in as many parts as the entries need: one splat may cover all tiles. */
@@ -224,13 +227,14 @@ static void draw_band(struct band *b, int y, int rows) {
                                 ? y + rows * SP_SHELL_TILE
                                 : b->frame->ewa.size[1];
     b->is_first = true;
+    b->frame->closed = NULL;
     do {
         begin_batch(b, begin);
         begin += b->blocks * BLOCK;
         if (is_cancelled(b))
             return;
         draw_batch(b, begin >= count);
-        if (begin < count && all_closed(b)) {
+        if (begin < count && note_closed(b)) {
             sp_parallel_for(b->input->pool, b->tiles, 4, resolve_tiles, b);
             return;
         }
@@ -314,6 +318,8 @@ static bool allocate(struct band *b, uint32_t tiles) {
     b->first = sp_arena_alloc(arena, "bins", tiles + (size_t)1, sizeof *b->first);
     b->entries = sp_arena_alloc(arena, "bin entries", b->capacity, sizeof *b->entries);
     b->tiles_open = sp_arena_alloc(arena, "tiles", kept, sizeof *b->tiles_open);
+    b->closed = sp_arena_alloc(arena, "tiles", tiles, sizeof *b->closed);
+    b->frame->columns = b->columns;
     return !arena->failed;
 }
 

@@ -28,6 +28,9 @@ struct sp_shell_frame {
     const float *place[3], *size[3];
     float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
     float apart;  /* splats of a pixel whose u2 differ by less become one fragment [cells] */
+    /* Tiles of the rows being drawn that are opaque already, [rows][columns]; NULL = none is. */
+    const bool *closed;
+    int columns; /* of tiles */
 };
 
 /* One splat. Its weight on a pixel at (dx, dy) from the centre is 2^−p with
@@ -52,8 +55,8 @@ struct sp_shell_tile {
 };
 
 struct sp_shell_kernels {
-    /* Sets up the splats of voxels[count] of the list that touch the rows being drawn, in order.
-     * Returns how many were written. */
+    /* Sets up the splats of voxels[count] of the list that touch the rows being drawn, in order,
+     * without those that only touch closed tiles. Returns how many were written. */
     uint32_t (*set_up)(const struct sp_shell_frame *frame, const struct sp_shell_list *list,
                        const uint32_t *voxels, uint32_t count, struct sp_shell_record *out);
     /* Empties the tile at (x, y); pixels outside the image count as opaque. */

@@ -2,6 +2,8 @@
 #include "shell/kernels.h"
 #include "splat/outline.h"
 
+enum { AHEAD = 64 }; /* voxels that are read in advance: they lie apart in memory */
+
 /* Some voxels side by side. */
 struct lanes {
     int32_t at[3][SP_WIDE];
@@ -12,6 +14,8 @@ struct lanes {
 static inline void read_voxels(const struct sp_shell_list *list, const uint32_t *voxels, int count,
                                struct lanes *to) {
     for (int i = 0; i < SP_WIDE; i++) {
+        if (i + AHEAD < count)
+            __builtin_prefetch(&list->voxels[voxels[i + AHEAD]]);
         const struct sp_shell_voxel *v = &list->voxels[voxels[i < count ? i : 0]];
         for (int k = 0; k < 3; k++) {
             to->at[k][i] = v->at[k];
@@ -62,6 +66,31 @@ static inline sp_wide find_depths(const struct sp_shell_frame *frame, const stru
     return sp_wide_min(depth, sp_wide_all(SP_DEPTH_MAX));
 }
 
+/* True if all tiles that the box of splat i touches are closed. */
+static inline bool is_covered(const struct sp_shell_frame *frame, const struct sp_outlines *o,
+                              int i) {
+    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_SHELL_TILE;
+    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_SHELL_TILE;
+    int left = (int)o->x0[i] / SP_SHELL_TILE, right = ((int)o->x1[i] - 1) / SP_SHELL_TILE;
+    for (int row = low; row <= high; row++)
+        for (int column = left; column <= right; column++)
+            if (!frame->closed[row * frame->columns + column])
+                return false;
+    return true;
+}
+
+/* Clears the bits of splats that cannot be seen. */
+static inline unsigned drop_covered(const struct sp_shell_frame *frame, const struct sp_outlines *o,
+                                    unsigned bits) {
+    unsigned seen = bits;
+    for (; bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        if (is_covered(frame, o, i))
+            seen ^= 1u << i;
+    }
+    return seen;
+}
+
 static inline void write_records(const struct sp_outlines *o, const struct lanes *lanes, sp_wide u2,
                                  sp_wide depth, unsigned bits, struct sp_shell_record *out,
                                  uint32_t written) {
@@ -104,10 +133,12 @@ uint32_t sp_shell_set_up(const struct sp_shell_frame *frame, const struct sp_she
         struct lanes lanes;
         struct sp_places p;
         struct sp_outlines o;
-        read_voxels(list, voxels + n, left, &lanes);
+        read_voxels(list, voxels + n, (int)(count - n), &lanes);
         sp_wide volume = locate(frame, &lanes, &p);
         unsigned bits = sp_wide_mask_bits(sp_place_splats(&frame->ewa, &p, frame->mode, &o) &
                                           sp_wide_first(left));
+        if (frame->closed)
+            bits = drop_covered(frame, &o, bits);
         if (!bits)
             continue;
         sp_wide depth = find_depths(frame, &lanes, o.gain * volume);

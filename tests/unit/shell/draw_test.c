@@ -399,6 +399,52 @@ static void test_cut(void **state) {
     }
 }
 
+/* True if a pixel of the splat's box lies on an open tile. */
+static bool touches_open(const struct sp_shell_frame *frame, const struct sp_shell_record *r) {
+    for (int y = r->y0; y < r->y1; y++)
+        for (int x = r->x0; x < r->x1; x++)
+            if (!frame->closed[y / SP_SHELL_TILE * frame->columns + x / SP_SHELL_TILE])
+                return true;
+    return false;
+}
+
+/* Where tiles are opaque already, set-up leaves out the splats that touch no other tile, and keeps
+ * the others as they are. */
+static void test_closed_tiles(void **state) {
+    (void)state;
+    for (int is_flat = 0; is_flat < 2; is_flat++) {
+        struct test_shell rig;
+        struct sp_shell shell;
+        bool closed[SIDE / SP_SHELL_TILE * (SIDE / SP_SHELL_TILE)];
+        open_balls(&rig, (const double[3]){ 1, 1, 1 }, 2);
+        rig.layer.detail = is_flat ? SP_SHELL_FAST : SP_SHELL_HIGH;
+        assert_true(sp_shell_find(test_shell_start(&rig, NULL), &shell, NULL));
+        uint32_t count = shell.order.count, kept = 0;
+        struct sp_shell_record *all = calloc(count, sizeof *all),
+                               *some = calloc(count, sizeof *some);
+        assert_non_null(all);
+        assert_non_null(some);
+        count = rig.kernels.set_up(&shell.frame, shell.list, shell.order.voxels, count, all);
+        for (unsigned t = 0; t < sizeof closed; t++)
+            closed[t] = t % 3 != 0;
+        shell.frame.closed = closed;
+        shell.frame.columns = SIDE / SP_SHELL_TILE;
+        uint32_t got = rig.kernels.set_up(&shell.frame, shell.list, shell.order.voxels,
+                                          shell.order.count, some);
+        for (uint32_t i = 0; i < count; i++) {
+            if (!touches_open(&shell.frame, &all[i]))
+                continue;
+            assert_true(kept < got);
+            assert_memory_equal(&all[i], &some[kept++], sizeof *all);
+        }
+        assert_int_equal(kept, got);
+        assert_in_range(kept, count / 8, count - count / 8);
+        free(all);
+        free(some);
+        test_shell_close(&rig);
+    }
+}
+
 static void test_cancel(void **state) {
     (void)state;
     struct test_shell rig;
@@ -432,6 +478,7 @@ int main(void) {
         cmocka_unit_test(test_grids),
         cmocka_unit_test(test_empty),
         cmocka_unit_test(test_cut),
+        cmocka_unit_test(test_closed_tiles),
         cmocka_unit_test(test_cancel),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
