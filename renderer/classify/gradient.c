@@ -35,7 +35,8 @@ void sp_gradient_units_init(struct sp_gradient_grid *grid, const struct sp_volum
     double det;
     struct sp_mat3 inverse = sp_mat3_inverse(&step, &det);
     double largest = fmax(fabs(info->range[0]), fabs(info->range[1])), norm2 = 0;
-    grid->scale = largest > 1e-300 ? 1 / largest : 1e300;
+    /* Not subnormal: threads that draw flush such numbers to 0. */
+    grid->scale = largest > 1e-300 ? fmax(1 / largest, DBL_MIN) : 1e300;
     double span = info->range[1] * grid->scale - info->range[0] * grid->scale;
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++) {
@@ -47,7 +48,7 @@ void sp_gradient_units_init(struct sp_gradient_grid *grid, const struct sp_volum
     grid->bound = span * sqrt(3 * norm2);
     if (!(grid->bound > 0))
         grid->bound = 1;
-    grid->unit = grid->bound / grid->scale;
+    grid->unit = fmin(grid->bound / grid->scale, DBL_MAX);
 }
 
 void sp_gradient_grid_init(struct sp_gradient_grid *grid, const struct sp_volume *volume) {

@@ -3,6 +3,7 @@
  * The lists of a shell against the definition, voxel by voxel: every type of samples, thresholds of
  * all kinds, clipping, and lists that were updated against lists from scratch.
  */
+#include <float.h>
 #include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
@@ -102,6 +103,28 @@ static void test_types(void **state) {
         assert_in_range(check_list(&rig), 50, 5000);
         test_shell_close(&rig);
     }
+}
+
+/* Samples as large as a double can be, of both signs: differences and gradients overflow. */
+static void test_largest_values(void **state) {
+    (void)state;
+    struct test_shell rig;
+    open_speckled(&rig, SP_FLOAT64, (const uint32_t[3]){ 67, 11, 13 }, 2);
+    struct sp_transfer_function *tf = &rig.scene.view.transfer_function;
+    double *samples = rig.scene.voxels;
+    for (int i = 0; i < 67 * 11 * 13; i++)
+        samples[i] = (samples[i] / 80 - 1) * DBL_MAX;
+    for (uint32_t i = 0; i < tf->point_count; i++)
+        tf->points[i].value = (tf->points[i].value / 80 - 1) * DBL_MAX;
+    sp_volume_unref(&rig.volume);
+    rig.volume = test_scene_volume(&rig.scene, NULL);
+    assert_non_null(rig.volume);
+    assert_in_range(check_list(&rig), 100, 5000);
+    tf->gradient_count = 2;
+    tf->gradient[0] = (struct sp_gradient_point){ 0, 0.2f };
+    tf->gradient[1] = (struct sp_gradient_point){ DBL_MAX, 1 };
+    assert_in_range(check_list(&rig), 50, 5000);
+    test_shell_close(&rig);
 }
 
 static void test_thresholds(void **state) {
@@ -282,10 +305,10 @@ static void test_cancel(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(test_types),      cmocka_unit_test(test_thresholds),
-        cmocka_unit_test(test_edits),      cmocka_unit_test(test_clipping),
-        cmocka_unit_test(test_degenerate), cmocka_unit_test(test_memory),
-        cmocka_unit_test(test_cancel),
+        cmocka_unit_test(test_types),      cmocka_unit_test(test_largest_values),
+        cmocka_unit_test(test_thresholds), cmocka_unit_test(test_edits),
+        cmocka_unit_test(test_clipping),   cmocka_unit_test(test_degenerate),
+        cmocka_unit_test(test_memory),     cmocka_unit_test(test_cancel),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
