@@ -45,6 +45,8 @@ class StatusLine {
   #screen;
   #isLive = false;
   #about = null; // the title of the field itself
+  #detail = null;
+  #told = new Set();
 
   constructor(root, screen) {
     this.#root = root;
@@ -57,6 +59,13 @@ class StatusLine {
 
   get latencyMs() { return this.#latency; }
   get stats() { return this.#stats; }
+  /** Of the newest picture in percent (core/detail.js); null without one. */
+  get detail() { return this.#detail; }
+  /** True while pictures of a moving view are shown. */
+  get isMoving() { return this.#frames.length > 0 && !this.#newest?.isFinal; }
+
+  /** told() runs after each refresh, so that all figures are of the same picture. */
+  onRefresh(told) { this.#told.add(told); }
 
   setState(state) {
     const field = this.#root.querySelector('#status-state');
@@ -102,11 +111,13 @@ class StatusLine {
     const isResting = this.#frames.length === 0 && frame?.isFinal;
     set('fps', !frame || !this.#isLive ? '' : isResting ? t('status.resting') : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
-    set('detail', frame ? `${detailPercent(frame, this.#screen.size, this.#stats.coarse, this.#screen.pixels)} %` : '');
+    this.#detail = frame ? detailPercent(frame, this.#screen.size, this.#stats.coarse, this.#screen.pixels) : null;
+    set('detail', frame ? `${this.#detail} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
     set('bytes', frame ? kilobytes(frame.bytes) : '');
     set('render', frame ? `${((frame.renderUs + frame.encodeUs) / 1000).toFixed(0)} ms` : '');
     set('backend', this.#stats.backend ?? '');
     set('splats', shortNumber(this.#stats.splats));
+    for (const told of this.#told) told();
   }
 }

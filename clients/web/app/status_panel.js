@@ -7,8 +7,6 @@ import { Series, polylines, roundTop } from '../core/series.js';
 import { t } from '../core/text.js';
 import { byId, make, setText, svg } from './dom.js';
 
-const REFRESH_MS = 250;
-const MOVING_MS = 1000; // after the last frame, the view counts as moving
 const GRAPH = [232, 34]; // px
 const rate = (bytes) => (bytes >= 1e6 ? `${(bytes / 1e6).toFixed(1)} MB/s` : `${Math.round(bytes / 1e3)} kB/s`);
 const milliseconds = (ms) => `${ms < 10 ? ms.toFixed(1) : Math.round(ms)} ms`;
@@ -55,7 +53,6 @@ class StatusPanel {
   #error = null;
   #policy = null;
   #dropped = null;
-  #moved = -Infinity;
 
   constructor(app) {
     this.#app = app;
@@ -77,7 +74,7 @@ class StatusPanel {
     app.frames.on('drawn', (drawn) => this.#drew(drawn));
     window.addEventListener('online', () => this.#refresh());
     window.addEventListener('offline', () => this.#refresh());
-    setInterval(() => this.#refresh(), REFRESH_MS);
+    app.status.onRefresh(() => this.#refresh());
   }
 
   /** The mean latency of the last second and its parts in ms, or null. */
@@ -126,23 +123,23 @@ class StatusPanel {
   #drew({ frame, latency, decodeMs }) {
     const now = performance.now();
     this.#graphs.fps.put(now, 1);
-    if (!frame.isFinal) this.#moved = now;
     if (latency === null) return;
     this.#meter.put(now, latency, splitLatency(latency, frame, { waited: this.#app.viewer.updates.waited, decode: decodeMs ?? 0 }));
     this.#graphs.latency.put(now, latency);
   }
 
   get #overload() {
-    return overloadOf({
-      isOnline: navigator.onLine, error: this.#error, latency: this.latency, policy: this.#policy, isMoving: performance.now() - this.#moved < MOVING_MS,
-    });
+    const { isMoving, detail } = this.#app.status;
+    return overloadOf({ isOnline: navigator.onLine, error: this.#error, latency: this.latency, policy: this.#policy, isMoving, detail });
   }
 
   #refresh() {
     const overload = this.#overload;
     setText(this.#load, overload ? t(`load.${overload}`) : '');
     this.#load.hidden = !overload;
-    this.#load.dataset.kind = overload === 'offline' || overload === 'busy' ? 'bad' : 'warm';
+    const isBad = overload === 'offline' || overload === 'busy';
+    this.#load.dataset.kind = isBad ? 'bad' : 'warm';
+    this.#load.setAttribute('aria-live', isBad ? 'polite' : 'off'); // what comes and goes with each turn would be told again and again
     this.#load.title = overload ? t(`load.${overload}.title`) : '';
     if (this.#root.hidden) return;
     const now = performance.now();

@@ -44,6 +44,8 @@ export class LatencyMeter {
 const QUEUE_LONG_MS = 250;
 /** Reasons of stream.policy that the user can do something about, the most important first. */
 const REDUCTIONS = ['bandwidth', 'shared_time', 'time', 'video_pixels'];
+/** Those that lower the detail, not only the quality of the encoding. */
+const DETAIL = new Set(['shared_time', 'time']);
 
 /**
  * True if the network, not the work on pictures, limits them. The daemon measures the link by acknowledgements, which are late
@@ -59,13 +61,15 @@ export function judged(policy, latency) {
 
 /**
  * What to tell about a slow picture: 'offline', 'busy' (the daemon refused with 429 or 503), 'queue' (pictures wait for a renderer),
- * a reason of stream.policy why quality is reduced, or null.
+ * a reason of stream.policy why quality is reduced, or null. isMoving: the newest picture is one of a moving view; detail: its detail in
+ * percent (detail.js), which says whether a reason has lowered it.
  */
-export function overloadOf({ isOnline = true, error = null, latency = null, policy = null, isMoving = false }) {
+export function overloadOf({ isOnline = true, error = null, latency = null, policy = null, isMoving = false, detail = 100 }) {
   if (!isOnline) return 'offline';
   if (error?.status === 503 || error?.status === 429) return 'busy';
   if (isMoving && latency && latency.queue > QUEUE_LONG_MS) return 'queue';
   if (!isMoving) return null;
-  const reason = REDUCTIONS.find((one) => judged(policy, latency)?.why?.includes(one)) ?? null;
-  return reason ?? (policy?.why?.includes('bandwidth') ? 'time' : null);
+  const isReduced = detail < 100;
+  const reason = REDUCTIONS.find((one) => judged(policy, latency)?.why?.includes(one) && (isReduced || !DETAIL.has(one))) ?? null;
+  return reason ?? (isReduced && policy?.why?.includes('bandwidth') ? 'time' : null);
 }

@@ -39,6 +39,9 @@ test('offline comes before a busy daemon, that before a long queue, that before 
   assert.equal(overloadOf({ ...all, isOnline: true }), 'busy');
   assert.equal(overloadOf({ ...all, isOnline: true, error: { status: 404 } }), 'queue');
   assert.equal(overloadOf({ policy, isMoving: true, latency: slow }), 'bandwidth');
+  assert.equal(overloadOf({ policy, isMoving: true, detail: 50 }), 'time');
+  assert.equal(overloadOf({ policy: { why: ['time'] }, isMoving: true, detail: 100 }), null, 'a picture in full detail is not said to have less');
+  assert.equal(overloadOf({ policy: { why: ['shared_time'] }, isMoving: true, detail: 50 }), 'shared_time');
   assert.equal(overloadOf({ policy: { why: ['quality'] }, isMoving: true }), null, 'the usual quality of a moving view is no news');
   assert.equal(overloadOf({ policy, latency }), null, 'a view at rest has full quality');
 });
@@ -47,8 +50,8 @@ test('the network is slow only if pictures wait for it longer than for the work 
   const policy = { why: ['quality', 'bandwidth'] };
   const busy = { queue: 20, network: 12, render: 40, encode: 5, decode: 5 };
   const slow = { ...busy, network: 90 };
-  assert.equal(overloadOf({ policy, isMoving: true, latency: busy }), 'time');
-  assert.equal(overloadOf({ policy, isMoving: true }), 'time', 'no picture has been measured yet');
+  assert.equal(overloadOf({ policy, isMoving: true, latency: busy, detail: 50 }), 'time');
+  assert.equal(overloadOf({ policy, isMoving: true, detail: 50 }), 'time', 'no picture has been measured yet');
   assert.equal(overloadOf({ policy, isMoving: true, latency: slow }), 'bandwidth');
   assert.deepEqual(judged(policy, busy), { why: ['quality'] });
   assert.equal(judged(policy, slow), policy);

@@ -2,8 +2,9 @@
 // What the status line says about overload: each text appears when its reason does, and goes with it.
 import assert from 'node:assert/strict';
 import { after, test } from 'node:test';
-import { firstFrame, openPage, rest, share, until } from '../support/browser.mjs';
+import { firstFrame, openPage, share, until, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
+import { frameMessage } from '../support/mock-daemon.mjs';
 
 const QUEUE_AT = 32; // of queueUs in the header of a frame (core/frame.js)
 const QUEUE_US = 60e6;
@@ -72,4 +73,29 @@ test('"daemon busy" while the daemon refuses, and the picture after it', async (
   isBusy = false;
   await firstFrame(page);
   await page.locator('#status-load').waitFor({ state: 'hidden' });
+});
+
+test('"reduced detail" goes with the moving picture, and never stands beside "detail 100 %"', async (context) => {
+  const { page, daemon: mock, said } = await visitMock(context, browser);
+  mock.notifyAll('stream.policy', { why: ['time'], moving: { format: 'jpeg', quality: 80 }, final: { format: 'jpeg', quality: 90 } });
+  await page.evaluate(() => {
+    window.told = [];
+    const text = (selector) => { const { hidden, textContent } = document.querySelector(selector); return hidden ? '' : textContent; };
+    new MutationObserver(() => window.told.push([text('#status-load'), text('#status [data-key="detail"] dd')].join(', ')))
+      .observe(document.getElementById('status'), { subtree: true, childList: true, characterData: true, attributes: true });
+  });
+  const put = (isFinal) => {
+    const [stream] = mock.streams;
+    const [width, height] = stream.size.map((side) => (isFinal ? side : Math.ceil(side / 2)));
+    stream.frame += 1;
+    stream.socket.send(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, flags: isFinal ? 3 : 1 }));
+  };
+  put(false);
+  await page.locator('#status-load', { hasText: 'reduced detail' }).waitFor();
+  put(true);
+  await page.locator('#status [data-key="detail"] dd', { hasText: '100 %' }).waitFor();
+  const told = await page.evaluate(() => window.told);
+  assert.ok(told.includes('reduced detail, 50 %'), told.join('; '));
+  assert.ok(!told.includes('reduced detail, 100 %'), told.join('; '));
+  assert.deepEqual(said, []);
 });
