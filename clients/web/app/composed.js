@@ -4,6 +4,7 @@ import { drawScaleBar, imageOf } from './annotations.js';
 import { byId } from './dom.js';
 
 const TEXTS = '.pane-title, .slice-letter, .slice-foot input, .slice-foot span, .slice-read';
+const PLATE = '.slice-foot'; // behind several texts
 
 const panes = () => [...document.querySelectorAll('main > .pane:not([hidden])')];
 
@@ -13,21 +14,22 @@ export function composedSize() {
   return [width, height].map((side) => Math.round(side * (window.devicePixelRatio || 1)));
 }
 
-/** Draws the texts of a pane at their places, in their fonts and colours. */
+/** Draws the texts of a pane at their places, in their fonts and colours and on their plates. */
 function drawTexts(context, pane, origin) {
   context.textBaseline = 'middle';
-  context.shadowColor = '#000';
-  context.shadowBlur = 3;
-  for (const element of pane.querySelectorAll(TEXTS)) {
-    const text = element.value ?? element.textContent;
-    if (!element.checkVisibility() || !text) continue;
+  for (const element of pane.querySelectorAll(`${PLATE}, ${TEXTS}`)) {
+    const text = element.matches(PLATE) ? '' : element.value ?? element.textContent;
+    if (!element.checkVisibility() || !element.textContent && !text) continue;
     const box = element.getBoundingClientRect();
     const style = getComputedStyle(element);
+    context.fillStyle = style.backgroundColor;
+    context.beginPath();
+    context.roundRect(box.left - origin.left, box.top - origin.top, box.width, box.height, parseFloat(style.borderRadius) || 0);
+    context.fill();
     context.font = `${style.fontWeight} ${style.fontSize} ${style.fontFamily}`;
     context.fillStyle = style.color;
     context.fillText(text, box.left - origin.left + parseFloat(style.paddingLeft), box.top - origin.top + box.height / 2);
   }
-  context.shadowColor = 'transparent';
 }
 
 async function drawPane(context, pane, origin, picture, ratio) {

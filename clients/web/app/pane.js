@@ -395,7 +395,7 @@ export class Pane {
       } else if (this.#modes.down(at, event, this)) {
         gesture = 'tool';
       } else {
-        gesture = this.#slices.lines.grab(this, at) ?? 'cross';
+        gesture = this.#slices.lines.grab(this, at, event.pointerType) ?? 'cross';
         before = gesture === 'cross' ? this.#slices.position : null;
         this.#slices.lines.drag(this, gesture, at, event.timeStamp);
       }
@@ -405,7 +405,7 @@ export class Pane {
       const at = this.place(event);
       if (!pointers.has(event.pointerId)) {
         this.#modes.hover(at, event, this);
-        canvas.style.cursor = this.#modes.cursorIn(this) || this.#slices.lines.cursor(this, at);
+        canvas.style.cursor = this.#modes.cursorIn(this) || this.#slices.lines.cursor(this, at, event.pointerType);
         return;
       }
       pointers.set(event.pointerId, at);

@@ -29,7 +29,7 @@ export class Plot {
     root.addEventListener('pointercancel', (event) => this.#release(event, true));
     root.addEventListener('contextmenu', (event) => {
       event.preventDefault();
-      const index = this.#indexOf(event.target);
+      const index = this.#indexAt(event);
       if (index >= 0 && this.#shown.isEditable && event.pointerType !== 'touch') acts.remove(index, event.timeStamp);
     });
     root.addEventListener('wheel', (event) => {
@@ -53,6 +53,16 @@ export class Plot {
     return handle ? [...this.#handles.children].indexOf(handle) : -1;
   }
 
+  /** The nearest point of those whose areas for a finger, which overlap, are below the pointer; -1 = none. */
+  #indexAt({ target, clientX, clientY }) {
+    if (this.#indexOf(target) < 0) return -1;
+    const away = [...this.#handles.children].map((handle) => {
+      const { left, top, width, height } = handle.getBoundingClientRect();
+      return handle.hidden ? Infinity : Math.hypot(left + width / 2 - clientX, top + height / 2 - clientY);
+    });
+    return away.indexOf(Math.min(...away));
+  }
+
   #share(clientX) {
     const box = this.#root.getBoundingClientRect();
     return hold((clientX - box.left) / box.width, 0, 1);
@@ -67,7 +77,7 @@ export class Plot {
 
   #press(event) {
     if (!this.#shown?.isEditable || event.button !== 0 || this.#drag) return;
-    const index = this.#indexOf(event.target);
+    const index = this.#indexAt(event);
     const at = this.#at(event.clientX, event.clientY);
     if (index >= 0) {
       const { x, y } = this.#shown.points[index];

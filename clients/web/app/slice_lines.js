@@ -4,8 +4,8 @@ import { cutLine, turnNormal } from '../core/slices.js';
 import { add, dot, normalize, scale, subtract } from '../core/vector.js';
 import { svg } from './dom.js';
 
-const HANDLE_PX = 12;
-const LINE_PX = 5;
+const HANDLE_PX = [12, 22]; // for a mouse or a pen, and for a finger
+const LINE_PX = [5, 12];
 const GAP_PX = 7; // around the crosshair's centre
 
 export class SliceLines {
@@ -57,21 +57,22 @@ export class SliceLines {
     group.replaceChildren(...parts);
   }
 
-  /** What a drag at a place of a pane takes: a handle or the line of the oblique plane; null = the crosshair. */
-  grab(pane, at) {
+  /** What a drag at a place of a pane takes: a handle or the line of the oblique plane; null = the crosshair. type: of the pointer. */
+  grab(pane, at, type) {
+    const kind = Number(type === 'touch');
     const handles = this.#handles(pane, (world) => pane.toPane(world));
     if (!handles) return null;
     const away = (place) => Math.hypot(place[0] - at[0], place[1] - at[1]);
     const { middle, along, places } = handles;
-    if (places.some((place) => away(place) < HANDLE_PX)) {
+    if (places.some((place) => away(place) < HANDLE_PX[kind])) {
       return { kind: 'turn', normal: this.#slices.normal, from: Math.atan2(at[1] - middle[1], at[0] - middle[0]) };
     }
     const beside = Math.abs((at[0] - middle[0]) * along[1] - (at[1] - middle[1]) * along[0]);
-    return beside < LINE_PX && away(middle) > 2 * GAP_PX ? { kind: 'shift', position: this.#slices.position, from: pane.toWorld(...at) } : null;
+    return beside < LINE_PX[kind] && away(middle) > 2 * GAP_PX ? { kind: 'shift', position: this.#slices.position, from: pane.toWorld(...at) } : null;
   }
 
-  cursor(pane, at) {
-    const grabbed = this.#slices.grid && pane.plane ? this.grab(pane, at) : null;
+  cursor(pane, at, type) {
+    const grabbed = this.#slices.grid && pane.plane ? this.grab(pane, at, type) : null;
     return { turn: 'grab', shift: 'move' }[grabbed?.kind] ?? 'crosshair';
   }
 

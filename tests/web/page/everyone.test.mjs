@@ -147,6 +147,12 @@ test('controls are at least 24 px high and wide for a mouse, and 34 px for a fin
   const phone = await setUp(context, { viewport: { width: 390, height: 844 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true });
   await phone.page.click('#panel-toggle');
   assert.deepEqual(await small(phone.page, 34), [], 'finger');
+  const points = await phone.page.evaluate(() => [...document.querySelectorAll('#transfer .handle')].map((handle) => {
+    const { width, height } = getComputedStyle(handle, '::after');
+    return Math.min(parseFloat(width), parseFloat(height));
+  }));
+  compare(points.length, '>', 1);
+  compare(Math.min(...points), '>=', 44, 'points of the transfer function');
   await shot(phone.page, 'phone-everything');
   for (const { said } of [mouse, phone]) assert.deepEqual(said, []);
 });

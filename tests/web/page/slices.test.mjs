@@ -81,6 +81,19 @@ test('wheel, keys, slider and number go through the slices; the crosshair links 
   assert.equal(await page.evaluate(() => window.splatd.count), frames, 'the picture is not drawn again for slices beside it');
   assert.match(await page.textContent('#pane-axial .slice-read'), /^[-\d.]+ at /);
 
+  const contrasts = await page.evaluate(() => { // with a white slice below the plates of the texts
+    const luminance = (rgb) => rgb.reduce((sum, c, i) => sum + [0.2126, 0.7152, 0.0722][i] * (c <= 10.31 ? c / 255 / 12.92 : ((c / 255 + 0.055) / 1.055) ** 2.4), 0);
+    const numbers = (color) => color.match(/[\d.]+/g).map(Number);
+    return [...document.querySelectorAll('.pane:has(.slice) :is(.pane-title, .slice-read, .slice-letter, .slice-foot span, .slice-foot input)')].filter((element) => element.checkVisibility()
+      && (element.value ?? element.textContent)).map((element) => {
+      const plate = element.closest('.slice-foot') ?? element;
+      const [, , , alpha = 1] = numbers(getComputedStyle(plate).backgroundColor);
+      const [text, ground] = [luminance(numbers(getComputedStyle(element).color)), luminance(Array(3).fill(255 * (1 - alpha)))];
+      return { name: element.className || element.tagName, contrast: (Math.max(text, ground) + 0.05) / (Math.min(text, ground) + 0.05) };
+    });
+  });
+  compare(contrasts.length, '>', 8);
+  assert.deepEqual(contrasts.filter(({ contrast }) => contrast < 4.5), []);
   await shot(page, 'slices-four');
   assert.deepEqual(said, []);
   assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);

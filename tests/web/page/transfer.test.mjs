@@ -471,6 +471,15 @@ for (const colorScheme of ['dark', 'light']) {
     near(dragged.at(-1).points[1].opacity, 0.7, 0.04);
     const [{ x, y }] = at(0.9, 0.2);
     assert.equal((await it.patch(() => page.touchscreen.tap(x, y))).points.length, 3, 'a tap adds a point');
+    const selected = () => page.evaluate(() => [...document.querySelectorAll('#transfer .handle')].findIndex((handle) => handle.hasAttribute('data-selected')));
+    const [{ x: left, y: above }] = at(160 / 255, 0.7);
+    await page.fill('#transfer-value', '175');
+    await page.fill('#transfer-opacity', '0.7');
+    await page.press('#transfer-opacity', 'Enter');
+    await it.drawn();
+    assert.equal(await selected(), 2);
+    await page.touchscreen.tap(left - 8, above);
+    assert.equal(await selected(), 1, 'of two points below a finger, the nearer one');
     await page.tap('#gradient summary');
     await page.selectOption('#transfer-map', 'turbo');
     await it.drawn();
