@@ -2,7 +2,7 @@
 // Comparison of the session's picture (A) with a second one (B) under the same camera: side by side, or split by a divider. B is a session
 // of its own (companion.js), so that the daemon renders both halves in full quality, and only this page sees B.
 import { sphereAround, volumeBox } from '../core/camera.js';
-import { isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
+import { isInSight, isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
 import { t } from '../core/text.js';
 import { fullNameOf } from '../core/volume_names.js';
 import { Companion } from './companion.js';
@@ -26,17 +26,23 @@ export function install(app) {
 
 class Compare {
   #app; #source; #start; #running; #fit; #fitRow; #note; #mode; #swap;
-  #canvas; #pane; #stage; #divider; #badges;
+  #canvas; #pane; #stage; #divider; #badges; #lost;
   #companion = null;
   #isStarting = false;
   #told = new Set();
+  #pair = ''; // the volumes for which "Fit B to A" was chosen
 
   constructor(app, body) {
     this.#app = app;
     this.#stage = byId('pane-3d');
     this.#canvas = make('canvas', { id: 'screen-b', role: 'img', 'aria-label': t('compare.label.b') });
     this.#pane = app.layout.pane('compare', t('compare.b'), { layouts: ['compare'] });
-    this.#divider = new Divider(this.#stage, (percent) => { this.#canvas.style.clipPath = `inset(0 0 0 ${percent}%)`; });
+    this.#lost = make('div', { id: 'compare-lost', class: 'prompt', role: 'status', hidden: true }, make('p'),
+      make('div', { class: 'buttons' }, make('button', { id: 'compare-lost-fit', text: t('compare.fit'), press: () => this.#setFit(true) })));
+    this.#divider = new Divider(this.#stage, (percent) => {
+      this.#canvas.style.clipPath = `inset(0 0 0 ${percent}%)`;
+      this.#lost.style.setProperty('--split', `${percent}%`);
+    });
     this.#badges = ['a', 'b'].map((name) => make('p', { class: 'compare-badge', 'data-side': name, hidden: true }, make('strong', { text: t(`compare.${name}`) }), make('span')));
     this.#stage.append(this.#divider.element, ...this.#badges);
     this.#build(body);
@@ -165,8 +171,7 @@ class Compare {
     this.#companion.on('view', () => this.#label());
     this.#companion.on('failed', (error) => setText(this.#note, error.message));
     this.#companion.on('ended', () => this.#ended());
-    const isElsewhere = !isSamePlace(this.#sphere(viewer.view.volume), this.#sphere(view.volume));
-    this.#fit.checked = isElsewhere;
+    this.#label();
     if (this.#divider.percent === 50) this.#divider.set(50);
     this.#look();
   }
@@ -181,6 +186,7 @@ class Compare {
   stop() {
     this.#companion?.stop();
     this.#companion = null;
+    this.#pair = '';
     setText(this.#note, '');
     this.#show();
   }
@@ -213,6 +219,29 @@ class Compare {
     return volume?.dims ? sphereAround(volumeBox(volume)) : null;
   }
 
+  #setFit(isFitted) {
+    this.#fit.checked = isFitted;
+    this.#look();
+  }
+
+  /** Fits two volumes that were not compared before, if world units do not show both. */
+  #chooseFit(volumes) {
+    const pair = [...volumes].sort().join(' ');
+    if (pair === this.#pair || volumes[0] === volumes[1]) return;
+    this.#pair = pair;
+    this.#setFit(!isSamePlace(...volumes.map((id) => this.#sphere(id))));
+  }
+
+  /** Says that the camera shows nothing of B. */
+  #tellLost() {
+    const { volume } = this;
+    const sphere = this.#sphere(volume);
+    const box = this.#canvas.getBoundingClientRect();
+    const isLost = this.isOn && sphere !== null && box.height > 0 && !isInSight(this.#companion.view.camera, sphere, box);
+    this.#lost.hidden = !isLost;
+    if (isLost) setText(this.#lost.firstChild, t('compare.lost', { name: this.#nameOf(volume) }));
+  }
+
   /** The spheres of both volumes if B is fitted, else nothing. */
   #spheres(id = this.#companion?.view.volume) {
     return this.#fit.checked ? [this.#sphere(this.#app.viewer.view.volume), this.#sphere(id)] : [];
@@ -223,17 +252,21 @@ class Compare {
     const { viewer } = this.#app;
     if (!this.#companion || !viewer.isSettled) return;
     this.#companion.look(linkedCamera(viewer.camera, ...this.#spheres()), time);
+    this.#tellLost();
+  }
+
+  #nameOf(id) {
+    const { volumes } = this.#app.connection;
+    const volume = volumes.find((v) => v.id === id);
+    return volume ? fullNameOf(volume, volumes) : id;
   }
 
   #label() {
     if (!this.#companion) return;
-    const { viewer, connection } = this.#app;
-    const nameOf = (id) => {
-      const volume = connection.volumes.find((v) => v.id === id);
-      return volume ? fullNameOf(volume, connection.volumes) : id;
-    };
+    const { viewer } = this.#app;
     const volumes = [viewer.view.volume, this.#companion.view.volume];
-    this.#badges.forEach((badge, i) => setText(badge.lastChild, nameOf(volumes[i])));
+    this.#badges.forEach((badge, i) => setText(badge.lastChild, this.#nameOf(volumes[i])));
+    this.#chooseFit(volumes);
     this.#fitRow.hidden = volumes[0] === volumes[1];
     this.#swap.disabled = !viewer.canControl;
   }
@@ -248,14 +281,16 @@ class Compare {
     this.#stage.toggleAttribute('data-compare', isSplit);
     for (const badge of this.#badges) badge.hidden = !this.isOn;
     if (isSide) {
-      this.#pane.append(this.#canvas, this.#badges[1]);
+      this.#pane.append(this.#canvas, this.#badges[1], this.#lost);
       this.#canvas.style.clipPath = 'none';
+      this.#lost.style.setProperty('--split', '0%');
       layout.set('compare');
     } else {
       if (layout.current === 'compare') layout.set('3d');
       if (isSplit) {
         this.#stage.insertBefore(this.#canvas, byId('overlay'));
         this.#divider.element.append(...this.#badges);
+        this.#stage.append(this.#lost);
         this.#divider.set(this.#divider.percent);
       } else {
         this.#canvas.remove();
@@ -263,6 +298,7 @@ class Compare {
     }
     if (isSide) this.#stage.append(this.#badges[0]);
     this.#label();
+    this.#tellLost();
     this.#app.overlay.update();
     for (const told of this.#told) told();
   }

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The camera of the second picture of a comparison.
+import { cross, dot, length, normalize, subtract } from './vector.js';
 
 const scaleFrom = (from, to, factor) => (point) => point.map((x, i) => to[i] + (x - from[i]) * factor);
 
@@ -29,6 +30,24 @@ export function isSamePlace(a, b) {
   const distance = Math.hypot(...a.center.map((x, i) => x - b.center[i]));
   const radius = Math.max(a.radius, b.radius);
   return distance < 0.5 * radius && Math.min(a.radius, b.radius) > 0.5 * radius;
+}
+
+const SEEN_PX = 4; // a smaller volume counts as not seen
+
+/** True if a picture of `viewport` px has a part of the sphere {center, radius} in it, large enough to be seen. */
+export function isInSight({ position, target, up, projection, fov_y: fov = 30, height = 1 }, { center, radius }, viewport) {
+  const forward = normalize(subtract(target, position));
+  const right = normalize(cross(forward, up));
+  const from = subtract(center, position);
+  const depth = dot(from, forward);
+  const away = [Math.abs(dot(from, right)), Math.abs(dot(from, cross(right, forward)))];
+  if (depth < -radius) return false;
+  const isFlat = projection === 'orthographic';
+  const half = isFlat ? height / 2 : Math.tan(fov * Math.PI / 360); // perspective: at a depth of 1
+  const reach = isFlat ? 1 : Math.max(length(from), radius);
+  if (2 * radius / reach / half * viewport.height / 2 < SEEN_PX) return false;
+  return [half * viewport.width / viewport.height, half].every((side, i) => (isFlat
+    ? away[i] < side + radius : away[i] < side * depth + radius * Math.hypot(1, side)));
 }
 
 /** The settings of a view, for a picture under another camera and size. */

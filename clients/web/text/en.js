@@ -454,6 +454,7 @@ export default {
   'compare.fit.title': 'Shows the other volume from the same direction and equally large; otherwise both share the camera in world units',
   'compare.label.b': 'The second picture of the comparison',
   'compare.limit': 'The daemon cannot show a second picture now: {reason}.',
+  'compare.lost': 'The camera shows nothing of {name}: it lies elsewhere or has another size.',
   'compare.mode': 'Show',
   'compare.mode.divider': 'with a divider',
   'compare.mode.side': 'side by side',

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { isSamePlace, linkedCamera, settingsOf } from '../../../clients/web/core/compare.js';
+import { isInSight, isSamePlace, linkedCamera, settingsOf } from '../../../clients/web/core/compare.js';
 
 const camera = { position: [0, 0, 10], target: [0, 0, 0], up: [0, 1, 0], projection: 'perspective', fov_y: 30, near: 1 };
 
@@ -24,6 +24,22 @@ test('volumes at different places or of very different sizes are told', () => {
   assert.ok(!isSamePlace(at(0, 10), at(6, 10)));
   assert.ok(!isSamePlace(at(0, 10), at(0, 2)));
   assert.ok(isSamePlace(null, at(0, 2)));
+});
+
+test('a volume beside, behind, or much smaller than the picture is not in sight', () => {
+  const viewport = { width: 800, height: 400 };
+  const at = (x, y, z, radius = 1) => ({ center: [x, y, z], radius });
+  const half = Math.tan(15 * Math.PI / 180); // of the picture, at a depth of 1
+  for (const [camera_, edge] of [[camera, 10 * half], [{ ...camera, projection: 'orthographic', height: 20 * half }, 10 * half]]) {
+    assert.ok(isInSight(camera_, at(0, 0, 0), viewport));
+    assert.ok(isInSight(camera_, at(2 * edge + 0.9, 0, 0), viewport), 'a part of it, at the right');
+    assert.ok(!isInSight(camera_, at(2 * edge + 1.3, 0, 0), viewport));
+    assert.ok(!isInSight(camera_, at(0, -edge - 1.3, 0), viewport));
+    assert.ok(!isInSight(camera_, at(0, 0, 12), viewport), 'behind the camera');
+    assert.ok(isInSight(camera_, at(0, 0, 10, 50), viewport), 'the camera is in it');
+    assert.ok(isInSight(camera_, at(0, 0, 0, 0.03), viewport), '4.5 px');
+    assert.ok(!isInSight(camera_, at(0, 0, 0, 0.02), viewport), '3 px');
+  }
 });
 
 test('settings are the view without camera and size', () => {

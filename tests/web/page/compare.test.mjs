@@ -1,12 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparison with a second picture, and the panel of the status line, with the real daemon.
 import assert from 'node:assert/strict';
-import { after, test } from 'node:test';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { test } from 'node:test';
 import { checkAxe, difference, drag, firstFrame, NEEDS_AXE, openPage, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
-const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--backend', 'cpu', '--sessions', '24']));
+const folder = mkdtempSync(path.join(tmpdir(), 'splatd-compare-'));
+const FAR = path.join(folder, 'far.nrrd'); // a volume that a camera of the others does not show
+writeFileSync(FAR, Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nspace dimension: 3\nsizes: 8 8 8\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n'
+  + 'space origin: (5000,0,0)\nencoding: raw\n\n'), Buffer.from({ length: 512 }, (_, i) => i)]));
+const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--volume', FAR,
+  '--backend', 'cpu', '--sessions', '24']), () => rmSync(folder, { recursive: true }));
 
 async function open(context, options = { viewport: { width: 700, height: 500 } }) {
   const opened = await visit(context, browser, daemon.url, options);
@@ -128,6 +136,34 @@ test('another volume is compared, and a daemon without a free session says so', 
   await page.click('#compare-start');
   await page.locator('#compare-note', { hasText: '4 sessions are open' }).waitFor();
   assert.ok(await page.isVisible('#compare-start'));
+});
+
+test('a volume at another place is fitted; without that the page says that B shows nothing, and offers it', async (context) => {
+  const { page, said } = await open(context);
+  await begin(page);
+  await until(page, 'the second picture', (s) => s.compared?.isAtRest);
+  assert.ok(await page.locator('#compare-lost').isHidden());
+  await page.selectOption('#compare-source', 'volume:far');
+  await until(page, 'the other volume', (s) => s.compared.isAtRest && s.compared.view.volume === 'far');
+  assert.ok(await page.isChecked('#compare-fit'));
+  const shown = async () => {
+    await until(page, 'the second picture', (s) => s.compared.isAtRest);
+    const { width, height, at } = await other(page);
+    return Array.from({ length: width * height / 16 }, (_, i) => at(4 * (i % (width / 4 | 0)), 4 * Math.floor(i / (width / 4)))).some(([r, g, b]) => r + g + b > 60);
+  };
+  assert.ok(await shown());
+  for (const mode of ['divider', 'side']) {
+    await page.selectOption('#compare-mode', mode);
+    await page.setChecked('#compare-fit', false);
+    await page.locator('#compare-lost', { hasText: 'The camera shows nothing of far' }).waitFor();
+    assert.ok(!await shown());
+    await shot(page, `compare-lost-${mode}`);
+    await page.click('#compare-lost-fit');
+    await page.locator('#compare-lost').waitFor({ state: 'hidden' });
+    assert.ok(await page.isChecked('#compare-fit'));
+    assert.ok(await shown());
+  }
+  assert.deepEqual(said, []);
 });
 
 const api = (path, token, method = 'GET') => fetch(`${new URL(daemon.url).origin}/api/v1/${path}`, { method, headers: { Authorization: `Bearer ${token}` } });
