@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What covers the edges of the picture: the open panel, the toolbar and the status bar.
+// What covers the picture: the open panel, the toolbar, the status bar and others.
 import { byId } from './dom.js';
 
 /** How far an element reaches into the picture from the side, in CSS px; 0 if it is hidden or lies elsewhere. */
@@ -21,4 +21,22 @@ export function marginsOf(canvas) {
     top: reach(byId('toolbar'), 'top', picture),
     bottom: reach(byId('status'), 'bottom', picture),
   };
+}
+
+/** Calls told() when one of the large ones opens, closes or changes its size. */
+export function onCovers(told) {
+  const observer = new ResizeObserver(() => told());
+  for (const name of ['panel', 'toolbar', 'mode-bar', 'status']) observer.observe(byId(name));
+}
+
+const ABOVE_ALL = '#panel, #toolbar, #mode-bar, #status, #stats, #notice, .prompt';
+const ABOVE_PANE = '#cube, #scale-bar, .compare-badge, .pane-title, .slice-read, .slice-foot, .slice-letter, .slice-slider';
+
+/** The boxes {x, y of the middle, width, height} in CSS px of what lies above a picture or a slice, and would hide labels in it. */
+export function coversOf(canvas) {
+  const picture = canvas.getBoundingClientRect();
+  const above = [...document.querySelectorAll(ABOVE_ALL), ...canvas.closest('.pane').querySelectorAll(ABOVE_PANE)];
+  return above.map((element) => element.getBoundingClientRect())
+    .filter(({ left, right, top, bottom }) => right > picture.left && left < picture.right && bottom > picture.top && top < picture.bottom && right > left)
+    .map(({ left, top, width, height }) => ({ x: left + width / 2 - picture.left, y: top + height / 2 - picture.top, width, height }));
 }

@@ -7,6 +7,7 @@ import { handlesOf, labelBeside, linesOf, moveHandle, placeIn, pointsFromCorners
 import { meetPlane, pointAtDepth, ray } from '../core/project.js';
 import { add, cross, dot, scale, subtract } from '../core/vector.js';
 import { svg } from './dom.js';
+import { coversOf, onCovers } from './margins.js';
 import { panesOf, surfaceAt } from './measure_tools.js';
 
 const FONT = '600 12px system-ui, -apple-system, "Segoe UI", Roboto, "DejaVu Sans", sans-serif';
@@ -35,6 +36,8 @@ class Sheet {
   #lines = svg('g'); #texts = svg('g'); #top = svg('g'); #known = new Map(); #used = new Set(); #labels = []; #dots = [];
   /** Of the picture, px. */
   size = [Infinity, Infinity];
+  /** What hides parts of the picture (margins.js). */
+  covers = [];
   constructor(group) { group.append(this.#lines, this.#texts, this.#top); }
 
   put(key, tag, attributes, text) {
@@ -70,7 +73,7 @@ class Sheet {
 
   /** Draws the labels, and removes what this drawing did not use. A label without a free place appears above the others if it `isWanted`. */
   end(isWanted) {
-    placeLabels(this.#labels, this.size, this.#dots).forEach((place, i) => {
+    placeLabels(this.#labels, this.size, this.#dots, this.covers).forEach((place, i) => {
       const label = this.#labels[i];
       if (place) this.#putLabel(label, place, '');
       else if (isWanted(label.item)) this.#putLabel(label, { ...label.wanted, leader: null }, 'top:');
@@ -210,7 +213,8 @@ function drawCursor(sheet, { x, y }) {
   sheet.put('cursor:line', 'path', { class: 'measure-key-cursor', d });
 }
 
-function drawAll(sheet, app, measures, { toScreen, pane = null, near = 0 }) {
+function drawAll(sheet, app, measures, { canvas, toScreen, pane = null, near = 0 }) {
+  sheet.covers = measures.items.length > 0 ? coversOf(canvas) : [];
   for (const item of measures.items) {
     if (item.hidden) continue;
     const place = pane ? placeIn(item, pane.plane, near) : 'in';
@@ -281,7 +285,7 @@ export function installLayers(app, measures) {
   const layer = overlay.layer((project, { group, width, height }) => {
     sheet ??= new Sheet(group);
     sheet.size = [width, height];
-    drawAll(sheet, app, measures, { toScreen: project });
+    drawAll(sheet, app, measures, { canvas: screen.element, toScreen: project });
   });
   layer.group.classList.add('measures');
   const layers = [layer];
@@ -305,6 +309,7 @@ export function installLayers(app, measures) {
   };
   for (const event of ['change', 'hover']) measures.on(event, update);
   app.modes.on('change', update);
+  onCovers(update);
 }
 
 function paneLayer(app, measures, pane) {
@@ -313,7 +318,7 @@ function paneLayer(app, measures, pane) {
     sheet ??= new Sheet(group);
     sheet.size = [width, height];
     const near = app.slices.grid ? app.slices.grid.smallest * 0.5 : 0;
-    drawAll(sheet, app, measures, { toScreen: toPane, pane, near: near * (1 + 1e-6) });
+    drawAll(sheet, app, measures, { canvas: pane.body, toScreen: toPane, pane, near: near * (1 + 1e-6) });
   });
   layer.group.classList.add('measures');
   listen(layer.group, measures, {

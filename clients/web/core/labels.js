@@ -37,11 +37,12 @@ function leaderOf(place, wanted, anchors) {
 
 /**
  * Places labels {wanted: {x, y} of the middle, size: [width, height], anchors: points that a leader line may begin at}, earlier ones first,
- * in a picture of `size`. `dots`: points that they should not cover. Returns for each {x, y, leader: {from, to} or null}, or null if there is
+ * in a picture of `size`. `dots`: points that they should not cover; `covers`: what lies above the picture and would hide them, as
+ * {x, y of the middle, width, height}. Returns for each {x, y, leader: {from, to} or null}, or null if there is
  * no free place near enough.
  */
-export function placeLabels(labels, size, dots = []) {
-  const placed = [];
+export function placeLabels(labels, size, dots = [], covers = []) {
+  const placed = [...covers];
   const near = dots.map(({ x, y }) => ({ x, y, width: DOT_PX, height: DOT_PX }));
   return labels.map(({ wanted, size: [width, height], anchors }) => {
     const start = moveInside({ ...wanted, width, height }, size);

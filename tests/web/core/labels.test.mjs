@@ -47,6 +47,15 @@ test('a label moves off the lines if there is space, and else covers them', () =
   assert.deepEqual(placeLabels([label(200, 100)], [400, 300], all), [{ x: 200, y: 100, leader: null }]);
 });
 
+test('a label leaves what lies above the picture, with a line to what it names, and has no place deep below it', () => {
+  const panel = { x: 150, y: 150, width: 300, height: 300 };
+  const [beside, below, free] = placeLabels([label(280, 100), label(20, 200), label(450, 150)], [600, 300], [], [panel]);
+  compare(beside.x - 60, '>=', 300);
+  assert.deepEqual(beside.leader.from, { x: 280, y: 118 });
+  assert.equal(below, null);
+  assert.deepEqual(free, { x: 450, y: 150, leader: null });
+});
+
 test('a label without a free place near enough is left out, and the others stay', () => {
   const labels = Array.from({ length: 30 }, () => label(100, 60, [180, 24]));
   const places = placeLabels(labels, [200, 120]);

@@ -252,12 +252,22 @@ test('twelve measurements in one place: no label covers another, and what has no
     .filter((b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom).map((b) => [a, b]));
   await page.locator('#overlay .measure-box').nth(11).waitFor();
   assert.deepEqual(overlaps(await boxes()), []);
+  const covers = () => page.evaluate(() => ['panel', 'toolbar', 'status', 'cube', 'scale-bar'].map((id) => {
+    const { left, right, top, bottom } = document.getElementById(id).getBoundingClientRect();
+    return { left, right, top, bottom };
+  }));
+  const covered = async () => {
+    const above = await covers();
+    return (await boxes()).filter((box) => overlaps([box, ...above]).some(([first]) => first === box));
+  };
+  assert.deepEqual(await covered(), [], 'below the panel and others');
   compare(await page.locator('#overlay .measure-leader').count(), '>', 4, 'lines lead to labels that moved');
   await shot(page, 'measures-labels');
   await page.setViewportSize({ width: 520, height: 380 });
   await until(page, 'labels are left out', () => document.querySelectorAll('#overlay .measure-box').length < 12);
   const some = await boxes();
   assert.deepEqual(overlaps(some), []);
+  assert.deepEqual(await covered(), [], 'below the panel and others');
   await shot(page, 'measures-labels-small');
   // A text without a place shows while the pointer is on its measurement.
   const hidden = await page.evaluate(() => {
