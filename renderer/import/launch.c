@@ -378,7 +378,7 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
         sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent a bad grid: %s", why.text);
         return NULL;
     }
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release_mapping, err);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, bytes, release_mapping, err);
     if (volume && im->options->progress)
         im->options->progress(im->options->user, 1);
     return volume;

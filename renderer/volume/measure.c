@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Range and histogram, in two passes. Samples are widened to double in short runs, so that one
- * loop serves all types. Double represents every type exactly.
+ * Range and histogram, in two passes, and the longest vector. Samples are widened to double in
+ * short runs, so that one loop serves all types. Double represents every type exactly.
  */
 #include <assert.h>
 #include <math.h>
@@ -13,6 +13,7 @@
 #include "volume/volume.h"
 
 enum { RUN = 512, GRAIN = 1 << 18 }; /* samples */
+enum { THREADS_MAX = 16 };           /* of sp_volume_threads() */
 
 struct partial { /* of one worker; merged by sums, minima and maxima, so order has no influence */
     double low, high;
@@ -30,7 +31,7 @@ struct measure {
 unsigned sp_volume_threads(void) {
     cpu_set_t set;
     int n = sched_getaffinity(0, sizeof set, &set) == 0 ? CPU_COUNT(&set) : 1;
-    return n < 1 ? 1 : n > 16 ? 16 : (unsigned)n;
+    return n < 1 ? 1 : n > THREADS_MAX ? THREADS_MAX : (unsigned)n;
 }
 
 #define WIDEN(T)                                                                                   \
@@ -144,5 +145,37 @@ bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t
     }
     sp_pool_destroy(&pool);
     free(partials);
+    return true;
+}
+
+struct lengths {
+    const float (*vectors)[3];
+    double *longest; /* by worker */
+};
+
+static void find_longest(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct lengths *l = user;
+    double longest = l->longest[worker];
+    for (size_t i = begin; i < end; i++) {
+        const float *v = l->vectors[i];
+        double square = (double)v[0] * v[0] + (double)v[1] * v[1] + (double)v[2] * v[2];
+        if (isfinite(square) && square > longest)
+            longest = square;
+    }
+    l->longest[worker] = longest;
+}
+
+bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double *longest,
+                               struct sp_error *err) {
+    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
+    if (!pool)
+        return false;
+    double squares[THREADS_MAX] = { 0 };
+    struct lengths lengths = { vectors, squares };
+    sp_parallel_for(pool, count, GRAIN, find_longest, &lengths);
+    *longest = 0;
+    for (int t = 0; t < THREADS_MAX; t++)
+        *longest = fmax(*longest, sqrt(squares[t]));
+    sp_pool_destroy(&pool);
     return true;
 }

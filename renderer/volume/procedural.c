@@ -142,7 +142,8 @@ static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
         free(making.voxels);
         return NULL;
     }
-    struct sp_volume *volume = sp_volume_adopt(info, making.voxels, capacity, release_heap, err);
+    struct sp_volume *volume =
+        sp_volume_adopt(info, making.voxels, NULL, capacity, release_heap, err);
     if (volume && options && options->progress)
         options->progress(options->user, 1);
     return volume;

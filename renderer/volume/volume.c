@@ -9,13 +9,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* Memory of samples and vectors. Derived volumes share the vectors of their original. */
+struct memory {
+    atomic_uint references;
+    void *voxels;
+    size_t bytes;
+    sp_voxels_release *release;
+};
+
 struct sp_volume {
     atomic_uint references;
     struct sp_volume_info info;
     double *coordinates; /* of all rectilinear axes, one after the other; NULL = none */
-    void *voxels;
-    size_t bytes;
-    sp_voxels_release *release;
+    struct memory *samples;
+    struct memory *vector_memory; /* the same, or that of the original; NULL = no vectors */
+    const float (*vectors)[3];
     const struct sp_volume *original; /* only compared; NULL = not derived */
     pthread_mutex_t mutex;            /* guards the fields below */
     struct sp_volume *derived;        /* NULL = none */
@@ -61,36 +69,69 @@ static bool keep_coordinates(struct sp_volume *volume, struct sp_error *err) {
     return true;
 }
 
+static void unref_memory(struct memory *memory) {
+    if (!memory || atomic_fetch_sub_explicit(&memory->references, 1, memory_order_acq_rel) != 1)
+        return;
+    memory->release(memory->voxels, memory->bytes);
+    free(memory);
+}
+
+static void share_vectors(struct sp_volume *volume, struct memory *memory,
+                          const float (*vectors)[3]) {
+    if (!vectors)
+        return;
+    atomic_fetch_add_explicit(&memory->references, 1, memory_order_relaxed);
+    volume->vector_memory = memory;
+    volume->vectors = vectors;
+}
+
 /* Creates a volume that owns the samples, without coordinates. Releases them if it fails. */
 static struct sp_volume *create(const struct sp_volume_info *info, void *voxels, size_t bytes,
                                 sp_voxels_release *release, struct sp_error *err) {
     assert((uintptr_t)voxels % 64 == 0);
     struct sp_volume *volume = calloc(1, sizeof *volume);
-    if (!volume || pthread_mutex_init(&volume->mutex, NULL) != 0) {
+    struct memory *memory = calloc(1, sizeof *memory);
+    if (!volume || !memory || pthread_mutex_init(&volume->mutex, NULL) != 0) {
         free(volume);
+        free(memory);
         release(voxels, bytes);
         sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for a volume");
         return NULL;
     }
     atomic_init(&volume->references, 1);
+    *memory = (struct memory){ .voxels = voxels, .bytes = bytes, .release = release };
+    atomic_init(&memory->references, 1);
     volume->info = *info;
-    volume->voxels = voxels;
-    volume->bytes = bytes;
-    volume->release = release;
+    volume->samples = memory;
     return volume;
 }
 
-struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
+static uint64_t count_voxels(const struct sp_grid *grid) {
+    return (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+}
+
+uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vectors,
+                          uint64_t *vectors_at) {
+    const uint64_t line = 64;
+    *vectors_at = (voxel_bytes + line - 1) / line * line;
+    uint64_t bytes = *vectors_at + (has_vectors ? voxels * 3 * sizeof(float) : 0);
+    return (bytes + line - 1) / line * line;
+}
+
+struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
+                                  const float (*vectors)[3], size_t bytes,
                                   sp_voxels_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
-    const uint32_t *dims = info->grid.dims;
-    uint64_t count = (uint64_t)dims[0] * dims[1] * dims[2];
+    uint64_t count = count_voxels(&info->grid);
     volume->info.components = 1;
     volume->info.voxel_bytes = count * sp_type_size(info->type);
-    assert(volume->info.voxel_bytes <= bytes);
-    if (!keep_coordinates(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err))
+    volume->info.vector_bytes = vectors ? count * sizeof *vectors : 0;
+    assert(volume->info.voxel_bytes + volume->info.vector_bytes <= bytes);
+    share_vectors(volume, volume->samples, vectors);
+    if (!keep_coordinates(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err) ||
+        (vectors && !sp_volume_measure_vectors(vectors, count, &volume->info.longest, err)))
         sp_volume_unref(&volume);
     return volume;
 }
@@ -101,6 +142,7 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxel
     if (!volume)
         return NULL;
     volume->original = sp_volume_original(original);
+    share_vectors(volume, original->vector_memory, original->vectors);
     if (!keep_coordinates(volume, err))
         sp_volume_unref(&volume);
     return volume;
@@ -145,20 +187,30 @@ void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, 
 
 struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_type type,
                                    const void *voxels, const char *name, struct sp_error *err) {
+    return sp_volume_create_vectors(grid, type, voxels, NULL, name, err);
+}
+
+struct sp_volume *sp_volume_create_vectors(const struct sp_grid *grid, enum sp_type type,
+                                           const void *voxels, const float (*vectors)[3],
+                                           const char *name, struct sp_error *err) {
     struct sp_volume_info info = { .grid = *grid, .type = type };
-    uint64_t bytes;
+    uint64_t bytes, at;
     if (!sp_grid_check(grid, type, name, &bytes, err))
         return NULL;
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.source, sizeof info.source, "memory:%s", name);
-    size_t capacity = (bytes + 63) & ~(uint64_t)63;
-    void *copy = aligned_alloc(64, capacity);
+    size_t capacity = sp_volume_layout(bytes, count_voxels(grid), vectors != NULL, &at);
+    char *copy = aligned_alloc(64, capacity);
     if (!copy) {
-        sp_fail(err, SP_ERR_MEMORY, name, "out of memory for %" PRIu64 " bytes of samples", bytes);
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory for %zu bytes of samples", capacity);
         return NULL;
     }
     memcpy(copy, voxels, bytes);
-    return sp_volume_adopt(&info, copy, capacity, release_heap, err);
+    if (vectors)
+        memcpy(copy + at, vectors, count_voxels(grid) * sizeof *vectors);
+    return sp_volume_adopt(&info, copy,
+                           vectors ? (const float(*)[3])(const void *)(copy + at) : NULL, capacity,
+                           release_heap, err);
 }
 
 struct sp_volume *sp_volume_ref(struct sp_volume *volume) {
@@ -175,7 +227,8 @@ void sp_volume_unref(struct sp_volume **volume) {
         return;
     sp_volume_unref(&v->derived);
     pthread_mutex_destroy(&v->mutex);
-    v->release(v->voxels, v->bytes);
+    unref_memory(v->samples);
+    unref_memory(v->vector_memory);
     free(v->key);
     free(v->coordinates);
     free(v);
@@ -186,5 +239,9 @@ const struct sp_volume_info *sp_volume_info(const struct sp_volume *volume) {
 }
 
 const void *sp_volume_voxels(const struct sp_volume *volume) {
-    return volume->voxels;
+    return volume->samples->voxels;
+}
+
+const float (*sp_volume_vectors(const struct sp_volume *volume))[3] {
+    return volume->vectors;
 }

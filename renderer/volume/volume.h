@@ -14,16 +14,23 @@
 /* Releases the samples when the last reference is gone. Called once, from any thread. */
 typedef void sp_voxels_release(void *voxels, size_t bytes);
 
+/* Where the vectors lie in the memory of samples: after them, 64-byte aligned. Returns the size of
+ * the memory, a multiple of 64, with vectors or without. */
+uint64_t sp_volume_layout(uint64_t voxel_bytes, uint64_t voxels, bool has_vectors,
+                          uint64_t *vectors_at);
+
 /* Creates a volume from existing samples without copying them. `info` gives grid, type, unit,
- * name and source (coordinates are copied); range, histogram, nonfinite, components and voxel_bytes
- * are filled in. The grid must have passed sp_grid_check(). `voxels` is 64-byte aligned and `bytes`
- * long; the volume owns it from now on, also when the call fails (then it is released at once). One
- * reference, or NULL with *err set. */
-struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels, size_t bytes,
+ * names and source (coordinates are copied); range, histogram, nonfinite, longest, components and
+ * sizes are filled in. The grid must have passed sp_grid_check(). `voxels` is 64-byte aligned and
+ * `bytes` long; the volume owns it from now on, also when the call fails (then it is released at
+ * once). `vectors` lies in the same memory; NULL = none. One reference, or NULL with *err set. */
+struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxels,
+                                  const float (*vectors)[3], size_t bytes,
                                   sp_voxels_release *release, struct sp_error *err);
 
 /* Creates a volume with other samples of the same type on the grid of `original`, for the same
- * readers: everything else in its description is the original's. Samples as above. */
+ * readers: everything else in its description is the original's, and so are the vectors. Samples as
+ * above. */
 struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxels, size_t bytes,
                                    sp_voxels_release *release, struct sp_error *err);
 
@@ -41,6 +48,10 @@ const struct sp_volume *sp_volume_original(const struct sp_volume *volume);
 struct sp_volume *sp_volume_derived(struct sp_volume *volume, void *key, size_t *key_bytes);
 void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, const void *key,
                            size_t key_bytes);
+
+/* Length of the longest finite one of `count` vectors; 0 = there is none. */
+bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double *longest,
+                               struct sp_error *err);
 
 /* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
  * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False

@@ -27,7 +27,7 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const struct sp_grid *grid = &info->grid;
     uint32_t type = info->type;
-    struct srv_part parts[OTHERS + AXES] = {
+    struct srv_part parts[OTHERS + AXES + 1] = {
         { grid->dims, sizeof grid->dims },
         { grid->spacing, sizeof grid->spacing },
         { grid->origin, sizeof grid->origin },
@@ -39,7 +39,10 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
         if (grid->coordinates[a])
             parts[OTHERS + a] = (struct srv_part){ grid->coordinates[a],
                                                    grid->dims[a] * sizeof *grid->coordinates[a] };
-    return srv_fingerprint_of(parts, OTHERS + AXES);
+    if (!info->vector_bytes)
+        return srv_fingerprint_of(parts, OTHERS + AXES);
+    parts[OTHERS + AXES] = (struct srv_part){ sp_volume_vectors(volume), info->vector_bytes };
+    return srv_fingerprint_of(parts, OTHERS + AXES + 1);
 }
 
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint) {

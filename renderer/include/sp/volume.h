@@ -37,7 +37,13 @@ enum sp_type {
     SP_TYPE_COUNT
 };
 
-enum { SP_HISTOGRAM_BINS = 256, SP_UNIT_BYTES = 32, SP_NAME_BYTES = 128, SP_SOURCE_BYTES = 1024 };
+enum {
+    SP_HISTOGRAM_BINS = 256,
+    SP_UNIT_BYTES = 32,
+    SP_FIELD_BYTES = 64,
+    SP_NAME_BYTES = 128,
+    SP_SOURCE_BYTES = 1024
+};
 /* Largest coordinate of a position that a client gives, world units: of cameras, slices, and
  * measurements. Beyond every volume, and its square is a float. */
 #define SP_POSITION_MAX 1e18
@@ -60,7 +66,11 @@ struct sp_grid {
 struct sp_volume_info {
     struct sp_grid grid;
     enum sp_type type;
-    uint32_t components;      /* values per sample; always 1 */
+    uint32_t components; /* values per sample; always 1 */
+    /* Names of the samples and of the vectors in the file; "" = unknown. Samples that are the
+     * lengths of the vectors are called "magnitude". */
+    char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES];
+    double longest;           /* length of the longest finite vector, data unit; 0 = none has any */
     char unit[SP_UNIT_BYTES]; /* unit of world coordinates, "mm", …; "" = unknown */
     /* Where world +x, +y and +z point to in a patient: three of R L A P S I, as in "LPS" (left,
      * posterior, superior); "" = the file does not say. */
@@ -72,7 +82,8 @@ struct sp_volume_info {
     /* Counts of finite samples. Bin b covers range[0] + (range[1] − range[0])·[b, b + 1)/256; the
      * last bin includes range[1]. */
     uint64_t histogram[SP_HISTOGRAM_BINS];
-    uint64_t voxel_bytes; /* size of the sample array */
+    uint64_t voxel_bytes;  /* size of the sample array */
+    uint64_t vector_bytes; /* of the vectors; 0 = none */
 };
 
 struct sp_volume; /* opaque, reference-counted */
@@ -114,6 +125,11 @@ SP_API struct sp_volume *sp_volume_create(const struct sp_grid *grid, enum sp_ty
                                           const void *voxels, const char *name,
                                           struct sp_error *err);
 
+/* The same with vectors, of which product(dims) are copied. */
+SP_API struct sp_volume *sp_volume_create_vectors(const struct sp_grid *grid, enum sp_type type,
+                                                  const void *voxels, const float (*vectors)[3],
+                                                  const char *name, struct sp_error *err);
+
 /* Adds a reference and returns its argument. */
 SP_API struct sp_volume *sp_volume_ref(struct sp_volume *volume);
 /* Drops a reference and nulls *volume, which may be NULL. The last reference frees the volume. */
@@ -123,6 +139,10 @@ SP_API void sp_volume_unref(struct sp_volume **volume);
 SP_API const struct sp_volume_info *sp_volume_info(const struct sp_volume *volume);
 /* The samples, 64-byte aligned; valid as long as the caller's reference. */
 SP_API const void *sp_volume_voxels(const struct sp_volume *volume);
+/* The vectors, one per sample in the same order, along the axes of the world [data unit]; NULL =
+ * the volume has none. Components may be NaN or infinite. Valid as long as the caller's reference.
+ */
+SP_API const float (*sp_volume_vectors(const struct sp_volume *volume))[3];
 
 /* A built-in volume. Strings are constants. */
 struct sp_demo {

@@ -52,7 +52,7 @@ static struct sp_volume *make(uint32_t size, enum sp_type type, const uint32_t l
             ((uint8_t *)voxels)[i] = (uint8_t)value;
     }
     ((uint8_t *)voxels)[0] = 0; /* the range is never empty */
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, bytes, release, NULL);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, bytes, release, NULL);
     assert_non_null(volume);
     return volume;
 }
@@ -189,7 +189,7 @@ static void a_ball_is_smaller_than_its_box(void **state) {
         double x = i % 64 - 31.5, y = i / 64 % 64 - 31.5, z = i / 4096 - 31.5;
         voxels[i] = sqrt(x * x + y * y + z * z) < 16 ? OBJECT : 0;
     }
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, 64 * 64 * 64, release, NULL);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, 64 * 64 * 64, release, NULL);
     assert_non_null(volume);
     struct sp_view view = view_of(volume);
     struct sp_visible_part part = find(&view, volume);

@@ -47,7 +47,7 @@ static struct sp_volume *make(const uint32_t dims[3], enum sp_type type, const c
         else
             ((uint8_t *)voxels)[i] = (uint8_t)v;
     }
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, capacity, release, NULL);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, capacity, release, NULL);
     assert_non_null(volume);
     return volume;
 }

@@ -339,7 +339,7 @@ static void the_last_unref_frees_the_samples_once(void **state) {
     assert_non_null(voxels);
     memset(voxels, 1, 64);
     struct sp_error err;
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, 64, count_release, &err);
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, 64, count_release, &err);
     assert_non_null(volume);
     for (int t = 0; t < THREADS; t++)
         assert_int_equal(
@@ -348,6 +348,46 @@ static void the_last_unref_frees_the_samples_once(void **state) {
     for (int t = 0; t < THREADS; t++)
         pthread_join(threads[t], NULL);
     assert_int_equal(released, 1);
+}
+
+static void vectors_are_copied_and_shared_with_derived_volumes(void **state) {
+    (void)state;
+    enum { COUNT = 3 * 5 * 2 };
+    struct sp_grid grid = grid_of(3, 5, 2);
+    uint8_t values[COUNT];
+    float vectors[COUNT][3];
+    for (int i = 0; i < COUNT; i++) {
+        values[i] = (uint8_t)i;
+        for (int c = 0; c < 3; c++)
+            vectors[i][c] = (float)(i * (c + 1));
+    }
+    vectors[7][1] = NAN;
+    vectors[COUNT - 1][2] = INFINITY;
+    struct sp_error err;
+    struct sp_volume *volume =
+        sp_volume_create_vectors(&grid, SP_UINT8, values, (const float(*)[3])vectors, "flow", &err);
+    assert_non_null(volume);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    assert_int_equal(info->voxel_bytes, COUNT);
+    assert_int_equal(info->vector_bytes, sizeof vectors);
+    assert_memory_equal(sp_volume_voxels(volume), values, sizeof values);
+    assert_memory_equal(sp_volume_vectors(volume), vectors, sizeof vectors);
+    assert_true(fabs(info->longest - (COUNT - 2) * sqrt(14)) < 1e-12 * info->longest);
+
+    uint8_t *others = aligned_alloc(64, 64);
+    assert_non_null(others);
+    memset(others, 3, 64);
+    struct sp_volume *derived = sp_volume_derive(volume, others, 64, count_release, &err);
+    assert_non_null(derived);
+    sp_volume_unref(&volume);
+    assert_memory_equal(sp_volume_vectors(derived), vectors, sizeof vectors);
+    sp_volume_unref(&derived);
+
+    volume = sp_volume_create(&grid, SP_UINT8, values, "plain", &err);
+    assert_non_null(volume);
+    assert_null(sp_volume_vectors(volume));
+    assert_int_equal(sp_volume_info(volume)->vector_bytes, 0);
+    sp_volume_unref(&volume);
 }
 
 int main(void) {
@@ -361,6 +401,7 @@ int main(void) {
         cmocka_unit_test(coordinates_give_the_positions_of_samples),
         cmocka_unit_test(bad_coordinates_are_refused),
         cmocka_unit_test(the_last_unref_frees_the_samples_once),
+        cmocka_unit_test(vectors_are_copied_and_shared_with_derived_volumes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }
