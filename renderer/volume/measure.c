@@ -153,12 +153,20 @@ struct lengths {
     double *longest; /* by worker */
 };
 
+static double square_of(const float v[3]) {
+    return (double)v[0] * v[0] + (double)v[1] * v[1] + (double)v[2] * v[2];
+}
+
+void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths) {
+    for (uint64_t i = 0; i < count; i++)
+        lengths[i] = (float)sqrt(square_of(vectors[i]));
+}
+
 static void find_longest(void *user, size_t begin, size_t end, unsigned worker) {
     const struct lengths *l = user;
     double longest = l->longest[worker];
     for (size_t i = begin; i < end; i++) {
-        const float *v = l->vectors[i];
-        double square = (double)v[0] * v[0] + (double)v[1] * v[1] + (double)v[2] * v[2];
+        double square = square_of(l->vectors[i]);
         if (isfinite(square) && square > longest)
             longest = square;
     }

@@ -12,7 +12,7 @@
 static const struct sp_demo_maker *const makers[] = {
     &sp_demo_phantom,      &sp_demo_engine,   &sp_demo_vessels, &sp_demo_marschner_lobb,
     &sp_demo_checkerboard, &sp_demo_hydrogen, &sp_demo_galaxy,  &sp_demo_sparse,
-    &sp_demo_turbulence,   &sp_demo_noise,
+    &sp_demo_turbulence,   &sp_demo_noise,    &sp_demo_tornado, &sp_demo_jet,
 };
 enum { MAKERS = sizeof makers / sizeof makers[0] };
 
@@ -82,6 +82,7 @@ struct making {
     const void *prepared;
     const uint32_t *dims;
     void *voxels;
+    float (*vectors)[3]; /* NULL = none */
     const struct sp_load_options *options;
     atomic_size_t done; /* slices */
     atomic_bool cancelled;
@@ -91,7 +92,15 @@ static void make_slices(void *user, size_t begin, size_t end, unsigned worker) {
     struct making *m = user;
     if (atomic_load_explicit(&m->cancelled, memory_order_relaxed))
         return;
-    m->maker->fill(m->prepared, m->dims, begin, end, m->voxels);
+    if (m->maker->flow)
+        m->maker->flow(m->dims, begin, end, m->vectors);
+    if (m->maker->fill) {
+        m->maker->fill(m->prepared, m->dims, begin, end, m->voxels);
+    } else {
+        size_t area = (size_t)m->dims[0] * m->dims[1], first = begin * area;
+        sp_volume_lengths((const float(*)[3])m->vectors + first, (end - begin) * area,
+                          (float *)m->voxels + first);
+    }
     size_t done = atomic_fetch_add_explicit(&m->done, end - begin, memory_order_relaxed);
     /* Worker 0 is the loading thread. Only this thread may call the progress callback. */
     if (worker == 0 && m->options && m->options->progress &&
@@ -123,27 +132,30 @@ static void release_heap(void *voxels, size_t bytes) {
 static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
                                      const struct sp_volume_info *info,
                                      const struct sp_load_options *options, struct sp_error *err) {
-    uint64_t bytes;
+    const uint32_t *dims = info->grid.dims;
+    uint64_t bytes, vectors_at;
     if (!sp_grid_check(&info->grid, maker->type, info->source, &bytes, err))
         return NULL;
-    if (options && options->reserve && !options->reserve(options->user, bytes, err))
+    uint64_t voxels = bytes / sp_type_size(maker->type);
+    uint64_t capacity = sp_volume_layout(bytes, voxels, maker->flow != NULL, &vectors_at);
+    if (options && options->reserve && !options->reserve(options->user, capacity, err))
         return NULL;
-    size_t capacity = (bytes + 63) & ~(uint64_t)63;
-    struct making making = { .maker = maker,
-                             .dims = info->grid.dims,
-                             .options = options,
-                             .voxels = aligned_alloc(64, capacity) };
+    struct making making = {
+        .maker = maker, .dims = dims, .options = options, .voxels = aligned_alloc(64, capacity)
+    };
     if (!making.voxels) {
         sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for %" PRIu64 " bytes of samples",
-                bytes);
+                capacity);
         return NULL;
     }
+    if (maker->flow)
+        making.vectors = (float(*)[3])(void *)((char *)making.voxels + vectors_at);
     if (!make_voxels(&making, err)) {
         free(making.voxels);
         return NULL;
     }
-    struct sp_volume *volume =
-        sp_volume_adopt(info, making.voxels, NULL, capacity, release_heap, err);
+    struct sp_volume *volume = sp_volume_adopt(
+        info, making.voxels, (const float(*)[3])making.vectors, capacity, release_heap, err);
     if (volume && options && options->progress)
         options->progress(options->user, 1);
     return volume;
@@ -166,6 +178,10 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
         maker->shape(size, grid->dims);
     snprintf(info.name, sizeof info.name, "%s", maker->demo.name);
     snprintf(info.source, sizeof info.source, "%s", source);
+    if (maker->flow) {
+        snprintf(info.value_name, sizeof info.value_name, "magnitude");
+        snprintf(info.vector_name, sizeof info.vector_name, "wind");
+    }
 
     double coordinates[3][SP_DEMO_SIZE_MAX];
     for (int axis = 0; axis < 3 && maker->grade; axis++) {

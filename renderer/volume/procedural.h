@@ -24,6 +24,9 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
 typedef void sp_demo_fill(const void *prepared, const uint32_t dims[3], size_t begin, size_t end,
                           void *voxels);
 
+/* The vectors of slices [begin, end), into `vectors`, the start of the whole array. */
+typedef void sp_demo_flow(const uint32_t dims[3], size_t begin, size_t end, float (*vectors)[3]);
+
 struct sp_demo_maker {
     struct sp_demo demo;
     enum sp_type type;
@@ -32,7 +35,8 @@ struct sp_demo_maker {
                                                        each axis, n − 1 the last; NULL = i */
     void *(*prepare)(const uint32_t dims[3]); /* malloc'ed table shared by all slices, NULL when out
                                                  of memory; the slot is NULL when there is none */
-    sp_demo_fill *fill;
+    sp_demo_fill *fill; /* NULL = the samples are the lengths of the vectors */
+    sp_demo_flow *flow; /* NULL = no vectors */
 };
 
 /* procedural_formulas.c: phantom, marschner-lobb, checkerboard, hydrogen */
@@ -42,6 +46,8 @@ extern const struct sp_demo_maker sp_demo_phantom, sp_demo_marschner_lobb, sp_de
 extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels, sp_demo_galaxy, sp_demo_sparse;
 /* procedural_dense.c */
 extern const struct sp_demo_maker sp_demo_turbulence, sp_demo_noise;
+/* procedural_winds.c */
+extern const struct sp_demo_maker sp_demo_tornado, sp_demo_jet;
 
 /* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
  * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as

@@ -53,6 +53,9 @@ void sp_volume_set_derived(struct sp_volume *volume, struct sp_volume *derived, 
 bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double *longest,
                                struct sp_error *err);
 
+/* The lengths of `count` vectors: samples that are called "magnitude". */
+void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths);
+
 /* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
  * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False
  * with *err set when threads cannot be started. */

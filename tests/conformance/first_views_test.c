@@ -41,6 +41,8 @@ static const struct expected volumes[] = {
     { "demo:sparse", { 0, 0, 1 }, { 0, 0, 0 } },
     { "demo:turbulence", { 0, 0, 1 }, { 0, 0, 0 } },
     { "demo:noise", { 0, 0, 1 }, { 0, 0, 0 } },
+    { "demo:tornado", { 0, 0, 1 }, { 0, -1, 0 } },
+    { "demo:jet", { 0, 0, 0 }, { 0, 0, 1 } }, /* flat: from above */
     { "aneurism_256x256x256_uint8.nrrd", { 0, 0, 0 }, { 0, 0, 0 } },
     { "bonsai_256x256x256_uint8.nrrd", { 0, 1, 0 }, { 0, 0, 0 } },    /* the pot is below */
     { "cthead_256x256x113_uint16.nrrd", { 0, 0, -1 }, { 0, -1, 0 } }, /* the face */

@@ -160,7 +160,7 @@ def write_sheet(path, tiles, columns):
     write_png(path, wide, len(rows), rows)
 
 
-DEMOS = 'phantom engine vessels marschner-lobb checkerboard hydrogen galaxy sparse turbulence noise'.split()
+DEMOS = 'phantom engine vessels marschner-lobb checkerboard hydrogen galaxy sparse turbulence noise tornado jet'.split()
 SUFFIXES = ('.nrrd', '.nhdr', '.vti', '.vtk', '.vtr', '.tif', '.tiff', '.json')
 
 

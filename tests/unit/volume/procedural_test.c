@@ -54,6 +54,8 @@ static void every_demo_has_the_documented_size_type_and_range(void **state) {
         { "sparse", { 256, 256, 256 }, SP_UINT8, 0, 255 },
         { "turbulence", { 128, 128, 128 }, SP_FLOAT32, 0, 1 },
         { "noise", { 128, 128, 128 }, SP_UINT8, 20, 190 },
+        { "tornado", { 96, 96, 96 }, SP_FLOAT32, 0, 104 },
+        { "jet", { 128, 64, 32 }, SP_FLOAT32, 0, 74 },
     };
     size_t count = sizeof expected / sizeof expected[0];
     assert_null(sp_demo_at(count));
@@ -88,12 +90,18 @@ static void every_demo_has_the_documented_size_type_and_range(void **state) {
     }
 }
 
-static uint64_t fnv(const struct sp_volume *volume) {
-    const unsigned char *bytes = sp_volume_voxels(volume);
-    uint64_t hash = UINT64_C(0xcbf29ce484222325), n = sp_volume_info(volume)->voxel_bytes;
+static uint64_t continue_fnv(uint64_t hash, const void *data, uint64_t n) {
+    const unsigned char *bytes = data;
     for (uint64_t i = 0; i < n; i++)
         hash = (hash ^ bytes[i]) * UINT64_C(0x100000001b3);
     return hash;
+}
+
+static uint64_t fnv(const struct sp_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    uint64_t hash =
+        continue_fnv(UINT64_C(0xcbf29ce484222325), sp_volume_voxels(volume), info->voxel_bytes);
+    return continue_fnv(hash, sp_volume_vectors(volume), info->vector_bytes);
 }
 
 /* Demos are computed by as many threads as there are CPUs that the process may use. */
@@ -394,6 +402,75 @@ static void vessels_are_connected(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* The samples of a wind are its speeds. */
+static void assert_samples_are_lengths(const struct sp_volume *volume) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const float *speeds = sp_volume_voxels(volume);
+    const float(*wind)[3] = sp_volume_vectors(volume);
+    assert_string_equal(info->value_name, "magnitude");
+    assert_string_equal(info->vector_name, "wind");
+    assert_int_equal(info->vector_bytes, 3 * info->voxel_bytes);
+    assert_near(info->longest, info->range[1], 1e-5);
+    for (size_t i = 0; i < info->voxel_bytes / sizeof *speeds; i++) {
+        const float *v = wind[i];
+        float length = sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        assert_near((double)speeds[i], (double)length, 1e-6 * (double)(1 + length));
+    }
+}
+
+static void tornado_turns_rises_and_widens(void **state) {
+    (void)state;
+    enum { N = 48 };
+    struct sp_volume *volume = load("demo:tornado?size=48");
+    const float(*wind)[3] = sp_volume_vectors(volume);
+    uint32_t before = 0;
+    assert_samples_are_lengths(volume);
+    for (uint32_t k = 0; k < N; k += 12) {
+        const float(*layer)[3] = wind + (size_t)k * N * N;
+        double x = 0, y = 0, lift = 0, turn = 0;
+        uint32_t fast = 0;
+        for (uint32_t i = 0; i < N * N; i++) { /* the axis: the mean place of the updraft */
+            double up = (double)layer[i][2];
+            assert_compare(up, >=, 0);
+            lift += up;
+            x += up * (i % N);
+            y += up * (i / N);
+        }
+        for (uint32_t i = 0; i < N * N; i++) {
+            double dx = i % N - x / lift, dy = i / N - y / lift;
+            turn += dx * (double)layer[i][1] - dy * (double)layer[i][0];
+            fast += hypot((double)layer[i][0], (double)layer[i][1]) > 30;
+        }
+        assert_compare(turn, >, 0); /* counterclockwise seen from above */
+        assert_compare(fast, >, before);
+        before = fast;
+    }
+    sp_volume_unref(&volume);
+}
+
+/* Central differences of the wind at every height add up to nearly nothing. */
+static void jet_has_shear_and_no_divergence(void **state) {
+    (void)state;
+    struct sp_volume *volume = load("demo:jet");
+    const float(*wind)[3] = sp_volume_vectors(volume);
+    assert_samples_are_lengths(volume);
+    double divergence = 0, shear = 0, west = 0, east = 0;
+    for (uint32_t k = 0; k < 32; k++)
+        for (uint32_t j = 1; j < 63; j++)
+            for (uint32_t i = 1; i < 127; i++) {
+                const float(*at)[3] = wind + (k * 64 + j) * 128 + i;
+                divergence += fabs((double)(at[1][0] - at[-1][0] + at[128][1] - at[-128][1]));
+                shear += fabs((double)(at[128][0] - at[-128][0]));
+                west = fmax(west, (double)at[0][0]);
+                east = fmin(east, (double)at[0][0]);
+                assert_compare(at[0][2], ==, 0);
+            }
+    assert_compare(divergence, <, 0.05 * shear);
+    assert_near(west, 75, 5);
+    assert_compare(east, <, -5);
+    sp_volume_unref(&volume);
+}
+
 struct calls {
     int reserves, progresses;
     uint64_t bytes;
@@ -433,6 +510,8 @@ static void budget_progress_and_cancellation_are_applied(void **state) {
     sp_volume_unref(&volume);
 
     calls = (struct calls){ .refuse = true };
+    assert_null(sp_volume_load("demo:jet?size=1024", &options, &err));
+    assert_int_equal(calls.bytes, UINT64_C(1024) * 512 * 256 * (4 + 3 * 4));
     assert_null(sp_volume_load("demo:phantom?size=1024", &options, &err));
     assert_int_equal(err.code, SP_ERR_BUDGET);
     assert_int_equal(calls.bytes, UINT64_C(4) << 30);
@@ -457,6 +536,8 @@ int main(void) {
         cmocka_unit_test(galaxy_is_finer_in_the_middle),
         cmocka_unit_test(sparse_fills_a_twentieth),
         cmocka_unit_test(vessels_are_connected),
+        cmocka_unit_test(tornado_turns_rises_and_widens),
+        cmocka_unit_test(jet_has_shear_and_no_divergence),
         cmocka_unit_test(budget_progress_and_cancellation_are_applied),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
