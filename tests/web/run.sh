@@ -1,6 +1,6 @@
 #!/bin/sh
 # SPDX-License-Identifier: Apache-2.0
-# Runs Node tests: run.sh [--data] [--chromium] FILE... Exits with status 77 and a message if a dependency is missing.
+# Runs Node tests: run.sh [--data] [--chromium | --firefox] FILE... Exits with status 77 and a message if a dependency is missing.
 here=$(dirname "$0")
 
 skip() {
@@ -19,5 +19,9 @@ if [ "$1" = --chromium ]; then
     shift
     [ -x "${SPLATD_CHROMIUM:-/usr/bin/chromium}" ] || skip "no /usr/bin/chromium (Debian package chromium)"
     [ -d "$here/../node_modules/playwright-core" ] || skip "no tests/node_modules/playwright-core: run npm ci in tests/"
+fi
+if [ "$1" = --firefox ]; then
+    shift
+    [ -x "${SPLATD_FIREFOX:-/usr/bin/firefox-esr}" ] || skip "no /usr/bin/firefox-esr (Debian package firefox-esr)"
 fi
 exec node --test "$@"

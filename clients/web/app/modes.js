@@ -34,6 +34,8 @@ export class Modes extends Emitter {
     super();
     this.#surface = surface;
     byId('mode-done').addEventListener('click', () => this.leave());
+    const bar = byId('mode-bar');
+    new ResizeObserver(() => document.body.style.setProperty('--bar', `${bar.offsetHeight}px`)).observe(bar);
     window.addEventListener('keydown', (event) => {
       if (event.key !== 'Escape' || event.defaultPrevented || this.#name === NAVIGATE || event.target.closest?.('dialog')) return;
       event.preventDefault();

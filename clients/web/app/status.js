@@ -97,7 +97,9 @@ class StatusLine {
   drew(frame, latency) {
     this.#frames.push(performance.now());
     if (latency !== null) this.#latency = latency;
+    const isAsBefore = frame.isFinal === this.#newest?.isFinal;
     this.#newest = frame;
+    if (!isAsBefore) this.#refresh();
   }
 
   #refresh() {

@@ -38,7 +38,7 @@ class Walk {
   /** The mode, see modes.js. */
   get mode() {
     return {
-      label: t('walk.label'), hint: t('walk.hint'), cursor: 'crosshair',
+      label: t('walk.label'), hint: t(window.matchMedia('(pointer: coarse)').matches ? 'walk.hint.touch' : 'walk.hint'), cursor: 'crosshair',
       enter: () => this.#enter(),
       leave: () => this.#leave(),
       down: (at) => { this.#last = at; },

@@ -915,8 +915,9 @@ export default {
   'walk.ahead': 'Ahead',
   'walk.back': 'Back',
   'walk.hint': 'Drag to look around. W A S D or arrows move, Q down, E up, Shift faster; the wheel sets the speed.',
+  'walk.hint.touch': 'Drag to look around; hold the arrows to move.',
   'walk.label': 'Walk through',
-  'walk.speed': 'Walk through, {speed} per second',
+  'walk.speed': 'Walk through: {speed}/s',
   'zoombox.hint': 'Drag a rectangle',
   'zoombox.label': 'Zoom to a rectangle',
   // Edit.

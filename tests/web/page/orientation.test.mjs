@@ -223,6 +223,11 @@ test('walk through: keys move, dragging looks around, the wheel sets the speed, 
   compare(turned.target[0] - turned.position[0], '>', 1, 'to the right');
   const speed = () => page.locator('#mode-text').textContent();
   const slow = await speed();
+  for (const width of [1280, 900]) {
+    await page.setViewportSize({ width, height: 600 });
+    const [bar, cube] = await page.evaluate(() => ['mode-bar', 'cube'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
+    assert.ok(bar.right <= cube.left || bar.bottom <= cube.top, `the bar covers the cube of a window of ${width} px`);
+  }
   await page.mouse.move(450, 300);
   await page.mouse.wheel(0, -100);
   await until(page, 'another speed', `() => document.getElementById('mode-text').textContent !== ${JSON.stringify(slow)}`);
@@ -239,6 +244,9 @@ test('walk through by touch: a held button moves, a finger looks around', async 
   const start = await camera(page);
   const { x, y, width, height } = await page.locator('#walk-pad button').first().boundingBox();
   compare(Math.min(width, height), '>=', 44);
+  assert.match(await page.textContent('#mode-hint'), /hold the arrows/);
+  const [bar, scale] = await page.evaluate(() => ['mode-bar', 'scale-bar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
+  compare(scale.bottom, '<=', bar.top, 'the bar does not cover the scale');
   const cdp = await page.context().newCDPSession(page);
   await cdp.send('Input.dispatchTouchEvent', { type: 'touchStart', touchPoints: [{ x: x + width / 2, y: y + height / 2 }] });
   await until(page, 'a step', `(s) => s.camera.position[1] > ${start.position[1]} + 2`);
