@@ -7,6 +7,8 @@ import { t } from '../core/text.js';
 import { Upload, refusalText } from '../core/upload.js';
 import { byId, icon, make, setText } from './dom.js';
 
+const SENDING_MAX = 3; // files at once: a browser opens six connections to a daemon, and the page needs some for itself
+
 /** The digest of a part for Upload-Checksum; '' where the browser has none (http from another machine). */
 async function checksum(part) {
   if (!crypto.subtle) return '';
@@ -28,6 +30,7 @@ function stateText(upload, isOfSet) {
   const percent = Math.floor(100 * upload.sent / upload.bytes);
   const size = sizeText(upload.bytes);
   switch (upload.state) {
+    case 'idle': return t('upload.queued', { size });
     case 'paused': return t('upload.paused', { percent, size });
     case 'waiting': return t('upload.waiting', { percent });
     case 'failed': return refusalText(upload);
@@ -81,7 +84,7 @@ class Uploads {
     this.#list = byId('uploads');
   }
 
-  /** Sends files one after the other of this call, or continues what an earlier page began with the same file. */
+  /** Sends files, or continues what an earlier page began with the same file. */
   async take(files) {
     const wanted = this.#wanted;
     this.#wanted = null;
@@ -146,11 +149,17 @@ class Uploads {
         isDone = true;
         done(row);
       }
+      this.#startNext();
     });
-    upload.resume();
+    this.#startNext();
     this.#app.panel.toggle(true);
     row.element.scrollIntoView({ block: 'nearest' });
     return row;
+  }
+
+  #startNext() {
+    if (this.#rows.filter(({ upload }) => upload.isActive).length >= SENDING_MAX) return;
+    this.#rows.find(({ upload }) => upload.state === 'idle')?.upload.resume(); // its change starts the next one
   }
 
   async #load(rows, id) {

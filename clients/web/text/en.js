@@ -267,6 +267,7 @@ export default {
   'upload.pause': 'Pause the upload of {name}',
   'upload.paused': 'paused at {percent} % of {size}',
   'upload.progress': 'Upload of {name}',
+  'upload.queued': '{size}, waits for other uploads',
   'upload.rate': '{rate}/s',
   'upload.resume': 'Continue the upload of {name}',
   'upload.sending': '{percent} % of {size}',

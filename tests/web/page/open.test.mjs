@@ -176,6 +176,18 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   await page.setInputFiles('#open-file', { ...SMALL, name: 'next.nrrd' });
   await shows(page, 'next');
   assert.ok(await page.locator('#notice').isHidden(), 'the notice was about other files');
+  let release;
+  const held = new Promise((resolve) => { release = resolve; });
+  await page.route('**/api/v1/uploads/*', async (route) => {
+    if (route.request().method() === 'PATCH') await held;
+    await route.continue();
+  });
+  await page.setInputFiles('#open-file', ['1', '2', '3', '4', '5'].map((name) => ({ ...SMALL, name: `many${name}.nrrd` })));
+  await page.locator('#uploads [data-state="sending"]').nth(2).waitFor();
+  assert.deepEqual(await page.locator('#uploads [data-state="idle"] .about').allTextContents(), Array(2).fill('14 kB, waits for other uploads'));
+  await shot(page, 'open-many');
+  release();
+  for (const name of ['1', '2', '3', '4', '5']) await page.locator('#volumes .pick:not(:disabled)', { hasText: `many${name}` }).waitFor();
 });
 
 test('a failed load says why and is removed; closing the shown volume shows another one; the info follows', async (context) => {
