@@ -3,15 +3,18 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <execinfo.h>
+#include <pthread.h>
 #include <stdarg.h>
 #include <stdatomic.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 static _Thread_local bool is_spared;
 static atomic_long left = -1; /* allocations until one fails; < 0 = none fails */
-static atomic_bool stays_out, has_failed;
+static atomic_bool stays_out, has_failed, fails_at_place;
 static atomic_size_t largest;
 
 void memory_fail_after(long n, enum memory_end end) {
@@ -22,11 +25,64 @@ void memory_fail_after(long n, enum memory_end end) {
 
 bool memory_restore(void) {
     atomic_store(&left, -1);
+    atomic_store(&fails_at_place, false);
     return atomic_load(&has_failed);
 }
 
-long memory_left(void) {
-    return atomic_load(&left);
+/* Places of allocations: an open hash table. `calls` is 0 in free slots. */
+enum { PLACES = 1 << 14, PLACE_FAILURES = 2 };
+static struct place {
+    uint64_t calls; /* hash of the return addresses */
+    unsigned failures;
+} places[PLACES];
+static long reached,
+    examined; /* allocations of this try; of all tries since the places are known */
+static pthread_mutex_t places_lock = PTHREAD_MUTEX_INITIALIZER;
+
+void memory_fail_at_place(void) {
+    memory_restore();
+    reached = 0;
+    atomic_store(&has_failed, false);
+    atomic_store(&fails_at_place, true);
+}
+
+void memory_forget_places(void) {
+    pthread_mutex_lock(&places_lock);
+    memset(places, 0, sizeof places);
+    examined = 0;
+    pthread_mutex_unlock(&places_lock);
+}
+
+static struct place *find_place(void) {
+    enum { OWN = 2 }; /* calls of this file, at most */
+    void *calls[MEMORY_PLACE_CALLS + OWN];
+    uint64_t hash = 1;
+    for (int i = backtrace(calls, MEMORY_PLACE_CALLS + OWN); i-- > 0;)
+        hash = (hash ^ (uintptr_t)calls[i]) * UINT64_C(0x9e3779b97f4a7c15);
+    hash |= 1;
+    size_t i = hash >> 32 & (PLACES - 1);
+    while (places[i].calls && places[i].calls != hash)
+        i = (i + 1) & (PLACES - 1);
+    places[i].calls = hash;
+    return &places[i];
+}
+
+/* True once after memory_fail_at_place(). */
+static bool place_fails(void) {
+    bool fails = false;
+    pthread_mutex_lock(&places_lock);
+    if (atomic_load(&fails_at_place) && ++reached > examined) {
+        struct place *place = find_place();
+        examined = reached;
+        fails = place->failures < PLACE_FAILURES;
+        place->failures += fails;
+    }
+    if (fails) {
+        atomic_store(&fails_at_place, false);
+        atomic_store(&has_failed, true);
+    }
+    pthread_mutex_unlock(&places_lock);
+    return fails;
 }
 
 void memory_exempt_thread(bool spared) {
@@ -47,6 +103,8 @@ bool memory_is_available(void) {
     long n = atomic_load(&left);
     if (is_spared)
         return true;
+    if (atomic_load(&fails_at_place))
+        return !place_fails();
     while (n > 0 || (n == 0 && !atomic_load(&stays_out)))
         if (atomic_compare_exchange_weak(&left, &n, n - 1))
             break;

@@ -15,10 +15,17 @@ enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 /* Lets the next n allocations succeed and the one after them fail. With MEMORY_STAYS_OUT, all later
  * allocations fail as well. */
 void memory_fail_after(long n, enum memory_end end);
-/* Lets all allocations succeed again. Returns true if one has failed since memory_fail_after(). */
+/* For code that runs again and again, each time with another allocation that fails. A place is the
+ * chain of the innermost MEMORY_PLACE_CALLS calls: its first two allocations fail, each in a run of
+ * its own. The second one is in the second round of a loop, when something of the first round must
+ * be released. memory_fail_at_place() lets the next of all these allocations fail once;
+ * memory_forget_places() starts again with the first. */
+enum { MEMORY_PLACE_CALLS = 16 };
+void memory_fail_at_place(void);
+void memory_forget_places(void);
+/* Lets all allocations succeed again. Returns true if one has failed since memory_fail_after() or
+ * memory_fail_at_place(). */
 bool memory_restore(void);
-/* Returns how many allocations still succeed after memory_fail_after(); < 0 if all do. */
-long memory_left(void);
 /* Returns the size of the largest allocation since the last call [bytes]. */
 size_t memory_take_largest(void);
 /* true: the allocations of the calling thread succeed and do not count. false: the default. */

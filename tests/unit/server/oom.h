@@ -9,11 +9,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "support/sanitized.h"
-
-/* Each allocation fails in turn. Under TSan only every third one does: it finds no leaks. */
-enum { OOM_STEP = TEST_TSAN ? 3 : 1 };
-
 #define OOM_ADMIN "admin-0123456789abcdef"
 #define OOM_GALLERY "gallery-0123456789abcdef" /* has the role "render" */
 
@@ -52,14 +47,12 @@ void oom_member(const char *key, char value[64]);
 
 /* True if the status is that of an answer without memory. */
 bool oom_is_no_memory(int status);
-/* Sends a request while the n-th allocation fails. False if no allocation failed. The status is
- * `expected`, or that of an answer without memory. */
-bool oom_try(long n, const char *method, const char *path, const char *body, int expected,
-             int *status);
-/* The same for every n, in steps of OOM_STEP, until no allocation fails; of the allocations in the
- * middle of a GET that makes more than a thousand, one in 31. `body` may have one %ld, so that each
- * request creates something new. An answer of 200 equals that with enough memory; a refused request
- * has created nothing; and the next request is answered normally. */
+/* Sends a request while the next place of an allocation fails (memory_fail_at_place). False if none
+ * failed. The status is `expected`, or that of an answer without memory. */
+bool oom_try(const char *method, const char *path, const char *body, int expected, int *status);
+/* The same until no allocation fails. `body` may have one %ld, so that each request creates
+ * something new. An answer of 200 equals that with enough memory; a refused request has created
+ * nothing; and the next request is answered normally. */
 void oom_each_allocation(const char *method, const char *path, const char *body, int expected);
 
 /* Marks the operation of openapi.yaml with this method and path as covered. */

@@ -10,7 +10,6 @@
 
 #include <arpa/inet.h>
 #include <errno.h>
-#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -213,13 +212,12 @@ bool oom_is_no_memory(int status) {
     return status == 0 || status == 500 || status == 503;
 }
 
-bool oom_try(long n, const char *method, const char *path, const char *body, int expected,
-             int *status) {
-    memory_fail_after(n, MEMORY_FAILS_ONCE);
+bool oom_try(const char *method, const char *path, const char *body, int expected, int *status) {
+    memory_fail_at_place();
     *status = oom_ask(method, path, body);
     bool refused = memory_restore();
     if (*status != expected && !(refused && oom_is_no_memory(*status)))
-        fail_msg("%s %s with allocation %ld refused: %d: %.600s", method, path, n, *status,
+        fail_msg("%s %s while an allocation fails: %d: %.600s", method, path, *status,
                  oom_http.bytes);
     return refused;
 }
@@ -284,33 +282,22 @@ static void delete_created(const char *method, const char *path) {
     oom_must("DELETE", created, "", 204);
 }
 
-/* Returns the allocation that fails after the n-th one of `total` (0 = unknown). An array makes one
- * allocation for each of its values, at one place of the code: a histogram makes 8192. Far from the
- * first and the last allocation of a request, one in BETWEEN fails. */
-static long next_allocation(long n, long total) {
-    enum { EDGE = 500, BETWEEN = 31 };
-    bool is_far = n >= EDGE && n + EDGE < total;
-    return is_far ? (n + BETWEEN < total - EDGE ? n + BETWEEN : total - EDGE) : n + OOM_STEP;
-}
-
 void oom_each_allocation(const char *method, const char *path, const char *body, int expected) {
     const char *token = oom_token;
     char text[512], *whole = NULL;
-    long n = 0, total = 0, tried = 0;
+    long n = 0;
     if (strcmp(method, "GET") == 0) {
-        memory_fail_after(LONG_MAX, MEMORY_FAILS_ONCE);
         oom_must(method, path, "", expected);
-        total = LONG_MAX - memory_left();
-        memory_restore();
         whole = shape();
     }
-    for (bool refused = true; refused; n = next_allocation(n, total), tried++) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         int status;
         snprintf(text, sizeof text, body, n);
         oom_token = OOM_ADMIN;
         long before = count_objects(method, path);
         oom_token = token;
-        refused = oom_try(n, method, path, text, expected, &status);
+        refused = oom_try(method, path, text, expected, &status);
         if (whole && status == expected)
             check_shape(path, whole);
         if (status >= 500) {
@@ -325,7 +312,7 @@ void oom_each_allocation(const char *method, const char *path, const char *body,
         oom_token = token;
     }
     free(whole);
-    print_message("%s %s: %ld allocations, %ld tried\n", method, path, n - OOM_STEP, tried);
+    print_message("%s %s: %ld allocations\n", method, path, n - 1);
     assert_compare(n, >, 1);
     oom_cover(method, path);
 }

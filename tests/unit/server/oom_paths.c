@@ -16,7 +16,6 @@
 
 #include "support/compare.h"
 #include "support/fake_memory.h"
-#include "support/sanitized.h"
 
 #define PATH(format)                                                                               \
     "{\"frames\":1,\"size\":[8,8],\"format\":\"" format "\",\"keyframes\":[{\"frame\":0,"          \
@@ -65,10 +64,10 @@ static void each_allocation_of_drawing(void) {
     char text[512], id[64], path[128];
     size_t whole = 0;
     long n = 0;
-    const long step = TEST_SANITIZED ? 7 : 1;
-    for (bool refused = true; refused; n += step) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         snprintf(text, sizeof text, PATH("webm"), 5L);
-        memory_fail_after(n, MEMORY_FAILS_ONCE);
+        memory_fail_at_place();
         int status = oom_ask("POST", "paths", text);
         bool is_there = false;
         if (status == 202) {
@@ -91,26 +90,27 @@ static void each_allocation_of_drawing(void) {
         snprintf(path, sizeof path, "paths/%s", id);
         oom_must("DELETE", path, "", 204);
     }
-    print_message("drawing: %ld allocations, one in %ld tried\n", n - step, step);
+    print_message("drawing: %ld allocations\n", n - 1);
 }
 
 static void each_allocation_of_deleting(void) {
     char text[512], id[64], path[96];
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         snprintf(text, sizeof text, PATH("png"), n);
         make_path(text, id);
         wait_until_done(id);
         snprintf(path, sizeof path, "paths/%s", id);
         int status;
-        refused = oom_try(n, "DELETE", path, "", 204, &status);
+        refused = oom_try("DELETE", path, "", 204, &status);
         int again = oom_ask("DELETE", path, "");
         if (again != 404) {
             assert_int_equal(again, 204);
             assert_int_not_equal(status, 204);
         }
     }
-    print_message("DELETE paths: %ld allocations\n", n - OOM_STEP);
+    print_message("DELETE paths: %ld allocations\n", n - 1);
     assert_compare(n, >, 3);
     oom_cover("DELETE", path);
 }

@@ -131,8 +131,9 @@ void oom_streams(void **state) {
     char path[96];
     long n = 0;
     bool failed;
-    for (bool refused = true; refused; n += OOM_STEP) { /* joins and waits for the first frame */
-        memory_fail_after(n, MEMORY_FAILS_ONCE);
+    memory_forget_places();
+    for (bool refused = true; refused; n++) { /* joins and waits for the first frame */
+        memory_fail_at_place();
         bool ok = join() && see(0, &failed) && !failed;
         refused = memory_restore();
         assert_true(ok || refused);
@@ -147,14 +148,15 @@ void oom_streams(void **state) {
     }
     snprintf(path, sizeof path, "sessions/%s/stream", oom_session);
     oom_cover("GET", path);
-    print_message("joining: %ld allocations\n", n - OOM_STEP);
+    print_message("joining: %ld allocations\n", n - 1);
     assert_true(join());
     assert_true(see(0, &failed));
     assert_false(failed);
     uint32_t seq = 0;
     n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
-        memory_fail_after(n, MEMORY_FAILS_ONCE);
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
+        memory_fail_at_place();
         update(++seq, 2 * n);
         bool is_open = see(seq, &failed);
         refused = memory_restore();
@@ -180,6 +182,6 @@ void oom_streams(void **state) {
         assert_true(is_open);
         assert_false(failed);
     }
-    print_message("an update: %ld allocations\n", n - OOM_STEP);
+    print_message("an update: %ld allocations\n", n - 1);
     oom_hang_up(&stream);
 }

@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Out of memory while a client is served: the whole daemon in this process, a client on a socket,
- * and an allocator whose n-th allocation fails, for every n until none fails. Each time the answer
- * is correct, or a problem document with status 500 or 503, or the connection ends. The request is
- * executed completely or not at all, and the next request is answered normally. Allocations of the
- * HTTP, TLS and image libraries do not fail. The leak checker of the ASan build finds leaks on
- * these paths.
+ * and an allocator that fails once per run, at each place of the code in turn
+ * (memory_fail_at_place()). Each time the answer is correct, or a problem document with status 500
+ * or 503, or the connection ends. The request is executed completely or not at all, and the next
+ * request is answered normally. Allocations of the HTTP, TLS and image libraries do not fail. The
+ * leak checker of the ASan build finds leaks on these paths.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -116,12 +116,13 @@ static void making(void **state) {
 /* Replaces an existing preset (`status` 204) or creates a new one (201). */
 static void each_allocation_of_putting(int status) {
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         char body[64];
         int put;
         oom_ask(status == 204 ? "PUT" : "DELETE", "presets/two", "{}");
         snprintf(body, sizeof body, "{\"background\":[0.%ld,0,0,1]}", n);
-        refused = oom_try(n, "PUT", "presets/two", body, status, &put);
+        refused = oom_try("PUT", "presets/two", body, status, &put);
         bool is_there = oom_ask("GET", "presets/two", "") == 200;
         bool is_new = is_there && strstr(oom_http.bytes, "background");
         assert_true(is_there || status == 201);
@@ -129,7 +130,7 @@ static void each_allocation_of_putting(int status) {
         assert_true(!is_new || put < 500);
         oom_must("PUT", "presets/two", body, is_there ? 204 : 201);
     }
-    print_message("PUT presets, %d: %ld allocations\n", status, n - OOM_STEP);
+    print_message("PUT presets, %d: %ld allocations\n", status, n - 1);
     assert_compare(n, >, 3);
     oom_cover("PUT", "presets/two");
 }
@@ -151,8 +152,9 @@ static const char *state_of_made(void) {
 static void each_allocation_of_loading(void) {
     static const char body[] = "{\"uri\":\"demo:engine?size=9\",\"id\":\"made\"}";
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
-        memory_fail_after(n, MEMORY_FAILS_ONCE);
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
+        memory_fail_at_place();
         int status = oom_ask("POST", "volumes", body);
         state_of_made();
         refused = memory_restore();
@@ -170,7 +172,7 @@ static void each_allocation_of_loading(void) {
         oom_must("DELETE", "volumes/made", "", 204);
         assert_string_equal(state_of_made(), "");
     }
-    print_message("POST volumes: %ld allocations\n", n - OOM_STEP);
+    print_message("POST volumes: %ld allocations\n", n - 1);
     assert_compare(n, >, 3);
     oom_cover("POST", "volumes");
 }
@@ -181,7 +183,8 @@ static void each_allocation_of_loading(void) {
 static void each_allocation_of_ending(const char *kind, const char *body, int made) {
     char text[256], id[64], path[128];
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         int status;
         snprintf(text, sizeof text, body, n);
         snprintf(path, sizeof path, "%s/two", kind);
@@ -193,7 +196,7 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
         }
         if (strcmp(kind, "volumes") == 0)
             assert_string_equal(state_of_made(), "ready");
-        refused = oom_try(n, "DELETE", path, "", 204, &status);
+        refused = oom_try("DELETE", path, "", 204, &status);
         int found = oom_ask("GET", path, "");
         if (found != 404) {
             assert_int_equal(found, 200);
@@ -203,7 +206,7 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
         oom_must("DELETE", path, "", found == 200 ? 204 : 404);
         oom_must("GET", path, "", 404);
     }
-    print_message("DELETE %s: %ld allocations\n", kind, n - OOM_STEP);
+    print_message("DELETE %s: %ld allocations\n", kind, n - 1);
     assert_compare(n, >, 0);
     oom_cover("DELETE", path);
 }
@@ -212,20 +215,21 @@ static void each_allocation_of_ending(const char *kind, const char *body, int ma
 static void each_allocation_of_uploading(void) {
     char id[64], path[96];
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         int status;
         oom_must("POST", "uploads", "{\"name\":\"a.nrrd\",\"bytes\":1}", 201);
         oom_member("id", id);
         snprintf(path, sizeof path, "uploads/%s", id);
         oom_type = "application/offset+octet-stream\r\nUpload-Checksum: md5 "
                    "DMF1ucDxtqgxw5niaXcmYQ==\r\nUpload-Offset: 0";
-        refused = oom_try(n, "PATCH", path, "a", 204, &status);
+        refused = oom_try("PATCH", path, "a", 204, &status);
         oom_type = OOM_JSON;
         oom_must("GET", path, "", 200);
         assert_non_null(strstr(oom_http.bytes, status == 204 ? "\"offset\":1" : "\"offset\":"));
         oom_must("DELETE", path, "", 204);
     }
-    print_message("PATCH uploads: %ld allocations\n", n - OOM_STEP);
+    print_message("PATCH uploads: %ld allocations\n", n - 1);
     assert_compare(n, >, 3);
     oom_cover("PATCH", path);
 }
@@ -258,7 +262,8 @@ static void each_allocation_of_measuring(const char *method, const char *item, c
                                          int expected) {
     char id[64], session[96], list[128], path[192];
     long n = 0;
-    for (bool refused = true; refused; n += OOM_STEP) {
+    memory_forget_places();
+    for (bool refused = true; refused; n++) {
         int status;
         oom_must("POST", "sessions", "{}", 201);
         oom_member("id", id);
@@ -270,13 +275,13 @@ static void each_allocation_of_measuring(const char *method, const char *item, c
         oom_must("GET", list, "", 200);
         char *before = strdup(last_body());
         assert_non_null(before);
-        refused = oom_try(n, method, path, body, expected, &status);
+        refused = oom_try(method, path, body, expected, &status);
         oom_must("GET", list, "", 200);
         assert_true(status == 0 || (strcmp(last_body(), before) == 0) == (status != expected));
         free(before);
         oom_must("DELETE", session, "", 204);
     }
-    print_message("%s measures%s: %ld allocations\n", method, item, n - OOM_STEP);
+    print_message("%s measures%s: %ld allocations\n", method, item, n - 1);
     assert_compare(n, >, 1);
     oom_cover(method, path);
 }
@@ -361,7 +366,6 @@ int main(void) {
         cmocka_unit_test(oom_all_is_covered),
         cmocka_unit_test(a_body_without_a_valid_token_is_not_stored),
     };
-    print_message("one allocation of %d fails in turn\n", OOM_STEP);
     memory_exempt_thread(true);
     signal(SIGPIPE, SIG_IGN);
     memory_fake_sqlite();
