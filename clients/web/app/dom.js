@@ -52,11 +52,11 @@ function withKeys(text) {
 const PLACES = {
   text: (element, text) => element.replaceChildren(...withKeys(text)),
   title: (element, text) => { element.title = text; },
-  label: (element, text) => { element.setAttribute('aria-label', text); },
+  label: (element, text) => { element.setAttribute(element.tagName === 'OPTGROUP' ? 'label' : 'aria-label', text); },
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Fills in the texts of static elements: data-text, data-title, data-label (aria-label) and data-placeholder hold keys. */
+/** Fills in the texts of static elements: data-text, data-title, data-label (aria-label, or the name of a group of options) and data-placeholder hold keys. */
 export function showTexts(root) {
   for (const [name, set] of Object.entries(PLACES)) {
     for (const element of root.querySelectorAll(`[data-${name}]`)) set(element, t(element.dataset[name]));

@@ -120,7 +120,7 @@ class PointMode {
 }
 
 class EditSection {
-  #app; #edits; #body; #list; #tools; #adders; #undo; #redo; #reset; #details;
+  #app; #edits; #body; #list; #empty; #tools; #adders; #undo; #redo; #reset; #details;
   #key = '';
 
   constructor(app, edits) {
@@ -129,6 +129,7 @@ class EditSection {
     this.#body = app.panel.section({ id: 'edit', title: t('edits.section'), order: ORDER.edit });
     this.#body.dataset.pointer = '/edits';
     this.#list = make('ol', { id: 'edit-list', 'aria-label': t('edits.list') });
+    this.#empty = make('p', { class: 'about', text: t('edits.empty') });
     this.#tools = MODES.map((name) => make('button', {
       id: name, text: t(`edits.${name}`), title: t(`edits.${name}.title`), 'aria-pressed': 'false', press: () => edits.isEditable && app.modes.toggle(name),
     }));
@@ -145,7 +146,7 @@ class EditSection {
     this.#body.append(
       make('div', { class: 'buttons', role: 'group', 'aria-label': t('edits.point') }, ...this.#tools),
       make('div', { class: 'buttons', role: 'group', 'aria-label': t('edits.cut') }, ...this.#adders),
-      this.#list, make('div', { class: 'buttons' }, this.#undo, this.#redo, this.#reset));
+      this.#list, this.#empty, make('div', { class: 'buttons' }, this.#undo, this.#redo, this.#reset));
   }
 
   #row(index) {
@@ -183,6 +184,7 @@ class EditSection {
     this.#undo.disabled = !transfer.canUndo;
     this.#redo.disabled = !transfer.canRedo;
     this.#reset.disabled = list.length === 0;
+    this.#empty.hidden = list.length > 0;
   }
 
   #showRow(item, edit, index) {
@@ -205,6 +207,7 @@ const removes = ({ type, keep }) => t('edits.removes', { what: keepText(type, ke
 /** The controls of one edit; a drag of a slider is one step for undo. */
 class Details {
   index = -1;
+  #exact = new Map(); // the values of fields, which show them rounded
 
   constructor(app, edits, type) {
     this.app = app;
@@ -222,9 +225,10 @@ class Details {
 
   set(change, time) { this.edits.change(this.index, change, time); }
 
-  /** Shows a number in a field, unless a person types in it. */
-  put(input, value) {
-    if (document.activeElement !== input || input.valueAsNumber === value) input.value = String(digits(value));
+  /** Shows a number in a field, rounded, unless a person types in it. */
+  put(input, value, shown = this.app.clip.round(value)) {
+    this.#exact.set(input, value);
+    if (document.activeElement !== input || input.valueAsNumber === value) input.value = String(shown);
   }
 
   /** Number fields that take(values, time) together. */
@@ -232,7 +236,7 @@ class Details {
     const inputs = labels.map((label) => make('input', { type: 'number', step: 'any', 'aria-label': label }));
     for (const input of inputs) {
       input.addEventListener('change', ({ timeStamp }) => {
-        const values = inputs.map(({ valueAsNumber }) => valueAsNumber);
+        const values = inputs.map((other) => (other === input ? other.valueAsNumber : this.#exact.get(other)));
         if (values.every(Number.isFinite)) take(values, timeStamp);
         this.show(this.index);
       });
@@ -310,7 +314,7 @@ class SphereDetails extends Details {
       make('div', { class: 'row', role: 'group', 'aria-label': t('edits.center') }, make('span', { text: t('edits.center') }), make('span', { class: 'range' }, ...this.#center)));
   }
 
-  describe(edit) { return `${removes(edit)}, ${this.app.clip.withUnit(this.app.clip.round(edit.radius))}`; }
+  describe(edit) { return removes(edit); }
 
   show(index) {
     super.show(index);
@@ -338,7 +342,7 @@ class PartDetails extends Details {
   show(index) {
     super.show(index);
     const { range, point } = this.edit;
-    this.#range.forEach((input, i) => this.put(input, range[i]));
+    this.#range.forEach((input, i) => this.put(input, range[i], this.app.layers.round(range[i])));
     setText(this.#place, t('edits.place', { place: point.map(showNumber).join(', '), unit: this.app.clip.unit }).trim());
   }
 }

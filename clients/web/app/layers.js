@@ -4,6 +4,7 @@
 import {
   FLATNESS_MAX, addShell, addSurface, canAdd, changeLayer, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue,
 } from '../core/layers.js';
+import { numberText, roundCoordinate } from '../core/lengths.js';
 import { logarithmic, quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setAttribute, setText } from './dom.js';
@@ -42,6 +43,9 @@ export class Layers {
   get range() { return this.#app.transfer.range; }
   get isEditable() { return this.#app.transfer.isEditable; }
 
+  /** Rounds a value to a fine step within a range: that of all values, or the visible one. */
+  round(value, [low, high] = this.range) { return roundCoordinate(value, (high - low) / 10); }
+
   /** What is called "Surface 2". */
   nameOf(index) {
     return this.list[index].type === 'shell' ? t('layers.shell') : t('layers.surface', { number: numberOf(this.list, index) });
@@ -75,7 +79,7 @@ export class Layers {
   showVolume(visible, time) { this.#edit(showVolume(this.list, visible), time); }
 
   /** Adds a surface; without a value, where it shows the object. */
-  addSurface(time, value = digits(surfaceValue(this.list, this.#app.transfer.points, this.#app.transfer.histogram, this.range))) {
+  addSurface(time, value = this.round(surfaceValue(this.list, this.#app.transfer.points, this.#app.transfer.histogram, this.range))) {
     if (!this.isEditable || !canAdd(this.list, 'surface')) return;
     this.selected = this.list.length;
     this.#edit(addSurface(this.list, value), time);
@@ -186,7 +190,7 @@ class LayersSection {
     this.#showEye(item, layer.visible);
     setAttribute(item.querySelector('.layer-pick'), 'aria-expanded', isSelected);
     item.querySelector('.swatch').style.backgroundColor = isSurface ? cssColor(layer.color) : '';
-    setText(item.querySelector('.layer-value'), isSurface ? showNumber(layer.value) : t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) }));
+    setText(item.querySelector('.layer-value'), isSurface ? numberText(this.#layers.round(layer.value)) : t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) }));
     const details = this.#details[layer.type];
     if (isSelected) {
       if (details.root.parentElement !== item) item.append(details.root);
@@ -264,7 +268,7 @@ class SurfaceDetails {
 
   #valueAt(share) {
     const [low, high] = this.#layers.range;
-    return digits(low + (high - low) * share);
+    return this.#layers.round(low + (high - low) * share);
   }
 
   show(index) {
@@ -272,7 +276,7 @@ class SurfaceDetails {
     const { value, color, opacity, flatness } = this.#layers.list[index];
     const [low, high] = this.#layers.range;
     this.#value.value = String((value - low) / (high - low));
-    this.#value.setAttribute('aria-valuetext', showNumber(value));
+    this.#value.setAttribute('aria-valuetext', numberText(this.#layers.round(value)));
     if (document.activeElement !== this.#number || this.#number.valueAsNumber === value) this.#number.value = String(digits(value));
     this.#color.value = hexOf(color);
     this.#opacity.value = String(opacity);

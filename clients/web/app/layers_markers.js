@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // Marks of the surfaces' values above the histogram of the transfer function: each is a slider, moved by mouse, touch, pen and keyboard.
+import { numberText } from '../core/lengths.js';
 import { t } from '../core/text.js';
 import { make, setAttribute } from './dom.js';
-import { showNumber } from './fields.js';
 import { cssColor } from './layers.js';
 
 const KEY_STEP = 0.01; // of the visible range
@@ -33,7 +33,7 @@ export class LayerMarkers {
 
   #move(index, value, time) {
     const [low, high] = this.#xs;
-    this.#layers.change(index, { value: Number(Math.min(high, Math.max(low, value)).toPrecision(6)) }, time);
+    this.#layers.change(index, { value: this.#layers.round(Math.min(high, Math.max(low, value)), this.#xs) }, time);
   }
 
   #press(event) {
@@ -97,7 +97,7 @@ export class LayerMarkers {
       setAttribute(mark, 'aria-valuemin', low);
       setAttribute(mark, 'aria-valuemax', high);
       setAttribute(mark, 'aria-valuenow', layer.value);
-      setAttribute(mark, 'aria-valuetext', showNumber(layer.value));
+      setAttribute(mark, 'aria-valuetext', numberText(this.#layers.round(layer.value)));
       setAttribute(mark, 'aria-disabled', String(!isEditable));
       mark.title = t('layers.mark', { name: this.#layers.nameOf(index) });
     });

@@ -56,6 +56,7 @@ export function install({ viewer }) {
       byId(id).disabled = !matters(view, row.dataset.pointer);
       row.toggleAttribute('data-idle', byId(id).disabled);
     }
+    byId('minimum-hint').hidden = view.compositing?.mode !== 'minimum';
     fields.show(view);
     document.title = view.volume ? t('page.title', { volume: view.volume }) : 'splatd';
   });

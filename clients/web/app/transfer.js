@@ -5,7 +5,7 @@ import { stopsOf } from '../core/color_maps.js';
 import { readHistogram } from '../core/histogram.js';
 import { editsOf, isSameEdits } from '../core/edits.js';
 import { History } from '../core/history.js';
-import { chooseShown } from '../core/choices.js';
+import { chooseShown, whyIdle } from '../core/choices.js';
 import { isSameLayers, layersOf } from '../core/layers.js';
 import { isShownAlike, shownAs } from '../core/projection.js';
 import {
@@ -250,6 +250,9 @@ class Transfer {
     byId('transfer-redo').disabled = !canRedo;
     setText(byId('transfer-why'), this.#why ?? '');
     byId('transfer-why').hidden = !this.#why;
+    const idle = whyIdle(this.#viewer.view);
+    setText(byId('transfer-idle'), idle ? t(`transfer.idle.${idle}`) : '');
+    byId('transfer-idle').hidden = !idle;
     setText(byId('transfer-note'), this.#problem ? t('transfer.nohistogram', { reason: this.#problem }) : this.#note);
     byId('transfer-note').hidden = !byId('transfer-note').textContent;
     for (const told of this.#listeners) told();

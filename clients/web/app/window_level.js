@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function, or
 // changes the window of a projection in grey.
-import { dragWindow, isProjection, projectionWindow } from '../core/projection.js';
+import { dragWindow, isGrey, isProjection, projectionWindow } from '../core/projection.js';
 import { stretchAll, windowOf } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
-import { showNumber } from './fields.js';
+import { showNumber, threeDigits } from './fields.js';
 
 const MODE = 'window';
 const KEY_PX = 12;
@@ -56,7 +56,30 @@ class WindowDrag {
   }
 }
 
+/** The fields of the window of a projection in grey; an empty one is automatic. */
+function installFields(transfer, viewer) {
+  const row = byId('projection-window');
+  const fields = new Map([...row.querySelectorAll('input')].map((input, i) => [['center', 'width'][i], input]));
+  for (const [name, input] of fields) {
+    input.addEventListener('change', ({ timeStamp }) => {
+      const value = Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null;
+      transfer.edit({ shown: { ...transfer.state.shown, [name]: value } }, { time: timeStamp });
+    });
+    input.addEventListener('blur', () => transfer.plan());
+  }
+  transfer.onShow(() => {
+    row.hidden = !isGrey(viewer.view);
+    if (row.hidden) return;
+    const window = projectionWindow(viewer.view, transfer.histogram);
+    for (const [name, value] of [['center', window?.level], ['width', window?.width]]) {
+      const input = fields.get(name);
+      if (document.activeElement !== input) input.value = value === undefined ? '' : String(threeDigits(value));
+    }
+  });
+}
+
 export function install({ modes, toolbar, transfer, viewer }) {
+  installFields(transfer, viewer);
   const drag = new WindowDrag(transfer, viewer);
   const sayWindow = () => {
     if (!transfer.state) return;

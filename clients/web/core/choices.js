@@ -2,7 +2,8 @@
 // The rendering choices of the page, by their JSON pointers in the view: their defaults, which of them have an effect beside
 // the others, and which fields must change together so that the daemon accepts a change.
 
-import { isProjection } from './projection.js';
+import { layersOf } from './layers.js';
+import { isProjection, isGrey } from './projection.js';
 
 const DEFAULTS = Object.freeze({
   '/filter/mode': 'adaptive',
@@ -110,3 +111,9 @@ export function flatLimit(gradient = []) {
 
 /** The largest gradient magnitude that central differences of the volume's samples can have along one axis. */
 export const steepest = ({ range: [low, high], spacing }) => (high - low) / (2 * Math.min(...spacing));
+
+/** Why the transfer function has no effect on the picture: 'grey' (a projection), 'surfaces' (nothing else is shown), or null. */
+export function whyIdle(view) {
+  if (isGrey(view)) return 'grey';
+  return layersOf(view).every(({ type, visible = true }) => type === 'surface' || !visible) ? 'surfaces' : null;
+}

@@ -7,6 +7,9 @@ const MODES = ['maximum', 'minimum', 'mean', 'sum'];
 /** True if the view shows a projection. */
 export const isProjection = (view) => MODES.includes(view?.compositing?.mode);
 
+/** True if the view shows a projection in grey. */
+export const isGrey = (view) => isProjection(view) && view.compositing.colors !== 'transfer_function';
+
 /** {center, width} of the window that the daemon chooses; null if the page does not know it. */
 function automaticWindow({ mode, absorption, zero }, { windows, histogram }) {
   if (mode === 'sum' && absorption != null) return { center: 0.5, width: 1 };
@@ -21,7 +24,7 @@ function automaticWindow({ mode, absorption, zero }, { windows, histogram }) {
     none). Null without a window, or if it cannot be known. */
 export function projectionWindow(view, histogram) {
   const { window, ...options } = view?.compositing ?? {};
-  if (!isProjection(view) || options.colors === 'transfer_function') return null;
+  if (!isGrey(view)) return null;
   const automatic = automaticWindow(options, { windows: histogram?.windows, histogram });
   const [level, width] = [window?.center ?? automatic?.center, window?.width ?? automatic?.width];
   return level == null || width == null ? null : { level, width };

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { choose, chooseShown, flatLimit, hideFlat, isChoice, matters, steepest, valueAt } from '../../../clients/web/core/choices.js';
+import { choose, chooseShown, flatLimit, hideFlat, isChoice, matters, steepest, valueAt, whyIdle } from '../../../clients/web/core/choices.js';
 import { applyPatch } from '../../../clients/web/core/merge.js';
 import { logarithmic, quadratic } from '../../../clients/web/core/slider.js';
 import { compare } from '../../support/compare.mjs';
@@ -122,4 +122,13 @@ test('ambient occlusion and shadows bring sheets that are classified by pixel; o
   assert.deepEqual(choose(on, '/shading/shadow', 1).shading, { shadow: 1 });
   assert.equal(matters(on, '/shading/shadow'), true);
   assert.equal(matters({ ...on, shading: { mode: 'none' } }, '/shading/shadow'), false);
+});
+
+test('the transfer function is idle for a projection in grey and for surfaces alone', () => {
+  const surface = { type: 'surface', value: 1 };
+  assert.equal(whyIdle({}), null);
+  assert.equal(whyIdle({ layers: [surface, { type: 'shell' }] }), null);
+  assert.equal(whyIdle({ layers: [surface, { type: 'volume', visible: false }] }), 'surfaces');
+  assert.equal(whyIdle({ compositing: { mode: 'sum' } }), 'grey');
+  assert.equal(whyIdle({ compositing: { mode: 'maximum', colors: 'transfer_function' } }), null);
 });

@@ -130,6 +130,13 @@ test('a sphere, a box, a plane and the clip cut, and each drag is one step for u
   assert.equal((await lit(page))[1], 0);
   await page.click('#edit-undo');
   await until(page, 'the first radius', `(s) => s.view.edits[0]?.radius === ${sphere.radius}`);
+  assert.ok(await page.locator('#edit .about', { hasText: 'remove matter' }).isHidden(), 'it explains the empty list');
+  const places = page.locator('.edit-details .range input');
+  assert.equal(await places.nth(1).inputValue(), String(Number(sphere.center[1].toFixed(2))), 'fields are rounded');
+  await places.nth(0).fill('10');
+  await page.keyboard.press('Enter');
+  await until(page, 'another centre', (s) => s.view.edits[0].center[0] === 10);
+  assert.deepEqual((await edits(page))[0].center.slice(1), sphere.center.slice(1), 'the others keep all digits');
   await page.click('#edit-reset');
   await settled(page, 0);
 

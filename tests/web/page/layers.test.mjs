@@ -84,7 +84,8 @@ test('the controls of a surface: slider, number, colour, opacity and flatness', 
     await page.keyboard.press('Enter');
   });
   assert.equal(typed[1].value, 100.25);
-  assert.equal(await page.getAttribute('#surface-slider', 'aria-valuetext'), '100');
+  assert.equal(await page.getAttribute('#surface-slider', 'aria-valuetext'), '100.25');
+  assert.equal(await page.textContent('#layer-list .layer-value'), '100.25', 'the list and the field show the same');
   assert.deepEqual(await it.patches(async () => {
     await page.fill('#surface-value', '');
     await page.keyboard.press('Enter');

@@ -52,15 +52,19 @@ test('each mode changes the picture as it should', async (context) => {
   await page.selectOption('#compositing', 'maximum');
   const maximum = measure(await drawn(page));
   assert.equal(maximum.color, 0, 'it is grey');
+  assert.ok(await page.locator('#transfer-idle', { hasText: 'projection in grey' }).isVisible());
+  assert.ok(await page.isHidden('#minimum-hint'));
   assert.deepEqual(await page.evaluate(() => ['shading', 'flat', 'filter', 'projection-zero'].map((id) => document.getElementById(id).disabled)), [true, true, true, true]);
   await page.selectOption('#compositing', 'minimum');
   const minimum = measure(await drawn(page));
+  assert.ok(await page.isVisible('#minimum-hint'));
   await page.selectOption('#compositing', 'mean');
   const mean = measure(await drawn(page));
   compare(maximum.light, '>', mean.light + 10);
   compare(mean.light, '>', minimum.light + 5);
   await page.selectOption('#projection-colors', 'transfer_function');
   compare(measure(await drawn(page)).color, '>', 20);
+  assert.deepEqual(await page.evaluate(() => ['transfer-idle', 'projection-window'].map((id) => document.getElementById(id).hidden)), [true, true]);
   await page.selectOption('#compositing', 'sum');
   const sum = measure(await drawn(page));
   assert.equal(sum.color, 0, 'a sum is grey');
@@ -91,6 +95,14 @@ test('window and level begin with the automatic window, and undo returns to it',
     compare((await windowOf(page)).width, '>', width);
     await page.keyboard.press('Escape');
     for (let i = 0; i < 4; i += 1) await page.click('#transfer-undo');
+    const [level, wide] = ['center', 'width'].map((_, i) => page.locator('#projection-window input').nth(i));
+    const shown = [await level.inputValue(), await wide.inputValue()].map(Number);
+    compare(Math.abs(shown[0] / center - 1), '<', 0.01, 'the fields show the automatic window');
+    await level.fill(String(shown[0] + shown[1] / 4));
+    await level.press('Enter');
+    compare(await light(page), '<', before - 1, `${mode}: a typed level`);
+    assert.deepEqual(await windowOf(page), { mode, center: shown[0] + shown[1] / 4, width: null });
+    await page.click('#transfer-undo');
     assert.deepEqual(await windowOf(page), { mode, center: null, width: null });
     compare(difference(await drawn(page), automatic), '<', 0.001, `${mode}: undo`);
   }
