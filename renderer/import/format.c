@@ -25,14 +25,40 @@ bool import_fail(struct sp_error *err, enum sp_code code, const char *shown, uin
     return sp_fail(err, code, place, "%s", text);
 }
 
-void import_grid_init(struct sp_grid *grid) {
+void import_header_init(struct import_header *header) {
+    struct sp_grid *grid = &header->grid;
     for (int axis = 0; axis < 3; axis++) {
         grid->spacing[axis] = 1;
         grid->origin[axis] = 0;
         grid->coordinates[axis] = NULL;
         for (int row = 0; row < 3; row++)
-            grid->direction[row][axis] = row == axis;
+            grid->direction[row][axis] = header->frame[row][axis] = row == axis;
     }
+}
+
+void import_name(char out[SP_FIELD_BYTES], const char *name) {
+    size_t n = strlen(name);
+    if (n >= SP_FIELD_BYTES)
+        for (n = SP_FIELD_BYTES - 1; n > 0 && ((unsigned char)name[n] & 0xc0) == 0x80;)
+            n--;
+    memcpy(out, name, n);
+    out[n] = 0;
+}
+
+void import_header_add_vectors(struct import_header *header, const char *name) {
+    header->has_vectors = true;
+    import_name(header->vector_name, name);
+}
+
+void import_header_use_lengths(struct import_header *header) {
+    header->samples_are_lengths = true;
+    header->type = SP_FLOAT32;
+    import_name(header->value_name, "magnitude");
+}
+
+void import_report(const struct import_progress *progress, uint64_t bytes) {
+    if (progress)
+        progress->report(progress->user, progress->before + bytes);
 }
 
 void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions) {
@@ -72,7 +98,9 @@ void import_header_set_anatomy(struct import_header *header, const char letters[
             continue;
         *letter = *letter == 'A' ? 'P' : 'A';
         header->grid.origin[row] = 0 - header->grid.origin[row]; /* not -0 */
-        for (int axis = 0; axis < 3; axis++)
+        for (int axis = 0; axis < 3; axis++) {
             header->grid.direction[row][axis] = 0 - header->grid.direction[row][axis];
+            header->frame[row][axis] = 0 - header->frame[row][axis];
+        }
     }
 }

@@ -24,17 +24,28 @@ struct import_file {
     const char *folder; /* resolved folder of this file; relative names start here */
 };
 
+/* How a file stores a number. The kind and the size in bytes (1, 2, 4, 8; 4 or 8 for FLOAT). */
+struct import_number {
+    enum { IMPORT_SIGNED, IMPORT_UNSIGNED, IMPORT_FLOAT } kind;
+    size_t size;
+};
+
 struct import_header {   /* result of open() */
     struct sp_grid grid; /* the reader owns its coordinates until close() */
     enum sp_type type;
     char unit[SP_UNIT_BYTES];
     char anatomy[4]; /* as in struct sp_volume_info */
     uint64_t bytes;  /* of all samples */
+    bool has_vectors;
+    bool samples_are_lengths; /* the file has vectors only */
+    double frame[3][3]; /* columns: the axes of the file's vectors, along the axes of the world */
+    char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* as in struct sp_volume_info */
 };
 
 struct import_progress {
     void (*report)(void *user, uint64_t bytes_done);
     void *user;
+    uint64_t before; /* bytes that other arrays of the file have filled */
 };
 
 struct import_format {
@@ -45,9 +56,11 @@ struct import_format {
      * stay valid until close(). The grid has passed sp_grid_check(). */
     void *(*open)(const struct import_file *file, struct import_header *header,
                   struct sp_error *err);
-    /* Reads all samples, i0 fastest, native byte order, into header->bytes of memory. */
-    bool (*read)(void *reader, void *voxels, const struct import_progress *progress,
-                 struct sp_error *err);
+    /* Reads all samples, i0 fastest, native byte order, into header->bytes of memory; the vectors
+     * into `vectors`, which is NULL if there are none. Leaves samples that are lengths and the
+     * frame to import_vectors_finish(). */
+    bool (*read)(void *reader, void *voxels, float (*vectors)[3],
+                 const struct import_progress *progress, struct sp_error *err);
     void (*close)(void *reader);
 };
 
@@ -66,8 +79,21 @@ __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enu
                                                        const char *shown, uint64_t byte,
                                                        const char *field, const char *format, ...);
 
-/* Sets spacing 1, origin 0, identity direction and even axes; keeps dims. */
-void import_grid_init(struct sp_grid *grid);
+/* Sets spacing 1, origin 0, identity direction, even axes, and vectors along the axes of the world;
+ * keeps everything else. */
+void import_header_init(struct import_header *header);
+
+/* Adds vectors of this name, which may be any bytes. */
+void import_header_add_vectors(struct import_header *header, const char *name);
+
+/* Makes the lengths of the vectors the samples. */
+void import_header_use_lengths(struct import_header *header);
+
+/* Copies the name of an array. Cuts it to SP_FIELD_BYTES − 1, not inside of a UTF-8 character. */
+void import_name(char out[SP_FIELD_BYTES], const char *name);
+
+/* Reports that `bytes` of the current array are in memory. `progress` may be NULL. */
+void import_report(const struct import_progress *progress, uint64_t bytes);
 
 /* Makes an axis rectilinear. `positions` holds the positions of its dims[axis] samples along the
  * axis, in world units. The function converts them in place to distances from the first one; the
@@ -78,7 +104,8 @@ void import_grid_place(struct sp_grid *grid, unsigned axis, double *positions);
 
 /* Sets the anatomical letters of the world, valid and not empty, once the grid is complete. The
  * world of a view is right-handed: a left-handed one would show the patient as in a mirror. So its
- * axis between front and back changes its sign: "LAS" becomes "LPS". */
+ * axis between front and back changes its sign: "LAS" becomes "LPS". Vectors change with it, so the
+ * frame must be set. */
 void import_header_set_anatomy(struct import_header *header, const char letters[4]);
 
 #endif

@@ -30,16 +30,17 @@ void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind) {
     message->kind = (uint16_t)kind;
 }
 
-uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t offset[3]) {
-    uint64_t end = header->bytes;
-    for (int axis = 0; axis < 3; axis++) {
-        offset[axis] = 0;
+struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *header) {
+    struct sp_handover_layout layout = { 0 };
+    uint64_t voxels = header->bytes / sp_type_size((enum sp_type)header->type), vectors_at;
+    layout.bytes = sp_volume_layout(header->bytes, voxels, header->has_vectors, &vectors_at);
+    layout.vectors_at = header->has_vectors ? vectors_at : 0;
+    for (int axis = 0; axis < 3; axis++)
         if (header->rectilinear >> axis & 1) {
-            offset[axis] = (end + 7) & ~UINT64_C(7);
-            end = offset[axis] + header->dims[axis] * sizeof(double);
+            layout.coordinates_at[axis] = layout.bytes;
+            layout.bytes += header->dims[axis] * sizeof(double);
         }
-    }
-    return end;
+    return layout;
 }
 
 /* True if the text ends with 0 within `capacity` bytes. Replaces control characters. */
@@ -75,12 +76,22 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     if (header->rectilinear > 7)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent axes of an unknown kind");
+    if (header->has_vectors > 1)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent vectors of an unknown kind");
     if (!sp_anatomy_is_valid(header->anatomy))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent unknown anatomical directions");
     if (!clean_text(header->unit, sizeof header->unit))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent a unit that is not terminated");
+    if (!clean_text(header->value_name, sizeof header->value_name) ||
+        !clean_text(header->vector_name, sizeof header->vector_name))
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent a name that is not terminated");
+    if (header->vector_name[0] && !header->has_vectors)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process named vectors that it does not have");
     return true;
 }
 

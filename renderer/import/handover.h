@@ -1,8 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The messages between the child process `splat-import` and its parent, over a socket that keeps
- * message boundaries. The samples, followed by the coordinates of rectilinear axes, pass through a
- * memfd. The parent sizes and seals it, so the child cannot lie about its size:
+ * message boundaries. The samples, followed by the vectors if there are any and by the coordinates
+ * of rectilinear axes, pass through a memfd. The parent sizes and seals it, so the child cannot lie
+ * about its size:
  *
  *   parent                                child
  *     socket, empty memfd, file ───────────►  reads the file's header
@@ -22,7 +23,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 3,
+    SP_HANDOVER_VERSION = 4,
 };
 
 enum sp_handover_kind {
@@ -37,10 +38,12 @@ struct sp_handover_header {
     uint32_t type; /* enum sp_type */
     uint32_t dims[3];
     uint32_t rectilinear; /* bit a: dims[a] coordinates of axis a follow the samples */
+    uint32_t has_vectors; /* 0 or 1: three float32 per sample follow the samples */
     char anatomy[4];      /* as in struct sp_volume_info */
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
     char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */
+    char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* the same */
 };
 
 struct sp_handover_error {
@@ -55,7 +58,7 @@ struct sp_handover {
     uint16_t version, kind;
     union {
         struct sp_handover_header header;
-        uint64_t bytes; /* PROGRESS: of the samples, read so far; GO: size of the memfd */
+        uint64_t bytes; /* PROGRESS: of the memfd, read so far; GO: size of the memfd */
         struct sp_handover_error error;
     };
 };
@@ -66,10 +69,15 @@ size_t sp_handover_size(enum sp_handover_kind kind);
 /* Initializes a message of this kind; all other fields are zero. */
 void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind);
 
-/* Computes the layout of the memfd: offset[axis] is the place of the coordinates of a rectilinear
- * axis in bytes, a multiple of 8, and 0 for an even axis. Returns the size of the memfd in bytes.
- * The header must have been checked. */
-uint64_t sp_handover_layout(const struct sp_handover_header *header, uint64_t offset[3]);
+/* The layout of the memfd, in bytes from its start. */
+struct sp_handover_layout {
+    uint64_t vectors_at;        /* a multiple of 64; 0 = none */
+    uint64_t coordinates_at[3]; /* multiples of 8; 0 for an even axis */
+    uint64_t bytes;             /* of all */
+};
+
+/* The header must have been checked. */
+struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *header);
 
 /* Copies `size` received bytes into *message and checks every field, including the strings of ERROR
  * and the grid of HEADER. Coordinates arrive later and are checked then. Fails with SP_ERR_CRASHED

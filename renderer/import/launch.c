@@ -33,7 +33,8 @@ struct import {
     int timeout_ms;
     double deadline_ms;
     struct sp_handover_header header;
-    uint64_t done; /* bytes that the child reports as read */
+    struct sp_handover_layout layout; /* of the memory */
+    uint64_t done;                    /* bytes that the child reports as read */
 };
 
 /* Before the child starts. */
@@ -211,7 +212,8 @@ static bool check_in(const struct import *im, double *next_call_ms, struct sp_er
     if (im->options->progress && now >= *next_call_ms) {
         *next_call_ms = now + POLL_MS / 2.0;
         /* The rest of the progress belongs to range and histogram. */
-        double fraction = im->header.bytes ? 0.95 * (double)im->done / (double)im->header.bytes : 0;
+        uint64_t bytes = im->layout.bytes;
+        double fraction = bytes ? 0.95 * (double)im->done / (double)bytes : 0;
         if (!im->options->progress(im->options->user, fraction))
             return sp_fail(err, SP_ERR_CANCELLED, im->path, "loading was cancelled");
     }
@@ -272,12 +274,13 @@ static bool receive_header(struct import *im, struct sp_error *err) {
     if (message.kind != SP_HANDOVER_HEADER)
         return unexpected(im, &message, err);
     im->header = message.header;
+    im->layout = sp_handover_layout(&im->header);
     return true;
 }
 
 /* Allocates the memory now: a lack of memory is an error here and would be a signal later. */
 static bool provide_memory(struct import *im, struct sp_error *err) {
-    uint64_t unused[3], bytes = sp_handover_layout(&im->header, unused);
+    uint64_t bytes = im->layout.bytes;
     if (im->options->reserve && !im->options->reserve(im->options->user, bytes, err))
         return false;
     int failed;
@@ -316,7 +319,7 @@ static bool await_samples(struct import *im, struct sp_error *err) {
             return unexpected(im, &message, err);
         switch (message.kind) {
         case SP_HANDOVER_PROGRESS:
-            im->done = message.bytes < im->header.bytes ? message.bytes : im->header.bytes;
+            im->done = message.bytes < im->layout.bytes ? message.bytes : im->layout.bytes;
             break;
         case SP_HANDOVER_DONE:
             done = true;
@@ -343,6 +346,8 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
     info->type = (enum sp_type)h->type;
     memcpy(info->unit, h->unit, sizeof info->unit);
     memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
+    memcpy(info->value_name, h->value_name, sizeof info->value_name);
+    memcpy(info->vector_name, h->vector_name, sizeof info->vector_name);
     const char *slash = strrchr(im->path, '/'), *base = slash ? slash + 1 : im->path;
     const char *dot = strrchr(base, '.');
     snprintf(info->name, sizeof info->name, "%.*s",
@@ -358,8 +363,7 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
                 strerror(errno));
         return NULL;
     }
-    uint64_t offset[3];
-    size_t bytes = (size_t)sp_handover_layout(&im->header, offset);
+    size_t bytes = (size_t)im->layout.bytes;
     void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->memory, 0);
     if (voxels == MAP_FAILED) {
         sp_fail(err, SP_ERR_MEMORY, im->path, "cannot map %zu bytes of samples: %s", bytes,
@@ -372,13 +376,15 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
     struct sp_error why;
     for (int axis = 0; axis < 3; axis++)
         if (im->header.rectilinear >> axis & 1)
-            info.grid.coordinates[axis] = (double *)((char *)voxels + offset[axis]);
+            info.grid.coordinates[axis] =
+                (double *)((char *)voxels + im->layout.coordinates_at[axis]);
     if (!sp_grid_check(&info.grid, info.type, im->path, &samples, &why)) {
         munmap(voxels, bytes);
         sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent a bad grid: %s", why.text);
         return NULL;
     }
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, bytes, release_mapping, err);
+    const void *vectors = im->layout.vectors_at ? (char *)voxels + im->layout.vectors_at : NULL;
+    struct sp_volume *volume = sp_volume_adopt(&info, voxels, vectors, bytes, release_mapping, err);
     if (volume && im->options->progress)
         im->options->progress(im->options->user, 1);
     return volume;

@@ -16,6 +16,7 @@
 #include "import/handover.h"
 #include "import/launch.h"
 #include "import/sandbox.h"
+#include "import/vectors.h"
 
 #if defined(__SANITIZE_THREAD__)
 /* TSan does not understand OpenImageIO's spin locks; encode/exr.c has the same suppression. */
@@ -31,9 +32,8 @@ struct job {
     ssize_t start_size; /* < 0 = the file cannot be read */
     const struct import_format *format;
     struct import_header header;
-    uint64_t capacity;  /* bytes of the shared memory: samples and coordinates */
-    uint64_t offset[3]; /* of the coordinates in it */
-    uint64_t reported;  /* bytes in the last progress message */
+    struct sp_handover_layout layout; /* of the shared memory */
+    uint64_t reported;                /* bytes in the last progress message */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -115,13 +115,13 @@ static bool await_go(const struct job *job) {
         n = recv(SP_IMPORT_SOCKET, &go, sizeof go, 0);
     while (n < 0 && errno == EINTR);
     return n == (ssize_t)sp_handover_size(SP_HANDOVER_GO) && go.magic == SP_HANDOVER_MAGIC &&
-           go.kind == SP_HANDOVER_GO && go.bytes == job->capacity;
+           go.kind == SP_HANDOVER_GO && go.bytes == job->layout.bytes;
 }
 
 /* Sends one message per percent, so that progress costs nothing. */
 static void report(void *user, uint64_t bytes_done) {
     struct job *job = user;
-    if (bytes_done - job->reported < job->header.bytes / 100 && bytes_done < job->header.bytes)
+    if (bytes_done - job->reported < job->layout.bytes / 100)
         return;
     job->reported = bytes_done;
     struct sp_handover message;
@@ -142,10 +142,13 @@ static bool say_header(struct job *job) {
     memcpy(message.header.direction, h->grid.direction, sizeof h->grid.direction);
     for (int axis = 0; axis < 3; axis++)
         message.header.rectilinear |= (uint32_t)(h->grid.coordinates[axis] != NULL) << axis;
+    message.header.has_vectors = h->has_vectors;
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
     memcpy(message.header.anatomy, h->anatomy, sizeof h->anatomy);
-    job->capacity = sp_handover_layout(&message.header, job->offset);
+    memcpy(message.header.value_name, h->value_name, sizeof h->value_name);
+    memcpy(message.header.vector_name, h->vector_name, sizeof h->vector_name);
+    job->layout = sp_handover_layout(&message.header);
     return say(&message);
 }
 
@@ -153,8 +156,21 @@ static void copy_coordinates(const struct job *job, char *memory) {
     const struct sp_grid *grid = &job->header.grid;
     for (int axis = 0; axis < 3; axis++)
         if (grid->coordinates[axis])
-            memcpy(memory + job->offset[axis], grid->coordinates[axis],
+            memcpy(memory + job->layout.coordinates_at[axis], grid->coordinates[axis],
                    grid->dims[axis] * sizeof(double));
+}
+
+/* Fills the shared memory. */
+static bool read_all(struct job *job, void *reader, char *memory, struct sp_error *err) {
+    const struct import_progress progress = { .report = report, .user = job };
+    uint64_t at = job->layout.vectors_at;
+    float(*vectors)[3] = at ? (float(*)[3])(void *)(memory + at) : NULL;
+    copy_coordinates(job, memory);
+    if (!job->format->read(reader, memory, vectors, &progress, err))
+        return false;
+    if (vectors)
+        import_vectors_finish(&job->header, vectors, memory);
+    return true;
 }
 
 static int run(struct job *job) {
@@ -167,18 +183,16 @@ static int run(struct job *job) {
         job->format->close(reader);
         return 0; /* the parent refused or is gone: not our failure */
     }
-    if (!import_sandbox_allow_samples(job->capacity, job->file.shown, &err)) {
+    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.shown, &err)) {
         job->format->close(reader);
         return say_error(&err);
     }
-    void *voxels =
-        mmap(NULL, job->capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
-    bool ok = voxels != MAP_FAILED;
+    size_t capacity = job->layout.bytes;
+    void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    bool ok = memory != MAP_FAILED;
     if (ok) {
-        const struct import_progress progress = { report, job };
-        copy_coordinates(job, voxels);
-        ok = job->format->read(reader, voxels, &progress, &err);
-        munmap(voxels, job->capacity);
+        ok = read_all(job, reader, memory, &err);
+        munmap(memory, capacity);
     } else {
         sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
                 strerror(errno));

@@ -34,15 +34,17 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 }
 
 static void take_sizes(const struct parsing *p) {
+    const struct nrrd_header *h = p->text;
     for (unsigned axis = 0; axis < 3; axis++)
-        p->header->grid.dims[axis] = axis < p->text->dimension ? (uint32_t)p->text->sizes[axis] : 1;
+        p->header->grid.dims[axis] = axis < h->axes ? (uint32_t)h->sizes[h->first + axis] : 1;
 }
 
 /* Axes along the axes of the world, from "spacings", "axis mins" and "axis maxs". */
 static bool take_spacings(const struct parsing *p) {
     const struct nrrd_header *h = p->text;
-    for (unsigned axis = 0; axis < h->dimension; axis++) {
-        double *spacing = &p->header->grid.spacing[axis], n = (double)h->sizes[axis];
+    for (unsigned i = 0; i < h->axes; i++) {
+        unsigned axis = h->first + i;
+        double *spacing = &p->header->grid.spacing[i], n = (double)h->sizes[axis];
         bool cell = h->is_cell[axis];
         if (h->value[NRRD_SPACINGS]) {
             if (!isfinite(h->spacing[axis]))
@@ -56,7 +58,7 @@ static bool take_spacings(const struct parsing *p) {
             *spacing = (h->max[axis] - h->min[axis]) / (cell ? n : n - 1);
         }
         if (isfinite(h->min[axis]))
-            p->header->grid.origin[axis] = h->min[axis] + (cell ? *spacing / 2 : 0);
+            p->header->grid.origin[i] = h->min[axis] + (cell ? *spacing / 2 : 0);
     }
     return true;
 }
@@ -82,8 +84,8 @@ static bool take_third_direction(const struct parsing *p) {
 /* "space directions": columns whose lengths are the spacings. */
 static bool take_directions(const struct parsing *p) {
     struct sp_grid *grid = &p->header->grid;
-    for (unsigned axis = 0; axis < p->text->dimension; axis++) {
-        const double *v = p->text->direction[axis];
+    for (unsigned axis = 0; axis < p->text->axes; axis++) {
+        const double *v = p->text->direction[p->text->first + axis];
         double length = sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
         if (!isfinite(length) || !(length > 0))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
@@ -92,11 +94,11 @@ static bool take_directions(const struct parsing *p) {
         for (int row = 0; row < 3; row++)
             grid->direction[row][axis] = v[row] / length;
     }
-    return p->text->dimension == 3 || take_third_direction(p);
+    return p->text->axes == 3 || take_third_direction(p);
 }
 
 static bool take_geometry(const struct parsing *p) {
-    import_grid_init(&p->header->grid);
+    import_header_init(p->header);
     take_sizes(p);
     bool directed = p->text->value[NRRD_SPACE_DIRECTIONS] != NULL;
     if (!(directed ? take_directions(p) : take_spacings(p)))
@@ -104,6 +106,8 @@ static bool take_geometry(const struct parsing *p) {
     if (p->text->value[NRRD_SPACE_ORIGIN])
         memcpy(p->header->grid.origin, p->text->origin, p->text->space * sizeof(double));
     memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
+    if (p->text->value[NRRD_MEASUREMENT_FRAME] && p->text->has_vectors)
+        memcpy(p->header->frame, p->text->frame, sizeof p->header->frame);
     if (directed && p->text->anatomy[0]) /* the space names the axes of the vectors */
         import_header_set_anatomy(p->header, p->text->anatomy);
     return true;
@@ -263,9 +267,11 @@ static bool take_data_files(const struct parsing *p) {
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "names no file");
     if (p->text->list) {
         long long subdim = 0;
-        if (value[4] && !parse_integer(value + 4 + strspn(value + 4, " "), 1, 3, &subdim))
+        if (value[4] &&
+            !parse_integer(value + 4 + strspn(value + 4, " "), 1, p->text->dimension, &subdim))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
-                          "LIST must be followed by a number of axes in [1, 3] or by nothing");
+                          "LIST must be followed by a number of axes in [1, %u] or by nothing",
+                          p->text->dimension);
         return take_list(p) && check_pieces(p, subdim);
     }
     if (parse_pattern(value, &pattern))
@@ -303,7 +309,14 @@ static enum nrrd_field field_at_fault(const struct parsing *p) {
 
 static bool build(const struct parsing *p) {
     struct import_samples *s = p->samples;
-    p->header->type = p->text->type;
+    const char *name = p->text->value[NRRD_CONTENT] ? p->text->value[NRRD_CONTENT] : "";
+    if (p->text->has_vectors) {
+        import_header_add_vectors(p->header, name);
+        import_header_use_lengths(p->header);
+    } else {
+        p->header->type = (enum sp_type)p->text->type;
+        import_name(p->header->value_name, name);
+    }
     s->gzip = p->text->gzip;
     s->big_endian = p->text->big_endian;
     if (!take_geometry(p) || !take_skips(p) || !take_data_files(p))
@@ -314,8 +327,12 @@ static bool build(const struct parsing *p) {
     if (!sp_grid_check(&p->header->grid, p->header->type, place, &p->header->bytes, p->err))
         return false;
     s->file = p->file;
-    s->type = p->header->type;
-    s->bytes = p->header->bytes;
+    s->number = p->text->number;
+    s->is_vectors = p->text->has_vectors;
+    s->is_planar = p->text->is_planar;
+    s->bytes = s->number.size;
+    for (unsigned axis = 0; axis < p->text->dimension; axis++)
+        s->bytes *= p->text->sizes[axis];
     s->field = "sizes";
     return import_samples_check(s, p->err);
 }
@@ -337,9 +354,9 @@ static void *open_nrrd(const struct import_file *file, struct import_header *hea
     return samples;
 }
 
-static bool read_nrrd(void *reader, void *voxels, const struct import_progress *progress,
-                      struct sp_error *err) {
-    return import_samples_read(reader, voxels, progress, err);
+static bool read_nrrd(void *reader, void *voxels, float (*vectors)[3],
+                      const struct import_progress *progress, struct sp_error *err) {
+    return import_samples_read(reader, voxels, vectors, progress, err);
 }
 
 const struct import_format import_nrrd = {

@@ -33,6 +33,8 @@ static const struct {
     [NRRD_LINE_SKIP] = { "line skip", "lineskip" },
     [NRRD_BYTE_SKIP] = { "byte skip", "byteskip" },
     [NRRD_DATA_FILE] = { "data file", "datafile" },
+    [NRRD_MEASUREMENT_FRAME] = { "measurement frame", NULL },
+    [NRRD_CONTENT] = { "content", NULL },
     [NRRD_NUMBER] = { "number", NULL },
     [NRRD_BLOCK_SIZE] = { "block size", "blocksize" },
     [NRRD_THICKNESSES] = { "thicknesses", NULL },
@@ -42,8 +44,6 @@ static const struct {
     [NRRD_OLD_MIN] = { "old min", "oldmin" },
     [NRRD_OLD_MAX] = { "old max", "oldmax" },
     [NRRD_SAMPLE_UNITS] = { "sample units", "sampleunits" },
-    [NRRD_MEASUREMENT_FRAME] = { "measurement frame", NULL },
-    [NRRD_CONTENT] = { "content", NULL },
 };
 
 const char *nrrd_field_name(enum nrrd_field field) {
@@ -181,7 +181,7 @@ static bool split_lines(const struct import_file *file, struct nrrd_header *h,
     }
 }
 
-static bool parse_whole(const char **text, uint64_t limit, uint64_t *out) {
+bool nrrd_parse_whole(const char **text, uint64_t limit, uint64_t *out) {
     const char *t = *text;
     *out = 0;
     if (*t < '0' || *t > '9')
@@ -199,6 +199,14 @@ static bool parse_whole(const char **text, uint64_t limit, uint64_t *out) {
     return *out <= limit;
 }
 
+static bool refuse_dimension(const struct import_file *file, struct nrrd_header *h, unsigned axes,
+                             struct sp_error *err) {
+    return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
+                     "%u axes; a volume has three, or two for a single slice, and vectors one more "
+                     "axis, of a kind such as vector",
+                     axes);
+}
+
 static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
     static const enum nrrd_field needed[] = { NRRD_TYPE, NRRD_DIMENSION, NRRD_SIZES,
@@ -209,19 +217,18 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
                                "the header ends without this field");
     const char *text = h->value[NRRD_DIMENSION];
     uint64_t number;
-    if (!parse_whole(&text, 16, &number) || *text || number == 0)
+    if (!nrrd_parse_whole(&text, 16, &number) || *text || number == 0)
         return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_DIMENSION,
                          "\"%.40s\" is not a number in [1, 16]", h->value[NRRD_DIMENSION]);
-    if (number < 2 || number > 3)
-        return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
-                         "%" PRIu64 " axes; a volume has three, or two for a single slice", number);
+    if (number < 2 || number > 4)
+        return refuse_dimension(file, h, (unsigned)number, err);
     h->dimension = (unsigned)number;
     text = h->value[NRRD_SIZES];
     for (unsigned axis = 0; axis < h->dimension; axis++) {
         if (!*text)
             return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                              "has %u numbers instead of %u", axis, h->dimension);
-        if (!parse_whole(&text, SP_DIM_MAX, &h->sizes[axis]) || h->sizes[axis] == 0)
+        if (!nrrd_parse_whole(&text, SP_DIM_MAX, &h->sizes[axis]) || h->sizes[axis] == 0)
             return nrrd_fail(err, SP_ERR_FORMAT, file, h, NRRD_SIZES,
                              "number %u of \"%.60s\" is not a whole number in [1, %u]", axis + 1,
                              h->value[NRRD_SIZES], SP_DIM_MAX);
@@ -238,72 +245,49 @@ static bool check_sizes(const struct import_file *file, struct nrrd_header *h,
 
 #define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
 
-static const char *skip_blanks(const char *text) {
-    return text + strspn(text, " \t");
-}
-
 static bool parse_type(const struct import_file *file, struct nrrd_header *h,
                        struct sp_error *err) {
-    enum { UNSUPPORTED = -1 };
     static const struct {
-        const char *name;
+        const char *names[5];
+        struct import_number number;
         int type;
     } types[] = {
-        { "signed char", SP_INT8 },
-        { "char", SP_INT8 },
-        { "int8", SP_INT8 },
-        { "int8_t", SP_INT8 },
-        { "uchar", SP_UINT8 },
-        { "unsigned char", SP_UINT8 },
-        { "uint8", SP_UINT8 },
-        { "uint8_t", SP_UINT8 },
-        { "short", SP_INT16 },
-        { "short int", SP_INT16 },
-        { "signed short", SP_INT16 },
-        { "signed short int", SP_INT16 },
-        { "int16", SP_INT16 },
-        { "int16_t", SP_INT16 },
-        { "ushort", SP_UINT16 },
-        { "unsigned short", SP_UINT16 },
-        { "unsigned short int", SP_UINT16 },
-        { "uint16", SP_UINT16 },
-        { "uint16_t", SP_UINT16 },
-        { "int", SP_INT32 },
-        { "signed int", SP_INT32 },
-        { "int32", SP_INT32 },
-        { "int32_t", SP_INT32 },
-        { "float", SP_FLOAT32 },
-        { "double", SP_FLOAT64 },
-        { "uint", UNSUPPORTED },
-        { "unsigned int", UNSUPPORTED },
-        { "uint32", UNSUPPORTED },
-        { "uint32_t", UNSUPPORTED },
-        { "longlong", UNSUPPORTED },
-        { "long long", UNSUPPORTED },
-        { "long long int", UNSUPPORTED },
-        { "signed long long", UNSUPPORTED },
-        { "signed long long int", UNSUPPORTED },
-        { "int64", UNSUPPORTED },
-        { "int64_t", UNSUPPORTED },
-        { "ulonglong", UNSUPPORTED },
-        { "unsigned long long", UNSUPPORTED },
-        { "unsigned long long int", UNSUPPORTED },
-        { "uint64", UNSUPPORTED },
-        { "uint64_t", UNSUPPORTED },
-        { "block", UNSUPPORTED },
+        { { "signed char", "char", "int8", "int8_t" }, { IMPORT_SIGNED, 1 }, SP_INT8 },
+        { { "uchar", "unsigned char", "uint8", "uint8_t" }, { IMPORT_UNSIGNED, 1 }, SP_UINT8 },
+        { { "short", "short int", "signed short", "signed short int", "int16" },
+          { IMPORT_SIGNED, 2 },
+          SP_INT16 },
+        { { "int16_t" }, { IMPORT_SIGNED, 2 }, SP_INT16 },
+        { { "ushort", "unsigned short", "unsigned short int", "uint16", "uint16_t" },
+          { IMPORT_UNSIGNED, 2 },
+          SP_UINT16 },
+        { { "int", "signed int", "int32", "int32_t" }, { IMPORT_SIGNED, 4 }, SP_INT32 },
+        { { "float" }, { IMPORT_FLOAT, 4 }, SP_FLOAT32 },
+        { { "double" }, { IMPORT_FLOAT, 8 }, SP_FLOAT64 },
+        { { "uint", "unsigned int", "uint32", "uint32_t" }, { IMPORT_UNSIGNED, 4 }, -1 },
+        { { "longlong", "long long", "long long int", "signed long long", "signed long long int" },
+          { IMPORT_SIGNED, 8 },
+          -1 },
+        { { "int64", "int64_t" }, { IMPORT_SIGNED, 8 }, -1 },
+        { { "ulonglong", "unsigned long long", "unsigned long long int", "uint64", "uint64_t" },
+          { IMPORT_UNSIGNED, 8 },
+          -1 },
     };
     const char *name = h->value[NRRD_TYPE];
+    h->type = -1;
     for (size_t i = 0; i < sizeof types / sizeof types[0]; i++)
-        if (strcasecmp(name, types[i].name) == 0) {
-            if (types[i].type == UNSUPPORTED)
-                return REFUSE(SP_ERR_UNSUPPORTED, NRRD_TYPE,
-                              "%.40s samples are not supported; convert them to uint8, int8, "
-                              "uint16, int16, int32, float or double",
-                              name);
-            h->type = (enum sp_type)types[i].type;
-            return true;
-        }
-    return REFUSE(SP_ERR_FORMAT, NRRD_TYPE, "\"%.40s\" is not a sample type of NRRD", name);
+        for (int n = 0; n < 5 && types[i].names[n]; n++)
+            if (strcasecmp(name, types[i].names[n]) == 0) {
+                h->number = types[i].number;
+                h->type = types[i].type;
+            }
+    if (h->type < 0 && (strcasecmp(name, "block") == 0 || (h->number.size && !h->has_vectors)))
+        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_TYPE,
+                      "%.40s samples are not supported; convert them to uint8, int8, "
+                      "uint16, int16, int32, float or double",
+                      name);
+    return h->number.size ||
+           REFUSE(SP_ERR_FORMAT, NRRD_TYPE, "\"%.40s\" is not a sample type of NRRD", name);
 }
 
 static bool parse_encoding(const struct import_file *file, struct nrrd_header *h,
@@ -319,7 +303,7 @@ static bool parse_encoding(const struct import_file *file, struct nrrd_header *h
         return REFUSE(SP_ERR_FORMAT, NRRD_ENCODING, "\"%.40s\" is not an encoding of NRRD", name);
     }
     if (!endian)
-        return sp_type_size(h->type) == 1 ||
+        return h->number.size == 1 ||
                import_fail(err, SP_ERR_FORMAT, file->shown, h->byte[NRRD_TYPE], "endian",
                            "%.40s samples need this field: little or big", h->value[NRRD_TYPE]);
     h->big_endian = strcasecmp(endian, "big") == 0;
@@ -327,27 +311,26 @@ static bool parse_encoding(const struct import_file *file, struct nrrd_header *h
            REFUSE(SP_ERR_FORMAT, NRRD_ENDIAN, "\"%.40s\" is neither little nor big", endian);
 }
 
-/* One finite or infinite number or NaN, up to a blank or one of `stops`. */
-static bool parse_number(const char **text, const char *stops, double *out) {
+bool nrrd_parse_number(const char **text, const char *stops, double *out) {
     char *end;
     if (!**text || strchr(" \t", **text))
         return false;
     *out = strtod(*text, &end);
     if (end == *text || (*end && !strchr(" \t", *end) && !strchr(stops, *end)))
         return false;
-    *text = skip_blanks(end);
+    *text = nrrd_skip_blanks(end);
     return true;
 }
 
 /* A number per axis. A missing field leaves `out` as it is. */
 static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
-                          enum nrrd_field field, double out[3], struct sp_error *err) {
+                          enum nrrd_field field, double out[4], struct sp_error *err) {
     const char *text = h->value[field];
     unsigned count = 0;
     if (!text)
         return true;
     for (; *text && count < h->dimension; count++)
-        if (!parse_number(&text, "", &out[count]))
+        if (!nrrd_parse_number(&text, "", &out[count]))
             return REFUSE(SP_ERR_FORMAT, field, "\"%.40s\" does not start with a number", text);
     if (count < h->dimension)
         return REFUSE(SP_ERR_FORMAT, field, "has %u numbers instead of %u", count, h->dimension);
@@ -357,7 +340,7 @@ static bool parse_numbers(const struct import_file *file, struct nrrd_header *h,
 
 /* The next word of a list; false at the end. A word of more than 63 bytes is cut. */
 static bool next_word(const char **text, char word[64]) {
-    const char *start = skip_blanks(*text);
+    const char *start = nrrd_skip_blanks(*text);
     size_t size = strcspn(start, " \t");
     snprintf(word, 64, "%.*s", (int)(size < 63 ? size : 63), start);
     *text = start + size;
@@ -374,6 +357,33 @@ static bool take_center(struct nrrd_header *h, unsigned axis, const char *word) 
     return h->is_cell[axis] || strcasecmp(word, "node") == 0 || is_unknown(word);
 }
 
+/* The axis of the components of vectors is the first or the last one. */
+static bool take_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
+                      const char *word, struct sp_error *err) {
+    static const char *const vectors[] = { "vector",   "covariant-vector", "normal",
+                                           "3-vector", "3-gradient",       "3-normal" };
+    if (is_unknown(word) || strcasecmp(word, "domain") == 0 || strcasecmp(word, "space") == 0)
+        return true;
+    bool is_vector = false;
+    for (size_t i = 0; i < sizeof vectors / sizeof vectors[0]; i++)
+        is_vector |= strcasecmp(word, vectors[i]) == 0;
+    if (!is_vector)
+        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
+                      "axis %u is of kind %.40s; only scalars and vectors are supported%s", axis,
+                      word, strstr(word, "color") ? ", colours are not" : "");
+    if (h->has_vectors || (axis > 0 && axis + 1 < h->dimension))
+        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
+                      "axis %u is of kind %.40s; only the first or the last axis may be", axis,
+                      word);
+    if (h->sizes[axis] != 3)
+        return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
+                      "axis %u is of kind %.40s and has %" PRIu64 " components instead of 3", axis,
+                      word, h->sizes[axis]);
+    h->has_vectors = true;
+    h->is_planar = axis > 0;
+    return true;
+}
+
 static bool parse_words(const struct import_file *file, struct nrrd_header *h,
                         enum nrrd_field field, struct sp_error *err) {
     const char *text = h->value[field];
@@ -385,174 +395,32 @@ static bool parse_words(const struct import_file *file, struct nrrd_header *h,
             return REFUSE(SP_ERR_FORMAT, field, "has %u words instead of %u", axis, h->dimension);
         if (field == NRRD_CENTERS && !take_center(h, axis, word))
             return REFUSE(SP_ERR_FORMAT, field, "\"%.40s\" is neither cell nor node", word);
-        if (field == NRRD_KINDS && !is_unknown(word) && strcasecmp(word, "domain") != 0 &&
-            strcasecmp(word, "space") != 0)
-            return REFUSE(SP_ERR_UNSUPPORTED, field,
-                          "axis %u is of kind %.40s; only scalar volumes are supported", axis,
-                          word);
+        if (field == NRRD_KINDS && !take_kind(file, h, axis, word, err))
+            return false;
     }
     return !next_word(&text, word) ||
            REFUSE(SP_ERR_FORMAT, field, "has more than the %u words of the dimension",
                   h->dimension);
 }
 
-/* The dimension of the space in which vectors live. Some writers leave it out: it is then the
- * number of components of the first vector. 0 = there is no space. */
-static bool parse_space(const struct import_file *file, struct nrrd_header *h,
+static bool parse_kinds(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
-    enum { ANATOMICAL = 3 };
-    static const struct {
-        const char *name, *alias;
-    } names[] = {
-        { "right-anterior-superior", "RAS" }, { "left-anterior-superior", "LAS" },
-        { "left-posterior-superior", "LPS" }, /* the anatomical spaces come first */
-        { "scanner-xyz", "scanner-xyz" },     { "3D-right-handed", "3DRH" },
-        { "3D-left-handed", "3DLH" },
-    };
-    const char *name = h->value[NRRD_SPACE], *text = h->value[NRRD_SPACE_DIMENSION];
-    const char *first =
-        h->value[NRRD_SPACE_DIRECTIONS] ? strchr(h->value[NRRD_SPACE_DIRECTIONS], '(') : NULL;
-    enum nrrd_field field = name ? NRRD_SPACE : text ? NRRD_SPACE_DIMENSION : NRRD_SPACE_DIRECTIONS;
-    uint64_t space = 0;
-    if (name && text)
-        return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIMENSION, "the field space excludes this field");
-    if (name) {
-        for (size_t i = 0; i < sizeof names / sizeof names[0]; i++) {
-            size_t n = strlen(names[i].name);
-            if (strcasecmp(name, names[i].name) == 0 || strcasecmp(name, names[i].alias) == 0) {
-                space = 3;
-                if (i < ANATOMICAL)
-                    memcpy(h->anatomy, names[i].alias, sizeof h->anatomy);
-            } else if (strncasecmp(name, names[i].name, n) == 0 &&
-                       strcasecmp(name + n, "-time") == 0)
-                space = 4;
-        }
-        if (space == 0)
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE, "\"%.40s\" is not a space of NRRD", name);
-    } else if (text) {
-        if (!parse_whole(&text, 8, &space) || *text || space == 0)
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIMENSION,
-                          "\"%.40s\" is not a number in [1, 8]", h->value[NRRD_SPACE_DIMENSION]);
-    } else if (first) {
-        space = 1;
-        for (const char *c = first; *c && *c != ')'; c++)
-            space += *c == ',';
-    }
-    if (space != 0 && (space > 3 || space < h->dimension))
-        return REFUSE(SP_ERR_UNSUPPORTED, field,
-                      "a space of %" PRIu64 " dimensions for %u axes; 3 are supported", space,
-                      h->dimension);
-    h->space = (unsigned)space;
-    return true;
-}
-
-/* "(1,0,0)", with `count` components. */
-static bool parse_vector(const char **text, unsigned count, double out[3]) {
-    const char *t = *text;
-    if (*t != '(')
+    if (!parse_words(file, h, NRRD_KINDS, err))
         return false;
-    t = skip_blanks(t + 1);
-    for (unsigned i = 0; i < count; i++) {
-        if (!parse_number(&t, ",)", &out[i]) || *t != (i + 1 < count ? ',' : ')'))
-            return false;
-        t = skip_blanks(t + 1);
-    }
-    *text = t;
-    return true;
-}
-
-static bool parse_directions(const struct import_file *file, struct nrrd_header *h,
-                             struct sp_error *err) {
-    const char *text = h->value[NRRD_SPACE_DIRECTIONS];
-    if (!text)
-        return true;
-    for (unsigned axis = 0; axis < h->dimension; axis++) {
-        bool is_none = strncasecmp(text, "none", 4) == 0;
-        if (is_none || !*text)
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
-                          is_none ? "axis %u has no direction" : "has %u vectors, too few", axis);
-        if (!parse_vector(&text, h->space, h->direction[axis]))
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
-                          "vector %u is not of the form (x,y,z) with %u numbers", axis + 1,
-                          h->space);
-    }
-    if (*text)
-        return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS, "has more than %u vectors",
-                      h->dimension);
-    for (unsigned axis = 0; axis < h->dimension; axis++)
-        if (isfinite(h->spacing[axis]) || isfinite(h->min[axis]) || isfinite(h->max[axis]))
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_DIRECTIONS,
-                          "axis %u also has a spacing, axis min or axis max; remove one of them",
-                          axis);
-    return true;
-}
-
-static bool parse_origin(const struct import_file *file, struct nrrd_header *h,
-                         struct sp_error *err) {
-    const char *text = h->value[NRRD_SPACE_ORIGIN];
-    if (!text)
-        return true;
-    if (h->space == 0)
-        return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_ORIGIN, "needs the field space");
-    if (!parse_vector(&text, h->space, h->origin) || *text)
-        return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_ORIGIN,
-                      "\"%.40s\" is not of the form (x,y,z) with %u numbers",
-                      h->value[NRRD_SPACE_ORIGIN], h->space);
-    for (unsigned i = 0; i < h->space; i++)
-        if (!isfinite(h->origin[i]))
-            return REFUSE(SP_ERR_FORMAT, NRRD_SPACE_ORIGIN, "number %u is not a number", i);
-    return true;
-}
-
-/* One quoted string per axis, "mm" "mm" "mm", all equal or empty. */
-static bool parse_units(const struct import_file *file, struct nrrd_header *h,
-                        enum nrrd_field field, struct sp_error *err) {
-    const char *text = h->value[field];
-    unsigned count = field == NRRD_UNITS ? h->dimension : h->space;
-    if (!text)
-        return true;
-    if (count == 0)
-        return REFUSE(SP_ERR_FORMAT, field, "needs the field space");
-    for (unsigned axis = 0; axis < count; axis++) {
-        char unit[NRRD_VALUE_MAX + 1];
-        size_t n = 0;
-        if (*text++ != '"')
-            return REFUSE(SP_ERR_FORMAT, field, "needs %u strings in quotation marks", count);
-        for (; *text && *text != '"'; text++) {
-            if (*text == '\\' && text[1])
-                text++;
-            unit[n++] = *text;
-        }
-        unit[n] = 0;
-        if (*text != '"')
-            return REFUSE(SP_ERR_FORMAT, field, "string %u has no closing quotation mark",
-                          axis + 1);
-        text = skip_blanks(text + 1);
-        if (n == 0)
-            continue;
-        if (n >= SP_UNIT_BYTES)
-            return REFUSE(SP_ERR_FORMAT, field, "a unit has at most %d bytes", SP_UNIT_BYTES - 1);
-        if (h->unit[0] && strcmp(h->unit, unit) != 0)
-            return REFUSE(SP_ERR_UNSUPPORTED, field,
-                          "\"%.30s\" and \"%.30s\" differ; all axes must have one unit", h->unit,
-                          unit);
-        memcpy(h->unit, unit, n + 1);
-    }
-    return !*text || REFUSE(SP_ERR_FORMAT, field, "has more than %u strings", count);
+    h->first = h->has_vectors && !h->is_planar;
+    h->axes = h->dimension - h->has_vectors;
+    return (h->axes >= 2 && h->axes <= 3) || refuse_dimension(file, h, h->dimension, err);
 }
 
 static bool parse_fields(const struct import_file *file, struct nrrd_header *h,
                          struct sp_error *err) {
-    for (int axis = 0; axis < 3; axis++)
+    for (int axis = 0; axis < 4; axis++)
         h->spacing[axis] = h->min[axis] = h->max[axis] = NAN;
-    return parse_type(file, h, err) && parse_encoding(file, h, err) &&
+    return parse_kinds(file, h, err) && parse_type(file, h, err) && parse_encoding(file, h, err) &&
            parse_numbers(file, h, NRRD_SPACINGS, h->spacing, err) &&
            parse_numbers(file, h, NRRD_AXIS_MINS, h->min, err) &&
            parse_numbers(file, h, NRRD_AXIS_MAXS, h->max, err) &&
-           parse_words(file, h, NRRD_CENTERS, err) && parse_words(file, h, NRRD_KINDS, err) &&
-           parse_space(file, h, err) && parse_directions(file, h, err) &&
-           parse_origin(file, h, err) && parse_units(file, h, NRRD_UNITS, err) &&
-           parse_units(file, h, NRRD_SPACE_UNITS, err);
+           parse_words(file, h, NRRD_CENTERS, err) && nrrd_space_read(file, h, err);
 }
 
 bool nrrd_header_read(const struct import_file *file, struct nrrd_header *header,

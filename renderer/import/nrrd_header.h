@@ -33,6 +33,8 @@ enum nrrd_field {
     NRRD_LINE_SKIP,
     NRRD_BYTE_SKIP,
     NRRD_DATA_FILE,
+    NRRD_MEASUREMENT_FRAME,
+    NRRD_CONTENT,
     NRRD_IGNORED, /* the fields from here on are known and do not matter */
     NRRD_NUMBER = NRRD_IGNORED,
     NRRD_BLOCK_SIZE,
@@ -43,8 +45,6 @@ enum nrrd_field {
     NRRD_OLD_MIN,
     NRRD_OLD_MAX,
     NRRD_SAMPLE_UNITS,
-    NRRD_MEASUREMENT_FRAME,
-    NRRD_CONTENT,
     NRRD_FIELD_COUNT
 };
 
@@ -56,16 +56,22 @@ struct nrrd_header {
     uint64_t end;                    /* offset of the first byte after the header's blank line */
     char *list; /* the lines after "data file: LIST", up to the end of the text, else NULL */
 
-    enum sp_type type;
+    struct import_number number;
+    int type; /* enum sp_type; -1 = no volume has such samples, but vectors may */
     bool gzip, big_endian;
-    unsigned dimension; /* 2 or 3 */
-    uint64_t sizes[3];  /* [1, SP_DIM_MAX] each */
-    /* Per axis, NAN = not given. */
-    double spacing[3], min[3], max[3];
-    bool is_cell[3];        /* samples are centred in cells, not at nodes */
-    unsigned space;         /* components of the vectors: `dimension` to 3, 0 = there are none */
-    double direction[3][3]; /* direction[axis], if `value` has space directions */
+    /* All axes of the file, of which one may hold the components of vectors. The others, from
+     * `first` on, are those of the volume. */
+    unsigned dimension;          /* 2 to 4 */
+    bool has_vectors, is_planar; /* with an axis of components; it is the last one */
+    unsigned first, axes;        /* axes: 2 or 3 */
+    uint64_t sizes[4];           /* [1, SP_DIM_MAX] each */
+    /* Per axis of the file, NAN = not given. */
+    double spacing[4], min[4], max[4];
+    bool is_cell[4];        /* samples are centred in cells, not at nodes */
+    unsigned space;         /* dimension of the space: `axes` to 3, 0 = there is none */
+    double direction[4][3]; /* direction[axis], if `value` has space directions */
     double origin[3];       /* if `value` has a space origin */
+    double frame[3][3];     /* columns, if `value` has a measurement frame and there are vectors */
     char unit[SP_UNIT_BYTES];
     char anatomy[4]; /* of the axes of the space; "" = the space is not anatomical */
 };
@@ -81,5 +87,25 @@ const char *nrrd_field_name(enum nrrd_field field);
 __attribute__((format(printf, 6, 7))) bool
 nrrd_fail(struct sp_error *err, enum sp_code code, const struct import_file *file,
           const struct nrrd_header *header, enum nrrd_field field, const char *format, ...);
+
+/* Shared by nrrd_header.c and nrrd_space.c. */
+
+/* Reads the fields about the space, units included, once the axes are known. */
+bool nrrd_space_read(const struct import_file *file, struct nrrd_header *header,
+                     struct sp_error *err);
+
+/* The functions below read at *text and move it to the next word. */
+
+static inline const char *nrrd_skip_blanks(const char *text) {
+    while (*text == ' ' || *text == '\t')
+        text++;
+    return text;
+}
+
+/* A whole number in [0, limit]. */
+bool nrrd_parse_whole(const char **text, uint64_t limit, uint64_t *out);
+
+/* One finite or infinite number or NaN, up to a blank or one of `stops`. */
+bool nrrd_parse_number(const char **text, const char *stops, double *out);
 
 #endif

@@ -160,7 +160,7 @@ static bool read_geometry(const struct sidecar *s) {
     const json_t *spacing = json_object_get(s->root, "spacing");
     const json_t *origin = json_object_get(s->root, "origin");
     const json_t *unit = json_object_get(s->root, "unit");
-    import_grid_init(&s->header->grid);
+    import_header_init(s->header);
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
@@ -198,9 +198,10 @@ static bool read_encoding(const struct sidecar *s) {
     int type, order = 0, encoding = 0;
     if (!read_choice(s, "type", types, SP_TYPE_COUNT, &type))
         return false;
-    s->samples->type = s->header->type = (enum sp_type)type;
+    s->header->type = (enum sp_type)type;
+    s->samples->number = import_number_of(s->header->type);
     /* Samples of one byte need no byte order. */
-    if (sp_type_size(s->header->type) > 1 || json_object_get(s->root, "endian"))
+    if (s->samples->number.size > 1 || json_object_get(s->root, "endian"))
         if (!read_choice(s, "endian", orders, 2, &order))
             return false;
     if (json_object_get(s->root, "encoding") &&
@@ -208,6 +209,19 @@ static bool read_encoding(const struct sidecar *s) {
         return false;
     s->samples->big_endian = order == 1;
     s->samples->gzip = encoding == 1;
+    return true;
+}
+
+static bool read_components(const struct sidecar *s) {
+    const json_t *components = json_object_get(s->root, "components");
+    json_int_t value = components ? json_integer_value(components) : 1;
+    if (value != 1 && value != 3)
+        return refuse(s, "components", "must be 1, or 3 for vectors along x, y and z of the world");
+    s->samples->is_vectors = value == 3;
+    if (value == 3) {
+        import_header_add_vectors(s->header, "");
+        import_header_use_lengths(s->header);
+    }
     return true;
 }
 
@@ -231,9 +245,9 @@ static bool read_file_name(const struct sidecar *s) {
 }
 
 static bool check_members(const struct sidecar *s) {
-    static const char *const known[] = { "dims",        "type",   "endian",    "spacing",
-                                         "coordinates", "origin", "direction", "space",
-                                         "unit",        "file",   "offset",    "encoding" };
+    static const char *const known[] = { "dims",   "type",      "components",  "endian", "spacing",
+                                         "origin", "direction", "coordinates", "space",  "unit",
+                                         "file",   "offset",    "encoding" };
     const char *key;
     json_t *value,
         *object = (json_t *)s->root; /* jansson's loop needs a mutable pointer; nothing changes */
@@ -242,14 +256,15 @@ static bool check_members(const struct sidecar *s) {
         for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
             found |= strcmp(key, known[i]) == 0;
         if (!found)
-            return refuse(s, key,
-                          "is not a member; the members are dims, type, endian, spacing, "
-                          "coordinates, origin, direction, space, unit, file, offset, encoding");
+            return refuse(
+                s, key,
+                "is not a member; the members are dims, type, components, endian, spacing, "
+                "origin, direction, coordinates, space, unit, file, offset, encoding");
     }
     return true;
 }
 
-static bool check_grid(const struct sidecar *s) {
+static bool check_samples(const struct sidecar *s) {
     static const char *const members[] = {
         [SP_GRID_GOOD] = "dims",       [SP_GRID_DIMS] = "dims",
         [SP_GRID_SPACING] = "spacing", [SP_GRID_COORDINATES] = "coordinates",
@@ -258,7 +273,11 @@ static bool check_grid(const struct sidecar *s) {
     char place[SP_ERROR_PLACE];
     snprintf(place, sizeof place, "%.180s: /%s", s->file->shown,
              members[sp_grid_bad_part(&s->header->grid)]);
-    return sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err);
+    if (!sp_grid_check(&s->header->grid, s->header->type, place, &s->header->bytes, s->err))
+        return false;
+    s->samples->bytes = s->header->bytes / sp_type_size(s->header->type) *
+                        (s->samples->is_vectors ? 3 : 1) * s->samples->number.size;
+    return import_samples_check(s->samples, s->err);
 }
 
 /* The texts of jansson name its flags and tokens. */
@@ -335,9 +354,8 @@ static void *open_raw(const struct import_file *file, struct import_header *head
         samples->file = file;
         samples->field = "dims";
         struct sidecar s = { file, root, header, samples, raw->coordinates, err };
-        if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) || !read_file_name(&s) ||
-            !check_grid(&s) ||
-            (samples->bytes = header->bytes, !import_samples_check(samples, err))) {
+        if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) ||
+            !read_components(&s) || !read_file_name(&s) || !check_samples(&s)) {
             close_raw(raw);
             raw = NULL;
         }
@@ -348,10 +366,10 @@ static void *open_raw(const struct import_file *file, struct import_header *head
     return raw;
 }
 
-static bool read_raw(void *reader, void *voxels, const struct import_progress *progress,
-                     struct sp_error *err) {
+static bool read_raw(void *reader, void *voxels, float (*vectors)[3],
+                     const struct import_progress *progress, struct sp_error *err) {
     struct raw *raw = reader;
-    return import_samples_read(&raw->samples, voxels, progress, err);
+    return import_samples_read(&raw->samples, voxels, vectors, progress, err);
 }
 
 const struct import_format import_raw = {

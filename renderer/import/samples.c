@@ -12,6 +12,7 @@
 #include <zlib.h>
 
 #include "import/confine.h"
+#include "import/vectors.h"
 
 enum { CHUNK = 1 << 20, IN_ROOM = 1 << 16 }; /* bytes */
 
@@ -283,53 +284,83 @@ static bool check_end(const struct import_samples *s, struct stream *stream, uin
     return true;
 }
 
-static bool read_piece(const struct import_samples *s, size_t i, char *out, uint64_t need,
-                       uint64_t done, const struct import_progress *progress, struct stream *stream,
+struct reading {
+    const struct import_samples *samples;
+    char *voxels;
+    struct import_vectors vectors; /* if the samples are vectors */
+    const struct import_progress *progress;
+    struct stream *stream;
+    char *chunk; /* CHUNK bytes */
+};
+
+/* Takes the n bytes that follow `at`, while they are in the cache. CHUNK and the bytes of a file
+ * are multiples of the size of a number. */
+static void take_numbers(const struct reading *r, uint64_t at, char *bytes, size_t n) {
+    const struct import_samples *s = r->samples;
+    size_t size = s->number.size;
+    if (s->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
+        import_swap(bytes, size, n / size);
+    if (s->is_vectors)
+        import_vectors_put(&r->vectors, at / size, bytes, n / size);
+    import_report(r->progress, s->is_vectors ? (at + n) / size * sizeof(float) : at + n);
+}
+
+/* Reads file i, whose first byte is byte `begin` of the array. */
+static bool read_piece(const struct reading *r, size_t i, uint64_t begin, uint64_t need,
                        struct sp_error *err) {
-    size_t size = sp_type_size(s->type);
-    bool swap = s->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
+    const struct import_samples *s = r->samples;
+    struct stream *stream = r->stream;
     if (!begin_piece(s, i, need, stream, err))
         return false;
     bool ok = true;
-    if (s->gzip) /* `out` may be smaller than a chunk, so it cannot serve as scratch */
-        ok = start_gzip(stream, err);
-    if (ok && s->gzip && s->skip_bytes) {
-        void *scratch = malloc(CHUNK);
-        ok = scratch
-                 ? skip_unpacked(stream, s->skip_bytes, scratch, err)
-                 : sp_fail(err, SP_ERR_MEMORY, stream->shown, "out of memory while unpacking gzip");
-        free(scratch);
-    }
+    if (s->gzip)
+        ok = start_gzip(stream, err) && skip_unpacked(stream, s->skip_bytes, r->chunk, err);
     for (uint64_t at = 0; ok && at < need;) {
         size_t n = need - at < CHUNK ? (size_t)(need - at) : CHUNK, got;
-        ok = read_stream(stream, out + at, n, &got, err);
+        char *out = s->is_vectors ? r->chunk : r->voxels + begin + at;
+        ok = read_stream(stream, out, n, &got, err);
         if (ok && got < n)
             ok = import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
                              "the samples need %" PRIu64 " bytes, the file has %" PRIu64
                              ": it is cut off or %s is wrong",
                              need, at + got, s->field);
-        if (ok && swap && size > 1) /* while it is in the cache; CHUNK is a multiple of the size */
-            import_swap(out + at, size, n / size);
-        at += n;
         if (ok)
-            progress->report(progress->user, done + at);
+            take_numbers(r, begin + at, out, n);
+        at += n;
     }
     ok = ok && check_end(s, stream, need, err);
     close_stream(stream);
     return ok;
 }
 
-bool import_samples_read(const struct import_samples *s, void *voxels,
+bool import_samples_read(const struct import_samples *s, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err) {
     size_t pieces = s->count ? s->count : 1;
     uint64_t need = s->bytes / pieces;
-    assert(need * pieces == s->bytes && need % sp_type_size(s->type) == 0);
-    struct stream *stream = malloc(sizeof *stream);
-    if (!stream)
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory");
-    bool ok = true;
+    assert(need * pieces == s->bytes && need % s->number.size == 0);
+    struct reading r = { .samples = s,
+                         .voxels = voxels,
+                         .vectors = { .number = s->number,
+                                      .count = s->bytes / (3 * s->number.size),
+                                      .planar = s->is_planar,
+                                      .out = vectors },
+                         .progress = progress,
+                         .stream = malloc(sizeof *r.stream),
+                         .chunk = malloc(CHUNK) };
+    bool ok = (r.stream && r.chunk) ||
+              sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while reading samples");
     for (size_t i = 0; ok && i < pieces; i++)
-        ok = read_piece(s, i, (char *)voxels + i * need, need, i * need, progress, stream, err);
-    free(stream);
+        ok = read_piece(&r, i, i * need, need, err);
+    free(r.stream);
+    free(r.chunk);
     return ok;
+}
+
+struct import_number import_number_of(enum sp_type type) {
+    bool is_float = type == SP_FLOAT32 || type == SP_FLOAT64;
+    bool is_unsigned = type == SP_UINT8 || type == SP_UINT16;
+    return (struct import_number){ is_float      ? IMPORT_FLOAT
+                                   : is_unsigned ? IMPORT_UNSIGNED
+                                                 : IMPORT_SIGNED,
+                                   sp_type_size(type) };
 }

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Reads raw or gzip samples from one or several files into memory, in native byte order.
+ * Reads raw or gzip samples or vectors from one or several files into memory, in native byte order.
  */
 #ifndef SP_IMPORT_SAMPLES_H
 #define SP_IMPORT_SAMPLES_H
@@ -19,9 +19,10 @@ struct import_samples {
     bool from_end;     /* raw only: the samples are the last ones of each file */
     uint64_t skip_bytes, skip_lines; /* in each file, lines first; gzip: bytes after unpacking */
     uint64_t start;                  /* count == 0: where the header ends */
-    enum sp_type type;
-    uint64_t bytes;    /* of all samples; a multiple of max(count, 1) */
-    const char *field; /* the header field in errors about the size: "sizes", "dims" */
+    struct import_number number;
+    bool is_vectors, is_planar; /* as in struct import_vectors */
+    uint64_t bytes;             /* of all numbers; a multiple of max(count, 1) */
+    const char *field;          /* the header field in errors about the size: "sizes", "dims" */
 };
 
 /* Frees names. */
@@ -34,8 +35,11 @@ bool import_samples_add(struct import_samples *samples, const char *name, size_t
  * allocated. */
 bool import_samples_check(const struct import_samples *samples, struct sp_error *err);
 
-bool import_samples_read(const struct import_samples *samples, void *voxels,
+/* Reads the samples into `voxels`, or if they are vectors, into `vectors`. */
+bool import_samples_read(const struct import_samples *samples, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err);
+
+struct import_number import_number_of(enum sp_type type);
 
 /* Reverses the bytes of `count` values of 1, 2, 4 or 8 bytes each (`size`). */
 void import_swap(void *values, size_t size, uint64_t count);

@@ -224,7 +224,7 @@ static bool open_pages(struct tiff *t, struct import_header *header, struct sp_e
     ok = ok && check_page(t, page, 0, err) && take_type(t, page, header, err) &&
          (!imagej || check_imagej(t, page->description, err)) && check_pages(t, page, err);
     if (ok) {
-        import_grid_init(&header->grid);
+        import_header_init(header);
         header->grid.dims[0] = (uint32_t)page->width;
         header->grid.dims[1] = (uint32_t)page->height;
         header->grid.dims[2] = t->pages;
@@ -250,14 +250,15 @@ static void *open_tiff(const struct import_file *file, struct import_header *hea
     return NULL;
 }
 
-static bool read_tiff(void *reader, void *voxels, const struct import_progress *progress,
-                      struct sp_error *err) {
+static bool read_tiff(void *reader, void *voxels, float (*vectors)[3],
+                      const struct import_progress *progress, struct sp_error *err) {
+    (void)vectors; /* a TIFF has none */
     struct tiff *t = reader;
     char why[SP_ERROR_TEXT];
     for (uint32_t n = 0; n < t->pages; n++) {
         if (!t->call->read(t->bridge, (int)n, (char *)voxels + n * t->page_bytes, why, sizeof why))
             return fail_page(err, SP_ERR_FORMAT, t, n, why);
-        progress->report(progress->user, (n + 1) * t->page_bytes);
+        import_report(progress, (n + 1) * t->page_bytes);
     }
     return true;
 }

@@ -31,23 +31,35 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t b
     struct sp_grid *grid = &header->grid;
     char place[SP_ERROR_PLACE];
     import_place(place, file->shown, byte, field);
-    if (v->samples.type->sample < 0)
+    uint64_t points = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    if (v->vectors.type)
+        header->has_vectors = true;
+    if (!v->samples.type)
+        import_header_use_lengths(header);
+    else if (v->samples.type->sample < 0)
         return import_fail(
             err, SP_ERR_UNSUPPORTED, file->shown, v->samples.begin, v->samples.name,
             "samples of type %s are not supported; supported are 8 and 16 bits, int, float "
             "and double",
             v->samples.type->legacy);
-    header->type = (enum sp_type)v->samples.type->sample;
+    else
+        header->type = (enum sp_type)v->samples.type->sample;
     place_samples(v, grid);
-    v->samples.count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    v->samples.count = points;
+    v->vectors.count = 3 * points;
     return sp_grid_check(grid, header->type, place, &header->bytes, err) &&
-           vtk_array_check(file, &v->samples, err);
+           (!v->samples.type || vtk_array_check(file, &v->samples, err)) &&
+           (!v->vectors.type || vtk_array_check(file, &v->vectors, err));
 }
 
-bool vtk_read(void *volume, void *voxels, const struct import_progress *progress,
-              struct sp_error *err) {
+bool vtk_read(void *volume, void *voxels, float (*vectors)[3],
+              const struct import_progress *progress, struct sp_error *err) {
     struct vtk_volume *v = volume;
-    return vtk_array_read(v->file, &v->samples, voxels, progress, err);
+    struct import_progress rest = *progress;
+    if (v->samples.type && !vtk_array_read(v->file, &v->samples, voxels, progress, err))
+        return false;
+    rest.before += v->samples.type ? v->samples.count * v->samples.type->number.size : 0;
+    return !vectors || vtk_array_read_vectors(v->file, &v->vectors, vectors, &rest, err);
 }
 
 void vtk_close(void *volume) {

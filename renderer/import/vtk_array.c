@@ -13,27 +13,28 @@
 #include <zlib.h>
 
 #include "import/samples.h"
+#include "import/vectors.h"
 #include "import/vtk_text.h"
 
-enum { CHUNK = 1 << 16 }; /* bytes */
+enum { CHUNK = 1 << 16, RUN = 16 * CHUNK }; /* bytes */
 #define BLOCKS_MAX (UINT64_C(1) << 24)
 #define BLOCK_MAX (UINT64_C(1) << 30) /* bytes */
 
 static const struct vtk_type types[] = {
-    { "unsigned_char", "UInt8", VTK_UNSIGNED, 1, SP_UINT8 },
-    { "char", "Int8", VTK_SIGNED, 1, SP_INT8 },
-    { "signed_char", NULL, VTK_SIGNED, 1, SP_INT8 },
-    { "unsigned_short", "UInt16", VTK_UNSIGNED, 2, SP_UINT16 },
-    { "short", "Int16", VTK_SIGNED, 2, SP_INT16 },
-    { "unsigned_int", "UInt32", VTK_UNSIGNED, 4, -1 },
-    { "int", "Int32", VTK_SIGNED, 4, SP_INT32 },
-    { "vtkidtype", NULL, VTK_SIGNED, 4, -1 }, /* the size in legacy files */
-    { "unsigned_long", "UInt64", VTK_UNSIGNED, 8, -1 },
-    { "vtktypeuint64", NULL, VTK_UNSIGNED, 8, -1 },
-    { "long", "Int64", VTK_SIGNED, 8, -1 },
-    { "vtktypeint64", NULL, VTK_SIGNED, 8, -1 },
-    { "float", "Float32", VTK_FLOAT, 4, SP_FLOAT32 },
-    { "double", "Float64", VTK_FLOAT, 8, SP_FLOAT64 },
+    { "unsigned_char", "UInt8", { IMPORT_UNSIGNED, 1 }, SP_UINT8 },
+    { "char", "Int8", { IMPORT_SIGNED, 1 }, SP_INT8 },
+    { "signed_char", NULL, { IMPORT_SIGNED, 1 }, SP_INT8 },
+    { "unsigned_short", "UInt16", { IMPORT_UNSIGNED, 2 }, SP_UINT16 },
+    { "short", "Int16", { IMPORT_SIGNED, 2 }, SP_INT16 },
+    { "unsigned_int", "UInt32", { IMPORT_UNSIGNED, 4 }, -1 },
+    { "int", "Int32", { IMPORT_SIGNED, 4 }, SP_INT32 },
+    { "vtkidtype", NULL, { IMPORT_SIGNED, 4 }, -1 }, /* the size in legacy files */
+    { "unsigned_long", "UInt64", { IMPORT_UNSIGNED, 8 }, -1 },
+    { "vtktypeuint64", NULL, { IMPORT_UNSIGNED, 8 }, -1 },
+    { "long", "Int64", { IMPORT_SIGNED, 8 }, -1 },
+    { "vtktypeint64", NULL, { IMPORT_SIGNED, 8 }, -1 },
+    { "float", "Float32", { IMPORT_FLOAT, 4 }, SP_FLOAT32 },
+    { "double", "Float64", { IMPORT_FLOAT, 8 }, SP_FLOAT64 },
 };
 
 const struct vtk_type *vtk_find_type(const char *name, bool xml) {
@@ -212,8 +213,8 @@ static bool pull_byte_count(struct source *s, uint64_t need, struct sp_error *er
 
 bool vtk_array_check(const struct import_file *file, const struct vtk_array *a,
                      struct sp_error *err) {
-    assert(a->count >= 1 && a->count <= SP_VOXELS_MAX);
-    uint64_t need = a->count * a->type->size, least = need; /* bytes in the file */
+    assert(a->count >= 1 && a->count <= 3 * SP_VOXELS_MAX);
+    uint64_t need = a->count * a->type->number.size, least = need; /* bytes in the file */
     struct blocks blocks;
     struct source *s = open_source(file, a, err);
     bool ok = s != NULL;
@@ -240,96 +241,148 @@ bool vtk_array_check(const struct import_file *file, const struct vtk_array *a,
 
 /* Values. */
 
-static void report(const struct import_progress *progress, uint64_t bytes) {
-    if (progress)
-        progress->report(progress->user, bytes);
+struct target {
+    char *out;                            /* NULL = to the vectors */
+    const struct import_vectors *vectors; /* NULL = to `out` */
+    const struct import_progress *progress;
+};
+
+/* Takes n bytes of values in native byte order that follow `at`; they are in `out` already if there
+ * are no vectors. */
+static void take_values(const struct target *t, const struct vtk_array *a, uint64_t at,
+                        const void *bytes, size_t n) {
+    size_t size = a->type->number.size;
+    if (t->vectors)
+        import_vectors_put(t->vectors, at / size, bytes, n / size);
+    import_report(t->progress, t->vectors ? (at + n) / size * sizeof(float) : at + n);
 }
 
-static bool read_plain(struct source *s, char *out, uint64_t need,
-                       const struct import_progress *progress, struct sp_error *err) {
-    size_t size = s->array->type->size;
-    bool swap = s->array->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
-    if (!pull_byte_count(s, need, err))
-        return false;
-    for (uint64_t at = 0; at < need;) {
-        size_t n = need - at < 16 * CHUNK ? (size_t)(need - at) : 16 * CHUNK;
-        if (!pull(s, out + at, n, err))
-            return false;
-        if (swap) /* while it is in the cache */
-            import_swap(out + at, size, n / size);
-        at += n;
-        report(progress, at);
-    }
-    return true;
-}
+/* zlib data in blocks, unpacked as one stream. */
 
-/* Unpacks one block of `packed` bytes, which must become exactly `size` bytes. */
-static bool inflate_block(struct source *s, z_stream *z, uint64_t packed, void *out, uint64_t size,
-                          struct sp_error *err) {
+struct unpacker {
+    struct source *source;
+    struct blocks blocks;
+    uint64_t *sizes;       /* packed bytes of each block; owned */
+    uint64_t next;         /* block */
+    uint64_t packed, left; /* of the current block: bytes to read, bytes to unpack */
+    z_stream z;
     uint8_t in[CHUNK];
-    inflateReset(z);
-    z->next_out = out;
-    z->avail_out = (unsigned)size;
-    z->avail_in = 0;
-    for (int status = Z_OK; status != Z_STREAM_END;) {
-        if (z->avail_in == 0 && packed > 0) {
-            size_t n = packed < CHUNK ? (size_t)packed : CHUNK;
-            if (!pull(s, in, n, err))
-                return false;
-            packed -= n;
-            z->next_in = in;
-            z->avail_in = (unsigned)n;
-        }
-        status = inflate(z, Z_NO_FLUSH);
-        if (status == Z_MEM_ERROR)
-            return sp_fail(err, SP_ERR_MEMORY, s->file->shown,
-                           "out of memory while unpacking zlib");
-        if (status == Z_BUF_ERROR)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                               z->avail_in ? "a block of zlib data is larger than declared"
-                                           : "a block of zlib data is cut off");
-        if (status != Z_OK && status != Z_STREAM_END)
-            return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
-                               "the zlib data is damaged: %s", z->msg ? z->msg : "no reason");
+};
+
+static void close_unpacker(struct unpacker *u) {
+    if (!u)
+        return;
+    inflateEnd(&u->z);
+    free(u->sizes);
+    free(u);
+}
+
+/* Reads the lengths of `need` bytes of values. */
+static struct unpacker *open_unpacker(struct source *s, uint64_t need, struct sp_error *err) {
+    struct blocks b;
+    if (!pull_blocks(s, need, &b, err))
+        return NULL;
+    struct unpacker *u = calloc(1, sizeof *u);
+    if (u && inflateInit(&u->z) != Z_OK) {
+        free(u);
+        u = NULL;
     }
-    if (z->avail_out || z->avail_in || packed)
+    if (u) {
+        u->source = s;
+        u->blocks = b;
+        u->sizes = malloc(b.count * sizeof *u->sizes);
+    }
+    bool ok = u && u->sizes;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory for %" PRIu64 " zlib blocks",
+                b.count);
+    for (uint64_t i = 0; ok && i < b.count; i++)
+        ok = pull_length(s, &u->sizes[i], err);
+    if (ok)
+        return u;
+    close_unpacker(u);
+    return NULL;
+}
+
+static bool check_inflated(const struct unpacker *u, int status, struct sp_error *err) {
+    const struct source *s = u->source;
+    if (status == Z_MEM_ERROR)
+        return sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while unpacking zlib");
+    if (status == Z_BUF_ERROR)
+        return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+                           u->z.avail_in ? "a block of zlib data is larger than declared"
+                                         : "a block of zlib data is cut off");
+    return status == Z_OK || status == Z_STREAM_END ||
+           import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
+                       "the zlib data is damaged: %s", u->z.msg ? u->z.msg : "no reason");
+}
+
+/* Unpacks the next n bytes of the current block; its last bytes must also end its data. */
+static bool inflate_part(struct unpacker *u, void *out, size_t n, struct sp_error *err) {
+    struct source *s = u->source;
+    bool is_last = n == u->left;
+    int status = Z_OK;
+    u->z.next_out = out;
+    u->z.avail_out = (unsigned)n;
+    while (status != Z_STREAM_END && (is_last || u->z.avail_out > 0)) {
+        if (u->z.avail_in == 0 && u->packed > 0) {
+            size_t more = u->packed < CHUNK ? (size_t)u->packed : CHUNK;
+            if (!pull(s, u->in, more, err))
+                return false;
+            u->packed -= more;
+            u->z.next_in = u->in;
+            u->z.avail_in = (unsigned)more;
+        }
+        status = inflate(&u->z, Z_NO_FLUSH);
+        if (!check_inflated(u, status, err))
+            return false;
+    }
+    u->left -= n;
+    if (u->z.avail_out || (is_last && (u->z.avail_in || u->packed)))
         return import_fail(err, SP_ERR_FORMAT, s->file->shown, s->at, s->array->name,
                            "a block of zlib data is shorter than declared");
     return true;
 }
 
-static bool read_sizes(struct source *s, uint64_t *sizes, uint64_t count, struct sp_error *err) {
-    for (uint64_t i = 0; i < count; i++)
-        if (!pull_length(s, &sizes[i], err))
+static bool unpack(struct unpacker *u, char *out, size_t n, struct sp_error *err) {
+    while (n > 0) {
+        if (u->left == 0) {
+            inflateReset(&u->z);
+            u->z.avail_in = 0;
+            u->packed = u->sizes[u->next++];
+            u->left = u->next < u->blocks.count ? u->blocks.size : u->blocks.last;
+        }
+        size_t part = n < u->left ? n : (size_t)u->left;
+        if (!inflate_part(u, out, part, err))
             return false;
+        out += part;
+        n -= part;
+    }
     return true;
 }
 
-static bool read_zlib(struct source *s, char *out, uint64_t need,
-                      const struct import_progress *progress, struct sp_error *err) {
-    struct blocks b;
-    size_t size = s->array->type->size;
-    if (!pull_blocks(s, need, &b, err))
-        return false;
-    uint64_t *sizes = malloc(b.count * sizeof *sizes);
-    z_stream z = { .next_in = NULL };
-    if (!sizes || inflateInit(&z) != Z_OK) {
-        free(sizes);
-        return sp_fail(err, SP_ERR_MEMORY, s->file->shown,
-                       "out of memory for %" PRIu64 " zlib blocks", b.count);
-    }
-    bool ok = read_sizes(s, sizes, b.count, err);
-    uint64_t at = 0;
-    for (uint64_t i = 0; ok && i < b.count; i++) {
-        uint64_t n = i + 1 < b.count ? b.size : b.last;
-        ok = inflate_block(s, &z, sizes[i], out + at, n, err);
+static bool read_bytes(struct source *s, const struct target *target, struct sp_error *err) {
+    const struct vtk_array *a = s->array;
+    size_t size = a->type->number.size;
+    uint64_t need = a->count * size;
+    bool swap = a->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__);
+    struct unpacker *u = a->zlib ? open_unpacker(s, need, err) : NULL;
+    char *run = target->vectors ? malloc(RUN) : NULL;
+    bool ok = a->zlib ? u != NULL : pull_byte_count(s, need, err);
+    if (ok && target->vectors && !run)
+        ok = sp_fail(err, SP_ERR_MEMORY, s->file->shown, "out of memory while reading %s", a->name);
+    for (uint64_t at = 0; ok && at < need;) {
+        size_t n = need - at < RUN ? (size_t)(need - at) : RUN;
+        char *out = run ? run : target->out + at;
+        ok = u ? unpack(u, out, n, err) : pull(s, out, n, err);
+        if (ok && swap) /* while it is in the cache */
+            import_swap(out, size, n / size);
+        if (ok)
+            take_values(target, a, at, out, n);
         at += n;
-        report(progress, ok ? at : 0);
     }
-    inflateEnd(&z);
-    free(sizes);
-    if (ok && s->array->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
-        import_swap(out, size, need / size);
+    free(run);
+    close_unpacker(u);
     return ok;
 }
 
@@ -342,26 +395,28 @@ static bool read_zlib(struct source *s, char *out, uint64_t need,
 /* Parses one number into the native form of its type. False if it is none or out of range. */
 static bool store_word(const char *word, const struct vtk_type *type, void *out) {
     char *end;
-    if (type->kind == VTK_FLOAT && type->size == 4) {
+    if (type->number.kind == IMPORT_FLOAT && type->number.size == 4) {
         STORE(float, strtof(word, &end));
         return end != word && !*end;
     }
     double value = strtod(word, &end);
     if (end == word || *end)
         return false;
-    if (type->kind == VTK_FLOAT) {
+    if (type->number.kind == IMPORT_FLOAT) {
         STORE(double, value);
         return true;
     }
-    double steps = ldexp(1, 8 * (int)type->size);
-    double low = type->kind == VTK_SIGNED ? -steps / 2 : 0;
+    double steps = ldexp(1, 8 * (int)type->number.size);
+    double low = type->number.kind == IMPORT_SIGNED ? -steps / 2 : 0;
     if (!(value >= low && value < low + steps) || value != trunc(value))
         return false;
-    if (type->size == 8) /* beyond the precision of a double; only coordinates have this type */
-        STORE(uint64_t, type->kind == VTK_SIGNED ? (uint64_t)(int64_t)value : (uint64_t)value);
-    else if (type->size == 4)
+    if (type->number.size ==
+        8) /* only coordinates and vectors have this type; rounded to 53 bits */
+        STORE(uint64_t,
+              type->number.kind == IMPORT_SIGNED ? (uint64_t)(int64_t)value : (uint64_t)value);
+    else if (type->number.size == 4)
         STORE(uint32_t, (int64_t)value);
-    else if (type->size == 2)
+    else if (type->number.size == 2)
         STORE(uint16_t, (int64_t)value);
     else
         STORE(uint8_t, (int64_t)value);
@@ -374,45 +429,60 @@ static bool is_number(const char *word) {
     return end != word && !*end;
 }
 
-static bool read_words(const struct import_file *file, const struct vtk_array *a, char *out,
-                       const struct import_progress *progress, struct sp_error *err) {
+static bool read_words(const struct import_file *file, const struct vtk_array *a,
+                       const struct target *target, struct sp_error *err) {
     struct vtk_text *text = malloc(sizeof *text);
     if (!text)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", a->name);
     vtk_text_init(text, file, a->begin, a->end < file->size ? a->end : file->size);
-    char word[VTK_WORD_MAX + 1];
+    char word[VTK_WORD_MAX + 1], *run = target->vectors ? malloc(RUN) : NULL;
+    size_t size = a->type->number.size, in_run = RUN / size;
     uint64_t byte;
-    bool ok = true;
+    bool ok = run || !target->vectors ||
+              sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", a->name);
     for (uint64_t i = 0; ok && i < a->count; i++) {
+        char *out = run ? run : target->out + i / in_run * RUN;
+        size_t at = i % in_run;
         ok = vtk_text_word(text, word, &byte, err);
         if (ok && !word[0])
             ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                              "the data ends after %" PRIu64 " of %" PRIu64 " values", i, a->count);
-        else if (ok && !store_word(word, a->type, out + i * a->type->size))
+        else if (ok && !store_word(word, a->type, out + at * size))
             ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                              "value %" PRIu64 ", \"%.40s\", is not of type %s", i, word,
                              a->type->legacy);
-        if (i % CHUNK == CHUNK - 1 || i + 1 == a->count)
-            report(progress, ok ? (i + 1) * a->type->size : 0);
+        if (ok && (at + 1 == in_run || i + 1 == a->count))
+            take_values(target, a, (i - at) * size, out, (at + 1) * size);
     }
     ok = ok && vtk_text_word(text, word, &byte, err);
     if (ok && is_number(word))
         ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                          "more than %" PRIu64 " values: a count is wrong", a->count);
     free(text);
+    free(run);
+    return ok;
+}
+
+static bool read_values(const struct import_file *file, const struct vtk_array *a,
+                        const struct target *target, struct sp_error *err) {
+    if (a->form == VTK_WORDS)
+        return read_words(file, a, target, err);
+    struct source *s = open_source(file, a, err);
+    bool ok = s && read_bytes(s, target, err);
+    free(s);
     return ok;
 }
 
 bool vtk_array_read(const struct import_file *file, const struct vtk_array *a, void *out,
                     const struct import_progress *progress, struct sp_error *err) {
-    if (a->form == VTK_WORDS)
-        return read_words(file, a, out, progress, err);
-    struct source *s = open_source(file, a, err);
-    uint64_t need = a->count * a->type->size;
-    bool ok = s && (a->zlib ? read_zlib(s, out, need, progress, err)
-                            : read_plain(s, out, need, progress, err));
-    free(s);
-    return ok;
+    return read_values(file, a, &(struct target){ .out = out, .progress = progress }, err);
+}
+
+bool vtk_array_read_vectors(const struct import_file *file, const struct vtk_array *a,
+                            float (*out)[3], const struct import_progress *progress,
+                            struct sp_error *err) {
+    const struct import_vectors vectors = { a->type->number, a->count / 3, false, out };
+    return read_values(file, a, &(struct target){ .vectors = &vectors, .progress = progress }, err);
 }
 
 static double widen(const void *p, const struct vtk_type *type) {
@@ -424,11 +494,11 @@ static double widen(const void *p, const struct vtk_type *type) {
         float f;
         double d;
     } v;
-    memcpy(&v, p, type->size);
-    if (type->kind == VTK_FLOAT)
-        return type->size == 4 ? (double)v.f : v.d;
-    bool is_signed = type->kind == VTK_SIGNED;
-    switch (type->size) {
+    memcpy(&v, p, type->number.size);
+    if (type->number.kind == IMPORT_FLOAT)
+        return type->number.size == 4 ? (double)v.f : v.d;
+    bool is_signed = type->number.kind == IMPORT_SIGNED;
+    switch (type->number.size) {
     case 1:
         return is_signed ? (int8_t)v.u8 : v.u8;
     case 2:
@@ -442,14 +512,14 @@ static double widen(const void *p, const struct vtk_type *type) {
 
 double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_array *a,
                                struct sp_error *err) {
-    char *values = malloc(a->count * a->type->size);
+    char *values = malloc(a->count * a->type->number.size);
     double *numbers = malloc(a->count * sizeof *numbers);
     bool ok = values && numbers;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %s", a->name);
     ok = ok && vtk_array_read(file, a, values, NULL, err);
     for (uint64_t i = 0; ok && i < a->count; i++)
-        numbers[i] = widen(values + i * a->type->size, a->type);
+        numbers[i] = widen(values + i * a->type->number.size, a->type);
     free(values);
     if (ok)
         return numbers;

@@ -15,9 +15,8 @@
 
 struct vtk_type {
     const char *legacy, *xml; /* the name in files; NULL = none */
-    enum { VTK_SIGNED, VTK_UNSIGNED, VTK_FLOAT } kind;
-    size_t size; /* bytes per value */
-    int sample;  /* enum sp_type, or -1 if no volume has such samples */
+    struct import_number number;
+    int sample; /* enum sp_type, or -1 if no volume has such samples; vectors may have any type */
 };
 
 /* Finds a type by its name in XML files or in legacy files (any case); NULL if there is none. */
@@ -28,7 +27,7 @@ enum vtk_form { VTK_WORDS, VTK_BYTES, VTK_BASE64 };
 struct vtk_array {
     char name[96]; /* the name in errors */
     const struct vtk_type *type;
-    uint64_t count; /* values, [1, SP_VOXELS_MAX] */
+    uint64_t count; /* values, [1, 3 · SP_VOXELS_MAX] */
     enum vtk_form form;
     bool big_endian;      /* values and lengths */
     bool zlib;            /* length_size is not 0 */
@@ -40,10 +39,15 @@ struct vtk_array {
 bool vtk_array_check(const struct import_file *file, const struct vtk_array *array,
                      struct sp_error *err);
 
-/* Reads all values into count · type->size bytes, in native byte order. `progress` may be NULL.
- * Unpacking stops at the first byte beyond that size. */
+/* Reads all values into count · type->number.size bytes, in native byte order. `progress` may be
+ * NULL. Unpacking stops at the first byte beyond that size. */
 bool vtk_array_read(const struct import_file *file, const struct vtk_array *array, void *out,
                     const struct import_progress *progress, struct sp_error *err);
+
+/* Reads count / 3 vectors, whose components alternate, as float32. */
+bool vtk_array_read_vectors(const struct import_file *file, const struct vtk_array *array,
+                            float (*out)[3], const struct import_progress *progress,
+                            struct sp_error *err);
 
 /* Reads a small array as doubles into malloc'ed memory of the caller. NULL with *err set on
  * failure. */

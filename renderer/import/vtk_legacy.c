@@ -1,8 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Legacy VTK files: five lines of text, then keywords. Each keyword is followed by its numbers,
- * as words or as big-endian bytes. Arrays that the reader does not need are skipped by their size.
+ * as words or as big-endian bytes. Arrays are skipped by their size; read() returns to those of the
+ * volume.
  */
+#include <ctype.h>
 #include <inttypes.h>
 #include <stdarg.h>
 #include <stdio.h>
@@ -29,8 +31,8 @@ struct legacy { /* state while the file is read */
     bool words;       /* ASCII */
     bool rectilinear, has_dataset;
     enum { NOWHERE, POINTS, CELLS } section;
-    bool found;              /* volume->samples are SCALARS: the search is over */
-    bool has_field;          /* volume->samples are the first suitable array of a FIELD */
+    /* Whether the first SCALARS and VECTORS are found, which are better than other arrays. */
+    bool has_scalars, has_vectors;
     uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
     char others[160];        /* other data in the file, for errors */
 };
@@ -202,7 +204,7 @@ static bool take_coordinates(struct legacy *l, const char *keyword) {
     struct vtk_array a = array_here(l, keyword, type->legacy, type, count);
     l->volume->positions[axis] =
         vtk_array_check(l->file, &a, l->err) ? vtk_array_read_numbers(l->file, &a, l->err) : NULL;
-    return l->volume->positions[axis] && skip_values(l, keyword, count, type->size);
+    return l->volume->positions[axis] && skip_values(l, keyword, count, type->number.size);
 }
 
 /* The attributes. */
@@ -211,7 +213,11 @@ static bool begin_section(struct legacy *l, const char *keyword, int section) {
     l->section = section;
     if (!l->grid_at)
         return refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
-    return next_count(l, keyword, COUNT_MAX, &l->tuples);
+    if (!next_count(l, keyword, COUNT_MAX, &l->tuples))
+        return false;
+    return l->points <= SP_VOXELS_MAX ||
+           import_fail(l->err, SP_ERR_FORMAT, l->file->shown, l->grid_at, "DIMENSIONS",
+                       "more than %" PRIu64 " voxels", SP_VOXELS_MAX);
 }
 
 static bool take_points(struct legacy *l, const char *keyword) {
@@ -239,6 +245,43 @@ static void list_other(struct legacy *l, const char *keyword, const char *name) 
         vtk_list(l->others, text);
 }
 
+/* Copies the name of an array. VTK writes odd characters as %XX. */
+static void take_name(char out[SP_FIELD_BYTES], const char *name) {
+    char plain[VTK_WORD_MAX + 1];
+    size_t n = 0;
+    for (const char *c = name; *c && n < VTK_WORD_MAX; n++) {
+        char digits[3] = { c[0] == '%' ? c[1] : 0, c[0] == '%' && c[1] ? c[2] : 0 }, *end;
+        long code = strtol(digits, &end, 16);
+        bool is_code = isxdigit((unsigned char)digits[0]) && end == digits + 2;
+        plain[n] = is_code ? (char)code : *c;
+        c += is_code ? 3 : 1;
+    }
+    plain[n] = 0;
+    import_name(out, plain);
+}
+
+/* Takes the array of points that begins here as samples or vectors, unless there is one that is not
+ * worse. */
+static void take_samples(struct legacy *l, const char *keyword, const char *name,
+                         const struct vtk_type *type) {
+    bool is_best = strcasecmp(keyword, "SCALARS") == 0;
+    if (l->volume->samples.type && (!is_best || l->has_scalars))
+        return;
+    l->has_scalars = is_best;
+    l->volume->samples = array_here(l, keyword, name, type, l->points);
+    take_name(l->header->value_name, name);
+}
+
+static void take_vectors(struct legacy *l, const char *keyword, const char *name,
+                         const struct vtk_type *type) {
+    bool is_best = strcasecmp(keyword, "VECTORS") == 0;
+    if (l->volume->vectors.type && (!is_best || l->has_vectors))
+        return;
+    l->has_vectors = is_best;
+    l->volume->vectors = array_here(l, keyword, name, type, 3 * l->points);
+    take_name(l->header->vector_name, name);
+}
+
 static bool take_scalars(struct legacy *l, const char *keyword) {
     char line[512], name[256] = "", kind[64] = "", word[VTK_WORD_MAX + 1];
     int components = 1;
@@ -258,17 +301,14 @@ static bool take_scalars(struct legacy *l, const char *keyword) {
                       "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
     if (!next_word(l, word) || !end_line(l))
         return false;
-    if (l->section == POINTS && components == 1) {
-        l->volume->samples = array_here(l, keyword, name, type, l->points);
-        l->found = true;
-        return true;
-    }
     list_other(l, keyword, name);
-    return skip_values(l, keyword, l->tuples * (unsigned)components, type->size);
+    if (l->section == POINTS && components == 1)
+        take_samples(l, keyword, name, type);
+    return skip_values(l, keyword, l->tuples * (unsigned)components, type->number.size);
 }
 
 /* Attributes with NAME, TYPE and a fixed number of components. */
-static bool skip_attribute(struct legacy *l, const char *keyword) {
+static bool take_attribute(struct legacy *l, const char *keyword) {
     static const struct {
         const char *keyword;
         unsigned components;
@@ -284,7 +324,9 @@ static bool skip_attribute(struct legacy *l, const char *keyword) {
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcasecmp(keyword, known[i].keyword) == 0)
             components = known[i].components;
-    return skip_values(l, keyword, l->tuples * components, type->size);
+    if (l->section == POINTS && components == 3)
+        take_vectors(l, keyword, name, type);
+    return skip_values(l, keyword, l->tuples * components, type->number.size);
 }
 
 static bool skip_texture(struct legacy *l, const char *keyword) {
@@ -293,7 +335,7 @@ static bool skip_texture(struct legacy *l, const char *keyword) {
     const struct vtk_type *type;
     return check_section(l, keyword) && next_word(l, name) &&
            next_count(l, keyword, 3, &components) && next_type(l, keyword, &type) && end_line(l) &&
-           skip_values(l, keyword, l->tuples * components, type->size);
+           skip_values(l, keyword, l->tuples * components, type->number.size);
 }
 
 /* Colours: words between 0 and 1, or bytes. */
@@ -334,15 +376,13 @@ static bool take_field(struct legacy *l, const char *keyword) {
         if (!next_count(l, name, COMPONENTS_MAX, &components) ||
             !next_count(l, name, COUNT_MAX, &tuples) || !next_type(l, name, &type) || !end_line(l))
             return false;
-        bool fits = l->section == POINTS && components == 1 && tuples == l->points &&
-                    type->sample >= 0 && !l->has_field;
-        if (fits) {
-            l->volume->samples = array_here(l, keyword, name, type, tuples);
-            l->has_field = true;
-        } else {
-            list_other(l, keyword, name);
-        }
-        if (!skip_values(l, name, tuples * components, type->size))
+        list_other(l, keyword, name);
+        bool is_of_points = l->section == POINTS && tuples == l->points;
+        if (is_of_points && components == 1 && type->sample >= 0)
+            take_samples(l, keyword, name, type);
+        if (is_of_points && components == 3 && type->sample != SP_UINT8) /* not colours */
+            take_vectors(l, keyword, name, type);
+        if (!skip_values(l, name, tuples * components, type->number.size))
             return false;
     }
     return true;
@@ -364,13 +404,13 @@ static bool take_keyword(struct legacy *l, const char *word) {
                   { "CELL_DATA", take_cells },
                   { "SCALARS", take_scalars },
                   { "FIELD", take_field },
-                  { "VECTORS", skip_attribute },
-                  { "NORMALS", skip_attribute },
-                  { "TENSORS", skip_attribute },
-                  { "TENSORS6", skip_attribute },
-                  { "GLOBAL_IDS", skip_attribute },
-                  { "PEDIGREE_IDS", skip_attribute },
-                  { "EDGE_FLAGS", skip_attribute },
+                  { "VECTORS", take_attribute },
+                  { "NORMALS", take_attribute },
+                  { "TENSORS", take_attribute },
+                  { "TENSORS6", take_attribute },
+                  { "GLOBAL_IDS", take_attribute },
+                  { "PEDIGREE_IDS", take_attribute },
+                  { "EDGE_FLAGS", take_attribute },
                   { "TEXTURE_COORDINATES", skip_texture },
                   { "COLOR_SCALARS", skip_colors },
                   { "LOOKUP_TABLE", skip_table } };
@@ -380,7 +420,8 @@ static bool take_keyword(struct legacy *l, const char *word) {
                 return refuse(l, SP_ERR_FORMAT, known[i].keyword, "comes before DATASET");
             return known[i].take(l, known[i].keyword);
         }
-    return refuse(l, SP_ERR_FORMAT, NULL, "\"%.40s\" is not a keyword of a VTK file", word);
+    return refuse(l, SP_ERR_FORMAT, NULL,
+                  "\"%.40s\" is not a keyword of a VTK file, or a count before it is wrong", word);
 }
 
 static bool take_preamble(struct legacy *l) {
@@ -415,19 +456,19 @@ static bool check_found(struct legacy *l) {
                 l, SP_ERR_FORMAT,
                 (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
                 "are missing");
-    if (l->found || l->has_field)
+    if (l->volume->samples.type || l->volume->vectors.type)
         return true;
     return refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
-                  "the points have no scalars; the file has %s",
+                  "the points have neither scalars nor vectors; the file has %s",
                   l->others[0] ? l->others : "no data");
 }
 
 static bool take_all(struct legacy *l) {
     char word[VTK_WORD_MAX + 1];
-    import_grid_init(&l->header->grid);
+    import_header_init(l->header);
     if (!take_preamble(l))
         return false;
-    while (!l->found) {
+    while (!(l->has_scalars && l->has_vectors)) {
         if (!next_keyword(l, word))
             return false;
         if (!word[0])

@@ -28,6 +28,8 @@ struct data_array {
     bool used, appended;
 };
 
+enum { SAMPLES, VECTORS };
+
 struct xml { /* state while the file is read */
     const struct import_file *file;
     struct import_header *header;
@@ -42,10 +44,11 @@ struct xml { /* state while the file is read */
     uint64_t grid_at; /* offset of the grid's element; 0 = not seen */
     bool in_grid, in_points, in_coordinates;
     double origin[3], spacing[3], direction[9];
-    int32_t first[3]; /* first sample of the extent */
-    char scalars[96]; /* the array that PointData selects */
-    struct data_array samples, coordinates[3];
-    bool is_named; /* `samples` is the array that PointData selects */
+    int32_t first[3];           /* first sample of the extent */
+    char selected[2][96];       /* the Scalars and Vectors that PointData selects */
+    struct data_array found[2]; /* samples and vectors */
+    bool is_selected[2];        /* PointData selects the array that is found */
+    struct data_array coordinates[3];
     unsigned coordinate_count;
     struct data_array *inside; /* the array whose text is being parsed; NULL = none */
     bool appended_base64;
@@ -187,9 +190,12 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
 static void take_part(struct xml *x, const char *name, const char **attributes) {
     x->in_points = strcmp(name, "PointData") == 0;
     x->in_coordinates = strcmp(name, "Coordinates") == 0;
-    const char *scalars = x->in_points ? find(attributes, "Scalars") : NULL;
-    if (scalars)
-        snprintf(x->scalars, sizeof x->scalars, "%s", scalars);
+    static const char *const selections[] = { [SAMPLES] = "Scalars", [VECTORS] = "Vectors" };
+    for (int kind = SAMPLES; kind <= VECTORS && x->in_points; kind++) {
+        const char *array = find(attributes, selections[kind]);
+        if (array)
+            snprintf(x->selected[kind], sizeof x->selected[kind], "%s", array);
+    }
 }
 
 /* Fills *out, except `components`. */
@@ -225,7 +231,8 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
     return true;
 }
 
-/* Takes the array that PointData selects, or else the first array with one component. */
+/* Takes the array that PointData selects as scalars or vectors, or else the first array with one or
+ * three components. Three bytes per point are colours if PointData does not select them. */
 static struct data_array *choose_slot(struct xml *x, const char *name, const char *type,
                                       uint64_t components) {
     if (x->in_coordinates && x->coordinate_count == 3) {
@@ -234,11 +241,16 @@ static struct data_array *choose_slot(struct xml *x, const char *name, const cha
     }
     if (x->in_coordinates)
         return &x->coordinates[x->coordinate_count++];
-    bool is_named = x->scalars[0] && strcmp(x->scalars, name) == 0;
-    if (components == 1 && type && vtk_find_type(type, true) &&
-        (!x->samples.used || (is_named && !x->is_named))) {
-        x->is_named = is_named;
-        return &x->samples;
+    int kind = components == 3 ? VECTORS : SAMPLES;
+    struct data_array *slot = &x->found[kind];
+    const struct vtk_type *known = vtk_find_type(type ? type : "", true);
+    bool is_selected = x->selected[kind][0] && strcmp(x->selected[kind], name) == 0;
+    bool is_color = kind == VECTORS && !is_selected && known && known->sample == SP_UINT8;
+    if ((components == 1 || components == 3) && known && !is_color &&
+        (!slot->used || (is_selected && !x->is_selected[kind]))) {
+        x->is_selected[kind] = is_selected;
+        import_name(kind == VECTORS ? x->header->vector_name : x->header->value_name, name);
+        return slot;
     }
     vtk_list(x->others, name);
     return NULL;
@@ -432,20 +444,24 @@ static bool take_image(struct xml *x) {
 }
 
 static bool take_all(struct xml *x) {
-    import_grid_init(&x->header->grid);
+    import_header_init(x->header);
     if (!parse(x) || (x->appended_at && !find_appended(x)))
         return false;
     const char *grid = x->rectilinear ? "RectilinearGrid" : "ImageData";
     if (!x->pieces)
         return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, grid,
                            "the file ends without a Piece");
-    if (!x->samples.used)
+    if (!x->found[SAMPLES].used && !x->found[VECTORS].used)
         return import_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, x->grid_at, "PointData",
-                           "the file has no array with one number per point; it has %s",
+                           "the file has no array with one number or three per point; it has %s",
                            x->others[0] ? x->others : "no array of points, perhaps of cells");
-    if (!locate(x, &x->samples) || !(x->rectilinear ? take_coordinates(x) : take_image(x)))
+    for (int kind = SAMPLES; kind <= VECTORS; kind++)
+        if (x->found[kind].used && !locate(x, &x->found[kind]))
+            return false;
+    if (!(x->rectilinear ? take_coordinates(x) : take_image(x)))
         return false;
-    x->volume->samples = x->samples.array;
+    x->volume->samples = x->found[SAMPLES].array;
+    x->volume->vectors = x->found[VECTORS].array;
     return vtk_complete(x->volume, x->header, x->grid_at, grid, x->err);
 }
 

@@ -18,15 +18,17 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         abort();
     if (m.kind == SP_HANDOVER_HEADER) {
         struct sp_grid grid = { .coordinates = { NULL } };
-        uint64_t bytes, offset[3], end = sp_handover_layout(&m.header, offset);
+        uint64_t bytes, end = sp_handover_layout(&m.header).bytes;
         memcpy(grid.dims, m.header.dims, sizeof grid.dims);
         memcpy(grid.spacing, m.header.spacing, sizeof grid.spacing);
         memcpy(grid.origin, m.header.origin, sizeof grid.origin);
         memcpy(grid.direction, m.header.direction, sizeof grid.direction);
         if (!sp_grid_check(&grid, (enum sp_type)m.header.type, "input", &bytes, &err) ||
             bytes != m.header.bytes || end < bytes ||
-            end > bytes + UINT64_C(3) * 8 * SP_DIM_MAX + 24 ||
-            !memchr(m.header.unit, 0, sizeof m.header.unit))
+            end > 13 * bytes + UINT64_C(3) * 8 * SP_DIM_MAX + 2 * 64 ||
+            !memchr(m.header.unit, 0, sizeof m.header.unit) ||
+            !memchr(m.header.value_name, 0, sizeof m.header.value_name) ||
+            !memchr(m.header.vector_name, 0, sizeof m.header.vector_name))
             abort();
     }
     return 0;

@@ -7,6 +7,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "import/vectors.h"
 #include "volume/volume.h"
 
 enum { READ_MAX = 1 << 20 }; /* bytes of samples */
@@ -39,11 +40,20 @@ static void ignore(void *user, uint64_t bytes_done) {
 
 static void read_samples(const struct import_format *format, void *reader,
                          const struct import_header *header) {
-    const struct import_progress progress = { ignore, NULL };
-    struct sp_error err;
-    void *voxels = malloc(header->bytes); /* exact size, so that a write past the end is found */
-    if (voxels && !format->read(reader, voxels, &progress, &err) && err.code == SP_OK)
-        abort();
+    const struct import_progress progress = { .report = ignore };
+    struct sp_error err = { .code = SP_OK };
+    uint64_t count = header->bytes / sp_type_size(header->type);
+    /* Exact sizes, so that a write past the end is found. */
+    void *voxels = malloc(header->bytes);
+    float(*vectors)[3] = header->has_vectors ? malloc(count * sizeof *vectors) : NULL;
+    if (voxels && (vectors || !header->has_vectors)) {
+        bool ok = format->read(reader, voxels, vectors, &progress, &err);
+        if (!ok && err.code == SP_OK)
+            abort();
+        if (ok && vectors)
+            import_vectors_finish(header, vectors, voxels);
+    }
+    free(vectors);
     free(voxels);
 }
 
@@ -65,7 +75,10 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
     if (reader) {
         uint64_t bytes;
         if (!sp_grid_check(&header.grid, header.type, shown, &bytes, &err) ||
-            bytes != header.bytes || !memchr(header.unit, 0, sizeof header.unit))
+            bytes != header.bytes || !memchr(header.unit, 0, sizeof header.unit) ||
+            !memchr(header.value_name, 0, sizeof header.value_name) ||
+            !memchr(header.vector_name, 0, sizeof header.vector_name) ||
+            (header.samples_are_lengths && !(header.has_vectors && header.type == SP_FLOAT32)))
             abort();
         if (bytes <= READ_MAX)
             read_samples(format, reader, &header);

@@ -87,29 +87,57 @@ static void a_changed_byte_never_gives_an_invalid_grid(void **state) {
                 assert_true(isfinite(h->origin[a]));
             }
             assert_non_null(memchr(h->unit, 0, sizeof h->unit));
+            assert_non_null(memchr(h->value_name, 0, sizeof h->value_name));
+            assert_non_null(memchr(h->vector_name, 0, sizeof h->vector_name));
             assert_compare(h->rectilinear, <, 8);
+            assert_compare(h->has_vectors, <, 2);
             assert_true(sp_anatomy_is_valid(h->anatomy));
         }
     assert_compare(refused, >, 200);
 }
 
-static void coordinates_are_laid_out_after_the_samples(void **state) {
+static void vectors_and_coordinates_are_laid_out_after_the_samples(void **state) {
     (void)state;
-    struct sp_handover m = valid_header();
-    uint64_t offset[3];
-    assert_int_equal(sp_handover_layout(&m.header, offset), 120);
-    assert_int_equal(offset[0], 0);
-    assert_int_equal(offset[1], 0);
-    assert_int_equal(offset[2], 0);
+    struct sp_handover m = valid_header(); /* 60 samples in 120 bytes */
+    struct sp_handover_layout layout = sp_handover_layout(&m.header);
+    assert_int_equal(layout.bytes, 128);
+    assert_int_equal(layout.vectors_at, 0);
+    for (int a = 0; a < 3; a++)
+        assert_int_equal(layout.coordinates_at[a], 0);
     m.header.rectilinear = 5;
-    assert_int_equal(sp_handover_layout(&m.header, offset), 120 + 3 * 8 + 5 * 8);
-    assert_int_equal(offset[0], 120);
-    assert_int_equal(offset[1], 0);
-    assert_int_equal(offset[2], 144);
-    m.header.bytes = 121; /* coordinates begin at the next multiple of 8 bytes */
-    assert_int_equal(sp_handover_layout(&m.header, offset), 128 + 3 * 8 + 5 * 8);
-    assert_int_equal(offset[0], 128);
-    assert_int_equal(offset[2], 152);
+    layout = sp_handover_layout(&m.header);
+    assert_int_equal(layout.bytes, 128 + 3 * 8 + 5 * 8);
+    assert_int_equal(layout.coordinates_at[0], 128);
+    assert_int_equal(layout.coordinates_at[1], 0);
+    assert_int_equal(layout.coordinates_at[2], 128 + 3 * 8);
+    m.header.has_vectors = 1;
+    layout = sp_handover_layout(&m.header);
+    assert_int_equal(layout.vectors_at, 128);
+    assert_int_equal(layout.coordinates_at[0], 128 + 60 * 12 + 48); /* a multiple of 64 */
+    assert_int_equal(layout.bytes, 128 + 60 * 12 + 48 + 3 * 8 + 5 * 8);
+}
+
+static void names_of_fields_are_checked_and_cleaned(void **state) {
+    (void)state;
+    struct sp_handover in = valid_header(), out;
+    struct sp_error err;
+    in.header.has_vectors = 1;
+    strcpy(in.header.value_name, "p\n");
+    memset(in.header.vector_name, 'v', SP_FIELD_BYTES - 1);
+    size_t size = sp_handover_size(SP_HANDOVER_HEADER);
+    assert_true(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_string_equal(out.header.value_name, "p?");
+    assert_int_equal(strlen(out.header.vector_name), SP_FIELD_BYTES - 1);
+    in.header.vector_name[SP_FIELD_BYTES - 1] = 'v';
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "a name that is not terminated"));
+    strcpy(in.header.vector_name, "v");
+    in.header.has_vectors = 0;
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "named vectors that it does not have"));
+    in.header.has_vectors = 2;
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "vectors of an unknown kind"));
 }
 
 static void only_paths_inside_a_folder_are_below_it(void **state) {
@@ -130,7 +158,8 @@ int main(void) {
         cmocka_unit_test(valid_messages_are_decoded_unchanged),
         cmocka_unit_test(wrong_sizes_are_refused),
         cmocka_unit_test(a_changed_byte_never_gives_an_invalid_grid),
-        cmocka_unit_test(coordinates_are_laid_out_after_the_samples),
+        cmocka_unit_test(vectors_and_coordinates_are_laid_out_after_the_samples),
+        cmocka_unit_test(names_of_fields_are_checked_and_cleaned),
         cmocka_unit_test(only_paths_inside_a_folder_are_below_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -143,6 +143,10 @@ static bool damage_header(const char *what, struct sp_handover *m) {
         memcpy(h->anatomy, "LRS", 4);
     else if (strcmp(what, "unit") == 0)
         memset(h->unit, 'm', sizeof h->unit);
+    else if (strcmp(what, "name") == 0)
+        memset(h->value_name, 'n', sizeof h->value_name);
+    else if (strcmp(what, "vectors") == 0)
+        h->has_vectors = 3;
     else
         return false;
     return true;

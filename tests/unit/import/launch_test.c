@@ -60,7 +60,7 @@ static void misbehaving_importers_are_errors(void **state) {
         { "error-ok", SP_ERR_CRASHED, "failed with code 0" },
         { "error-endless", SP_ERR_CRASHED, "error message that is not terminated" },
         { "error-escape", SP_ERR_FORMAT, "bad??[2Jfile" },
-        { "version", SP_ERR_CRASHED, "version 77 of the handover and this program version 3" },
+        { "version", SP_ERR_CRASHED, "version 77 of the handover and this program version 4" },
         { "magic", SP_ERR_CRASHED, "starts with 00000000" },
         { "type", SP_ERR_CRASHED, "sample type 12" },
         { "zero", SP_ERR_CRASHED, "dims[1] is 0" },
@@ -74,6 +74,8 @@ static void misbehaving_importers_are_errors(void **state) {
         { "axes", SP_ERR_CRASHED, "axes of an unknown kind" },
         { "anatomy", SP_ERR_CRASHED, "unknown anatomical directions" },
         { "unit", SP_ERR_CRASHED, "unit that is not terminated" },
+        { "name", SP_ERR_CRASHED, "name that is not terminated" },
+        { "vectors", SP_ERR_CRASHED, "vectors of an unknown kind" },
         { "coordinates-fall", SP_ERR_CRASHED, "coordinates[1]: the step from" },
         { "coordinates-nan", SP_ERR_CRASHED, "coordinates[1]: the step from" },
         { "coordinates-none", SP_ERR_CRASHED, "bad grid: coordinates[1]: the step from" },
@@ -282,7 +284,7 @@ static void the_budget_is_checked_before_memory_is_allocated(void **state) {
     struct sp_volume *volume = sp_volume_load(in_folder("tiny.nrrd"), &options, &err);
     assert_non_null(volume);
     assert_int_equal(calls.reserves, 1);
-    assert_int_equal(calls.bytes, 4);
+    assert_int_equal(calls.bytes, 64); /* the memory is laid out in lines of 64 bytes */
     assert_compare(calls.last, ==, 1);
     assert_compare(calls.progresses, >=, 2);
     sp_volume_unref(&volume);

@@ -137,6 +137,35 @@ static void the_space_of_a_patient_is_read(void **state) {
 
 #define GRADED "{\"dims\": [5,4,3], \"type\": \"uint8\", \"file\": \"s.bin\", \"coordinates\": "
 
+static void three_components_are_vectors(void **state) {
+    (void)state;
+    float values[3 * 6];
+    make_ramp(SP_FLOAT32, 18, values);
+    write_file("v.bin", values, sizeof values);
+    static const char text[] =
+        "{\"dims\": [3, 2, 1], \"type\": \"float32\", \"endian\": \"little\", "
+        "\"file\": \"v.bin\", \"components\": %d%s}";
+    write_text("v.json", text, 3, "");
+    struct sp_volume *volume = load("v.json");
+    assert_are_vectors(volume, SP_FLOAT32, false);
+    assert_string_equal(sp_volume_info(volume)->value_name, "magnitude");
+    sp_volume_unref(&volume);
+    /* In a left-handed space of a patient the vectors are mirrored with the grid. */
+    write_text("v.json", text, 3, ", \"space\": \"LAS\"");
+    volume = load("v.json");
+    for (int i = 0; i < 18; i++)
+        assert_compare(sp_volume_vectors(volume)[0][i], ==, i % 3 == 1 ? -values[i] : values[i]);
+    sp_volume_unref(&volume);
+
+    write_text("v.json", text, 2, "");
+    load_error("v.json", SP_ERR_FORMAT, "/components", "must be 1, or 3 for vectors");
+    write_text("v.json", text, 1, "");
+    load_error("v.json", SP_ERR_FORMAT, "v.bin: byte 24: dims", "has 48 more");
+    write_file("v.bin", values, sizeof values - 1);
+    write_text("v.json", text, 3, "");
+    load_error("v.json", SP_ERR_FORMAT, "dims", "need 72 bytes, the file has 71");
+}
+
 static void errors_explain_hostile_sidecars(void **state) {
     (void)state;
     static const struct {
@@ -260,6 +289,7 @@ int main(void) {
         cmocka_unit_test(geometry_equals_that_of_the_sidecar),
         cmocka_unit_test(axes_may_be_rectilinear),
         cmocka_unit_test(the_space_of_a_patient_is_read),
+        cmocka_unit_test(three_components_are_vectors),
         cmocka_unit_test(errors_explain_hostile_sidecars),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -2,6 +2,7 @@
 #include "unit/import/support.h"
 
 #include <ftw.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -160,4 +161,21 @@ void assert_is_ramp(const struct sp_volume *volume, size_t count) {
     make_ramp(info->type, count, expected);
     assert_memory_equal(sp_volume_voxels(volume), expected, bytes);
     free(expected);
+}
+
+void assert_are_vectors(const struct sp_volume *volume, enum sp_type type, bool planar) {
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const float(*vectors)[3] = sp_volume_vectors(volume), *lengths = sp_volume_voxels(volume);
+    size_t count = info->voxel_bytes / sizeof(float);
+    assert_int_equal(info->type, SP_FLOAT32);
+    assert_int_equal(info->vector_bytes, 3 * info->voxel_bytes);
+    for (size_t i = 0; i < count; i++) {
+        double square = 0;
+        for (size_t c = 0; c < 3; c++) {
+            double v = ramp_value(type, planar ? c * count + i : 3 * i + c);
+            assert_float_equal(vectors[i][c], v, 1e-7 * (1 + fabs(v)));
+            square += v * v;
+        }
+        assert_float_equal(lengths[i], sqrt(square), 2e-7 * (1 + sqrt(square)));
+    }
 }

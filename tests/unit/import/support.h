@@ -46,5 +46,8 @@ struct sp_load_options importer_options(void);
 void make_ramp(enum sp_type type, size_t count, void *out);
 double ramp_value(enum sp_type type, size_t i);
 void assert_is_ramp(const struct sp_volume *volume, size_t count);
+/* The vectors of the volume are the ramp, component after component or, if planar, all x first. Its
+ * samples are their lengths. */
+void assert_are_vectors(const struct sp_volume *volume, enum sp_type type, bool planar);
 
 #endif

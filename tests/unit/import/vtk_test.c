@@ -76,7 +76,7 @@ static void rectilinear_grids_keep_their_coordinates(void **state) {
                RECTILINEAR "X_COORDINATES 5 float\n-1 0 2 4.5 7\nMETADATA\nINFORMATION 0\n\n"
                            "Y_COORDINATES 4 int\n9 7 6 0\nZ_COORDINATES 3 double\n0.25 0.5 1\n"
                            "POINT_DATA 60\nSCALARS a unsigned_char 1\nLOOKUP_TABLE default\n%s\n"
-                           "VECTORS v float\n",
+                           "CELL_DATA 24\n",
                words);
     static const double x[] = { 0, 1, 3, 5.5, 8 }, y[] = { 0, 2, 3, 9 }, z[] = { 0, 0.25, 0.75 };
     struct sp_volume *volume = load("r.vtk");
@@ -180,11 +180,14 @@ static void other_arrays_are_skipped(void **state) {
     };
     for (size_t i = 0; i < sizeof before / sizeof before[0]; i++) {
         write_text("o.vtk",
-                   POINTS "%sSCALARS s short\nLOOKUP_TABLE default\n-1 2 3 4\nVECTORS w float\n",
+                   POINTS "%sSCALARS s short\nLOOKUP_TABLE default\n-1 2 3 4\nNORMALS w char\n"
+                          "9 8 7 6 5 4 3 2 1 0 -1 -2\n",
                    before[i]);
         struct sp_volume *volume = load("o.vtk");
         assert_int_equal(sp_volume_info(volume)->type, SP_INT16);
         assert_memory_equal(sp_volume_voxels(volume), ((int16_t[]){ -1, 2, 3, 4 }), 8);
+        assert_string_equal(sp_volume_info(volume)->value_name, "s");
+        assert_string_equal(sp_volume_info(volume)->vector_name, i == 4 ? "v" : "w");
         sp_volume_unref(&volume);
     }
     /* A binary file, whose title and other lines end in CR LF. */
@@ -198,6 +201,70 @@ static void other_arrays_are_skipped(void **state) {
     struct sp_volume *volume = load("o.vtk");
     assert_memory_equal(sp_volume_voxels(volume), ((int16_t[]){ 1, 2, 3, 4 }), 8);
     sp_volume_unref(&volume);
+}
+
+/* The vectors of each number type, in words and in bytes; their lengths are the samples. */
+static void vectors_of_every_type_are_read(void **state) {
+    (void)state;
+    static const char *const others[] = { "unsigned_int", "long", "unsigned_long" };
+    for (int t = 0; t < SP_TYPE_COUNT + 3; t++)
+        for (int binary = 0; binary < 2; binary++) {
+            enum sp_type type = t < SP_TYPE_COUNT ? (enum sp_type)t : SP_UINT8;
+            double values[12];
+            char text[512], *words = binary ? NULL : make_words(type, 12);
+            make_bytes(type, 12, values);
+            size_t size = sp_type_size(type);
+            if (t >= SP_TYPE_COUNT) { /* the ramp of uint8 in wider integers */
+                size = t == SP_TYPE_COUNT ? 4 : 8;
+                uint8_t wide[96] = { 0 };
+                for (size_t i = 0; i < 12; i++)
+                    wide[i * size + size - 1] = (uint8_t)ramp_value(type, i);
+                memcpy(values, wide, sizeof wide);
+            }
+            snprintf(text, sizeof text,
+                     "# vtk DataFile Version 3.0\nt\n%s\nDATASET STRUCTURED_POINTS\n"
+                     "DIMENSIONS 2 2 1\nPOINT_DATA 4\nVECTORS wind%%20speed %s\n%s",
+                     binary ? "BINARY" : "ASCII",
+                     t < SP_TYPE_COUNT ? legacy_names[t] : others[t - SP_TYPE_COUNT],
+                     words ? words : "");
+            write_both("vectors.vtk", text, values, binary ? 12 * size : 0);
+            free(words);
+            struct sp_volume *volume = load("vectors.vtk");
+            const struct sp_volume_info *info = sp_volume_info(volume);
+            assert_int_equal(info->type, SP_FLOAT32);
+            assert_string_equal(info->value_name, "magnitude");
+            assert_string_equal(info->vector_name, "wind speed");
+            assert_are_vectors(volume, type, false);
+            sp_volume_unref(&volume);
+        }
+}
+
+/* VECTORS come before other arrays, and otherwise the first array in the file is taken. */
+static void scalars_and_vectors_are_read_together(void **state) {
+    (void)state;
+#define TWELVE " 1 2 3 4 5 6 7 8 9 1 2 3\n"
+    static const struct {
+        const char *arrays, *value_name, *vector_name;
+    } cases[] = {
+        { "SCALARS s char\nLOOKUP_TABLE d\n1 2 3 4 VECTORS v int" TWELVE, "s", "v" },
+        { "VECTORS v int" TWELVE "VECTORS w int" TWELVE "SCALARS s char\nLOOKUP_TABLE d\n1 2 3 4",
+          "s", "v" },
+        { "FIELD f 3\nrgb 3 4 unsigned_char" TWELVE "a 3 4 char" TWELVE "p 1 4 int 1 2 3 4\n"
+          "NORMALS n float" TWELVE,
+          "p", "a" },
+        { "NORMALS n float" TWELVE "VECTORS v float" TWELVE "FIELD f 1\na 3 4 char" TWELVE,
+          "magnitude", "v" },
+        { "NORMALS 100%25 char" TWELVE, "magnitude", "100%" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_text("both.vtk", POINTS "POINT_DATA 4\n%s", cases[i].arrays);
+        struct sp_volume *volume = load("both.vtk");
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        assert_string_equal(info->value_name, cases[i].value_name);
+        assert_string_equal(info->vector_name, cases[i].vector_name);
+        assert_compare(sp_volume_vectors(volume)[2][1], ==, 8);
+        sp_volume_unref(&volume);
+    }
 }
 
 static void a_field_array_is_read_if_there_are_no_scalars(void **state) {
@@ -217,6 +284,8 @@ static void a_field_array_is_read_if_there_are_no_scalars(void **state) {
     sp_volume_unref(&volume);
 }
 
+#define TEN "0 1 2 3 4 5 6 7 8 9 "
+#define VECTORS POINTS "POINT_DATA 4\nVECTORS v double\n"
 #define SCALARS POINTS "POINT_DATA 4\nSCALARS s unsigned_char\nLOOKUP_TABLE default\n"
 
 static void errors_explain_hostile_files(void **state) {
@@ -257,7 +326,7 @@ static void errors_explain_hostile_files(void **state) {
         { "# vtk DataFile Version 3.0\n\nBINARY\nDATASET STRUCTURED_POINTS\n"
           "DIMENSIONS 65536 65536 16\nPOINT_DATA 68719476736\n"
           "SCALARS s float\nLOOKUP_TABLE default\n0123",
-          SP_ERR_FORMAT, "SCALARS s", "the file has 4: it is cut off" },
+          SP_ERR_FORMAT, "SCALARS", "68719476736 values of 4 bytes do not fit" },
         { "# vtk DataFile Version 3.0\n\nBINARY\nDATASET STRUCTURED_POINTS\n"
           "DIMENSIONS 65536 65536 16\nPOINT_DATA 68719476736\nVECTORS v double\n0123",
           SP_ERR_FORMAT, "VECTORS", "206158430208 values of 8 bytes do not fit" },
@@ -277,8 +346,8 @@ static void errors_explain_hostile_files(void **state) {
         { POINTS "POINT_DATA 4\nSCALARS s bit\n", SP_ERR_UNSUPPORTED, "SCALARS", "\"bit\"" },
         { POINTS "POINT_DATA 4\nSCALARS s unsigned_int\nLOOKUP_TABLE d\n1 2 3 4",
           SP_ERR_UNSUPPORTED, "SCALARS s", "unsigned_int" },
-        { POINTS "POINT_DATA 4\nVECTORS v float\n1 2 3 4 5 6 7 8 9 1 2 3\n", SP_ERR_UNSUPPORTED,
-          "POINT_DATA", "the file has VECTORS v" },
+        { POINTS "POINT_DATA 4\nFIELD f 1\nrgb 3 4 unsigned_char 1 2 3 4 5 6 7 8 9 1 2 3\n",
+          SP_ERR_UNSUPPORTED, "POINT_DATA", "neither scalars nor vectors; the file has FIELD rgb" },
         { POINTS "CELL_DATA 1\nSCALARS c float\nLOOKUP_TABLE default\n5\n", SP_ERR_UNSUPPORTED,
           "POINT_DATA", "the file has cell data" },
         { POINTS, SP_ERR_UNSUPPORTED, "POINT_DATA", "the file has no data" },
@@ -289,10 +358,14 @@ static void errors_explain_hostile_files(void **state) {
         { POINTS "POINT_DATA 4\nFIELD f 1\na 1 1 string x", SP_ERR_UNSUPPORTED, "a", "\"string\"" },
         { POINTS "POINT_DATA 4\nFIELD f 1\na 99999 1 int x", SP_ERR_FORMAT, "a", "65536" },
         { POINTS "POINT_DATA 4\nRHUBARB", SP_ERR_FORMAT, "byte", "\"RHUBARB\" is not a keyword" },
-        { SCALARS "1 2 3", SP_ERR_FORMAT, "SCALARS s", "4 values need at least 7 bytes" },
-        { SCALARS "1 2 333", SP_ERR_FORMAT, "SCALARS s", "value 2, \"333\", is not of type" },
-        { SCALARS "1 2 3     \n", SP_ERR_FORMAT, "SCALARS s", "ends after 3 of 4 values" },
-        { SCALARS "1 2 3 4 5", SP_ERR_FORMAT, "SCALARS s", "more than 4 values" },
+        { SCALARS "1 2 3", SP_ERR_FORMAT, "SCALARS", "ends 1 values before its end" },
+        { SCALARS "1 2 333 4", SP_ERR_FORMAT, "SCALARS s", "value 2, \"333\", is not of type" },
+        { SCALARS "1 2 3 4 5", SP_ERR_FORMAT, "byte", "\"5\" is not a keyword" },
+        { VECTORS "1 2 3 4 5 6 7 8 9 1 2", SP_ERR_FORMAT, "VECTORS", "ends 1 values before" },
+        { VECTORS "1 2 3 4 5 6 7 8 9 1 2 3 4", SP_ERR_FORMAT, "byte", "\"4\" is not a keyword" },
+        { VECTORS "1 2 x 4 5 6 7 8 9 1 2 3", SP_ERR_FORMAT, "VECTORS v", "\"x\", is not of type" },
+        { SCALARS "1 2 3 4 VECTORS v float 1 2 3 4 5 6", SP_ERR_FORMAT, "VECTORS",
+          "ends 6 values" },
         { SCALARS "1 2 256 4", SP_ERR_FORMAT, "SCALARS s", "\"256\", is not of type" },
         { SCALARS "1 2 -1 4", SP_ERR_FORMAT, "SCALARS s", "value 2, \"-1\"" },
         { SCALARS "1 2 nan 4", SP_ERR_FORMAT, "SCALARS s", "\"nan\", is not of type" },
@@ -310,7 +383,7 @@ static void errors_explain_hostile_files(void **state) {
         { RECTILINEAR "SPACING 1 1 1\n", SP_ERR_FORMAT, "SPACING", "does not belong" },
         { RECTILINEAR "X_COORDINATES 5 float\n0 1 1 3 4\nY_COORDINATES 4 int\n1 2 3 4\n"
                       "Z_COORDINATES 3 int\n1 2 3\nPOINT_DATA 60\nSCALARS s int\n"
-                      "LOOKUP_TABLE default\n",
+                      "LOOKUP_TABLE default\n" TEN TEN TEN TEN TEN TEN,
           SP_ERR_FORMAT, "byte 59: DIMENSIONS", "coordinates[0]: the step from" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
@@ -353,6 +426,8 @@ int main(void) {
         cmocka_unit_test(rectilinear_grids_keep_their_coordinates),
         cmocka_unit_test(coordinates_of_every_type_are_read),
         cmocka_unit_test(other_arrays_are_skipped),
+        cmocka_unit_test(vectors_of_every_type_are_read),
+        cmocka_unit_test(scalars_and_vectors_are_read_together),
         cmocka_unit_test(a_field_array_is_read_if_there_are_no_scalars),
         cmocka_unit_test(errors_explain_hostile_files),
         cmocka_unit_test(truncated_files_are_refused),

@@ -272,6 +272,71 @@ static void the_array_named_by_scalars_is_read(void **state) {
     }
 }
 
+/* Vectors in each encoding with numbers of 8 bytes, beside samples. */
+static void vectors_are_read_from_every_encoding(void **state) {
+    (void)state;
+    static struct draft d;
+    for (int variant = 0; variant < 8; variant++) {
+        struct encoding e = { variant & 1, variant & 2, variant & 4, true };
+        double values[COUNT];
+        uint8_t samples[COUNT / 3];
+        make_values(SP_FLOAT64, e, values);
+        make_ramp(SP_UINT8, COUNT / 3, samples);
+        add_root(&d, "ImageData", e);
+        add(&d, "<ImageData><Piece Extent=\"0 4 0 1 0 1\"><PointData><DataArray type=\"UInt8\" "
+                "Name=\"s\" format=\"appended\" offset=\"0\"/><DataArray type=\"Float64\" "
+                "Name=\"v\" NumberOfComponents=\"3\" format=\"appended\" offset=\"200\"/>"
+                "</PointData></Piece></ImageData>");
+        add(&d, "<AppendedData encoding=\"%s\">_", e.base64 ? "base64" : "raw");
+        size_t begin = d.size;
+        add_values(&d, e, samples, sizeof samples);
+        while (d.size < begin + 200)
+            add(&d, " ");
+        add_values(&d, e, values, sizeof values);
+        write_file("v.vti", d.bytes, d.size);
+        struct sp_volume *volume = load("v.vti");
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        assert_is_ramp(volume, COUNT / 3);
+        assert_string_equal(info->value_name, "s");
+        assert_string_equal(info->vector_name, "v");
+        for (size_t i = 0; i < COUNT; i++)
+            assert_float_equal(sp_volume_vectors(volume)[0][i], ramp_value(SP_FLOAT64, i), 1e-8);
+        sp_volume_unref(&volume);
+        write_file("v.vti", d.bytes, d.size - 9);
+        load_error("v.vti", SP_ERR_FORMAT, "DataArray \"v\"", "");
+    }
+}
+
+#define TRIPLES(name, type)                                                                        \
+    "<DataArray type=\"" type "\" Name=\"" name "\" NumberOfComponents=\"3\">"                     \
+    "1 2 3 4 5 6 7 8 9 1 2 3</DataArray>"
+
+static void the_array_named_by_vectors_is_read(void **state) {
+    (void)state;
+    static const struct {
+        const char *selection, *arrays, *value_name, *vector_name;
+    } cases[] = {
+        { "", TRIPLES("v", "Int16"), "magnitude", "v" },
+        { "",
+          TRIPLES("rgb", "UInt8") TRIPLES("v", "Int64") TRIPLES("w", "Int16") ARRAY
+          "1 2 3 4</DataArray>",
+          "s", "v" },
+        { " Vectors=\"w\"", TRIPLES("v", "Int16") TRIPLES("w", "UInt8"), "magnitude", "w" },
+        { " Scalars=\"v\"", TRIPLES("v", "Float32"), "magnitude", "v" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        write_text("n.vti", IMAGE "<PointData%s>%s</PointData>" REST, cases[i].selection,
+                   cases[i].arrays);
+        struct sp_volume *volume = load("n.vti");
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        assert_string_equal(info->value_name, cases[i].value_name);
+        assert_string_equal(info->vector_name, cases[i].vector_name);
+        assert_compare(sp_volume_vectors(volume)[3][0], ==, 1);
+        assert_float_equal(info->longest, sqrt(7 * 7 + 8 * 8 + 9 * 9), 1e-6);
+        sp_volume_unref(&volume);
+    }
+}
+
 #define POINTS(array) IMAGE "<PointData>" array "</PointData>" REST
 #define APPENDED(type, data)                                                                       \
     IMAGE "<PointData><DataArray type=\"" type "\" Name=\"s\" format=\"appended\" offset=\"0\"/>"  \
@@ -508,6 +573,8 @@ int main(void) {
         cmocka_unit_test(geometry_equals_that_of_the_file),
         cmocka_unit_test(rectilinear_grids_keep_their_coordinates),
         cmocka_unit_test(the_array_named_by_scalars_is_read),
+        cmocka_unit_test(vectors_are_read_from_every_encoding),
+        cmocka_unit_test(the_array_named_by_vectors_is_read),
         cmocka_unit_test(errors_explain_hostile_files),
         cmocka_unit_test(errors_explain_bad_coordinates),
         cmocka_unit_test(xml_entity_and_nesting_attacks_are_refused),

@@ -1,0 +1,76 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/vectors.h"
+
+#include "volume/volume.h"
+
+#define CONVERT(T)                                                                                 \
+    do {                                                                                           \
+        const T *in = numbers;                                                                     \
+        for (size_t i = 0; i < n; i++)                                                             \
+            out[i * stride] = (float)in[i];                                                        \
+    } while (0)
+
+/* A number of each kind and size, from a file that may have any. */
+static void convert(struct import_number number, const void *numbers, size_t n, float *out,
+                    size_t stride) {
+    bool is_signed = number.kind == IMPORT_SIGNED;
+    if (number.kind == IMPORT_FLOAT && number.size == 4)
+        CONVERT(float);
+    else if (number.kind == IMPORT_FLOAT)
+        CONVERT(double);
+    else if (number.size == 1 && is_signed)
+        CONVERT(int8_t);
+    else if (number.size == 1)
+        CONVERT(uint8_t);
+    else if (number.size == 2 && is_signed)
+        CONVERT(int16_t);
+    else if (number.size == 2)
+        CONVERT(uint16_t);
+    else if (number.size == 4 && is_signed)
+        CONVERT(int32_t);
+    else if (number.size == 4)
+        CONVERT(uint32_t);
+    else if (is_signed)
+        CONVERT(int64_t);
+    else
+        CONVERT(uint64_t);
+}
+
+void import_vectors_put(const struct import_vectors *v, uint64_t first, const void *numbers,
+                        size_t n) {
+    if (!v->planar) {
+        convert(v->number, numbers, n, v->out[0] + first, 1);
+        return;
+    }
+    while (n > 0) {
+        uint64_t component = first / v->count, at = first % v->count, run = v->count - at;
+        run = run < n ? run : n;
+        convert(v->number, numbers, (size_t)run, v->out[at] + component, 3);
+        numbers = (const char *)numbers + run * v->number.size;
+        first += run;
+        n -= (size_t)run;
+    }
+}
+
+static bool is_identity(const double frame[3][3]) {
+    for (int row = 0; row < 3; row++)
+        for (int column = 0; column < 3; column++)
+            if (frame[row][column] != (row == column))
+                return false;
+    return true;
+}
+
+void import_vectors_finish(const struct import_header *header, float (*vectors)[3], void *voxels) {
+    const struct sp_grid *grid = &header->grid;
+    uint64_t count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    const double(*f)[3] = header->frame;
+    bool unchanged = is_identity(f);
+    for (uint64_t i = 0; i < count && !unchanged; i++) {
+        float *v = vectors[i];
+        const double x = (double)v[0], y = (double)v[1], z = (double)v[2];
+        for (int row = 0; row < 3; row++)
+            v[row] = (float)(f[row][0] * x + f[row][1] * y + f[row][2] * z);
+    }
+    if (header->samples_are_lengths)
+        sp_volume_lengths((const float(*)[3])vectors, count, voxels);
+}
