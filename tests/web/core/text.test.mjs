@@ -76,6 +76,17 @@ test('every key that the page uses exists', () => {
   assert.deepEqual(unknown, []);
 });
 
+test('the texts are in order: keys with one beginning stand together, sorted', () => {
+  const last = new Map();
+  let before = '';
+  for (const key of Object.keys(english)) {
+    const [start] = key.split('.');
+    assert.ok(!last.has(start) || (start === before && key > last.get(start)), `"${key}" after "${last.get(start)}"`);
+    last.set(start, key);
+    before = start;
+  }
+});
+
 test('every text is used', () => {
   const all = uses();
   const keys = new Set(all.map(({ key }) => key));
