@@ -116,19 +116,28 @@ static const struct proto_field shading_fields[] = {
 static const struct proto_group shading = GROUP(shading_fields);
 
 #define LAYER(member) .offset = offsetof(struct sp_layer, member)
-enum { ONLY_SURFACE = 1 << SP_LAYER_SURFACE, ONLY_SHELL = 1 << SP_LAYER_SHELL };
+enum {
+    ONLY_SURFACE = 1 << SP_LAYER_SURFACE,
+    ONLY_SHELL = 1 << SP_LAYER_SHELL,
+    ONLY_VECTORS = 1 << SP_LAYER_VECTORS
+};
 static const struct proto_field layer_fields[] = {
-    { "type", PROTO_FIELD_ENUM, LAYER(type), NAMES("volume", "surface", "shell") },
+    { "type", PROTO_FIELD_ENUM, LAYER(type), NAMES("volume", "surface", "shell", "vectors") },
     { "visible", PROTO_FIELD_BOOL, .optional = true, LAYER(visible) },
     { "value", PROTO_FIELD_DOUBLE, .only = ONLY_SURFACE, LAYER(value) },
-    { "color", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE, .columns = 3,
-      LAYER(color) },
+    { "color", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE | ONLY_VECTORS,
+      .columns = 3, LAYER(color) },
     { "opacity", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE, LAYER(opacity) },
     { "flatness", PROTO_FIELD_INFINITE, .optional = true, .only = ONLY_SURFACE, LAYER(flatness) },
     { "low", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(low) },
     { "high", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(high) },
     { "detail", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_SHELL, LAYER(detail),
       NAMES("high", "fast") },
+    { "style", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_VECTORS, LAYER(style),
+      NAMES("modulate", "blend") },
+    { "phase", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(phase) },
+    { "stretch", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(stretch) },
+    { "density", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(density) },
 };
 /* sp_layer_default() */
 static const struct sp_layer layer_default = { .visible = true,
@@ -137,7 +146,9 @@ static const struct sp_layer layer_default = { .visible = true,
                                                .opacity = 1,
                                                .flatness = INFINITY,
                                                .low = 0.05,
-                                               .high = 0.95 };
+                                               .high = 0.95,
+                                               .stretch = 1.5,
+                                               .density = 1 };
 static const struct proto_group layer = { layer_fields, COUNT_OF(layer_fields), &layer_default };
 
 static const struct proto_field plane_fields[] = {

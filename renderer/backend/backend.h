@@ -28,12 +28,12 @@
 struct sp_capabilities {
     uint32_t projections, filters, kernels, compositings, attenuations;
     uint32_t orders, shadings, levels_of_detail;
+    uint32_t layers; /* types of layers besides the volume; the same holds as for the next fields */
     bool gradient_axis; /* transfer_function.gradient */
     /* Sheets that are classified after interpolation. Without it render() fails with
      * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
     bool interpolated_sheets;
-    bool light;  /* shading.occlusion and shading.shadow on such sheets; the same holds */
-    bool layers; /* surfaces and shells; the same holds */
+    bool light; /* shading.occlusion and shading.shadow on such sheets; the same holds */
     bool clip_box, clip_planes;
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))

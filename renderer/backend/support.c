@@ -97,7 +97,7 @@ static bool check_layers(const struct sp_backend *backend, bool is_alone, const 
     char place[32];
     for (uint32_t i = 0; i < v->layer_count; i++) {
         const struct sp_layer *layer = &v->layers[i];
-        bool can_draw = backend->capabilities.layers || !is_alone;
+        bool can_draw = backend->capabilities.layers & SP_CAN(layer->type) || !is_alone;
         if (layer->type == SP_LAYER_VOLUME || !layer->visible || (can_draw && !is_projection))
             continue;
         snprintf(place, sizeof place, "/layers/%u/type", i);
@@ -106,8 +106,8 @@ static bool check_layers(const struct sp_backend *backend, bool is_alone, const 
                            "a projection shows the volume alone: hide the layer, or set "
                            "compositing.mode to \"sheet\" or \"slab\"");
         return sp_fail(err, SP_ERR_UNSUPPORTED, place,
-                       "the %s backend draws the volume only: remove the layer, or start with "
-                       "backend \"auto\" or \"cpu\"",
+                       "the %s backend does not draw layers of this type: remove the layer, or "
+                       "start with backend \"auto\" or \"cpu\"",
                        backend->entry.name);
     }
     return true;

@@ -91,11 +91,11 @@
 #define sp_surface_resolve SP_ISA_NAME(sp_surface_resolve)
 #define sp_surface_clip_share SP_ISA_NAME(sp_surface_clip_share)
 /* shell/ */
-#define sp_shell_set_up SP_ISA_NAME(sp_shell_set_up)
-#define sp_shell_start SP_ISA_NAME(sp_shell_start)
-#define sp_shell_add SP_ISA_NAME(sp_shell_add)
-#define sp_shell_resolve SP_ISA_NAME(sp_shell_resolve)
-#define sp_shell_merge SP_ISA_NAME(sp_shell_merge)
+#define sp_voxel_set_up SP_ISA_NAME(sp_voxel_set_up)
+#define sp_voxel_start SP_ISA_NAME(sp_voxel_start)
+#define sp_voxel_add SP_ISA_NAME(sp_voxel_add)
+#define sp_voxel_resolve SP_ISA_NAME(sp_voxel_resolve)
+#define sp_voxel_merge SP_ISA_NAME(sp_voxel_merge)
 /* light/ */
 #define sp_light_find_cells SP_ISA_NAME(sp_light_find_cells)
 #define sp_light_pass SP_ISA_NAME(sp_light_pass)

@@ -63,8 +63,10 @@ static bool is_surface(const struct sp_volume_info *info, const struct sp_layer 
 
 static bool has_source(const struct sp_view *view, const struct sp_volume_info *info,
                        enum source source) {
-    if (source != SOURCE_SURFACES)
-        return layer_of(view, source == SOURCE_SHELL ? SP_LAYER_SHELL : SP_LAYER_VOLUME) != NULL;
+    if (source == SOURCE_SHELL)
+        return layer_of(view, SP_LAYER_SHELL) != NULL;
+    if (source != SOURCE_SURFACES) /* a layer of vectors shows what the volume shows */
+        return layer_of(view, SP_LAYER_VOLUME) || layer_of(view, SP_LAYER_VECTORS);
     for (uint32_t i = 0; i < view->layer_count; i++)
         if (is_surface(info, &view->layers[i]))
             return true;

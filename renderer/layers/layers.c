@@ -25,8 +25,16 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "layers");
 }
 
-static uint64_t rest_of(uint64_t bytes, uint64_t used) {
-    return used < bytes ? bytes - used : 0;
+/* What the caches other than that of `type` leave. */
+static uint64_t bytes_for(const struct sp_layers_input *from, enum sp_layer_type type) {
+    uint64_t used = 0;
+    if (type != SP_LAYER_SURFACE)
+        used += sp_surface_cache_bytes(from->surfaces, NULL);
+    if (type != SP_LAYER_SHELL)
+        used += sp_shell_bytes(from->shells, NULL);
+    if (type != SP_LAYER_VECTORS && from->vectors)
+        used += sp_vectors_bytes(from->vectors, NULL);
+    return used < from->bytes_max ? from->bytes_max - used : 0;
 }
 
 static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
@@ -36,14 +44,12 @@ static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
     const unsigned level = sp_surface_level(from->view, grid, from->camera);
     const unsigned most = sp_surface_can_merge(grid) ? SURFACE_LEVELS - 1 : 0;
     const unsigned preview = from->mip_level < most ? from->mip_level : most;
-    const struct sp_surface_cache_job points = {
-        .volume = from->volume,
-        .value = layer->value,
-        .level = preview > level ? preview : level,
-        .bytes_max = rest_of(from->bytes_max, sp_shell_bytes(from->shells, NULL)),
-        .pool = from->pool,
-        .interrupt = from->interrupt
-    };
+    const struct sp_surface_cache_job points = { .volume = from->volume,
+                                                 .value = layer->value,
+                                                 .level = preview > level ? preview : level,
+                                                 .bytes_max = bytes_for(from, SP_LAYER_SURFACE),
+                                                 .pool = from->pool,
+                                                 .interrupt = from->interrupt };
     struct sp_surface_input input = { .view = from->view,
                                       .layer = layer,
                                       .grid = grid,
@@ -57,21 +63,57 @@ static bool prepare_surface(struct sp_layers *l, const struct sp_layer *layer,
     return input.points && sp_surface_prepare(&input, &l->surfaces[l->surface_count++], err);
 }
 
-struct sp_shell_input sp_layers_shell(const struct sp_layers_input *from,
-                                      const struct sp_layer *layer) {
-    return (struct sp_shell_input){
-        .view = from->view,
-        .layer = layer,
-        .volume = from->volume,
-        .camera = from->camera,
-        .shade = from->shade,
-        .cache = from->shells,
-        .bytes_max = rest_of(from->bytes_max, sp_surface_cache_bytes(from->surfaces, NULL)),
-        .kernels = from->shell_kernels,
-        .interrupt = from->interrupt,
-        .pool = from->pool,
-        .arena = from->arena
-    };
+static const struct sp_voxel_list *find_shell(const struct sp_layers_input *from,
+                                              const struct sp_layer *layer, struct sp_error *err) {
+    const struct sp_shell_job job = { .volume = from->volume,
+                                      .tf = &from->view->transfer_function,
+                                      .low = layer->low,
+                                      .high = layer->high,
+                                      .clip = &from->view->clip,
+                                      .bytes_max = bytes_for(from, SP_LAYER_SHELL),
+                                      .pool = from->pool,
+                                      .interrupt = from->interrupt };
+    return sp_shell_cache_get(from->shells, &job, err);
+}
+
+static const struct sp_voxel_list *find_vectors(const struct sp_layers_input *from,
+                                                const struct sp_layer *layer,
+                                                struct sp_error *err) {
+    const struct sp_vectors_job job = { .volume = from->volume,
+                                        .tf = &from->view->transfer_function,
+                                        .clip = &from->view->clip,
+                                        .density = layer->density,
+                                        .bytes_max = bytes_for(from, SP_LAYER_VECTORS),
+                                        .pool = from->pool,
+                                        .interrupt = from->interrupt };
+    return sp_vectors_cache_get(from->vectors, from->volume, &job, err);
+}
+
+bool sp_layers_voxels(const struct sp_layers_input *from, const struct sp_layer *layer,
+                      struct sp_voxel_input *input, struct sp_error *err) {
+    bool is_shell = layer->type == SP_LAYER_SHELL;
+    *input = (struct sp_voxel_input){ .view = from->view,
+                                      .layer = layer,
+                                      .grid = &sp_volume_info(from->volume)->grid,
+                                      .list = is_shell ? find_shell(from, layer, err)
+                                                       : find_vectors(from, layer, err),
+                                      .camera = from->camera,
+                                      .shade = from->shade,
+                                      .kernels = from->voxel_kernels,
+                                      .interrupt = from->interrupt,
+                                      .pool = from->pool,
+                                      .arena = from->arena };
+    return input->list != NULL;
+}
+
+/* Prepares a shell or a layer of vectors. */
+static bool prepare_voxels(const struct sp_layers_input *from, const struct sp_layer *layer,
+                           struct sp_layers_voxels *to, struct sp_error *err) {
+    to->is_there = true;
+    if (!sp_layers_voxels(from, layer, &to->input, err))
+        return false;
+    return from->voxel_kernels ? sp_voxel_prepare(&to->input, &to->layer, err)
+                               : sp_voxel_find(&to->input, &to->layer, err);
 }
 
 static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, struct sp_error *err) {
@@ -79,10 +121,9 @@ static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, str
     case SP_LAYER_SURFACE:
         return layer->opacity <= 0 || prepare_surface(l, layer, err);
     case SP_LAYER_SHELL:
-        l->shell_input = sp_layers_shell(l->input, layer);
-        l->has_shell = true;
-        return l->input->shell_kernels ? sp_shell_prepare(&l->shell_input, &l->shell, err)
-                                       : sp_shell_find(&l->shell_input, &l->shell, err);
+        return prepare_voxels(l->input, layer, &l->shell, err);
+    case SP_LAYER_VECTORS:
+        return prepare_voxels(l->input, layer, &l->vectors, err);
     case SP_LAYER_VOLUME:
         break;
     }
@@ -114,8 +155,10 @@ struct drawing {
 
 static void draw_tile(const struct sp_layers *l, struct sp_layers_worker *w, int column, int row) {
     sp_fragment_tile_clear(&w->tile, column * SP_FRAGMENT_TILE, row * SP_FRAGMENT_TILE);
-    if (l->has_shell)
-        sp_shell_tile(&l->shell, column, row, &w->tile);
+    if (l->shell.is_there)
+        sp_voxel_tile(&l->shell.layer, column, row, &w->tile);
+    if (l->vectors.is_there)
+        sp_voxel_tile(&l->vectors.layer, column, row, &w->tile);
     for (unsigned i = 0; i < l->surface_count; i++)
         l->input->surface_tile(&l->surfaces[i], &w->surface, &w->tile);
 }

@@ -1,17 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Surfaces and shells of a frame on the processor: per tile, the fragments of all of them.
+ * Surfaces, shells and vectors of a frame on the processor: per tile, the fragments of all of them.
  *
  *   view ─► sp_layers_prepare() ─► per tile ─┬► sp_layers_draw(): to the caller
- *           surface/, shell/                 └► sp_layers_collect(): kept for the volume
+ *           surface/, voxels/               └► sp_layers_collect(): kept for the volume
  */
 #ifndef SP_LAYERS_LAYERS_H
 #define SP_LAYERS_LAYERS_H
 
 #include "frame/fragments.h"
-#include "shell/shell.h"
+#include "shell/cache.h"
 #include "surface/cache.h"
 #include "surface/surface.h"
+#include "vectors/cache.h"
+#include "voxels/draw.h"
 
 /* All pointers are borrowed until the frame is drawn. */
 struct sp_layers_input {
@@ -21,10 +23,11 @@ struct sp_layers_input {
     const struct sp_shade *shade; /* NULL = not lit */
     struct sp_surface_cache *surfaces;
     struct sp_shell_cache *shells;
-    uint64_t bytes_max; /* of both caches */
-    /* Both NULL: the frame is prepared only; of the shell, sp_shell_find(). */
+    struct sp_vectors_cache *vectors; /* NULL = layers of vectors cannot be drawn */
+    uint64_t bytes_max;               /* of all these caches */
+    /* Both NULL: the frame is prepared only; of the shell, sp_voxel_find(). */
     sp_surface_tile_fn *surface_tile;
-    const struct sp_shell_kernels *shell_kernels;
+    const struct sp_voxel_kernels *voxel_kernels;
     unsigned mip_level; /* surfaces are drawn at this level or a coarser one */
     struct sp_interrupt interrupt;
     struct sp_pool *pool;
@@ -36,9 +39,11 @@ struct sp_layers {
     const struct sp_layers_input *input;
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
-    bool has_shell;
-    struct sp_shell_input shell_input;
-    struct sp_shell shell;
+    struct sp_layers_voxels {
+        bool is_there;
+        struct sp_voxel_input input;
+        struct sp_voxel_layer layer;
+    } shell, vectors;
     struct sp_layers_worker *workers; /* [threads] */
 };
 
@@ -52,9 +57,10 @@ bool sp_layers_are_wanted(const struct sp_view *view);
 /* The view's volume layer; NULL = none. */
 const struct sp_layer *sp_layers_volume(const struct sp_view *view);
 
-/* What a shell is drawn from. */
-struct sp_shell_input sp_layers_shell(const struct sp_layers_input *input,
-                                      const struct sp_layer *layer);
+/* Fills what a shell or a layer of vectors is drawn from. SP_ERR_MEMORY, SP_ERR_BUDGET,
+ * SP_ERR_CANCELLED. */
+bool sp_layers_voxels(const struct sp_layers_input *input, const struct sp_layer *layer,
+                      struct sp_voxel_input *voxels, struct sp_error *err);
 
 /* Prepares the layers other than the volume; they are valid until the arena is reset.
  * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */

@@ -9,8 +9,8 @@
 enum { REPEATS = 8 }; /* frames of one shell after which its edits have stopped */
 
 static void empty_slot(struct sp_shell_slot *slot) {
-    sp_shell_list_finish(&slot->list);
-    sp_shell_list_finish(&slot->clipped);
+    sp_voxel_list_finish(&slot->list);
+    sp_voxel_list_finish(&slot->clipped);
     sp_shell_masks_finish(&slot->masks);
     sp_transfer_finish(&slot->transfer);
     sp_volume_unref(&slot->volume);
@@ -20,7 +20,7 @@ static void empty_slot(struct sp_shell_slot *slot) {
 static uint64_t slot_bytes(const struct sp_shell_slot *slot) {
     if (!slot->volume)
         return 0;
-    uint64_t bytes = sp_shell_list_bytes(&slot->list) + sp_shell_list_bytes(&slot->clipped);
+    uint64_t bytes = sp_voxel_list_bytes(&slot->list) + sp_voxel_list_bytes(&slot->clipped);
     if (slot->masks.ranges)
         bytes += sp_shell_masks_bytes(slot->masks.dims);
     if (slot->transfer.table)
@@ -144,7 +144,7 @@ static bool init_update(struct update *u, const struct sp_shell_slot *slot,
 static bool update_slot(struct sp_shell_slot *slot, const struct sp_shell_job *job,
                         struct update *u, struct sp_error *err) {
     bool is_new = !slot->list.first;
-    struct sp_shell_list list;
+    struct sp_voxel_list list;
     sp_shell_masks_update(&slot->masks, job->volume, is_new ? NULL : &u->from, &u->to, u->changed,
                           job->pool, &job->interrupt);
     struct sp_shell_extract extract = { .masks = &slot->masks,
@@ -159,8 +159,8 @@ static bool update_slot(struct sp_shell_slot *slot, const struct sp_shell_job *j
                                         .interrupt = &job->interrupt };
     if (!sp_shell_extract(&extract, &list, err))
         return false;
-    sp_shell_list_finish(&slot->list);
-    sp_shell_list_finish(&slot->clipped);
+    sp_voxel_list_finish(&slot->list);
+    sp_voxel_list_finish(&slot->clipped);
     slot->list = list;
     struct sp_transfer old = slot->transfer;
     slot->transfer = u->transfer;
@@ -204,14 +204,14 @@ static struct sp_shell_slot *find_shell(struct sp_shell_cache *cache,
 static bool clip(struct sp_shell_slot *slot, const struct sp_shell_job *job, struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
     struct sp_shell_states states;
-    struct sp_shell_interval *rows = malloc((size_t)grid->dims[1] * grid->dims[2] * sizeof *rows);
-    sp_shell_list_finish(&slot->clipped);
+    struct sp_voxel_interval *rows = malloc((size_t)grid->dims[1] * grid->dims[2] * sizeof *rows);
+    sp_voxel_list_finish(&slot->clipped);
     uint64_t used = slot_bytes(slot);
     if (!rows || !sp_shell_states_init(&states, &slot->transfer, slot->low, slot->high, NULL)) {
         free(rows);
         return sp_fail(err, SP_ERR_MEMORY, "/clip", "out of memory for the clipped shell");
     }
-    sp_shell_clip_rows(job->clip, grid, rows);
+    sp_voxel_clip_rows(job->clip, grid, rows);
     struct sp_shell_extract extract = { .masks = &slot->masks,
                                         .states = &states,
                                         .volume = job->volume,
@@ -229,15 +229,15 @@ static bool clip(struct sp_shell_slot *slot, const struct sp_shell_job *job, str
     return ok;
 }
 
-const struct sp_shell_list *sp_shell_cache_get(struct sp_shell_cache *cache,
+const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
                                                const struct sp_shell_job *job,
                                                struct sp_error *err) {
     struct sp_shell_slot *slot = find_shell(cache, job, err);
-    bool clips = job->clip && sp_shell_clips(job->clip);
+    bool clips = job->clip && sp_voxel_clips(job->clip);
     if (!slot)
         return NULL;
     slot->used = ++cache->clock;
-    if (clips && !(slot->clipped.first && sp_shell_clip_equal(&slot->clip, job->clip)) &&
+    if (clips && !(slot->clipped.first && sp_voxel_clip_equal(&slot->clip, job->clip)) &&
         !clip(slot, job, err))
         return NULL;
     trim(cache, slot, job->bytes_max);

@@ -18,8 +18,8 @@ struct sp_shell_cache {
         struct sp_transfer transfer;
         double low, high;
         struct sp_shell_masks masks;
-        struct sp_shell_list list;
-        struct sp_shell_list clipped; /* the same, clipped; no list = not made */
+        struct sp_voxel_list list;
+        struct sp_voxel_list clipped; /* the same, clipped; no list = not made */
         struct sp_clip clip;          /* of `clipped` */
         uint64_t used;                /* clock of the last use */
         uint32_t repeats;             /* successive uses without a change */
@@ -39,7 +39,7 @@ struct sp_shell_job {
 
 /* Returns the shell, valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET,
  * SP_ERR_CANCELLED. */
-const struct sp_shell_list *sp_shell_cache_get(struct sp_shell_cache *cache,
+const struct sp_voxel_list *sp_shell_cache_get(struct sp_shell_cache *cache,
                                                const struct sp_shell_job *job,
                                                struct sp_error *err);
 

@@ -9,7 +9,7 @@
 
 struct work {
     const struct sp_shell_extract *job;
-    struct sp_shell_list *list;
+    struct sp_voxel_list *list;
     struct sp_gradient_grid gradient;
     const void *voxels;
     enum sp_type type;
@@ -25,7 +25,7 @@ static inline uint64_t clip_word(const struct sp_shell_extract *job, uint32_t w,
                                  uint32_t z) {
     if (!job->clip)
         return UINT64_MAX;
-    const struct sp_shell_interval *i = &job->clip[(uint64_t)z * job->masks->dims[1] + y];
+    const struct sp_voxel_interval *i = &job->clip[(uint64_t)z * job->masks->dims[1] + y];
     uint32_t first = w * SP_SHELL_WORD;
     if (i->begin >= first + SP_SHELL_WORD || i->end <= first)
         return 0;
@@ -71,8 +71,8 @@ static uint64_t shell_word(const struct sp_shell_extract *job, uint32_t w, uint3
 /* True if clipping leaves less than all of row (y, z) or of a row beside it. */
 static bool is_clipped(const struct sp_shell_extract *job, uint32_t y, uint32_t z) {
     const uint32_t *dims = job->masks->dims;
-    const struct sp_shell_interval *own = &job->clip[(uint64_t)z * dims[1] + y];
-    const struct sp_shell_interval *rows[5] = { own, y > 0 ? own - 1 : own,
+    const struct sp_voxel_interval *own = &job->clip[(uint64_t)z * dims[1] + y];
+    const struct sp_voxel_interval *rows[5] = { own, y > 0 ? own - 1 : own,
                                                 y + 1 < dims[1] ? own + 1 : own,
                                                 z > 0 ? own - dims[1] : own,
                                                 z + 1 < dims[2] ? own + dims[1] : own };
@@ -101,7 +101,7 @@ static bool is_changed(const struct sp_shell_extract *job, uint32_t y, uint32_t 
 static void count_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct work *work = user;
     const struct sp_shell_masks *m = work->job->masks;
-    const struct sp_shell_list *from = work->job->from;
+    const struct sp_voxel_list *from = work->job->from;
     (void)worker;
     for (size_t row = begin; row < end; row++) {
         uint32_t y = (uint32_t)(row % m->dims[1]), z = (uint32_t)(row / m->dims[1]), n = 0;
@@ -118,7 +118,7 @@ static void count_rows(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* Fills the colour and the depth of a voxel. */
-static void classify(const struct work *work, struct sp_shell_voxel *v, uint64_t at) {
+static void classify(const struct work *work, struct sp_voxel *v, uint64_t at) {
     const struct sp_transfer *transfer = work->job->states->transfer;
     double value = sp_sample(work->voxels, work->type, at);
     struct sp_class c;
@@ -133,24 +133,24 @@ static void classify(const struct work *work, struct sp_shell_voxel *v, uint64_t
 }
 
 static void write_voxel(const struct work *work, uint32_t x, uint32_t y, uint32_t z, unsigned code,
-                        struct sp_shell_voxel *v) {
+                        struct sp_voxel *v) {
     const uint32_t *dims = work->list->dims, i[3] = { x, y, z };
     double gradient[3];
-    *v = (struct sp_shell_voxel){ .at = { (uint16_t)x, (uint16_t)y, (uint16_t)z },
-                                  .code = (uint16_t)code };
+    *v = (struct sp_voxel){ .at = { (uint16_t)x, (uint16_t)y, (uint16_t)z },
+                            .code = (uint16_t)code };
     sp_gradient_at(&work->gradient, i, gradient);
     v->normal = sp_gradient_pack(&work->gradient, gradient);
     classify(work, v, ((uint64_t)z * dims[1] + y) * dims[0] + x);
 }
 
-static void write_row(const struct work *work, uint32_t y, uint32_t z, struct sp_shell_voxel *to) {
+static void write_row(const struct work *work, uint32_t y, uint32_t z, struct sp_voxel *to) {
     const struct sp_shell_masks *m = work->job->masks;
     struct around around;
     for (uint32_t w = 0; w < m->words; w++) {
         uint64_t opaque = sp_shell_masks_row(m, 1, y, z)[w];
         for (uint64_t left = shell_word(work->job, w, y, z, &around); left; left &= left - 1) {
             int bit = __builtin_ctzll(left);
-            unsigned code = opaque >> bit & 1 ? SP_SHELL_OPAQUE : 0;
+            unsigned code = opaque >> bit & 1 ? SP_VOXEL_OPAQUE : 0;
             for (int i = 0; i < 6; i++)
                 code |= (unsigned)(around.opaque[i] >> bit & 1) << i;
             write_voxel(work, w * SP_SHELL_WORD + (uint32_t)bit, y, z, code, to++);
@@ -158,8 +158,8 @@ static void write_row(const struct work *work, uint32_t y, uint32_t z, struct sp
     }
 }
 
-static void copy_row(const struct work *work, uint64_t row, struct sp_shell_voxel *to) {
-    const struct sp_shell_list *from = work->job->from;
+static void copy_row(const struct work *work, uint64_t row, struct sp_voxel *to) {
+    const struct sp_voxel_list *from = work->job->from;
     uint32_t first = from->first[row], count = from->first[row + 1] - first;
     if (!count)
         return;
@@ -173,7 +173,7 @@ static void write_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const uint32_t *dims = work->list->dims;
     (void)worker;
     for (size_t row = begin; row < end; row++) {
-        struct sp_shell_voxel *to = work->list->voxels + work->list->first[row];
+        struct sp_voxel *to = work->list->voxels + work->list->first[row];
         uint32_t y = (uint32_t)(row % dims[1]), z = (uint32_t)(row / dims[1]);
         if (y % 16 == 0 && sp_interrupt_is_cancelled(work->job->interrupt))
             return;
@@ -186,113 +186,33 @@ static void write_rows(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-static uint32_t row_words(uint32_t rows) {
-    return (rows + 63) / 64;
-}
-
-/* Bytes of the lists' parts that depend on the grid alone. */
-static uint64_t fixed_bytes(const uint32_t dims[3]) {
-    return ((uint64_t)dims[1] * dims[2] + 1) * sizeof(uint32_t) +
-           ((uint64_t)dims[1] * row_words(dims[2]) + (uint64_t)dims[2] * row_words(dims[1])) *
-               sizeof(uint64_t) +
-           ((uint64_t)dims[1] + dims[2]) * sizeof(uint32_t);
-}
-
-/* Turns counts into starts. False if the voxels are too many for P, or for the memory. */
-static bool sum_rows(const struct sp_shell_extract *job, struct sp_shell_list *list,
-                     struct sp_error *err) {
-    uint64_t sum = 0, rows = sp_shell_rows(list);
-    for (uint64_t row = 0; row < rows; row++) {
-        sum += list->first[row + 1];
-        list->first[row + 1] = (uint32_t)sum;
-    }
-    uint64_t bytes = fixed_bytes(list->dims) + sum * sizeof *list->voxels;
-    if (sum > UINT32_MAX || bytes > job->bytes_max)
-        return sp_fail(err, SP_ERR_BUDGET, "/layers",
-                       "a shell of %llu voxels needs %llu bytes, %llu may be used: raise \"low\", "
-                       "or lower \"high\"",
-                       (unsigned long long)sum, (unsigned long long)bytes,
-                       (unsigned long long)job->bytes_max);
-    list->count = (uint32_t)sum;
-    return true;
-}
-
-/* Fills which rows have voxels. */
-static bool note_rows(struct sp_shell_list *list) {
-    const uint32_t *dims = list->dims;
-    for (int a = 0; a < 2; a++) {
-        list->rows[a] = calloc((size_t)dims[a + 1] * row_words(dims[2 - a]), sizeof *list->rows[a]);
-        list->slice_counts[a] = calloc(dims[a + 1], sizeof *list->slice_counts[a]);
-        if (!list->rows[a] || !list->slice_counts[a])
-            return false;
-    }
-    for (uint32_t z = 0; z < dims[2]; z++)
-        for (uint32_t y = 0; y < dims[1]; y++) {
-            const uint32_t *first = list->first + (uint64_t)z * dims[1] + y;
-            uint32_t n = first[1] - first[0];
-            if (n == 0)
-                continue;
-            list->slice_counts[0][y] += n;
-            list->slice_counts[1][z] += n;
-            list->rows[0][(size_t)y * row_words(dims[2]) + z / 64] |= UINT64_C(1) << z % 64;
-            list->rows[1][(size_t)z * row_words(dims[1]) + y / 64] |= UINT64_C(1) << y % 64;
-        }
-    return true;
-}
-
-static bool fail_memory(const struct sp_shell_list *list, struct sp_error *err) {
-    return sp_fail(err, SP_ERR_MEMORY, "/layers", "out of memory for a shell of %u voxels",
-                   list->count);
-}
-
 static bool extract(struct work *work, struct sp_error *err) {
     const struct sp_shell_extract *job = work->job;
-    struct sp_shell_list *list = work->list;
-    uint64_t rows = sp_shell_rows(list);
-    list->first = malloc((rows + 1) * sizeof *list->first);
-    if (!list->first)
-        return fail_memory(list, err);
-    list->first[0] = 0;
+    struct sp_voxel_list *list = work->list;
+    uint64_t rows = sp_voxel_list_rows(list);
+    if (!sp_voxel_list_start(list, err))
+        return false;
     sp_parallel_for(job->pool, rows, 256, count_rows, work);
     if (sp_interrupt_is_cancelled(job->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    if (!sum_rows(job, list, err))
+    if (!sp_voxel_list_sum(list, job->bytes_max, "raise \"low\", or lower \"high\"", err))
         return false;
-    list->voxels = malloc((list->count + (size_t)1) * sizeof *list->voxels);
-    if (!list->voxels || !note_rows(list))
-        return fail_memory(list, err);
     sp_parallel_for(job->pool, rows, 128, write_rows, work);
     return !sp_interrupt_is_cancelled(job->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
 
-bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_shell_list *list,
+bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_voxel_list *list,
                       struct sp_error *err) {
     const uint32_t *dims = job->masks->dims;
     struct work work = { .job = job,
                          .list = list,
                          .voxels = sp_volume_voxels(job->volume),
                          .type = sp_volume_info(job->volume)->type };
-    *list = (struct sp_shell_list){ .dims = { dims[0], dims[1], dims[2] } };
+    *list = (struct sp_voxel_list){ .dims = { dims[0], dims[1], dims[2] } };
     sp_gradient_grid_init(&work.gradient, job->volume);
     if (extract(&work, err))
         return true;
-    sp_shell_list_finish(list);
+    sp_voxel_list_finish(list);
     return false;
-}
-
-void sp_shell_list_finish(struct sp_shell_list *list) {
-    free(list->first);
-    free(list->voxels);
-    for (int a = 0; a < 2; a++) {
-        free(list->rows[a]);
-        free(list->slice_counts[a]);
-    }
-    *list = (struct sp_shell_list){ 0 };
-}
-
-uint64_t sp_shell_list_bytes(const struct sp_shell_list *list) {
-    if (!list->first)
-        return 0;
-    return fixed_bytes(list->dims) + list->count * sizeof *list->voxels;
 }

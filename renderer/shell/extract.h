@@ -5,9 +5,9 @@
 #ifndef SP_SHELL_EXTRACT_H
 #define SP_SHELL_EXTRACT_H
 
-#include "shell/clip.h"
-#include "shell/list.h"
 #include "shell/masks.h"
+#include "voxels/clip.h"
+#include "voxels/list.h"
 
 struct sp_shell_extract {
     const struct sp_shell_masks *masks;
@@ -16,11 +16,11 @@ struct sp_shell_extract {
     /* An older list of the same volume, and by pair of sides (masks.h) whether a block there has
      * changed since. Rows that no change can have reached are copied from it. NULL = extract
      * all. */
-    const struct sp_shell_list *from;
+    const struct sp_voxel_list *from;
     const uint8_t *changed; /* NULL = nothing has */
     /* By row, what clipping leaves of it: the rest counts as transparent, so that a cut through
      * opaque material belongs to the shell. `from` is not clipped. NULL = nothing is clipped. */
-    const struct sp_shell_interval *clip;
+    const struct sp_voxel_interval *clip;
     bool same_classes;  /* copied voxels keep their classes, too */
     uint64_t bytes_max; /* of the list */
     struct sp_pool *pool;
@@ -29,10 +29,7 @@ struct sp_shell_extract {
 
 /* Makes an empty list into the shell. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; the list is
  * then empty. */
-bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_shell_list *list,
+bool sp_shell_extract(const struct sp_shell_extract *job, struct sp_voxel_list *list,
                       struct sp_error *err);
-
-void sp_shell_list_finish(struct sp_shell_list *list);
-uint64_t sp_shell_list_bytes(const struct sp_shell_list *list);
 
 #endif

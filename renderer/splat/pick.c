@@ -36,7 +36,9 @@ static void matter_init(struct matter *m, const struct sp_view *view,
     sp_gradient_grid_init(&m->samples, volume);
     for (uint32_t i = 0; i < view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i];
-        m->has_volume = m->has_volume || (layer->visible && layer->type == SP_LAYER_VOLUME);
+        m->has_volume =
+            m->has_volume ||
+            (layer->visible && (layer->type == SP_LAYER_VOLUME || layer->type == SP_LAYER_VECTORS));
         if (layer->visible && layer->type == SP_LAYER_SHELL)
             m->shell = layer;
     }

@@ -7,23 +7,6 @@ static inline sp_wide dot(const sp_wide a[3], const sp_wide b[3]) {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
-/* sp_gradient_unpack(), SP_WIDE at a time. */
-static inline void unpack(sp_wide_int packed, sp_wide direction[3]) {
-    const float step = 1.0f / SP_GRADIENT_STEPS;
-    const sp_wide zero = sp_wide_all(0);
-    sp_wide u = sp_wide_from_int((packed & 2047) - SP_GRADIENT_STEPS) * step;
-    sp_wide v = sp_wide_from_int((packed >> 11 & 2047) - SP_GRADIENT_STEPS) * step;
-    sp_wide w = 1 - sp_wide_abs(u) - sp_wide_abs(v), fold = sp_wide_max(-w, zero);
-    u += sp_wide_select(sp_wide_lt(u, zero), fold, -fold);
-    v += sp_wide_select(sp_wide_lt(v, zero), fold, -fold);
-    sp_wide_int magnitude = (sp_wide_int)((sp_wide_bits)packed >> 22);
-    sp_wide scale = sp_wide_keep(sp_wide_int_lt(sp_wide_int_all(0), magnitude),
-                                 1 / sp_wide_sqrt(u * u + v * v + w * w));
-    direction[0] = u * scale;
-    direction[1] = v * scale;
-    direction[2] = w * scale;
-}
-
 /* (n·h)^exponent from cosines: of the normal to the light plus to the eye, and of the light to the
  * eye. 0 if the half vector has no direction or is perpendicular to the normal. */
 static inline sp_wide highlight(float exponent, sp_wide n_sum, sp_wide l_eye) {
@@ -181,7 +164,7 @@ void sp_shade_microflakes(const struct sp_shade *shade, const sp_wide_int word[2
 void sp_shade_apply(const struct sp_shade *shade, sp_wide_int packed_gradient,
                     const sp_wide to_eye[3], sp_wide color[3]) {
     sp_wide normal[3], eye[3];
-    unpack(packed_gradient, normal);
+    sp_shade_unpack(packed_gradient, normal);
     sp_shade_eye(shade, to_eye, eye);
     shade_direction(shade, normal, eye, NULL, color);
 }

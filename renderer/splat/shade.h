@@ -43,6 +43,23 @@ struct sp_shade {
 void sp_shade_init(struct sp_shade *shade, const struct sp_camera_transform *camera,
                    const struct sp_shading *shading);
 
+/* sp_gradient_unpack(), SP_WIDE at a time. */
+static inline void sp_shade_unpack(sp_wide_int packed, sp_wide direction[3]) {
+    const float step = 1.0f / SP_GRADIENT_STEPS;
+    const sp_wide zero = sp_wide_all(0);
+    sp_wide u = sp_wide_from_int((packed & 2047) - SP_GRADIENT_STEPS) * step;
+    sp_wide v = sp_wide_from_int((packed >> 11 & 2047) - SP_GRADIENT_STEPS) * step;
+    sp_wide w = 1 - sp_wide_abs(u) - sp_wide_abs(v), fold = sp_wide_max(-w, zero);
+    u += sp_wide_select(sp_wide_lt(u, zero), fold, -fold);
+    v += sp_wide_select(sp_wide_lt(v, zero), fold, -fold);
+    sp_wide_int magnitude = (sp_wide_int)((sp_wide_bits)packed >> 22);
+    sp_wide scale = sp_wide_keep(sp_wide_int_lt(sp_wide_int_all(0), magnitude),
+                                 1 / sp_wide_sqrt(u * u + v * v + w * w));
+    direction[0] = u * scale;
+    direction[1] = v * scale;
+    direction[2] = w * scale;
+}
+
 /* Turns a unit vector from camera space into world space. */
 static inline void sp_shade_eye(const struct sp_shade *shade, const sp_wide camera[3],
                                 sp_wide world[3]) {

@@ -359,6 +359,13 @@ static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, doubl
         out->low = mix(a->low, b->low, u);
         out->high = mix(a->high, b->high, u);
     }
+    if (a->type == SP_LAYER_VECTORS) {
+        out->phase = mix(a->phase, b->phase, u);
+        out->stretch = mix(a->stretch, b->stretch, u);
+        out->density = mix(a->density, b->density, u);
+        for (int c = 0; c < 3; c++)
+            out->color[c] = mix_float(a->color[c], b->color[c], u);
+    }
 }
 
 void srv_blend_layers(const struct sp_view *a, const struct sp_view *b, double u,

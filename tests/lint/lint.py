@@ -52,10 +52,12 @@ RENDERER = {
     'postconv': {'base', 'volume', 'frame', 'classify', 'splat'},
     'resample': {'base', 'volume', 'frame', 'classify', 'splat', 'light'},
     'surface': {'base', 'volume', 'frame', 'classify', 'splat', 'tile'},
-    'shell': {'base', 'volume', 'frame', 'classify', 'splat'},
-    'layers': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'surface', 'shell'},
-    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'layers'},
-    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'shell', 'layers', 'compose', 'backend'},
+    'voxels': {'base', 'volume', 'frame', 'classify', 'splat'},
+    'shell': {'base', 'volume', 'classify', 'voxels'},
+    'vectors': {'base', 'volume', 'classify', 'voxels'},
+    'layers': {'base', 'volume', 'frame', 'classify', 'splat', 'tile', 'surface', 'voxels', 'shell', 'vectors'},
+    'backend': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'voxels', 'shell', 'vectors', 'layers'},
+    '.': {'base', 'volume', 'frame', 'classify', 'splat', 'light', 'tile', 'postconv', 'resample', 'surface', 'voxels', 'shell', 'vectors', 'layers', 'compose', 'backend'},
 }
 # Left to right: a folder includes only folders on its left.
 SERVER_ORDER = ['common', 'ops', 'config', 'store', 'uploads', 'session', 'schedule', 'render', 'paths', 'http', '.']

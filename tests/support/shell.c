@@ -14,8 +14,8 @@
 
 void test_shell_open(struct test_shell *rig, struct test_scene *scene, unsigned threads) {
     *rig = (struct test_shell){ .scene = *scene,
-                                .kernels = { sp_shell_set_up, sp_shell_start, sp_shell_add,
-                                             sp_shell_resolve, sp_shell_merge },
+                                .kernels = { sp_voxel_set_up, sp_voxel_start, sp_voxel_add,
+                                             sp_voxel_resolve, sp_voxel_merge },
                                 .layer = sp_layer_default(SP_LAYER_SHELL) };
     struct sp_error err = { 0 };
     *scene = (struct test_scene){ 0 };
@@ -32,30 +32,68 @@ void test_shell_open(struct test_shell *rig, struct test_scene *scene, unsigned 
 
 void test_shell_close(struct test_shell *rig) {
     sp_shell_evict(&rig->cache, NULL);
+    sp_vectors_evict(&rig->vectors, NULL);
     sp_arena_finish(&rig->arena);
     sp_pool_destroy(&rig->pool);
     sp_volume_unref(&rig->volume);
     test_scene_finish(&rig->scene);
 }
 
-const struct sp_shell_input *test_shell_start(struct test_shell *rig, struct sp_frame *frame) {
+void test_shell_add_vectors(struct test_shell *rig,
+                            void (*vector_at)(const void *user, const double at[3], float v[3]),
+                            const void *user) {
+    const struct sp_volume_info *info = &rig->scene.info;
+    const uint32_t *dims = info->grid.dims;
+    float(*vectors)[3] = calloc((size_t)dims[0] * dims[1] * dims[2], sizeof *vectors);
+    assert_non_null(vectors);
+    size_t n = 0;
+    for (uint32_t z = 0; z < dims[2]; z++)
+        for (uint32_t y = 0; y < dims[1]; y++)
+            for (uint32_t x = 0; x < dims[0]; x++, n++)
+                vector_at(user, (const double[3]){ x, y, z }, vectors[n]);
+    sp_volume_unref(&rig->volume);
+    rig->volume = sp_volume_create_vectors(&info->grid, info->type, rig->scene.voxels,
+                                           (const float(*)[3])vectors, "vectors", NULL);
+    assert_non_null(rig->volume);
+    free(vectors);
+}
+
+static const struct sp_voxel_list *find_list(struct test_shell *rig,
+                                             struct sp_interrupt interrupt) {
+    const struct sp_vectors_job vectors = { .volume = rig->volume,
+                                            .tf = &rig->scene.view.transfer_function,
+                                            .clip = &rig->scene.view.clip,
+                                            .density = rig->layer.density,
+                                            .bytes_max = 1 << 28,
+                                            .pool = rig->pool,
+                                            .interrupt = interrupt };
+    const struct sp_shell_job shell = test_shell_job(rig);
+    struct sp_error err;
+    const struct sp_voxel_list *list =
+        rig->layer.type == SP_LAYER_VECTORS
+            ? sp_vectors_cache_get(&rig->vectors, rig->volume, &vectors, &err)
+            : sp_shell_cache_get(&rig->cache, &shell, &err);
+    if (!list)
+        fail_msg("%s", err.text);
+    return list;
+}
+
+const struct sp_voxel_input *test_shell_start(struct test_shell *rig, struct sp_frame *frame) {
     const struct sp_view *view = &rig->scene.view;
     bool is_lit = view->shading.mode == SP_SHADING_PHONG;
     bool keeps_hidden = rig->input.keeps_hidden;
     struct sp_interrupt interrupt = rig->input.interrupt;
-    uint64_t bytes_max = rig->input.bytes_max ? rig->input.bytes_max : 1 << 28;
     sp_arena_reset(&rig->arena);
     sp_camera_transform_init(&rig->camera, &view->camera, view->size);
     if (is_lit)
         sp_shade_init(&rig->shade, &rig->camera, &view->shading);
-    rig->input = (struct sp_shell_input){ .view = view,
+    rig->input = (struct sp_voxel_input){ .view = view,
                                           .layer = &rig->layer,
-                                          .volume = rig->volume,
+                                          .grid = &sp_volume_info(rig->volume)->grid,
+                                          .list = find_list(rig, interrupt),
                                           .frame = frame,
                                           .camera = &rig->camera,
                                           .shade = is_lit ? &rig->shade : NULL,
-                                          .cache = &rig->cache,
-                                          .bytes_max = bytes_max,
                                           .kernels = &rig->kernels,
                                           .interrupt = interrupt,
                                           .keeps_hidden = keeps_hidden,
@@ -70,8 +108,7 @@ struct sp_shell_job test_shell_job(const struct test_shell *rig) {
                                   .low = rig->layer.low,
                                   .high = rig->layer.high,
                                   .clip = &rig->scene.view.clip,
-                                  .bytes_max =
-                                      rig->input.bytes_max ? rig->input.bytes_max : 1 << 28,
+                                  .bytes_max = 1 << 28,
                                   .pool = rig->pool,
                                   .interrupt = rig->input.interrupt };
 }
@@ -82,7 +119,7 @@ bool test_shell_draw(struct test_shell *rig, struct test_image *image, struct sp
     assert_non_null(frames);
     struct sp_frame *frame = sp_frame_create(frames, size[0], size[1], SP_RGBAF32, NULL);
     assert_non_null(frame);
-    bool ok = sp_shell_draw(test_shell_start(rig, frame), err);
+    bool ok = sp_voxel_draw(test_shell_start(rig, frame), err);
     if (ok)
         assert_true(test_image_from_frame(image, frame));
     sp_frame_unref(&frame);
@@ -112,14 +149,14 @@ bool test_shell_draw_fragments(struct test_shell *rig, struct test_image *image,
                                struct sp_error *err) {
     const uint32_t *size = rig->scene.view.size;
     struct sp_fragment_tile *tile = malloc(sizeof *tile);
-    struct sp_shell shell;
+    struct sp_voxel_layer shell;
     assert_non_null(tile);
     assert_true(test_image_init(image, size[0], size[1]));
-    bool ok = sp_shell_prepare(test_shell_start(rig, NULL), &shell, err);
+    bool ok = sp_voxel_prepare(test_shell_start(rig, NULL), &shell, err);
     for (int t = 0; ok && t < shell.columns * shell.rows; t++) {
         int column = t % shell.columns, row = t / shell.columns;
         sp_fragment_tile_clear(tile, column * SP_FRAGMENT_TILE, row * SP_FRAGMENT_TILE);
-        sp_shell_tile(&shell, column, row, tile);
+        sp_voxel_tile(&shell, column, row, tile);
         resolve_tile(rig, tile, image);
     }
     free(tile);
@@ -197,7 +234,7 @@ int *test_shell_codes(const struct test_shell *rig) {
             for (int64_t x = 0; x < dims[0]; x++, n++) {
                 const int64_t i[3] = { x, y, z };
                 float own = depth_at(rig, i);
-                int code = reaches(own, rig->layer.high) ? SP_SHELL_OPAQUE : 0;
+                int code = reaches(own, rig->layer.high) ? SP_VOXEL_OPAQUE : 0;
                 for (int side = 0; side < 6; side++) {
                     int64_t j[3] = { x, y, z };
                     j[side / 2] += side % 2 ? 1 : -1;
@@ -288,7 +325,7 @@ static int64_t march(const struct test_shell *rig, const int *codes, const struc
             i[a] = (uint32_t)cell;
         }
         int64_t n = ((int64_t)i[2] * dims[1] + i[1]) * dims[0] + i[0];
-        if (codes[n] >= 0 && codes[n] & SP_SHELL_OPAQUE)
+        if (codes[n] >= 0 && codes[n] & SP_VOXEL_OPAQUE)
             return n;
         t = test_shell_hit(rig, ray, i, inside) ? inside[1] + 1e-9 : t + 1e-6;
     }

@@ -1,14 +1,17 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A shell in tests: drawn with the kernels of any instruction set, and by brute force from the
- * definition (renderer/shell/list.h) and from rays that are marched through the cells of voxels.
+ * A shell, or a layer of vectors, in tests: drawn with the kernels of any instruction set, and by
+ * brute force from the definition (renderer/shell/list.h) and from rays that are marched through
+ * the cells of voxels.
  */
 #ifndef TESTS_SUPPORT_SHELL_H
 #define TESTS_SUPPORT_SHELL_H
 
-#include "shell/shell.h"
+#include "shell/cache.h"
 #include "support/image.h"
 #include "support/scene.h"
+#include "vectors/cache.h"
+#include "voxels/draw.h"
 
 struct test_shell {
     struct test_scene scene;
@@ -16,19 +19,25 @@ struct test_shell {
     struct sp_pool *pool;
     struct sp_arena arena;
     struct sp_shell_cache cache;
-    struct sp_shell_kernels kernels;
+    struct sp_vectors_cache vectors;
+    struct sp_voxel_kernels kernels;
     struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_layer layer;
-    struct sp_shell_input input; /* of the last call of test_shell_start() */
+    struct sp_voxel_input input; /* of the last call of test_shell_start() */
 };
 
 /* Takes the scene, whose voxels and view are filled. Kernels are those of the scalar reference. */
 void test_shell_open(struct test_shell *rig, struct test_scene *scene, unsigned threads);
 void test_shell_close(struct test_shell *rig);
 
+/* Gives the volume a vector per sample. */
+void test_shell_add_vectors(struct test_shell *rig,
+                            void (*vector_at)(const void *user, const double at[3], float v[3]),
+                            const void *user);
+
 /* Fills rig->input from the scene's view and the layer. frame may be NULL. */
-const struct sp_shell_input *test_shell_start(struct test_shell *rig, struct sp_frame *frame);
+const struct sp_voxel_input *test_shell_start(struct test_shell *rig, struct sp_frame *frame);
 
 /* The job that such a frame gives to the cache. */
 struct sp_shell_job test_shell_job(const struct test_shell *rig);

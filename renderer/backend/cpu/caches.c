@@ -14,6 +14,8 @@ uint64_t cpu_cache_bytes(const struct cpu_state *state, enum cpu_cache cache,
         return sp_surface_cache_bytes(&state->surfaces, volume);
     case CPU_CACHE_SHELLS:
         return sp_shell_bytes(&state->shells, volume);
+    case CPU_CACHE_VECTORS:
+        return sp_vectors_bytes(&state->vectors, volume);
     case CPU_CACHES:
         break;
     }
@@ -44,6 +46,9 @@ void cpu_cache_evict(struct cpu_state *state, enum cpu_cache cache,
         break;
     case CPU_CACHE_SHELLS:
         sp_shell_evict(&state->shells, volume);
+        break;
+    case CPU_CACHE_VECTORS:
+        sp_vectors_evict(&state->vectors, volume);
         break;
     case CPU_CACHES:
         break;

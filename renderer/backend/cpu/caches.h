@@ -13,6 +13,7 @@ enum cpu_cache {
     CPU_CACHE_LIGHT,    /* light/ */
     CPU_CACHE_SURFACES, /* surface/ */
     CPU_CACHE_SHELLS,   /* shell/ */
+    CPU_CACHE_VECTORS,  /* vectors/ */
     CPU_CACHES
 };
 

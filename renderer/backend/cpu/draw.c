@@ -204,6 +204,8 @@ static bool needs_cache(const struct sp_view *view, enum cpu_cache cache) {
         return has_layer(view, SP_LAYER_SURFACE);
     case CPU_CACHE_SHELLS:
         return has_layer(view, SP_LAYER_SHELL);
+    case CPU_CACHE_VECTORS:
+        return has_layer(view, SP_LAYER_VECTORS);
     case CPU_CACHES:
         break;
     }

@@ -14,6 +14,7 @@
 #include "shell/cache.h"
 #include "splat/cubic.h"
 #include "surface/cache.h"
+#include "vectors/cache.h"
 
 struct cpu_state {
     struct sp_pool *pool;
@@ -24,6 +25,7 @@ struct cpu_state {
     struct sp_samples_cache samples; /* of resampled sheets */
     struct sp_light_cache light;     /* of lit ones */
     struct sp_shell_cache shells;
+    struct sp_vectors_cache vectors;
     struct sp_surface_cache surfaces;
     uint64_t memory_bytes; /* of all caches */
     struct sp_cubic_table cubic;

@@ -14,10 +14,10 @@
 #include "postconv/postconv.h"
 #include "postconv/shear.h"
 #include "resample/resample.h"
-#include "shell/kernels.h"
 #include "splat/ewa.h"
 #include "surface/surface.h"
 #include "tile/blend.h"
+#include "voxels/kernels.h"
 
 struct cpu_kernels {
     const char *isa; /* "scalar", "sse41", … */
@@ -36,7 +36,7 @@ struct cpu_kernels {
     sp_resample_tile_fn *resample_tile; /* sp_resample_tile() */
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
     struct sp_light_kernels light;      /* light/kernels.h */
-    struct sp_shell_kernels shell;      /* shell/kernels.h */
+    struct sp_voxel_kernels voxels;     /* voxels/kernels.h */
     sp_surface_tile_fn *surface_tile;   /* sp_surface_tile() */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */

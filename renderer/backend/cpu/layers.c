@@ -57,21 +57,41 @@ static void init(struct drawing *l, struct cpu_state *state, const struct sp_bac
                                   .shade = is_lit ? &l->shade : NULL,
                                   .surfaces = &state->surfaces,
                                   .shells = &state->shells,
+                                  .vectors = &state->vectors,
                                   .bytes_max = cpu_cache_rest(state, CPU_CACHE_SURFACES) +
-                                               cpu_cache_bytes(state, CPU_CACHE_SHELLS, NULL),
+                                               cpu_cache_bytes(state, CPU_CACHE_SHELLS, NULL) +
+                                               cpu_cache_bytes(state, CPU_CACHE_VECTORS, NULL),
                                   .surface_tile = state->kernels.surface_tile,
-                                  .shell_kernels = &state->kernels.shell,
+                                  .voxel_kernels = &state->kernels.voxels,
                                   .mip_level = job->mip_level,
                                   .interrupt = sp_job_interrupt(job),
                                   .pool = state->pool,
                                   .arena = &state->arena };
 }
 
-/* A frame of nothing but a shell needs no fragments. */
-static bool draw_shell(const struct drawing *l, struct sp_error *err) {
-    struct sp_shell_input input = sp_layers_shell(&l->input, &l->job->view->layers[0]);
+/* A frame of nothing but a shell or vectors needs no fragments. */
+static bool draws_alone(const struct sp_view *view) {
+    return view->layer_count == 1 &&
+           (view->layers[0].type == SP_LAYER_SHELL || view->layers[0].type == SP_LAYER_VECTORS);
+}
+
+static bool draw_alone(const struct drawing *l, struct sp_error *err) {
+    struct sp_voxel_input input;
+    double begin = sp_job_clock_ms(l->job);
+    if (!sp_layers_voxels(&l->input, &l->job->view->layers[0], &input, err))
+        return false;
+    double found_ms = sp_job_clock_ms(l->job) - begin;
     input.frame = l->job->frame;
-    return sp_shell_draw(&input, err);
+    if (!sp_voxel_draw(&input, err))
+        return false;
+    l->job->frame->stats.stages[0].ms += found_ms; /* "classify" */
+    return true;
+}
+
+static void add_stats(struct sp_frame_stats *stats, const struct sp_voxel_layer *layer) {
+    stats->visible_voxels += layer->list->count;
+    stats->splats += layer->drawn;
+    stats->fragments += (uint64_t)layer->area;
 }
 
 bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
@@ -82,8 +102,8 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
     const struct sp_view *view = job->view;
     double begin = sp_job_clock_ms(job);
     init(&l, state, job);
-    if (view->layer_count == 1 && view->layers[0].type == SP_LAYER_SHELL)
-        return draw_shell(&l, err);
+    if (draws_alone(view))
+        return draw_alone(&l, err);
     if (!sp_layers_prepare(&l.input, &layers, err))
         return false;
     if (sp_layers_volume(view))
@@ -91,11 +111,10 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
     double prepared = sp_job_clock_ms(job);
     if (!sp_layers_draw(&layers, resolve, &l, err))
         return false;
-    if (layers.has_shell) {
-        stats->visible_voxels = layers.shell.list->count;
-        stats->splats = layers.shell.drawn;
-        stats->fragments = (uint64_t)layers.shell.area;
-    }
+    if (layers.shell.is_there)
+        add_stats(stats, &layers.shell.layer);
+    if (layers.vectors.is_there)
+        add_stats(stats, &layers.vectors.layer);
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "splat", prepared - begin };
     stats->stages[1] = (struct sp_stage_time){ "tile", sp_job_clock_ms(job) - prepared };

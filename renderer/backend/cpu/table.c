@@ -29,7 +29,7 @@ const struct cpu_kernels cpu_table = {
     .surface_tile = sp_surface_tile,
     .ranges_find = sp_ranges_find,
     .light = { sp_light_find_cells, sp_light_pass, sp_light_turn_in, sp_light_turn_out },
-    .shell = { sp_shell_set_up, sp_shell_start, sp_shell_add, sp_shell_resolve, sp_shell_merge },
+    .voxels = { sp_voxel_set_up, sp_voxel_start, sp_voxel_add, sp_voxel_resolve, sp_voxel_merge },
 #ifdef SP_ISA
     .has_fast_path = true,
 #endif

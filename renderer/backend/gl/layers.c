@@ -10,6 +10,9 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
     struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_layers layers;
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].type == SP_LAYER_VECTORS)
+            return sp_fail(err, SP_ERR_UNSUPPORTED, "/layers", "the gl backend draws no vectors");
     sp_camera_transform_init(&camera, &view->camera, view->size);
     if (is_lit)
         sp_shade_init(&shade, &camera, &view->shading);
@@ -26,8 +29,8 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
                                            .arena = from->arena };
     if (!sp_layers_prepare(&input, &layers, err))
         return false;
-    made->has_shell = layers.has_shell;
-    made->shell = layers.shell;
+    made->has_shell = layers.shell.is_there;
+    made->shell = layers.shell.layer;
     made->shell.input = NULL; /* it ends here */
     made->surface_count = layers.surface_count;
     memcpy(made->surfaces, layers.surfaces, sizeof made->surfaces);

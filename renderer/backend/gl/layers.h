@@ -25,7 +25,7 @@ struct gl_layers_job {
 
 struct gl_layers_made {
     bool has_shell;
-    struct sp_shell shell; /* sp_shell_find() */
+    struct sp_voxel_layer shell; /* sp_voxel_find() */
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
 };

@@ -21,20 +21,20 @@ struct constants {
     float view[4], filter[4], bounds[4], cell[4];
     uint32_t kind[4], words[4], rows[3][4];
 };
-_Static_assert(sizeof(struct sp_shell_voxel) == 6 * sizeof(uint32_t), "six words in the shader");
+_Static_assert(sizeof(struct sp_voxel) == 6 * sizeof(uint32_t), "six words in the shader");
 
 /* The voxels of a frame, and on which tiles they lie. */
 struct frame {
-    const struct sp_shell *shell;
-    struct sp_shell_voxel *voxels; /* in order, in the buffer */
-    float reach;                   /* of a kernel of the mean spacing, in perspective as it looks at
-                                      most [cells] */
+    const struct sp_voxel_layer *shell;
+    struct sp_voxel *voxels; /* in order, in the buffer */
+    float reach;             /* of a kernel of the mean spacing, in perspective as it looks at
+                                most [cells] */
     struct sp_tile_grid grid;
     struct sp_bins bins; /* its entries are numbers of voxels */
 };
 
 static void write_constants(struct constants *c, const struct frame *frame) {
-    const struct sp_shell *s = frame->shell;
+    const struct sp_voxel_layer *s = frame->shell;
     const struct sp_ewa_frame *f = &s->frame.ewa;
     *c = (struct constants){
         .view = { f->scale, f->centre[0], f->centre[1], f->near },
@@ -58,9 +58,9 @@ static int16_t bounded(float x, int limit) {
 }
 
 /* Finds the box that a voxel's splat lies in; nothing on any tile if it is not drawn. */
-static struct sp_splat find_box(const struct frame *frame, const struct sp_shell_voxel *v) {
+static struct sp_splat find_box(const struct frame *frame, const struct sp_voxel *v) {
     const struct sp_splat nowhere = { .x0 = SP_TILE, .y0 = SP_TILE };
-    const struct sp_shell_frame *s = &frame->shell->frame;
+    const struct sp_voxel_frame *s = &frame->shell->frame;
     const struct sp_ewa_frame *f = &s->ewa;
     float at[3], u[3], size = 1;
     for (int a = 0; a < 3; a++) {
@@ -84,7 +84,7 @@ static struct sp_splat find_box(const struct frame *frame, const struct sp_shell
 
 /* Finds the boxes of a block of voxels; returns how many there are. */
 static uint32_t find_boxes(const struct frame *frame, uint32_t block, struct sp_splat *boxes) {
-    const struct sp_shell *s = frame->shell;
+    const struct sp_voxel_layer *s = frame->shell;
     const uint32_t first = block * BLOCK, left = s->order.count - first;
     const uint32_t count = left < BLOCK ? left : BLOCK;
     for (uint32_t i = 0; i < count; i++)
@@ -95,7 +95,7 @@ static uint32_t find_boxes(const struct frame *frame, uint32_t block, struct sp_
 /* Copies blocks of voxels and counts their tiles. */
 static void count_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     const struct frame *frame = user;
-    const struct sp_shell *s = frame->shell;
+    const struct sp_voxel_layer *s = frame->shell;
     struct sp_splat boxes[BLOCK];
     (void)worker;
     for (uint32_t b = (uint32_t)begin; b < end; b++) {
@@ -176,7 +176,7 @@ static uint32_t size_of(const void *user, uint32_t block) {
 
 /* Fills the words; returns the most voxels of a tile. */
 static uint32_t write_words(uint32_t *to, const uint32_t at[2], const struct frame *frame) {
-    const struct sp_shell_frame *s = &frame->shell->frame;
+    const struct sp_voxel_frame *s = &frame->shell->frame;
     float *row = (float *)(void *)(to + at[1]);
     for (unsigned a = 0; a < 3 && s->is_rectilinear; a++)
         for (uint32_t i = 0; i < s->ewa.grid->dims[a]; i++, row += ROW_WORDS) {
@@ -189,7 +189,7 @@ static uint32_t write_words(uint32_t *to, const uint32_t at[2], const struct fra
 
 static bool send_words(struct gl_shell *to, const struct frame *frame, struct gl_state *state,
                        struct sp_error *err) {
-    const struct sp_shell *s = frame->shell;
+    const struct sp_voxel_layer *s = frame->shell;
     const struct gl_buffer *buffer = &state->shells.constants;
     const uint32_t *dims = s->frame.ewa.grid->dims;
     const uint32_t rows = gl_tile_lists_words(&frame->bins);

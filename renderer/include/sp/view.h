@@ -166,20 +166,26 @@ struct sp_clip {      /* "/clip" */
 enum sp_layer_type {
     SP_LAYER_VOLUME,  /* the whole volume through transfer function, filter and compositing */
     SP_LAYER_SURFACE, /* an iso-surface, by surface splatting (Zwicker et al. 2001, section 5) */
-    SP_LAYER_SHELL    /* voxels at borders of opacity (Botha and Post 2003) */
+    SP_LAYER_SHELL,   /* voxels at borders of opacity (Botha and Post 2003) */
+    SP_LAYER_VECTORS  /* streaks along the volume's vectors (Crawfis and Max 1993) */
 };
 enum sp_shell_detail {
     SP_SHELL_HIGH, /* Gaussian footprints of filter.sigma and filter.cutoff */
     SP_SHELL_FAST  /* a flat square of 1.6 voxels per voxel */
 };
+enum sp_vectors_style {
+    SP_VECTORS_MODULATE, /* streaks are denser than what is between them */
+    SP_VECTORS_BLEND     /* streaks of one colour over the splats of the samples */
+};
 /* One of several things that are drawn into one image, each in front of what is farther from the
  * eye. Clipping applies to all of them. Fields of other types are ignored. */
 struct sp_layer { /* "/layers/0" */
     enum sp_layer_type type;
-    bool visible;   /* false = as if the layer did not exist [true] */
-    double value;   /* surface: iso-value, data unit; outside of the range nothing is drawn */
-    float color[3]; /* surface: sRGB display values, [0, 1] [0.9, 0.85, 0.75] */
-    float opacity;  /* surface: [0, 1]; 0 = invisible [1] */
+    bool visible; /* false = as if the layer did not exist [true] */
+    double value; /* surface: iso-value, data unit; outside of the range nothing is drawn */
+    /* surface, and the streaks of style blend: sRGB display values, [0, 1] [0.9, 0.85, 0.75] */
+    float color[3];
+    float opacity; /* surface: [0, 1]; 0 = invisible [1] */
     /* surface: kernels are this many times flatter along the gradient, [1, infinity]; 1 = the
      * volume's kernels, infinity (JSON "inf") = discs [infinity] */
     double flatness;
@@ -188,6 +194,13 @@ struct sp_layer { /* "/layers/0" */
      * is below `high`. [0.05, 0.95] */
     double low, high;
     enum sp_shell_detail detail; /* shell [high] */
+    /* vectors: samples are coloured by the transfer function, and streaks lie along their vectors.
+     * Samples whose vector is 0 or not finite have no streaks. */
+    enum sp_vectors_style style; /* [modulate] */
+    double phase;   /* vectors: how far streaks have moved, in streaks, [0, 1]; 1 is like 0 [0] */
+    double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [1.5] */
+    double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
+                       time [1] */
 };
 
 enum sp_edit_type {

@@ -53,10 +53,10 @@ static void open_speckled(struct test_shell *rig, enum sp_type type, const uint3
     rig->layer.high = 0.5;
 }
 
-static const struct sp_shell_list *get(struct test_shell *rig) {
+static const struct sp_voxel_list *get(struct test_shell *rig) {
     struct sp_shell_job job = test_shell_job(rig);
     struct sp_error err = { 0 };
-    const struct sp_shell_list *list = sp_shell_cache_get(&rig->cache, &job, &err);
+    const struct sp_voxel_list *list = sp_shell_cache_get(&rig->cache, &job, &err);
     if (!list)
         fail_msg("%s", err.text);
     return list;
@@ -64,7 +64,7 @@ static const struct sp_shell_list *get(struct test_shell *rig) {
 
 /* Compares the list with the definition. Returns how many voxels it has. */
 static uint32_t check_list(struct test_shell *rig) {
-    const struct sp_shell_list *list = get(rig);
+    const struct sp_voxel_list *list = get(rig);
     const uint32_t *dims = rig->scene.info.grid.dims;
     int *codes = test_shell_codes(rig);
     uint32_t at = 0, n = 0;
@@ -75,7 +75,7 @@ static uint32_t check_list(struct test_shell *rig) {
                 if (codes[n] < 0)
                     continue;
                 assert_in_range(at, 0, (uint64_t)list->count - 1);
-                const struct sp_shell_voxel *v = &list->voxels[at++];
+                const struct sp_voxel *v = &list->voxels[at++];
                 assert_int_equal(v->at[0], x);
                 assert_int_equal(v->at[1], y);
                 assert_int_equal(v->at[2], z);
@@ -176,8 +176,8 @@ static void check_edits(enum sp_type type) {
     for (int i = 0; i < 40; i++) {
         struct sp_shell_cache fresh = { 0 };
         struct sp_shell_job job = test_shell_job(&rig);
-        const struct sp_shell_list *list = get(&rig);
-        const struct sp_shell_list *wanted = sp_shell_cache_get(&fresh, &job, NULL);
+        const struct sp_voxel_list *list = get(&rig);
+        const struct sp_voxel_list *wanted = sp_shell_cache_get(&fresh, &job, NULL);
         assert_non_null(wanted);
         assert_int_equal(list->count, wanted->count);
         assert_memory_equal(list->first, wanted->first, (35 * 33 + 1) * sizeof *list->first);
@@ -263,7 +263,7 @@ static void test_memory(void **state) {
     struct test_shell rig;
     struct sp_error err = { 0 };
     open_speckled(&rig, SP_UINT8, (const uint32_t[3]){ 67, 35, 33 }, 2);
-    const struct sp_shell_list *list = get(&rig);
+    const struct sp_voxel_list *list = get(&rig);
     uint64_t bytes = sp_shell_bytes(&rig.cache, NULL);
     assert_in_range(bytes, list->count * sizeof *list->voxels, 1 << 22);
     assert_int_equal(sp_shell_bytes(&rig.cache, rig.volume), bytes);

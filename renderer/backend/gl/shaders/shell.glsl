@@ -14,7 +14,7 @@ layout(std430, binding = 1) readonly buffer Shell {
     // entries.glsl, with voxels for blocks; coordinates: place and local spacing of each sample.
     uint shell_words[];
 };
-layout(std430, binding = 2) readonly buffer Voxels { uint voxels[]; }; // struct sp_shell_voxel, front to back
+layout(std430, binding = 2) readonly buffer Voxels { uint voxels[]; }; // struct sp_voxel, front to back
 
 const uint VOXEL_WORDS = 6u, ROW_WORDS = 2u, OPAQUE = 64u;
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;

@@ -15,17 +15,17 @@
  * Hidden: a face of a voxel's cell is turned to the eye if the eye lies beyond the face's plane; at
  * most three are. A voxel is hidden if the neighbours on all of these faces are opaque.
  */
-#ifndef SP_SHELL_ORDER_H
-#define SP_SHELL_ORDER_H
+#ifndef SP_VOXELS_ORDER_H
+#define SP_VOXELS_ORDER_H
 
 #include "base/arena.h"
 #include "base/interrupt.h"
 #include "base/parallel_for.h"
-#include "shell/list.h"
 #include "splat/camera.h"
+#include "voxels/list.h"
 
-struct sp_shell_order_job {
-    const struct sp_shell_list *list;
+struct sp_voxel_order_job {
+    const struct sp_voxel_list *list;
     const struct sp_camera_transform *camera;
     const struct sp_grid *grid;
     bool keeps_hidden; /* hidden voxels are not left out */
@@ -35,12 +35,12 @@ struct sp_shell_order_job {
 };
 
 /* Voxels of the list, front to back. */
-struct sp_shell_order {
+struct sp_voxel_order {
     uint32_t *voxels; /* [count] */
     uint32_t count;
 };
 
 /* False if memory ran out (the arena says for what). Incomplete after a cancellation. */
-bool sp_shell_sort(const struct sp_shell_order_job *job, struct sp_shell_order *order);
+bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *order);
 
 #endif

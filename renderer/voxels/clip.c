@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "shell/clip.h"
+#include "voxels/clip.h"
 
 #include <math.h>
 
 #include "base/vec.h"
 #include "volume/grid.h"
 
-bool sp_shell_clips(const struct sp_clip *clip) {
+bool sp_voxel_clips(const struct sp_clip *clip) {
     for (int a = 0; a < 3; a++)
         if (clip->box[0][a] > 0 || clip->box[1][a] < 1)
             return true;
     return clip->plane_count > 0;
 }
 
-bool sp_shell_clip_equal(const struct sp_clip *a, const struct sp_clip *b) {
+bool sp_voxel_clip_equal(const struct sp_clip *a, const struct sp_clip *b) {
     if (a->plane_count != b->plane_count)
         return false;
     for (int i = 0; i < 3; i++)
@@ -43,12 +43,12 @@ static uint32_t count_below(const struct sp_grid *grid, unsigned a, double bound
 }
 
 /* The samples of an axis inside the clip box. */
-static struct sp_shell_interval clip_axis(const struct sp_clip *clip, const struct sp_grid *grid,
+static struct sp_voxel_interval clip_axis(const struct sp_clip *clip, const struct sp_grid *grid,
                                           unsigned a) {
     double extent[2];
     sp_grid_extent(grid, a, extent);
     double length = extent[1] - extent[0];
-    struct sp_shell_interval i = { 0, grid->dims[a] };
+    struct sp_voxel_interval i = { 0, grid->dims[a] };
     if (clip->box[0][a] > 0)
         i.begin = count_below(grid, a, extent[0] + clip->box[0][a] * length, false);
     if (clip->box[1][a] < 1)
@@ -77,7 +77,7 @@ static struct plane find_plane(const struct sp_clip_plane *from, const struct sp
 
 /* Cuts a row whose other distances add up to `sum`. */
 static void cut_row(const struct plane *p, const struct sp_grid *grid, double sum,
-                    struct sp_shell_interval *row) {
+                    struct sp_voxel_interval *row) {
     double bound = (p->least - sum) / p->along[0];
     uint32_t at;
     if (isfinite(bound) && p->along[0] > 0) {
@@ -92,9 +92,9 @@ static void cut_row(const struct plane *p, const struct sp_grid *grid, double su
     row->end = row->end < row->begin ? row->begin : row->end;
 }
 
-void sp_shell_clip_rows(const struct sp_clip *clip, const struct sp_grid *grid,
-                        struct sp_shell_interval *intervals) {
-    struct sp_shell_interval box[3];
+void sp_voxel_clip_rows(const struct sp_clip *clip, const struct sp_grid *grid,
+                        struct sp_voxel_interval *intervals) {
+    struct sp_voxel_interval box[3];
     struct plane planes[SP_CLIP_PLANES_MAX];
     for (unsigned a = 0; a < 3; a++)
         box[a] = clip_axis(clip, grid, a);
@@ -102,10 +102,10 @@ void sp_shell_clip_rows(const struct sp_clip *clip, const struct sp_grid *grid,
         planes[i] = find_plane(&clip->planes[i], grid);
     for (uint32_t z = 0; z < grid->dims[2]; z++)
         for (uint32_t y = 0; y < grid->dims[1]; y++) {
-            struct sp_shell_interval *row = intervals + (uint64_t)z * grid->dims[1] + y;
+            struct sp_voxel_interval *row = intervals + (uint64_t)z * grid->dims[1] + y;
             bool is_inside =
                 z >= box[2].begin && z < box[2].end && y >= box[1].begin && y < box[1].end;
-            *row = is_inside ? box[0] : (struct sp_shell_interval){ 0, 0 };
+            *row = is_inside ? box[0] : (struct sp_voxel_interval){ 0, 0 };
             for (uint32_t i = 0; i < clip->plane_count && row->begin < row->end; i++)
                 cut_row(&planes[i], grid,
                         planes[i].along[1] * sp_grid_distance(grid, 1, y) +

@@ -10,12 +10,13 @@
  */
 #include <string.h>
 
-#include "shell/kernels.h"
 #include "splat/exp2.h"
+#include "voxels/kernels.h"
+#include "voxels/streak.h"
 
-enum { CELL_ROWS = SP_WIDE / 4, CELLS = SP_SHELL_TILE / 4, CELL_FLOATS = 4 * SP_WIDE };
+enum { CELL_ROWS = SP_WIDE / 4, CELLS = SP_VOXEL_TILE / 4, CELL_FLOATS = 4 * SP_WIDE };
 
-static inline float *cell_at(struct sp_shell_tile *tile, int column, int row) {
+static inline float *cell_at(struct sp_voxel_tile *tile, int column, int row) {
     return tile->cells + (row * CELLS + column) * CELL_FLOATS;
 }
 
@@ -28,14 +29,14 @@ static inline sp_wide lane_rows(void) {
     return sp_wide_from_int(sp_wide_int_count() >> 2);
 }
 
-void sp_shell_start(struct sp_shell_tile *tile, int x, int y, const int size[2]) {
+void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]) {
     const sp_wide one = sp_wide_all(1);
     tile->x = x;
     tile->y = y;
     tile->open_count = 0;
     memset(tile->cells, 0, sizeof tile->cells);
     memset(tile->open, 0, sizeof tile->open);
-    for (int row = 0; row * CELL_ROWS < SP_SHELL_TILE; row++)
+    for (int row = 0; row * CELL_ROWS < SP_VOXEL_TILE; row++)
         for (int column = 0; column < CELLS; column++) {
             sp_wide right = lane_columns() + (float)(x + 4 * column);
             sp_wide down = lane_rows() + (float)(y + CELL_ROWS * row);
@@ -52,12 +53,12 @@ struct cells {
     int x0, y0, x1, y1;
 };
 
-static inline struct cells find_cells(int x, int y, const struct sp_shell_record *r) {
+static inline struct cells find_cells(int x, int y, const struct sp_voxel_record *r) {
     int x0 = r->x0 - x, y0 = r->y0 - y, x1 = r->x1 - 1 - x, y1 = r->y1 - 1 - y;
     x0 = x0 > 0 ? x0 : 0;
     y0 = y0 > 0 ? y0 : 0;
-    x1 = x1 < SP_SHELL_TILE ? x1 : SP_SHELL_TILE - 1;
-    y1 = y1 < SP_SHELL_TILE ? y1 : SP_SHELL_TILE - 1;
+    x1 = x1 < SP_VOXEL_TILE ? x1 : SP_VOXEL_TILE - 1;
+    y1 = y1 < SP_VOXEL_TILE ? y1 : SP_VOXEL_TILE - 1;
     return (struct cells){ x0 / 4, y0 / CELL_ROWS, x1 / 4, y1 / CELL_ROWS };
 }
 
@@ -71,37 +72,42 @@ static inline sp_wide exp2_within(sp_wide x) {
 }
 
 /* What passes an optical depth. */
-static inline sp_wide attenuate(const struct sp_shell_frame *f, sp_wide depth) {
+static inline sp_wide attenuate(const struct sp_voxel_frame *f, sp_wide depth) {
     return f->linear ? 1 - sp_wide_min(depth, sp_wide_all(1))
                      : exp2_within(sp_wide_max(-SP_LOG2E * depth, sp_wide_all(-126)));
 }
 
 /* p of the pixels at (dx, dy) from the centre. */
-static inline sp_wide find_power(const struct sp_shell_record *r, sp_wide dx, sp_wide dy) {
+static inline sp_wide find_power(const struct sp_voxel_record *r, sp_wide dx, sp_wide dy) {
     return (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
 }
 
 /* right, down: of the pixels' centres, from the image's corner. */
-static inline sp_wide_mask cover_box(const struct sp_shell_record *r, sp_wide right, sp_wide down) {
+static inline sp_wide_mask cover_box(const struct sp_voxel_record *r, sp_wide right, sp_wide down) {
     return sp_wide_lt(sp_wide_all((float)r->x0), right) &
            sp_wide_lt(right, sp_wide_all((float)r->x1)) &
            sp_wide_lt(sp_wide_all((float)r->y0), down) &
            sp_wide_lt(down, sp_wide_all((float)r->y1));
 }
 
-static inline float pass_flat(const struct sp_shell_frame *f, const struct sp_shell_record *r) {
+static inline float pass_flat(const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
     return f->linear ? 1 - (r->depth < 1 ? r->depth : 1) : sp_exp2(-SP_LOG2E * r->depth);
 }
 
-/* Composites onto the covered pixels of a cell. Returns true if all of them are opaque now. */
-static inline bool composite(const struct sp_shell_record *r, sp_wide pass, sp_wide_mask covered,
+/* Composites onto the covered pixels of a cell. `blended`: the share of the streaks' colour; NULL =
+ * none. Returns true if all of the pixels are opaque now. */
+static inline bool composite(const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                             sp_wide pass, const sp_wide *blended, sp_wide_mask covered,
                              float *cell) {
     sp_wide through = sp_wide_load(cell);
     sp_wide left = sp_wide_select(covered, through * pass, through), share = through - left;
     sp_wide_store(cell, left);
     for (int k = 0; k < 3; k++) {
         float *plane = cell + (k + 1) * SP_WIDE;
-        sp_wide_store(plane, sp_wide_load(plane) + share * r->color[k]);
+        sp_wide color = sp_wide_all(r->color[k]);
+        if (blended)
+            color += *blended * (f->streaks.color[k] - r->color[k]);
+        sp_wide_store(plane, sp_wide_load(plane) + share * color);
     }
     return !sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), left));
 }
@@ -111,7 +117,7 @@ static inline sp_wide_mask find_open(const float *cell) {
     return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), sp_wide_load(cell));
 }
 
-static inline void close_cell(struct sp_shell_tile *tile, int column, int row) {
+static inline void close_cell(struct sp_voxel_tile *tile, int column, int row) {
     tile->open[row] &= (uint8_t) ~(1u << column);
     tile->open_count--;
 }
@@ -121,8 +127,8 @@ static inline unsigned column_bits(const struct cells *c) {
     return (2u << c->x1) - (1u << c->x0);
 }
 
-static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
-                                const struct sp_shell_record *r) {
+static inline void add_gaussian(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
+                                const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     const unsigned columns = column_bits(&c);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
@@ -138,14 +144,59 @@ static inline void add_gaussian(struct sp_shell_tile *tile, const struct sp_shel
             if (!sp_wide_any(covered))
                 continue;
             sp_wide pass = attenuate(f, r->depth * exp2_within(-power));
-            if (composite(r, pass, covered, cell))
+            if (composite(f, r, pass, NULL, covered, cell))
                 close_cell(tile, column, row);
         }
     }
 }
 
-static inline void add_flat(struct sp_shell_tile *tile, const struct sp_shell_frame *f,
-                            const struct sp_shell_record *r) {
+/* What passes the splat of a layer of vectors, and the share of the streaks' colour, at (along,
+ * across) and the power of that place. */
+static inline sp_wide pass_streak(const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                                  sp_wide along, sp_wide across, sp_wide power, sp_wide *blended) {
+    const float contrast = (float)r->contrast * (1.0f / 255);
+    sp_wide weight = exp2_within(-power), intensity = sp_streak_intensity(r, along, across);
+    *blended = sp_wide_all(0);
+    if (f->streaks.blends) {
+        /* Streaks are windowed by a kernel twice as wide, so that those of neighbours join. */
+        sp_wide window = sp_wide_sqrt(weight);
+        *blended = window * (SP_STREAK_MEAN + contrast * (intensity - SP_STREAK_MEAN));
+    } else {
+        weight *= 1 - contrast + contrast * (1 / SP_STREAK_MEAN) * intensity;
+    }
+    return attenuate(f, r->depth * weight);
+}
+
+static inline sp_wide power_of_streak(sp_wide along, sp_wide across) {
+    return (0.5f * SP_LOG2E) * (along * along + across * across);
+}
+
+static inline void add_streak(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
+                              const struct sp_voxel_record *r) {
+    struct cells c = find_cells(tile->x, tile->y, r);
+    const unsigned columns = column_bits(&c);
+    const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
+    const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
+    for (int row = c.y0; row <= c.y1; row++) {
+        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
+        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
+            int column = __builtin_ctz(bits);
+            float *cell = cell_at(tile, column, row);
+            sp_wide dx = dx0 + (float)(4 * column), blended;
+            sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
+            sp_wide power = power_of_streak(along, across);
+            sp_wide_mask covered = sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(cell);
+            if (!sp_wide_any(covered))
+                continue;
+            sp_wide pass = pass_streak(f, r, along, across, power, &blended);
+            if (composite(f, r, pass, &blended, covered, cell))
+                close_cell(tile, column, row);
+        }
+    }
+}
+
+static inline void add_flat(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
+                            const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     const unsigned columns = column_bits(&c);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
@@ -158,32 +209,34 @@ static inline void add_flat(struct sp_shell_tile *tile, const struct sp_shell_fr
             sp_wide_mask covered =
                 cover_box(r, right + (float)(4 * column), down + (float)(CELL_ROWS * row)) &
                 find_open(cell);
-            if (sp_wide_any(covered) && composite(r, pass, covered, cell))
+            if (sp_wide_any(covered) && composite(f, r, pass, NULL, covered, cell))
                 close_cell(tile, column, row);
         }
 }
 
-void sp_shell_add(struct sp_shell_tile *tile, const struct sp_shell_frame *frame,
-                  const struct sp_shell_record *records, const uint32_t *entries, uint32_t count) {
+void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count) {
     enum { AHEAD = 8 };
     for (uint32_t e = 0; e < count && tile->open_count; e++) {
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
-        if (frame->mode == SP_FILTER_NONE)
+        if (frame->has_streaks)
+            add_streak(tile, frame, &records[entries[e]]);
+        else if (frame->mode == SP_FILTER_NONE)
             add_flat(tile, frame, &records[entries[e]]);
         else
             add_gaussian(tile, frame, &records[entries[e]]);
     }
 }
 
-void sp_shell_resolve(const struct sp_shell_tile *tile, const float background[4],
+void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],
                       struct sp_frame *image) {
     int width = (int)image->width - tile->x, height = (int)image->height - tile->y;
-    uint32_t count = (uint32_t)(width < SP_SHELL_TILE ? width : SP_SHELL_TILE);
-    for (int y = 0; y < SP_SHELL_TILE && y < height; y++) {
-        float planes[4][SP_SHELL_TILE];
+    uint32_t count = (uint32_t)(width < SP_VOXEL_TILE ? width : SP_VOXEL_TILE);
+    for (int y = 0; y < SP_VOXEL_TILE && y < height; y++) {
+        float planes[4][SP_VOXEL_TILE];
         const float *const rows[4] = { planes[0], planes[1], planes[2], planes[3] };
-        for (int x = 0; x < SP_SHELL_TILE; x += 4) {
+        for (int x = 0; x < SP_VOXEL_TILE; x += 4) {
             const float *cell = tile->cells + (y / CELL_ROWS * CELLS + x / 4) * CELL_FLOATS;
             for (int k = 0; k < 4; k++)
                 memcpy(&planes[k][x], cell + k * SP_WIDE + y % CELL_ROWS * 4, 4 * sizeof(float));
@@ -199,12 +252,13 @@ void sp_shell_resolve(const struct sp_shell_tile *tile, const float background[4
 
 /* The fragment of each pixel of a tile that splats still join, and what the pixels let through. */
 struct open_fragments {
-    struct sp_fragment list[SP_SHELL_PIXELS];
-    float through[SP_SHELL_PIXELS];
+    struct sp_fragment list[SP_VOXEL_PIXELS];
+    float through[SP_VOXEL_PIXELS];
 };
 
 static void join(struct sp_fragment_tile *tile, struct open_fragments *open, int pixel,
-                 const struct sp_shell_frame *f, const struct sp_shell_record *r, float pass) {
+                 const struct sp_voxel_frame *f, const struct sp_voxel_record *r, float pass,
+                 float blended) {
     struct sp_fragment *to = &open->list[pixel];
     float depth = r->u2 * (float)f->ewa.unit, apart = f->apart * (float)f->ewa.unit;
     if (open->through[pixel] < SP_TRANSMITTANCE_MIN)
@@ -217,13 +271,15 @@ static void join(struct sp_fragment_tile *tile, struct open_fragments *open, int
         *to = (struct sp_fragment){ .depth = depth };
     float share = (1 - to->alpha) * (1 - pass);
     for (int k = 0; k < 3; k++)
-        to->color[k] += share * r->color[k];
+        to->color[k] +=
+            share * (blended > 0 ? r->color[k] + blended * (f->streaks.color[k] - r->color[k])
+                                 : r->color[k]);
     to->alpha += share;
     open->through[pixel] *= pass;
 }
 
 static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragments *open,
-                                const struct sp_shell_frame *f, const struct sp_shell_record *r) {
+                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     bool is_flat = f->mode == SP_FILTER_NONE;
     for (int row = c.y0; row <= c.y1; row++)
@@ -231,8 +287,14 @@ static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragm
             sp_wide right = lane_columns() + ((float)tile->x + 0.5f + (float)(4 * column));
             sp_wide down = lane_rows() + ((float)tile->y + 0.5f + (float)(CELL_ROWS * row));
             sp_wide_mask covered;
-            sp_wide pass;
-            if (is_flat) {
+            sp_wide pass, blended = sp_wide_all(0);
+            if (f->has_streaks) {
+                sp_wide dx = right - r->x, dy = down - r->y;
+                sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
+                sp_wide power = power_of_streak(along, across);
+                covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
+                pass = pass_streak(f, r, along, across, power, &blended);
+            } else if (is_flat) {
                 covered = cover_box(r, right, down);
                 pass = sp_wide_all(pass_flat(f, r));
             } else {
@@ -242,23 +304,23 @@ static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragm
             }
             for (unsigned bits = sp_wide_mask_bits(covered); bits; bits &= bits - 1) {
                 int i = __builtin_ctz(bits);
-                int pixel = (row * CELL_ROWS + i / 4) * SP_SHELL_TILE + column * 4 + i % 4;
-                join(tile, open, pixel, f, r, pass[i]);
+                int pixel = (row * CELL_ROWS + i / 4) * SP_VOXEL_TILE + column * 4 + i % 4;
+                join(tile, open, pixel, f, r, pass[i], blended[i]);
             }
         }
 }
 
-void sp_shell_merge(struct sp_fragment_tile *tile, const struct sp_shell_frame *frame,
-                    const struct sp_shell_record *records, const uint32_t *entries,
+void sp_voxel_merge(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+                    const struct sp_voxel_record *records, const uint32_t *entries,
                     uint32_t count) {
     struct open_fragments open;
-    for (int i = 0; i < SP_SHELL_PIXELS; i++) {
+    for (int i = 0; i < SP_VOXEL_PIXELS; i++) {
         open.list[i].alpha = 0;
         open.through[i] = 1;
     }
     for (uint32_t e = 0; e < count; e++)
         merge_record(tile, &open, frame, &records[entries[e]]);
-    for (int i = 0; i < SP_SHELL_PIXELS; i++)
+    for (int i = 0; i < SP_VOXEL_PIXELS; i++)
         if (open.list[i].alpha > 0)
             sp_fragment_add(tile, i, &open.list[i]);
 }

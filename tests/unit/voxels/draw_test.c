@@ -81,16 +81,16 @@ static double compare_depths(struct test_shell *rig, const int64_t *hits, double
                              unsigned *missing) {
     const uint32_t *dims = rig->scene.info.grid.dims;
     struct sp_fragment_tile *tile = malloc(sizeof *tile);
-    struct sp_shell shell;
+    struct sp_voxel_layer shell;
     double inside[2];
     unsigned count = 0, wrong = 0;
     assert_non_null(tile);
-    assert_true(sp_shell_prepare(test_shell_start(rig, NULL), &shell, NULL));
+    assert_true(sp_voxel_prepare(test_shell_start(rig, NULL), &shell, NULL));
     *missing = 0;
     for (int t = 0; t < shell.columns * shell.rows; t++) {
         int column = t % shell.columns, row = t / shell.columns;
         sp_fragment_tile_clear(tile, column * SP_FRAGMENT_TILE, row * SP_FRAGMENT_TILE);
-        sp_shell_tile(&shell, column, row, tile);
+        sp_voxel_tile(&shell, column, row, tile);
         for (int i = 0; i < SP_FRAGMENT_PIXELS; i++) {
             unsigned x = (unsigned)(tile->x + i % SP_FRAGMENT_TILE);
             unsigned y = (unsigned)(tile->y + i / SP_FRAGMENT_TILE);
@@ -247,7 +247,7 @@ static void test_instruction_sets(void **state) {
                 printf("skipped: %s\n", isa);
                 continue;
             }
-            rig.kernels = kernels.shell;
+            rig.kernels = kernels.voxels;
             draw(&rig, &got);
             double psnr = test_image_psnr(&wanted, &got);
             test_image_finish(&got);
@@ -400,10 +400,10 @@ static void test_cut(void **state) {
 }
 
 /* True if a pixel of the splat's box lies on an open tile. */
-static bool touches_open(const struct sp_shell_frame *frame, const struct sp_shell_record *r) {
+static bool touches_open(const struct sp_voxel_frame *frame, const struct sp_voxel_record *r) {
     for (int y = r->y0; y < r->y1; y++)
         for (int x = r->x0; x < r->x1; x++)
-            if (!frame->closed[y / SP_SHELL_TILE * frame->columns + x / SP_SHELL_TILE])
+            if (!frame->closed[y / SP_VOXEL_TILE * frame->columns + x / SP_VOXEL_TILE])
                 return true;
     return false;
 }
@@ -414,13 +414,13 @@ static void test_closed_tiles(void **state) {
     (void)state;
     for (int is_flat = 0; is_flat < 2; is_flat++) {
         struct test_shell rig;
-        struct sp_shell shell;
-        bool closed[SIDE / SP_SHELL_TILE * (SIDE / SP_SHELL_TILE)];
+        struct sp_voxel_layer shell;
+        bool closed[SIDE / SP_VOXEL_TILE * (SIDE / SP_VOXEL_TILE)];
         open_balls(&rig, (const double[3]){ 1, 1, 1 }, 2);
         rig.layer.detail = is_flat ? SP_SHELL_FAST : SP_SHELL_HIGH;
-        assert_true(sp_shell_find(test_shell_start(&rig, NULL), &shell, NULL));
+        assert_true(sp_voxel_find(test_shell_start(&rig, NULL), &shell, NULL));
         uint32_t count = shell.order.count, kept = 0;
-        struct sp_shell_record *all = calloc(count, sizeof *all),
+        struct sp_voxel_record *all = calloc(count, sizeof *all),
                                *some = calloc(count, sizeof *some);
         assert_non_null(all);
         assert_non_null(some);
@@ -428,7 +428,7 @@ static void test_closed_tiles(void **state) {
         for (unsigned t = 0; t < sizeof closed; t++)
             closed[t] = t % 3 != 0;
         shell.frame.closed = closed;
-        shell.frame.columns = SIDE / SP_SHELL_TILE;
+        shell.frame.columns = SIDE / SP_VOXEL_TILE;
         uint32_t got = rig.kernels.set_up(&shell.frame, shell.list, shell.order.voxels,
                                           shell.order.count, some);
         for (uint32_t i = 0; i < count; i++) {
@@ -450,7 +450,7 @@ static void test_cancel(void **state) {
     struct test_shell rig;
     struct test_image image;
     struct sp_error err = { 0 };
-    struct sp_shell shell;
+    struct sp_voxel_layer shell;
     atomic_bool cancel = false;
     open_balls(&rig, (const double[3]){ 1, 1, 1 }, 2);
     draw(&rig, &image); /* the list is cached now */
@@ -459,7 +459,7 @@ static void test_cancel(void **state) {
     rig.input.interrupt.cancel = &cancel;
     assert_false(test_shell_draw(&rig, &image, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
-    assert_false(sp_shell_prepare(test_shell_start(&rig, NULL), &shell, &err));
+    assert_false(sp_voxel_prepare(test_shell_start(&rig, NULL), &shell, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
     cancel = false;
     draw(&rig, &image);

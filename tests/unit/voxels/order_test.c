@@ -52,18 +52,18 @@ static void open_grid(struct test_shell *rig, int kind) {
 }
 
 /* Ranks of the list's voxels in the order, from 1 on; 0 = left out. malloc'ed. */
-static uint32_t *find_ranks(struct test_shell *rig, const struct sp_shell_list *list,
+static uint32_t *find_ranks(struct test_shell *rig, const struct sp_voxel_list *list,
                             bool keeps_hidden) {
-    struct sp_shell_order order;
+    struct sp_voxel_order order;
     test_shell_start(rig, NULL);
-    const struct sp_shell_order_job job = { .list = list,
+    const struct sp_voxel_order_job job = { .list = list,
                                             .camera = &rig->camera,
                                             .grid = &rig->scene.info.grid,
                                             .keeps_hidden = keeps_hidden,
                                             .pool = rig->pool,
                                             .arena = &rig->arena,
                                             .interrupt = &rig->input.interrupt };
-    assert_true(sp_shell_sort(&job, &order));
+    assert_true(sp_voxel_sort(&job, &order));
     uint32_t *ranks = calloc(list->count + 1, sizeof *ranks);
     assert_non_null(ranks);
     for (uint32_t i = 0; i < order.count; i++) {
@@ -87,7 +87,7 @@ static int compare_met(const void *a, const void *b) {
     return p->begin < q->begin ? -1 : p->begin > q->begin;
 }
 
-static uint32_t find_met(const struct test_shell *rig, const struct sp_shell_list *list,
+static uint32_t find_met(const struct test_shell *rig, const struct sp_voxel_list *list,
                          const struct test_ray *ray, struct met *met) {
     uint32_t n = 0;
     double t[2];
@@ -105,7 +105,7 @@ static uint32_t find_met(const struct test_shell *rig, const struct sp_shell_lis
  * voxels are left out. */
 static uint32_t check_view(struct test_shell *rig, bool starts_inside) {
     struct sp_shell_job job = test_shell_job(rig);
-    const struct sp_shell_list *list = sp_shell_cache_get(&rig->cache, &job, NULL);
+    const struct sp_voxel_list *list = sp_shell_cache_get(&rig->cache, &job, NULL);
     assert_non_null(list);
     assert_in_range(list->count, 100, 2184);
     uint32_t *all = find_ranks(rig, list, true), *seen = find_ranks(rig, list, false), hidden = 0;
@@ -126,7 +126,7 @@ static uint32_t check_view(struct test_shell *rig, bool starts_inside) {
             } else {
                 assert_true(is_hit);
             }
-            is_hit |= seen[v] && list->voxels[v].code & SP_SHELL_OPAQUE;
+            is_hit |= seen[v] && list->voxels[v].code & SP_VOXEL_OPAQUE;
         }
     }
     for (uint32_t v = 0; v < list->count; v++)
@@ -197,7 +197,7 @@ static void test_near_plane(void **state) {
     struct sp_camera *camera = &rig.scene.view.camera;
     rig.layer.low = rig.layer.high = 0.3;
     struct sp_shell_job job = test_shell_job(&rig);
-    const struct sp_shell_list *list = sp_shell_cache_get(&rig.cache, &job, NULL);
+    const struct sp_voxel_list *list = sp_shell_cache_get(&rig.cache, &job, NULL);
     assert_non_null(list);
     camera->near = 100; /* through the middle: the eye is at z = -100 */
     uint32_t *seen = find_ranks(&rig, list, false);

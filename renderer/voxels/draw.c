@@ -2,7 +2,8 @@
 #include <math.h>
 #include <string.h>
 
-#include "shell/shell.h"
+#include "voxels/draw.h"
+
 #include "volume/grid.h"
 
 enum {
@@ -26,20 +27,20 @@ static bool fail_cancelled(struct sp_error *err) {
 
 /* The tiles of some rows of the image, and the splats that lie on them. */
 struct band {
-    const struct sp_shell_input *input;
-    const struct sp_shell_list *list;
-    struct sp_shell_frame *frame;
-    const struct sp_shell_order *order;
+    const struct sp_voxel_input *input;
+    const struct sp_voxel_list *list;
+    struct sp_voxel_frame *frame;
+    const struct sp_voxel_order *order;
     int columns, rows, y;             /* of tiles; first row of the image */
     uint32_t tiles, blocks;           /* blocks of the batch */
     uint32_t begin;                   /* first voxel of the batch, in the order */
-    struct sp_shell_record *records;  /* [blocks · BLOCK] */
+    struct sp_voxel_record *records;  /* [blocks · BLOCK] */
     uint32_t *written;                /* by block */
     double *areas;                    /* the same, px */
     uint32_t *counts;                 /* [blocks][tiles] */
-    uint32_t *first, *entries;        /* as in struct sp_shell */
+    uint32_t *first, *entries;        /* as in struct sp_voxel_layer */
     uint32_t capacity;                /* of entries */
-    struct sp_shell_tile *tiles_open; /* [tiles], or one per worker: is_single */
+    struct sp_voxel_tile *tiles_open; /* [tiles], or one per worker: is_single */
     bool *closed;                     /* [tiles] */
     bool is_single;         /* all splats of the band are in one batch: tiles need not be kept */
     bool is_first, is_last; /* batch of the band */
@@ -56,10 +57,10 @@ struct span {
     unsigned c0, r0, c1, r1;
 };
 
-static inline struct span find_span(const struct band *b, const struct sp_shell_record *r) {
-    return (struct span){ (unsigned)r->x0 / SP_SHELL_TILE, (unsigned)(r->y0 - b->y) / SP_SHELL_TILE,
-                          (unsigned)(r->x1 - 1) / SP_SHELL_TILE,
-                          (unsigned)(r->y1 - 1 - b->y) / SP_SHELL_TILE };
+static inline struct span find_span(const struct band *b, const struct sp_voxel_record *r) {
+    return (struct span){ (unsigned)r->x0 / SP_VOXEL_TILE, (unsigned)(r->y0 - b->y) / SP_VOXEL_TILE,
+                          (unsigned)(r->x1 - 1) / SP_VOXEL_TILE,
+                          (unsigned)(r->y1 - 1 - b->y) / SP_VOXEL_TILE };
 }
 
 /* Sets up blocks of voxels and counts on how many tiles their splats lie. */
@@ -69,7 +70,7 @@ static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker)
     (void)worker;
     for (size_t n = begin; n < end && !is_cancelled(b); n++) {
         uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->order->count - at;
-        const struct sp_shell_record *records = b->records + n * BLOCK;
+        const struct sp_voxel_record *records = b->records + n * BLOCK;
         uint32_t *counts = b->counts + n * b->tiles;
         double area = 0;
         b->written[n] =
@@ -126,30 +127,30 @@ static uint64_t block_total(const struct band *b, uint32_t block) {
 /* Fills a tile without splats: the background, line by line. */
 static void fill_empty(const struct band *b, int x, int y) {
     struct sp_frame *image = b->input->frame;
-    static const float one[SP_SHELL_TILE] = { [0 ... SP_SHELL_TILE - 1] = 1 };
-    static const float none[SP_SHELL_TILE] = { 0 };
+    static const float one[SP_VOXEL_TILE] = { [0 ... SP_VOXEL_TILE - 1] = 1 };
+    static const float none[SP_VOXEL_TILE] = { 0 };
     const float *const planes[4] = { one, none, none, none };
     const float *background = b->input->view->background;
-    float line[4 * SP_SHELL_TILE];
+    float line[4 * SP_VOXEL_TILE];
     size_t pixel = image->format == SP_RGBAF32 ? 16 : 4;
     int left = (int)image->width - x, below = (int)image->height - y;
-    uint32_t n = (uint32_t)(left < SP_SHELL_TILE ? left : SP_SHELL_TILE);
+    uint32_t n = (uint32_t)(left < SP_VOXEL_TILE ? left : SP_VOXEL_TILE);
     if (image->format == SP_RGBAF32)
         sp_resolve_rgbaf32(planes, n, background, line);
     else
         sp_resolve_rgba8(planes, n, background, (unsigned char *)line);
-    for (int row = 0; row < SP_SHELL_TILE && row < below; row++)
+    for (int row = 0; row < SP_VOXEL_TILE && row < below; row++)
         memcpy((char *)image->pixels + (size_t)(y + row) * image->stride_bytes + pixel * (size_t)x,
                line, n * pixel);
 }
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
     struct band *b = user;
-    const struct sp_shell_kernels *kernels = b->input->kernels;
+    const struct sp_voxel_kernels *kernels = b->input->kernels;
     for (size_t t = begin; t < end && !is_cancelled(b); t++) {
-        struct sp_shell_tile *tile = &b->tiles_open[b->is_single ? worker : t];
-        int x = (int)(t % (size_t)b->columns) * SP_SHELL_TILE;
-        int y = b->y + (int)(t / (size_t)b->columns) * SP_SHELL_TILE;
+        struct sp_voxel_tile *tile = &b->tiles_open[b->is_single ? worker : t];
+        int x = (int)(t % (size_t)b->columns) * SP_VOXEL_TILE;
+        int y = b->y + (int)(t / (size_t)b->columns) * SP_VOXEL_TILE;
         uint32_t first = b->first[t], count = b->first[t + 1] - first;
         if (b->is_first && b->is_last && !count) {
             fill_empty(b, x, y);
@@ -223,8 +224,8 @@ static void draw_band(struct band *b, int y, int rows) {
     b->rows = rows;
     b->tiles = (uint32_t)(rows * b->columns);
     b->frame->ewa.rows[0] = y;
-    b->frame->ewa.rows[1] = y + rows * SP_SHELL_TILE < b->frame->ewa.size[1]
-                                ? y + rows * SP_SHELL_TILE
+    b->frame->ewa.rows[1] = y + rows * SP_VOXEL_TILE < b->frame->ewa.size[1]
+                                ? y + rows * SP_VOXEL_TILE
                                 : b->frame->ewa.size[1];
     b->is_first = true;
     b->frame->closed = NULL;
@@ -242,7 +243,7 @@ static void draw_band(struct band *b, int y, int rows) {
 }
 
 /* Distances and local spacings along the axes of a rectilinear grid [mean spacings]. */
-static bool init_places(struct sp_shell_frame *frame, const struct sp_grid *grid,
+static bool init_places(struct sp_voxel_frame *frame, const struct sp_grid *grid,
                         struct sp_arena *arena) {
     frame->is_rectilinear = sp_grid_is_rectilinear(grid);
     for (unsigned a = 0; frame->is_rectilinear && a < 3; a++) {
@@ -261,13 +262,29 @@ static bool init_places(struct sp_shell_frame *frame, const struct sp_grid *grid
     return true;
 }
 
-static bool init_frame(const struct sp_shell_input *input, struct sp_shell_frame *frame) {
-    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+static void init_streaks(const struct sp_voxel_input *input, struct sp_voxel_frame *frame) {
+    const struct sp_layer *layer = input->layer;
+    struct sp_streaks *s = &frame->streaks;
+    const float stretch = (float)layer->stretch;
+    for (int r = 0; r < 3; r++) {
+        for (int a = 0; a < 3; a++)
+            s->to_camera[r][a] = (float)input->camera->w.m[r][a];
+        s->color[r] = layer->color[r];
+    }
+    s->widen = frame->ewa.sigma * frame->ewa.sigma * (stretch * stretch - 1);
+    s->length = SP_STREAK_PERIOD * frame->ewa.sigma * stretch;
+    s->phase = (float)layer->phase;
+    s->blends = layer->style == SP_VECTORS_BLEND;
+}
+
+static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame *frame) {
+    const struct sp_grid *grid = input->grid;
     struct sp_view view = *input->view;
-    bool is_flat = input->layer->detail == SP_SHELL_FAST;
-    *frame = (struct sp_shell_frame){
+    const bool has_streaks = input->layer->type == SP_LAYER_VECTORS;
+    bool is_flat = !has_streaks && input->layer->detail == SP_SHELL_FAST;
+    *frame = (struct sp_voxel_frame){
         .mode = is_flat ? SP_FILTER_NONE : SP_FILTER_EWA,
-        .shade = input->shade,
+        .shade = has_streaks ? NULL : input->shade, /* vectors have no normals */
         .linear = view.compositing.attenuation == SP_ATTENUATION_LINEAR,
         .opaque = is_flat ? 64 : (float)opaque_depth,
         .apart = 0.5f,
@@ -275,31 +292,22 @@ static bool init_frame(const struct sp_shell_input *input, struct sp_shell_frame
     view.transfer_function.order = SP_TF_PRE;
     view.filter.kernel = SP_KERNEL_GAUSSIAN;
     sp_ewa_frame_init(&frame->ewa, input->camera, grid, &view);
+    frame->has_streaks = has_streaks;
+    if (has_streaks)
+        init_streaks(input, frame);
     return init_places(frame, grid, input->arena);
 }
 
-static bool find_voxels(const struct sp_shell_input *input, const struct sp_shell_list **list,
-                        struct sp_shell_frame *frame, struct sp_shell_order *order,
-                        struct sp_error *err) {
-    struct sp_shell_job job = { .volume = input->volume,
-                                .tf = &input->view->transfer_function,
-                                .low = input->layer->low,
-                                .high = input->layer->high,
-                                .clip = &input->view->clip,
-                                .bytes_max = input->bytes_max,
-                                .pool = input->pool,
-                                .interrupt = input->interrupt };
-    *list = sp_shell_cache_get(input->cache, &job, err);
-    if (!*list)
-        return false;
-    struct sp_shell_order_job sort = { .list = *list,
+static bool find_voxels(const struct sp_voxel_input *input, struct sp_voxel_frame *frame,
+                        struct sp_voxel_order *order, struct sp_error *err) {
+    struct sp_voxel_order_job sort = { .list = input->list,
                                        .camera = input->camera,
-                                       .grid = &sp_volume_info(input->volume)->grid,
+                                       .grid = input->grid,
                                        .keeps_hidden = input->keeps_hidden,
                                        .pool = input->pool,
                                        .arena = input->arena,
                                        .interrupt = &input->interrupt };
-    if (!init_frame(input, frame) || !sp_shell_sort(&sort, order))
+    if (!init_frame(input, frame) || !sp_voxel_sort(&sort, order))
         return fail_memory(input->arena, err);
     return !sp_interrupt_is_cancelled(&input->interrupt) || fail_cancelled(err);
 }
@@ -334,21 +342,21 @@ static void write_stats(const struct band *b, const double ms[3]) {
     stats->stages[1] = (struct sp_stage_time){ "tile", ms[2] - ms[1] };
 }
 
-bool sp_shell_draw(const struct sp_shell_input *input, struct sp_error *err) {
-    struct sp_shell_frame frame;
-    struct sp_shell_order order;
-    struct band b = { .input = input, .frame = &frame, .order = &order };
+bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
+    struct sp_voxel_frame frame;
+    struct sp_voxel_order order;
+    struct band b = { .input = input, .list = input->list, .frame = &frame, .order = &order };
     double ms[3] = { sp_interrupt_clock_ms(&input->interrupt) };
-    if (!find_voxels(input, &b.list, &frame, &order, err))
+    if (!find_voxels(input, &frame, &order, err))
         return false;
     ms[1] = sp_interrupt_clock_ms(&input->interrupt);
-    int rows = (frame.ewa.size[1] + SP_SHELL_TILE - 1) / SP_SHELL_TILE, step;
-    b.columns = (frame.ewa.size[0] + SP_SHELL_TILE - 1) / SP_SHELL_TILE;
+    int rows = (frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE, step;
+    b.columns = (frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE;
     step = BAND_TILES / b.columns < rows ? BAND_TILES / b.columns : rows;
     if (!allocate(&b, (uint32_t)(step * b.columns)))
         return fail_memory(input->arena, err);
     for (int row = 0; row < rows && !is_cancelled(&b); row += step)
-        draw_band(&b, row * SP_SHELL_TILE, row + step < rows ? step : rows - row);
+        draw_band(&b, row * SP_VOXEL_TILE, row + step < rows ? step : rows - row);
     if (is_cancelled(&b))
         return fail_cancelled(err);
     ms[2] = sp_interrupt_clock_ms(&input->interrupt);
@@ -356,7 +364,7 @@ bool sp_shell_draw(const struct sp_shell_input *input, struct sp_error *err) {
     return true;
 }
 
-static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err) {
+static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_error *err) {
     struct sp_arena *arena = b->input->arena;
     b->blocks = (b->order->count + BLOCK - 1) / BLOCK;
     b->tiles = (uint32_t)(b->columns * b->rows);
@@ -374,8 +382,8 @@ static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err
     uint64_t total = 0;
     for (uint32_t n = 0; n < b->blocks; n++) {
         total += block_total(b, n);
-        shell->drawn += b->written[n];
-        shell->area += b->areas[n];
+        layer->drawn += b->written[n];
+        layer->area += b->areas[n];
     }
     b->entries = total > UINT32_MAX
                      ? NULL
@@ -387,35 +395,35 @@ static bool bin_all(struct sp_shell *shell, struct band *b, struct sp_error *err
     return !is_cancelled(b) || fail_cancelled(err);
 }
 
-bool sp_shell_find(const struct sp_shell_input *input, struct sp_shell *shell,
+bool sp_voxel_find(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
                    struct sp_error *err) {
-    *shell = (struct sp_shell){ .input = input };
-    return find_voxels(input, &shell->list, &shell->frame, &shell->order, err);
+    *layer = (struct sp_voxel_layer){ .input = input, .list = input->list };
+    return find_voxels(input, &layer->frame, &layer->order, err);
 }
 
-bool sp_shell_prepare(const struct sp_shell_input *input, struct sp_shell *shell,
+bool sp_voxel_prepare(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
                       struct sp_error *err) {
-    if (!sp_shell_find(input, shell, err))
+    if (!sp_voxel_find(input, layer, err))
         return false;
     struct band b = { .input = input,
-                      .list = shell->list,
-                      .frame = &shell->frame,
-                      .order = &shell->order,
-                      .columns = (shell->frame.ewa.size[0] + SP_SHELL_TILE - 1) / SP_SHELL_TILE,
-                      .rows = (shell->frame.ewa.size[1] + SP_SHELL_TILE - 1) / SP_SHELL_TILE };
-    if (!bin_all(shell, &b, err))
+                      .list = layer->list,
+                      .frame = &layer->frame,
+                      .order = &layer->order,
+                      .columns = (layer->frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE,
+                      .rows = (layer->frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE };
+    if (!bin_all(layer, &b, err))
         return false;
-    shell->columns = b.columns;
-    shell->rows = b.rows;
-    shell->records = b.records;
-    shell->first = b.first;
-    shell->entries = b.entries;
+    layer->columns = b.columns;
+    layer->rows = b.rows;
+    layer->records = b.records;
+    layer->first = b.first;
+    layer->entries = b.entries;
     return true;
 }
 
-void sp_shell_tile(const struct sp_shell *shell, int column, int row,
+void sp_voxel_tile(const struct sp_voxel_layer *layer, int column, int row,
                    struct sp_fragment_tile *tile) {
-    uint32_t t = (uint32_t)(row * shell->columns + column), first = shell->first[t];
-    shell->input->kernels->merge(tile, &shell->frame, shell->records, shell->entries + first,
-                                 shell->first[t + 1] - first);
+    uint32_t t = (uint32_t)(row * layer->columns + column), first = layer->first[t];
+    layer->input->kernels->merge(tile, &layer->frame, layer->records, layer->entries + first,
+                                 layer->first[t + 1] - first);
 }

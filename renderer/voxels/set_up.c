@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "shell/kernels.h"
 #include "splat/outline.h"
+#include "voxels/kernels.h"
+#include "voxels/streak.h"
 
 enum { AHEAD = 64 }; /* voxels that are read in advance: they lie apart in memory */
 
@@ -8,27 +9,29 @@ enum { AHEAD = 64 }; /* voxels that are read in advance: they lie apart in memor
 struct lanes {
     int32_t at[3][SP_WIDE];
     int32_t normal[SP_WIDE], is_opaque[SP_WIDE];
+    uint16_t phase[SP_WIDE];
     float color[3][SP_WIDE], depth[SP_WIDE];
 };
 
-static inline void read_voxels(const struct sp_shell_list *list, const uint32_t *voxels, int count,
+static inline void read_voxels(const struct sp_voxel_list *list, const uint32_t *voxels, int count,
                                struct lanes *to) {
     for (int i = 0; i < SP_WIDE; i++) {
         if (i + AHEAD < count)
             __builtin_prefetch(&list->voxels[voxels[i + AHEAD]]);
-        const struct sp_shell_voxel *v = &list->voxels[voxels[i < count ? i : 0]];
+        const struct sp_voxel *v = &list->voxels[voxels[i < count ? i : 0]];
         for (int k = 0; k < 3; k++) {
             to->at[k][i] = v->at[k];
             to->color[k][i] = v->color[k] * (1.0f / 65535);
         }
         to->normal[i] = (int32_t)v->normal;
+        to->phase[i] = v->phase;
         to->depth[i] = v->depth;
-        to->is_opaque[i] = v->code & SP_SHELL_OPAQUE ? 1 : 0;
+        to->is_opaque[i] = v->code & SP_VOXEL_OPAQUE ? 1 : 0;
     }
 }
 
 /* Computes positions and kernels; returns the volumes of the cells, divided by the mean volume. */
-static inline sp_wide locate(const struct sp_shell_frame *frame, const struct lanes *lanes,
+static inline sp_wide locate(const struct sp_voxel_frame *frame, const struct lanes *lanes,
                              struct sp_places *p) {
     const struct sp_ewa_frame *f = &frame->ewa;
     sp_wide at[3], volume = sp_wide_all(1);
@@ -52,7 +55,7 @@ static inline sp_wide locate(const struct sp_shell_frame *frame, const struct la
 }
 
 /* Optical depths at the centres of the footprints. */
-static inline sp_wide find_depths(const struct sp_shell_frame *frame, const struct lanes *lanes,
+static inline sp_wide find_depths(const struct sp_voxel_frame *frame, const struct lanes *lanes,
                                   sp_wide gain) {
     const struct sp_ewa_frame *f = &frame->ewa;
     const bool is_flat = frame->mode == SP_FILTER_NONE;
@@ -67,11 +70,11 @@ static inline sp_wide find_depths(const struct sp_shell_frame *frame, const stru
 }
 
 /* True if all tiles that the box of splat i touches are closed. */
-static inline bool is_covered(const struct sp_shell_frame *frame, const struct sp_outlines *o,
+static inline bool is_covered(const struct sp_voxel_frame *frame, const struct sp_outlines *o,
                               int i) {
-    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_SHELL_TILE;
-    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_SHELL_TILE;
-    int left = (int)o->x0[i] / SP_SHELL_TILE, right = ((int)o->x1[i] - 1) / SP_SHELL_TILE;
+    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int left = (int)o->x0[i] / SP_VOXEL_TILE, right = ((int)o->x1[i] - 1) / SP_VOXEL_TILE;
     for (int row = low; row <= high; row++)
         for (int column = left; column <= right; column++)
             if (!frame->closed[row * frame->columns + column])
@@ -80,7 +83,7 @@ static inline bool is_covered(const struct sp_shell_frame *frame, const struct s
 }
 
 /* Clears the bits of splats that cannot be seen. */
-static inline unsigned drop_covered(const struct sp_shell_frame *frame, const struct sp_outlines *o,
+static inline unsigned drop_covered(const struct sp_voxel_frame *frame, const struct sp_outlines *o,
                                     unsigned bits) {
     unsigned seen = bits;
     for (; bits; bits &= bits - 1) {
@@ -92,12 +95,12 @@ static inline unsigned drop_covered(const struct sp_shell_frame *frame, const st
 }
 
 static inline void write_records(const struct sp_outlines *o, const struct lanes *lanes, sp_wide u2,
-                                 sp_wide depth, unsigned bits, struct sp_shell_record *out,
+                                 sp_wide depth, unsigned bits, struct sp_voxel_record *out,
                                  uint32_t written) {
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
-        struct sp_shell_record *r = &out[written++];
-        *r = (struct sp_shell_record){ .x = o->x[i],
+        struct sp_voxel_record *r = &out[written++];
+        *r = (struct sp_voxel_record){ .x = o->x[i],
                                        .y = o->y[i],
                                        .a = o->a[i],
                                        .b = o->b[i],
@@ -114,7 +117,7 @@ static inline void write_records(const struct sp_outlines *o, const struct lanes
     }
 }
 
-static inline void shade(const struct sp_shell_frame *frame, const struct sp_places *p,
+static inline void shade(const struct sp_voxel_frame *frame, const struct sp_places *p,
                          struct lanes *lanes) {
     sp_wide to_eye[3], color[3];
     sp_place_eye(&frame->ewa, p->u, to_eye);
@@ -125,8 +128,43 @@ static inline void shade(const struct sp_shell_frame *frame, const struct sp_pla
         sp_wide_store(lanes->color[k], color[k]);
 }
 
-uint32_t sp_shell_set_up(const struct sp_shell_frame *frame, const struct sp_shell_list *list,
-                         const uint32_t *voxels, uint32_t count, struct sp_shell_record *out) {
+/* Places the splats of a layer of vectors. Style modulate has none where there is no vector. */
+static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
+                                         const struct lanes *lanes, struct sp_places *p,
+                                         struct sp_outlines *o, struct sp_streak_places *s) {
+    const struct sp_streaks *streaks = &frame->streaks;
+    const sp_wide_int packed = sp_wide_int_load(lanes->normal);
+    sp_wide world[3], direction[3];
+    sp_shade_unpack(packed, world);
+    for (int r = 0; r < 3; r++)
+        direction[r] = streaks->to_camera[r][0] * world[0] + streaks->to_camera[r][1] * world[1] +
+                       streaks->to_camera[r][2] * world[2];
+    sp_wide_mask seen = sp_streak_place(&frame->ewa, streaks, p, direction, o, s);
+    sp_wide_mask is_still = ~sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023);
+    s->contrast = sp_wide_select(is_still, sp_wide_all(0), s->contrast);
+    return streaks->blends ? seen : seen & ~is_still;
+}
+
+/* Completes the records of the splats in `bits`. */
+static inline void write_streaks(const struct sp_voxel_frame *frame, const struct lanes *lanes,
+                                 const struct sp_streak_places *s, unsigned bits,
+                                 struct sp_voxel_record *r) {
+    const unsigned moved = (unsigned)(frame->streaks.phase * 65536);
+    for (; bits; bits &= bits - 1, r++) {
+        int i = __builtin_ctz(bits);
+        r->a = s->place[0][i];
+        r->b = s->place[1][i];
+        r->c = s->place[2][i];
+        r->d = s->place[3][i];
+        r->periods = s->periods[i];
+        r->contrast = (uint8_t)(s->contrast[i] * 255 + 0.5f);
+        r->shift = (uint8_t)(lanes->phase[i] * 40503u >> 8);
+        r->phase = (uint16_t)(lanes->phase[i] + moved);
+    }
+}
+
+uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
+                         const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out) {
     uint32_t written = 0;
     for (uint32_t n = 0; n < count; n += SP_WIDE) {
         int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
@@ -135,8 +173,10 @@ uint32_t sp_shell_set_up(const struct sp_shell_frame *frame, const struct sp_she
         struct sp_outlines o;
         read_voxels(list, voxels + n, (int)(count - n), &lanes);
         sp_wide volume = locate(frame, &lanes, &p);
-        unsigned bits = sp_wide_mask_bits(sp_place_splats(&frame->ewa, &p, frame->mode, &o) &
-                                          sp_wide_first(left));
+        struct sp_streak_places streaks;
+        sp_wide_mask seen = frame->has_streaks ? place_streaks(frame, &lanes, &p, &o, &streaks)
+                                               : sp_place_splats(&frame->ewa, &p, frame->mode, &o);
+        unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
         if (frame->closed)
             bits = drop_covered(frame, &o, bits);
         if (!bits)
@@ -145,6 +185,8 @@ uint32_t sp_shell_set_up(const struct sp_shell_frame *frame, const struct sp_she
         if (frame->shade)
             shade(frame, &p, &lanes);
         write_records(&o, &lanes, p.u[2], depth, bits, out, written);
+        if (frame->has_streaks)
+            write_streaks(frame, &lanes, &streaks, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);
     }
     return written;

@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "shell/order.h"
+#include "voxels/order.h"
 
 #include <string.h>
 
@@ -29,7 +29,7 @@ struct group {
 };
 
 struct sort {
-    const struct sp_shell_order_job *job;
+    const struct sp_voxel_order_job *job;
     struct axis axes[3];
     unsigned major, outer, inner; /* rows are visited by the outer, then by the inner axis */
     struct group *groups;
@@ -55,10 +55,10 @@ static double middle(const struct sp_grid *grid, unsigned a, uint32_t i, int sid
 static void find_needs(const struct sp_grid *grid, unsigned a, double eye, struct axis *axis) {
     axis->split = 0;
     for (uint32_t i = 0; i < grid->dims[a]; i++) {
-        axis->need[i] = (uint8_t)(eye < middle(grid, a, i, -1)  ? SP_SHELL_LOW(a)
-                                  : eye > middle(grid, a, i, 1) ? SP_SHELL_HIGH(a)
+        axis->need[i] = (uint8_t)(eye < middle(grid, a, i, -1)  ? SP_VOXEL_LOW(a)
+                                  : eye > middle(grid, a, i, 1) ? SP_VOXEL_HIGH(a)
                                                                 : 0);
-        if (axis->need[i] == SP_SHELL_HIGH(a))
+        if (axis->need[i] == SP_VOXEL_HIGH(a))
             axis->split = i + 1;
     }
 }
@@ -119,14 +119,14 @@ static void init_near(struct sort *s) {
     s->has_near = nearest < s->near;
 }
 
-static bool is_near(const struct sort *s, const struct sp_shell_voxel *v) {
+static bool is_near(const struct sort *s, const struct sp_voxel *v) {
     double u2 = s->base;
     for (unsigned a = 0; a < 3; a++)
         u2 += s->step[a] * sp_grid_distance(s->job->grid, a, v->at[a]);
     return u2 < s->near;
 }
 
-static inline bool is_hidden(const struct sort *s, const struct sp_shell_voxel *v, unsigned need) {
+static inline bool is_hidden(const struct sort *s, const struct sp_voxel *v, unsigned need) {
     need |= s->axes[0].need[v->at[0]];
     need = need ? need : NEVER;
     return (v->code & need) == need;
@@ -156,7 +156,7 @@ static uint32_t *add_near(const struct sort *s, uint32_t begin, uint32_t end, bo
                           unsigned need, uint32_t *out) {
     for (uint32_t i = begin; i < end; i++) {
         uint32_t v = falls ? begin + (end - 1 - i) : i;
-        const struct sp_shell_voxel *voxel = &s->job->list->voxels[v];
+        const struct sp_voxel *voxel = &s->job->list->voxels[v];
         if (!is_hidden(s, voxel, need) || is_near(s, voxel))
             *out++ = v;
     }
@@ -165,7 +165,7 @@ static uint32_t *add_near(const struct sort *s, uint32_t begin, uint32_t end, bo
 
 /* Adds a row, in the order of its distance from the eye. */
 static uint32_t *add_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t *out) {
-    const struct sp_shell_list *list = s->job->list;
+    const struct sp_voxel_list *list = s->job->list;
     const uint32_t *first = list->first + (uint64_t)z * list->dims[1] + y;
     unsigned need = s->axes[1].need[y] | s->axes[2].need[z];
     uint32_t split = s->axes[0].split >= list->dims[0] ? first[1] : first[0];
@@ -181,7 +181,7 @@ static uint32_t *add_row(const struct sort *s, uint32_t y, uint32_t z, uint32_t 
 
 /* Adds the rows that have voxels in slice `at` of the outer axis. */
 static uint32_t *add_slice(const struct sort *s, uint32_t at, uint32_t *out) {
-    const struct sp_shell_list *list = s->job->list;
+    const struct sp_voxel_list *list = s->job->list;
     uint32_t words = (list->dims[s->inner] + 63) / 64, split = s->axes[s->inner].split;
     const uint64_t *rows = list->rows[s->outer - 1] + (uint64_t)at * words;
     uint32_t index[3];
@@ -265,7 +265,7 @@ static uint32_t close_gaps(struct sort *s) {
 /* Divides the slices of the outer axis into groups, each with memory for all of its voxels. */
 static bool init_groups(struct sort *s) {
     enum { GROUPS = 64 };
-    const struct sp_shell_list *list = s->job->list;
+    const struct sp_voxel_list *list = s->job->list;
     uint32_t n = list->dims[s->outer], size = (n + GROUPS - 1) / GROUPS, first = 0;
     s->group_count = (n + size - 1) / size;
     s->groups =
@@ -280,7 +280,7 @@ static bool init_groups(struct sort *s) {
     return s->groups != NULL;
 }
 
-static bool sort_by_axis_0(struct sort *s, struct sp_shell_order *order) {
+static bool sort_by_axis_0(struct sort *s, struct sp_voxel_order *order) {
     sum_counts(s);
     s->sorted =
         sp_arena_alloc(s->job->arena, "shell's order", order->count + (size_t)1, sizeof *s->sorted);
@@ -291,10 +291,10 @@ static bool sort_by_axis_0(struct sort *s, struct sp_shell_order *order) {
     return true;
 }
 
-bool sp_shell_sort(const struct sp_shell_order_job *job, struct sp_shell_order *order) {
+bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *order) {
     struct sort s = { .job = job, .major = sp_slices_major_axis(job->camera, job->grid) };
-    const struct sp_shell_list *list = job->list;
-    *order = (struct sp_shell_order){ 0 };
+    const struct sp_voxel_list *list = job->list;
+    *order = (struct sp_voxel_order){ 0 };
     if (list->count == 0)
         return true;
     s.outer = s.major == 1 ? 1 : 2;

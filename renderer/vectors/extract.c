@@ -1,0 +1,150 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "vectors/extract.h"
+
+#include <math.h>
+#include <stdlib.h>
+
+#include "classify/gradient.h"
+#include "classify/transfer.h"
+#include "volume/sample.h"
+#include "voxels/clip.h"
+
+struct work {
+    const struct sp_vectors_job *job;
+    struct sp_voxel_list *list;
+    struct sp_transfer transfer;
+    struct sp_gradient_grid gradient;     /* of the samples, for the gradient axis */
+    struct sp_gradient_grid packing;      /* of the vectors */
+    const struct sp_voxel_interval *clip; /* by row; NULL = nothing is clipped */
+    const void *voxels;
+    const float (*vectors)[3];
+    enum sp_type type;
+    uint64_t kept; /* of 2^16 samples */
+};
+
+/* A random number of a sample: the upper half decides whether it is drawn, the lower half is its
+ * phase. (The finalizer of MurmurHash3, by Appleby, of the sample's number.) */
+static uint32_t hash_of(uint64_t n) {
+    n = (n ^ n >> 33) * UINT64_C(0xff51afd7ed558ccd);
+    n = (n ^ n >> 33) * UINT64_C(0xc4ceb9fe1a85ec53);
+    return (uint32_t)(n ^ n >> 33);
+}
+
+static struct sp_class class_at(const struct work *work, uint64_t at, const uint32_t i[3]) {
+    const struct sp_transfer *transfer = &work->transfer;
+    double value = sp_sample(work->voxels, work->type, at);
+    struct sp_class c;
+    if (transfer->table)
+        c = transfer->table[(int32_t)value - transfer->first];
+    else
+        sp_transfer_function_eval(&transfer->tf, value, &c);
+    if (transfer->scale && c.depth > 0) {
+        double gradient[3];
+        sp_gradient_at(&work->gradient, i, gradient);
+        c = sp_transfer_scale_class(transfer, c, sp_gradient_pack(&work->gradient, gradient));
+    }
+    return c;
+}
+
+static uint32_t pack_vector(const struct work *work, uint64_t at) {
+    double vector[3];
+    for (int c = 0; c < 3; c++)
+        vector[c] = (double)work->vectors[at][c];
+    return sp_gradient_pack(&work->packing, vector);
+}
+
+/* Visits row (y, z); counts its voxels, or writes them if `to` is not NULL. */
+static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struct sp_voxel *to) {
+    const uint32_t *dims = work->list->dims;
+    uint64_t row = (uint64_t)z * dims[1] + y;
+    struct sp_voxel_interval all = { 0, dims[0] }, left = work->clip ? work->clip[row] : all;
+    uint32_t count = 0;
+    for (uint32_t x = left.begin; x < left.end; x++) {
+        const uint64_t at = row * dims[0] + x;
+        const uint32_t i[3] = { x, y, z }, hash = hash_of(at);
+        if (hash >> 16 >= work->kept)
+            continue;
+        struct sp_class c = class_at(work, at, i);
+        if (!(c.depth > 0))
+            continue;
+        if (to) {
+            struct sp_voxel *v = &to[count];
+            *v = (struct sp_voxel){ .at = { (uint16_t)x, (uint16_t)y, (uint16_t)z },
+                                    .normal = pack_vector(work, at),
+                                    .phase = (uint16_t)hash,
+                                    .depth = c.depth };
+            for (int k = 0; k < 3; k++)
+                v->color[k] = (uint16_t)(c.color[k] * 65535 + 0.5f);
+        }
+        count++;
+    }
+    return count;
+}
+
+static void count_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct work *work = user;
+    const uint32_t rows = work->list->dims[1];
+    (void)worker;
+    for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(&work->job->interrupt); row++)
+        work->list->first[row + 1] =
+            visit_row(work, (uint32_t)(row % rows), (uint32_t)(row / rows), NULL);
+}
+
+static void write_rows(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct work *work = user;
+    const uint32_t rows = work->list->dims[1];
+    (void)worker;
+    for (size_t row = begin; row < end && !sp_interrupt_is_cancelled(&work->job->interrupt); row++)
+        visit_row(work, (uint32_t)(row % rows), (uint32_t)(row / rows),
+                  work->list->voxels + work->list->first[row]);
+}
+
+static bool fail_cancelled(struct sp_error *err) {
+    return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+}
+
+static bool extract(struct work *work, struct sp_error *err) {
+    const struct sp_vectors_job *job = work->job;
+    struct sp_voxel_list *list = work->list;
+    if (!sp_voxel_list_start(list, err))
+        return false;
+    sp_parallel_for(job->pool, sp_voxel_list_rows(list), 16, count_rows, work);
+    if (sp_interrupt_is_cancelled(&job->interrupt))
+        return fail_cancelled(err);
+    if (!sp_voxel_list_sum(list, job->bytes_max, "lower the density, or make fewer values visible",
+                           err))
+        return false;
+    sp_parallel_for(job->pool, sp_voxel_list_rows(list), 16, write_rows, work);
+    return !sp_interrupt_is_cancelled(&job->interrupt) || fail_cancelled(err);
+}
+
+bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *list,
+                        struct sp_error *err) {
+    const struct sp_volume_info *info = sp_volume_info(job->volume);
+    const uint32_t *dims = info->grid.dims;
+    struct work work = { .job = job,
+                         .list = list,
+                         .packing = { .bound = info->longest > 0 ? info->longest : 1 },
+                         .voxels = sp_volume_voxels(job->volume),
+                         .vectors = sp_volume_vectors(job->volume),
+                         .type = info->type,
+                         .kept = (uint64_t)(job->density * 65536) };
+    struct sp_voxel_interval *rows = NULL;
+    *list = (struct sp_voxel_list){ .dims = { dims[0], dims[1], dims[2] } };
+    if (sp_voxel_clips(job->clip)) {
+        work.clip = rows = malloc((size_t)sp_voxel_list_rows(list) * sizeof *rows);
+        if (!rows)
+            return sp_fail(err, SP_ERR_MEMORY, "/clip", "out of memory for the clipped vectors");
+        sp_voxel_clip_rows(job->clip, &info->grid, rows);
+    }
+    sp_gradient_grid_init(&work.gradient, job->volume);
+    bool ok = sp_transfer_init(&work.transfer, job->tf, info, NULL, err);
+    if (ok) {
+        ok = extract(&work, err);
+        sp_transfer_finish(&work.transfer);
+    }
+    free(rows);
+    if (!ok)
+        sp_voxel_list_finish(list);
+    return ok;
+}

@@ -1,0 +1,106 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The loops over voxels and pixels of a shell, compiled once per instruction set (base/isa.h).
+ *
+ *   order ─► set_up ─► records ─► (tiles, draw.c) ─► add ─► resolve
+ *                                                 └► merge ─► fragments
+ */
+#ifndef SP_VOXELS_KERNELS_H
+#define SP_VOXELS_KERNELS_H
+
+#include "base/isa.h"
+#include "frame/fragments.h"
+#include "frame/resolve.h"
+#include "sp/frame.h"
+#include "splat/ewa.h"
+#include "voxels/list.h"
+
+enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
+
+#define SP_STREAK_PERIOD 2.0f /* of the pattern, standard deviations along the vector */
+
+/* What a layer of vectors adds to a frame (vectors/streak.h). */
+struct sp_streaks {
+    float to_camera[3][3]; /* world → camera space, a rotation */
+    float widen;           /* σ² · (stretch² − 1) [cells²] */
+    float length;          /* of a period of the pattern [cells] */
+    float phase;           /* of the layer, [0, 1] */
+    bool blends;           /* style blend: streaks of one colour */
+    float color[3];
+};
+
+/* The constants of a frame. */
+struct sp_voxel_frame {
+    struct sp_ewa_frame ewa;
+    enum sp_filter_mode mode;     /* EWA, or NONE for flat squares */
+    const struct sp_shade *shade; /* NULL = not lit */
+    bool is_rectilinear;
+    bool linear;      /* attenuation */
+    bool has_streaks; /* of a layer of vectors */
+    struct sp_streaks streaks;
+    /* Rectilinear: by axis and index, distance from sample 0 and local spacing [mean spacings]. */
+    const float *place[3], *size[3];
+    float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
+    float apart;  /* splats of a pixel whose u2 differ by less become one fragment [cells] */
+    /* Tiles of the rows being drawn that are opaque already, [rows][columns]; NULL = none is. */
+    const bool *closed;
+    int columns; /* of tiles */
+};
+
+/* One splat. Its weight on a pixel at (dx, dy) from the centre is 2^−p with
+ * p = a·dx² + b·dx·dy + c·dy², and 0 where p exceeds the frame's cut or outside the box. Of a layer
+ * of vectors, the place in the pattern is (a·dx + b·dy, c·dx + d·dy) standard deviations along and
+ * across the vector, and p = ½·log2 e·|place|². */
+struct sp_voxel_record {
+    float x, y, a, b, c;    /* px */
+    float depth;            /* optical depth at the centre */
+    float color[3];         /* shaded, not multiplied by anything */
+    float u2;               /* of the voxel [cells] */
+    int16_t x0, y0, x1, y1; /* box in px, half open, inside the image, not empty */
+    float area;             /* px */
+    /* Vectors: */
+    float d;
+    float periods;           /* of the pattern per standard deviation along the vector */
+    uint8_t contrast, shift; /* of the pattern [255ths]; of its rows [256ths of their distance] */
+    uint16_t phase;          /* [65536ths of a period] */
+};
+
+/* A tile while it is composited: transmittance, red, green, blue of SP_WIDE pixels each. Such a
+ * cell is four pixels wide; cells follow each other row by row. */
+struct sp_voxel_tile {
+    _Alignas(64) float cells[SP_VOXEL_PIXELS * 4];
+    uint8_t open[SP_VOXEL_TILE]; /* by row of cells: bit c = column c lets some light through */
+    uint32_t open_count;         /* such cells */
+    int x, y;                    /* of its corner in the image */
+};
+
+struct sp_voxel_kernels {
+    /* Sets up the splats of voxels[count] of the list that touch the rows being drawn, in order,
+     * without those that only touch closed tiles. Returns how many were written. */
+    uint32_t (*set_up)(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
+                       const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
+    /* Empties the tile at (x, y); pixels outside the image count as opaque. */
+    void (*start)(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+    /* Composites records[entries[0 … count)], front to back. */
+    void (*add)(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+    /* Blends the tile over the background into the image. */
+    void (*resolve)(const struct sp_voxel_tile *tile, const float background[4],
+                    struct sp_frame *image);
+    /* Adds the same records to an empty tile of fragments. */
+    void (*merge)(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+};
+
+/* The functions of the instruction set that the including source is compiled for. */
+uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
+                         const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
+void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
+void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],
+                      struct sp_frame *image);
+void sp_voxel_merge(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+                    const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
+
+#endif
