@@ -161,6 +161,30 @@ proto_json *proto_visible_part_encode(const struct sp_visible_part *part, const 
     return object;
 }
 
+static proto_json *field(const char *name, int components, enum sp_type type,
+                         const double range[2]) {
+    proto_json *object = proto_json_object();
+    bool ok = proto_json_set_string(object, "name", name) &&
+              proto_json_set_integer(object, "components", components) &&
+              proto_json_set_string(object, "type", sp_type_name(type)) &&
+              proto_json_set(object, "range", numbers(range, 2));
+    if (!ok)
+        proto_json_free(&object);
+    return object;
+}
+
+/* The samples, then the vectors if there are any. */
+static proto_json *fields(const struct sp_volume_info *info) {
+    proto_json *array = proto_json_array();
+    bool ok = proto_json_append(array, field(info->value_name, 1, info->type, info->range));
+    if (info->vector_bytes)
+        ok = ok && proto_json_append(array, field(info->vector_name, 3, SP_FLOAT32,
+                                                  (const double[]){ 0, info->longest }));
+    if (!ok)
+        proto_json_free(&array);
+    return array;
+}
+
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
                                 bool with_histogram) {
     const struct sp_grid *grid = &info->grid;
@@ -179,7 +203,9 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
               proto_json_set_integer(volume, "components", info->components) &&
               proto_json_set(volume, "range", numbers(info->range, 2)) &&
               proto_json_set_integer(volume, "nonfinite", (int64_t)info->nonfinite) &&
-              proto_json_set_integer(volume, "bytes", (int64_t)info->voxel_bytes) &&
+              proto_json_set(volume, "fields", fields(info)) &&
+              proto_json_set_integer(volume, "bytes",
+                                     (int64_t)(info->voxel_bytes + info->vector_bytes)) &&
               (!with_histogram || proto_json_set(volume, "histogram", histogram(info)));
     if (!ok)
         proto_json_free(&volume);

@@ -52,7 +52,9 @@ static void add_volume(struct table *table, const proto_json *volume) {
         table_add(table, "%" PRId64 "x%" PRId64 "x%" PRId64, n[0], n[1], n[2]);
     else
         table_add(table, "-");
-    table_add(table, "%s", text_of(volume, "type")[0] ? text_of(volume, "type") : "-");
+    bool has_vectors = proto_json_size(proto_json_get(volume, "fields")) > 1;
+    table_add(table, "%s%s", text_of(volume, "type")[0] ? text_of(volume, "type") : "-",
+              has_vectors ? "+vectors" : "");
     table_add(table, "%.1f", (double)bytes / 1e6);
     table_add(table, "%s", text_of(volume, "source"));
 }

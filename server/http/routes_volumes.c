@@ -18,14 +18,15 @@ enum {
     UPLOAD_BYTES = 256  /* "upload:" and an id that a client gave, truncated */
 };
 
-/* Encodes the memory of the volume: its voxels, and the cached data of all renderers. NULL when out
- * of memory. */
+/* Encodes the memory of the volume: its samples and vectors, and the cached data of all renderers.
+ * NULL when out of memory. */
 static proto_json *encode_memory(const struct srv_volume_status *status) {
     const struct sp_volume_info *info = sp_volume_info(status->volume);
     const uint32_t *dims = info->grid.dims;
     double samples = (double)dims[0] * dims[1] * dims[2];
     proto_json *memory = proto_json_object();
-    bool ok = proto_json_set_integer(memory, "voxels", (int64_t)info->voxel_bytes);
+    bool ok =
+        proto_json_set_integer(memory, "voxels", (int64_t)(info->voxel_bytes + info->vector_bytes));
     ok = proto_json_set_integer(memory, "derived", (int64_t)status->cached_bytes) && ok;
     ok = proto_json_set_number(memory, "derived_per_voxel",
                                (double)status->cached_bytes / samples) &&

@@ -121,7 +121,7 @@ static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
                     "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
                     info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
-                    sp_type_name(info->type), info->voxel_bytes, took_ms);
+                    sp_type_name(info->type), info->voxel_bytes + info->vector_bytes, took_ms);
     } else if (err->code == SP_ERR_CANCELLED) {
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
                     "loading of volume %s was cancelled", v->id);

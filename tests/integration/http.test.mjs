@@ -168,9 +168,14 @@ test('volumes are listed, described, and have a default view', async () => {
   isProblem(await daemon.json('/api/v1/volumes/nope/view'), 404);
 });
 
-test('cached data of an 8-bit volume are reported and take at most two bytes per voxel', async () => {
-  const real = await Daemon.start(['--volume', 'demo:engine?size=64'], { backend: 'cpu' });
+test('memory is reported, with vectors; cached data of an 8-bit volume take at most two bytes per voxel', async () => {
+  const real = await Daemon.start(['--volume', 'demo:engine?size=64', '--volume', 'demo:jet?size=32'], { backend: 'cpu' });
   await real.loaded('engine');
+  const jet = await real.loaded('jet');
+  assert.deepEqual(jet.fields.map(({ name, components, type }) => [name, components, type]), [['magnitude', 1, 'float32'], ['wind', 3, 'float32']]);
+  assert.deepEqual(jet.fields[0].range, jet.range);
+  assert.equal(jet.bytes, 32 * 16 * 8 * (1 + 3) * 4);
+  assert.equal(jet.memory.voxels, jet.bytes);
   for (const shading of ['none', 'phong']) {
     const snapshot = await real.fetch('/api/v1/render', {
       method: 'POST', headers: { 'Content-Type': 'application/json' }, body: JSON.stringify({ size: [64, 64], shading: { mode: shading } }),

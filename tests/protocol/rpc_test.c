@@ -191,13 +191,29 @@ static void volumes_are_encoded(void **state) {
         text, "{\"id\":\"an id\",\"name\":\"fixture\",\"source\":\"\",\"dims\":[64,64,32],"
               "\"spacing\":[1,1,2.5],\"origin\":[-10,0,0.125],\"direction\":[[1,0,0],[0,1,0],"
               "[0,0,1]],\"unit\":\"mm\",\"type\":\"uint8\",\"components\":1,\"range\":[0,255],"
-              "\"nonfinite\":0,\"bytes\":131072}");
+              "\"nonfinite\":0,\"fields\":[{\"name\":\"\",\"components\":1,\"type\":\"uint8\","
+              "\"range\":[0,255]}],\"bytes\":131072}");
     free(text);
     proto_json_free(&volume);
     strcpy(info.anatomy, "LPS");
     volume = proto_volume_encode(&info, "an id", false);
     text = proto_json_to_text(proto_json_get(volume, "anatomy"), NULL);
     assert_string_equal(text, "[\"L\",\"P\",\"S\"]");
+    free(text);
+    proto_json_free(&volume);
+    strcpy(info.value_name, "magnitude");
+    strcpy(info.vector_name, "wind");
+    info.longest = 12.5;
+    info.vector_bytes = 12 * 131072;
+    volume = proto_volume_encode(&info, "an id", false);
+    text = proto_json_to_text(proto_json_get(volume, "fields"), NULL);
+    assert_string_equal(
+        text, "[{\"name\":\"magnitude\",\"components\":1,\"type\":\"uint8\",\"range\":"
+              "[0,255]},{\"name\":\"wind\",\"components\":3,\"type\":\"float32\",\"range\":"
+              "[0,12.5]}]");
+    int64_t bytes;
+    assert_true(proto_json_integer(proto_json_get(volume, "bytes"), &bytes));
+    assert_int_equal(bytes, 13 * 131072);
     free(text);
     proto_json_free(&volume);
     const double x[3] = { 0, 1, 4 }, z[2] = { 0, 2.5 };

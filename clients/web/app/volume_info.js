@@ -7,6 +7,12 @@ import { make } from './dom.js';
 
 const number = (value) => numberText(Number(Number(value).toPrecision(6)));
 
+/** The samples and the vectors, by name. */
+function fieldText({ name, components, range }) {
+  if (components === 1) return name || t('info.fields.values');
+  return t('info.fields.vectors', { name: name || t('info.fields.unnamed'), longest: number(range[1]) });
+}
+
 /** [label, value] of all that the daemon tells. */
 function rows(volume) {
   const unit = volume.unit ? ` ${volume.unit}` : '';
@@ -18,6 +24,7 @@ function rows(volume) {
     })],
     [t('info.type'), volume.type],
     [t('info.range'), volume.range && t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })],
+    [t('info.fields'), volume.fields?.some(({ name, components }) => name || components > 1) && volume.fields.map(fieldText).join('; ')],
     [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],
     [t('info.anatomy'), volume.anatomy?.join(' ')],
     [t('info.format'), volume.format],

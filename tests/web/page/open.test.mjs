@@ -16,7 +16,7 @@ let daemon;
 function cube(side) {
   const voxels = Buffer.alloc(side ** 3);
   for (let i = 0; i < voxels.length; i++) voxels[i] = [i % side, Math.floor(i / side) % side, Math.floor(i / side / side)].every((x) => x > side / 4 && x < side * 3 / 4) ? 200 : 0;
-  return Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\n\n`), voxels]);
+  return Buffer.concat([Buffer.from(`NRRD0004\ncontent: density\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\n\n`), voxels]);
 }
 
 const LARGE = { name: 'large.nrrd', mimeType: '', buffer: cube(150) }; // 3.4 MB: several parts
@@ -207,6 +207,7 @@ test('a failed load says why and is removed; closing the shown volume shows anot
   await page.click('[data-name="cube.nrrd"]');
   await shows(page, 'cube');
   await page.locator('#volume-info dd', { hasText: '24 × 24 × 24' }).waitFor();
+  await page.locator('#volume-info dd', { hasText: 'density' }).waitFor();
   const other = await openPage(browser); // another session, which shows the volume, too
   context.after(() => other.context.close());
   await other.page.goto(`${daemon.url}&volume=cube`);
