@@ -410,20 +410,6 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
     return sp_compose(&job, f->job.frame, err);
 }
 
-/* False if a visible layer needs vectors that the volume does not have. */
-static bool has_vectors(const struct sp_volume *volume, const struct sp_view *view,
-                        struct sp_error *err) {
-    char place[32];
-    for (uint32_t i = 0; i < view->layer_count && !sp_volume_vectors(volume); i++) {
-        if (view->layers[i].type != SP_LAYER_VECTORS || !view->layers[i].visible)
-            continue;
-        snprintf(place, sizeof place, "/layers/%u/type", i);
-        return sp_fail(err, SP_ERR_INVALID, place,
-                       "this volume has no vectors: remove the layer, or load a volume with them");
-    }
-    return true;
-}
-
 /* Keeps the layers that are visible. */
 static void remove_hidden_layers(struct sp_view *view) {
     uint32_t count = 0;
@@ -476,7 +462,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     const struct sp_render_options *o = options ? options : &defaults;
     double start_ms = sp_clock_ms(), start_cpu_ms = sp_clock_cpu_ms();
     assert(renderer->begun < SP_IN_FLIGHT_MAX && o->mip_level <= SP_MIP_LEVEL_MAX);
-    if (!sp_renderer_supports(renderer, view, err) || !has_vectors(volume, view, err))
+    if (!sp_renderer_supports(renderer, view, err) ||
+        !sp_view_fits(view, sp_volume_info(volume), err))
         return false;
     struct sp_volume *edited = sp_edit_volume(volume, view, err);
     struct sp_frame *frame =

@@ -402,3 +402,16 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_clip(&view->clip, err) && check_edits(view, err) && check_slices(view, err) &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }
+
+bool sp_view_fits(const struct sp_view *view, const struct sp_volume_info *info,
+                  struct sp_error *err) {
+    char place[32];
+    for (uint32_t i = 0; i < view->layer_count && !info->vector_bytes; i++) {
+        if (view->layers[i].type != SP_LAYER_VECTORS || !view->layers[i].visible)
+            continue;
+        snprintf(place, sizeof place, "/layers/%u/type", i);
+        return sp_fail(err, SP_ERR_INVALID, place,
+                       "this volume has no vectors: remove the layer, or load a volume with them");
+    }
+    return true;
+}

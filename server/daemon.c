@@ -261,7 +261,8 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_hub_options hub = {
         .volumes = { d->catalog, srv_catalog_acquire, srv_catalog_ref, srv_catalog_release,
-                     srv_catalog_default_view, srv_catalog_pick, srv_catalog_measure },
+                     srv_catalog_default_view, srv_catalog_pick, srv_catalog_measure,
+                     srv_catalog_fits },
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,

@@ -124,6 +124,8 @@ void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
 void *srv_catalog_ref(void *catalog, void *volume);
 void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
+bool srv_catalog_fits(void *catalog, void *volume, const struct sp_view *view,
+                      struct sp_error *err);
 void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
 bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view,

@@ -128,6 +128,11 @@ void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
     *view = ((struct srv_volume *)volume)->view;
 }
 
+bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, struct sp_error *err) {
+    (void)user;
+    return sp_view_fits(view, sp_volume_info(((struct srv_volume *)volume)->volume), err);
+}
+
 void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                       const double at[2], struct sp_pick *pick) {
     (void)user;

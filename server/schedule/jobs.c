@@ -193,7 +193,7 @@ static uint32_t find_recipients(const struct srv_schedule *schedule,
     return count;
 }
 
-static void fill_job(struct srv_schedule *schedule, const struct srv_choice *choice,
+static void fill_job(struct srv_schedule *schedule, const struct srv_choice *choice, double now_ms,
                      struct srv_render_job *job) {
     const struct srv_session *s = choice->participant->session;
     const struct srv_volume_source *source = &schedule->hub->options.volumes;
@@ -206,6 +206,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     job->protected_ms = choice->request.protected_ms;
     job->is_alone = schedule->hub->participants.count == 1;
     job->view = s->shared.view;
+    srv_play_place(s, now_ms, &job->view);
     srv_hub_size(s, choice->participant, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
     job->volume = source->ref(source->user, s->shared.volume);
@@ -254,7 +255,7 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     for (uint32_t i = 0; i < count; i++)
         max_fps =
             recipients[i]->settings.max_fps > max_fps ? recipients[i]->settings.max_fps : max_fps;
-    fill_job(schedule, choice, job);
+    fill_job(schedule, choice, now_ms, job);
     choose_detail(schedule, s, job, first, max_fps, now_ms);
     job->is_slow_to_encode = is_slow_to_encode(job, recipients, count);
     job->cancellable_from_ms = cancellable_from_ms(s, job, now_ms);
@@ -265,10 +266,22 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     count_job(schedule, s, job, now_ms);
 }
 
+/* Gives a new version to the views that play and whose last version was taken by a frame. */
+static void play(struct srv_schedule *schedule, double now_ms) {
+    for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
+        bool is_taken = false;
+        for (const struct srv_participant *p = s->participants; p; p = p->next)
+            is_taken = is_taken || p->schedule->newest.version >= s->shared.version;
+        if (is_taken && srv_play_moves(s))
+            srv_play_advance(schedule->hub, s, now_ms);
+    }
+}
+
 bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_render_job *job,
                        double *wait_ms) {
     *wait_ms = 1000;
     pthread_mutex_lock(&schedule->hub->mutex);
+    play(schedule, now_ms);
     const struct srv_choice choice = srv_choose(schedule, now_ms, wait_ms);
     if (choice.participant)
         make_job(schedule, &choice, now_ms, job);
@@ -280,6 +293,7 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
                              double now_ms, struct srv_render_job *job, double *wait_ms) {
     *wait_ms = 1000;
     pthread_mutex_lock(&schedule->hub->mutex);
+    play(schedule, now_ms);
     const struct srv_choice choice = srv_choose_short(schedule, running, now_ms, wait_ms);
     if (choice.participant)
         make_job(schedule, &choice, now_ms, job);

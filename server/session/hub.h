@@ -51,6 +51,8 @@ struct srv_volume_source {
     bool (*measure)(void *user, void *volume, const struct sp_view *view,
                     const struct sp_measure *measure, double samples,
                     struct proto_measure_value *value, struct sp_error *err);
+    /* As sp_view_fits(); NULL = every view does. */
+    bool (*fits)(void *user, void *volume, const struct sp_view *view, struct sp_error *err);
 };
 
 struct srv_hub_options {

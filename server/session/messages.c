@@ -121,6 +121,10 @@ char *srv_hub_take_notification(struct srv_hub *hub, struct srv_participant *p, 
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_MEASURES;
         return srv_measures_text(p, size);
     }
+    if (p->pending.notifications & SRV_NOTIFY_TIME) {
+        p->pending.notifications &= ~(unsigned)SRV_NOTIFY_TIME;
+        return srv_play_text(p, size);
+    }
     if (p->pending.notifications & SRV_NOTIFY_POLICY) {
         p->pending.notifications &= ~(unsigned)SRV_NOTIFY_POLICY;
         return srv_policy_text(p, now_ms, size);

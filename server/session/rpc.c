@@ -22,6 +22,19 @@ bool srv_call_knows(struct srv_call *call, const char *const *known) {
     return proto_json_only(call->params, known, &call->err);
 }
 
+bool srv_call_take_control(struct srv_call *call) {
+    struct srv_participant *p = call->participant;
+    if (srv_control_take(call->hub, p, call->now_ms))
+        return true;
+    return p->identity.role == SRV_ROLE_CONTROL
+               ? srv_call_refuse(call, PROTO_RPC_HELD, NULL,
+                                 "another participant holds control; ask for it by "
+                                 "session.request_control")
+               : srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
+                                 "this token may only watch; changing the view needs the "
+                                 "control token, or a grant from the holder of control");
+}
+
 static bool view_update(struct srv_call *call) {
     static const char *const known[] = { "seq", "patch", NULL };
     struct srv_participant *p = call->participant;
@@ -36,14 +49,8 @@ static bool view_update(struct srv_call *call) {
     if (proto_json_type(patch) != PROTO_JSON_OBJECT)
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/patch",
                                "must be an object: a merge patch");
-    if (!srv_control_take(call->hub, p, call->now_ms))
-        return p->identity.role == SRV_ROLE_CONTROL
-                   ? srv_call_refuse(call, PROTO_RPC_HELD, NULL,
-                                     "another participant holds control; ask for it by "
-                                     "session.request_control")
-                   : srv_call_refuse(call, PROTO_RPC_DENIED, NULL,
-                                     "this token may only watch; changing the view needs the "
-                                     "control token, or a grant from the holder of control");
+    if (!srv_call_take_control(call))
+        return false;
     const uint64_t image = p->session->shared.image;
     if (!srv_hub_apply(call->hub, p->session, patch, p->identity.id, call->now_ms, &call->err)) {
         call->code = proto_rpc_code_from(call->err.code);
@@ -181,6 +188,8 @@ static const struct {
     { "measure.put", srv_call_measure_put },
     { "measure.remove", srv_call_measure_remove },
     { "measure.list", srv_call_measure_list },
+    { "time.play", srv_call_time_play },
+    { "time.stop", srv_call_time_stop },
     { "ping", ping },
 };
 

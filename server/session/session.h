@@ -32,7 +32,8 @@ enum srv_notification { /* a participant has to be told about */
                         SRV_NOTIFY_CLOSE = 32,
                         SRV_NOTIFY_CONTROL = 64,
                         SRV_NOTIFY_POLICY = 128,
-                        SRV_NOTIFY_MEASURES = 256
+                        SRV_NOTIFY_MEASURES = 256,
+                        SRV_NOTIFY_TIME = 512
 };
 
 enum {
@@ -135,6 +136,12 @@ struct srv_view_state {
     double changed_ms;
 };
 
+struct srv_play {    /* of the vectors' phase (play.c); not saved */
+    double rate;     /* periods per second; 0 = the phase stands */
+    double phase;    /* at since_ms */
+    double since_ms; /* when the rate changed last */
+};
+
 struct srv_saved {            /* what the store has */
     struct srv_timer unsaved; /* in hub->persistence.unsaved, in the order of changes */
     uint64_t version;         /* of the view */
@@ -155,6 +162,7 @@ struct srv_session {
     struct srv_timer timer; /* when srv_hub_tick() looks at it */
     struct srv_session_identity identity;
     struct srv_view_state shared;
+    struct srv_play play;
     struct srv_measures measures;
     struct srv_saved saved;
     struct srv_session_stats stats;
@@ -295,6 +303,17 @@ bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], stru
  * of the owner's token. */
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);
+
+/* Playing (play.c). */
+
+/* True if the view changes by itself. */
+bool srv_play_moves(const struct srv_session *session);
+/* Sets the phase of a copy of the view to that of now. */
+void srv_play_place(const struct srv_session *session, double now_ms, struct sp_view *view);
+/* Gives the view of a session that moves a new version, which is not saved. */
+void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* Returns the notification time.changed; malloc'ed, NULL when out of memory. */
+char *srv_play_text(const struct srv_participant *to, size_t *size);
 
 /* Tokens (tokens.c). */
 

@@ -15,9 +15,12 @@ bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], stru
                    size[0], size[1], (unsigned long long)px, (unsigned long long)most);
 }
 
-/* True if the view is within the limits and the renderer can draw it. */
-static bool can_show(const struct srv_hub *hub, const struct sp_view *view, struct sp_error *err) {
+/* True if the view is within the limits, suits the volume, and the renderer can draw it. */
+static bool can_show(const struct srv_hub *hub, void *volume, const struct sp_view *view,
+                     struct sp_error *err) {
+    const struct srv_volume_source *source = &hub->options.volumes;
     return srv_hub_allows_size(hub, view->size, err) &&
+           (!source->fits || source->fits(source->user, volume, view, err)) &&
            (!hub->options.supports || hub->options.supports(hub->options.user, view, err));
 }
 
@@ -32,7 +35,8 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
     source->default_view(source->user, *volume, view);
     struct sp_view defaults = *view;
     if ((!base || proto_view_apply(base, &defaults, view, err)) &&
-        (!patch || proto_view_apply(patch, &defaults, view, err)) && can_show(hub, view, err))
+        (!patch || proto_view_apply(patch, &defaults, view, err)) &&
+        can_show(hub, *volume, view, err))
         return true;
     source->release(source->user, *volume);
     *volume = NULL;
@@ -56,7 +60,8 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     } else {
         source->default_view(source->user, session->shared.volume, &defaults);
     }
-    if (!proto_view_apply(patch, &defaults, &view, err) || !can_show(hub, &view, err) ||
+    if (!proto_view_apply(patch, &defaults, &view, err) ||
+        !can_show(hub, volume ? volume : session->shared.volume, &view, err) ||
         (memcmp(view.size, session->shared.view.size, sizeof view.size) != 0 &&
          !srv_owner_allows_size(&session->identity.owner, view.size, err))) {
         if (volume)

@@ -24,6 +24,7 @@ BEYOND = {
     'view.update': {-32000, -32001, -32002, -32003, -32004, -32007},
     'session.request_control': {-32004}, 'session.grant_control': {PARAMS, -32007}, 'session.refuse_control': {PARAMS, -32007},
     'pick': {PARAMS, -32005}, 'measure.put': {PARAMS, -32002, -32004, -32005}, 'measure.remove': {-32002, -32004, -32005}, 'stream.ack': {PARAMS}, 'stream.configure': {PARAMS},
+    'time.play': {-32000, -32004, -32007}, 'time.stop': {-32004, -32007},
 }
 OPAQUE = {'transfer_function': {'points': [{'value': 0, 'color': [1, 1, 1], 'opacity': 0.9}]}}
 # Only a failing renderer causes it: integration.stream tests it.
@@ -53,6 +54,8 @@ def call(contract, values, stream, method, rng):
         params['size'] = params['size'] and [min(n, 64) if isinstance(n, int) else n for n in params['size']]
     if method == 'pick' and rng.random() < 0.7:
         params = {'at': [rng.uniform(0, 16), rng.uniform(0, 16)]}
+    if method == 'time.play' and rng.random() < 0.5:  # few random views show the vectors that it needs
+        stream.ask({'method': 'view.update', 'params': {'seq': 1, 'patch': {'volume': 'tornado', 'layers': [{'type': 'vectors'}]}}})
     if method == 'measure.put' and rng.random() < 0.7:  # few random points fit their kind
         params = {'id': rng.choice(['a', 'C_2']), 'kind': 'marker', 'points': [[rng.uniform(0, 16) for _ in range(3)]]}
     is_sound = values.validator(schema).is_valid(params)
@@ -105,6 +108,9 @@ def main():
     streams, taken = [], set()
     try:
         while json.loads(daemon.ask('GET', '/api/v1/volumes/engine')[2])['state'] == 'loading':
+            pass
+        daemon.ask('POST', '/api/v1/volumes', {'uri': 'demo:tornado?size=16', 'id': 'tornado'})
+        while json.loads(daemon.ask('GET', '/api/v1/volumes/tornado')[2])['state'] == 'loading':
             pass
         session = json.loads(daemon.ask('POST', '/api/v1/sessions', {'view': {'size': [16, 16], **OPAQUE}})[2])
         streams = [Stream(daemon.host, session['id'], session['tokens'][role]) for role in ('control', 'control', 'view')]

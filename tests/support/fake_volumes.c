@@ -39,8 +39,11 @@ static void default_view(void *user, void *volume, struct sp_view *view) {
 }
 
 struct srv_volume_source fake_volume_source(struct fake_volumes *volumes) {
-    return (
-        struct srv_volume_source){ volumes, acquire, add_use, release, default_view, NULL, NULL };
+    return (struct srv_volume_source){ .user = volumes,
+                                       .acquire = acquire,
+                                       .ref = add_use,
+                                       .release = release,
+                                       .default_view = default_view };
 }
 
 void fake_ignore(void *user) {

@@ -310,6 +310,11 @@ SP_API bool sp_view_has_default_filter(const struct sp_view *view);
  * (sp_renderer_supports()). Thread-safe. */
 SP_API bool sp_view_validate(const struct sp_view *view, struct sp_error *err);
 
+/* True if the volume has what the view's visible layers show. SP_ERR_INVALID; err->place is the
+ * JSON pointer. The view must be valid. Thread-safe. */
+SP_API bool sp_view_fits(const struct sp_view *view, const struct sp_volume_info *info,
+                         struct sp_error *err);
+
 #ifdef __cplusplus
 }
 #endif
