@@ -257,13 +257,16 @@ static bool bin_blocks(struct sp_surface *s, uint32_t count, struct sp_arena *ar
 bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface *s,
                         struct sp_error *err) {
     const struct sp_layer *layer = input->layer;
-    const double nearly_opaque = 1 - 1.0 / 512;
+    const bool is_opaque = (double)layer->opacity > 1 - 1.0 / 512;
+    /* A small tolerance keeps sheets apart that lie close together, but takes more sheets. What is
+     * behind an opaque sheet needs none; for translucent ones there are not enough. */
+    const float tolerance = is_opaque ? 1.6f : 3.2f;
     *s = (struct sp_surface){ .points = input->points,
                               .shade = input->shade,
                               .opacity = layer->opacity,
-                              .is_opaque = (double)layer->opacity > nearly_opaque,
+                              .is_opaque = is_opaque,
                               .squeeze = (float)(1 - 1 / layer->flatness),
-                              .tolerance = 2 };
+                              .tolerance = tolerance };
     for (int c = 0; c < 3; c++)
         s->color[c] = layer->color[c];
     init_frame(s, input);

@@ -182,32 +182,9 @@ static void resolve_row(const struct sp_surface *s, const struct sp_surface_shee
 
 enum { ROWS = 2 * SURFACE_SHEETS };
 
-/* The alpha of a sheet behind another one of the same silhouette. Both cover the same part of the
- * pixel as far as they can, so that they do not hide each other's gaps:
- *
- *   transmittance of both = (1 − larger) + (larger − smaller)·(1 − o) + smaller·(1 − o)²
- */
-static float alpha_behind(float opacity, float front, float behind) {
-    const float through = 1 - opacity, larger = fmaxf(front, behind);
-    const float smaller = fminf(front, behind), first = 1 - opacity * front;
-    float both = 1 - larger + (larger - smaller) * through + smaller * through * through;
-    return first > 1e-6f ? fmaxf(0, 1 - both / first) : 0;
-}
-
-/* A ray from outside meets the outside of a body first. Where an edge is close to a sheet behind
- * it, both are one sheet, whose mean depth may lie behind the far side of the edge. */
-static bool is_out_of_order(const struct sp_surface *s, const struct resolved rows[ROWS],
-                            const int order[ROWS], int x) {
-    const bool is_cut = s->clip.count || s->cuts_near;
-    return !is_cut && order[0] >= SURFACE_SHEETS && order[1] < SURFACE_SHEETS &&
-           rows[order[0]].coverage[x] < 1;
-}
-
-/* Adds the sheets of one pixel. A ray enters and leaves a body in turns; from the first sheet on,
- * each pair of different facing belongs to one silhouette. */
-static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROWS], int x,
-                      struct sp_fragment_tile *tile, int pixel) {
-    int order[ROWS], count = 0, last = -1;
+/* Sorts the sheets of a pixel by depth. Returns their number. */
+static int sort_sheets(const struct resolved rows[ROWS], int x, int order[ROWS]) {
+    int count = 0;
     for (int i = 0; i < ROWS; i++) {
         int at = count;
         if (!(rows[i].coverage[x] > least))
@@ -217,28 +194,49 @@ static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROW
         order[at] = i;
         count++;
     }
-    const int nearest = count ? order[0] : 0;
-    if (count > 1 && is_out_of_order(s, rows, order, x)) {
-        order[0] = order[1];
-        order[1] = nearest;
-    }
-    for (int k = 0; k < count; k++) {
+    return count;
+}
+
+/* The rays of a pixel that are outside of the body, or those that are inside: their share of all
+ * rays, and the light that comes through along them to the eye, as a share of all light. */
+struct rays {
+    float share, light;
+};
+
+/* Lets rays cross a sheet that covers `coverage` of the pixel. Where fewer rays are on its near
+ * side, the others crossed to there unseen: they began there, behind a cut, or a sheet is missing.
+ * Returns the light that the sheet hides. */
+static float cross_sheet(struct rays *near, struct rays *far, float coverage, float opacity) {
+    const float seen = fminf(coverage, near->share), unseen = fminf(coverage - seen, far->share);
+    const float arriving = seen > 0 ? near->light * (seen / near->share) : 0;
+    const float staying = unseen > 0 ? far->light * (unseen / far->share) : 0;
+    near->share -= seen;
+    near->light -= arriving;
+    far->share += seen;
+    far->light += (1 - opacity) * arriving - opacity * staying;
+    return opacity * (arriving + staying);
+}
+
+/* Adds the sheets of one pixel. */
+static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROWS], int x,
+                      struct sp_fragment_tile *tile, int pixel) {
+    struct rays rays[2] = { { 1, 1 }, { 0, 0 } }; /* outside, inside */
+    int order[ROWS];
+    const int count = sort_sheets(rows, x, order);
+    float light = 1;
+    for (int k = 0; k < count && light > least; k++) {
         const struct resolved *row = &rows[order[k]];
-        float coverage = row->coverage[x], alpha = s->opacity * coverage;
-        bool is_pair = last >= 0 && last / SURFACE_SHEETS != order[k] / SURFACE_SHEETS;
-        if (is_pair)
-            alpha = alpha_behind(s->opacity, rows[last].coverage[x], coverage);
-        last = is_pair ? -1 : order[k];
-        const float depth = rows[k ? order[k] : nearest].depth[x];
-        const struct sp_fragment fragment = { .depth = depth * (float)s->frame.unit,
+        const int side = order[k] / SURFACE_SHEETS;
+        const float alpha =
+            cross_sheet(&rays[side], &rays[!side], row->coverage[x], s->opacity) / light;
+        const struct sp_fragment fragment = { .depth = row->depth[x] * (float)s->frame.unit,
                                               .color = { row->color[0][x] * alpha,
                                                          row->color[1][x] * alpha,
                                                          row->color[2][x] * alpha },
                                               .alpha = alpha };
         if (alpha > least)
             sp_fragment_add(tile, pixel, &fragment);
-        if (s->is_opaque && coverage >= 1)
-            return;
+        light = rays[0].light + rays[1].light;
     }
 }
 

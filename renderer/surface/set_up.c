@@ -156,19 +156,12 @@ static inline sp_wide thickness(const struct sp_ewa_frame *f, const struct point
     return sp_wide_sqrt(sum);
 }
 
-/* How far the low-pass filter spreads the depths of a plane that the footprint belongs to [cells].
- * Planes steeper than 76° count as that steep. */
-static inline sp_wide spread(const struct sp_ewa_frame *f, const struct points *p,
-                             sp_wide inverse) {
-    const bool is_perspective = f->projection == SP_PERSPECTIVE;
-    const sp_wide one = sp_wide_all(1), steepest = sp_wide_all(4);
-    sp_wide x = is_perspective ? p->u[0] * inverse : sp_wide_all(0);
-    sp_wide y = is_perspective ? p->u[1] * inverse : sp_wide_all(0);
-    sp_wide across = p->normal[0] * x + p->normal[1] * y + p->normal[2];
-    sp_wide square = across * across * sp_wide_inverse(x * x + y * y + one); /* of the cosine */
-    square = sp_wide_min(sp_wide_max(square, sp_wide_all(0.05f)), one);
-    sp_wide slope = sp_wide_min(sp_wide_sqrt(1 / square - 1), steepest);
-    return slope * (f->radius * 0.5f * sqrtf(f->lowpass2)) / (f->scale * inverse);
+/* Depths that differ by less than this belong to one sheet: it bends within a kernel, and the
+ * low-pass filter spreads it, as it does a plane of 60° [cells]. */
+static inline sp_wide find_tolerance(const struct sp_surface *s, const struct points *p,
+                                     sp_wide scale) {
+    const float steep = 1.75f;
+    return s->tolerance * (thickness(&s->frame, p) + steep * sqrtf(s->frame.lowpass2) / scale);
 }
 
 /* Writes everything but centres and normals. Returns which footprints touch the tile. */
@@ -183,12 +176,11 @@ static inline sp_wide_mask write_ellipses(const struct sp_surface *s, const stru
     project(f, p, inverse, k, &image);
     sp_wide v00 = dot(image.m[0], image.m[0]), v01 = dot(image.m[0], image.m[1]);
     sp_wide v11 = dot(image.m[1], image.m[1]), v02 = dot(image.m[0], k[2]);
-    sp_wide v12 = dot(image.m[1], k[2]), v22 = dot(k[2], k[2]);
+    sp_wide v12 = dot(image.m[1], k[2]);
     cross(image.m[0], image.m[1], area);
     sp_wide det = dot(area, area) + h2 * (v00 + v11) + h2 * h2, over = 1 / det;
     sp_wide i00 = (v11 + h2) * over, i01 = -v01 * over, i11 = (v00 + h2) * over;
     sp_wide slope[2] = { i00 * v02 + i01 * v12, i01 * v02 + i11 * v12 };
-    sp_wide rest = sp_wide_max(v22 - slope[0] * v02 - slope[1] * v12, sp_wide_all(0));
     sp_wide peak = scale * scale * sp_wide_abs(image.facing) * f->peak / sp_wide_sqrt(det);
     sp_wide x = sp_wide_load(out->x), y = sp_wide_load(out->y);
     sp_wide_store(out->a, 0.5f * SP_LOG2E * i00);
@@ -198,8 +190,7 @@ static inline sp_wide_mask write_ellipses(const struct sp_surface *s, const stru
     sp_wide_store(out->depth, p->u[2] - s->depth_first);
     sp_wide_store(out->slope[0], slope[0]);
     sp_wide_store(out->slope[1], slope[1]);
-    sp_wide_store(out->tolerance,
-                  s->tolerance * (thickness(f, p) + sp_wide_sqrt(rest) + spread(f, p, inverse)));
+    sp_wide_store(out->tolerance, find_tolerance(s, p, scale));
     out->back = sp_wide_mask_bits(sp_wide_lt(sp_wide_all(0), image.facing));
     return sp_wide_lt(sp_wide_all(1e-6f), peak) & sp_wide_lt(peak, sp_wide_all(1e30f)) &
            store_box(out->x0, out->x1, x, f->radius * sp_wide_sqrt(v00 + h2)) &

@@ -48,7 +48,7 @@ struct sp_surface {
     float facing[3][3]; /* vector area in index space → camera space [cells²] */
     float squeeze;      /* 1 − 1/flatness */
     float bend;         /* factor of points->bend: cells per step times σ² */
-    float tolerance;    /* footprints of one sheet are closer than this [kernel deviations] */
+    float tolerance;    /* footprints of one sheet are closer than this [deviations] */
     float reach;        /* of the largest kernel [cells] */
     float stretch;      /* beside the image's centre kernels look at most this much larger */
     float depth_first;  /* depths of sheets are relative to this [cells] */

@@ -124,32 +124,41 @@ static inline void add_footprint(const struct sp_surface *s, struct sp_surface_s
     }
 }
 
-/* What opaque sheets hide at pixels. */
+/* Where clipping keeps a sheet of pixels whole. */
+static inline sp_wide_mask is_whole(const struct sp_surface *s,
+                                    const struct sp_surface_sheet_row *row, int x, int image_x,
+                                    int image_y, sp_wide depth) {
+    const sp_wide n[3] = { sp_wide_load(row->normal[0] + x), sp_wide_load(row->normal[1] + x),
+                           sp_wide_load(row->normal[2] + x) };
+    return sp_wide_lt(sp_wide_all(0.99f),
+                      sp_surface_clip_share(s, image_x, image_y, depth + s->depth_first, n));
+}
+
+/* What opaque sheets hide at pixels: what is behind a complete one, or behind several that let all
+ * rays in or all rays out together (resolve.c). */
 static inline sp_wide find_hidden(const struct sp_surface *s,
                                   const struct sp_surface_scratch *scratch,
                                   const struct sp_fragment_tile *tile, int x, int y) {
-    const sp_wide enough = sp_wide_all(full), half = sp_wide_all(0.99f);
+    const sp_wide enough = sp_wide_all(full), tiny = sp_wide_all(1e-6f);
     const bool is_clipped = s->clip.count || s->cuts_near;
     sp_wide hidden = sp_wide_load(&scratch->hidden[y][x]);
+    sp_wide crossed = sp_wide_all(0), last = sp_wide_all(-INFINITY);
     for (int facing = 0; facing < 2; facing++)
         for (int l = 0; l < scratch->used[facing]; l++) {
             const struct sp_surface_sheet_row *row = &scratch->sheets[facing][l][y];
             sp_wide w = sp_wide_load(row->weight + x);
+            sp_wide z = sp_wide_load(row->depth + x) / sp_wide_max(w, tiny);
             sp_wide_mask is_full = sp_wide_lt(enough, w);
-            if (!sp_wide_any(is_full))
-                continue;
-            sp_wide z = sp_wide_load(row->depth + x) / sp_wide_max(w, enough);
-            if (is_clipped) {
-                const sp_wide n[3] = { sp_wide_load(row->normal[0] + x),
-                                       sp_wide_load(row->normal[1] + x),
-                                       sp_wide_load(row->normal[2] + x) };
-                is_full =
-                    is_full & sp_wide_lt(half, sp_surface_clip_share(s, tile->x + x, tile->y + y,
-                                                                     z + s->depth_first, n));
-            }
+            crossed = facing ? crossed - w : crossed + w;
+            last = sp_wide_select(sp_wide_lt(tiny, w), sp_wide_max(last, z), last);
+            if (is_clipped && sp_wide_any(is_full))
+                is_full = is_full & is_whole(s, row, x, tile->x + x, tile->y + y, z);
             hidden = sp_wide_select(is_full, sp_wide_min(z, hidden), hidden);
         }
-    return hidden;
+    if (is_clipped)
+        return hidden;
+    sp_wide_mask is_full = sp_wide_lt(enough, sp_wide_abs(crossed));
+    return sp_wide_select(is_full, sp_wide_min(last, hidden), hidden);
 }
 
 /* Finds what is hidden in the cells that have changed. */

@@ -55,16 +55,20 @@ void add_footprint(Footprint f) {
     sheets[l].normal += weight * vec3(f.rest.zw, f.side.x);
 }
 
-// Finds what opaque sheets hide.
+// Finds what opaque sheets hide: what is behind a complete one, or behind several that let all rays in or all rays out together.
 void find_hidden() {
+    bool is_clipped = plane_counts.x != 0u || kind.y != 0u;
+    float crossed = 0.0, last = -FAR_AWAY;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
         Sheet own = sheets[i];
-        if (!(own.weight > FULL))
-            continue;
-        float z = own.depth / own.weight;
-        if ((plane_counts.x == 0u && kind.y == 0u) || clip_share(corner + at, z + sheet_of.w, own.normal) > 0.99)
+        float z = own.depth / max(own.weight, 1e-6);
+        crossed += i < SHEETS ? own.weight : -own.weight;
+        last = own.weight > 1e-6 ? max(last, z) : last;
+        if (own.weight > FULL && (!is_clipped || clip_share(corner + at, z + sheet_of.w, own.normal) > 0.99))
             hidden = min(hidden, z);
     }
+    if (!is_clipped && abs(crossed) > FULL)
+        hidden = min(hidden, last);
 }
 
 // Every thread must call it.
@@ -121,18 +125,10 @@ void sort_in(Resolved own) {
     sorted_count++;
 }
 
-// A ray from outside meets the outside of a body first. Where an edge is close to a sheet behind it, both are one sheet, whose
-// mean depth may lie behind the far side of the edge.
-bool is_out_of_order() {
-    bool is_cut = plane_counts.x != 0u || kind.y != 0u;
-    return !is_cut && sorted[0].side == 1u && sorted[1].side == 0u && sorted[0].coverage < 1.0;
-}
-
-// Adds the fragments of the pixel; returns whether there are any. From the first sheet on, each pair of different facing
-// belongs to one silhouette.
+// Adds the fragments of the pixel; returns whether there are any.
 bool add_fragments() {
     bool has_any = false;
-    uint last = 2u;
+    float light = 1.0;
     sorted_count = 0u;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
         Resolved own = resolve(corner + at, sheets[i].weight, sheets[i].depth, sheets[i].normal);
@@ -140,23 +136,16 @@ bool add_fragments() {
         if (own.coverage > LEAST)
             sort_in(own);
     }
-    if (sorted_count > 1u && is_out_of_order()) {
-        Resolved first = sorted[0];
-        sorted[0] = sorted[1];
-        sorted[0].depth = first.depth;
-        sorted[1] = first;
-    }
-    for (uint k = 0u; k < sorted_count; k++) {
+    rays[0] = vec2(1);
+    rays[1] = vec2(0);
+    for (uint k = 0u; k < sorted_count && light > LEAST; k++) {
         Resolved own = sorted[k];
-        bool is_pair = last < 2u && last != own.side;
-        float alpha = is_pair ? alpha_behind(sorted[k - 1u].coverage, own.coverage) : look.w * own.coverage;
-        last = is_pair ? 2u : own.side;
+        float alpha = cross_sheet(own.side, own.coverage) / light;
         if (alpha > LEAST) {
             add_fragment(Fragment(own.depth * cell.x, vec4(own.color * alpha, alpha)));
             has_any = true;
         }
-        if (kind.x != 0u && own.coverage >= 1.0)
-            break;
+        light = rays[0].y + rays[1].y;
     }
     return has_any;
 }

@@ -113,13 +113,6 @@ bool is_kept(Point p, float margin) {
     return true;
 }
 
-// How far the low-pass filter spreads the depths of a plane that the footprint belongs to.
-float spread(Point p, float inverse) {
-    vec2 x = is_perspective ? p.u.xy * inverse : vec2(0);
-    float across = dot(p.normal, vec3(x, 1.0)), square = clamp(across * across / (dot(x, x) + 1.0), 0.05, 1.0);
-    return min(sqrt(1.0 / square - 1.0), 4.0) * (filter_of.y * 0.5 * sqrt(filter_of.x)) / (view.x * inverse);
-}
-
 // The weight at d px from the centre is peak·2^−p, p = a·dx² + b·dx·dy + c·dy² < cut, and its depth is depth + slope·d.
 struct Footprint {
     vec4 place; // x, y, a, b
@@ -141,11 +134,10 @@ bool set_up_ellipse(Point p, float inverse, float half_side, inout Footprint f) 
     float det = dot(area, area) + h2 * (v00 + v11) + h2 * h2, over = 1.0 / det;
     float i00 = (v11 + h2) * over, i01 = -v01 * over, i11 = (v00 + h2) * over;
     vec2 slope = vec2(i00 * v02 + i01 * v12, i01 * v02 + i11 * v12);
-    float rest = max(dot(k[2], k[2]) - slope.x * v02 - slope.y * v12, 0.0);
     float peak = scale * scale * abs(facing) * filter_of.w / sqrt(det), thickness = length(kernel[2].xyz * p.size);
     f.place.zw = vec2(0.5 * LOG2E * i00, LOG2E * i01);
-    f.shape = vec4(0.5 * LOG2E * i11, peak, p.u.z - sheet_of.w,
-                   sheet_of.z * (thickness + sqrt(rest) + spread(p, inverse)));
+    float tolerance = sheet_of.z * (thickness + 1.75 * sqrt(h2) / scale); // deviations of the kernel and of the low-pass filter
+    f.shape = vec4(0.5 * LOG2E * i11, peak, p.u.z - sheet_of.w, tolerance);
     f.rest = vec4(slope, p.normal.xy);
     f.side = vec2(p.normal.z, facing > 0.0 ? 1.0 : 0.0);
     vec2 reach = filter_of.y * sqrt(vec2(v00, v11) + h2);

@@ -89,9 +89,17 @@ Resolved resolve(vec2 px, float weight, float depth_sum, vec3 normal_sum) {
     return to;
 }
 
-// The alpha of a sheet behind another one of the same silhouette.
-float alpha_behind(float front, float behind) {
-    float opacity = look.w, through = 1.0 - opacity, larger = max(front, behind), smaller = min(front, behind);
-    float first = 1.0 - opacity * front, both = 1.0 - larger + (larger - smaller) * through + smaller * through * through;
-    return first > 1e-6 ? max(0.0, 1.0 - both / first) : 0.0;
+// The rays of a pixel outside of the body, and inside: their share of all rays, and the light that comes through along them to
+// the eye, as a share of all light.
+vec2 rays[2];
+
+// Lets rays cross a sheet. Where fewer rays than it covers are on its near side, the others crossed to there unseen: they began
+// there, behind a cut, or a sheet is missing. Returns the light that the sheet hides.
+float cross_sheet(uint side, float coverage) {
+    vec2 near = rays[side], far = rays[1u - side];
+    float seen = min(coverage, near.x), unseen = min(coverage - seen, far.x);
+    float arriving = seen > 0.0 ? near.y * (seen / near.x) : 0.0, staying = unseen > 0.0 ? far.y * (unseen / far.x) : 0.0;
+    rays[side] = near - vec2(seen, arriving);
+    rays[1u - side] = far + vec2(seen, (1.0 - look.w) * arriving - look.w * staying);
+    return look.w * (arriving + staying);
 }
