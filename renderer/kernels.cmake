@@ -8,7 +8,7 @@ check_c_source_compiles("#ifndef __x86_64__\n#error\n#endif\nint main(void) { re
 check_c_source_compiles("#ifndef __aarch64__\n#error\n#endif\nint main(void) { return 0; }" SPLATD_AARCH64)
 
 # No errno, no floating-point traps; the rest of IEEE stays (-ffast-math would break sp_exp2's rounding).
-set(flags -O3 -fno-math-errno -fno-trapping-math)
+set(flags $<IF:$<BOOL:${SPLATD_SANITIZE}>,-O2,-O3> -fno-math-errno -fno-trapping-math)
 # The reference also keeps each operation's own rounding; the others may join a product and a sum.
 set(flags_scalar ${flags} -ffp-contract=off)
 set(flags_wide ${flags} -ffp-contract=fast -fno-signed-zeros)
@@ -18,7 +18,9 @@ set(flags_avx512 ${flags_avx2} -mavx512f -mavx512bw -mavx512dq -mavx512vl -mpref
 set(flags_neon ${flags_wide})
 
 set(SPLAT_ISAS scalar)
-if(SPLATD_X86_64)
+if(SPLATD_X86_64 AND SPLATD_SANITIZE STREQUAL thread) # all sets have the same threads
+    list(APPEND SPLAT_ISAS sse41)
+elseif(SPLATD_X86_64)
     list(APPEND SPLAT_ISAS sse41 avx2 avx512)
 elseif(SPLATD_AARCH64)
     list(APPEND SPLAT_ISAS neon)
@@ -37,6 +39,14 @@ foreach(isa ${SPLAT_ISAS})
     endif()
     target_sources(splat PRIVATE $<TARGET_OBJECTS:splat_kernels_${isa}>)
 endforeach()
+
+# The dispatcher asks which sets are compiled.
+foreach(isa sse41 avx2 avx512 neon)
+    string(TOUPPER ${isa} name)
+    list(FIND SPLAT_ISAS ${isa} index)
+    list(APPEND compiled SP_WITH_${name}=$<NOT:$<EQUAL:${index},-1>>)
+endforeach()
+set_property(SOURCE backend/cpu/kernels.c APPEND PROPERTY COMPILE_DEFINITIONS ${compiled})
 
 function(splat_kernels)
     foreach(isa ${SPLAT_ISAS})

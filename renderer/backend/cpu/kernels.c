@@ -8,26 +8,17 @@
 
 extern const struct cpu_kernels cpu_table_sse41, cpu_table_avx2, cpu_table_avx512, cpu_table_neon;
 
-/* In rising order. table NULL = this program was compiled for another architecture. */
+/* In rising order. table NULL = this program was compiled without it (kernels.cmake). */
 static const struct {
     const char *name;
     uint32_t feature; /* SP_CPU_… that it needs; 0 = none */
     const struct cpu_kernels *table;
 } isas[] = {
     { "scalar", 0, &cpu_table },
-#if defined __x86_64__
-    { "sse41", SP_CPU_SSE41, &cpu_table_sse41 },
-    { "avx2", SP_CPU_AVX2, &cpu_table_avx2 },
-    { "avx512", SP_CPU_AVX512, &cpu_table_avx512 },
-#else
-    { "sse41", SP_CPU_SSE41, NULL },   { "avx2", SP_CPU_AVX2, NULL },
-    { "avx512", SP_CPU_AVX512, NULL },
-#endif
-#if defined __aarch64__
-    { "neon", SP_CPU_NEON, &cpu_table_neon },
-#else
-    { "neon", SP_CPU_NEON, NULL },
-#endif
+    { "sse41", SP_CPU_SSE41, SP_WITH_SSE41 ? &cpu_table_sse41 : NULL },
+    { "avx2", SP_CPU_AVX2, SP_WITH_AVX2 ? &cpu_table_avx2 : NULL },
+    { "avx512", SP_CPU_AVX512, SP_WITH_AVX512 ? &cpu_table_avx512 : NULL },
+    { "neon", SP_CPU_NEON, SP_WITH_NEON ? &cpu_table_neon : NULL },
 };
 enum { ISAS = sizeof isas / sizeof isas[0] };
 
