@@ -90,7 +90,7 @@
 #define sp_surface_set_up SP_ISA_NAME(sp_surface_set_up)
 #define sp_surface_resolve SP_ISA_NAME(sp_surface_resolve)
 #define sp_surface_clip_share SP_ISA_NAME(sp_surface_clip_share)
-/* shell/ */
+/* voxels/ */
 #define sp_voxel_set_up SP_ISA_NAME(sp_voxel_set_up)
 #define sp_voxel_start SP_ISA_NAME(sp_voxel_start)
 #define sp_voxel_add SP_ISA_NAME(sp_voxel_add)

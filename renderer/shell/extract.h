@@ -1,6 +1,13 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * From masks to lists: the voxels of the shell, their codes, normals and classes.
+ * The shell of a volume (Botha and Post 2003, section 2.2), from masks to lists: its voxels, their
+ * codes, normals and classes.
+ *
+ *   in the shell:  opacity >= low, and the opacity of one of the six neighbours < high
+ *
+ * Beyond the border of the volume the opacity is 0; so is that of a sample that is not finite. A
+ * voxel without any opacity is never in the shell. One of opacity `high` or more is opaque: it
+ * hides what is behind it.
  */
 #ifndef SP_SHELL_EXTRACT_H
 #define SP_SHELL_EXTRACT_H

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The loops over voxels and pixels of a shell, compiled once per instruction set (base/isa.h).
+ * The loops over voxels and pixels of a list, compiled once per instruction set (base/isa.h).
  *
  *   order ─► set_up ─► records ─► (tiles, draw.c) ─► add ─► resolve
  *                                                 └► merge ─► fragments

@@ -1,12 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The shell of a volume (Botha and Post 2003, section 2.2): the voxels at borders of opacity.
- *
- *   in the shell:  opacity >= low, and the opacity of one of the six neighbours < high
- *
- * Beyond the border of the volume the opacity is 0; so is that of a sample that is not finite. A
- * voxel without any opacity is never in the shell. One of opacity `high` or more is opaque: it
- * hides what is behind it.
+ * Voxels of a volume that are drawn one by one, in the lists of Botha and Post (2003, section 2.2).
  *
  *   P   first[row]  ─► voxels [first[row], first[row + 1]) of the row, rising along axis 0
  *   D   voxels      row by row and slice by slice

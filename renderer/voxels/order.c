@@ -282,8 +282,8 @@ static bool init_groups(struct sort *s) {
 
 static bool sort_by_axis_0(struct sort *s, struct sp_voxel_order *order) {
     sum_counts(s);
-    s->sorted =
-        sp_arena_alloc(s->job->arena, "shell's order", order->count + (size_t)1, sizeof *s->sorted);
+    s->sorted = sp_arena_alloc(s->job->arena, "order of voxels", order->count + (size_t)1,
+                               sizeof *s->sorted);
     if (!s->sorted)
         return false;
     sp_parallel_for(s->job->pool, s->group_count, 1, spread_groups, s);
@@ -302,10 +302,10 @@ bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *
     if (!init_axes(&s) || !init_groups(&s))
         return false;
     init_near(&s);
-    s.out = sp_arena_alloc(job->arena, "shell's order", list->count + (size_t)1, sizeof *s.out);
+    s.out = sp_arena_alloc(job->arena, "order of voxels", list->count + (size_t)1, sizeof *s.out);
     if (s.major == 0) {
         size_t counts = (size_t)s.group_count * list->dims[0];
-        s.counts = sp_arena_alloc(job->arena, "shell's slices", counts, sizeof *s.counts);
+        s.counts = sp_arena_alloc(job->arena, "slices of voxels", counts, sizeof *s.counts);
         if (s.counts)
             memset(s.counts, 0, counts * sizeof *s.counts);
     }

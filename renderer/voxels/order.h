@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The order in which the voxels of a shell are drawn, front to back, without those that the eye
+ * The order in which the voxels of a list are drawn, front to back, without those that the eye
  * cannot see (Botha and Post 2003, section 2.2; perspective is their future work).
  *
  *   along each axis     slices away from the eye, on either side of it (splat/slices.h)
