@@ -154,7 +154,8 @@ static void three_components_are_vectors(void **state) {
     write_text("v.json", text, 3, ", \"space\": \"LAS\"");
     volume = load("v.json");
     for (int i = 0; i < 18; i++)
-        assert_compare(sp_volume_vectors(volume)[0][i], ==, i % 3 == 1 ? -values[i] : values[i]);
+        assert_compare(sp_volume_vectors(volume)[i / 3][i % 3], ==,
+                       i % 3 == 1 ? -values[i] : values[i]);
     sp_volume_unref(&volume);
 
     write_text("v.json", text, 2, "");

@@ -300,7 +300,8 @@ static void vectors_are_read_from_every_encoding(void **state) {
         assert_string_equal(info->value_name, "s");
         assert_string_equal(info->vector_name, "v");
         for (size_t i = 0; i < COUNT; i++)
-            assert_float_equal(sp_volume_vectors(volume)[0][i], ramp_value(SP_FLOAT64, i), 1e-8);
+            assert_float_equal(sp_volume_vectors(volume)[i / 3][i % 3], ramp_value(SP_FLOAT64, i),
+                               1e-8);
         sp_volume_unref(&volume);
         write_file("v.vti", d.bytes, d.size - 9);
         load_error("v.vti", SP_ERR_FORMAT, "DataArray \"v\"", "");
