@@ -42,7 +42,7 @@ struct band {
     uint32_t capacity;                /* of entries */
     struct sp_voxel_tile *tiles_open; /* [tiles], or one per worker: is_single */
     bool *closed;                     /* [tiles] */
-    bool is_single;         /* all splats of the band are in one batch: tiles need not be kept */
+    bool is_single;         /* one part has all splats of the band: tiles need not be kept */
     bool is_first, is_last; /* batch of the band */
     uint64_t drawn;
     double area;
@@ -185,6 +185,13 @@ static bool note_closed(struct band *b) {
     return count == b->tiles;
 }
 
+/* The parts of a batch add to the same tiles, so that one tile per worker is not enough. */
+static bool keep_tiles(struct band *b) {
+    b->tiles_open = sp_arena_alloc(b->input->arena, "tiles", b->tiles, sizeof *b->tiles_open);
+    b->is_single = false;
+    return b->tiles_open;
+}
+
 /* Draws the batch, in as many parts as the entries need: one splat may cover all tiles. */
 static void draw_batch(struct band *b, bool is_last) {
     for (uint32_t begin = 0, end; begin < b->blocks || !b->blocks; begin = end) {
@@ -194,6 +201,8 @@ static void draw_batch(struct band *b, bool is_last) {
             if (end > begin && total > b->capacity)
                 break;
         }
+        if (b->is_single && end < b->blocks && !keep_tiles(b))
+            return;
         sum_counts(b, begin, end);
         struct band part = *b; /* the workers count blocks from its first one on */
         part.counts += (size_t)begin * b->tiles;
@@ -203,7 +212,6 @@ static void draw_batch(struct band *b, bool is_last) {
         if (is_cancelled(b))
             return; /* some entries were not written */
         part.is_last = is_last && end == b->blocks;
-        part.is_single = b->is_single;
         sp_parallel_for(b->input->pool, b->tiles, 1, draw_tiles, &part);
         b->is_first = false;
         if (!b->blocks)
@@ -359,6 +367,8 @@ bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
         draw_band(&b, row * SP_VOXEL_TILE, row + step < rows ? step : rows - row);
     if (is_cancelled(&b))
         return fail_cancelled(err);
+    if (input->arena->failed)
+        return fail_memory(input->arena, err);
     ms[2] = sp_interrupt_clock_ms(&input->interrupt);
     write_stats(&b, ms);
     return true;

@@ -283,6 +283,35 @@ static void test_threads(void **state) {
     test_image_finish(&first);
 }
 
+/* Splats that touch more tiles than one part of a batch has entries for: the image of twice the
+ * size, averaged over squares of four pixels, is the image of one part. */
+static void test_parts(void **state) {
+    (void)state;
+    struct test_image images[2];
+    double most = 0;
+    for (unsigned i = 0; i < 2; i++) {
+        struct test_shell rig;
+        open_balls(&rig, (const double[3]){ 1, 1, 1 }, 2);
+        rig.layer.low = 0.02;
+        rig.layer.high = 1;
+        rig.scene.view.filter.sigma = 2;
+        rig.scene.view.size[0] = rig.scene.view.size[1] = 352U << i;
+        test_scene_orbit(&rig.scene, NULL, 30, 25, 30);
+        draw(&rig, &images[i]);
+        test_shell_close(&rig);
+    }
+    for (unsigned y = 0; y < 352; y++)
+        for (unsigned x = 0; x < 1408; x++) { /* four channels */
+            const double *at = images[1].rgba + (size_t)5632 * y + 8 * (x / 4) + x % 4;
+            double mean = 0.25 * (at[0] + at[4] + at[2816] + at[2820]);
+            most = fmax(most, fabs(mean - images[0].rgba[(size_t)1408 * y + x]));
+        }
+    printf("most that twice the size differs: %g\n", most);
+    assert_compare(most, <, 0.02);
+    test_image_finish(&images[0]);
+    test_image_finish(&images[1]);
+}
+
 /* Sums of squares are invariant: the image of a mirrored grid is the image of the grid. */
 static void test_grids(void **state) {
     (void)state;
@@ -475,6 +504,7 @@ int main(void) {
         cmocka_unit_test(test_fragments),
         cmocka_unit_test(test_instruction_sets),
         cmocka_unit_test(test_threads),
+        cmocka_unit_test(test_parts),
         cmocka_unit_test(test_grids),
         cmocka_unit_test(test_empty),
         cmocka_unit_test(test_cut),
