@@ -107,12 +107,13 @@ static void make_values(enum sp_type type, struct encoding e, void *out) {
         import_swap(out, sp_type_size(type), COUNT);
 }
 
-/* The bits of `variant`: base64, zlib, big endian, lengths of 8 bytes, appended data. */
-static void every_type_is_read_from_every_encoding(void **state) {
+/* The bits of `variant`: base64, zlib, big endian, lengths of 8 bytes, appended data. Each type
+ * takes a third of them, and each of them two types or three. */
+static void every_type_and_every_encoding_is_read(void **state) {
     (void)state;
     static struct draft d;
     for (int t = 0; t < SP_TYPE_COUNT; t++)
-        for (int variant = 0; variant < 32; variant++) {
+        for (int variant = t % 3; variant < 32; variant += 3) {
             struct encoding e = { variant & 1, variant & 2, variant & 4, variant & 8 };
             bool appended = variant & 16;
             if (!appended && !e.base64) /* the format has no raw inline bytes */
@@ -570,7 +571,7 @@ static void truncated_files_are_refused(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = {
-        cmocka_unit_test(every_type_is_read_from_every_encoding),
+        cmocka_unit_test(every_type_and_every_encoding_is_read),
         cmocka_unit_test(geometry_equals_that_of_the_file),
         cmocka_unit_test(rectilinear_grids_keep_their_coordinates),
         cmocka_unit_test(the_array_named_by_scalars_is_read),
