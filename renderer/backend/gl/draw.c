@@ -8,8 +8,8 @@
 #include "backend/gl/compositor.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
-#include "backend/gl/shells.h"
 #include "backend/gl/surfaces.h"
+#include "backend/gl/voxel_layers.h"
 #include "base/clock.h"
 #include "light/light.h"
 #include "resample/resample.h"
@@ -22,12 +22,12 @@ enum {
 
 struct draw {
     struct gl_band band;
-    struct gl_fragments fragments;      /* if the slot has layers */
-    struct gl_surfaces surfaces;        /* the same */
-    struct gl_shell shell;              /* the same */
-    struct gl_resample_frame resampled; /* GL_PATH_RESAMPLED */
-    struct gl_frame frame;              /* GL_PATH_SPLATS */
-    unsigned compositor;                /* the same: program */
+    struct gl_fragments fragments;                   /* if the slot has layers */
+    struct gl_surfaces surfaces;                     /* the same */
+    struct gl_voxel_drawing voxels[GL_VOXEL_LAYERS]; /* the same */
+    struct gl_resample_frame resampled;              /* GL_PATH_RESAMPLED */
+    struct gl_frame frame;                           /* GL_PATH_SPLATS */
+    unsigned compositor;                             /* the same: program */
 };
 
 /* Returns how many batches or passes may be queued on the GPU: together they have at most as many
@@ -264,8 +264,12 @@ static bool draw_splats(struct draw *d, struct sp_error *err) {
 /* Submits the band. */
 static bool draw_band(struct draw *d, struct sp_error *err) {
     bool ok;
-    if (!gl_band_start(&d->band, err) || !gl_shell_draw(&d->shell, &d->band, err) ||
-        !gl_surfaces_draw(&d->surfaces, &d->band, err))
+    if (!gl_band_start(&d->band, err))
+        return false;
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++)
+        if (!gl_voxel_layer_draw(&d->voxels[i], &d->band, err))
+            return false;
+    if (!gl_surfaces_draw(&d->surfaces, &d->band, err))
         return false;
     if (d->band.slot->path == GL_PATH_RESAMPLED)
         ok = gl_resample_draw(&d->resampled, &d->band, err);
@@ -380,11 +384,16 @@ static bool upload_shading(struct draw *d, struct sp_error *err) {
     return gl_upload_shading(&s->upload, &camera, view, s->block_bytes, err);
 }
 
-/* The stats of a frame without a volume are those of its shell. */
+/* The stats of a frame without a volume are those of its shell and its vectors. */
 static void write_counts(const struct gl_layers_made *made, struct gl_slot *slot) {
     slot->mip_level = 0;
-    slot->visible = made->has_shell ? made->shell.list->count : 0;
-    slot->splats = made->has_shell ? made->shell.order.count : 0;
+    slot->visible = slot->splats = 0;
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++) {
+        if (!made->voxels[i].is_there)
+            continue;
+        slot->visible += made->voxels[i].layer.list->count;
+        slot->splats += made->voxels[i].layer.order.count;
+    }
 }
 
 static bool plan_volume(struct draw *d, struct sp_error *err) {
@@ -409,12 +418,19 @@ static bool plan_frame(struct draw *d, struct sp_error *err) {
         return false;
     if (!has_layers)
         return true;
-    bool ok =
-        gl_shell_begin(&d->shell, &d->band, err) && gl_surfaces_begin(&d->surfaces, &d->band, err);
-    uint32_t words[2] = { d->shell.words, d->surfaces.sheet_words };
-    d->fragments.grows = d->surfaces.count > 0 || (d->shell.is_drawn && !d->shell.is_alone);
-    d->fragments.state_words = words[0] > words[1] ? words[0] : words[1];
-    return ok;
+    if (!gl_surfaces_begin(&d->surfaces, &d->band, err))
+        return false;
+    d->fragments.grows = d->surfaces.count > 0;
+    d->fragments.state_words = d->surfaces.sheet_words;
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++) {
+        struct gl_voxel_drawing *voxels = &d->voxels[i];
+        if (!gl_voxel_layer_begin(voxels, &d->band, (enum gl_voxel_layer)i, err))
+            return false;
+        d->fragments.grows = d->fragments.grows || (voxels->is_drawn && !voxels->is_alone);
+        if (voxels->words > d->fragments.state_words)
+            d->fragments.state_words = voxels->words;
+    }
+    return true;
 }
 
 static bool plan_rows(struct draw *d, struct sp_error *err) {
@@ -433,7 +449,8 @@ static bool plan_rows(struct draw *d, struct sp_error *err) {
 /* Returns how many batches or passes the band has. */
 static uint64_t count_dispatches(const struct draw *d) {
     const struct gl_state *s = d->band.state;
-    uint64_t layers = d->surfaces.passes + d->shell.passes;
+    uint64_t layers =
+        d->surfaces.passes + d->voxels[GL_SHELL].passes + d->voxels[GL_VECTORS].passes;
     switch (d->band.slot->path) {
     case GL_PATH_SPLATS:
         return layers + (uint64_t)s->partition.batch_count * s->workload.passes;
@@ -575,7 +592,7 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->project);
     gl_fragments_close(s);
     gl_surfaces_finish(s);
-    gl_shell_finish(s);
+    gl_voxel_layers_finish(s);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);

@@ -10,9 +10,6 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
     struct sp_camera_transform camera;
     struct sp_shade shade;
     struct sp_layers layers;
-    for (uint32_t i = 0; i < view->layer_count; i++)
-        if (view->layers[i].type == SP_LAYER_VECTORS)
-            return sp_fail(err, SP_ERR_UNSUPPORTED, "/layers", "the gl backend draws no vectors");
     sp_camera_transform_init(&camera, &view->camera, view->size);
     if (is_lit)
         sp_shade_init(&shade, &camera, &view->shading);
@@ -22,6 +19,7 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
                                            .shade = is_lit ? &shade : NULL,
                                            .surfaces = &l->surfaces,
                                            .shells = &l->shells,
+                                           .vectors = &l->vectors,
                                            .bytes_max = from->bytes_max,
                                            .mip_level = from->job->mip_level,
                                            .interrupt = sp_job_interrupt(from->job),
@@ -29,19 +27,23 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
                                            .arena = from->arena };
     if (!sp_layers_prepare(&input, &layers, err))
         return false;
-    made->has_shell = layers.shell.is_there;
-    made->shell = layers.shell.layer;
-    made->shell.input = NULL; /* it ends here */
+    made->voxels[GL_SHELL] = (struct gl_voxels_made){ layers.shell.is_there, layers.shell.layer };
+    made->voxels[GL_VECTORS] =
+        (struct gl_voxels_made){ layers.vectors.is_there, layers.vectors.layer };
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++)
+        made->voxels[i].layer.input = NULL; /* it ends here */
     made->surface_count = layers.surface_count;
     memcpy(made->surfaces, layers.surfaces, sizeof made->surfaces);
     return true;
 }
 
 uint64_t gl_layers_bytes(const struct gl_layers *l, const struct sp_volume *volume) {
-    return sp_surface_cache_bytes(&l->surfaces, volume) + sp_shell_bytes(&l->shells, volume);
+    return sp_surface_cache_bytes(&l->surfaces, volume) + sp_shell_bytes(&l->shells, volume) +
+           sp_vectors_bytes(&l->vectors, volume);
 }
 
 void gl_layers_evict(struct gl_layers *l, const struct sp_volume *volume) {
     sp_surface_cache_evict(&l->surfaces, volume);
     sp_shell_evict(&l->shells, volume);
+    sp_vectors_evict(&l->vectors, volume);
 }

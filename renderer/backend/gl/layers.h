@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of surfaces and shells (layers/layers.h): their points and voxels, front to
- * back. surfaces.h and shells.h draw them.
+ * The processor's part of surfaces, shells and vectors (layers/layers.h): their points and voxels,
+ * front to back. surfaces.h and voxels.h draw them.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
@@ -13,6 +13,7 @@
 struct gl_layers {
     struct sp_surface_cache surfaces;
     struct sp_shell_cache shells;
+    struct sp_vectors_cache vectors;
 };
 
 /* What a frame is made from. */
@@ -23,9 +24,13 @@ struct gl_layers_job {
     struct sp_arena *arena; /* of the frame */
 };
 
+enum gl_voxel_layer { GL_SHELL, GL_VECTORS, GL_VOXEL_LAYERS };
+
 struct gl_layers_made {
-    bool has_shell;
-    struct sp_voxel_layer shell; /* sp_voxel_find() */
+    struct gl_voxels_made {
+        bool is_there;
+        struct sp_voxel_layer layer; /* sp_voxel_find() */
+    } voxels[GL_VOXEL_LAYERS];
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
 };

@@ -62,7 +62,8 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
         bytes += s->resample.constants[a].bytes;
     for (int i = 0; i < SP_LAYERS_MAX; i++)
         bytes += s->surfaces.constants[i].bytes;
-    bytes += s->shells.constants.bytes + s->shells.voxels.bytes;
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++)
+        bytes += s->voxel_layers[i].constants.bytes + s->voxel_layers[i].voxels.bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
            s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
            s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +

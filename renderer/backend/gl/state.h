@@ -98,10 +98,10 @@ struct gl_state {
         struct gl_buffer constants[SP_LAYERS_MAX];
         double per_pixel; /* fragments for which there is memory */
     } surfaces;
-    struct gl_shells_kept {
-        struct gl_late_program programs[2]; /* 1: of a shell alone */
+    struct gl_voxel_layer_kept {
+        struct gl_late_program programs[2]; /* 1: of a layer alone */
         struct gl_buffer constants, voxels;
-    } shells;
+    } voxel_layers[GL_VOXEL_LAYERS];
     unsigned project, resolve; /* programs */
     /* Programs that are compiled when a view first needs them. The compositor by compositing,
      * kernel (Gaussian, cubic, flat), clipping planes, linear attenuation, classification of

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Surfaces and shells, alone and inside the volume, on software GL beside the scalar kernels of the
- * CPU. conformance.layers compares surfaces with a closed form.
+ * Surfaces, shells and vectors, alone and inside the volume, on software GL beside the scalar
+ * kernels of the CPU. conformance.layers compares surfaces with a closed form.
  */
 #include <setjmp.h>
 #include <stdarg.h>
@@ -12,6 +12,7 @@
 
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 
 #include "backend/gl/memory.h"
@@ -228,6 +229,61 @@ static void pieces_of_shells_add_up(void **state) {
     resample_report(rig);
 }
 
+/* A volume of the ball's samples, with vectors around its axis, some of them 0. */
+static struct sp_volume *make_vortex(void) {
+    struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
+    const struct sp_grid *grid = &sp_volume_info(ball)->grid;
+    const uint32_t count = grid->dims[0] * grid->dims[1] * grid->dims[2];
+    float(*vectors)[3] = calloc(count, sizeof *vectors);
+    assert_non_null(vectors);
+    for (uint32_t n = 0; n < count; n++) {
+        float x = (float)(n % grid->dims[0]) - 0.5f * (float)grid->dims[0];
+        float y = (float)(n / grid->dims[0] % grid->dims[1]) - 0.5f * (float)grid->dims[1];
+        if (n % 11 == 0)
+            continue;
+        vectors[n][0] = -y;
+        vectors[n][1] = x;
+        vectors[n][2] = (float)(n % 5);
+    }
+    struct sp_volume *volume = sp_volume_create_vectors(grid, SP_UINT8, sp_volume_voxels(ball),
+                                                        (const float(*)[3])vectors, "vortex", NULL);
+    assert_non_null(volume);
+    free(vectors);
+    sp_volume_unref(&ball);
+    return volume;
+}
+
+/* Streaks of both styles: alone, beside a shell and a surface, inside the volume, and in pieces. */
+static void vectors_look_the_same(void **state) {
+    struct resample_rig *rig = *state;
+    struct gl_state *gl = resample_rig_gl(rig);
+    struct sp_volume *volume = make_vortex();
+    const struct gl_limits whole = gl->workload.limits;
+    for (int n = 0; n < (TEST_SANITIZED ? 4 : 12); n++) {
+        struct sp_view view;
+        char what[40];
+        make_view(&view, volume, n % 2);
+        vary(&view, n);
+        view.layer_count = n % 4 == 3; /* the volume */
+        struct sp_layer *layer = &view.layers[view.layer_count++];
+        *layer = sp_layer_default(SP_LAYER_VECTORS);
+        layer->style = n & 1 ? SP_VECTORS_BLEND : SP_VECTORS_MODULATE;
+        layer->phase = 0.17 * n - floor(0.17 * n);
+        layer->stretch = 1 + 0.3 * n;
+        if (n % 4 == 2) {
+            add_shell(&view);
+            add_surface(&view, 190, 0.5f);
+        }
+        if (n > 8)
+            gl->workload.limits.loops = 2000;
+        snprintf(what, sizeof what, "vectors %d", n);
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        gl->workload.limits = whole;
+    }
+    sp_volume_unref(&volume);
+    resample_report(rig);
+}
+
 /* Points are uploaded once, and not kept after the volume is evicted. */
 static void points_stay_on_the_gpu(void **state) {
     struct resample_rig *rig = *state;
@@ -304,6 +360,7 @@ int main(void) {
                                         ON(mixed_images),
                                         ON(pieces_add_up),
                                         ON(pieces_of_shells_add_up),
+                                        ON(vectors_look_the_same),
                                         ON(points_stay_on_the_gpu),
                                         ON(slices_cut_layers) };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws a shell in a band (shell/tile.c): one work group per tile, one thread per pixel. Voxels come front to back;
+// Draws a shell, or STREAKS, in a band (voxels/tile.c): one work group per tile, one thread per pixel. Voxels come front to back;
 // their splats are staged in shared memory. ALONE: they are composited. Else splats of a pixel with nearly the same depth
 // become a fragment. To keep dispatches short, a tile with many voxels takes several passes.
 
@@ -24,9 +24,44 @@ vec4 pixel;      // transmittance; ALONE: premultiplied colour
 Fragment open_one; // splats still join it; alpha 0 = there is none
 #endif
 
-// What passes the splat's depth at the pixel; 1 = it does not cover the pixel.
-float find_pass(Splat s) {
+float attenuate(float depth) {
+    return kind.y != 0u ? 1.0 - min(depth, 1.0) : exp2(-LOG2E * depth);
+}
+
+#if STREAKS
+// voxels/streak.h
+const float ROW = 1.0, WIDTH = 0.8, SHARE = 0.7, MEAN = (8.0 / 15.0) * (8.0 / 15.0) * WIDTH * SHARE;
+
+float bump(float x, float half_width) {
+    float y = max(1.0 - x * x / (half_width * half_width), 0.0);
+    return y * y;
+}
+
+float find_intensity(Splat s, vec2 place) {
+    float across = place.y / ROW + s.wave.z, row = roundEven(across);
+    float u = place.x * s.wave.x - fract(s.wave.w) + row * 0.61803399;
+    return bump(u - roundEven(u), 0.5 * SHARE) * bump(across - row, 0.5 * WIDTH);
+}
+
+// What passes the splat at the pixel, 1 = it does not cover the pixel; and its colour there.
+float find_pass(Splat s, out vec3 color) {
+    vec2 d = at - s.place.xy;
+    float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
+    color = s.color.rgb;
+    if (!(p <= filter_of.z))
+        return 1.0;
+    float weight = exp2(-p), intensity = find_intensity(s, vec2(dot(s.turn.xy, d), dot(s.turn.zw, d)));
+    if (streaks.w != 0.0)
+        color = mix(color, streak_color.rgb, sqrt(weight) * (MEAN + s.wave.y * (intensity - MEAN)));
+    else
+        weight *= 1.0 - s.wave.y + s.wave.y / MEAN * intensity;
+    return attenuate(s.shape.y * weight);
+}
+#else
+// What passes the splat at the pixel, 1 = it does not cover the pixel; and its colour there.
+float find_pass(Splat s, out vec3 color) {
     float depth = s.shape.y;
+    color = s.color.rgb;
     if (kind.x != 0u) {
         if (!(all(lessThan(s.place.xy, at)) && all(lessThan(at, s.place.zw))))
             return 1.0;
@@ -35,13 +70,15 @@ float find_pass(Splat s) {
         float p = (s.place.z * d.x + s.place.w * d.y) * d.x + s.shape.x * d.y * d.y;
         depth *= p <= filter_of.z ? exp2(-p) : 0.0;
     }
-    return kind.y != 0u ? 1.0 - min(depth, 1.0) : exp2(-LOG2E * depth);
+    return attenuate(depth);
 }
+#endif
 
 #if ALONE
 void add_splat(Splat s) {
-    float left = pixel.x * find_pass(s);
-    pixel.yzw += (pixel.x - left) * s.color.rgb;
+    vec3 color;
+    float left = pixel.x * find_pass(s, color);
+    pixel.yzw += (pixel.x - left) * color;
     pixel.x = left;
 }
 #else
@@ -52,14 +89,15 @@ void close_fragment() {
 }
 
 void add_splat(Splat s) {
-    float pass = find_pass(s), depth = s.color.w * cell.x;
+    vec3 color;
+    float pass = find_pass(s, color), depth = s.color.w * cell.x;
     if (!(pass < 1.0))
         return;
     if (open_one.color.a > 0.0 && !(abs(depth - open_one.depth) < cell.z * cell.x))
         close_fragment();
     if (!(open_one.color.a > 0.0))
         open_one.depth = depth;
-    open_one.color += (1.0 - open_one.color.a) * (1.0 - pass) * vec4(s.color.rgb, 1.0);
+    open_one.color += (1.0 - open_one.color.a) * (1.0 - pass) * vec4(color, 1.0);
     pixel.x *= pass;
 }
 #endif
@@ -82,7 +120,7 @@ void add_entry(uint slot, uint voxel) {
 }
 
 uint tile_word(uint i) {
-    return shell_words[i];
+    return layer_words[i];
 }
 
 #if ALONE
@@ -99,8 +137,12 @@ void begin_pixel(uint i, uint pixels) {
     open_one = Fragment(0.0, vec4(0));
     merged_count = 0u;
     pixel = vec4(is_inside ? 1.0 : 0.0);
-    if (part.w != 0u || !is_inside)
+    if (!is_inside)
         return;
+    if (part.w != 0u) { // other layers of voxels may have been drawn
+        load_fragments(capacity.y, i, pixels);
+        return;
+    }
     vec4 rest = image[pixels + i];
     open_one = Fragment(rest.x, image[i]);
     pixel.x = rest.y;
