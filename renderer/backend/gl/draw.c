@@ -384,18 +384,6 @@ static bool upload_shading(struct draw *d, struct sp_error *err) {
     return gl_upload_shading(&s->upload, &camera, view, s->block_bytes, err);
 }
 
-/* The stats of a frame without a volume are those of its shell and its vectors. */
-static void write_counts(const struct gl_layers_made *made, struct gl_slot *slot) {
-    slot->mip_level = 0;
-    slot->visible = slot->splats = 0;
-    for (int i = 0; i < GL_VOXEL_LAYERS; i++) {
-        if (!made->voxels[i].is_there)
-            continue;
-        slot->visible += made->voxels[i].layer.list->count;
-        slot->splats += made->voxels[i].layer.order.count;
-    }
-}
-
 static bool plan_volume(struct draw *d, struct sp_error *err) {
     struct gl_slot *slot = d->band.slot;
     switch (slot->path) {
@@ -406,7 +394,8 @@ static bool plan_volume(struct draw *d, struct sp_error *err) {
     case GL_PATH_LAYERS:
         break;
     }
-    write_counts(&d->fragments.made, slot);
+    slot->mip_level = 0;
+    slot->visible = gl_layers_count(&d->fragments.made, &slot->splats);
     return upload_shading(d, err);
 }
 

@@ -16,8 +16,9 @@ enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;
-    bool grows;           /* there will be some */
-    uint32_t state_words; /* words of four per pixel between passes of surfaces.h and shells.h */
+    bool grows; /* there will be some */
+    uint32_t
+        state_words; /* words of four per pixel between passes of surfaces.h and voxel_layers.h */
 };
 
 /* Makes what layers/ makes of a frame, in the state's arena. SP_ERR_MEMORY, SP_ERR_BUDGET,

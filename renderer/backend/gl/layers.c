@@ -37,6 +37,18 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
     return true;
 }
 
+uint64_t gl_layers_count(const struct gl_layers_made *made, uint64_t *drawn) {
+    uint64_t count = 0;
+    *drawn = 0;
+    for (int i = 0; i < GL_VOXEL_LAYERS; i++) {
+        if (!made->voxels[i].is_there)
+            continue;
+        count += made->voxels[i].layer.list->count;
+        *drawn += made->voxels[i].layer.order.count;
+    }
+    return count;
+}
+
 uint64_t gl_layers_bytes(const struct gl_layers *l, const struct sp_volume *volume) {
     return sp_surface_cache_bytes(&l->surfaces, volume) + sp_shell_bytes(&l->shells, volume) +
            sp_vectors_bytes(&l->vectors, volume);
