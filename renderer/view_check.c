@@ -241,7 +241,7 @@ static bool check_vectors(const struct sp_layer *layer, const char *place, struc
     snprintf(pointer, sizeof pointer, "%s/style", place);
     return check_choice(layer->style, SP_VECTORS_BLEND, pointer, err) &&
            check_color(layer, place, err) &&
-           check_range(layer->phase, 0, 1, err, "%s/phase", place) &&
+           check_range(layer->phase, -1e6, 1e6, err, "%s/phase", place) &&
            check_range(layer->stretch, 1, 8, err, "%s/stretch", place) &&
            check_range(layer->density, 0, 1, err, "%s/density", place);
 }

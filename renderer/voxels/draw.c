@@ -281,7 +281,7 @@ static void init_streaks(const struct sp_voxel_input *input, struct sp_voxel_fra
     }
     s->widen = frame->ewa.sigma * frame->ewa.sigma * (stretch * stretch - 1);
     s->length = SP_STREAK_PERIOD * frame->ewa.sigma * stretch;
-    s->phase = (float)layer->phase;
+    s->phase = (float)(layer->phase - floor(layer->phase));
     s->blends = layer->style == SP_VECTORS_BLEND;
 }
 

@@ -1,8 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// The section "Layers": what the picture shows in one image, the volume, surfaces and a shell. The list is part of the state that the
-// transfer function edits, so both share undo and redo. The marks of surfaces in the histogram are in layers_markers.js.
+// The section "Layers": what the picture shows in one image, the volume, surfaces, a shell and vectors. The list is part of the state that
+// the transfer function edits, so both share undo and redo. The marks of surfaces in the histogram are in layers_markers.js.
 import {
-  FLATNESS_MAX, addShell, addSurface, canAdd, changeLayer, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue,
+  FLATNESS_MAX, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, layersOf, moveThreshold, numberOf, removeLayer, showVolume,
+  showsVolume, surfaceValue,
 } from '../core/layers.js';
 import { numberText, roundCoordinate } from '../core/lengths.js';
 import { logarithmic, quadratic } from '../core/slider.js';
@@ -10,22 +11,23 @@ import { t } from '../core/text.js';
 import { byId, icon, make, setAttribute, setText } from './dom.js';
 import { showNumber, showValue } from './fields.js';
 import { LayerMarkers } from './layers_markers.js';
+import { digits, hexOf, onColor, onSlide, sliderRow } from './layers_rows.js';
+import { VectorsDetails, createPlaying } from './layers_vectors.js';
 import { ORDER } from './panel.js';
 
 const MODE = 'surface-value';
 const DISCS = 'inf';
 const ENDS = ['low', 'high'];
+const OFFER_MS = 12000;
 const flatnessScale = logarithmic(1, FLATNESS_MAX);
 const opacityScale = quadratic(1);
 
 export const cssColor = (color) => `rgb(${color.map((part) => Math.round(part * 255)).join(' ')})`;
-const hexOf = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
-const colorOf = (hex) => [1, 3, 5].map((i) => Number((parseInt(hex.slice(i, i + 2), 16) / 255).toFixed(4)));
-const digits = (value) => Number(value.toPrecision(6));
 
 export function install(app) {
   const layers = new Layers(app);
   app.layers = layers;
+  app.playing = createPlaying(app);
   const section = new LayersSection(app, layers);
   const markers = new LayerMarkers(byId('layer-markers'), layers);
   app.transfer.onShow(() => section.show());
@@ -48,7 +50,8 @@ export class Layers {
 
   /** What is called "Surface 2". */
   nameOf(index) {
-    return this.list[index].type === 'shell' ? t('layers.shell') : t('layers.surface', { number: numberOf(this.list, index) });
+    const { type } = this.list[index];
+    return type === 'surface' ? t('layers.surface', { number: numberOf(this.list, index) }) : t(`layers.${type}`);
   }
 
   select(index) {
@@ -92,43 +95,46 @@ export class Layers {
     this.selected = this.list.length - 1;
   }
 
+  /** True if the volume has vectors that no layer shows. */
+  get canAddVectors() { return hasVectors(this.#app.viewer.volume) && canAdd(this.list, 'vectors'); }
+
+  addVectors(time) {
+    if (!this.isEditable || !this.canAddVectors) return;
+    this.#edit(addVectors(this.list, this.#app.viewer.volume), time);
+    this.selected = this.list.length - 1;
+  }
+
   remove(index, time) {
     this.#edit(removeLayer(this.list, index), time);
     if (this.selected >= index) this.selected = Math.max(-1, Math.min(this.selected - 1, this.list.length - 1));
   }
 }
 
-/** Streams a slider as one step for undo. */
-function onSlide(layers, slider, change) {
-  slider.addEventListener('pointerdown', () => layers.begin());
-  slider.addEventListener('keydown', ({ repeat }) => repeat || layers.begin());
-  slider.addEventListener('input', ({ timeStamp }) => change(slider.valueAsNumber, timeStamp));
-  slider.addEventListener('change', () => layers.end());
-}
-
 class LayersSection {
   #app; #layers; #body; #list; #add;
   #details;
   #key = '';
+  #offered = new Set(); // volumes whose vectors were offered
 
   constructor(app, layers) {
     this.#app = app;
     this.#layers = layers;
     this.#body = app.panel.section({ id: 'layers', title: t('layers.section'), order: ORDER.layers, isOpen: true });
     this.#list = make('ol', { id: 'layer-list', 'aria-label': t('layers.section') });
-    this.#details = { surface: new SurfaceDetails(app, layers), shell: new ShellDetails(layers) };
+    this.#details = { surface: new SurfaceDetails(app, layers), shell: new ShellDetails(layers), vectors: new VectorsDetails(layers, app.playing) };
     this.#add = {
       surface: make('button', { id: 'layer-add-surface', text: t('layers.add.surface'), title: t('layers.add.surface.title'), press: ({ timeStamp }) => this.#added(() => layers.addSurface(timeStamp)) }),
       shell: make('button', { id: 'layer-add-shell', text: t('layers.add.shell'), title: t('layers.add.shell.title'), press: ({ timeStamp }) => this.#added(() => layers.addShell(timeStamp)) }),
+      vectors: make('button', { id: 'layer-add-vectors', text: t('layers.add.vectors'), title: t('layers.add.vectors.title'), press: ({ timeStamp }) => this.#added(() => layers.addVectors(timeStamp)) }),
     };
     this.#body.dataset.pointer = '/layers';
-    this.#body.append(this.#list, make('div', { class: 'buttons' }, this.#add.surface, this.#add.shell));
+    this.#body.append(this.#list, make('div', { class: 'buttons' }, ...Object.values(this.#add)));
   }
 
   #added(add) {
     add();
     this.show();
-    this.#list.querySelector('.layer-pick[aria-expanded="true"]')?.scrollIntoView?.({ block: 'nearest' });
+    this.#list.querySelector('li:has(.layer-details)')?.scrollIntoView?.({ block: 'nearest' });
   }
 
   #eye(label, press) {
@@ -173,6 +179,28 @@ class LayersSection {
     this.#showEye(this.#list.firstElementChild, showsVolume(list));
     indices.forEach((i, at) => this.#showRow(this.#list.children[at + 1], i));
     for (const [type, button] of Object.entries(this.#add)) button.disabled = !canAdd(list, type);
+    this.#add.vectors.hidden = !hasVectors(this.#app.viewer.volume);
+    this.#offerVectors();
+  }
+
+  /** Says once that a volume has vectors, because its first picture does not show them. */
+  #offerVectors() {
+    const { prompts, viewer } = this.#app;
+    const layers = this.#layers;
+    if (!layers.isEditable || !layers.canAddVectors) {
+      prompts.hide('vectors');
+    } else if (!this.#offered.has(viewer.volume.id)) {
+      this.#offered.add(viewer.volume.id);
+      const press = () => this.#added(() => layers.addVectors(performance.now()));
+      prompts.show('vectors', { text: t('layers.vectors.offer'), actions: [{ label: t('layers.add.vectors'), press }], ms: OFFER_MS });
+    }
+  }
+
+  /** What is written at the end of the row of a layer. */
+  #describe(layer) {
+    if (layer.type === 'surface') return numberText(this.#layers.round(layer.value));
+    if (layer.type === 'shell') return t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) });
+    return t(`layers.style.${layer.style}`);
   }
 
   #showEye(item, isVisible) {
@@ -186,11 +214,11 @@ class LayersSection {
   #showRow(item, index) {
     const layer = this.#layers.list[index];
     const isSelected = index === this.#layers.selected;
-    const isSurface = layer.type === 'surface';
+    const isColored = layer.type === 'surface' || layer.style === 'blend';
     this.#showEye(item, layer.visible);
     setAttribute(item.querySelector('.layer-pick'), 'aria-expanded', isSelected);
-    item.querySelector('.swatch').style.backgroundColor = isSurface ? cssColor(layer.color) : '';
-    setText(item.querySelector('.layer-value'), isSurface ? numberText(this.#layers.round(layer.value)) : t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) }));
+    item.querySelector('.swatch').style.backgroundColor = isColored ? cssColor(layer.color) : '';
+    setText(item.querySelector('.layer-value'), this.#describe(layer));
     const details = this.#details[layer.type];
     if (isSelected) {
       if (details.root.parentElement !== item) item.append(details.root);
@@ -199,11 +227,6 @@ class LayersSection {
       details.root.remove();
     }
   }
-}
-
-/** A row of a label, a slider and what stands for its value. */
-function sliderRow({ id, label, title, slider, value }) {
-  return make('div', { class: 'row', title }, make('label', { for: id, text: label }), slider, value);
 }
 
 class SurfaceDetails {
@@ -228,15 +251,13 @@ class SurfaceDetails {
     });
     onSlide(layers, this.#opacity, (opacity, time) => set({ opacity }, time));
     onSlide(layers, this.#flatness, (at, time) => set({ flatness: at >= 1 ? DISCS : flatnessScale.at(at) }, time));
-    this.#color.addEventListener('pointerdown', () => layers.begin());
-    this.#color.addEventListener('input', ({ timeStamp }) => set({ color: colorOf(this.#color.value) }, timeStamp));
-    this.#color.addEventListener('change', () => layers.end());
+    onColor(layers, this.#color, (color, time) => set({ color }, time));
     this.root = make('div', { class: 'layer-details' },
       sliderRow({ id: 'surface-slider', label: t('layers.value'), title: t('layers.value.title'), slider: this.#value, value: this.#number }),
       make('div', { class: 'row' }, make('label', { for: 'surface-color', text: t('layers.color') }), this.#color, this.#pick),
-      sliderRow({ id: 'surface-opacity', label: t('layers.opacity'), slider: this.#opacity, value: make('output', { for: 'surface-opacity' }) }),
+      sliderRow({ id: 'surface-opacity', label: t('layers.opacity'), slider: this.#opacity }),
       make('details', { class: 'fold' }, make('summary', {}, make('h3', { text: t('layers.advanced') })),
-        sliderRow({ id: 'surface-flatness', label: t('layers.flatness'), title: t('layers.flatness.title'), slider: this.#flatness, value: make('output', { for: 'surface-flatness' }) })));
+        sliderRow({ id: 'surface-flatness', label: t('layers.flatness'), title: t('layers.flatness.title'), slider: this.#flatness })));
     this.#addMode();
   }
 
@@ -282,7 +303,7 @@ class SurfaceDetails {
     this.#opacity.value = String(opacity);
     showValue(this.#opacity, showNumber(opacity));
     this.#flatness.value = String(flatness === DISCS ? 1 : Math.min(flatnessScale.of(flatness), 0.99));
-    showValue(this.#flatness, flatness === DISCS ? t('layers.flatness.discs') : t('layers.flatness.times', { factor: showNumber(flatness) }));
+    showValue(this.#flatness, flatness === DISCS ? t('layers.flatness.discs') : t('layers.times', { factor: showNumber(flatness) }));
   }
 }
 

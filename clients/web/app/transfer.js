@@ -6,7 +6,7 @@ import { readHistogram } from '../core/histogram.js';
 import { editsOf, isSameEdits } from '../core/edits.js';
 import { History } from '../core/history.js';
 import { chooseShown, whyIdle } from '../core/choices.js';
-import { isSameLayers, layersOf } from '../core/layers.js';
+import { isSameLayers, layersOf, withoutPhase } from '../core/layers.js';
 import { isShownAlike, shownAs } from '../core/projection.js';
 import {
   EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
@@ -113,8 +113,10 @@ class Transfer {
       this.#history.reset({ ...this.#recall(points, gradient) ?? { points, gradient, map: null }, layers, edits, shown });
     } else if (!isSame(tidy(points), this.points) || !isSameGradient(gradient, this.state.gradient)) {
       this.#history.put({ points, gradient, map: null, layers, edits, shown }, 'others');
-    } else if (!isSameLayers(layers, this.state.layers) || !isSameEdits(edits, this.state.edits) || !isShownAlike(shown, this.state.shown)) {
+    } else if (!isSameLayers(withoutPhase(layers), withoutPhase(this.state.layers)) || !isSameEdits(edits, this.state.edits) || !isShownAlike(shown, this.state.shown)) {
       this.#history.put({ ...this.state, layers, edits, shown }, shown.mode === this.state.shown.mode ? 'others' : null);
+    } else if (!isSameLayers(layers, this.state.layers)) {
+      this.#history.amend({ ...this.state, layers }); // the streaks moved
     }
     this.#ask();
     this.plan();

@@ -27,6 +27,11 @@ export class History {
     this.#gesture = gesture;
   }
 
+  /** Replaces the current state; it does not count as a step. */
+  amend(state) {
+    this.#states[this.#at] = state;
+  }
+
   /** Ends the gesture: the next state counts by itself. */
   seal() {
     this.#gesture = null;

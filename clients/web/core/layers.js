@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The layers of a view: the volume, surfaces of one value each, and a shell at the borders of opacity. Nothing here changes its
-// arguments.
+// The layers of a view: the volume, surfaces of one value each, a shell at the borders of opacity, and streaks along vectors. Nothing
+// here changes its arguments.
 import { threshold } from './histogram.js';
 
 const LAYERS_MAX = 8;
@@ -13,6 +13,9 @@ const VOLUME = Object.freeze({ type: 'volume', visible: true });
 const SHELL = Object.freeze({ type: 'shell', visible: true, low: 0.05, high: 0.95, detail: 'high' });
 const OPAQUE_SHARE = 0.9; // of the largest opacity
 const OPAQUE_LEAST = 0.4; // of a transfer function that shows opaque matter
+const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 3 });
+const DENSITY_MOST = 0.3;
+const SAMPLES_DEEP = 28; // along the longest axis of the grid
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
 const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
 
@@ -28,6 +31,12 @@ const isSameLayer = (a, b) => [...new Set([...Object.keys(a), ...Object.keys(b)]
 
 /** True if two lists are the same but for rounding. */
 export const isSameLayers = (a, b) => a.length === b.length && a.every((layer, i) => isSameLayer(layer, b[i]));
+
+/** The layers without the phase of their streaks, which moves by itself. */
+export const withoutPhase = (layers) => layers.map(({ phase, ...layer }) => layer);
+
+/** True if a volume of the list has a vector per sample. */
+export const hasVectors = (volume) => Boolean(volume?.fields?.some(({ components }) => components === 3));
 
 /** Shows or hides the volume; a view without one gets it. */
 export function showVolume(layers, visible) {
@@ -93,7 +102,14 @@ export function addShell(layers, points) {
   return [...makeRoom(layers), { ...SHELL, low: round(Math.min(SHELL.low, most / 4)), high: most < OPAQUE_LEAST ? SHELL.high : round(Math.min(SHELL.high, most * OPAQUE_SHARE)) }];
 }
 
-export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type !== 'shell' || !layers.some((layer) => layer.type === 'shell'));
+/** Adds streaks along the vectors of a volume: as many that single ones can be told apart, whatever the size of the grid. */
+export function addVectors(layers, { dims }) {
+  const density = Number(Math.min(DENSITY_MOST, SAMPLES_DEEP / Math.max(...dims)).toPrecision(2));
+  return [...makeRoom(layers), { ...VECTORS, density }];
+}
+
+/** There may be several surfaces, and one layer of each other type. */
+export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type === 'surface' || !layers.some((layer) => layer.type === type));
 
 /** Moves a threshold of a shell; it pushes the other one. name: low or high. */
 export function moveThreshold(layer, name, value) {

@@ -197,7 +197,8 @@ struct sp_layer { /* "/layers/0" */
     /* vectors: samples are coloured by the transfer function, and streaks lie along their vectors.
      * Samples whose vector is 0 or not finite have no streaks. */
     enum sp_vectors_style style; /* [modulate] */
-    double phase;   /* vectors: how far streaks have moved, in streaks, [0, 1]; 1 is like 0 [0] */
+    double phase;   /* vectors: how far streaks have moved, in streaks, [-1e6, 1e6]; 1 is like 0
+                       [0] */
     double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [1.5] */
     double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
                        time [1] */

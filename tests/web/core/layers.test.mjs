@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  VEIL, addShell, addSurface, canAdd, changeLayer, isSameLayers, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue,
+  VEIL, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isSameLayers, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue, withoutPhase,
 } from '../../../clients/web/core/layers.js';
 import { compare } from '../../support/compare.mjs';
 
@@ -93,4 +93,16 @@ test('lists are the same but for rounding', () => {
     assert.ok(!isSameLayers([surfaceOf(1)], [surfaceOf(1, change)]), what);
   }
   assert.ok(!isSameLayers(VOLUME, [...VOLUME, surfaceOf(1)]));
+});
+
+test('there is one layer of vectors, as dense as suits the grid', () => {
+  const [volume, vectors] = addVectors(VOLUME, { dims: [96, 64, 32] });
+  assert.equal(volume.visible, false);
+  assert.deepEqual(vectors, { type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 3, density: 0.29 });
+  assert.deepEqual([32, 500].map((n) => addVectors(VOLUME, { dims: [2, n, 8] })[1].density), [0.3, 0.056]);
+  assert.equal(canAdd([volume, vectors], 'vectors'), false);
+  assert.deepEqual([{ fields: [{ components: 1 }, { components: 3 }] }, { fields: [{ components: 1 }] }, {}, null].map(hasVectors), [true, false, false, false]);
+  const moved = changeLayer([volume, vectors], 1, { phase: 0.5 });
+  assert.equal(isSameLayers(moved, [volume, vectors]), false);
+  assert.ok(isSameLayers(withoutPhase(moved), withoutPhase([volume, vectors])));
 });

@@ -10,7 +10,7 @@ import { volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const LARGE = { viewport: { width: 1000, height: 1000 } };
-const { browser, daemon: real } = await share(() => startDaemon(['--volume', 'demo:engine?size=48', '--backend', 'cpu', '--control-time', '600']));
+const { browser, daemon: real } = await share(() => startDaemon(['--volume', 'demo:engine?size=48', '--volume', 'demo:tornado?size=24', '--backend', 'cpu', '--control-time', '600']));
 
 const rowOf = (page, index) => page.locator(`#layer-list [data-index="${index}"]`);
 const eye = (page, name) => page.getByRole('button', { name: `Show ${name}`, exact: true });
@@ -244,8 +244,14 @@ test('changes of others appear, and without control nothing can be changed', asy
 
 for (const colorScheme of ['dark', 'light']) {
   test(`axe finds nothing in the section and in the marks, ${colorScheme}`, NEEDS_AXE, async (context) => {
-    const it = await setUp(context, { viewport: { width: 1000, height: 1200 }, colorScheme, bypassCSP: true });
+    const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
+    const it = await setUp(context, { viewport: { width: 1000, height: 1200 }, colorScheme, bypassCSP: true }, { volumes: [volume('phantom', { fields })] });
     const { page } = it;
+    await page.locator('.prompt[data-id="vectors"]').getByRole('button', { name: 'Add vectors' }).click();
+    await page.selectOption('#vectors-style', 'blend');
+    await it.idle();
+    await checkAxe(page, '#panel');
+    await shot(page, `layers-vectors-${colorScheme}`);
     await page.click('#layer-add-shell');
     await it.idle();
     await checkAxe(page, '#panel');
@@ -381,6 +387,43 @@ test('each control of a shell changes the picture as it says', async (context) =
   assert.equal(difference(await picture(page), shell), 0);
   await fill(page, '.layer-details .range [data-end="low"]', 0.999);
   compare(lit(await picture(page)).share, '<', 0.3 * lit(whole).share, 'only what is that opaque');
+  assert.deepEqual(said, []);
+});
+
+test('vectors move for all until they pause, keep their phase, and playing is no step for undo', async (context) => {
+  const { page, said } = await withEngine(context, `${real.url}&volume=tornado`);
+  const layer = () => page.evaluate(() => window.splatd.view.layers.at(-1));
+  const whole = await picture(page);
+  await page.click('#layer-add-vectors');
+  const streaks = await picture(page);
+  compare(difference(whole, streaks), '>', 0.01);
+  assert.ok(await page.locator('#layer-add-vectors').isDisabled(), 'there is one layer of vectors');
+  await page.press('#vectors-density', 'End');
+  await page.press('#vectors-stretch', 'Home');
+  compare(difference(await picture(page), streaks), '>', 0.01);
+  await page.selectOption('#vectors-style', 'blend');
+  await page.locator('#vectors-color').waitFor();
+  const { density, stretch, style } = await layer();
+  assert.deepEqual([density, stretch, style], [1, 1, 'blend']);
+  await fill(page, '#vectors-phase-value', 12.5);
+  assert.equal(await page.inputValue('#vectors-phase'), '0.5');
+  await page.press('#vectors-speed', 'ArrowRight');
+  await page.getByRole('button', { name: 'Play', exact: true }).click();
+  await page.getByRole('button', { name: 'Pause', exact: true }).waitFor();
+  assert.ok(await page.isDisabled('#vectors-phase'));
+  const { count } = await page.evaluate(() => window.splatd);
+  await until(page, 'frames without a change of this client', `(s) => s.count > ${count + 3}`);
+  await page.selectOption('#vectors-style', 'modulate');
+  await page.getByRole('button', { name: 'Pause', exact: true }).click();
+  await page.getByRole('button', { name: 'Play', exact: true }).waitFor();
+  await until(page, 'the phase of the daemon', (s) => s.view.layers.at(-1).phase < 1);
+  const paused = await picture(page);
+  await page.click('#transfer-undo');
+  await until(page, 'the style before', (s) => s.isIdle && s.view.layers.at(-1).style === 'blend');
+  await page.click('#transfer-redo');
+  assert.equal(difference(await picture(page), paused), 0);
+  await eye(page, 'Vectors').click();
+  assert.ok(await page.isDisabled('#vectors-play'));
   assert.deepEqual(said, []);
 });
 
