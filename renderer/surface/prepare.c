@@ -260,7 +260,7 @@ bool sp_surface_prepare(const struct sp_surface_input *input, struct sp_surface 
     const bool is_opaque = (double)layer->opacity > 1 - 1.0 / 512;
     /* A small tolerance keeps sheets apart that lie close together, but takes more sheets. What is
      * behind an opaque sheet needs none; for translucent ones there are not enough. */
-    const float tolerance = is_opaque ? 1.6f : 3.2f;
+    const float tolerance = is_opaque ? 2 : 3.2f;
     *s = (struct sp_surface){ .points = input->points,
                               .shade = input->shade,
                               .opacity = layer->opacity,

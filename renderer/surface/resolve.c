@@ -182,53 +182,70 @@ static void resolve_row(const struct sp_surface *s, const struct sp_surface_shee
 
 enum { ROWS = 2 * SURFACE_SHEETS };
 
-/* Sorts the sheets of a pixel by depth. Returns their number. */
+/* Sorts the sheets of a pixel by depth. Of two at nearly the same depth, as at an edge, the one
+ * that is seen from outside comes first. Returns their number. */
 static int sort_sheets(const struct resolved rows[ROWS], int x, int order[ROWS]) {
+    const float nearly = 0.3f; /* cells */
+    float depths[ROWS];
     int count = 0;
     for (int i = 0; i < ROWS; i++) {
+        const float depth = rows[i].depth[x] + (i < SURFACE_SHEETS ? 0 : nearly);
         int at = count;
         if (!(rows[i].coverage[x] > least))
             continue;
-        for (; at > 0 && rows[i].depth[x] < rows[order[at - 1]].depth[x]; at--)
+        for (; at > 0 && depth < depths[at - 1]; at--) {
             order[at] = order[at - 1];
+            depths[at] = depths[at - 1];
+        }
         order[at] = i;
+        depths[at] = depth;
         count++;
     }
     return count;
 }
 
-/* The rays of a pixel that are outside of the body, or those that are inside: their share of all
- * rays, and the light that comes through along them to the eye, as a share of all light. */
+/* The rays of a pixel by where they are: their share of all rays, and the light that comes through
+ * along them to the eye, as a share of all light. Rays that have not met a sheet may be outside of
+ * the body or, behind a cut or a face of the volume, inside. */
 struct rays {
     float share, light;
 };
+enum { OUTSIDE, INSIDE, UNKNOWN, PLACES };
 
-/* Lets rays cross a sheet that covers `coverage` of the pixel. Where fewer rays are on its near
- * side, the others crossed to there unseen: they began there, behind a cut, or a sheet is missing.
- * Returns the light that the sheet hides. */
-static float cross_sheet(struct rays *near, struct rays *far, float coverage, float opacity) {
-    const float seen = fminf(coverage, near->share), unseen = fminf(coverage - seen, far->share);
-    const float arriving = seen > 0 ? near->light * (seen / near->share) : 0;
-    const float staying = unseen > 0 ? far->light * (unseen / far->share) : 0;
-    near->share -= seen;
-    near->light -= arriving;
-    far->share += seen;
-    far->light += (1 - opacity) * arriving - opacity * staying;
-    return opacity * (arriving + staying);
+/* Moves rays that cover at most `share` of the pixel. */
+static void move_rays(struct rays *from, float share, struct rays *to) {
+    const float most = fmaxf(share, 0), part = most < from->share ? most / from->share : 1;
+    const struct rays moved = { part * from->share, part * from->light };
+    from->share -= moved.share;
+    from->light -= moved.light;
+    to->share += moved.share;
+    to->light += moved.light;
+}
+
+/* Lets rays cross a sheet: those that are on its near side, then those of unknown place. Where they
+ * are fewer than the sheet covers, a sheet before it is missing, and others cross. Returns the
+ * light that the sheet hides. */
+static float cross_sheet(struct rays rays[PLACES], int side, float coverage, float opacity) {
+    struct rays *far = &rays[!side], crossing = { 0, 0 };
+    move_rays(&rays[side], coverage, &crossing);
+    move_rays(&rays[UNKNOWN], coverage - crossing.share, &crossing);
+    move_rays(far, coverage - crossing.share, &crossing);
+    far->share += crossing.share;
+    far->light += (1 - opacity) * crossing.light;
+    return opacity * crossing.light;
 }
 
 /* Adds the sheets of one pixel. */
 static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROWS], int x,
                       struct sp_fragment_tile *tile, int pixel) {
-    struct rays rays[2] = { { 1, 1 }, { 0, 0 } }; /* outside, inside */
+    struct rays rays[PLACES] = { [UNKNOWN] = { 1, 1 } };
     int order[ROWS];
     const int count = sort_sheets(rows, x, order);
     float light = 1;
     for (int k = 0; k < count && light > least; k++) {
         const struct resolved *row = &rows[order[k]];
-        const int side = order[k] / SURFACE_SHEETS;
-        const float alpha =
-            cross_sheet(&rays[side], &rays[!side], row->coverage[x], s->opacity) / light;
+        const int side = order[k] < SURFACE_SHEETS ? OUTSIDE : INSIDE;
+        const float alpha = cross_sheet(rays, side, row->coverage[x], s->opacity) / light;
         const struct sp_fragment fragment = { .depth = row->depth[x] * (float)s->frame.unit,
                                               .color = { row->color[0][x] * alpha,
                                                          row->color[1][x] * alpha,
@@ -236,7 +253,7 @@ static void add_pixel(const struct sp_surface *s, const struct resolved rows[ROW
                                               .alpha = alpha };
         if (alpha > least)
             sp_fragment_add(tile, pixel, &fragment);
-        light = rays[0].light + rays[1].light;
+        light = rays[OUTSIDE].light + rays[INSIDE].light + rays[UNKNOWN].light;
     }
 }
 

@@ -135,10 +135,11 @@ static inline sp_wide_mask is_whole(const struct sp_surface *s,
 }
 
 /* What opaque sheets hide at pixels: what is behind a complete one, or behind several that let all
- * rays in or all rays out together (resolve.c). */
+ * rays in or all rays out together (resolve.c). Nothing will be added before `reached`. */
 static inline sp_wide find_hidden(const struct sp_surface *s,
                                   const struct sp_surface_scratch *scratch,
-                                  const struct sp_fragment_tile *tile, int x, int y) {
+                                  const struct sp_fragment_tile *tile, int x, int y,
+                                  float reached) {
     const sp_wide enough = sp_wide_all(full), tiny = sp_wide_all(1e-6f);
     const bool is_clipped = s->clip.count || s->cuts_near;
     sp_wide hidden = sp_wide_load(&scratch->hidden[y][x]);
@@ -157,20 +158,21 @@ static inline sp_wide find_hidden(const struct sp_surface *s,
         }
     if (is_clipped)
         return hidden;
-    sp_wide_mask is_full = sp_wide_lt(enough, sp_wide_abs(crossed));
+    sp_wide_mask is_full =
+        sp_wide_lt(enough, sp_wide_abs(crossed)) & sp_wide_lt(last, sp_wide_all(reached));
     return sp_wide_select(is_full, sp_wide_min(last, hidden), hidden);
 }
 
 /* Finds what is hidden in the cells that have changed. */
 static void update_hidden(const struct sp_surface *s, struct sp_surface_scratch *scratch,
-                          const struct sp_fragment_tile *tile) {
+                          const struct sp_fragment_tile *tile, float reached) {
     const int columns = s->frame.size[0] - tile->x, rows = s->frame.size[1] - tile->y;
     for (unsigned left = scratch->changed; left; left &= left - 1) {
         const int cell = __builtin_ctz(left), cx = cell & 3, cy = cell >> 2;
         sp_wide end = sp_wide_all(-INFINITY);
         for (int y = cy * CELL_Y; y < (cy + 1) * CELL_Y && y < rows; y++)
             for (int x = cx * CELL_X; x < (cx + 1) * CELL_X && x < columns; x += SP_WIDE) {
-                sp_wide hidden = find_hidden(s, scratch, tile, x, y);
+                sp_wide hidden = find_hidden(s, scratch, tile, x, y, reached);
                 sp_wide_store(&scratch->hidden[y][x], hidden);
                 end = sp_wide_select(sp_wide_first(columns - x), sp_wide_max(hidden, end), end);
             }
@@ -237,7 +239,7 @@ void sp_surface_tile(const struct sp_surface *s, struct sp_surface_scratch *scra
             continue;
         add_block(s, scratch, &s->points->blocks[record->sheet], corner);
         if (s->is_opaque) {
-            update_hidden(s, scratch, tile);
+            update_hidden(s, scratch, tile, record->depth - s->depth_first);
             farthest = find_end(scratch, 0, 0, size[0], size[1]);
         }
     }

@@ -104,9 +104,9 @@ struct row {
 static const struct row rows[] = {
     { "torus", torus, 0.066 },
     { "bowl", bowl, 0.15 },
-    { "parallel bowl", parallel_bowl, 0.12 },
+    { "parallel bowl", parallel_bowl, 0.18 },
     { "small bowl", small_bowl, 0.12 },
-    { "wall", wall, 0.083 },
+    { "wall", wall, 0.12 },
 };
 enum { ROWS = sizeof rows / sizeof rows[0] };
 

@@ -56,7 +56,8 @@ void add_footprint(Footprint f) {
 }
 
 // Finds what opaque sheets hide: what is behind a complete one, or behind several that let all rays in or all rays out together.
-void find_hidden() {
+// Nothing will be added before `reached`.
+void find_hidden(float reached) {
     bool is_clipped = plane_counts.x != 0u || kind.y != 0u;
     float crossed = 0.0, last = -FAR_AWAY;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
@@ -67,7 +68,7 @@ void find_hidden() {
         if (own.weight > FULL && (!is_clipped || clip_share(corner + at, z + sheet_of.w, own.normal) > 0.99))
             hidden = min(hidden, z);
     }
-    if (!is_clipped && abs(crossed) > FULL)
+    if (!is_clipped && abs(crossed) > FULL && last < reached)
         hidden = min(hidden, last);
 }
 
@@ -90,7 +91,7 @@ void add_entry(uint slot, uint number) {
         barrier();
     }
     if (has_added && kind.x != 0u)
-        find_hidden();
+        find_hidden(block.depth - sheet_of.w);
 }
 
 void begin_entries() {
@@ -112,10 +113,15 @@ uint tile_word(uint i) {
     return surface_words[i];
 }
 
+// Of two sheets at nearly the same depth, as at an edge, the one that is seen from outside comes first.
+float order_of(Resolved sheet) {
+    return sheet.depth + (sheet.side == OUTSIDE ? 0.0 : 0.3);
+}
+
 void sort_in(Resolved own) {
     bool is_moving = false;
     for (uint i = 0u; i < 2u * SHEETS; i++) {
-        is_moving = is_moving || i == sorted_count || own.depth < sorted[i].depth;
+        is_moving = is_moving || i == sorted_count || order_of(own) < order_of(sorted[i]);
         Resolved other = sorted[i];
         if (is_moving) {
             sorted[i] = own;
@@ -136,8 +142,8 @@ bool add_fragments() {
         if (own.coverage > LEAST)
             sort_in(own);
     }
-    rays[0] = vec2(1);
-    rays[1] = vec2(0);
+    rays[OUTSIDE] = rays[INSIDE] = vec2(0);
+    rays[UNKNOWN] = vec2(1);
     for (uint k = 0u; k < sorted_count && light > LEAST; k++) {
         Resolved own = sorted[k];
         float alpha = cross_sheet(own.side, own.coverage) / light;
@@ -145,7 +151,7 @@ bool add_fragments() {
             add_fragment(Fragment(own.depth * cell.x, vec4(own.color * alpha, alpha)));
             has_any = true;
         }
-        light = rays[0].y + rays[1].y;
+        light = rays[OUTSIDE].y + rays[INSIDE].y + rays[UNKNOWN].y;
     }
     return has_any;
 }

@@ -89,17 +89,25 @@ Resolved resolve(vec2 px, float weight, float depth_sum, vec3 normal_sum) {
     return to;
 }
 
-// The rays of a pixel outside of the body, and inside: their share of all rays, and the light that comes through along them to
-// the eye, as a share of all light.
-vec2 rays[2];
+// The rays of a pixel by where they are: their share of all rays, and the light that comes through along them to the eye, as a
+// share of all light. Rays that have not met a sheet may be outside of the body or, behind a cut, inside.
+vec2 rays[3];
+const uint OUTSIDE = 0u, INSIDE = 1u, UNKNOWN = 2u;
 
-// Lets rays cross a sheet. Where fewer rays than it covers are on its near side, the others crossed to there unseen: they began
-// there, behind a cut, or a sheet is missing. Returns the light that the sheet hides.
+// Takes rays that cover at most `share` of the pixel.
+vec2 take_rays(uint place, float share) {
+    float most = max(share, 0.0);
+    vec2 from = rays[place], taken = from * (most < from.x ? most / from.x : 1.0);
+    rays[place] = from - taken;
+    return taken;
+}
+
+// Lets rays cross a sheet: those that are on its near side, then those of unknown place. Where they are fewer than the sheet
+// covers, a sheet before it is missing, and others cross. Returns the light that the sheet hides.
 float cross_sheet(uint side, float coverage) {
-    vec2 near = rays[side], far = rays[1u - side];
-    float seen = min(coverage, near.x), unseen = min(coverage - seen, far.x);
-    float arriving = seen > 0.0 ? near.y * (seen / near.x) : 0.0, staying = unseen > 0.0 ? far.y * (unseen / far.x) : 0.0;
-    rays[side] = near - vec2(seen, arriving);
-    rays[1u - side] = far + vec2(seen, (1.0 - look.w) * arriving - look.w * staying);
-    return look.w * (arriving + staying);
+    vec2 crossing = take_rays(side, coverage);
+    crossing += take_rays(UNKNOWN, coverage - crossing.x);
+    crossing += take_rays(1u - side, coverage - crossing.x);
+    rays[1u - side] += crossing * vec2(1.0, 1.0 - look.w);
+    return look.w * crossing.y;
 }
