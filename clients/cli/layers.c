@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The layers of a view from the command line: --surface, --shell and --no-volume.
+ * The layers of a view from the command line: --surface, --shell, --vectors and
+ * --no-volume.
  */
 #include <math.h>
 #include <stdio.h>
@@ -81,6 +82,36 @@ bool layers_parse_shell(struct layer_options *layers, const char *text) {
     return true;
 }
 
+bool layers_parse_vectors(struct layer_options *layers, const char *text) {
+    static const char *const styles[] = { "modulate", "blend" };
+    size_t length = strcspn(text, ",");
+    const char *at = text + length, *style = NULL;
+    if (layers->style) {
+        usage_error("--vectors", "a view has at most one layer of vectors");
+        return false;
+    }
+    for (size_t i = 0; i < sizeof styles / sizeof styles[0]; i++)
+        if (length == strlen(styles[i]) && strncmp(text, styles[i], length) == 0)
+            style = styles[i];
+    double stretch = NAN, density = NAN;
+    bool ok = style;
+    if (ok && take_comma(&at))
+        ok = take_number(&at, &stretch) && stretch >= 1 && stretch <= 8;
+    if (ok && take_comma(&at))
+        ok = take_number(&at, &density) && density >= 0 && density <= 1;
+    if (!ok || *at) {
+        usage_error("--vectors",
+                    "\"%s\" is not STYLE[,STRETCH[,DENSITY]], such as modulate,3,0.3, with a style "
+                    "modulate or blend, a stretch in [1, 8] and a density in [0, 1]",
+                    text);
+        return false;
+    }
+    layers->style = style;
+    layers->stretch = stretch;
+    layers->density = density;
+    return true;
+}
+
 static bool is_type(const proto_json *layer, const char *type) {
     const char *own = proto_json_string(proto_json_get(layer, "type"));
     return own && strcmp(own, type) == 0;
@@ -110,15 +141,27 @@ static bool append_shell(proto_json *list, const struct layer_options *options) 
     return proto_json_append(list, layer) && ok;
 }
 
+static bool append_vectors(proto_json *list, const struct layer_options *options) {
+    proto_json *layer = proto_json_object();
+    bool ok = proto_json_set_string(layer, "type", "vectors") &&
+              proto_json_set_string(layer, "style", options->style);
+    if (ok && !isnan(options->stretch))
+        ok = proto_json_set_number(layer, "stretch", options->stretch);
+    if (ok && !isnan(options->density))
+        ok = proto_json_set_number(layer, "density", options->density);
+    return proto_json_append(list, layer) && ok;
+}
+
 /* Copies the layers of the view, or the default ones: without the volume for --no-volume, and
- * without its shell for --shell. */
+ * without the layers that --shell and --vectors replace. */
 static bool copy_layers(const struct layer_options *options, const proto_json *old,
                         proto_json *list) {
     bool ok = true;
     for (size_t i = 0; i < proto_json_size(old); i++) {
         const proto_json *layer = proto_json_at(old, i);
         bool is_dropped = (options->no_volume && is_type(layer, "volume")) ||
-                          (!isnan(options->low) && is_type(layer, "shell"));
+                          (!isnan(options->low) && is_type(layer, "shell")) ||
+                          (options->style && is_type(layer, "vectors"));
         if (!is_dropped)
             ok = proto_json_append(list, proto_json_ref((proto_json *)layer)) && ok; /* only read */
     }
@@ -132,7 +175,7 @@ static bool copy_layers(const struct layer_options *options, const proto_json *o
 
 bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err) {
     const proto_json *old = proto_json_get(view, "layers");
-    if (!options->surface_count && isnan(options->low) && !options->no_volume)
+    if (!options->surface_count && isnan(options->low) && !options->style && !options->no_volume)
         return true;
     if (proto_json_type(old) == PROTO_JSON_NULL)
         old = NULL;
@@ -145,10 +188,12 @@ bool layers_apply(const struct layer_options *options, proto_json *view, struct 
         ok = append_surface(list, &options->surfaces[i]) && ok;
     if (!isnan(options->low))
         ok = append_shell(list, options) && ok;
+    if (options->style)
+        ok = append_vectors(list, options) && ok;
     if (ok && proto_json_size(list) == 0) {
         proto_json_free(&list);
         return sp_fail(err, SP_ERR_INVALID, "--no-volume",
-                       "leaves nothing to draw: add --surface or --shell");
+                       "leaves nothing to draw: add --surface, --shell or --vectors");
     }
     return (proto_json_set(view, "layers", list) && ok) ||
            sp_fail(err, SP_ERR_MEMORY, "", "out of memory");

@@ -45,6 +45,7 @@ enum option_id {
     OPT_PROJECTION,
     OPT_SURFACE,
     OPT_SHELL,
+    OPT_VECTORS,
     OPT_NO_VOLUME,
     OPT_HELP,
     OPT_VERSION
@@ -84,6 +85,7 @@ static const struct option known[] = {
     { "projection", required_argument, NULL, OPT_PROJECTION },
     { "surface", required_argument, NULL, OPT_SURFACE },
     { "shell", required_argument, NULL, OPT_SHELL },
+    { "vectors", required_argument, NULL, OPT_VECTORS },
     { "no-volume", no_argument, NULL, OPT_NO_VOLUME },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
@@ -243,6 +245,8 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
         return layers_parse_surface(&o->layers, value);
     case OPT_SHELL:
         return layers_parse_shell(&o->layers, value);
+    case OPT_VECTORS:
+        return layers_parse_vectors(&o->layers, value);
     default:
         return false;
     }

@@ -38,8 +38,10 @@ struct surface_option {
 struct layer_options {
     struct surface_option surfaces[LAYERS_MAX];
     int surface_count;
-    double low, high; /* of a shell, [0, 1]; NAN = no shell */
-    bool is_fast;     /* detail of the shell */
+    double low, high;        /* of a shell, [0, 1]; NAN = no shell */
+    bool is_fast;            /* detail of the shell */
+    const char *style;       /* of vectors; NULL = no vectors */
+    double stretch, density; /* of vectors; NAN = the default */
     bool no_volume;
 };
 
@@ -68,9 +70,10 @@ struct options {
  * Strings point into argv. */
 bool options_parse(struct options *options, int argc, char **argv);
 
-/* The values of --surface and --shell; layers.c. False after a message. */
+/* The values of --surface, --shell and --vectors; layers.c. False after a message. */
 bool layers_parse_surface(struct layer_options *layers, const char *text);
 bool layers_parse_shell(struct layer_options *layers, const char *text);
+bool layers_parse_vectors(struct layer_options *layers, const char *text);
 
 /* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);

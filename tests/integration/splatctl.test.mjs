@@ -323,9 +323,25 @@ test('projections: the options and the view give the same image, with the daemon
   }
 });
 
-test('the example camera path is valid', async () => {
-  const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/turn.json', import.meta.url)));
-  const { status, json } = await daemon.post('/api/v1/paths', example);
-  assert.equal(status, 202, JSON.stringify(json));
-  await daemon.fetch(`/api/v1/paths/${json.id}`, { method: 'DELETE' });
+test('a camera path moves streaks by several lengths, and each length ends as it began', async () => {
+  await succeeds(['load', 'demo:tornado?size=24']);
+  const layers = (phase) => [{ type: 'vectors', style: 'blend', stretch: 3, density: 0.5, phase }];
+  const path = {
+    view: { volume: 'tornado', layers: layers(0) }, size: [48, 48], frames: 5, fps: 4, format: 'png', keyframes: [{ time: 1, view: { layers: layers(2) } }],
+  };
+  await succeeds(['path', '-', '--out', inFolder('wind')], { input: JSON.stringify(path) });
+  const frames = [0, 1, 2, 3, 4].map((n) => readFileSync(inFolder(`wind/00000${n}.png`)));
+  assert.deepEqual([2, 4].map((n) => frames[n].equals(frames[0])), [true, true]);
+  assert.ok(frames[1].equals(frames[3]) && !frames[1].equals(frames[0]));
+  const options = await succeeds(['render', '--volume', 'tornado', '--no-volume', '--vectors', 'blend,3,0.5', '--size', '48', '--out', '-']);
+  assert.ok(options.equals(frames[0]), 'the option and the view give the same image');
+});
+
+test('the example camera paths are valid', async () => {
+  for (const name of ['turn', 'wind']) {
+    const example = JSON.parse(readFileSync(new URL(`../../clients/cli/examples/${name}.json`, import.meta.url)));
+    const { status, json } = await daemon.post('/api/v1/paths', example);
+    assert.equal(status, 202, JSON.stringify(json));
+    await daemon.fetch(`/api/v1/paths/${json.id}`, { method: 'DELETE' });
+  }
 });

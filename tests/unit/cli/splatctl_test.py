@@ -85,6 +85,9 @@ class Usage(unittest.TestCase):
         self.assertIn('8 layers', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--surface', '1'] * 9))
         for shell in ('', '0.1', '0.1,', '0.5,0.2', '-0.1,1', '0,1.1', '0,1,slow', '0,1,fast,', '0 ,1'):
             self.assertIn('--shell', self.refused('render', '--volume', 'a', '--out', 'x.png', '--shell', shell))
+        for vectors in ('', 'dense', 'blend,', 'blend,0.9', 'blend,9', 'blend,2,', 'blend,2,1.1', 'blend,2,0.5,', 'modulate ,2', 'blend,2,-1', 'blen'):
+            self.assertIn('--vectors', self.refused('render', '--volume', 'a', '--out', 'x.png', '--vectors', vectors))
+        self.assertIn('one layer of vectors', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--vectors', 'blend'] * 2))
         self.assertIn('one shell', self.refused('render', '--volume', 'a', '--out', 'x.png', *['--shell', '0,1'] * 2))
         for mode in ('', 'Maximum', 'sheet', 'sum '):
             self.assertIn('--projection', self.refused('render', '--volume', 'a', '--out', 'x.png', '--projection', mode))
@@ -337,6 +340,7 @@ class Remote(RemoteCase):
         volume, surface = {'type': 'volume'}, {'type': 'surface', 'value': 120}
         shell = {'type': 'shell', 'low': 0.05, 'high': 0.9, 'detail': 'high'}
         own = {**surface, 'value': 7, 'flatness': 3}
+        vectors = {'type': 'vectors', 'style': 'modulate'}
         cases = (
             ([], None, None),
             (['--surface', '120'], None, [volume, surface]),
@@ -349,6 +353,9 @@ class Remote(RemoteCase):
             (['--surface', '120'], {'layers': [own, {'type': 'shell'}]}, [own, {'type': 'shell'}, surface]),
             (['--shell', '0.05,0.9'], {'layers': [own, {'type': 'shell'}]}, [own, shell]),
             (['--no-volume'], {'layers': [{**volume, 'visible': False}, own]}, [own]),
+            (['--vectors', 'blend'], None, [volume, {**vectors, 'style': 'blend'}]),
+            (['--vectors', 'modulate,3'], {'layers': [own, {**vectors, 'phase': 0.5}]}, [own, {**vectors, 'stretch': 3}]),
+            (['--no-volume', '--vectors', 'modulate,1,0.25', '--shell', '0.05,0.9'], None, [shell, {**vectors, 'stretch': 1, 'density': 0.25}]),
         )
         for options, view, layers in cases:
             with self.subTest(options=options, view=view):
@@ -358,7 +365,7 @@ class Remote(RemoteCase):
                 self.assertEqual(json.loads(Daemon.seen[-1][3]).get('layers'), layers)
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--no-volume')
         self.assertEqual((result.returncode, result.stderr),
-                         (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface or --shell\n'))
+                         (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface, --shell or --vectors\n'))
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--view', '-', stdin=b'{"layers": 5}')
         self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: /layers: must be an array, not a number\n'))
 
