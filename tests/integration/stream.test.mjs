@@ -65,6 +65,28 @@ test('frames keep arriving during a long drag', async () => {
   await stream.end();
 });
 
+test('vectors play without messages of the client, for all participants, until they are stopped', async () => {
+  assert.equal((await daemon.post('/api/v1/volumes', { uri: 'demo:tornado?size=16', id: 'tornado' })).status, 202);
+  await daemon.loaded('tornado');
+  const session = await daemon.session({ volume: 'tornado', layers: [{ type: 'vectors' }], size: [64, 64] });
+  const stream = await daemon.stream({ session });
+  const guest = await daemon.stream({ session });
+  await stream.final(0);
+  await assert.rejects(stream.call('time.play', { rate: 0 }), /periods per second/);
+  assert.deepEqual(await stream.call('time.play', { rate: 2 }), { rate: 2 });
+  assert.equal((await guest.note('time.changed')).params.rate, 2);
+  for (const one of [stream, guest]) {
+    const first = one.frames.length;
+    await one.frame((f) => f.frame > first + 5, 'frames while the vectors move');
+  }
+  assert.deepEqual(await stream.call('time.stop'), { rate: 0 });
+  const { view } = await stream.call('view.get');
+  assert.ok(view.layers[0].phase >= 0 && view.layers[0].phase <= 1);
+  await stream.frame((f) => f.flags & FINAL && f === stream.frames.at(-1), 'a final frame after the stop');
+  await stream.end();
+  await guest.end();
+});
+
 test('a newer view cancels the refinement of an older one and is shown next', async () => {
   const own = await Daemon.start(['--volume', 'demo:engine?size=32', '--log-level', 'debug', '--rest-time', '0.01',
     '--frame-size', '6000x6000']);
