@@ -179,6 +179,7 @@ static uint32_t sort_blocks(struct preparation *p, uint32_t *starts) {
     float low = INFINITY, high = -INFINITY;
     for (uint32_t b = 0; b < count; b++)
         if (p->records[b].x1 > p->records[b].x0) {
+            s->drawn += s->points->blocks[b].count;
             low = fminf(low, p->records[b].depth);
             high = fmaxf(high, p->records[b].depth);
         }

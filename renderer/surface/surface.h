@@ -56,6 +56,7 @@ struct sp_surface {
     struct sp_clip_frame clip;
     struct sp_clip_frame borders; /* faces of the volume near which some of it lies */
     bool cuts_near;               /* some of it is nearer than the near plane */
+    uint64_t drawn;               /* points of the blocks that are in the image */
     int columns, rows;            /* of tiles */
     struct sp_splat *blocks;      /* in front-to-back order: box, `sheet` = number of the block in
                                      points, `depth` = where it begins [cells] */

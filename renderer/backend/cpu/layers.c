@@ -115,6 +115,10 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
         add_stats(stats, &layers.shell.layer);
     if (layers.vectors.is_there)
         add_stats(stats, &layers.vectors.layer);
+    for (unsigned i = 0; i < layers.surface_count; i++) {
+        stats->visible_voxels += layers.surfaces[i].points->count;
+        stats->splats += layers.surfaces[i].drawn;
+    }
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "splat", prepared - begin };
     stats->stages[1] = (struct sp_stage_time){ "tile", sp_job_clock_ms(job) - prepared };

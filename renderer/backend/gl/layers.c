@@ -46,6 +46,10 @@ uint64_t gl_layers_count(const struct gl_layers_made *made, uint64_t *drawn) {
         count += made->voxels[i].layer.list->count;
         *drawn += made->voxels[i].layer.order.count;
     }
+    for (unsigned i = 0; i < made->surface_count; i++) {
+        count += made->surfaces[i].points->count;
+        *drawn += made->surfaces[i].drawn;
+    }
     return count;
 }
 

@@ -40,7 +40,8 @@ struct gl_layers_made {
 bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
                     struct gl_layers_made *made, struct sp_error *err);
 
-/* Returns how many voxels the shell and the vectors have; *drawn: without hidden ones. */
+/* Returns how many voxels and points the layers have; *drawn: without hidden voxels, and without
+ * points outside of the image. */
 uint64_t gl_layers_count(const struct gl_layers_made *made, uint64_t *drawn);
 
 /* Bytes that are cached of the volume; NULL = of all volumes. The same for dropping them. */

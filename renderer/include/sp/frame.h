@@ -40,7 +40,7 @@ struct sp_frame_stats {
     uint32_t threads;            /* render threads of the backend */
     uint32_t mip_level; /* [0, SP_MIP_LEVEL_MAX]; n = 2^n × 2^n × 2^n voxels averaged into one;
                            0 = full detail */
-    uint64_t visible_voxels; /* visible after classification */
+    uint64_t visible_voxels; /* visible after classification; of a surface: its points */
     uint64_t splats;         /* footprints that were drawn, without culled ones */
     uint64_t fragments;      /* area of these footprints inside the image [px], before early
                                 termination */

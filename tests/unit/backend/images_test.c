@@ -90,6 +90,40 @@ static void one_voxel_has_its_analytic_depth(void **state) {
     rig_finish(&rig);
 }
 
+/* The statistics count the points of surfaces, and leave out those outside of the image. */
+static void points_of_surfaces_are_counted(void **state) {
+    (void)state;
+    static const char *const backends[] = { "cpu", "gl-software" };
+    struct sp_error err;
+    for (int b = 0; b < 2; b++) {
+        const struct sp_renderer_options options = { .backend = backends[b], .threads = 2 };
+        struct sp_renderer *probe = sp_renderer_create(&options, &err);
+        if (!probe) {
+            print_message("skipped: %s\n", err.text);
+            continue;
+        }
+        sp_renderer_destroy(&probe);
+        struct rig rig = rig_make(backends[b], 2, rig_make_ball(40, (double[3]){ 1, 1, 1 }));
+        rig.view.layers[0] = sp_layer_default(SP_LAYER_SURFACE);
+        rig.view.layers[0].value = 500;
+        struct sp_frame *frame = rig_draw(&rig, SP_RGBAF32);
+        uint64_t all = frame->stats.visible_voxels;
+        assert_compare(all, >, 500);
+        assert_compare(frame->stats.splats, ==, all);
+        sp_frame_unref(&frame);
+        for (int k = 0; k < 3; k++) { /* a corner of the ball */
+            rig.view.camera.position[k] = 30 + 4 * (k == 0);
+            rig.view.camera.target[k] = 30;
+        }
+        rig.view.camera.fov_y = 20;
+        frame = rig_draw(&rig, SP_RGBAF32);
+        assert_compare(frame->stats.visible_voxels, ==, all);
+        assert_compare(frame->stats.splats, <, all);
+        sp_frame_unref(&frame);
+        rig_finish(&rig);
+    }
+}
+
 static void odd_sizes_and_places_are_drawn(void **state) {
     (void)state;
     static const uint32_t sizes[][2] = { { 1, 1 }, { 8192, 1 }, { 1, 8192 }, { 33, 31 } };
@@ -170,6 +204,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(thin_sheets_attenuate_alike),
         cmocka_unit_test(one_voxel_has_its_analytic_depth),
+        cmocka_unit_test(points_of_surfaces_are_counted),
         cmocka_unit_test(odd_sizes_and_places_are_drawn),
         cmocka_unit_test(bands_leave_no_seam),
     };
