@@ -101,7 +101,7 @@ bool layers_parse_vectors(struct layer_options *layers, const char *text) {
         ok = take_number(&at, &density) && density >= 0 && density <= 1;
     if (!ok || *at) {
         usage_error("--vectors",
-                    "\"%s\" is not STYLE[,STRETCH[,DENSITY]], such as modulate,3,0.3, with a style "
+                    "\"%s\" is not STYLE[,STRETCH[,DENSITY]], such as modulate,4,0.2, with a style "
                     "modulate or blend, a stretch in [1, 8] and a density in [0, 1]",
                     text);
         return false;

@@ -13,9 +13,9 @@ const VOLUME = Object.freeze({ type: 'volume', visible: true });
 const SHELL = Object.freeze({ type: 'shell', visible: true, low: 0.05, high: 0.95, detail: 'high' });
 const OPAQUE_SHARE = 0.9; // of the largest opacity
 const OPAQUE_LEAST = 0.4; // of a transfer function that shows opaque matter
-const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 3 });
-const DENSITY_MOST = 0.3;
-const SAMPLES_DEEP = 28; // along the longest axis of the grid
+const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4 });
+const DENSITY_MOST = 0.2;
+const SAMPLES_DEEP = 20; // along the longest axis of the grid
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
 const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
 

@@ -242,27 +242,30 @@ test('changes of others appear, and without control nothing can be changed', asy
   assert.deepEqual(await it.patches(() => markOf(page, 0).press('ArrowRight')), []);
 });
 
-for (const colorScheme of ['dark', 'light']) {
-  test(`axe finds nothing in the section and in the marks, ${colorScheme}`, NEEDS_AXE, async (context) => {
-    const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
-    const it = await setUp(context, { viewport: { width: 1000, height: 1200 }, colorScheme, bypassCSP: true }, { volumes: [volume('phantom', { fields })] });
-    const { page } = it;
-    await page.locator('.prompt[data-id="vectors"]').getByRole('button', { name: 'Add vectors' }).click();
-    await page.selectOption('#vectors-style', 'blend');
+test('axe finds nothing in the section and in the marks, dark and light', NEEDS_AXE, async (context) => {
+  const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
+  const options = { viewport: { width: 1000, height: 1200 }, colorScheme: 'dark', bypassCSP: true };
+  const it = await setUp(context, options, { volumes: [volume('phantom', { fields })] });
+  const { page } = it;
+  const check = async (name) => {
     await it.idle();
-    await checkAxe(page, '#panel');
-    await shot(page, `layers-vectors-${colorScheme}`);
-    await page.click('#layer-add-shell');
-    await it.idle();
-    await checkAxe(page, '#panel');
-    await page.click('#layer-add-surface');
-    await page.locator('.layer-details summary').click();
-    await eye(page, 'Shell').click();
-    await it.idle();
-    await checkAxe(page, '#panel');
-    await shot(page, `layers-${colorScheme}`);
-  });
-}
+    for (const colorScheme of ['dark', 'light']) {
+      await page.emulateMedia({ colorScheme });
+      await drawn(page);
+      await checkAxe(page, '#panel');
+      await shot(page, `layers-${name}-${colorScheme}`);
+    }
+  };
+  await page.locator('.prompt[data-id="vectors"]').getByRole('button', { name: 'Add vectors' }).click();
+  await page.selectOption('#vectors-style', 'blend');
+  await check('vectors');
+  await page.click('#layer-add-shell');
+  await check('shell');
+  await page.click('#layer-add-surface');
+  await page.locator('.layer-details summary').click();
+  await eye(page, 'Shell').click();
+  await check('surface');
+});
 
 test('on a phone: add, move the mark and remove by touch', async (context) => {
   const it = await setUp(context, PHONE);
