@@ -95,7 +95,8 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.max_fps = p->settings.max_fps;
     demand.next_frame_ms = plan->next_frame_ms;
     demand.behind_ms = plan->behind_ms;
-    demand.rest_at_ms = s->shared.changed_ms + schedule->hub->options.rest_ms;
+    demand.rest_at_ms =
+        srv_play_moves(s) ? INFINITY : s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.sharp_ms = sharp_ms(s, p);
     demand.waited_ms = waited_ms(&plan->waiting, now_ms);
     demand.spent_ms = plan->waiting.spent_ms;

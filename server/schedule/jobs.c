@@ -14,6 +14,8 @@
 
 #include "schedule/state.h"
 
+enum { PLAY_BUDGETS = 3 }; /* a frame of a view that plays may take that many */
+
 static struct srv_detail detail_of(const struct srv_render_job *job) {
     return (struct srv_detail){ .mip_level = job->mip_level,
                                 .size = { job->view.size[0], job->view.size[1] } };
@@ -95,6 +97,8 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
     const uint32_t *full = job->full;
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
     job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps, now_ms);
+    if (srv_play_moves(s)) /* small images lose the streaks */
+        job->budget_ms *= PLAY_BUDGETS;
     if (job->step == SRV_STEP_MOVING) {
         uint32_t most[2];
         srv_quality_moving(quality, full, job->budget_ms, &detail);
@@ -266,13 +270,16 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
     count_job(schedule, s, job, now_ms);
 }
 
-/* Gives a new version to the views that play and whose last version was taken by a frame. */
+/* Gives a new version to the views that play, once the frame that took the last one is done: a
+ * newer version would cancel it. */
 static void play(struct srv_schedule *schedule, double now_ms) {
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
         bool is_taken = false;
+        if (!srv_play_moves(s) || s->schedule->jobs > 0)
+            continue;
         for (const struct srv_participant *p = s->participants; p; p = p->next)
             is_taken = is_taken || p->schedule->newest.version >= s->shared.version;
-        if (is_taken && srv_play_moves(s))
+        if (is_taken)
             srv_play_advance(schedule->hub, s, now_ms);
     }
 }

@@ -7,7 +7,8 @@
 
 #include "session/rpc_private.h"
 
-#define RATE_MAX 10.0 /* periods per second */
+#define RATE_MIN 0.01 /* periods per second, either way; slower looks like standing */
+#define RATE_MAX 10.0
 
 /* The layer of vectors that is visible; NULL = none. */
 static struct sp_layer *find_vectors(struct sp_view *view) {
@@ -53,20 +54,23 @@ void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double n
     session->shared.changed_ms = now_ms;
 }
 
+/* NULL = out of memory. */
+static proto_json *encode_rate(double rate) {
+    proto_json *json = proto_json_object();
+    if (!proto_json_set_number(json, "rate", rate))
+        proto_json_free(&json);
+    return json;
+}
+
 char *srv_play_text(const struct srv_participant *to, size_t *size) {
-    proto_json *params = proto_json_object();
-    if (!proto_json_set_number(params, "rate", to->session->play.rate))
-        proto_json_free(&params);
-    return proto_rpc_notification("time.changed", params, size);
+    return proto_rpc_notification("time.changed", encode_rate(to->session->play.rate), size);
 }
 
 static bool answer(struct srv_call *call, double rate) {
     struct srv_session *session = call->participant->session;
     set_rate(call->hub, session, rate, call->now_ms);
     srv_hub_emit(call->hub, SRV_VIEW_CHANGED, session, NULL, call->now_ms);
-    call->result = proto_json_object();
-    if (!proto_json_set_number(call->result, "rate", rate))
-        proto_json_free(&call->result);
+    call->result = encode_rate(rate);
     return true;
 }
 
@@ -75,10 +79,10 @@ bool srv_call_time_play(struct srv_call *call) {
     double rate;
     if (!srv_call_knows(call, known))
         return false;
-    if (!proto_json_number(proto_json_get(call->params, "rate"), &rate) || rate == 0 ||
-        !(fabs(rate) <= RATE_MAX))
+    if (!proto_json_number(proto_json_get(call->params, "rate"), &rate) ||
+        !(fabs(rate) >= RATE_MIN && fabs(rate) <= RATE_MAX))
         return srv_call_refuse(call, PROTO_RPC_PARAMS, "/rate",
-                               "must be a number in [-10, 10] other than 0: periods per second");
+                               "must be periods per second in [0.01, 10], or negative: backwards");
     if (!find_vectors(&call->participant->session->shared.view))
         return srv_call_refuse(call, PROTO_RPC_VIEW, NULL,
                                "nothing can be played: the view shows no layer of vectors");
@@ -87,5 +91,10 @@ bool srv_call_time_play(struct srv_call *call) {
 
 bool srv_call_time_stop(struct srv_call *call) {
     static const char *const known[] = { NULL };
-    return srv_call_knows(call, known) && srv_call_take_control(call) && answer(call, 0);
+    if (!srv_call_knows(call, known) || !srv_call_take_control(call))
+        return false;
+    if (srv_play_moves(call->participant->session))
+        return answer(call, 0);
+    call->result = encode_rate(0);
+    return true;
 }

@@ -82,6 +82,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         session->shared.volume = volume;
     }
     session->shared.view = view;
+    srv_play_place(session, now_ms, &session->shared.view);
     session->shared.version++;
     session->shared.image += event != SRV_SLICES_CHANGED;
     session->shared.changed_by = by;

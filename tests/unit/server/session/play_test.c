@@ -93,6 +93,58 @@ static void frames_follow_the_clock(void **state) {
     srv_hub_leave(f->hub, &p, 30300);
 }
 
+/* Nothing outdates a frame while it is drawn, however slow or seldom frames are, and a view that
+ * plays never rests. */
+static void no_frame_is_outdated_by_playing(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job, none;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    settle(f, p, 10);
+    show_vectors(f, p, 10000);
+    draw(f, p, SRV_STEP_MOVING, 10010);
+    for (int is_progressive = 0; is_progressive < 2; is_progressive++) {
+        double start_ms = 20000 + 20000 * is_progressive;
+        hub_send(f, p, "stream.configure",
+                 is_progressive ? "{\"max_fps\":1,\"progressive\":true}"
+                                : "{\"max_fps\":1,\"progressive\":false}",
+                 start_ms);
+        settle(f, p, start_ms + 1000);
+        hub_send(f, p, "time.play", "{\"rate\":0.01}", start_ms + 8000);
+        for (int i = 0; i < 5; i++) {
+            double now_ms = start_ms + 10000 + 1100 * i;
+            assert_true(hub_next_job(f, now_ms, &job));
+            assert_int_equal(job.step, is_progressive ? SRV_STEP_MOVING : SRV_STEP_FINAL);
+            for (int poll = 1; poll < 4; poll++) {
+                assert_false(hub_next_job(f, now_ms + 200 * poll, &none));
+                assert_true(srv_schedule_is_newest(f->schedule, &job));
+            }
+            hub_finish(f, &job, 700);
+            hub_ack(f, p, hub_drain(f, p, now_ms + 710).frame, now_ms + 720);
+        }
+        hub_send(f, p, "time.stop", "{}", start_ms + 16000);
+        settle(f, p, start_ms + 17000);
+    }
+    srv_hub_leave(f->hub, &p, 60000);
+}
+
+/* A patch of the phase has no effect while it moves, and stopping twice changes nothing. */
+static void the_clock_has_the_phase(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    settle(f, p, 10);
+    show_vectors(f, p, 10000);
+    hub_send(f, p, "time.play", "{\"rate\":1}", 10100);
+    hub_send(f, p, "view.update",
+             "{\"seq\":2,\"patch\":{\"layers\":[{\"type\":\"vectors\",\"phase\":0.9}]}}", 10200);
+    assert_true(call(f, p, "view.get", "{}", 10200, "\"phase\":0.1,"));
+    hub_send(f, p, "time.stop", "{}", 10350);
+    settle(f, p, 10400);
+    hub_send(f, p, "time.stop", "{}", 20000);
+    assert_false(hub_next_job(f, 20100, &job));
+    srv_hub_leave(f->hub, &p, 20200);
+}
+
 static void participants_are_told_and_only_control_plays(void **state) {
     struct fixture *f = *state;
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
@@ -101,6 +153,7 @@ static void participants_are_told_and_only_control_plays(void **state) {
     show_vectors(f, p, 20);
     assert_true(call(f, p, "time.play", "{\"rate\":0}", 30, "/rate"));
     assert_true(call(f, p, "time.play", "{\"rate\":11}", 30, "/rate"));
+    assert_true(call(f, p, "time.play", "{\"rate\":1e-300}", 30, "/rate"));
     assert_true(call(f, p, "time.play", "{\"speed\":1}", 30, "-32602"));
     assert_true(call(f, guest, "time.play", "{\"rate\":1}", 30, "-32004"));
     assert_false(is_notified(f, guest, "time.changed", 40));
@@ -138,6 +191,8 @@ static void it_ends_with_the_layer(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_follow_the_clock, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(no_frame_is_outdated_by_playing, hub_set_up, hub_tear_down),
+        cmocka_unit_test_setup_teardown(the_clock_has_the_phase, hub_set_up, hub_tear_down),
         cmocka_unit_test_setup_teardown(participants_are_told_and_only_control_plays, hub_set_up,
                                         hub_tear_down),
         cmocka_unit_test_setup_teardown(it_ends_with_the_layer, hub_set_up, hub_tear_down),
