@@ -19,7 +19,7 @@ struct work {
     const void *voxels;
     const float (*vectors)[3];
     enum sp_type type;
-    uint64_t kept; /* of 2^16 samples */
+    uint64_t drawn; /* of 2^16 samples */
 };
 
 /* A random number of a sample: the upper half decides whether it is drawn, the lower half is its
@@ -62,7 +62,7 @@ static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struc
     for (uint32_t x = left.begin; x < left.end; x++) {
         const uint64_t at = row * dims[0] + x;
         const uint32_t i[3] = { x, y, z }, hash = hash_of(at);
-        if (hash >> 16 >= work->kept)
+        if (hash >> 16 >= work->drawn)
             continue;
         struct sp_class c = class_at(work, at, i);
         if (!(c.depth > 0))
@@ -128,7 +128,7 @@ bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *
                          .voxels = sp_volume_voxels(job->volume),
                          .vectors = sp_volume_vectors(job->volume),
                          .type = info->type,
-                         .kept = (uint64_t)(job->density * 65536) };
+                         .drawn = (uint64_t)(job->density * 65536) };
     struct sp_voxel_interval *rows = NULL;
     *list = (struct sp_voxel_list){ .dims = { dims[0], dims[1], dims[2] } };
     if (sp_voxel_clips(job->clip)) {

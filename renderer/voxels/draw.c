@@ -48,6 +48,11 @@ struct band {
     double area;
 };
 
+/* Cancelled, or out of memory. */
+static bool is_ended(const struct band *b) {
+    return b->input->arena->failed || sp_interrupt_is_cancelled(&b->input->interrupt);
+}
+
 static bool is_cancelled(const struct band *b) {
     return sp_interrupt_is_cancelled(&b->input->interrupt);
 }
@@ -186,7 +191,7 @@ static bool note_closed(struct band *b) {
 }
 
 /* The parts of a batch add to the same tiles, so that one tile per worker is not enough. */
-static bool keep_tiles(struct band *b) {
+static bool open_all_tiles(struct band *b) {
     b->tiles_open = sp_arena_alloc(b->input->arena, "tiles", b->tiles, sizeof *b->tiles_open);
     b->is_single = false;
     return b->tiles_open;
@@ -201,7 +206,7 @@ static void draw_batch(struct band *b, bool is_last) {
             if (end > begin && total > b->capacity)
                 break;
         }
-        if (b->is_single && end < b->blocks && !keep_tiles(b))
+        if (b->is_single && end < b->blocks && !open_all_tiles(b))
             return;
         sum_counts(b, begin, end);
         struct band part = *b; /* the workers count blocks from its first one on */
@@ -243,11 +248,13 @@ static void draw_band(struct band *b, int y, int rows) {
         if (is_cancelled(b))
             return;
         draw_batch(b, begin >= count);
+        if (is_ended(b))
+            return;
         if (begin < count && note_closed(b)) {
             sp_parallel_for(b->input->pool, b->tiles, 4, resolve_tiles, b);
             return;
         }
-    } while (begin < count && !is_cancelled(b));
+    } while (begin < count);
 }
 
 /* Distances and local spacings along the axes of a rectilinear grid [mean spacings]. */
@@ -326,14 +333,14 @@ static bool allocate(struct band *b, uint32_t tiles) {
     b->is_single = blocks <= BATCH_BLOCKS;
     b->blocks = blocks < BATCH_BLOCKS ? blocks : BATCH_BLOCKS;
     b->capacity = tiles * BLOCK > ENTRIES_MIN ? tiles * BLOCK : ENTRIES_MIN;
-    unsigned kept = b->is_single ? sp_pool_threads(b->input->pool) : tiles;
+    unsigned held = b->is_single ? sp_pool_threads(b->input->pool) : tiles;
     b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
     b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
     b->areas = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->areas);
     b->counts = sp_arena_alloc(arena, "bin counts", (size_t)b->blocks * tiles, sizeof *b->counts);
     b->first = sp_arena_alloc(arena, "bins", tiles + (size_t)1, sizeof *b->first);
     b->entries = sp_arena_alloc(arena, "bin entries", b->capacity, sizeof *b->entries);
-    b->tiles_open = sp_arena_alloc(arena, "tiles", kept, sizeof *b->tiles_open);
+    b->tiles_open = sp_arena_alloc(arena, "tiles", held, sizeof *b->tiles_open);
     b->closed = sp_arena_alloc(arena, "tiles", tiles, sizeof *b->closed);
     b->frame->columns = b->columns;
     return !arena->failed;
@@ -363,7 +370,7 @@ bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
     step = BAND_TILES / b.columns < rows ? BAND_TILES / b.columns : rows;
     if (!allocate(&b, (uint32_t)(step * b.columns)))
         return fail_memory(input->arena, err);
-    for (int row = 0; row < rows && !is_cancelled(&b); row += step)
+    for (int row = 0; row < rows && !is_ended(&b); row += step)
         draw_band(&b, row * SP_VOXEL_TILE, row + step < rows ? step : rows - row);
     if (is_cancelled(&b))
         return fail_cancelled(err);

@@ -19,7 +19,7 @@ enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
 
 #define SP_STREAK_PERIOD 2.0f /* of the pattern, standard deviations along the vector */
 
-/* What a layer of vectors adds to a frame (vectors/streak.h). */
+/* What a layer of vectors adds to a frame (voxels/streak.h). */
 struct sp_streaks {
     float to_camera[3][3]; /* world → camera space, a rotation */
     float widen;           /* σ² · (stretch² − 1) [cells²] */

@@ -382,7 +382,7 @@ static bool fits_the_owner(const struct srv_catalog *catalog,
         return sp_fail(err, SP_ERR_QUOTA, NULL,
                        "%s has %u volumes open and its token allows %u; close some", request->owner,
                        count, request->volumes_max);
-    return !request->is_limited || loading < LOADS_MAX ||
+    return !request->is_limited || request->is_restored || loading < LOADS_MAX ||
            sp_fail(err, SP_ERR_QUOTA, NULL,
                    "%u volumes of %s are being loaded, which is the limit; try again later",
                    loading, request->owner);

@@ -45,7 +45,8 @@ struct srv_volume_request {
     const char *owner;     /* the token that opens it; NULL = the operator */
     bool is_limited;       /* the limits of one token hold (SP_ERR_QUOTA below) */
     unsigned volumes_max;  /* of the owner; 0 = no quota */
-    bool is_restored;      /* from an earlier run: an unknown path makes a failed entry, no error */
+    bool is_restored; /* from an earlier run: an unknown path makes a failed entry, no error, and
+                         any number may be loading */
 };
 
 struct srv_catalog_options {

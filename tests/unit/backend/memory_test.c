@@ -147,11 +147,34 @@ static void a_renderer_survives_failed_allocations(void **state) {
     finish_scene(&scene);
 }
 
+/* Each type of layer alone, then all of them in one image. */
+static void layers_survive_failed_allocations(void **state) {
+    (void)state;
+    const struct sp_renderer_options options = { .backend = "cpu", .threads = 2 };
+    struct scene scene;
+    init_scene(&scene, "demo:tornado?size=16");
+    scene.renderer = sp_renderer_create(&options, NULL);
+    scene.pool = sp_frame_pool_create(1 << 20, NULL);
+    const double *range = sp_volume_info(scene.volume)->range;
+    for (int type = SP_LAYER_SURFACE; type <= SP_LAYER_VECTORS + 1; type++) {
+        bool is_all = type > SP_LAYER_VECTORS;
+        scene.view.layer_count = is_all ? SP_LAYER_VECTORS + 1 : 1;
+        for (uint32_t i = 0; i < scene.view.layer_count; i++) {
+            scene.view.layers[i] = sp_layer_default((enum sp_layer_type)(is_all ? (int)i : type));
+            scene.view.layers[i].value = 0.5 * (range[0] + range[1]);
+        }
+        scene.view.size[0] += 40;
+        assert_compare(fail_each(draw_warm, &scene), >=, 1);
+    }
+    finish_scene(&scene);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_volume_survives_failed_allocations),
         cmocka_unit_test(a_first_frame_survives_failed_allocations),
         cmocka_unit_test(a_renderer_survives_failed_allocations),
+        cmocka_unit_test(layers_survive_failed_allocations),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -125,6 +125,38 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
     srv_catalog_destroy(&catalog);
 }
 
+static void ignore_progress(void *user, const char *id, enum srv_volume_state state,
+                            double progress, const char *reason) {
+    (void)user, (void)id, (void)state, (void)progress, (void)reason;
+}
+
+/* A token may load eight volumes at a time. After a restart all of its volumes load again. */
+static void volumes_of_an_earlier_run_are_not_limited(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
+                                                 .progress = ignore_progress,
+                                                 .unloaded = on_unloaded };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    assert_non_null(catalog);
+    for (int i = 0; i < 12; i++) {
+        char name[8], id[SP_NAME_BYTES];
+        struct srv_volume_request request = {
+            .source = ENDLESS, .id = name, .owner = "ann", .is_limited = true
+        };
+        struct sp_error err = { 0 };
+        bool existed, conflict;
+        snprintf(name, sizeof name, "v%d", i);
+        bool is_added = srv_catalog_add(catalog, &request, id, &existed, &conflict, &err);
+        assert_int_equal(is_added, i < 8);
+        request.is_restored = true;
+        if (is_added)
+            continue;
+        assert_int_equal(err.code, SP_ERR_QUOTA);
+        assert_true(srv_catalog_add(catalog, &request, id, &existed, &conflict, &err));
+    }
+    srv_catalog_destroy(&catalog);
+}
+
 /* Counting takes tens of milliseconds, so a second client must not pay for it again. */
 static void a_joint_histogram_is_counted_once(void **state) {
     (void)state;
@@ -182,6 +214,7 @@ static void paths_are_redacted(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(a_volume_can_be_removed_while_it_loads),
+                                        cmocka_unit_test(volumes_of_an_earlier_run_are_not_limited),
                                         cmocka_unit_test(a_joint_histogram_is_counted_once),
                                         cmocka_unit_test(paths_are_redacted) };
     return cmocka_run_group_tests(tests, NULL, NULL);
