@@ -139,13 +139,13 @@ static void volumes_of_an_earlier_run_are_not_limited(void **state) {
     struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
     assert_non_null(catalog);
     for (int i = 0; i < 12; i++) {
-        char name[8], id[SP_NAME_BYTES];
-        struct srv_volume_request request = {
-            .source = ENDLESS, .id = name, .owner = "ann", .is_limited = true
-        };
+        char source[32], id[SP_NAME_BYTES];
+        struct srv_volume_request request = { .source = source,
+                                              .owner = "ann",
+                                              .is_limited = true };
         struct sp_error err = { 0 };
         bool existed, conflict;
-        snprintf(name, sizeof name, "v%d", i);
+        snprintf(source, sizeof source, "demo:phantom?size=%d", 9 + i); /* the first is ENDLESS */
         bool is_added = srv_catalog_add(catalog, &request, id, &existed, &conflict, &err);
         assert_int_equal(is_added, i < 8);
         request.is_restored = true;
