@@ -94,7 +94,10 @@ test('window and level begin with the automatic window, and undo returns to it',
     await drag(page, [450, 350], [550, 350]);
     compare((await windowOf(page)).width, '>', width);
     await page.keyboard.press('Escape');
-    for (let i = 0; i < 4; i += 1) await page.click('#transfer-undo');
+    for (let i = 0; i < 4; i += 1) {
+      await page.click('#transfer-undo');
+      await drawn(page);
+    }
     const [level, wide] = ['center', 'width'].map((_, i) => page.locator('#projection-window input').nth(i));
     const shown = [await level.inputValue(), await wide.inputValue()].map(Number);
     compare(Math.abs(shown[0] / center - 1), '<', 0.01, 'the fields show the automatic window');
