@@ -45,6 +45,7 @@ class VolumeList {
 
   constructor(app) {
     this.#app = app;
+    new ResizeObserver(() => this.#reveal()).observe(this.#list);
     this.#info = new VolumeInfo(app, byId('volume-info'));
   }
 
@@ -52,8 +53,10 @@ class VolumeList {
 
   /** Follows the view. */
   follow() {
-    if (this.#current !== this.#seen) [this.#left, this.#seen] = [this.#seen, this.#current];
+    const isOther = this.#current !== this.#seen;
+    if (isOther) [this.#left, this.#seen] = [this.#seen, this.#current];
     this.show();
+    if (isOther) this.#reveal();
   }
 
   #select(id) {
@@ -82,10 +85,20 @@ class VolumeList {
     this.#rebuild(volumes, isGuest);
   }
 
-  /** Rebuilds the list; the focus stays. */
+  /** Scrolls the list to the current volume. */
+  #reveal() {
+    const entry = this.#list.querySelector('[aria-current]')?.closest('li');
+    if (!entry) return;
+    const [list, { top, bottom }] = [this.#list.getBoundingClientRect(), entry.getBoundingClientRect()];
+    if (top < list.top || bottom > list.bottom) this.#list.scrollTop += (top + bottom - list.top - list.bottom) / 2;
+  }
+
+  /** Rebuilds the list; the focus and the scroll position stay. */
   #rebuild(volumes, isGuest) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
+    const { scrollTop } = this.#list;
     this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, volume.may_close && !isGuest)));
+    this.#list.scrollTop = scrollTop;
     for (const button of this.#list.querySelectorAll('button')) if (focused && button.dataset.id === focused) button.focus();
   }
 

@@ -242,6 +242,19 @@ test('the page works below a path of a reverse proxy and on a phone', async (con
   await shot(it.page, 'phone-panel');
 });
 
+test('a long list of volumes scrolls inside the panel and shows the current one', async (context) => {
+  const volumes = Array.from({ length: 30 }, (_, i) => volume(`v${i}`));
+  const { page } = await setUp(context, { volumes }, { address: (d) => `${d.url}&volume=v20`, page: { viewport: { width: 1280, height: 800 } } });
+  const current = page.locator('#volumes [aria-current][data-id="v20"]');
+  await current.waitFor();
+  assert.ok(await current.evaluate((button) => {
+    const [inner, outer] = [button, document.getElementById('volumes')].map((element) => element.getBoundingClientRect());
+    return inner.top >= outer.top && inner.bottom <= outer.bottom;
+  }));
+  await shot(page, 'volumes-many');
+  compare((await page.locator('#transfer').boundingBox()).y, '<', 500);
+});
+
 test('volumes of the same name are told apart, and long names stay inside of the panel', async (context) => {
   const long = ['x'.repeat(127), '\u0645\u062c\u0645\u0648\u0639\u0629'.repeat(10), '\u4f53\u7d20'.repeat(30)];
   const { page } = await setUp(context, {
