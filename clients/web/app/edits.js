@@ -3,6 +3,7 @@
 // the transfer function edits, so both share undo and redo. Points come from the picture or from a slice (tools below).
 import { depthOf, flipPlane, planeAt, positionOf, sight } from '../core/clip.js';
 import { boxEdit, canAddEdits, changeEdit, editsOfClip, partEdit, planeEdit, rangeOfPart, removeEdit, sphereEdit } from '../core/edits.js';
+import { isGrey } from '../core/projection.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { BoxRows } from './clip.js';
@@ -13,6 +14,7 @@ import { ORDER } from './panel.js';
 
 const RADIUS = 0.08; // of a new sphere, in diagonals of the volume
 const RADIUS_MAX = 0.5;
+const CHECK_MS = 300; // without a change
 const PARTS = { 'edit-remove': 'outside', 'edit-keep': 'inside' };
 const MODES = [...Object.keys(PARTS), 'edit-sphere'];
 const digits = (value) => Number(value.toPrecision(6));
@@ -23,13 +25,18 @@ export function install(app) {
   app.edits = edits;
   for (const name of MODES) app.modes.add(name, new PointMode(app, edits, name).mode);
   const section = new EditSection(app, edits);
-  app.transfer.onShow(() => section.show());
+  app.transfer.onShow(() => {
+    section.show();
+    edits.check();
+  });
   app.modes.on('change', () => section.show());
 }
 
 /** The list of edits and the selected one: an index, or -1 for none. */
 class Edits {
   #app; #gestures = 0; #gesture = null;
+  #checked = '[]'; // the newest edits that check() knows
+  #timer = null; // until it asks the daemon
   selected = -1;
 
   constructor(app) { this.#app = app; }
@@ -77,6 +84,24 @@ class Edits {
   reset(time) {
     this.selected = -1;
     this.#edit([], time);
+  }
+
+  /** Says after a change of the edits, such as a drag, that they leave nothing visible. */
+  check() {
+    const key = JSON.stringify(this.list);
+    if (key === this.#checked) return;
+    this.#checked = key;
+    this.#app.prompts.hide('edits');
+    clearTimeout(this.#timer);
+    if (this.isEditable && this.list.length > 0) this.#timer = setTimeout(() => this.#tellEmpty(key), CHECK_MS);
+  }
+
+  async #tellEmpty(key) {
+    const { prompts, transfer, viewer } = this.#app;
+    if (isGrey(viewer.view)) return; // it does not use the transfer function
+    const part = await viewer.visiblePart();
+    if (part?.visible !== false || key !== JSON.stringify(this.list)) return;
+    prompts.show('edits', { text: t('edits.all'), actions: [{ label: t('edits.undo'), press: () => transfer.undo(performance.now()) }] });
   }
 }
 

@@ -27,7 +27,7 @@ export class Viewer extends Emitter {
   #box = null;
   #sphere = null;
   #home = null;
-  #part = null; // {key, part} of the newest answer of #visiblePart()
+  #part = null; // {key, part} of the newest answer of visiblePart()
   #isBehind = false; // another participant's change was not taken
   #isSwitching = false;
   #isRestoring = false; // to a complete view, whose camera stays
@@ -268,14 +268,15 @@ export class Viewer extends Emitter {
   async fit(time) {
     if (!this.mayChange()) return;
     const id = this.#view.volume;
-    const part = await this.#visiblePart() ?? { ...this.#box, ...this.#sphere };
+    const part = await this.visiblePart() ?? { ...this.#box, ...this.#sphere };
     if (this.isReady && this.#view.volume === id) this.#move(fit(this.#rig, part, this.#viewport(), this.#margins()), time);
   }
 
-  /** The part {center, half, radius} that the daemon finds visible, once for each transfer function, layers and clip; null if it does not answer. */
-  async #visiblePart() {
-    const { volume, transfer_function, layers, clip, slices } = this.#view;
-    const key = JSON.stringify([volume, transfer_function, layers, clip, slices?.mode, slices?.in_3d, slices?.planes]);
+  /** The part {visible, center, half, radius} that the daemon finds visible, once for each transfer function, layers, clip and edits; null
+      if it does not answer. */
+  async visiblePart() {
+    const { volume, transfer_function, layers, clip, edits, slices } = this.#view;
+    const key = JSON.stringify([volume, transfer_function, layers, clip, edits, slices?.mode, slices?.in_3d, slices?.planes]);
     if (this.#part?.key === key) return this.#part.part;
     await this.updates.arrived();
     const { session, api } = this.#connection;

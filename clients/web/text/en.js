@@ -959,6 +959,7 @@ export default {
   // Edit.
   'edits.box': 'Cut box',
   'edits.box.title': 'Cuts out a box, or all around it',
+  'edits.all': 'The edits leave nothing visible.',
   'edits.center': 'Centre',
   'edits.center.part': 'Centre, {name}',
   'edits.clip': 'From Clip',

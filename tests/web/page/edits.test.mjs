@@ -152,6 +152,12 @@ test('a sphere, a box, a plane and the clip cut, and each drag is one step for u
   await until(page, 'all is cut', (s) => s.view.edits[1].offset > 20);
   await rest(page);
   assert.deepEqual(await lit(page), [0, 0]);
+  const empty = page.locator('.prompt', { hasText: 'leave nothing visible' });
+  await empty.waitFor();
+  await shot(page, 'edits-empty');
+  await empty.getByRole('button', { name: 'Undo' }).click();
+  await until(page, 'less is cut', (s) => s.isIdle && s.view.edits[1].offset < 20);
+  assert.ok(await empty.isHidden());
   await page.click('#edit-reset');
   await page.evaluate(() => { document.getElementById('clip').open = true; });
   assert.ok(await page.isDisabled('#edit-clip'));
