@@ -5,6 +5,7 @@
 import { choose, isChoice, matters, valueAt } from '../core/choices.js';
 import { numberText } from '../core/lengths.js';
 import { logarithmic } from '../core/slider.js';
+import { t } from '../core/text.js';
 
 const IDENTITY = { at: Number, of: Number };
 const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
@@ -31,7 +32,7 @@ export class Fields {
   #rows = [];
 
   /** Uses all rows below `root` whose fields are choices. */
-  constructor(root, viewer) {
+  constructor(root, { viewer, notice }) {
     for (const row of root.querySelectorAll('.row[data-pointer]')) {
       const { pointer } = row.dataset;
       if (!isChoice(pointer)) continue;
@@ -42,7 +43,9 @@ export class Fields {
       const readNumber = () => (Number.isFinite(control.valueAsNumber) ? control.valueAsNumber : null);
       control.addEventListener(isSlider ? 'input' : 'change', (event) => {
         const value = isNumber ? readNumber() : read();
-        viewer.change(choose(viewer.view, pointer, value), event.timeStamp);
+        const patch = choose(viewer.view, pointer, value);
+        viewer.change(patch, event.timeStamp);
+        if (patch.layers) notice.show(t('picture.projection.alone'));
       });
       this.#rows.push({ row, pointer, control, isSlider, isNumber, scale });
     }

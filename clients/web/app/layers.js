@@ -3,9 +3,10 @@
 // the transfer function edits, so both share undo and redo. The marks of surfaces in the histogram are in layers_markers.js.
 import {
   FLATNESS_MAX, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, layersOf, moveThreshold, numberOf, removeLayer, showVolume,
-  showsVolume, surfaceValue,
+  showsOthers, showsVolume, surfaceValue,
 } from '../core/layers.js';
 import { numberText, roundCoordinate } from '../core/lengths.js';
+import { SHEETS, isProjection } from '../core/projection.js';
 import { logarithmic, quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setAttribute, setText } from './dom.js';
@@ -59,8 +60,12 @@ export class Layers {
     this.#app.transfer.plan();
   }
 
+  /** A projection shows the volume alone, so a layer beside it returns to sheets. */
   #edit(layers, time, gesture = null) {
-    this.#app.transfer.edit({ layers }, { gesture, time });
+    const { notice, transfer, viewer } = this.#app;
+    const isBeside = isProjection(viewer.view) && showsOthers(layers);
+    transfer.edit(isBeside ? { layers, shown: SHEETS } : { layers }, { gesture, time });
+    if (isBeside) notice.show(t('layers.sheets'));
   }
 
   /** Begins a drag: its changes count as one for undo. */

@@ -19,10 +19,10 @@ function flatScale({ volume, view }) {
   return quadratic(points.length ? steepest({ range: [points[0].value, points.at(-1).value], spacing: [unit] }) : 0);
 }
 
-export function install({ viewer }) {
+export function install({ viewer, notice }) {
   const section = byId('picture-section');
   const swatches = [...section.querySelectorAll('.swatches button')];
-  const fields = new Fields(byId('panel-body'), viewer);
+  const fields = new Fields(byId('panel-body'), { viewer, notice });
   const setBackground = (text, time) => viewer.change({ background: hexToColor(text) }, time);
 
   byId('background').addEventListener('input', (event) => setBackground(event.target.value, event.timeStamp));

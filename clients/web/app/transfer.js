@@ -149,7 +149,7 @@ class Transfer {
     if (!isSameLayers(layers, layersOf(view))) patch.layers = layers;
     if (!isSameEdits(edits, editsOf(view))) patch.edits = edits;
     if (!isShownAlike(shown, shownAs(view))) {
-      const chosen = chooseShown(view, shown);
+      const chosen = chooseShown({ ...view, layers }, shown);
       Object.assign(patch, chosen, chosen.transfer_function ? { transfer_function: { ...chosen.transfer_function, ...change } } : {});
     }
     clearTimeout(this.#timer);

@@ -2,7 +2,7 @@
 // The rendering choices of the page, by their JSON pointers in the view: their defaults, which of them have an effect beside
 // the others, and which fields must change together so that the daemon accepts a change.
 
-import { layersOf } from './layers.js';
+import { layersOf, showVolumeAlone, showsOthers } from './layers.js';
 import { isProjection, isGrey } from './projection.js';
 
 const DEFAULTS = Object.freeze({
@@ -61,8 +61,8 @@ export function matters(view, pointer) {
 
 const OCCLUSIONS = ['/shading/occlusion', '/shading/shadow'];
 
-/** The merge patch for a choice. Single splats and post-classification exclude each other, and ambient occlusion and shadows need
-    sheets that are classified by pixel: the newer choice wins. */
+/** The merge patch for a choice. Single splats and post-classification exclude each other, ambient occlusion and shadows need sheets
+    that are classified by pixel, and a projection shows the volume alone: the newer choice wins. */
 export function choose(view, pointer, value) {
   const patch = patchAt(pointer, value);
   if (OCCLUSIONS.includes(pointer) && value > 0) {
@@ -71,7 +71,10 @@ export function choose(view, pointer, value) {
   // Every projection has a window of its own, and a sum is not in the unit of the transfer function.
   if (pointer === '/compositing/mode' && isProjection({ compositing: { mode: value } })) {
     const isSum = value === 'sum' && valueAt(view, '/compositing/colors') !== 'grey';
-    return { compositing: { mode: value, window: null, ...(isSum ? { colors: 'grey' } : {}) } };
+    const layers = layersOf(view);
+    return {
+      compositing: { mode: value, window: null, ...(isSum ? { colors: 'grey' } : {}) }, ...(showsOthers(layers) ? { layers: showVolumeAlone(layers) } : {}),
+    };
   }
   // The window of a sum is in the unit of the sum, or a share.
   if (pointer === '/compositing/absorption' && (value === null) !== (valueAt(view, pointer) === null)) {

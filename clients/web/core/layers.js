@@ -44,6 +44,12 @@ export function showVolume(layers, visible) {
   return visible ? [VOLUME, ...layers] : layers;
 }
 
+/** True if the image shows a layer that is not the volume. */
+export const showsOthers = (layers) => layers.some(({ type, visible = true }) => type !== 'volume' && visible);
+
+/** Shows the volume and hides all other layers. */
+export const showVolumeAlone = (layers) => showVolume(layers, true).map((layer) => (layer.type === 'volume' ? layer : { ...layer, visible: false }));
+
 /** Changes fields of a layer. */
 export const changeLayer = (layers, index, change) => layers.map((layer, i) => (i === index ? { ...layer, ...change } : layer));
 
@@ -82,7 +88,7 @@ const nextColor = (layers) => {
 };
 
 /** A place in the list: the first layer beside the volume replaces its picture, because it would be hidden in it. */
-const makeRoom = (layers) => (layers.some(({ type, visible = true }) => type !== 'volume' && visible) ? layers : showVolume(layers, false));
+const makeRoom = (layers) => (showsOthers(layers) ? layers : showVolume(layers, false));
 
 /** Adds a surface. Opaque surfaces around it become a veil, because they would hide it. */
 export function addSurface(layers, value) {

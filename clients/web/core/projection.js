@@ -35,6 +35,9 @@ export function dragWindow({ level, width }, across, up) {
   return { level: level + up * width, width: width * Math.exp(across) };
 }
 
+/** Sheets, as shownAs() says it. */
+export const SHEETS = Object.freeze({ mode: 'sheet', center: null, width: null });
+
 /** How the picture is shown, for undo: {mode, center, width}; null = automatic. */
 export function shownAs(view) {
   const { mode, window } = view?.compositing ?? {};

@@ -114,6 +114,30 @@ test('window and level begin with the automatic window, and undo returns to it',
   assert.deepEqual(said, []);
 });
 
+test('a projection hides the other layers, and a layer returns to sheets, each in one step', async (context) => {
+  const { page, said } = await open(context);
+  const state = () => page.evaluate(() => [window.splatd.compositing.mode, ...window.splatd.view.layers.map(({ visible }) => visible)]);
+  await page.click('#layer-add-surface');
+  await page.selectOption('#compositing', 'maximum');
+  await page.locator('#notice', { hasText: 'other layers are hidden' }).waitFor();
+  assert.equal(measure(await drawn(page)).color, 0, 'it is grey');
+  assert.deepEqual(await state(), ['maximum', true, false]);
+  await shot(page, 'projection-alone');
+  await page.click('#transfer-undo');
+  assert.deepEqual(await state(), ['sheet', false, true]);
+  await page.click('#transfer-redo');
+  assert.deepEqual(await state(), ['maximum', true, false]);
+  await page.click('#layer-add-surface');
+  await page.locator('#notice', { hasText: 'shows sheets again' }).waitFor();
+  await rest(page);
+  assert.deepEqual(await state(), ['sheet', false, false, true]);
+  await page.click('#transfer-undo');
+  await rest(page);
+  assert.deepEqual(await state(), ['maximum', true, false]);
+  assert.equal(await page.locator('.complaint').count(), 0);
+  assert.deepEqual(said, []);
+});
+
 test('a sum has a zero and an absorption, and complains about a wrong one', async (context) => {
   const { page, said } = await open(context);
   await page.selectOption('#compositing', 'sum');
