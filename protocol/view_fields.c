@@ -147,8 +147,8 @@ static const struct sp_layer layer_default = { .visible = true,
                                                .flatness = INFINITY,
                                                .low = 0.05,
                                                .high = 0.95,
-                                               .stretch = 1.5,
-                                               .density = 1 };
+                                               .stretch = 4,
+                                               .density = 0.2 };
 static const struct proto_group layer = { layer_fields, COUNT_OF(layer_fields), &layer_default };
 
 static const struct proto_field plane_fields[] = {

@@ -155,8 +155,8 @@ struct sp_layer sp_layer_default(enum sp_layer_type type) {
     layer.high = 0.95;
     layer.detail = SP_SHELL_HIGH;
     layer.style = SP_VECTORS_MODULATE;
-    layer.stretch = 1.5;
-    layer.density = 1;
+    layer.stretch = 4;
+    layer.density = 0.2;
     return layer;
 }
 

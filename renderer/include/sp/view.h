@@ -199,9 +199,9 @@ struct sp_layer { /* "/layers/0" */
     enum sp_vectors_style style; /* [modulate] */
     double phase;   /* vectors: how far streaks have moved, in streaks, [-1e6, 1e6]; 1 is like 0
                        [0] */
-    double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [1.5] */
+    double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [4] */
     double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
-                       time [1] */
+                       time [0.2] */
 };
 
 enum sp_edit_type {

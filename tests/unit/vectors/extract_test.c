@@ -51,6 +51,7 @@ static void open_swirl(struct test_shell *rig, enum sp_type type) {
     test_shell_open(rig, &scene, 2);
     test_shell_add_vectors(rig, swirl, NULL);
     rig->layer = sp_layer_default(SP_LAYER_VECTORS);
+    rig->layer.density = 1;
 }
 
 static bool is_clipped(const struct test_shell *rig, const uint32_t i[3]) {

@@ -48,6 +48,8 @@ static void open_uniform(struct test_shell *rig, uint32_t side, const double dir
     test_shell_open(rig, &scene, 2);
     test_shell_add_vectors(rig, uniform, direction);
     rig->layer = sp_layer_default(SP_LAYER_VECTORS);
+    rig->layer.density = 1;
+    rig->layer.stretch = 1.5;
 }
 
 static void draw(struct test_shell *rig, double phase, struct test_image *image) {

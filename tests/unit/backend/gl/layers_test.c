@@ -270,6 +270,7 @@ static void vectors_look_the_same(void **state) {
         layer->style = n & 1 ? SP_VECTORS_BLEND : SP_VECTORS_MODULATE;
         layer->phase = 0.17 * n - floor(0.17 * n);
         layer->stretch = 1 + 0.3 * n;
+        layer->density = 1;
         if (n % 4 == 2) {
             add_shell(&view);
             add_surface(&view, 190, 0.5f);
