@@ -87,8 +87,9 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     srv_catalog_memory(request->app->catalog, &used, &budget);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
     gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);
-    srv_metrics_family(out, "splatd_volume_bytes", "gauge",
-                       "Size of the voxels per volume; volumes after the first 64 together as *");
+    srv_metrics_family(
+        out, "splatd_volume_bytes", "gauge",
+        "Size of the voxels and vectors per volume; volumes after the first 64 together as *");
     print_volumes(request, true, info, out);
     srv_metrics_family(out, "splatd_derived_bytes", "gauge",
                        "Cached data of a renderer, per volume, backend and worker");
