@@ -218,6 +218,10 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
         snprintf(unit, sizeof unit, "the volume does not state the unit of its coordinates");
     if (result->outside > 0 && result->outside < 1)
         percent_of(result->outside, share);
+    if (result->is_open)
+        snprintf(outside, sizeof outside,
+                 "the part is open where it reaches the border of the volume: no area is counted "
+                 "there");
     if (result->outside > 0)
         snprintf(outside, sizeof outside, "%s%sthe %s lies outside of the volume%s", share,
                  share[0] ? " of " : "", name,
@@ -237,7 +241,8 @@ static bool set_part(proto_json *json, const struct sp_measure *measure,
         return proto_json_set_number(json, "straight", result->straight);
     return measure->kind != SP_MEASURE_PART ||
            (proto_json_set_number(json, "area", result->area) &&
-            proto_json_set_integer(json, "samples", (int64_t)result->samples));
+            proto_json_set_integer(json, "samples", (int64_t)result->samples) &&
+            (!result->is_open || proto_json_set(json, "open", proto_json_new_bool(true))));
 }
 
 /* Sets "value", "unit", "outside", "note", "statistics", and the members of parts and paths. */
@@ -377,6 +382,7 @@ static bool read_part(const proto_json *json, const struct sp_measure *geometry,
         !proto_json_integer(proto_json_get(json, "samples"), &samples) || samples < 0)
         return false;
     result->samples = (uint64_t)samples;
+    proto_json_bool(proto_json_get(json, "open"), &result->is_open);
     return true;
 }
 

@@ -199,6 +199,7 @@ static bool measure_part(const struct sp_volume *volume, const struct sp_measure
     result->value = size.volume;
     result->area = size.area;
     result->samples = size.samples;
+    result->is_open = size.is_open;
     return true;
 }
 

@@ -28,12 +28,15 @@ static void add_volume(const struct sp_grid *grid, const struct sp_mask *mine,
     for (uint32_t z = 0; z < grid->dims[2]; z++)
         for (uint32_t y = 0; y < grid->dims[1]; y++) {
             const uint64_t *row = sp_mask_row(mine, y, z);
+            const bool is_border =
+                y == 0 || y + 1 == grid->dims[1] || z == 0 || z + 1 == grid->dims[2];
             double length = 0;
             for (uint32_t w = 0; w < mine->words; w++)
                 for (uint64_t left = row[w]; left; left &= left - 1) {
                     uint32_t x = w * 64 + (uint32_t)__builtin_ctzll(left);
                     length += sp_grid_local_spacing(grid, 0, x);
                     size->samples++;
+                    size->is_open = size->is_open || is_border || x == 0 || x + 1 == grid->dims[0];
                 }
             size->volume += unit * length * sp_grid_local_spacing(grid, 1, y) *
                             sp_grid_local_spacing(grid, 2, z);

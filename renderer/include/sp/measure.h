@@ -103,6 +103,7 @@ struct sp_measure_result {
      * all values are equal, the first bin has all samples. */
     uint64_t histogram[SP_MEASURE_BINS];
     double area;      /* of a part's surface; world unit² */
+    bool is_open;     /* a part that reaches the border of the volume, where no area is counted */
     uint64_t samples; /* of a part */
     double straight;  /* of a path: the distance of its ends, world units */
 };

@@ -36,7 +36,8 @@ struct sp_part_size {
     bool is_found;    /* false: no sample of the range is near the point; all else is 0 */
     uint64_t samples; /* of the part */
     double volume;    /* world unit³ */
-    double area;      /* world unit² */
+    double area;      /* world unit², without what lies on the border of the volume */
+    bool is_open;     /* it reaches the border of the volume */
 };
 
 struct sp_part_path {

@@ -68,10 +68,15 @@ static void a_ball_has_its_volume_and_area(void **state) {
     check_within("ball: volume", size.volume, 4 * M_PI / 3 * R * R * R, 0.02);
     check_within("ball: area", size.area, 4 * M_PI * R * R, 0.02);
     assert_compare(size.samples, ==, size.volume);
+    assert_false(size.is_open);
     part.point[0] = part.point[1] = part.point[2] = 22; /* the other ball */
     assert_true(sp_part_measure(volume, &part, &size, NULL));
     assert_compare(size.volume, <, 60);
     check_within("small ball: area", size.area, 4 * M_PI * 2 * 2, 0.1);
+    part.range[0] = -1e9; /* the whole volume has no surface inside */
+    assert_true(sp_part_measure(volume, &part, &size, NULL));
+    assert_true(size.is_open);
+    assert_true(size.area <= 0);
     sp_volume_unref(&volume);
 }
 
