@@ -39,7 +39,7 @@ static void convert(struct import_number number, const void *numbers, size_t n, 
 void import_vectors_put(const struct import_vectors *v, uint64_t first, const void *numbers,
                         size_t n) {
     if (!v->planar) {
-        convert(v->number, numbers, n, v->out[0] + first, 1);
+        convert(v->number, numbers, n, (float *)(void *)v->out + first, 1);
         return;
     }
     while (n > 0) {
