@@ -31,11 +31,16 @@ static const struct {
     const struct limit_table *table;
 } tables[] = {
     { 0, &bench_limit_table },
-#if defined __x86_64__
+#ifdef LIMIT_HAS_SSE41
     { SP_CPU_SSE41, &bench_limit_table_sse41 },
+#endif
+#ifdef LIMIT_HAS_AVX2
     { SP_CPU_AVX2, &bench_limit_table_avx2 },
+#endif
+#ifdef LIMIT_HAS_AVX512
     { SP_CPU_AVX512, &bench_limit_table_avx512 },
-#elif defined __aarch64__
+#endif
+#ifdef LIMIT_HAS_NEON
     { SP_CPU_NEON, &bench_limit_table_neon },
 #endif
 };
