@@ -135,8 +135,9 @@ test('a client that withholds acknowledgements gets two frames, and other client
   await Promise.all([stalled.end(), lively.end()]);
 });
 
-test('the frames on the way to a distant client fill its round trip', async () => {
+test('the frames on the way to a distant client fill its round trip', async (t) => {
   const proxy = await startProxy(daemon.port, { rttMs: 400 });
+  t.after(() => proxy.close());
   const session = await daemon.session();
   const stream = await Stream.open(daemon.streamUrl(session).replace(/:\d+\//, `:${proxy.port}/`), { session });
   await stream.call('stream.configure', { max_fps: 120, progressive: false, size: [16, 16] });
@@ -147,13 +148,13 @@ test('the frames on the way to a distant client fill its round trip', async () =
     before.set(seq, stream.frames.length);
     stream.notify('view.update', { seq, patch: turned(session.view, seq) });
   }, 8);
+  t.after(() => clearInterval(drag));
   // While an update is on its way there and its frame back, frames of earlier updates arrive.
   await stream.frame((frame, at) => frame.seq > 0 && at - before.get(frame.seq) > 8, 'frames on their way');
   clearInterval(drag);
   const { rtt_ms: rtt } = (await stream.note('stream.stats', (stats) => stats.rtt_ms > 0)).params;
   compare(rtt, '>=', 400);
   await stream.end();
-  proxy.close();
 });
 
 test('two clients of the same size share an image, and each gets its own seq', async () => {
