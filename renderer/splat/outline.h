@@ -157,17 +157,23 @@ static inline sp_wide_mask sp_outline_ellipse(const struct sp_ewa_frame *f, cons
            sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
 }
 
+/* Projects the kernels and their centres. Returns which of them lie behind the near plane, where
+ * they can be seen. */
+static inline sp_wide_mask sp_place_centres(const struct sp_ewa_frame *f, struct sp_places *p,
+                                            struct sp_outlines *o) {
+    p->inv = f->projection == SP_ORTHOGRAPHIC ? sp_wide_all(1) : 1 / p->u[2];
+    o->x = f->centre[0] + f->scale * (p->u[0] * p->inv);
+    o->y = f->centre[1] + f->scale * (p->u[1] * p->inv);
+    o->gain = sp_place_project(f, p);
+    return sp_wide_le(sp_wide_all(f->near), p->u[2]) & sp_wide_lt(p->u[2], sp_wide_all(1e18f));
+}
+
 /* Computes the geometry of splats, but not what they add. Returns which of them touch the rows that
  * are being drawn. */
 static inline sp_wide_mask sp_place_splats(const struct sp_ewa_frame *f, struct sp_places *p,
                                            enum sp_filter_mode mode, struct sp_outlines *o) {
     sp_wide v[3];
-    sp_wide_mask seen =
-        sp_wide_le(sp_wide_all(f->near), p->u[2]) & sp_wide_lt(p->u[2], sp_wide_all(1e18f));
-    p->inv = f->projection == SP_ORTHOGRAPHIC ? sp_wide_all(1) : 1 / p->u[2];
-    o->x = f->centre[0] + f->scale * (p->u[0] * p->inv);
-    o->y = f->centre[1] + f->scale * (p->u[1] * p->inv);
-    o->gain = sp_place_project(f, p);
+    sp_wide_mask seen = sp_place_centres(f, p, o);
     sp_wide det = sp_place_filter(f, mode, p, v);
     seen &= sp_wide_lt(det, sp_wide_all(1e36f));
     seen &= mode == SP_FILTER_NONE ? sp_outline_flat(f, v, o) : sp_outline_ellipse(f, v, det, o);

@@ -29,7 +29,7 @@ struct sp_streaks {
     float color[3];
 };
 
-/* The constants of a frame. */
+/* What is the same for all splats of a layer in one frame. */
 struct sp_voxel_frame {
     struct sp_ewa_frame ewa;
     enum sp_filter_mode mode;     /* EWA, or NONE for flat squares */

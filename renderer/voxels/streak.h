@@ -81,12 +81,7 @@ static inline sp_wide_mask sp_streak_place(const struct sp_ewa_frame *f,
                                            const sp_wide direction[3], struct sp_outlines *o,
                                            struct sp_streak_places *s) {
     sp_wide v[3], e[2];
-    sp_wide_mask seen =
-        sp_wide_le(sp_wide_all(f->near), p->u[2]) & sp_wide_lt(p->u[2], sp_wide_all(1e18f));
-    p->inv = f->projection == SP_ORTHOGRAPHIC ? sp_wide_all(1) : 1 / p->u[2];
-    o->x = f->centre[0] + f->scale * (p->u[0] * p->inv);
-    o->y = f->centre[1] + f->scale * (p->u[1] * p->inv);
-    o->gain = sp_place_project(f, p);
+    sp_wide_mask seen = sp_place_centres(f, p, o);
     sp_wide det = sp_place_filter(f, SP_FILTER_EWA, p, v);
     sp_streak_project(f, p, direction, e);
     /* det(V + t·e·eᵀ) = det V + t·(V11·e0² − 2·V01·e0·e1 + V00·e1²) */

@@ -158,7 +158,7 @@ static inline sp_wide pass_streak(const struct sp_voxel_frame *f, const struct s
     sp_wide weight = exp2_within(-power), intensity = sp_streak_intensity(r, along, across);
     *blended = sp_wide_all(0);
     if (f->streaks.blends) {
-        /* Streaks are windowed by a kernel twice as wide, so that those of neighbours join. */
+        /* The window has twice the variance of the kernel, so that streaks of neighbours join. */
         sp_wide window = sp_wide_sqrt(weight);
         *blended = window * (SP_STREAK_MEAN + contrast * (intensity - SP_STREAK_MEAN));
     } else {

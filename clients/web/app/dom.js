@@ -56,7 +56,7 @@ const PLACES = {
   placeholder: (element, text) => { element.placeholder = text; },
 };
 
-/** Fills in the texts of static elements: data-text, data-title, data-label (aria-label, or the name of a group of options) and data-placeholder hold keys. */
+/** Writes the texts of the elements of index.html. Their keys are in data-text, data-title, data-placeholder and data-label (aria-label, or the name of a group of options). */
 export function showTexts(root) {
   for (const [name, set] of Object.entries(PLACES)) {
     for (const element of root.querySelectorAll(`[data-${name}]`)) set(element, t(element.dataset[name]));

@@ -32,7 +32,7 @@ export function onCovers(told) {
 const ABOVE_ALL = '#panel, #toolbar, #mode-bar, #status, #stats, #notice, .prompt';
 const ABOVE_PANE = '#cube, #scale-bar, .compare-badge, .pane-title, .slice-read, .slice-foot, .slice-letter, .slice-slider';
 
-/** The boxes {x, y of the middle, width, height} in CSS px of what lies above a picture or a slice, and would hide labels in it. */
+/** Returns what lies above a picture or a slice and would hide its labels: boxes {x, y, width, height} in CSS px; x and y are the middle. */
 export function coversOf(canvas) {
   const picture = canvas.getBoundingClientRect();
   const above = [...document.querySelectorAll(ABOVE_ALL), ...canvas.closest('.pane').querySelectorAll(ABOVE_PANE)];

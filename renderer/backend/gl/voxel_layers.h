@@ -11,7 +11,7 @@
 
 #include "backend/gl/band.h"
 
-/* One of these layers in a frame. */
+/* A shell or a layer of vectors, ready to be drawn in one frame. */
 struct gl_voxel_drawing {
     enum gl_voxel_layer kind;
     bool is_drawn;    /* it has voxels */

@@ -59,7 +59,7 @@ static void draw(struct test_shell *rig, double phase, struct test_image *image)
         fail_msg("%s: %s", err.place, err.text);
 }
 
-/* Optical depth of a pixel. */
+/* Returns the optical depth that a pixel shows: -ln(1 - alpha). */
 static double depth_at(const struct test_image *image, unsigned x, unsigned y) {
     return -log1p(-fmin(test_image_at(image, x, y)[3], 0.999999));
 }
