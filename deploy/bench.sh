@@ -19,7 +19,7 @@ cores; each step prints what runs and how long it took.
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
   --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes, pixels, exact,
-                  adaptive, detail, edits, layers, cancel, scaling, gl, serve, latency, network, browser, codecs, tls,
+                  adaptive, detail, edits, layers, elements, cancel, scaling, gl, serve, latency, network, browser, codecs, tls,
                   soak. soak is left out unless named: 20 minutes of clients that come and go. On
                   software GL the part gl draws two views of a scene and leaves out, saying so, what
                   takes longer than --software-limit; serve to soak, except codecs, need node, and all

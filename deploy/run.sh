@@ -34,5 +34,5 @@ while [[ $# -gt 0 ]]; do
 done
 
 [[ $install == no ]] || install_packages build
-build release splatd splatctl splat-bench splat-import splat-import-tiff splat-exr
+build release splatd splatctl splat-bench splat-import splat-exr
 exec "$root/build/release/bin/splatd" ${volume[@]+"${volume[@]}"} ${arguments[@]+"${arguments[@]}"}

@@ -46,13 +46,14 @@ if [[ $install == yes ]]; then
         (cd "$root/tests" && npm ci --no-audit --no-fund --silent) ||
             die "npm could not install the modules of tests/package.json: check the network, then run again"
     fi
-    requirements=$root/tests/protocol/requirements.txt
-    if ! cmp -s "$requirements" "$root/build/python/requirements.txt"; then
-        say "installing schemathesis into build/python"
-        if /usr/bin/python3 -m venv --clear "$root/build/python" && "$root/build/python/bin/pip" install -q -r "$requirements"; then
-            cp "$requirements" "$root/build/python/requirements.txt"
+    requirements=$(cat "$root"/tests/{protocol,formats}/requirements.txt)
+    if [[ $requirements != "$(cat "$root/build/python/requirements.txt" 2>/dev/null)" ]]; then
+        say "installing schemathesis and the readers that formats are compared with into build/python"
+        if /usr/bin/python3 -m venv --clear "$root/build/python" &&
+            "$root/build/python/bin/pip" install -q -r "$root/tests/protocol/requirements.txt" -r "$root/tests/formats/requirements.txt"; then
+            printf '%s\n' "$requirements" >"$root/build/python/requirements.txt"
         else
-            say "schemathesis could not be installed: its test will be skipped"
+            say "they could not be installed: their tests will be skipped"
         fi
     fi
 fi

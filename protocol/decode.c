@@ -134,13 +134,15 @@ static bool decode_enum(struct decoder *decoder, const struct proto_field *field
     return refuse(decoder, "must be %s, not \"%.64s\"", known, name);
 }
 
-static bool decode_name(struct decoder *decoder, const proto_json *json, char *out) {
+static bool decode_name(struct decoder *decoder, const struct proto_field *field,
+                        const proto_json *json, char *out) {
     const char *name = proto_json_string(json);
     if (!name)
         return refuse_type(decoder, "a string", json);
-    size_t size = strlen(name);
-    if (size < 1 || size >= SP_NAME_BYTES)
-        return refuse(decoder, "must have 1 to %d bytes, not %zu", SP_NAME_BYTES - 1, size);
+    size_t size = strlen(name), least = field->optional ? 0 : 1;
+    if (size < least || size >= SP_NAME_BYTES)
+        return refuse(decoder, "must have %zu to %d bytes, not %zu", least, SP_NAME_BYTES - 1,
+                      size);
     memset(out, 0, SP_NAME_BYTES); /* equal views have equal bytes */
     memcpy(out, name, size);
     return true;
@@ -327,7 +329,7 @@ static bool decode_field(struct decoder *decoder, const struct proto_field *fiel
     case PROTO_FIELD_ENUM:
         return decode_enum(decoder, field, json, to);
     case PROTO_FIELD_NAME:
-        return decode_name(decoder, json, to);
+        return decode_name(decoder, field, json, to);
     case PROTO_FIELD_BOOL:
         return proto_json_bool(json, to) || refuse_type(decoder, "true or false", json);
     case PROTO_FIELD_PRIMITIVE:

@@ -128,12 +128,17 @@ bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_meas
 
 /* Encoding. */
 
+void proto_measure_set_units(struct proto_measure_value *value, const struct sp_volume_info *info) {
+    memcpy(value->world_unit, info->unit, sizeof value->world_unit);
+    memcpy(value->data_unit, info->value_unit, sizeof value->data_unit);
+}
+
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]) {
     const enum sp_measure_unit kind = value->result.unit;
     const char *power = kind == SP_MEASURE_AREA ? "^2" : kind == SP_MEASURE_VOLUME ? "^3" : "";
     snprintf(unit, SP_UNIT_BYTES + 2, "%s%s",
              kind == SP_MEASURE_DEGREES ? "deg"
-             : kind == SP_MEASURE_DATA  ? ""
+             : kind == SP_MEASURE_DATA  ? value->data_unit
                                         : value->world_unit,
              value->world_unit[0] ? power : "");
 }
@@ -245,7 +250,8 @@ static bool set_part(proto_json *json, const struct sp_measure *measure,
             (!result->is_open || proto_json_set(json, "open", proto_json_new_bool(true))));
 }
 
-/* Sets "value", "unit", "outside", "note", "statistics", and the members of parts and paths. */
+/* Sets "value", "unit", "data_unit", "outside", "note", "statistics", and the members of parts and
+ * paths. */
 static bool set_value(proto_json *json, const struct sp_measure *measure,
                       const struct proto_measure_value *value) {
     char unit[SP_UNIT_BYTES + 2], note[PROTO_MEASURE_NOTE_MAX + 1];
@@ -253,6 +259,7 @@ static bool set_value(proto_json *json, const struct sp_measure *measure,
     proto_measure_note(measure, value, note);
     return set_number(json, "value", value->result.has_value, value->result.value) &&
            proto_json_set_string(json, "unit", unit) &&
+           proto_json_set_string(json, "data_unit", value->data_unit) &&
            proto_json_set_number(json, "outside", value->result.outside) &&
            (!note[0] || proto_json_set_string(json, "note", note)) &&
            set_part(json, measure, &value->result) &&
@@ -394,10 +401,11 @@ static bool restore_value(const proto_json *json, const struct sp_measure *geome
     char unit[SP_UNIT_BYTES + 2];
     result->unit = sp_measure_unit_of(geometry->kind);
     result->has_value = proto_json_number(proto_json_get(json, "value"), &result->value);
-    /* An earlier daemon did not save it. */
+    /* An earlier daemon did not save the share outside. */
     if (!proto_json_number(proto_json_get(json, "outside"), &result->outside) ||
         !(result->outside >= 0 && result->outside <= 1))
         result->outside = 0;
+    copy_string(json, "data_unit", value->data_unit, sizeof value->data_unit); /* nor this */
     result->has_statistics = statistics != NULL;
     if ((statistics && !read_statistics(statistics, &result->statistics)) ||
         !read_part(json, geometry, result) || !copy_string(json, "unit", unit, sizeof unit))

@@ -23,10 +23,11 @@ enum {
     PROTO_MEASURE_NOTE_MAX = 255   /* bytes of a note */
 };
 
-/* A result with the unit of world coordinates of its volume, "" = unknown. */
+/* A result with the units of its volume, "" = unknown. */
 struct proto_measure_value {
     struct sp_measure_result result;
-    char world_unit[SP_UNIT_BYTES];
+    char world_unit[SP_UNIT_BYTES]; /* of coordinates */
+    char data_unit[SP_UNIT_BYTES];  /* of the samples: of statistics, profiles and ranges */
     double volume_samples; /* that a part or a path took, for accounts of time; not saved */
 };
 
@@ -64,8 +65,8 @@ bool proto_measure_apply(const proto_json *patch, bool is_new, struct proto_meas
 bool proto_measure_is_id(const char *id);
 
 /* Encodes a measurement of a session: {"id", "kind", "volume", "points", "range", "text", "color",
- * "author", "hidden", "value", "unit", "outside", "note", "statistics", "area", "samples",
- * "straight"}; a kind has only some of them. Thread-safe. */
+ * "author", "hidden", "value", "unit", "data_unit", "outside", "note", "statistics", "area",
+ * "samples", "straight"}; a kind has only some of them. Thread-safe. */
 proto_json *proto_measure_encode(const struct proto_measure *measure);
 /* Reads what proto_measure_encode() wrote. False: it is something else. Thread-safe. */
 bool proto_measure_restore(const proto_json *json, struct proto_measure *measure);
@@ -81,7 +82,10 @@ proto_json *proto_measure_answer(const char *volume, const struct sp_measure *me
  * No text of a person becomes a formula in a spreadsheet: see measure_csv.c. NULL when out of
  * memory. Thread-safe. */
 char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, size_t *size);
-/* Returns the unit of a result: "", the unit of world coordinates, its square or cube, or "deg". */
+/* Sets both units from the volume. */
+void proto_measure_set_units(struct proto_measure_value *value, const struct sp_volume_info *info);
+/* Returns the unit of a result: that of the samples, that of world coordinates, its square or cube,
+ * or "deg"; "" = unknown. */
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]);
 /* Writes what a reader of the value must know: that the unit is not known, which share lies
  * outside of the volume, or that there is no part; "" = nothing. English. */

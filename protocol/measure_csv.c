@@ -157,6 +157,8 @@ static void put_line(FILE *out, const struct proto_measure *m) {
                             : NAN);
     }
     put_part(out, m);
+    fputc(',', out);
+    put_text(out, m->value.data_unit);
     fputs("\r\n", out);
 }
 
@@ -166,7 +168,8 @@ char *proto_measures_to_csv(const struct proto_measure *measures, size_t count, 
     if (!out)
         return NULL;
     fputs("id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,"
-          "max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight\r\n",
+          "max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight,"
+          "data_unit\r\n",
           out);
     for (size_t i = 0; i < count; i++)
         put_line(out, &measures[i]);

@@ -119,15 +119,21 @@ static const struct proto_group shading = GROUP(shading_fields);
 enum {
     ONLY_SURFACE = 1 << SP_LAYER_SURFACE,
     ONLY_SHELL = 1 << SP_LAYER_SHELL,
-    ONLY_VECTORS = 1 << SP_LAYER_VECTORS
+    ONLY_VECTORS = 1 << SP_LAYER_VECTORS,
+    ONLY_POINTS = 1 << SP_LAYER_POINTS,
+    ONLY_GAUSSIANS = 1 << SP_LAYER_GAUSSIANS,
+    ONLY_GEOMETRY = 1 << SP_LAYER_GEOMETRY,
+    ONLY_ELEMENTS = ONLY_POINTS | ONLY_GAUSSIANS | ONLY_GEOMETRY
 };
 static const struct proto_field layer_fields[] = {
-    { "type", PROTO_FIELD_ENUM, LAYER(type), NAMES("volume", "surface", "shell", "vectors") },
+    { "type", PROTO_FIELD_ENUM, LAYER(type),
+      NAMES("volume", "surface", "shell", "vectors", "points", "gaussians", "geometry") },
     { "visible", PROTO_FIELD_BOOL, .optional = true, LAYER(visible) },
     { "value", PROTO_FIELD_DOUBLE, .only = ONLY_SURFACE, LAYER(value) },
-    { "color", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE | ONLY_VECTORS,
-      .columns = 3, LAYER(color) },
-    { "opacity", PROTO_FIELD_FLOAT, .optional = true, .only = ONLY_SURFACE, LAYER(opacity) },
+    { "color", PROTO_FIELD_FLOAT, .optional = true,
+      .only = ONLY_SURFACE | ONLY_VECTORS | ONLY_GEOMETRY, .columns = 3, LAYER(color) },
+    { "opacity", PROTO_FIELD_FLOAT, .optional = true,
+      .only = ONLY_SURFACE | ONLY_GAUSSIANS | ONLY_GEOMETRY, LAYER(opacity) },
     { "flatness", PROTO_FIELD_INFINITE, .optional = true, .only = ONLY_SURFACE, LAYER(flatness) },
     { "low", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(low) },
     { "high", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_SHELL, LAYER(high) },
@@ -138,17 +144,29 @@ static const struct proto_field layer_fields[] = {
     { "phase", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(phase) },
     { "stretch", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(stretch) },
     { "density", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(density) },
+    { "id", PROTO_FIELD_NAME, .optional = true, .only = ONLY_ELEMENTS, LAYER(id) },
+    { "transform", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_ELEMENTS, .columns = 16,
+      LAYER(transform) },
+    { "size", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_POINTS, LAYER(size) },
+    { "convention", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_GAUSSIANS, LAYER(convention),
+      NAMES("inria", "normalised") },
+    { "colors", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_GEOMETRY, LAYER(colors),
+      NAMES("own", "layer") },
 };
 /* sp_layer_default() */
-static const struct sp_layer layer_default = { .visible = true,
-                                               .value = NAN,
-                                               .color = { 0.9f, 0.85f, 0.75f },
-                                               .opacity = 1,
-                                               .flatness = INFINITY,
-                                               .low = 0.05,
-                                               .high = 0.95,
-                                               .stretch = 4,
-                                               .density = 0.2 };
+static const struct sp_layer layer_default = {
+    .visible = true,
+    .value = NAN,
+    .color = { 0.9f, 0.85f, 0.75f },
+    .opacity = 1,
+    .flatness = INFINITY,
+    .low = 0.05,
+    .high = 0.95,
+    .stretch = 4,
+    .density = 0.2,
+    .transform = { [0] = 1, [5] = 1, [10] = 1, [15] = 1 },
+    .size = 1
+};
 static const struct proto_group layer = { layer_fields, COUNT_OF(layer_fields), &layer_default };
 
 static const struct proto_field plane_fields[] = {
@@ -211,6 +229,11 @@ static const struct proto_field slices_fields[] = {
 };
 static const struct proto_group slices = GROUP(slices_fields);
 
+static const struct proto_field time_fields[] = {
+    { "step", PROTO_FIELD_COUNT, AT(time.step) },
+};
+static const struct proto_group time_group = GROUP(time_fields);
+
 static const struct proto_field view_fields[] = {
     { "volume", PROTO_FIELD_NAME, AT(volume) },
     { "size", PROTO_FIELD_COUNT, .columns = 2, AT(size) },
@@ -230,6 +253,7 @@ static const struct proto_field view_fields[] = {
       .item_max = SP_EDITS_MAX },
     { "quality", PROTO_FIELD_OBJECT, .group = &quality },
     { "slices", PROTO_FIELD_OBJECT, .group = &slices },
+    { "time", PROTO_FIELD_OBJECT, .group = &time_group },
 };
 const struct proto_group proto_view_group = GROUP(view_fields);
 

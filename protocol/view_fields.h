@@ -19,7 +19,7 @@ enum proto_field_kind {
     PROTO_FIELD_COUNT,     /* uint32_t */
     PROTO_FIELD_BOOL,      /* bool */
     PROTO_FIELD_ENUM,      /* an enum whose values index `names` */
-    PROTO_FIELD_NAME,      /* char[SP_NAME_BYTES], at least 1 byte long */
+    PROTO_FIELD_NAME,      /* char[SP_NAME_BYTES], at least 1 byte long unless it is optional */
     PROTO_FIELD_PRIMITIVE, /* of a patch alone: what views had before layers, an object with the
                               type "volume"; resets the layers */
     PROTO_FIELD_ORBIT,  /* double; of a patch alone: sets position and up; the offset is the member

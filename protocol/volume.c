@@ -161,13 +161,14 @@ proto_json *proto_visible_part_encode(const struct sp_visible_part *part, const 
     return object;
 }
 
-static proto_json *field(const char *name, int components, enum sp_type type,
-                         const double range[2]) {
+static proto_json *field(const struct sp_volume_info *info, const char *name, int components,
+                         enum sp_type type, const double range[2]) {
     proto_json *object = proto_json_object();
     bool ok = proto_json_set_string(object, "name", name) &&
               proto_json_set_integer(object, "components", components) &&
               proto_json_set_string(object, "type", sp_type_name(type)) &&
-              proto_json_set(object, "range", numbers(range, 2));
+              proto_json_set(object, "range", numbers(range, 2)) &&
+              proto_json_set_string(object, "unit", info->value_unit);
     if (!ok)
         proto_json_free(&object);
     return object;
@@ -176,13 +177,93 @@ static proto_json *field(const char *name, int components, enum sp_type type,
 /* The samples, then the vectors if there are any. */
 static proto_json *fields(const struct sp_volume_info *info) {
     proto_json *array = proto_json_array();
-    bool ok = proto_json_append(array, field(info->value_name, 1, info->type, info->range));
+    bool ok = proto_json_append(array, field(info, info->value_name, 1, info->type, info->range));
     if (info->vector_bytes)
-        ok = ok && proto_json_append(array, field(info->vector_name, 3, SP_FLOAT32,
+        ok = ok && proto_json_append(array, field(info, info->vector_name, 3, SP_FLOAT32,
                                                   (const double[]){ 0, info->longest }));
     if (!ok)
         proto_json_free(&array);
     return array;
+}
+
+/* Sets a list of `capacity` texts of `size` bytes each, which "" ends; nothing if it is empty. */
+static bool set_texts(proto_json *volume, const char *key, const char *texts, int capacity,
+                      size_t size) {
+    proto_json *array = proto_json_array();
+    bool ok = array != NULL;
+    for (int i = 0; ok && i < capacity && texts[(size_t)i * size]; i++)
+        ok = proto_json_append(array, proto_json_new_string(texts + (size_t)i * size));
+    if (ok && texts[0])
+        return proto_json_set(volume, key, array);
+    proto_json_free(&array);
+    return ok;
+}
+
+/* What is not loaded of the file, and what the reader left out or changed. */
+static bool set_lists(proto_json *volume, const struct sp_volume_info *info) {
+    return set_texts(volume, "other_fields", info->others[0], SP_OTHER_FIELDS_MAX,
+                     SP_FIELD_BYTES) &&
+           set_texts(volume, "other_vectors", info->other_vectors[0], SP_OTHER_VECTORS_MAX,
+                     SP_FIELD_BYTES) &&
+           set_texts(volume, "warnings", info->warnings[0], SP_WARNINGS_MAX, SP_WARNING_BYTES);
+}
+
+/* Of a time series: how many steps there are, and when. */
+static bool set_steps(proto_json *volume, const struct sp_volume_info *info) {
+    const struct sp_steps *s = &info->steps;
+    if (s->count <= 1)
+        return true;
+    proto_json *steps = proto_json_object(), *times = s->times ? proto_json_array() : NULL;
+    bool ok = proto_json_set_integer(steps, "count", s->count) &&
+              proto_json_set_string(steps, "unit", s->unit);
+    for (uint32_t i = 0; ok && times && i < s->count; i++)
+        ok = proto_json_append(times, proto_json_new_number(s->times[i]));
+    if (times)
+        ok = proto_json_set(steps, "times", times) && ok;
+    if (!ok)
+        proto_json_free(&steps);
+    return proto_json_set(volume, "steps", steps);
+}
+
+/* Of a volume without a grid: what it consists of. */
+static bool set_elements(proto_json *volume, const struct sp_volume_info *info) {
+    const struct sp_elements_shape *shape = &info->elements;
+    if (shape->kind == SP_KIND_GRID)
+        return true;
+    proto_json *elements = proto_json_object();
+    bool ok = proto_json_set_integer(elements, "count", shape->count) &&
+              proto_json_set_number(elements, "spacing", info->element_spacing);
+    if (info->folded)
+        ok = ok && proto_json_set_integer(elements, "folded", (int64_t)info->folded);
+    if (shape->kind == SP_KIND_MESH)
+        ok = ok && proto_json_set_integer(elements, "vertices", shape->vertex_count);
+    if (shape->kind == SP_KIND_GAUSSIANS)
+        ok = ok && proto_json_set_integer(elements, "degree", shape->degree);
+    if (!ok)
+        proto_json_free(&elements);
+    return proto_json_set(volume, "elements", elements);
+}
+
+/* Of a volume that is larger than memory. */
+static bool set_whole(proto_json *volume, const struct sp_volume_info *info) {
+    const struct sp_grid *grid = &info->grid;
+    if (info->whole.dims[0] == 0)
+        return true;
+    struct sp_grid all = *grid;
+    double bytes = (double)sp_type_size(info->type);
+    for (int a = 0; a < 3; a++) {
+        /* Each level halves the number of samples, rounded up. */
+        for (uint32_t n = info->whole.dims[a]; n > grid->dims[a]; n = (n + 1) / 2)
+            all.spacing[a] /= 2;
+        all.dims[a] = info->whole.dims[a];
+        bytes *= all.dims[a];
+    }
+    proto_json *whole = proto_json_object();
+    bool ok = proto_json_set(whole, "dims", dims(&all));
+    ok = proto_json_set(whole, "spacing", numbers(all.spacing, 3)) && ok;
+    ok = proto_json_set_integer(whole, "levels", info->whole.levels) && ok;
+    ok = proto_json_set_number(whole, "bytes", bytes) && ok;
+    return proto_json_set(volume, "whole", whole) && ok;
 }
 
 proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *id,
@@ -193,7 +274,9 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
     bool ok = proto_json_set_string(volume, "id", id) &&
               proto_json_set_string(volume, "name", info->name) &&
               proto_json_set_string(volume, "source", info->source) &&
-              proto_json_set(volume, "dims", dims(grid)) &&
+              proto_json_set_string(volume, "kind", sp_kind_name(info->elements.kind)) &&
+              set_elements(volume, info) && proto_json_set(volume, "dims", dims(grid)) &&
+              set_whole(volume, info) &&
               proto_json_set(volume, "spacing", numbers(grid->spacing, 3)) &&
               (!rectilinear || proto_json_set(volume, "coordinates", coordinates(grid))) &&
               proto_json_set(volume, "origin", numbers(grid->origin, 3)) &&
@@ -203,9 +286,9 @@ proto_json *proto_volume_encode(const struct sp_volume_info *info, const char *i
               proto_json_set_integer(volume, "components", info->components) &&
               proto_json_set(volume, "range", numbers(info->range, 2)) &&
               proto_json_set_integer(volume, "nonfinite", (int64_t)info->nonfinite) &&
-              proto_json_set(volume, "fields", fields(info)) &&
-              proto_json_set_integer(volume, "bytes",
-                                     (int64_t)(info->voxel_bytes + info->vector_bytes)) &&
+              proto_json_set(volume, "fields", fields(info)) && set_lists(volume, info) &&
+              set_steps(volume, info) &&
+              proto_json_set_integer(volume, "bytes", (int64_t)sp_volume_bytes(info)) &&
               (!with_histogram || proto_json_set(volume, "histogram", histogram(info)));
     if (!ok)
         proto_json_free(&volume);

@@ -10,8 +10,8 @@ include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 # Libraries that the static library needs, as pkg-config names and as targets.
-set(packages libturbojpeg libpng libwebp vpx)
-set(targets PkgConfig::TURBOJPEG PkgConfig::PNG PkgConfig::WEBP PkgConfig::VPX)
+set(packages libturbojpeg libpng libwebp libzstd vpx zlib)
+set(targets PkgConfig::TURBOJPEG PkgConfig::PNG PkgConfig::WEBP PkgConfig::ZSTD PkgConfig::VPX PkgConfig::GZIP)
 if(TARGET PkgConfig::EPOXY)
     list(APPEND packages epoxy)
     list(APPEND targets PkgConfig::EPOXY)
@@ -40,7 +40,7 @@ write_basic_package_version_file(splat-config-version.cmake COMPATIBILITY SameMi
 
 install(TARGETS splat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(TARGETS splat-import RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
-install(TARGETS splat-import-tiff splat-exr LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+install(TARGETS splat-import-dicom ${SPLATD_OPTIONAL_IMPORTERS} splat-import-image splat-import-mesh splat-exr LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
 if(TARGET splat-x264)
     install(TARGETS splat-x264 LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
 endif()

@@ -21,8 +21,8 @@ set(flags_avx512 ${flags_avx2} -mavx512f -mavx512bw -mavx512dq -mavx512vl -mpref
 set(flags_neon ${flags_wide})
 
 set(SPLAT_ISAS scalar)
-if(SPLATD_X86_64 AND SPLATD_SANITIZE STREQUAL thread) # all sets have the same threads
-    list(APPEND SPLAT_ISAS sse41)
+if(SPLATD_SANITIZE STREQUAL thread)
+    # Scalar alone: all sets have the same threads.
 elseif(SPLATD_X86_64)
     list(APPEND SPLAT_ISAS sse41 avx2 avx512)
 elseif(SPLATD_AARCH64)

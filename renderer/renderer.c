@@ -19,12 +19,15 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 #include "volume/volume.h"
+#include "window/shown.h"
 
 /* A frame in flight. */
 struct inflight {
-    struct sp_backend_job job;  /* with references to volume and frame */
-    struct sp_volume *original; /* a reference: the volume without the view's edits */
+    struct sp_backend_job job;               /* with references to volume and frame */
+    struct sp_volume *original;              /* a reference: the volume without the view's edits */
+    struct sp_volume *others[SP_LAYERS_MAX]; /* references: of layers that name a volume */
     struct sp_view view;
+    struct sp_frame_bricks bricks;
     bool is_begun;       /* the backend works on it */
     bool may_be_pre;     /* order "auto" chose post, and pre is possible, too */
     struct sp_error why; /* why the backend's begin() failed; SP_OK = it did not fail */
@@ -138,11 +141,17 @@ static struct inflight *inflight_at(struct sp_renderer *r, unsigned i) {
     return &r->queue[(r->oldest + i) % SP_IN_FLIGHT_MAX];
 }
 
+static void unref_all(struct sp_volume *volumes[SP_LAYERS_MAX]) {
+    for (int i = 0; i < SP_LAYERS_MAX; i++)
+        sp_volume_unref(&volumes[i]);
+}
+
 /* Removes the oldest frame from the queue. */
 static void pop_oldest(struct sp_renderer *r) {
     struct inflight *f = inflight_at(r, 0);
     sp_volume_unref(&f->job.volume);
     sp_volume_unref(&f->original);
+    unref_all(f->others);
     sp_frame_unref(&f->job.frame);
     r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
     r->begun--;
@@ -306,6 +315,8 @@ static bool draw_once(struct sp_renderer *r, struct inflight *f, struct sp_error
     name_backend(f->job.frame, &r->info);
     if (f->why.code != SP_OK)
         *why = f->why;
+    else if (!sp_support_check_layers(backend, &f->view, why))
+        ok = false;
     else if (is_begun)
         ok = backend->finish(r->state, &f->job, why);
     else
@@ -400,7 +411,7 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
     if (!r->workers || !r->frames)
         return false;
     name_backend(f->job.frame, &r->info);
-    const struct sp_compose_job job = { .volume = f->original, /* slices show the data as it is */
+    const struct sp_compose_job job = { .volume = f->job.volume,
                                         .view = &f->view,
                                         .workers = r->workers,
                                         .frames = r->frames,
@@ -408,15 +419,6 @@ static bool draw_composed(struct sp_renderer *r, struct inflight *f, struct sp_e
                                         .draw = draw_part,
                                         .user = &composing };
     return sp_compose(&job, f->job.frame, err);
-}
-
-/* Keeps the layers that are visible. */
-static void remove_hidden_layers(struct sp_view *view) {
-    uint32_t count = 0;
-    for (uint32_t i = 0; i < view->layer_count; i++)
-        if (view->layers[i].visible)
-            view->layers[count++] = view->layers[i];
-    view->layer_count = count;
 }
 
 unsigned sp_renderer_depth(const struct sp_renderer *renderer) {
@@ -431,7 +433,7 @@ static void begin(struct sp_renderer *r, struct inflight *f) {
     for (unsigned i = 0; i < r->begun; i++)
         if (!inflight_at(r, i)->is_begun)
             return;
-    if (sp_compose_is_wanted(&f->view))
+    if (sp_compose_is_wanted(&f->view) || !sp_support_check_layers(backend, &f->view, NULL))
         return;
     f->is_begun = r->begun < backend->depth && backend->begin(r->state, &f->job, &f->why);
     for (unsigned i = 0; f->why.code == SP_ERR_BACKEND && i < r->begun; i++)
@@ -455,6 +457,40 @@ static void set_edited(struct sp_renderer *r, struct sp_volume *edited) {
     r->edited = sp_volume_ref(edited);
 }
 
+/* Finds the volumes that the visible layers name. */
+static bool find_others(const struct sp_view *view, const struct sp_render_options *o,
+                        struct sp_volume *others[SP_LAYERS_MAX], struct sp_error *err) {
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i];
+        char place[32];
+        snprintf(place, sizeof place, "/layers/%u/id", i);
+        if (layer->type < SP_LAYER_POINTS || !layer->visible || !layer->id[0])
+            continue;
+        others[i] = o->find ? o->find(o->user, layer->id) : NULL;
+        if (!others[i])
+            return sp_fail(err, SP_ERR_VOLUME_UNKNOWN, place,
+                           "no volume \"%s\" is loaded: load it, or remove the layer", layer->id);
+        if (!sp_view_layer_fits(view, i, sp_volume_info(others[i]), err))
+            return false;
+    }
+    return true;
+}
+
+/* Drops hidden layers, and says which volume each of the others shows. */
+static void choose_layers(struct inflight *f) {
+    uint32_t kept = 0;
+    for (uint32_t i = 0; i < f->view.layer_count; i++) {
+        const struct sp_layer *layer = &f->view.layers[i];
+        if (!layer->visible)
+            continue;
+        f->job.shown[kept] = f->others[i]                     ? f->others[i]
+                             : layer->type >= SP_LAYER_POINTS ? f->original
+                                                              : NULL;
+        f->view.layers[kept++] = *layer;
+    }
+    f->view.layer_count = kept;
+}
+
 bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
                        const struct sp_view *view, struct sp_frame_pool *pool,
                        const struct sp_render_options *options, struct sp_error *err) {
@@ -465,20 +501,26 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     if (!sp_renderer_supports(renderer, view, err) ||
         !sp_view_fits(view, sp_volume_info(volume), err))
         return false;
-    struct sp_volume *edited = sp_edit_volume(volume, view, err);
-    struct sp_frame *frame =
-        edited ? sp_frame_create(pool, view->size[0], view->size[1], o->format, err) : NULL;
+    struct inflight *f = inflight_at(renderer, renderer->begun);
+    struct sp_volume *edited = NULL;
+    struct sp_frame *frame = NULL;
+    struct sp_shown shown = { .volume = NULL };
+    if (find_others(view, o, f->others, err) && sp_shown_find(volume, view, o, &shown, err))
+        edited = sp_edit_volume(shown.volume, &shown.view, err);
+    sp_volume_unref(&shown.volume);
+    if (edited)
+        frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame) {
         sp_volume_unref(&edited);
+        unref_all(f->others);
         return false;
     }
     if (edited != volume)
         set_edited(renderer, edited);
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
-    struct inflight *f = inflight_at(renderer, renderer->begun);
-    f->view = *view;
-    f->view.transfer_function.order = choose_order(renderer, volume, view);
-    remove_hidden_layers(&f->view);
+    f->view = shown.view;
+    f->bricks = shown.bricks;
+    f->view.transfer_function.order = choose_order(renderer, edited, view);
     bool is_projection = sp_compositing_is_projection(view->compositing.mode);
     if (is_projection)
         f->view.shading.mode = SP_SHADING_NONE;
@@ -487,10 +529,11 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     f->original = sp_volume_ref(volume);
     f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,
-                                      .mip_level = o->mip_level,
+                                      .mip_level = shown.mip_level,
                                       .frame = frame,
                                       .cancel = o->cancel,
                                       .pause = o->pause };
+    choose_layers(f);
     f->is_begun = false;
     f->why.code = SP_OK;
     begin(renderer, f);
@@ -509,6 +552,7 @@ struct sp_frame *sp_renderer_finish(struct sp_renderer *renderer, struct sp_erro
     struct sp_frame *frame = ok ? sp_frame_ref(f->job.frame) : NULL;
     if (frame) {
         frame->stats.render_ms = fmax(f->ms + sp_job_clock_ms(&f->job) - start_ms, 0);
+        frame->stats.bricks = f->bricks;
         frame->stats.cpu_ms = f->cpu_ms + sp_clock_cpu_ms() - start_cpu_ms;
     }
     pop_oldest(renderer);

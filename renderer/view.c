@@ -90,6 +90,17 @@ static void split_histogram(const uint64_t *histogram, int cuts[CLASSES - 1]) {
         cuts[c - 1] = end = from[c][end];
 }
 
+/* The opacity of a single value: a line of sight through the thinnest side of the volume has an
+ * optical depth of 1.5, so a single voxel is no shadow and a large volume no brick. */
+static float opacity_of_one_value(const struct sp_grid *grid, double reference_length) {
+    struct sp_vec3 half[3];
+    find_box(grid, half);
+    double thickness = INFINITY;
+    for (int a = 0; a < 3; a++)
+        thickness = fmin(thickness, 2 * sp_vec3_length(half[a]));
+    return (float)(1 - exp(-1.5 * reference_length / thickness));
+}
+
 /* The lowest class is background and transparent; the other three are soft matter, which is seen
  * through, dense matter, which shapes the image, and the densest. */
 static void init_transfer_function(struct sp_transfer_function *tf,
@@ -108,7 +119,9 @@ static void init_transfer_function(struct sp_transfer_function *tf,
     *tf = (struct sp_transfer_function){ .reference_length = smallest, .order = SP_TF_AUTO };
     if (!(span > 0) || !isfinite(span)) { /* one value alone, or no middle: show what there is */
         tf->point_count = 1;
-        tf->points[0] = (struct sp_tf_point){ low, { 0.95f, 0.78f, 0.60f }, 0.1f };
+        const bool has_grid = info->elements.kind == SP_KIND_GRID;
+        const float opacity = has_grid ? opacity_of_one_value(&info->grid, smallest) : 0.1f;
+        tf->points[0] = (struct sp_tf_point){ low, { 0.95f, 0.78f, 0.60f }, opacity };
         return;
     }
     int cuts[CLASSES] = { [CLASSES - 1] = BINS };
@@ -157,7 +170,21 @@ struct sp_layer sp_layer_default(enum sp_layer_type type) {
     layer.style = SP_VECTORS_MODULATE;
     layer.stretch = 4;
     layer.density = 0.2;
+    for (int i = 0; i < 4; i++)
+        layer.transform[5 * i] = 1;
+    layer.size = 1;
     return layer;
+}
+
+/* The layer that shows a volume of this kind. */
+static enum sp_layer_type layer_of_kind(enum sp_kind kind) {
+    static const enum sp_layer_type types[SP_KIND_COUNT] = {
+        [SP_KIND_GRID] = SP_LAYER_VOLUME,
+        [SP_KIND_POINTS] = SP_LAYER_POINTS,
+        [SP_KIND_GAUSSIANS] = SP_LAYER_GAUSSIANS,
+        [SP_KIND_MESH] = SP_LAYER_GEOMETRY,
+    };
+    return types[kind];
 }
 
 static void init_slices(struct sp_slices *slices, const struct sp_volume_info *info) {
@@ -192,6 +219,8 @@ bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b) {
 void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id) {
     const struct sp_grid *grid = &info->grid;
     double smallest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    if (info->elements.kind != SP_KIND_GRID)
+        smallest = info->element_spacing;
     *view = (struct sp_view){
         .size = { 512, 512 },
         .background = { 0, 0, 0, 1 },
@@ -212,9 +241,10 @@ void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const
         .layer_count = 1,
         .clip = { .box = { { 0, 0, 0 }, { 1, 1, 1 } } },
         .level_of_detail = SP_LOD_AUTO,
+        .time = { info->steps.index },
     };
     snprintf(view->volume, sizeof view->volume, "%s", id);
-    const struct sp_layer layer = sp_layer_default(SP_LAYER_VOLUME);
+    const struct sp_layer layer = sp_layer_default(layer_of_kind(info->elements.kind));
     memcpy(&view->layers[0], &layer, sizeof layer);
     init_slices(&view->slices, info);
     init_camera(&view->camera, info, smallest);

@@ -246,25 +246,80 @@ static bool check_vectors(const struct sp_layer *layer, const char *place, struc
            check_range(layer->density, 0, 1, err, "%s/density", place);
 }
 
+/* Of a layer of elements: where they come from and where they are. */
+static bool check_elements(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    const double *m = layer->transform;
+    char pointer[48];
+    snprintf(pointer, sizeof pointer, "%s/id", place);
+    if (!memchr(layer->id, 0, sizeof layer->id))
+        return sp_fail(err, SP_ERR_INVALID, pointer, "the id is longer than %d bytes",
+                       SP_NAME_BYTES - 1);
+    for (int i = 0; i < 16; i++)
+        if (!check_range(m[i], -SP_POSITION_MAX, SP_POSITION_MAX, err, "%s/transform/%d", place, i))
+            return false;
+    snprintf(pointer, sizeof pointer, "%s/transform", place);
+    if (m[12] != 0 || m[13] != 0 || m[14] != 0 || m[15] != 1)
+        return sp_fail(err, SP_ERR_INVALID, pointer,
+                       "the last four numbers, its last row, are not 0, 0, 0, 1");
+    const struct sp_mat3 turn = {
+        { { m[0], m[1], m[2] }, { m[4], m[5], m[6] }, { m[8], m[9], m[10] } }
+    };
+    double det = sp_mat3_determinant(&turn), size = 1;
+    for (int row = 0; row < 3; row++)
+        size *= sp_vec3_length(sp_vec3_from(turn.m[row]));
+    return fabs(det) > 1e-9 * size ||
+           sp_fail(err, SP_ERR_INVALID, pointer, "it is singular: it flattens the data");
+}
+
+static bool check_layer(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    char pointer[48];
+    switch (layer->type) {
+    case SP_LAYER_SURFACE:
+        return check_surface(layer, place, err);
+    case SP_LAYER_SHELL:
+        return check_shell(layer, place, err);
+    case SP_LAYER_VECTORS:
+        return check_vectors(layer, place, err);
+    case SP_LAYER_POINTS:
+        return check_elements(layer, place, err) &&
+               check_range(layer->size, 0.1, 10, err, "%s/size", place);
+    case SP_LAYER_GAUSSIANS:
+        snprintf(pointer, sizeof pointer, "%s/convention", place);
+        return check_elements(layer, place, err) &&
+               check_range(layer->opacity, 0, 1, err, "%s/opacity", place) &&
+               check_choice(layer->convention, SP_CONVENTION_NORMALISED, pointer, err);
+    case SP_LAYER_GEOMETRY:
+        snprintf(pointer, sizeof pointer, "%s/colors", place);
+        return check_elements(layer, place, err) && check_color(layer, place, err) &&
+               check_range(layer->opacity, 0, 1, err, "%s/opacity", place) &&
+               check_choice(layer->colors, SP_COLORS_OF_LAYER, pointer, err);
+    case SP_LAYER_VOLUME:
+        break;
+    }
+    return true;
+}
+
 static bool check_layers(const struct sp_view *view, struct sp_error *err) {
-    static const char *const names[] = { "volume", "surface", "shell", "layer of vectors" };
-    unsigned counts[SP_LAYER_VECTORS + 1] = { 0 };
+    /* Layers of which there is one at most. */
+    static const char *const single[SP_LAYER_TYPES] = { [SP_LAYER_VOLUME] = "volume",
+                                                        [SP_LAYER_SHELL] = "shell",
+                                                        [SP_LAYER_VECTORS] = "layer of vectors" };
+    unsigned counts[SP_LAYER_TYPES] = { 0 };
     if (!check_range(view->layer_count, 1, SP_LAYERS_MAX, err, "/layers"))
         return false;
     for (uint32_t i = 0; i < view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i];
         char place[32];
         snprintf(place, sizeof place, "/layers/%u/type", i);
-        if (!check_choice(layer->type, SP_LAYER_VECTORS, place, err))
+        if (!check_choice(layer->type, SP_LAYER_TYPES - 1, place, err))
             return false;
-        if (++counts[layer->type] > 1 && layer->type != SP_LAYER_SURFACE)
+        if (++counts[layer->type] > 1 && single[layer->type])
             return sp_fail(err, SP_ERR_INVALID, place,
-                           "a second %s: only surfaces may be there several times",
-                           names[layer->type]);
+                           "a second %s: there may be one volume, one shell and one layer of "
+                           "vectors",
+                           single[layer->type]);
         snprintf(place, sizeof place, "/layers/%u", i);
-        if ((layer->type == SP_LAYER_SURFACE && !check_surface(layer, place, err)) ||
-            (layer->type == SP_LAYER_SHELL && !check_shell(layer, place, err)) ||
-            (layer->type == SP_LAYER_VECTORS && !check_vectors(layer, place, err)))
+        if (!check_layer(layer, place, err))
             return false;
     }
     return true;
@@ -400,18 +455,60 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) && check_layers(view, err) &&
            check_clip(&view->clip, err) && check_edits(view, err) && check_slices(view, err) &&
+           check_range(view->time.step, 0, SP_STEPS_MAX - 1, err, "/time/step") &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
+}
+
+/* What a layer needs that the volume lacks; NULL = nothing. */
+static const char *find_missing(const struct sp_layer *layer, const struct sp_volume_info *info) {
+    const bool is_grid = info->elements.kind == SP_KIND_GRID;
+    switch (layer->type) {
+    case SP_LAYER_VECTORS:
+        return info->vector_bytes ? NULL : "vectors";
+    case SP_LAYER_POINTS:
+        return info->elements.kind == SP_KIND_POINTS ? NULL : "points";
+    case SP_LAYER_GAUSSIANS:
+        return info->elements.kind == SP_KIND_GAUSSIANS ? NULL : "Gaussians";
+    case SP_LAYER_GEOMETRY:
+        return info->elements.kind == SP_KIND_MESH ? NULL : "triangles";
+    case SP_LAYER_VOLUME:
+    case SP_LAYER_SURFACE:
+    case SP_LAYER_SHELL:
+        return is_grid ? NULL : "grid of samples";
+    }
+    return NULL;
+}
+
+bool sp_view_layer_fits(const struct sp_view *view, uint32_t layer,
+                        const struct sp_volume_info *info, struct sp_error *err) {
+    char place[32];
+    const char *missing = find_missing(&view->layers[layer], info);
+    snprintf(place, sizeof place, "/layers/%u/%s", layer,
+             view->layers[layer].id[0] ? "id" : "type");
+    return !missing ||
+           sp_fail(err, SP_ERR_INVALID, place,
+                   "this volume has no %s: remove or hide the layer, or load another volume",
+                   missing);
 }
 
 bool sp_view_fits(const struct sp_view *view, const struct sp_volume_info *info,
                   struct sp_error *err) {
-    char place[32];
-    for (uint32_t i = 0; i < view->layer_count && !info->vector_bytes; i++) {
-        if (view->layers[i].type != SP_LAYER_VECTORS || !view->layers[i].visible)
-            continue;
-        snprintf(place, sizeof place, "/layers/%u/type", i);
-        return sp_fail(err, SP_ERR_INVALID, place,
-                       "this volume has no vectors: remove the layer, or load a volume with them");
-    }
-    return true;
+    const uint32_t steps = info->steps.count > 1 ? info->steps.count : 1;
+    if (view->time.step >= steps)
+        return sp_fail(err, SP_ERR_INVALID, "/time/step",
+                       "%u is outside [0, %u], the time steps of the volume", view->time.step,
+                       steps - 1);
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].visible && !view->layers[i].id[0] &&
+            !sp_view_layer_fits(view, i, info, err))
+            return false;
+    if (info->elements.kind == SP_KIND_GRID)
+        return true;
+    if (view->edit_count)
+        return sp_fail(err, SP_ERR_INVALID, "/edits",
+                       "edits need a grid of samples, and this volume has %s; use \"clip\"",
+                       sp_kind_name(info->elements.kind));
+    return !view->slices.in_3d || sp_fail(err, SP_ERR_INVALID, "/slices/in_3d",
+                                          "slices need a grid of samples, and this volume has %s",
+                                          sp_kind_name(info->elements.kind));
 }

@@ -1,12 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "server/daemon.h"
 
+#include <errno.h>
 #include <malloc.h>
 #include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "common/clock.h"
@@ -62,7 +64,8 @@ struct srv_daemon {
 static void on_progress(void *user, const char *id, enum srv_volume_state state, double progress,
                         const char *reason) {
     struct srv_daemon *d = user;
-    srv_hub_volume_progress(d->hub, id, srv_volume_state_name(state), progress, reason);
+    srv_hub_volume_progress(d->hub, id, srv_volume_state_name(state), progress, reason,
+                            srv_clock_ms());
     struct srv_paths *paths = atomic_load(&d->paths);
     if (paths && state == SRV_VOLUME_UNLOADED)
         srv_paths_unloaded(paths, id);
@@ -109,6 +112,12 @@ static bool on_collect(void *user) {
 static char *on_recall(void *user, const char *id, size_t *size, struct sp_error *err) {
     struct srv_daemon *d = user;
     return srv_store_get(d->store, SRV_KIND_SESSION, id, size, err);
+}
+
+static void on_step(void *user, const char *id) {
+    struct srv_daemon *d = user;
+    srv_hub_step_loaded(d->hub, id, srv_clock_ms());
+    srv_render_pool_step_loaded(d->render_pool);
 }
 
 static void on_unloaded(void *user, struct sp_volume *volume) {
@@ -225,6 +234,16 @@ static void on_backend_refused(void *user, const char *backend, const struct sp_
     d->refusal_list[d->refusal_count++] = text;
 }
 
+/* Creates the folder of the brick cache unless it is there. */
+static bool prepare_cache(const struct srv_daemon *d, struct sp_error *err) {
+    const char *folder = d->config->cache;
+    if (!folder ||
+        ((mkdir(folder, 0700) == 0 || errno == EEXIST) && access(folder, R_OK | W_OK | X_OK) == 0))
+        return true;
+    return sp_fail(err, SP_ERR_IO, "--cache", "cannot use the folder %s: %s", folder,
+                   strerror(errno));
+}
+
 static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     uint64_t budget = c->memory ? (uint64_t)c->memory : half_of_memory();
@@ -260,9 +279,18 @@ static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
 static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     struct srv_hub_options hub = {
-        .volumes = { d->catalog, srv_catalog_acquire, srv_catalog_ref, srv_catalog_release,
-                     srv_catalog_default_view, srv_catalog_pick, srv_catalog_measure,
-                     srv_catalog_fits },
+        .volumes = { .user = d->catalog,
+                     .acquire = srv_catalog_acquire,
+                     .ref = srv_catalog_ref,
+                     .release = srv_catalog_release,
+                     .steps = srv_catalog_steps,
+                     .step = srv_catalog_step,
+                     .step_is_ready = srv_catalog_step_is_ready,
+                     .nearest_step = srv_catalog_nearest_step,
+                     .default_view = srv_catalog_default_view,
+                     .pick = srv_catalog_pick,
+                     .measure = srv_catalog_measure,
+                     .fits = srv_catalog_fits },
         .sessions_max = (unsigned)c->sessions,
         .participants_max = (unsigned)c->participants,
         .session_idle_ms = (double)c->session_time_ms,
@@ -417,20 +445,22 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
         .data = config->data,
+        .cache = config->cache,
         .user = d,
         .progress = on_progress,
         .persist = on_volume,
         .upload_open = on_upload_open,
         .upload_close = on_upload_close,
+        .step = on_step,
         .unloaded = on_unloaded,
     };
     if ((d->disk = srv_work_queue_create(NULL, err)) &&
         (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
-        open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
-        (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
-        start_sessions(d, err) && start_volumes(d, err) && start_paths(d, err) &&
-        start_http(d, err))
+        prepare_cache(d, err) && open_store(d, err) && start_tokens(d, err) &&
+        start_uploads(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
+        start_renderer(d, err) && start_sessions(d, err) && start_volumes(d, err) &&
+        start_paths(d, err) && start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;

@@ -41,32 +41,48 @@ char *collection_path(struct http *http, const char *collection, const char *nam
 }
 
 static void add_volume(struct table *table, const proto_json *volume) {
-    const proto_json *dims = proto_json_get(volume, "dims");
-    int64_t n[3] = { 0 }, bytes = 0;
+    const proto_json *whole = proto_json_get(volume, "whole");
+    const proto_json *dims = proto_json_get(whole ? whole : volume, "dims");
+    const proto_json *elements = proto_json_get(volume, "elements");
+    int64_t n[3] = { 0 }, bytes = 0, count = 0;
     for (size_t i = 0; i < 3; i++)
         proto_json_integer(proto_json_at(dims, i), &n[i]);
     proto_json_integer(proto_json_get(volume, "bytes"), &bytes);
     table_add(table, "%s", text_of(volume, "id"));
     table_add(table, "%s", text_of(volume, "state"));
-    if (n[0] > 0)
+    if (elements && proto_json_integer(proto_json_get(elements, "count"), &count))
+        table_add(table, "%" PRId64, count);
+    else if (n[0] > 0)
         table_add(table, "%" PRId64 "x%" PRId64 "x%" PRId64, n[0], n[1], n[2]);
     else
         table_add(table, "-");
     bool has_vectors = proto_json_size(proto_json_get(volume, "fields")) > 1;
-    table_add(table, "%s%s", text_of(volume, "type")[0] ? text_of(volume, "type") : "-",
-              has_vectors ? "+vectors" : "");
+    const char *type = text_of(volume, elements ? "kind" : "type");
+    table_add(table, "%s%s", type[0] ? type : "-", has_vectors ? "+vectors" : "");
     table_add(table, "%.1f", (double)bytes / 1e6);
     table_add(table, "%s", text_of(volume, "source"));
 }
 
+/* Says on standard error what of a volume differs from its file. */
+static void print_warnings(const proto_json *volume) {
+    const proto_json *warnings = proto_json_get(volume, "warnings");
+    for (size_t i = 0; i < proto_json_size(warnings); i++) {
+        const char *text = proto_json_string(proto_json_at(warnings, i));
+        print_warning(text_of(volume, "id"), text ? text : "");
+    }
+}
+
 static bool print_volumes(const proto_json *list, struct sp_error *err) {
-    static const char *const headings[] = { "ID", "STATE", "DIMS", "TYPE", "MB", "SOURCE" };
+    static const char *const headings[] = { "ID", "STATE", "SIZE", "TYPE", "MB", "SOURCE" };
     struct table table = { .columns = 6, .is_right = { [4] = true } };
     for (size_t i = 0; i < table.columns; i++)
         table_add(&table, "%s", headings[i]);
     for (size_t i = 0; i < proto_json_size(list); i++)
         add_volume(&table, proto_json_at(list, i));
-    return table_print(&table, err);
+    bool ok = table_print(&table, err);
+    for (size_t i = 0; i < proto_json_size(list); i++)
+        print_warnings(proto_json_at(list, i));
+    return ok;
 }
 
 int command_volumes(const struct options *options, struct sp_error *err) {
@@ -224,8 +240,10 @@ int finish_opening(const struct options *options, struct http *http, proto_json 
     bool ok = volume != NULL;
     if (ok && options->json)
         ok = print_json(options, volume, err);
-    else if (ok)
+    else if (ok) {
         puts(text_of(volume, "id"));
+        print_warnings(volume);
+    }
     proto_json_free(&volume);
     http_destroy(&http);
     return ok ? 0 : 1;

@@ -5,6 +5,7 @@
 #include "cli/http.h"
 #include "cli/options.h"
 #include "sp/encode.h"
+#include "sp/volume.h"
 
 /* A command returns the exit status: 0 on success, 1 with *err set, or 2 after it printed an error
  * of the command line. */
@@ -17,12 +18,14 @@ command_fn command_presets, command_preset, command_views, command_saved, comman
 command_fn command_path;                                             /* path.c */
 command_fn command_upload;                                           /* upload.c */
 command_fn command_measures;                                         /* measures.c */
+command_fn command_info;                                             /* info.c */
+command_fn command_convert;                                          /* convert.c */
 
 struct http *connect_to_daemon(const struct options *options, struct sp_error *err);
 /* Returns the text of a member; "" if it has none. */
 const char *text_of(const proto_json *object, const char *key);
-/* Ends a command that opened a volume: prints its id, or its description with --json. Takes
- * ownership of both; a `volume` of NULL = it failed. Returns the exit status. */
+/* Ends a command that opened a volume: prints its id and warnings, or its description with --json.
+ * Takes ownership of both; a `volume` of NULL = it failed. Returns the exit status. */
 int finish_opening(const struct options *options, struct http *http, proto_json *volume,
                    struct sp_error *err);
 /* Prints a JSON document: on one line for programs with --json, else indented. */
@@ -43,6 +46,7 @@ struct image {
     const void *bytes;
     size_t size;
     char backend[64], render_time[32], splats[32];
+    bool is_incomplete; /* finer bricks of the volume could not be read */
 };
 /* Writes the image to options->out. With --json, prints its figures. */
 bool write_image(const struct options *options, const struct image *image, const char *format,
@@ -58,6 +62,10 @@ char *resolve_volume(struct http *http, const struct options *options, const cha
  * description; NULL with *err set on failure. */
 proto_json *await_volume(struct http *http, const struct options *options, proto_json *volume,
                          struct sp_error *err);
+
+/* Loads a file or "demo:NAME" in this process, with progress on a terminal (local.c). */
+struct sp_volume *load_local(const struct options *options, const char *source,
+                             struct sp_error *err);
 
 /* Renders in this process. `patch` is the view, `source` is a file or "demo:NAME". */
 int render_local(const struct options *options, const char *source, const proto_json *patch,

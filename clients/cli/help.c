@@ -12,6 +12,7 @@ enum block {
     BLOCK_SCENE,
     BLOCK_IMAGE,
     BLOCK_LOCAL,
+    BLOCK_CONVERT,
     BLOCK_SLICE,
     BLOCK_PATH,
     BLOCK_MEASURES,
@@ -37,9 +38,21 @@ static const struct {
       DAEMON | BIT(BLOCK_LOAD) },
     { "upload", "FILE...",
       "upload a file of this computer and open it; print its id. A header\n"
-      "(.nhdr, .json) is followed by the files with its samples. If it is\n"
-      "interrupted, the same command continues",
+      "(.nhdr, .json, .mhd, .hdr, .vgi) is followed by the files with its\n"
+      "samples, a file of a DICOM series or a slice by the others. If it\n"
+      "is interrupted, the same command continues",
       DAEMON | BIT(BLOCK_LOAD) | BIT(BLOCK_UPLOAD) },
+    { "info", "SOURCE",
+      "print what the daemon would read from a file or demo:NAME, with a\n"
+      "histogram; without a daemon",
+      BIT(BLOCK_OUTPUT) },
+    { "convert", "SOURCE OUT",
+      "write a volume in another format, without a daemon. OUT ends with:\n"
+      ".bricks, from which the daemon shows volumes that are larger than\n"
+      "its memory; .nrrd (raw); .nii or .nii.gz; .ome.zarr or .zarr, a\n"
+      "folder with a pyramid, which replaces only what convert wrote.\n"
+      "OpenVDB (.vdb) cannot be written",
+      BIT(BLOCK_CONVERT) },
     { "unload", "ID", "remove a volume from the daemon", DAEMON },
     { "view", "ID", "print the default view of a volume", DAEMON | BIT(BLOCK_FIELDS) },
     { "render", "", "render one image",
@@ -80,7 +93,9 @@ static const char *const texts[BLOCKS] = {
     [BLOCK_SCENE] =
         "render, save, share:\n"
         "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"
-        "                          necessary (default: \"volume\" of the view)\n"
+        "                          necessary (default: \"volume\" of the view).\n"
+        "                          FILE?field=NAME and FILE?vectors=NAME choose one of several\n"
+        "                          fields; \"splatctl info FILE\" lists them\n"
         "  --view FILE|-           a view as JSON, merged into the default view of the volume\n"
         "  --preset NAME           a preset of the daemon; --view is merged into it\n"
         "  --azimuth DEGREES       the camera around its target: 0 is the front, 90 the side at "
@@ -101,12 +116,14 @@ static const char *const texts[BLOCKS] = {
         "blend\n"
         "                          for one colour; kernels longer by STRETCH in [1, 8], on a "
         "share\n"
-        "                          of the samples in [0, 1]\n"
+        "                          of the samples in [0, 1]; a dense volume hides them:\n"
+        "                          --no-volume\n"
         "  --no-volume             leaves the volume out, for the other layers alone\n"
         "  --projection NAME       one number of the values along each ray: maximum, minimum, "
         "mean\n"
         "                          or sum\n"
         "  --window CENTRE,WIDTH   of the projection, from black to white (default: automatic)\n"
+        "  --step N                the time step of a series, from 0 (default: that of the view)\n"
         "  --size WxH              in pixels, each in [1, 8192] (default: the size of the view)\n",
     [BLOCK_IMAGE] =
         "render:\n"
@@ -122,6 +139,8 @@ static const char *const texts[BLOCKS] = {
         "  --gpu N                 with --local: the GPU, by its number in \"splatd --probe\"\n"
         "  --isa NAME              with --local: instruction set of the CPU backend: auto\n"
         "                          (default), scalar, sse41, avx2, avx512, neon\n",
+    [BLOCK_CONVERT] = "convert:\n"
+                      "  --timeout SECONDS       for reading SOURCE (default 300)\n",
     [BLOCK_SLICE] =
         "slice:\n"
         "  --volume ID|SOURCE      the volume: an id, a file or demo:NAME, which is loaded if\n"
@@ -131,6 +150,7 @@ static const char *const texts[BLOCKS] = {
         "                          --out, else png)\n"
         "  --axis x|y|z            across an axis of the grid\n"
         "  --index N               with --axis: through this sample (default: the middle)\n"
+        "  --step N                of this time step of a series, from 0\n"
         "  --origin X,Y,Z --normal X,Y,Z --size WxH\n"
         "                          instead of --axis: a plane in world units, and its size in\n"
         "                          pixels\n"
@@ -163,6 +183,15 @@ static const char *const texts[BLOCKS] = {
         "\"splatctl view ID\" prints all fields; among them are:\n"
         "  layers                  [{\"type\": \"volume\"}, {\"type\": \"surface\", \"value\": "
         "120}, …]\n"
+        "                          of volumes without a grid, instead of \"volume\":\n"
+        "                          {\"type\": \"points\", \"size\": S}: their size, 0.1 to 10;\n"
+        "                          {\"type\": \"gaussians\", \"opacity\": O, \"convention\": C}:\n"
+        "                          inria or normalised;\n"
+        "                          {\"type\": \"geometry\", \"opacity\": O, \"colors\": C}: own, "
+        "or\n"
+        "                          layer with \"color\": [R, G, B].\n"
+        "                          \"id\" shows another volume, \"transform\" moves it (16 "
+        "numbers)\n"
         "  edits                   [{\"type\": \"sphere\", \"center\": [X, Y, Z], \"radius\": R}, "
         "…]: cuts\n"
         "                          by plane, box and sphere, and connected parts (part)\n"

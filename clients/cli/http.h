@@ -30,6 +30,8 @@ struct http_response {
     char *body; /* NUL-terminated */
     size_t size, capacity;
     char type[96];                     /* Content-Type, without parameters */
+    char complete[8];                  /* X-Complete; "" = not sent */
+    char retry_after[8];               /* Retry-After, in seconds; "" = not sent */
     char backend[64], render_time[32]; /* X-Backend, X-Render-Time; "" = not sent */
     char splats[32];
 };

@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "cli/commands.h"
+#include "cli/print.h"
 #include "protocol/view.h"
 #include "sp/encode.h"
 #include "sp/renderer.h"
@@ -26,15 +27,17 @@ static struct sp_renderer *create_renderer(const struct options *options, struct
     return sp_renderer_create(&how, err);
 }
 
-/* Renders one frame; NULL with *err set on failure. */
-static struct sp_frame *render_frame(struct sp_renderer *renderer, struct sp_volume *volume,
-                                     const struct sp_view *view, enum sp_image_format format,
-                                     struct sp_frame_pool *pool, struct sp_error *err) {
-    const struct sp_render_options what = { .format = sp_image_format_info(format)->wants_float
-                                                          ? SP_RGBAF32
-                                                          : SP_RGBA8 };
-    return sp_renderer_render(renderer, volume, view, pool, &what, err);
-}
+/* The volumes of a frame: the view's own one, and those that layers name. */
+struct volumes {
+    const struct options *options;
+    struct sp_volume *own;
+    struct {
+        char id[SP_NAME_BYTES];
+        struct sp_volume *volume;
+    } others[SP_LAYERS_MAX];
+    uint32_t count;
+    struct sp_error err; /* why the last one was not found */
+};
 
 static bool encode_and_write(const struct options *options, const struct sp_frame *frame,
                              enum sp_image_format format, struct sp_error *err) {
@@ -48,6 +51,7 @@ static bool encode_and_write(const struct options *options, const struct sp_fram
         image.bytes = bytes;
         snprintf(image.backend, sizeof image.backend, "%s%s%s", frame->stats.backend,
                  frame->stats.isa[0] ? " " : "", frame->stats.isa);
+        image.is_incomplete = frame->stats.bricks.is_incomplete;
         snprintf(image.render_time, sizeof image.render_time, "%.3f", frame->stats.render_ms);
         snprintf(image.splats, sizeof image.splats, "%" PRIu64, frame->stats.splats);
         ok = write_image(options, &image, sp_image_format_info(format)->name, err);
@@ -65,28 +69,97 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                    "needs %" PRIu64 " bytes of memory; the machine has %" PRIu64, bytes, memory);
 }
 
-static bool load_and_render(const struct options *options, struct sp_renderer *renderer,
-                            const char *source, const proto_json *patch,
-                            enum sp_image_format format, struct sp_error *err) {
-    const struct sp_load_options load = { .reserve = reserve,
-                                          .progress = show_progress,
-                                          .user = (void *)source, /* only read */
-                                          .timeout_ms = (int)options->timeout_s * 1000 };
-    struct sp_volume *volume = sp_volume_load(source, &load, err);
+static struct sp_volume *load_step(const struct options *options, const char *source, uint32_t step,
+                                   struct sp_error *err) {
+    const struct sp_load_options how = { .reserve = reserve,
+                                         .step = step,
+                                         .progress = show_progress,
+                                         .user = (void *)source, /* only read */
+                                         .timeout_ms = (int)options->timeout_s * 1000 };
+    return sp_volume_load(source, &how, err);
+}
+
+struct sp_volume *load_local(const struct options *options, const char *source,
+                             struct sp_error *err) {
+    return load_step(options, source, 0, err);
+}
+
+/* Loads a volume to be shown. */
+static struct sp_volume *load_shown(const struct options *options, const char *source,
+                                    struct sp_error *err) {
+    struct sp_volume *volume = load_local(options, source, err);
+    const struct sp_volume_info *info = volume ? sp_volume_info(volume) : NULL;
+    for (int i = 0; info && i < SP_WARNINGS_MAX && info->warnings[i][0]; i++)
+        print_warning(source, info->warnings[i]);
+    return volume;
+}
+
+/* The volume that a layer names: the id is a source as for --volume. Loads each once. */
+static struct sp_volume *find(void *user, const char *id) {
+    struct volumes *v = user;
+    for (uint32_t i = 0; i < v->count; i++)
+        if (strcmp(v->others[i].id, id) == 0)
+            return sp_volume_ref(v->others[i].volume);
+    struct sp_volume *volume = load_shown(v->options, id, &v->err);
     if (!volume)
+        return NULL;
+    snprintf(v->others[v->count].id, sizeof v->others[0].id, "%s", id);
+    v->others[v->count++].volume = volume;
+    return sp_volume_ref(volume);
+}
+
+/* Renders one frame; NULL with *err set on failure. */
+static struct sp_frame *render_frame(struct sp_renderer *renderer, struct volumes *volumes,
+                                     const struct sp_view *view, enum sp_image_format format,
+                                     struct sp_frame_pool *pool, struct sp_error *err) {
+    const bool wants_float = sp_image_format_info(format)->wants_float;
+    const struct sp_render_options what = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                            .find = find,
+                                            .user = volumes };
+    struct sp_frame *frame = sp_renderer_render(renderer, volumes->own, view, pool, &what, err);
+    if (!frame && err->code == SP_ERR_VOLUME_UNKNOWN && volumes->err.text[0])
+        *err = volumes->err; /* the renderer knows only that there is none */
+    return frame;
+}
+
+/* Replaces the volume by the time step of the view. The default view is that of the first one. */
+static bool choose_step(struct volumes *volumes, const char *source, const struct sp_view *view,
+                        struct sp_error *err) {
+    const struct sp_volume_info *info = sp_volume_info(volumes->own);
+    if (!sp_view_fits(view, info, err))
         return false;
-    const struct sp_volume_info *info = sp_volume_info(volume);
+    if (view->time.step == info->steps.index)
+        return true;
+    sp_volume_unref(&volumes->own);
+    volumes->own = load_step(volumes->options, source, view->time.step, err);
+    return volumes->own != NULL;
+}
+
+static bool render_view(const struct options *options, struct sp_renderer *renderer,
+                        struct volumes *volumes, const char *source, const proto_json *patch,
+                        enum sp_image_format format, struct sp_error *err) {
     struct sp_view defaults, view;
-    sp_view_choose(&defaults, volume, info->name);
+    sp_view_choose(&defaults, volumes->own, sp_volume_info(volumes->own)->name);
     view = defaults;
     struct sp_frame *frame = NULL;
     struct sp_frame_pool *pool = sp_frame_pool_create(0, err);
-    if (pool && proto_view_apply(patch, &defaults, &view, err))
-        frame = render_frame(renderer, volume, &view, format, pool, err);
+    if (pool && proto_view_apply(patch, &defaults, &view, err) &&
+        choose_step(volumes, source, &view, err))
+        frame = render_frame(renderer, volumes, &view, format, pool, err);
     bool ok = frame && encode_and_write(options, frame, format, err);
     sp_frame_unref(&frame);
     sp_frame_pool_destroy(&pool);
-    sp_volume_unref(&volume);
+    return ok;
+}
+
+static bool load_and_render(const struct options *options, struct sp_renderer *renderer,
+                            const char *source, const proto_json *patch,
+                            enum sp_image_format format, struct sp_error *err) {
+    struct volumes volumes = { .options = options, .own = load_shown(options, source, err) };
+    bool ok = volumes.own && render_view(options, renderer, &volumes, source, patch, format, err);
+    for (uint32_t i = 0; i < volumes.count; i++)
+        sp_volume_unref(&volumes.others[i].volume);
+    sp_volume_unref(&volumes.own);
     return ok;
 }
 

@@ -21,6 +21,7 @@ static const struct {
     { "slice", command_slice, false },     { "sessions", command_sessions, false },
     { "upload", command_upload, false },   { "path", command_path, true },
     { "paths", command_paths, false },     { "measures", command_measures, false },
+    { "info", command_info, false },       { "convert", command_convert, false },
 };
 
 /* Drops the renderer's log: errors reach the user as errors; the rest is for daemons. */

@@ -38,7 +38,7 @@ static void add_more(struct table *table, const proto_json *measure) {
 
 static void add_measure(struct table *table, const proto_json *measure) {
     const proto_json *statistics = proto_json_get(measure, "statistics");
-    const char *text = text_of(measure, "text");
+    const char *text = text_of(measure, "text"), *data_unit = text_of(measure, "data_unit");
     table_add(table, "%s", text_of(measure, "id"));
     table_add(table, "%s", text_of(measure, "kind"));
     table_add(table, "%s", text[0] ? text : "-");
@@ -46,14 +46,15 @@ static void add_measure(struct table *table, const proto_json *measure) {
     table_add(table, "%s", text_of(measure, "unit")[0] ? text_of(measure, "unit") : "-");
     add_number(table, statistics, "mean");
     add_number(table, statistics, "deviation");
+    table_add(table, "%s", statistics && data_unit[0] ? data_unit : "-");
     add_more(table, measure);
     table_add(table, "%s", text_of(measure, "note"));
 }
 
 static bool print_measures(const proto_json *list, struct sp_error *err) {
-    static const char *const headings[] = { "ID",   "KIND", "TEXT", "VALUE", "UNIT",
-                                            "MEAN", "SD",   "MORE", "NOTE" };
-    struct table table = { .columns = 9, .is_right = { [3] = true, [5] = true, [6] = true } };
+    static const char *const headings[] = { "ID",   "KIND", "TEXT",      "VALUE", "UNIT",
+                                            "MEAN", "SD",   "DATA UNIT", "MORE",  "NOTE" };
+    struct table table = { .columns = 10, .is_right = { [3] = true, [5] = true, [6] = true } };
     for (size_t c = 0; c < table.columns; c++)
         table_add(&table, "%s", headings[c]);
     for (size_t i = 0; i < proto_json_size(list); i++)

@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cli/options.h"
+#include "sp/volume.h"
 
 #include <errno.h>
 #include <getopt.h>
@@ -42,6 +43,7 @@ enum option_id {
     OPT_UP,
     OPT_SPACING,
     OPT_WINDOW,
+    OPT_STEP,
     OPT_PROJECTION,
     OPT_SURFACE,
     OPT_SHELL,
@@ -82,6 +84,7 @@ static const struct option known[] = {
     { "up", required_argument, NULL, OPT_UP },
     { "spacing", required_argument, NULL, OPT_SPACING },
     { "window", required_argument, NULL, OPT_WINDOW },
+    { "step", required_argument, NULL, OPT_STEP },
     { "projection", required_argument, NULL, OPT_PROJECTION },
     { "surface", required_argument, NULL, OPT_SURFACE },
     { "shell", required_argument, NULL, OPT_SHELL },
@@ -239,6 +242,11 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
         return parse_camera("--roll", value, &o->camera[CAMERA_ROLL]);
     case OPT_PROJECTION:
         return parse_projection(value, &o->projection);
+    case OPT_STEP:
+        ok = parse_whole("--step", value, 0, SP_STEPS_MAX - 1, &number);
+        o->step = (unsigned)number;
+        o->has_step = ok;
+        return ok;
     case OPT_WINDOW:
         return parse_window(o, value);
     case OPT_SURFACE:
@@ -279,7 +287,8 @@ bool options_parse(struct options *options, int argc, char **argv) {
         options->command = argv[optind++];
     options->arguments = argv + optind;
     options->argument_count = argc - optind;
-    bool takes_many = options->command && strcmp(options->command, "upload") == 0;
+    bool takes_many = options->command && (strcmp(options->command, "upload") == 0 ||
+                                           strcmp(options->command, "convert") == 0);
     if (optind < argc)
         options->argument = argv[optind++];
     if (optind < argc && !takes_many) {

@@ -49,12 +49,14 @@ struct options {
     const char *url, *token; /* NULL = from the environment, else the default */
     const char *command;     /* NULL = none */
     const char *argument;    /* of the command: a path, id or name; NULL = none */
-    char **arguments;        /* of upload: all; the first is `argument` */
+    char **arguments;        /* of upload and convert: all; the first is `argument` */
     int argument_count;
     const char *id; /* of a camera path on the daemon, or of the volume to upload */
     const char *volume, *view, *out, *format, *backend, *gpu, *isa;
     const char *preset;            /* under the view; NULL = none */
     double camera[CAMERA_OPTIONS]; /* NAN = not given */
+    bool has_step;
+    unsigned step; /* of a time series */
     struct slice_options slice;
     struct layer_options layers;
     const char *projection; /* one of the names of compositing.mode; NULL = not given */

@@ -86,6 +86,11 @@ static bool set_camera(const struct options *options, proto_json *view) {
     return ok;
 }
 
+static bool set_step(const struct options *options, proto_json *view) {
+    proto_json *time = options->has_step ? object_of(view, "time") : NULL;
+    return !options->has_step || (time && proto_json_set_integer(time, "step", options->step));
+}
+
 static bool set_size(const struct options *options, proto_json *view) {
     if (!options->size[0])
         return true;
@@ -111,15 +116,30 @@ static bool set_projection(const struct options *options, proto_json *view) {
     return ok && window;
 }
 
+/* A window does nothing without a projection. */
+static bool check_window(const struct options *options, const proto_json *view,
+                         struct sp_error *err) {
+    static const char *const projections[] = { "maximum", "minimum", "mean", "sum" };
+    const char *mode = text_of(proto_json_get(view, "compositing"), "mode");
+    bool is_projection = isnan(options->window[0]);
+    for (int i = 0; i < 4; i++)
+        is_projection |= strcmp(mode, projections[i]) == 0;
+    return is_projection ||
+           sp_fail(err, SP_ERR_INVALID, "--window",
+                   "is the window of a projection: add --projection maximum, minimum, mean or sum");
+}
+
 proto_json *read_view(const struct options *options, struct http *http, struct sp_error *err) {
     proto_json *view = read_file(options, err);
     if (view && options->preset)
         view = add_preset(options->preset, http, view, err);
     if (view && (!set_camera(options, view) || !set_size(options, view) ||
-                 !set_projection(options, view))) {
+                 !set_step(options, view) || !set_projection(options, view))) {
         sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
         proto_json_free(&view);
     }
+    if (view && !check_window(options, view, err))
+        proto_json_free(&view);
     if (view && !layers_apply(&options->layers, view, err))
         proto_json_free(&view);
     return view;

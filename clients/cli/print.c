@@ -123,6 +123,13 @@ static void clean(char *text) {
             c[0] = c[1] = '?';
 }
 
+void print_warning(const char *volume, const char *text) {
+    char line[1024];
+    snprintf(line, sizeof line, "%s: %s", volume, text);
+    clean(line);
+    fprintf(stderr, "splatctl: warning: %s\n", line);
+}
+
 void table_add(struct table *table, const char *format, ...) {
     va_list args;
     char *cell = NULL;

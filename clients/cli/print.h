@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Text for people: indented JSON and tables whose columns line up in any script. Both print to
- * standard output.
+ * standard output, warnings to standard error.
  */
 #ifndef CLI_PRINT_H
 #define CLI_PRINT_H
@@ -11,6 +11,9 @@
 /* Prints the document with an indent of two spaces. An array or object that fits into a line stays
  * on that line, so that points and vectors read as one item. */
 bool print_indented(const proto_json *json, struct sp_error *err);
+
+/* Says on standard error what of a volume differs from its file. Control characters become "?". */
+void print_warning(const char *volume, const char *text);
 
 enum { TABLE_COLUMNS_MAX = 12 };
 

@@ -11,6 +11,11 @@ bool write_image(const struct options *options, const struct image *image, const
                  struct sp_error *err) {
     if (!output_write(options->out, image->bytes, image->size, err))
         return false;
+    if (image->is_incomplete)
+        fprintf(stderr,
+                "splatctl: %s: parts of the image are coarse, because finer samples of the "
+                "volume could not be read\n",
+                options->out);
     if (!options->json || strcmp(options->out, "-") == 0)
         return true;
     proto_json *report = proto_json_object();
@@ -53,6 +58,7 @@ static bool render_remote(const struct options *options, struct http *http, cons
     if (ok) {
         struct image image = { .bytes = response.body, .size = response.size };
         memcpy(image.backend, response.backend, sizeof image.backend);
+        image.is_incomplete = strcmp(response.complete, "false") == 0;
         memcpy(image.render_time, response.render_time, sizeof image.render_time);
         memcpy(image.splats, response.splats, sizeof image.splats);
         ok = write_image(options, &image, info->name, err);

@@ -6,6 +6,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #include "cli/commands.h"
 #include "cli/output.h"
@@ -58,11 +59,13 @@ static bool make_query(struct query *query, const struct options *options, struc
                        const char *path, const char *format, struct sp_error *err) {
     const struct slice_options *slice = &options->slice;
     const char *axis = axis_of(slice->axis);
-    char size[32];
+    char size[32], step[16];
+    snprintf(step, sizeof step, "%u", options->step);
     snprintf(size, sizeof size, "%u,%u", options->size[0], options->size[1]);
     bool needs_middle = axis && !slice->index;
     return add(query, http, "format", format, err) && add(query, http, "axis", axis, err) &&
            add(query, http, "index", slice->index, err) &&
+           add(query, http, "step", options->has_step ? step : NULL, err) &&
            (!needs_middle || add_middle(query, http, path, axis, err)) &&
            add(query, http, "origin", slice->origin, err) &&
            add(query, http, "normal", slice->normal, err) &&
@@ -70,6 +73,22 @@ static bool make_query(struct query *query, const struct options *options, struc
            add(query, http, "spacing", slice->spacing, err) &&
            add(query, http, "window", slice->window, err) &&
            add(query, http, "size", options->size[0] ? size : NULL, err);
+}
+
+/* Asks again while the daemon loads the time step. */
+static bool get(const struct options *options, struct http *http, const char *path,
+                struct http_response *response, struct sp_error *err) {
+    enum { CONFLICT = 409, PAUSE_MS = 200 };
+    for (unsigned waited_ms = 0;; waited_ms += PAUSE_MS) {
+        if (http_request(http, "GET", path, "*/*", NULL, response, err))
+            return true;
+        if (response->status != CONFLICT || !response->retry_after[0] ||
+            waited_ms / 1000 >= options->timeout_s)
+            return false;
+        http_response_finish(response);
+        *response = (struct http_response){ 0 };
+        nanosleep(&(struct timespec){ .tv_nsec = PAUSE_MS * 1000000L }, NULL);
+    }
 }
 
 static bool fetch_slice(const struct options *options, struct http *http, const char *format,
@@ -83,7 +102,7 @@ static bool fetch_slice(const struct options *options, struct http *http, const 
         path = NULL;
         ok = sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
     }
-    ok = ok && http_request(http, "GET", path, "*/*", NULL, &response, err) &&
+    ok = ok && get(options, http, path, &response, err) &&
          output_write(options->out, response.body, response.size, err);
     http_response_finish(&response);
     free(path);

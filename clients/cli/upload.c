@@ -225,7 +225,9 @@ static proto_json *upload_all(struct http *http, const struct options *options,
 /* True for a header that has no samples of its own. */
 static bool is_header(const char *path) {
     const char *dot = strrchr(path, '.');
-    return dot && (strcasecmp(dot, ".nhdr") == 0 || strcasecmp(dot, ".json") == 0);
+    return dot && (strcasecmp(dot, ".nhdr") == 0 || strcasecmp(dot, ".json") == 0 ||
+                   strcasecmp(dot, ".mhd") == 0 || strcasecmp(dot, ".hdr") == 0 ||
+                   strcasecmp(dot, ".vgi") == 0);
 }
 
 int command_upload(const struct options *options, struct sp_error *err) {

@@ -28,7 +28,8 @@
 struct sp_capabilities {
     uint32_t projections, filters, kernels, compositings, attenuations;
     uint32_t orders, shadings, levels_of_detail;
-    uint32_t layers; /* types of layers besides the volume; the same holds as for the next fields */
+    uint32_t layers; /* types of layers besides the volume. With "auto" another backend draws views
+                        with other types. */
     bool gradient_axis; /* transfer_function.gradient */
     /* Sheets that are classified after interpolation. Without it render() fails with
      * SP_ERR_UNSUPPORTED for them, so that with "auto" another backend draws them. */
@@ -61,6 +62,9 @@ struct sp_backend_job {
     struct sp_volume *volume;   /* the caller's reference, until the frame is finished */
     const struct sp_view *view; /* its transfer_function.order is never SP_TF_AUTO, its
                                    layers are those that are visible, possibly none */
+    /* By layer of the view: the volume whose elements it shows, the caller's reference or `volume`;
+     * NULL for layers of other types. */
+    struct sp_volume *shown[SP_LAYERS_MAX];
     /* If the frame shows a part of the volume, the clip of the whole one, which casts its shadows;
      * NULL = the view's. */
     const struct sp_clip *light_clip;

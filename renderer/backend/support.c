@@ -90,27 +90,37 @@ static bool check_sheets(const struct sp_backend *backend, bool is_alone, const 
                    backend->entry.name);
 }
 
-/* True unless a layer needs a backend that may not draw. */
-static bool check_layers(const struct sp_backend *backend, bool is_alone, const struct sp_view *v,
-                         struct sp_error *err) {
-    const bool is_projection = sp_compositing_is_projection(v->compositing.mode);
+bool sp_support_check_layers(const struct sp_backend *backend, const struct sp_view *v,
+                             struct sp_error *err) {
     char place[32];
     for (uint32_t i = 0; i < v->layer_count; i++) {
         const struct sp_layer *layer = &v->layers[i];
-        bool can_draw = backend->capabilities.layers & SP_CAN(layer->type) || !is_alone;
-        if (layer->type == SP_LAYER_VOLUME || !layer->visible || (can_draw && !is_projection))
+        if (layer->type == SP_LAYER_VOLUME || !layer->visible ||
+            backend->capabilities.layers & SP_CAN(layer->type))
             continue;
         snprintf(place, sizeof place, "/layers/%u/type", i);
-        if (is_projection)
-            return sp_fail(err, SP_ERR_UNSUPPORTED, place,
-                           "a projection shows the volume alone: hide the layer, or set "
-                           "compositing.mode to \"sheet\" or \"slab\"");
         return sp_fail(err, SP_ERR_UNSUPPORTED, place,
                        "the %s backend does not draw layers of this type: remove the layer, or "
                        "start with backend \"auto\" or \"cpu\"",
                        backend->entry.name);
     }
     return true;
+}
+
+/* True unless a layer needs a backend that may not draw. */
+static bool check_layers(const struct sp_backend *backend, bool is_alone, const struct sp_view *v,
+                         struct sp_error *err) {
+    char place[32];
+    for (uint32_t i = 0; i < v->layer_count && sp_compositing_is_projection(v->compositing.mode);
+         i++) {
+        if (v->layers[i].type == SP_LAYER_VOLUME || !v->layers[i].visible)
+            continue;
+        snprintf(place, sizeof place, "/layers/%u/type", i);
+        return sp_fail(err, SP_ERR_UNSUPPORTED, place,
+                       "a projection shows the volume alone: hide the layer, or set "
+                       "compositing.mode to \"sheet\" or \"slab\"");
+    }
+    return !is_alone || sp_support_check_layers(backend, v, err);
 }
 
 /* True unless the view needs ambient occlusion or a shadow and no backend may draw it. */

@@ -17,4 +17,8 @@ bool sp_support_check(const struct sp_backend *backend, const struct sp_view *vi
 bool sp_support_check_kind(const struct sp_backend *backend, bool is_alone,
                            const struct sp_view *view, struct sp_error *err);
 
+/* Checks that the backend draws all visible layers by itself. */
+bool sp_support_check_layers(const struct sp_backend *backend, const struct sp_view *view,
+                             struct sp_error *err);
+
 #endif

@@ -120,6 +120,10 @@ static inline sp_wide_mask sp_wide_eq(sp_wide a, sp_wide b) {
 static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
     return _mm512_cmplt_epi32_mask((__m512i)a, (__m512i)b);
 }
+
+static inline sp_wide_mask sp_wide_int_eq(sp_wide_int a, sp_wide_int b) {
+    return _mm512_cmpeq_epi32_mask((__m512i)a, (__m512i)b);
+}
 #else
 static inline sp_wide_mask sp_wide_lt(sp_wide a, sp_wide b) {
     return a < b;
@@ -135,6 +139,10 @@ static inline sp_wide_mask sp_wide_eq(sp_wide a, sp_wide b) {
 
 static inline sp_wide_mask sp_wide_int_lt(sp_wide_int a, sp_wide_int b) {
     return a < b;
+}
+
+static inline sp_wide_mask sp_wide_int_eq(sp_wide_int a, sp_wide_int b) {
+    return a == b;
 }
 #endif
 

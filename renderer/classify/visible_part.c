@@ -9,6 +9,7 @@
 #include "base/vec.h"
 #include "classify/gradient.h"
 #include "classify/transfer.h"
+#include "volume/elements.h"
 #include "volume/grid.h"
 #include "volume/sample.h"
 
@@ -460,6 +461,24 @@ static bool find(const struct sp_view *view, const struct sp_volume *volume, uin
     return ok;
 }
 
+/* The core of the volume's elements, if a visible layer shows them. */
+static void find_elements(const struct sp_view *view, const struct sp_volume *volume,
+                          struct sp_visible_part *part) {
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    double low[3], high[3];
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        part->is_visible =
+            part->is_visible || (view->layers[i].visible &&
+                                 view->layers[i].type >= SP_LAYER_POINTS && !view->layers[i].id[0]);
+    if (!part->is_visible || !sp_elements_core(sp_volume_elements(volume), low, high))
+        return;
+    for (int a = 0; a < 3; a++) {
+        low[a] -= grid->origin[a];
+        high[a] -= grid->origin[a];
+    }
+    set_box(grid, low, high, part);
+}
+
 bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volume *volume,
                                struct sp_visible_part *part, struct sp_error *err) {
     bool is_missed;
@@ -467,6 +486,10 @@ bool sp_view_find_visible_part(const struct sp_view *view, const struct sp_volum
     set_whole(&sp_volume_info(volume)->grid, part);
     if (sp_view_draws_slices(view)) {
         part->is_visible = true;
+        return true;
+    }
+    if (sp_volume_elements(volume)) {
+        find_elements(view, volume, part);
         return true;
     }
     if (find(view, volume, SIDE, &is_missed, part) &&

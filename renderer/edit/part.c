@@ -12,7 +12,7 @@
 enum { GONE = 1, KEPT = 2 };
 
 struct part {
-    const struct sp_edited *edited;
+    struct sp_edited *edited;
     const struct sp_edit *edit;
     struct sp_mask all;  /* samples in the range */
     struct sp_mask mine; /* of these, the part; then with the samples beside it */
@@ -33,18 +33,19 @@ static void widen(struct part *part) {
 static void remove_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct part *part = user;
     const uint32_t *dims = part->all.dims;
+    uint64_t holes = 0;
     (void)worker;
     for (size_t row = begin; row < end; row++) {
         const uint64_t *bits =
             sp_mask_row(&part->mine, (uint32_t)(row % dims[1]), (uint32_t)(row / dims[1]));
         for (uint32_t x = 0; x < dims[0]; x++)
             if ((bits[x / 64] >> x % 64 & 1) != (part->edit->keep == SP_KEEP_INSIDE))
-                sp_edited_keep(part->edited, row * dims[0] + x, 0);
+                holes += sp_edited_keep(part->edited, row * dims[0] + x, 0);
     }
+    atomic_fetch_add(&part->edited->holes, holes);
 }
 
-bool sp_edit_part(const struct sp_edited *edited, const struct sp_edit *edit,
-                  struct sp_error *err) {
+bool sp_edit_part(struct sp_edited *edited, const struct sp_edit *edit, struct sp_error *err) {
     const uint32_t *dims = edited->info->grid.dims;
     struct part part = { .edited = edited, .edit = edit };
     bool is_found;

@@ -8,7 +8,7 @@
 /* A cut: its shape, ready for samples. Distances are world units, above 0 on the side that stays.
  */
 struct cut {
-    const struct sp_edited *edited;
+    struct sp_edited *edited;
     const struct sp_edit *edit;
     struct sp_vec3 normal;  /* plane: unit length */
     double offset;          /* plane */
@@ -16,7 +16,7 @@ struct cut {
     struct sp_vec3 step[3]; /* from sample to sample (their mean) */
 };
 
-static void init_cut(struct cut *cut, const struct sp_edited *edited, const struct sp_edit *edit) {
+static void init_cut(struct cut *cut, struct sp_edited *edited, const struct sp_edit *edit) {
     const struct sp_grid *grid = &edited->info->grid;
     double largest =
         fmax(fabs(edit->normal[0]), fmax(fabs(edit->normal[1]), fabs(edit->normal[2])));
@@ -76,6 +76,7 @@ static void cut_rows(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sp_grid *grid = &cut->edited->info->grid;
     const struct sp_edit *edit = cut->edit;
     bool keeps_inside = edit->type == SP_EDIT_PLANE || edit->keep == SP_KEEP_INSIDE;
+    uint64_t holes = 0;
     (void)worker;
     for (size_t row = begin; row < end; row++) {
         const uint32_t y = (uint32_t)(row % grid->dims[1]), z = (uint32_t)(row / grid->dims[1]);
@@ -89,12 +90,13 @@ static void cut_rows(void *user, size_t begin, size_t end, unsigned worker) {
             double depth = depth_in(cut, along, world);
             double share = 0.5 + (keeps_inside ? depth : -depth);
             if (share < 1)
-                sp_edited_keep(cut->edited, row * grid->dims[0] + x, fmax(share, 0));
+                holes += sp_edited_keep(cut->edited, row * grid->dims[0] + x, fmax(share, 0));
         }
     }
+    atomic_fetch_add(&cut->edited->holes, holes);
 }
 
-void sp_edit_cut(const struct sp_edited *edited, const struct sp_edit *edit) {
+void sp_edit_cut(struct sp_edited *edited, const struct sp_edit *edit) {
     const uint32_t *dims = edited->info->grid.dims;
     struct cut cut;
     init_cut(&cut, edited, edit);

@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include "first/elements.h"
 #include "first/frame.h"
 #include "first/transfer.h"
 #include "volume/sample.h"
@@ -62,6 +63,10 @@ void sp_view_choose(struct sp_view *view, const struct sp_volume *volume, const 
     struct sp_transfer_function *tf = &view->transfer_function;
     double extinction[SP_FIRST_BINS];
     sp_view_init(view, sp_volume_info(volume), id);
+    if (sp_volume_elements(volume)) {
+        sp_first_elements(volume, view);
+        return;
+    }
     if (!sp_first_samples_take(&samples, volume, NULL, NULL))
         return;
     bool values_matter = sp_first_transfer(&samples, tf);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "volume/anatomy.h"
+#include "volume/grid.h"
 
 /* Opacity of one taken sample, by bin. */
 static void find_opacity(const struct sp_first_samples *s, const double extinction[SP_FIRST_BINS],
@@ -99,6 +100,16 @@ static void measure_shape(const struct sp_first_samples *s, const double extinct
                 sum += p.layer[a][side ? ends[1] - i : ends[0] + i];
             shape->end[a][side] = p.total > 0 ? sum / depth / (p.total / n) : 0;
         }
+    }
+}
+
+/* The size of the grid, whatever its samples are. */
+static void measure_grid(const struct sp_grid *grid, struct shape *shape) {
+    *shape = (struct shape){ 0 };
+    for (unsigned a = 0; a < 3; a++) {
+        double extent[2];
+        sp_grid_extent(grid, a, extent);
+        shape->size[a] = extent[1] - extent[0];
     }
 }
 
@@ -223,13 +234,17 @@ struct sp_first_orientation sp_first_orient(const struct sp_first_samples *s,
                                             const double extinction[SP_FIRST_BINS]) {
     struct sp_first_orientation o;
     struct shape shape;
-    measure_shape(s, extinction, &shape);
+    bool has_fields = s->info->others[0][0] != 0; /* the same camera shows each of them */
+    if (has_fields)
+        measure_grid(&s->info->grid, &shape);
+    else
+        measure_shape(s, extinction, &shape);
     unsigned axis = find_flat_axis(&shape);
     if (orient_patient(s, axis, &o))
         return o;
     if (axis < 3)
         return orient_flat(s, axis);
-    if (!sp_anatomy_is_plain_stack(s->info))
+    if (has_fields || !sp_anatomy_is_plain_stack(s->info))
         return orient_world();
     const double *spacing = s->info->grid.spacing;
     bool is_scan = spacing[2] != spacing[0] && spacing[0] == spacing[1];

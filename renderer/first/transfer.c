@@ -167,17 +167,63 @@ static void measure_classes(const struct sp_first_samples *s, struct classes *c)
 
 enum { HALF = 3 }; /* bins on each side that smooth a histogram */
 
+static double smooth_count(const uint64_t histogram[BINS], unsigned bin) {
+    double sum = 0;
+    for (unsigned b = bin > HALF ? bin - HALF : 0; b <= bin + HALF && b < BINS; b++)
+        sum += (double)histogram[b];
+    return sum;
+}
+
 /* The end of a peak that falls at `bin`, before `limit`: noise of the surroundings. */
 static unsigned leave_peak(const uint64_t histogram[BINS], unsigned bin, unsigned limit) {
     double last = INFINITY;
     for (; bin < limit; bin++) {
-        double sum = 0;
-        for (unsigned b = bin > HALF ? bin - HALF : 0; b <= bin + HALF && b < BINS; b++)
-            sum += (double)histogram[b];
+        double sum = smooth_count(histogram, bin);
         if (last < INFINITY && !(last > 1.15 * sum))
             break;
         last = sum;
     }
+    return bin;
+}
+
+/* A floor covers at least this share of a face, with values that are this many times as frequent
+ * there as in the volume: it is thinner than a fifth of the volume. An object that a face cuts has
+ * its values inside as well. */
+static const double floor_share = 0.15, floor_excess = 5;
+
+/* The end of the values of a floor: of a slab or table along a face. Without a floor, and if its
+ * values go on up to `limit`, where those of the object are, the result is `bin`. */
+static unsigned leave_floor(const struct sp_first_samples *s, unsigned bin, unsigned limit) {
+    double volume = (double)total_of(s->histogram);
+    unsigned end = bin;
+    for (int f = 0; f < 6; f++) {
+        double face = (double)total_of(s->faces[f]), share = 0;
+        unsigned b = bin;
+        for (; face > 0 && b < limit; b++) {
+            double excess = smooth_count(s->faces[f], b) / face -
+                            floor_excess * smooth_count(s->histogram, b) / volume;
+            if (excess <= 0 && share > 0)
+                break;
+            share += excess > 0 ? (double)s->faces[f][b] / face : 0;
+        }
+        if (share >= floor_share && b < limit && b > end)
+            end = b;
+    }
+    return end;
+}
+
+/* Less than this share of the highest count of a class is no matter but blurred edges. */
+static const double edge_share = 0.05;
+
+/* Where the matter of the class [bin, end) begins, at most at `limit`. Below lie values of edges.
+ * The object shows without them; the thin plates of a holder have no others. */
+static unsigned leave_edges(const uint64_t histogram[BINS], unsigned bin, unsigned limit,
+                            unsigned end) {
+    double most = 0;
+    for (unsigned b = bin; b < end; b++)
+        most = fmax(most, smooth_count(histogram, b));
+    while (bin < limit && smooth_count(histogram, bin) < edge_share * most)
+        bin++;
     return bin;
 }
 
@@ -190,8 +236,11 @@ static void find_classes(const struct sp_first_samples *s, struct classes *c) {
         split_histogram(s->histogram, (unsigned)top + 1, BINS, CLASSES - 1, c->cut + 1);
     if (top == MASKED)
         c->cut[1] = 0;
-    if (top >= 0)
-        c->cut[1] = leave_peak(s->histogram, c->cut[1], (c->cut[1] + c->cut[2]) / 2);
+    if (top >= 0) {
+        unsigned limit = (c->cut[1] + c->cut[2]) / 2;
+        unsigned first = leave_floor(s, leave_peak(s->histogram, c->cut[1], limit), limit);
+        c->cut[1] = leave_edges(s->histogram, first, limit, c->cut[2]);
+    }
     if (top == FULL) { /* show the highest values */
         c->cut[1] = c->cut[2];
         c->cut[2] = (c->cut[1] + c->cut[3]) / 2;

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "frame/fragments.h"
 
+#include <math.h>
 #include <string.h>
 
 void sp_fragment_tile_clear(struct sp_fragment_tile *tile, int x, int y) {
@@ -17,25 +18,45 @@ static void merge(struct sp_fragment *front, const struct sp_fragment *behind) {
     front->alpha += through * behind->alpha;
 }
 
-void sp_fragment_add(struct sp_fragment_tile *tile, int pixel, const struct sp_fragment *fragment) {
+/* An error is smaller if it is by this factor: where errors are equal but for rounding, all
+ * backends choose the first. */
+#define CLEARLY 0.999f
+
+/* Returns the index of the pair of neighbours to merge: the pair with the smallest error. Matter of
+ * other layers between the two is then seen through both of them, or through neither. */
+static int find_pair(const struct sp_fragment *list, int count) {
+    float through = 1, least = INFINITY;
+    int found = count - 2;
+    for (int i = 0; i + 1 < count; i++) {
+        through *= 1 - list[i].alpha;
+        float error = through * list[i + 1].alpha * (list[i + 1].depth - list[i].depth);
+        if (error < CLEARLY * least) {
+            least = error;
+            found = i;
+        }
+    }
+    return found;
+}
+
+void sp_fragment_insert(struct sp_fragment_tile *tile, int pixel,
+                        const struct sp_fragment *fragment) {
     struct sp_fragment *list = tile->list[pixel];
     int count = tile->count[pixel], at = count;
-    if (!(fragment->alpha > 0))
-        return;
     while (at > 0 && fragment->depth < list[at - 1].depth)
         at--;
-    if (count == SP_FRAGMENTS_MAX) {
-        if (at == count) {
-            merge(&list[count - 1], fragment);
-            return;
-        }
-        merge(&list[count - 2], &list[count - 1]);
-        count--;
-        at = at < count ? at : count;
+    if (at == SP_FRAGMENTS_MAX) {
+        merge(&list[at - 1], fragment);
+        return;
     }
-    memmove(&list[at + 1], &list[at], (size_t)(count - at) * sizeof *list);
+    memmove(list + at + 1, list + at, (size_t)(count - at) * sizeof *list);
     list[at] = *fragment;
-    tile->count[pixel] = (uint8_t)(count + 1);
+    if (count < SP_FRAGMENTS_MAX) {
+        tile->count[pixel] = (uint8_t)(count + 1);
+        return;
+    }
+    int pair = find_pair(list, count + 1);
+    merge(&list[pair], &list[pair + 1]);
+    memmove(list + pair + 1, list + pair + 2, (size_t)(count - pair - 1) * sizeof *list);
 }
 
 bool sp_fragments_init(struct sp_fragments *fragments, const uint32_t size[2],

@@ -21,7 +21,7 @@
 enum {
     SP_FRAGMENT_TILE = 32, /* px, both ways */
     SP_FRAGMENT_PIXELS = SP_FRAGMENT_TILE * SP_FRAGMENT_TILE,
-    SP_FRAGMENTS_MAX = 16 /* per pixel; more are merged into the last one */
+    SP_FRAGMENTS_MAX = 16 /* per pixel; of more, neighbours are merged */
 };
 
 struct sp_fragment {
@@ -34,7 +34,7 @@ struct sp_fragment {
 struct sp_fragment_tile {
     int x, y;                          /* of its corner in the image [px] */
     uint8_t count[SP_FRAGMENT_PIXELS]; /* by pixel, row by row */
-    struct sp_fragment list[SP_FRAGMENT_PIXELS][SP_FRAGMENTS_MAX];
+    struct sp_fragment list[SP_FRAGMENT_PIXELS][SP_FRAGMENTS_MAX + 1]; /* the last one: scratch */
 };
 
 /* The fragments of an image. */
@@ -48,10 +48,27 @@ struct sp_fragments {
 /* Empties the tile whose corner is at (x, y). */
 void sp_fragment_tile_clear(struct sp_fragment_tile *tile, int x, int y);
 
+/* sp_fragment_add() of a pixel that is full, or has fragments behind that one. */
+void sp_fragment_insert(struct sp_fragment_tile *tile, int pixel,
+                        const struct sp_fragment *fragment);
+
 /* Adds a fragment to pixel number `pixel` of the tile, in order of depth; behind those of equal
- * depth. Fragments without alpha are dropped. If the pixel is full, its two farthest fragments
- * become one. */
-void sp_fragment_add(struct sp_fragment_tile *tile, int pixel, const struct sp_fragment *fragment);
+ * depth. Fragments without alpha are dropped. If the pixel is full, one behind all others joins the
+ * last one; for another, two neighbours become one at the depth of the first: those between which a
+ * further fragment would matter least. So what has few fragments is added first. */
+static inline void sp_fragment_add(struct sp_fragment_tile *tile, int pixel,
+                                   const struct sp_fragment *fragment) {
+    struct sp_fragment *list = tile->list[pixel];
+    const int count = tile->count[pixel];
+    if (!(fragment->alpha > 0))
+        return;
+    if (count == SP_FRAGMENTS_MAX || (count && fragment->depth < list[count - 1].depth)) {
+        sp_fragment_insert(tile, pixel, fragment);
+        return;
+    }
+    list[count] = *fragment;
+    tile->count[pixel] = (uint8_t)(count + 1);
+}
 
 /* Puts a fragment behind `rgbt`: premultiplied red, green, blue, transmittance. */
 static inline void sp_fragment_over(const struct sp_fragment *fragment, float rgbt[4]) {
@@ -71,14 +88,24 @@ uint32_t sp_fragment_tile_count(const struct sp_fragment_tile *tile);
 void sp_fragments_store(struct sp_fragments *fragments, const struct sp_fragment_tile *tile,
                         uint32_t *first, struct sp_fragment *list);
 
+/* Where the fragments of a pixel of the image start in *list; those of the pixels right of it in
+ * the same tile follow. NULL = the tile has no fragments. */
+static inline const uint32_t *sp_fragments_row(const struct sp_fragments *fragments, int x, int y,
+                                               const struct sp_fragment **list) {
+    const unsigned side = SP_FRAGMENT_TILE, right = (unsigned)x, down = (unsigned)y;
+    const unsigned tile = down / side * (unsigned)fragments->columns + right / side;
+    const uint32_t *first = fragments->first[tile];
+    *list = fragments->list[tile];
+    return first ? first + down % side * side + right % side : NULL;
+}
+
 /* The fragments of a pixel of the image, and how many there are. */
 static inline const struct sp_fragment *sp_fragments_at(const struct sp_fragments *fragments, int x,
                                                         int y, uint32_t *count) {
-    int tile = y / SP_FRAGMENT_TILE * fragments->columns + x / SP_FRAGMENT_TILE;
-    int pixel = y % SP_FRAGMENT_TILE * SP_FRAGMENT_TILE + x % SP_FRAGMENT_TILE;
-    const uint32_t *first = fragments->first[tile];
-    *count = first ? first[pixel + 1] - first[pixel] : 0;
-    return first ? fragments->list[tile] + first[pixel] : NULL;
+    const struct sp_fragment *list;
+    const uint32_t *first = sp_fragments_row(fragments, x, y, &list);
+    *count = first ? first[1] - first[0] : 0;
+    return first ? list + first[0] : NULL;
 }
 
 #endif

@@ -2,6 +2,7 @@
 #include "import/format.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <string.h>
@@ -36,6 +37,37 @@ void import_header_init(struct import_header *header) {
     }
 }
 
+bool import_header_use_steps(struct import_header *header, const struct import_file *file,
+                             uint64_t count, struct sp_error *err) {
+    if (count > SP_STEPS_MAX)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "%" PRIu64 " time steps; a series has up to %u", count, SP_STEPS_MAX);
+    header->steps.count = (uint32_t)count;
+    return file->step < count ||
+           sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+                   "there is no time step %" PRIu32 "; the last one is %" PRIu64, file->step,
+                   count - 1);
+}
+
+void import_header_use_interval(struct import_header *header, double first, double interval,
+                                const char *unit) {
+    if (!isfinite(first) || !isfinite(interval) || !(interval > 0))
+        return;
+    header->steps.first = first;
+    header->steps.interval = interval;
+    snprintf(header->steps.unit, sizeof header->steps.unit, "%.*s", SP_UNIT_BYTES - 1, unit);
+}
+
+void import_header_use_elements(struct import_header *header,
+                                const struct sp_elements_shape *shape) {
+    import_header_init(header);
+    for (int axis = 0; axis < 3; axis++)
+        header->grid.dims[axis] = 1;
+    header->elements = *shape;
+    header->type = SP_FLOAT32;
+    header->bytes = sizeof(float);
+}
+
 void import_name(char out[SP_FIELD_BYTES], const char *name) {
     size_t n = strlen(name);
     if (n >= SP_FIELD_BYTES)
@@ -50,10 +82,51 @@ void import_header_add_vectors(struct import_header *header, const char *name) {
     import_name(header->vector_name, name);
 }
 
-void import_header_use_lengths(struct import_header *header) {
-    header->samples_are_lengths = true;
-    header->type = SP_FLOAT32;
-    import_name(header->value_name, "magnitude");
+static void add_name(char (*list)[SP_FIELD_BYTES], int capacity, const char *name) {
+    char own[SP_FIELD_BYTES] = "";
+    import_name(own, name);
+    for (int i = 0; i < capacity && own[0]; i++) {
+        if (strcmp(list[i], own) == 0)
+            return;
+        if (!list[i][0]) {
+            memcpy(list[i], own, sizeof own);
+            return;
+        }
+    }
+}
+
+void import_header_add_other(struct import_header *header, const char *name) {
+    add_name(header->others, SP_OTHER_FIELDS_MAX, name);
+}
+
+void import_header_add_other_vectors(struct import_header *header, const char *name) {
+    add_name(header->other_vectors, SP_OTHER_VECTORS_MAX, name);
+}
+
+static void name_component(char out[SP_FIELD_BYTES], unsigned number, bool is_color) {
+    static const char *const colors[] = { "red", "green", "blue", "alpha" };
+    if (is_color && number < 4)
+        snprintf(out, SP_FIELD_BYTES, "%s", colors[number]);
+    else
+        snprintf(out, SP_FIELD_BYTES, "component %u", number + 1);
+}
+
+unsigned import_header_choose_component(struct import_header *header, const char *wanted,
+                                        unsigned count, bool are_colors) {
+    unsigned chosen = 0;
+    char name[SP_FIELD_BYTES];
+    for (unsigned i = 0; i < count; i++) {
+        name_component(name, i, are_colors);
+        if (strcmp(name, wanted) == 0)
+            chosen = i;
+    }
+    name_component(header->value_name, chosen, are_colors);
+    for (unsigned i = 0; i < count; i++) {
+        name_component(name, i, are_colors);
+        if (i != chosen)
+            import_header_add_other(header, name);
+    }
+    return chosen;
 }
 
 void import_report(const struct import_progress *progress, uint64_t bytes) {

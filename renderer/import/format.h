@@ -5,23 +5,32 @@
  *
  *   launch.c (parent) ─► splat-import ─► probe ─► open (header) ─► read (samples) ─► memfd
  *
- * launch.c, load.c, handover.c and confine.c are part of the parent. Everything else, and every
- * format library, runs only in the child. A reader checks its input and names file, field and byte
- * in its errors. If it crashes, only the child dies.
+ * launch.c, place.c, load.c, handover.c and confine.c are part of the parent. Everything else, and
+ * every format library, runs only in the child. A reader checks its input and names file, field and
+ * byte in its errors. If it crashes, only the child dies.
  */
 #ifndef SP_IMPORT_FORMAT_H
 #define SP_IMPORT_FORMAT_H
 
 #include <limits.h>
 
-#include "sp/volume.h"
+#include "import/warnings.h"
 
 struct import_file {
-    int fd;             /* readable, at byte 0; owned by the caller */
-    uint64_t size;      /* bytes */
-    const char *shown;  /* the name in errors */
-    const char *root;   /* resolved; other files are opened only below this folder */
-    const char *folder; /* resolved folder of this file; relative names start here */
+    int fd;                           /* readable, at byte 0; owned by the caller */
+    uint64_t size;                    /* bytes */
+    const char *shown;                /* the name in errors */
+    const char *root;                 /* resolved; other files are opened only below this folder */
+    const char *folder;               /* resolved folder of this file; relative names start here */
+    const char *field, *vectors;      /* what to read; "" = the reader chooses */
+    struct import_warnings *warnings; /* for import_warn(), at any time until close(); NULL = they
+                                         are lost */
+    /* Of the time series of files that this one belongs to, the pattern of their names
+     * (numbered.h); "" = only this file is read. */
+    const char *series;
+    uint32_t step; /* of a time series, from 0 */
+    int level; /* of detail, for formats that have several: 0 = the finest, −1 = the reader chooses
+                */
 };
 
 /* How a file stores a number. The kind and the size in bytes (1, 2, 4, 8; 4 or 8 for FLOAT). */
@@ -30,16 +39,45 @@ struct import_number {
     size_t size;
 };
 
+/* Samples that are not in the file, but come from its vectors (derived.h). */
+enum import_derived { IMPORT_NOT_DERIVED, IMPORT_LENGTH, IMPORT_X, IMPORT_Y, IMPORT_Z };
+
+/* The time series of a file. A reader that knows no time leaves all zero. */
+struct import_steps {
+    uint32_t count; /* 0 = 1 */
+    /* The time of each step: times[i], or first + i·interval; interval 0 = unknown. The reader owns
+     * the times until close(). */
+    const double *times;
+    double first, interval;
+    char unit[SP_UNIT_BYTES];
+};
+
 struct import_header {   /* result of open() */
     struct sp_grid grid; /* the reader owns its coordinates until close() */
+    struct import_steps steps;
+    bool took_folder; /* the volume has all files of the folder that belong to the file */
     enum sp_type type;
     char unit[SP_UNIT_BYTES];
-    char anatomy[4]; /* as in struct sp_volume_info */
-    uint64_t bytes;  /* of all samples */
+    char anatomy[4];             /* as in struct sp_volume_info */
+    uint64_t bytes;              /* of all samples */
+    uint32_t level, level_count; /* of detail: the one that is read, and how many there are */
+    /* Not of kind SP_KIND_GRID: the file has elements, and open() leaves the grid, type and bytes
+     * to import_header_use_elements(). */
+    struct sp_elements_shape elements;
+    bool has_factors; /* of points: the file gives factors and volumes; else the neighbours do */
+    /* Of points: they are the nodes of curvilinear grids, which give factors and volumes. The dims
+     * of each, whose nodes follow one another; their products add up to the number of points. The
+     * reader owns them until close(). */
+    const uint32_t (*blocks)[3];
+    uint32_t block_count; /* 0 = the points are no nodes */
+    bool has_normals;     /* of a mesh: the file gives them; else the triangles do */
     bool has_vectors;
-    bool samples_are_lengths; /* the file has vectors only */
+    enum import_derived derived; /* how the samples come from the vectors */
     double frame[3][3]; /* columns: the axes of the file's vectors, along the axes of the world */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* as in struct sp_volume_info */
+    char value_unit[SP_UNIT_BYTES];
+    char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];         /* the same */
+    char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES]; /* the same */
 };
 
 struct import_progress {
@@ -50,21 +88,41 @@ struct import_progress {
 
 struct import_format {
     const char *name;
-    /* True if the first bytes or the name of the file identify this format. */
+    bool needs_module; /* module.h */
+    /* True if the first bytes or the name of the file identify this format. With the name "" the
+     * bytes alone do, beyond doubt. */
     bool (*probe)(const uint8_t *start, size_t size, const char *shown);
     /* Reads the header. Returns a reader for the calls below, or NULL with *err set. *file must
      * stay valid until close(). The grid has passed sp_grid_check(). */
     void *(*open)(const struct import_file *file, struct import_header *header,
                   struct sp_error *err);
     /* Reads all samples, i0 fastest, native byte order, into header->bytes of memory; the vectors
-     * into `vectors`, which is NULL if there are none. Leaves samples that are lengths and the
-     * frame to import_vectors_finish(). */
+     * into `vectors`, which is NULL if there are none. Leaves samples that come from them and the
+     * frame to import_vectors_finish(). NULL = the format has elements only. */
     bool (*read)(void *reader, void *voxels, float (*vectors)[3],
                  const struct import_progress *progress, struct sp_error *err);
+    /* Reads all elements into the arrays, which are zero before; NULL = the format has none.
+     * Factors, volumes and normals that the file does not give are left to
+     * import_elements_finish(). */
+    bool (*read_elements)(void *reader, const struct sp_elements *elements,
+                          const struct import_progress *progress, struct sp_error *err);
     void (*close)(void *reader);
 };
 
-extern const struct import_format import_nrrd, import_raw, import_tiff, import_vtk, import_vtk_xml;
+/* Finds the format of a file by its first bytes and its name. NULL with *err set. */
+const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
+                                               struct sp_error *err);
+
+/* True if a format that may suit the file needs a module. */
+bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
+
+/* The time series of the files that file->series names. */
+extern const struct import_format import_series;
+
+extern const struct import_format import_collection, import_csv, import_dicom, import_image,
+    import_image_stack, import_mesh, import_metaimage, import_nifti, import_nrrd, import_plot3d,
+    import_ply, import_pvm, import_raw, import_spz, import_tiff, import_tiff_stack, import_vdb,
+    import_vtk, import_vtk_xml, import_zarr, import_hdf5, import_netcdf, import_amira, import_vol;
 
 /* Writes the folder of this program, without a trailing slash, and returns it; "" if it is unknown.
  */
@@ -79,15 +137,37 @@ __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enu
                                                        const char *shown, uint64_t byte,
                                                        const char *field, const char *format, ...);
 
+/* Says that the file has `count` steps in time. Fails if the step of `file` is not one of them. */
+bool import_header_use_steps(struct import_header *header, const struct import_file *file,
+                             uint64_t count, struct sp_error *err);
+
+/* Says that they are `interval` [unit] apart from each other. An interval that is not positive, or
+ * no number, means that the times are unknown. */
+void import_header_use_interval(struct import_header *header, double first, double interval,
+                                const char *unit);
+
 /* Sets spacing 1, origin 0, identity direction, even axes, and vectors along the axes of the world;
  * keeps everything else. */
 void import_header_init(struct import_header *header);
 
+/* Sets the grid, type and size of a file that has elements. */
+void import_header_use_elements(struct import_header *header,
+                                const struct sp_elements_shape *shape);
+
 /* Adds vectors of this name, which may be any bytes. */
 void import_header_add_vectors(struct import_header *header, const char *name);
 
-/* Makes the lengths of the vectors the samples. */
-void import_header_use_lengths(struct import_header *header);
+/* Adds the name of scalars that are not read, unless it is empty, is there, or does not fit. */
+void import_header_add_other(struct import_header *header, const char *name);
+
+/* The same for vectors. */
+void import_header_add_other_vectors(struct import_header *header, const char *name);
+
+/* Makes one of the `count` components of each sample the samples: the one of the name `wanted`, or
+ * else the first. The others are listed. Up to four colours have the names of colours, other
+ * components numbers: "component 1" … Returns its number, from 0. */
+unsigned import_header_choose_component(struct import_header *header, const char *wanted,
+                                        unsigned count, bool are_colors);
 
 /* Copies the name of an array. Cuts it to SP_FIELD_BYTES − 1, not inside of a UTF-8 character. */
 void import_name(char out[SP_FIELD_BYTES], const char *name);

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "volume/anatomy.h"
+#include "volume/elements.h"
 #include "volume/volume.h"
 
 size_t sp_handover_size(enum sp_handover_kind kind) {
@@ -16,7 +17,7 @@ size_t sp_handover_size(enum sp_handover_kind kind) {
     case SP_HANDOVER_GO:
         return head + sizeof(uint64_t);
     case SP_HANDOVER_DONE:
-        return head;
+        return head + sizeof(struct sp_handover_done);
     case SP_HANDOVER_ERROR:
         return head + sizeof(struct sp_handover_error);
     }
@@ -30,7 +31,15 @@ void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind) {
     message->kind = (uint16_t)kind;
 }
 
-struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *header) {
+struct sp_elements_shape sp_handover_shape(const struct sp_handover_header *header) {
+    return (struct sp_elements_shape){ .kind = (enum sp_kind)header->kind,
+                                       .count = header->count,
+                                       .vertex_count = header->vertex_count,
+                                       .degree = header->degree };
+}
+
+/* The samples, vectors and coordinates. */
+static struct sp_handover_layout layout_of_grid(const struct sp_handover_header *header) {
     struct sp_handover_layout layout = { 0 };
     uint64_t voxels = header->bytes / sp_type_size((enum sp_type)header->type), vectors_at;
     layout.bytes = sp_volume_layout(header->bytes, voxels, header->has_vectors, &vectors_at);
@@ -43,6 +52,43 @@ struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *he
     return layout;
 }
 
+struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *header) {
+    const struct sp_elements_shape shape = sp_handover_shape(header);
+    struct sp_handover_layout layout = { 0 };
+    if (shape.kind == SP_KIND_GRID)
+        layout = layout_of_grid(header);
+    else
+        layout.bytes = sp_elements_bytes(&shape);
+    if (header->has_times) {
+        layout.times_at = (layout.bytes + sizeof(double) - 1) / sizeof(double) * sizeof(double);
+        layout.bytes = layout.times_at + header->steps * sizeof(double);
+    }
+    return layout;
+}
+
+void sp_handover_describe(const struct sp_handover_header *h, const struct sp_handover_done *done,
+                          struct sp_volume_info *info) {
+    memset(info, 0, sizeof *info);
+    memcpy(info->grid.dims, h->dims, sizeof h->dims);
+    memcpy(info->grid.spacing, h->spacing, sizeof h->spacing);
+    memcpy(info->grid.origin, h->origin, sizeof h->origin);
+    memcpy(info->grid.direction, h->direction, sizeof h->direction);
+    info->type = (enum sp_type)h->type;
+    info->elements = sp_handover_shape(h);
+    info->folded = done->folded;
+    memcpy(info->warnings, done->warnings, sizeof info->warnings);
+    info->steps.count = h->steps;
+    info->steps.index = h->step;
+    memcpy(info->steps.unit, h->time_unit, sizeof info->steps.unit);
+    memcpy(info->unit, h->unit, sizeof info->unit);
+    memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
+    memcpy(info->value_name, h->value_name, sizeof info->value_name);
+    memcpy(info->vector_name, h->vector_name, sizeof info->vector_name);
+    memcpy(info->value_unit, h->value_unit, sizeof info->value_unit);
+    memcpy(info->others, h->others, sizeof info->others);
+    memcpy(info->other_vectors, h->other_vectors, sizeof info->other_vectors);
+}
+
 /* True if the text ends with 0 within `capacity` bytes. Replaces control characters. */
 static bool clean_text(char *text, size_t capacity) {
     if (!memchr(text, 0, capacity))
@@ -51,6 +97,17 @@ static bool clean_text(char *text, size_t capacity) {
         if ((unsigned char)*c < 0x20 || *c == 0x7f)
             *c = '?';
     return true;
+}
+
+static bool check_elements(const struct sp_handover_header *header, const char *place,
+                           struct sp_error *err) {
+    const struct sp_elements_shape shape = sp_handover_shape(header);
+    const char *problem = header->kind >= SP_KIND_COUNT ? "elements of an unknown kind"
+                                                        : sp_elements_shape_problem(&shape);
+    if (!problem && shape.kind != SP_KIND_GRID &&
+        (header->bytes != sizeof(float) || header->rectilinear || header->has_vectors))
+        problem = "elements on a grid";
+    return !problem || sp_fail(err, SP_ERR_CRASHED, place, "the import process sent %s", problem);
 }
 
 static bool check_header(struct sp_handover_header *header, const char *place,
@@ -79,20 +136,38 @@ static bool check_header(struct sp_handover_header *header, const char *place,
     if (header->has_vectors > 1)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent vectors of an unknown kind");
+    if (header->level > 0 && header->level >= header->level_count)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent a level of detail that is not there");
     if (!sp_anatomy_is_valid(header->anatomy))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent unknown anatomical directions");
-    if (!clean_text(header->unit, sizeof header->unit))
+    if (header->steps < 1 || header->steps > SP_STEPS_MAX || header->step >= header->steps ||
+        header->has_times > 1)
+        return sp_fail(err, SP_ERR_CRASHED, place,
+                       "the import process sent step %" PRIu32 " of %" PRIu32, header->step,
+                       header->steps);
+    if (!clean_text(header->unit, sizeof header->unit) ||
+        !clean_text(header->value_unit, sizeof header->value_unit) ||
+        !clean_text(header->time_unit, sizeof header->time_unit))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent a unit that is not terminated");
     if (!clean_text(header->value_name, sizeof header->value_name) ||
         !clean_text(header->vector_name, sizeof header->vector_name))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent a name that is not terminated");
+    for (int i = 0; i < SP_OTHER_FIELDS_MAX; i++)
+        if (!clean_text(header->others[i], sizeof header->others[i]))
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent the name of a field that is not terminated");
+    for (int i = 0; i < SP_OTHER_VECTORS_MAX; i++)
+        if (!clean_text(header->other_vectors[i], sizeof header->other_vectors[i]))
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent the name of vectors that is not terminated");
     if (header->vector_name[0] && !header->has_vectors)
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process named vectors that it does not have");
-    return true;
+    return check_elements(header, place, err);
 }
 
 static bool check_error(struct sp_handover_error *error, const char *place, struct sp_error *err) {
@@ -113,6 +188,18 @@ static bool check_error(struct sp_handover_error *error, const char *place, stru
         !clean_text(error->text, sizeof error->text))
         return sp_fail(err, SP_ERR_CRASHED, place,
                        "the import process sent an error message that is not terminated");
+    return true;
+}
+
+static bool check_done(struct sp_handover_done *done, const char *place, struct sp_error *err) {
+    for (int i = 0; i < SP_WARNINGS_MAX; i++) {
+        if (!clean_text(done->warnings[i], sizeof done->warnings[i]))
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent a warning that is not terminated");
+        if (i > 0 && done->warnings[i][0] && !done->warnings[i - 1][0])
+            return sp_fail(err, SP_ERR_CRASHED, place,
+                           "the import process sent warnings with a gap between them");
+    }
     return true;
 }
 
@@ -139,5 +226,7 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
         return check_header(&message->header, place, err);
     if (message->kind == SP_HANDOVER_ERROR)
         return check_error(&message->error, place, err);
+    if (message->kind == SP_HANDOVER_DONE)
+        return check_done(&message->done, place, err);
     return true;
 }

@@ -2,8 +2,8 @@
  *
  * The messages between the child process `splat-import` and its parent, over a socket that keeps
  * message boundaries. The samples, followed by the vectors if there are any and by the coordinates
- * of rectilinear axes, pass through a memfd. The parent sizes and seals it, so the child cannot lie
- * about its size:
+ * of rectilinear axes, or else the elements (volume/elements.h), and the times of a series, pass
+ * through a memfd. The parent sizes and seals it, so the child cannot lie about its size:
  *
  *   parent                                child
  *     socket, empty memfd, file ───────────►  reads the file's header
@@ -23,7 +23,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 4,
+    SP_HANDOVER_VERSION = 11,
 };
 
 enum sp_handover_kind {
@@ -37,13 +37,28 @@ enum sp_handover_kind {
 struct sp_handover_header {
     uint32_t type; /* enum sp_type */
     uint32_t dims[3];
-    uint32_t rectilinear; /* bit a: dims[a] coordinates of axis a follow the samples */
-    uint32_t has_vectors; /* 0 or 1: three float32 per sample follow the samples */
-    char anatomy[4];      /* as in struct sp_volume_info */
+    uint32_t rectilinear;        /* bit a: dims[a] coordinates of axis a follow the samples */
+    uint32_t has_vectors;        /* 0 or 1: three float32 per sample follow the samples */
+    uint32_t level, level_count; /* of detail: the one that is read, and how many there are; 0 and 0
+                                    if there is one only */
+    char anatomy[4];             /* as in struct sp_volume_info */
+    uint32_t steps, step;        /* struct sp_steps */
+    uint32_t has_times;          /* 0 or 1: `steps` float64 follow everything else */
+    uint32_t kind, count, vertex_count, degree; /* struct sp_elements_shape; of elements the grid is
+                                                   one float32 sample */
     double spacing[3], origin[3], direction[3][3]; /* as in struct sp_grid */
     uint64_t bytes;                                /* product(dims) · size of the type */
     char unit[SP_UNIT_BYTES];                      /* printable, ends with 0 */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES]; /* the same */
+    char value_unit[SP_UNIT_BYTES], time_unit[SP_UNIT_BYTES];     /* the same */
+    char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];             /* the same */
+    char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES];     /* the same */
+};
+
+struct sp_handover_done {
+    uint64_t folded;                                  /* as in struct sp_volume_info */
+    char warnings[SP_WARNINGS_MAX][SP_WARNING_BYTES]; /* the same; each ends with 0, and none
+                                                         follows an empty one */
 };
 
 struct sp_handover_error {
@@ -59,6 +74,7 @@ struct sp_handover {
     union {
         struct sp_handover_header header;
         uint64_t bytes; /* PROGRESS: of the memfd, read so far; GO: size of the memfd */
+        struct sp_handover_done done;
         struct sp_handover_error error;
     };
 };
@@ -73,16 +89,25 @@ void sp_handover_init(struct sp_handover *message, enum sp_handover_kind kind);
 struct sp_handover_layout {
     uint64_t vectors_at;        /* a multiple of 64; 0 = none */
     uint64_t coordinates_at[3]; /* multiples of 8; 0 for an even axis */
+    uint64_t times_at;          /* a multiple of 8; 0 = unknown */
     uint64_t bytes;             /* of all */
 };
+
+/* What the file has. The header must have been checked. */
+struct sp_elements_shape sp_handover_shape(const struct sp_handover_header *header);
+
+/* Fills *info, without its name, its source, and what lies in the memfd. Both must have been
+ * checked. */
+void sp_handover_describe(const struct sp_handover_header *header,
+                          const struct sp_handover_done *done, struct sp_volume_info *info);
 
 /* The header must have been checked. */
 struct sp_handover_layout sp_handover_layout(const struct sp_handover_header *header);
 
 /* Copies `size` received bytes into *message and checks every field, including the strings of ERROR
- * and the grid of HEADER. Coordinates arrive later and are checked then. Fails with SP_ERR_CRASHED
- * at `place`, because a reader that sends a bad message cannot be trusted. Control characters in
- * texts become '?'. */
+ * and DONE and the grid of HEADER. Coordinates arrive later and are checked then. Fails with
+ * SP_ERR_CRASHED at `place`, because a reader that sends a bad message cannot be trusted. Control
+ * characters in texts become '?'. */
 bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
                         const char *place, struct sp_error *err);
 

@@ -2,32 +2,45 @@
 #include "import/launch.h"
 
 #include <assert.h>
+#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
+#include <math.h>
 #include <poll.h>
 #include <signal.h>
 #include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/clock.h"
 #include "base/locate.h"
+#include "bricks/store.h"
+#include "bricks/unpack.h"
 #include "import/confine.h"
 #include "import/handover.h"
+#include "import/numbered.h"
+#include "import/place.h"
 #include "volume/volume.h"
 
 enum { TIMEOUT_DEFAULT_MS = 300000, POLL_MS = 50 };
 
 struct import {
-    const char *path; /* as the caller gave it; the name in errors */
+    const char *source, *field;   /* as the caller gave them; "" = the reader chooses the field */
+    char vectors[SP_FIELD_BYTES]; /* the same */
+    int level;                    /* −1 = the reader chooses */
+    bool is_coarser;              /* there was no memory for a finer level */
+    struct sp_import_place place;
     const struct sp_load_options *options;
-    char root[PATH_MAX], real[PATH_MAX], importer[PATH_MAX];
+    char real[PATH_MAX], importer[PATH_MAX];
+    const char *scratch;      /* folder of a file that takes the place of memory; NULL = none */
     int file, memory, socket; /* -1 = not open */
     pid_t child;              /* 0 = none */
     int timeout_ms;
@@ -35,27 +48,10 @@ struct import {
     struct sp_handover_header header;
     struct sp_handover_layout layout; /* of the memory */
     uint64_t done;                    /* bytes that the child reports as read */
+    struct sp_handover_done end;
 };
 
 /* Before the child starts. */
-
-static bool find_root(struct import *im, struct sp_error *err) {
-    const char *root = im->options->root;
-    if (root) {
-        if (realpath(root, im->root))
-            return true;
-        return sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
-    }
-    /* The folder of the file itself, after links are resolved. */
-    if (!realpath(im->path, im->root)) {
-        if (errno == ENOENT || errno == ENOTDIR)
-            return sp_fail(err, SP_ERR_NOT_FOUND, im->path, "there is no such file");
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot resolve the path: %s", strerror(errno));
-    }
-    char *slash = strrchr(im->root, '/');
-    slash[slash == im->root] = 0;
-    return true;
-}
 
 static bool find_importer(struct import *im, struct sp_error *err) {
     struct sp_error why;
@@ -80,14 +76,16 @@ static int raise_fd(int fd) {
 
 static bool open_channels(struct import *im, int *child_socket, struct sp_error *err) {
     int pair[2];
-    im->memory = memfd_create("splat-voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
+    im->memory = im->scratch ? open(im->scratch, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600)
+                             : memfd_create("splat-voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
     if (im->memory >= 0)
         im->memory = raise_fd(im->memory);
     if (im->memory < 0)
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot create shared memory: %s",
-                       strerror(errno));
+        return sp_fail(err, SP_ERR_IO, im->scratch ? im->scratch : im->place.path,
+                       "cannot create shared memory: %s", strerror(errno));
     if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot create a socket: %s", strerror(errno));
+        return sp_fail(err, SP_ERR_IO, im->place.path, "cannot create a socket: %s",
+                       strerror(errno));
     im->socket = raise_fd(pair[0]);
     *child_socket = raise_fd(pair[1]);
     im->file = raise_fd(im->file);
@@ -96,7 +94,7 @@ static bool open_channels(struct import *im, int *child_socket, struct sp_error 
     int error = errno;
     if (*child_socket >= 0)
         close(*child_socket);
-    return sp_fail(err, SP_ERR_IO, im->path, "cannot pass descriptors: %s", strerror(error));
+    return sp_fail(err, SP_ERR_IO, im->place.path, "cannot pass descriptors: %s", strerror(error));
 }
 
 /* The variables that the loader and the sanitizers need; none that a format library reads. */
@@ -150,12 +148,18 @@ static bool start_child(struct import *im, struct sp_error *err) {
     int child_socket = -1;
     if (!open_channels(im, &child_socket, err))
         return false;
-    char name[] = "splat-import", folder[PATH_MAX], seconds[16], *environment[8];
+    char name[] = "splat-import", folder[PATH_MAX], seconds[16], step[16], level[16],
+         *environment[8];
     snprintf(folder, sizeof folder, "%s", im->real);
     char *slash = strrchr(folder, '/');
     slash[slash == folder] = 0;
     snprintf(seconds, sizeof seconds, "%d", im->timeout_ms / 1000 + 1);
-    char *argv[] = { name, (char *)im->path, im->root, folder, seconds, NULL };
+    snprintf(step, sizeof step, "%u", im->options->step);
+    snprintf(level, sizeof level, "%d", im->level);
+    char *argv[] = {
+        name, im->place.path, im->place.root, folder, seconds, (char *)im->field, im->place.series,
+        step, level,          im->vectors,    NULL
+    };
     child_environment(environment);
     int error = spawn(im, child_socket, argv, environment, &im->child);
     for (char **line = environment; *line; line++)
@@ -190,18 +194,18 @@ static int reap(struct import *im) {
 static bool fail_ended(struct import *im, struct sp_error *err) {
     int status = reap(im);
     if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->path,
+        return sp_fail(err, SP_ERR_TIMEOUT, im->place.path,
                        "the import process took more than %d s of CPU time",
                        im->timeout_ms / 1000 + 1);
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
         return sp_fail(
-            err, SP_ERR_CRASHED, im->path,
+            err, SP_ERR_CRASHED, im->place.path,
             "the import process was killed by signal %d (SIG%s): the file is damaged, or the "
             "reader has a bug",
             WTERMSIG(status), name ? name : "?");
     }
-    return sp_fail(err, SP_ERR_CRASHED, im->path,
+    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
                    "the import process exited with status %d and without a result",
                    WEXITSTATUS(status));
 }
@@ -215,10 +219,10 @@ static bool check_in(const struct import *im, double *next_call_ms, struct sp_er
         uint64_t bytes = im->layout.bytes;
         double fraction = bytes ? 0.95 * (double)im->done / (double)bytes : 0;
         if (!im->options->progress(im->options->user, fraction))
-            return sp_fail(err, SP_ERR_CANCELLED, im->path, "loading was cancelled");
+            return sp_fail(err, SP_ERR_CANCELLED, im->place.path, "loading was cancelled");
     }
     if (now >= im->deadline_ms)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->path,
+        return sp_fail(err, SP_ERR_TIMEOUT, im->place.path,
                        "the import process took longer than the timeout of %d ms", im->timeout_ms);
     return true;
 }
@@ -246,20 +250,21 @@ static bool receive(struct import *im, struct sp_handover *message, bool *ended,
             *ended = true;
             return false;
         }
-        return sp_handover_decode(bytes, (size_t)n, message, im->path, err);
+        return sp_handover_decode(bytes, (size_t)n, message, im->place.path, err);
     }
 }
 
 static bool unexpected(const struct import *im, const struct sp_handover *message,
                        struct sp_error *err) {
-    return sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent message %u out of order",
-                   message->kind);
+    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                   "the import process sent message %u out of order", message->kind);
 }
 
 static bool pass_error_on(const struct import *im, const struct sp_handover *message,
                           struct sp_error *err) {
     const struct sp_handover_error *e = &message->error;
-    return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : im->path, "%s", e->text);
+    return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : im->place.path, "%s",
+                   e->text);
 }
 
 /* The two phases. */
@@ -288,11 +293,12 @@ static bool provide_memory(struct import *im, struct sp_error *err) {
         failed = posix_fallocate(im->memory, 0, (off_t)bytes);
     while (failed == EINTR);
     if (failed)
-        return sp_fail(err, SP_ERR_MEMORY, im->path,
+        return sp_fail(err, SP_ERR_MEMORY, im->place.path,
                        "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
                        strerror(failed));
-    if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
-        return sp_fail(err, SP_ERR_IO, im->path, "cannot seal shared memory: %s", strerror(errno));
+    if (!im->scratch && fcntl(im->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
+        return sp_fail(err, SP_ERR_IO, im->place.path, "cannot seal shared memory: %s",
+                       strerror(errno));
     struct sp_handover go;
     sp_handover_init(&go, SP_HANDOVER_GO);
     go.bytes = bytes;
@@ -312,7 +318,7 @@ static bool await_samples(struct import *im, struct sp_error *err) {
                 return fail_ended(im, err);
             int status = reap(im);
             return status == 0 ||
-                   sp_fail(err, SP_ERR_CRASHED, im->path,
+                   sp_fail(err, SP_ERR_CRASHED, im->place.path,
                            "the import process failed after its last message (status %d)", status);
         }
         if (done)
@@ -322,6 +328,10 @@ static bool await_samples(struct import *im, struct sp_error *err) {
             im->done = message.bytes < im->layout.bytes ? message.bytes : im->layout.bytes;
             break;
         case SP_HANDOVER_DONE:
+            if (message.done.folded > im->header.count)
+                return sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                               "the import process folded more cells than there are");
+            im->end = message.done;
             done = true;
             break;
         case SP_HANDOVER_ERROR:
@@ -336,37 +346,50 @@ static void release_mapping(void *voxels, size_t bytes) {
     munmap(voxels, bytes);
 }
 
+/* Appends a word to a name, unless it is empty or does not fit. */
+static void append_word(char name[SP_NAME_BYTES], const char *word) {
+    const size_t used = strlen(name), length = strlen(word);
+    if (length == 0 || used + length + 2 > SP_NAME_BYTES)
+        return;
+    name[used] = ' ';
+    memcpy(name + used + 1, word, length + 1);
+}
+
 static void describe(const struct import *im, struct sp_volume_info *info) {
-    memset(info, 0, sizeof *info);
-    const struct sp_handover_header *h = &im->header;
-    memcpy(info->grid.dims, h->dims, sizeof h->dims);
-    memcpy(info->grid.spacing, h->spacing, sizeof h->spacing);
-    memcpy(info->grid.origin, h->origin, sizeof h->origin);
-    memcpy(info->grid.direction, h->direction, sizeof h->direction);
-    info->type = (enum sp_type)h->type;
-    memcpy(info->unit, h->unit, sizeof info->unit);
-    memcpy(info->anatomy, h->anatomy, sizeof info->anatomy);
-    memcpy(info->value_name, h->value_name, sizeof info->value_name);
-    memcpy(info->vector_name, h->vector_name, sizeof info->vector_name);
-    const char *slash = strrchr(im->path, '/'), *base = slash ? slash + 1 : im->path;
-    const char *dot = strrchr(base, '.');
-    snprintf(info->name, sizeof info->name, "%.*s",
-             dot && dot > base ? (int)(dot - base) : (int)strlen(base), base);
-    snprintf(info->source, sizeof info->source, "%s", im->path);
+    sp_handover_describe(&im->header, &im->end, info);
+    for (int i = 0; i < SP_WARNINGS_MAX && im->is_coarser; i++)
+        if (!info->warnings[i][0]) {
+            snprintf(info->warnings[i], sizeof info->warnings[i],
+                     "There was no memory for finer levels of detail: level %u was read, of 0 to "
+                     "%u.",
+                     im->header.level, im->header.level_count - 1);
+            break;
+        }
+    memcpy(info->name, im->place.name, sizeof info->name);
+    append_word(info->name, im->field);
+    append_word(info->name, im->vectors);
+    snprintf(info->source, sizeof info->source, "%s", im->source);
+}
+
+static bool are_finite(const double *numbers, uint32_t count) {
+    for (uint32_t i = 0; numbers && i < count; i++)
+        if (!isfinite(numbers[i]))
+            return false;
+    return true;
 }
 
 /* Seals the memory against writing, so that checked coordinates cannot change. Sealing fails while
  * a process still maps the memory for writing. */
 static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
     if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
-        sp_fail(err, SP_ERR_CRASHED, im->path, "the import process still maps the samples: %s",
-                strerror(errno));
+        sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                "the import process still maps the samples: %s", strerror(errno));
         return NULL;
     }
     size_t bytes = (size_t)im->layout.bytes;
     void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->memory, 0);
     if (voxels == MAP_FAILED) {
-        sp_fail(err, SP_ERR_MEMORY, im->path, "cannot map %zu bytes of samples: %s", bytes,
+        sp_fail(err, SP_ERR_MEMORY, im->place.path, "cannot map %zu bytes of samples: %s", bytes,
                 strerror(errno));
         return NULL;
     }
@@ -374,20 +397,28 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
     describe(im, &info);
     uint64_t samples;
     struct sp_error why;
+    if (im->layout.times_at)
+        info.steps.times = (double *)(void *)((char *)voxels + im->layout.times_at);
+    if (!are_finite(info.steps.times, info.steps.count)) {
+        munmap(voxels, bytes);
+        sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                "the import process sent times that are no numbers");
+        return NULL;
+    }
+    if (info.elements.kind != SP_KIND_GRID)
+        return sp_volume_adopt_elements(&info, voxels, bytes, release_mapping, err);
     for (int axis = 0; axis < 3; axis++)
         if (im->header.rectilinear >> axis & 1)
             info.grid.coordinates[axis] =
                 (double *)((char *)voxels + im->layout.coordinates_at[axis]);
-    if (!sp_grid_check(&info.grid, info.type, im->path, &samples, &why)) {
+    if (!sp_grid_check(&info.grid, info.type, im->place.path, &samples, &why)) {
         munmap(voxels, bytes);
-        sp_fail(err, SP_ERR_CRASHED, im->path, "the import process sent a bad grid: %s", why.text);
+        sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process sent a bad grid: %s",
+                why.text);
         return NULL;
     }
     const void *vectors = im->layout.vectors_at ? (char *)voxels + im->layout.vectors_at : NULL;
-    struct sp_volume *volume = sp_volume_adopt(&info, voxels, vectors, bytes, release_mapping, err);
-    if (volume && im->options->progress)
-        im->options->progress(im->options->user, 1);
-    return volume;
+    return sp_volume_adopt(&info, voxels, vectors, bytes, release_mapping, err);
 }
 
 static void finish(struct import *im) {
@@ -398,28 +429,133 @@ static void finish(struct import *im) {
             close(fds[i]);
 }
 
-struct sp_volume *sp_import(const char *path, const struct sp_load_options *options,
-                            struct sp_error *err) {
+static struct import *create(const char *source, const struct sp_load_options *options,
+                             const char *scratch, struct sp_error *err) {
     static const struct sp_load_options none;
-    struct sp_volume *volume = NULL;
-    uint64_t size;
+    const struct sp_source_parts parts = sp_source_split(source);
+    const size_t length = parts.path_bytes;
     struct import *im = calloc(1, sizeof *im);
-    if (!im) {
-        sp_fail(err, SP_ERR_MEMORY, path, "out of memory while starting an import");
+    if (length >= sizeof im->place.path) {
+        free(im);
+        sp_fail(err, SP_ERR_NOT_FOUND, source, "cannot open the file: %s", strerror(ENAMETOOLONG));
         return NULL;
     }
-    im->path = path;
+    if (!im) {
+        sp_fail(err, SP_ERR_MEMORY, source, "out of memory while starting an import");
+        return NULL;
+    }
+    im->source = source;
+    snprintf(im->place.path, sizeof im->place.path, "%.*s", (int)length, source);
+    im->field = parts.field;
+    im->level = parts.level;
+    memcpy(im->vectors, parts.vectors, sizeof im->vectors);
     im->options = options ? options : &none;
     im->file = im->memory = im->socket = -1;
     assert(im->options->timeout_ms >= 0);
     im->timeout_ms = im->options->timeout_ms ? im->options->timeout_ms : TIMEOUT_DEFAULT_MS;
     im->deadline_ms = sp_clock_ms() + im->timeout_ms;
-    if (find_root(im, err) && find_importer(im, err) &&
-        (im->file = sp_open_confined(im->root, path, path, im->real, &size, err)) >= 0 &&
-        start_child(im, err) && receive_header(im, err) && provide_memory(im, err) &&
-        await_samples(im, err))
+    im->scratch = scratch;
+    return im;
+}
+
+/* Everything until the child has ended and the memory is filled. */
+static bool attempt(struct import *im, struct sp_error *err) {
+    uint64_t size;
+    im->header.level_count = 0;
+    im->memory = im->socket = -1;
+    im->file =
+        sp_open_confined(im->place.root, im->place.path, im->place.path, im->real, &size, err);
+    return im->file >= 0 && start_child(im, err) && receive_header(im, err) &&
+           provide_memory(im, err) && await_samples(im, err);
+}
+
+/* If the caller leaves the level open, the finest one that gets its memory is loaded. */
+static bool run(struct import *im, struct sp_error *err) {
+    const bool is_open = im->level < 0 && !im->options->is_finest;
+    struct sp_error why = { .code = SP_OK };
+    bool ok = attempt(im, &why);
+    while (!ok && is_open && why.code == SP_ERR_BUDGET &&
+           im->header.level + 1 < im->header.level_count) {
+        im->level = (int)im->header.level + 1;
+        im->is_coarser = true;
+        finish(im);
+        ok = attempt(im, &why);
+    }
+    if (!ok && err)
+        *err = why;
+    return ok;
+}
+
+static bool find(struct import *im, struct sp_error *err) {
+    return sp_import_place_find(&im->place, im->options->root, err) && find_importer(im, err);
+}
+
+/* Opens a brick file, which this process reads and checks (bricks/README.md). -1 = it is none. */
+static int open_bricks(const struct import *im) {
+    char real[PATH_MAX];
+    uint64_t size;
+    int file = sp_open_confined(im->place.root, im->place.path, im->place.path, real, &size, NULL);
+    if (file >= 0 && !sp_brick_file_is(file)) {
+        close(file);
+        file = -1;
+    }
+    return file;
+}
+
+struct sp_volume *sp_import(const char *source, const struct sp_load_options *options,
+                            struct sp_error *err) {
+    struct sp_volume *volume = NULL;
+    struct import *im = create(source, options, NULL, err);
+    if (!im)
+        return NULL;
+    const bool is_found = find(im, err);
+    const int bricks = is_found ? open_bricks(im) : -1;
+    if (bricks >= 0)
+        volume = sp_brick_store_open(bricks, im->place.name, im->source, im->options, err);
+    else if (is_found && run(im, err))
         volume = take_over(im, err);
+    if (volume && im->options->progress)
+        im->options->progress(im->options->user, 1);
     finish(im);
     free(im);
     return volume;
+}
+
+/* Describes the samples in the file. The child has ended, so the size does not change any more. */
+static bool take_samples(const struct import *im, struct sp_volume_info *info,
+                         struct sp_error *err) {
+    struct sp_error why;
+    struct stat st;
+    uint64_t samples;
+    describe(im, info);
+    if (info->elements.kind != SP_KIND_GRID || im->header.rectilinear)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, im->place.path,
+                       "only volumes with evenly spaced axes can be converted");
+    if (!sp_grid_check(&info->grid, info->type, im->place.path, &samples, &why))
+        return sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                       "the import process sent a bad grid: %s", why.text);
+    if (fstat(im->memory, &st) != 0 || (uint64_t)st.st_size < samples)
+        return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
+    return true;
+}
+
+int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,
+                      struct sp_volume_info *info, struct sp_error *err) {
+    struct import *im = create(source, options, folder, err);
+    int samples = -1;
+    if (!im)
+        return -1;
+    const bool is_found = find(im, err);
+    const int bricks = is_found ? open_bricks(im) : -1;
+    if (bricks >= 0) {
+        samples = sp_bricks_unpack(bricks, im->place.path, folder, im->options, info, err);
+        if (samples >= 0)
+            snprintf(info->name, sizeof info->name, "%s", im->place.name);
+    } else if (is_found && run(im, err) && take_samples(im, info, err)) {
+        samples = im->memory;
+        im->memory = -1;
+    }
+    finish(im);
+    free(im);
+    return samples;
 }

@@ -13,8 +13,14 @@
 /* The open descriptors of the child, beside the standard ones. */
 enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
 
-/* Implements sp_volume_load() for a path. */
-struct sp_volume *sp_import(const char *path, const struct sp_load_options *options,
+/* Implements sp_volume_load() for the source of a file. */
+struct sp_volume *sp_import(const char *source, const struct sp_load_options *options,
                             struct sp_error *err);
+
+/* The same, but the samples go into a file without a name in `folder`, so that they need no memory.
+ * Returns its descriptor, which the caller closes, and fills *info without range and histogram; −1
+ * with *err set. SP_ERR_UNSUPPORTED: no grid with evenly spaced axes. Vectors are left out. */
+int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,
+                      struct sp_volume_info *info, struct sp_error *err);
 
 #endif

@@ -4,6 +4,7 @@
  * sandbox.h what this process may do, even if the file takes control of it.
  */
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,11 +13,13 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "import/elements.h"
 #include "import/format.h"
 #include "import/handover.h"
 #include "import/launch.h"
 #include "import/sandbox.h"
 #include "import/vectors.h"
+#include "volume/elements.h"
 
 #if defined(__SANITIZE_THREAD__)
 /* TSan does not understand OpenImageIO's spin locks; encode/exr.c has the same suppression. */
@@ -28,12 +31,14 @@ const char *__tsan_default_suppressions(void) {
 
 struct job {
     struct import_file file;
-    uint8_t start[64];  /* first bytes of the file, which tell its format */
-    ssize_t start_size; /* < 0 = the file cannot be read */
+    uint8_t start[1024]; /* first bytes of the file, which tell its format */
+    ssize_t start_size;  /* < 0 = the file cannot be read */
     const struct import_format *format;
     struct import_header header;
     struct sp_handover_layout layout; /* of the shared memory */
     uint64_t reported;                /* bytes in the last progress message */
+    uint64_t folded;                  /* as in struct sp_volume_info */
+    struct import_warnings warnings;
 };
 
 static bool say(const struct sp_handover *message) {
@@ -55,20 +60,16 @@ static int say_error(const struct sp_error *err) {
     return 1;
 }
 
-static bool has_format(const struct job *job, const struct import_format *format) {
-    return job->start_size > 0 &&
-           format->probe(job->start, (size_t)job->start_size, job->file.shown);
-}
-
-/* Enters the sandbox, where only the root folder is readable; for TIFF, which needs a module
- * (tiff_bridge.h), also the folders of libraries. */
+/* Enters the sandbox, where only the root folder is readable; for formats that may need a module,
+ * also the folders of libraries. */
 static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_error *err) {
     enum { FOLDERS = 32 };
     char own[PATH_MAX],
         *libraries = strdup(getenv("LD_LIBRARY_PATH") ? getenv("LD_LIBRARY_PATH") : ""),
         *rest = NULL;
     const char *readable[FOLDERS + 1] = { job->file.root };
-    if (has_format(job, &import_tiff)) {
+    const size_t size = job->start_size > 0 ? (size_t)job->start_size : 0;
+    if (import_format_needs_module(job->start, size, job->file.shown)) {
         static const char *const known[] = { "/usr", "/lib",       "/lib64",
                                              "/opt", "/nix/store", "/etc/ld.so.cache" };
         size_t n = 1;
@@ -92,20 +93,9 @@ static const struct import_format *find_format(const struct job *job, struct sp_
         sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
         return NULL;
     }
-    if (job->start_size == 0) {
-        import_fail(err, SP_ERR_FORMAT, file->shown, 0, NULL, "the file is empty");
-        return NULL;
-    }
-    static const struct import_format *const formats[] = { &import_tiff, &import_nrrd, &import_vtk,
-                                                           &import_vtk_xml, &import_raw };
-    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
-        if (has_format(job, formats[i]))
-            return formats[i];
-    import_fail(
-        err, SP_ERR_UNSUPPORTED, file->shown, 0, NULL,
-        "unknown file format; supported are NRRD (.nrrd, .nhdr), VTK (.vtk, .vti, .vtr), raw "
-        "samples with a JSON sidecar (.json) and TIFF stacks (.tif)");
-    return NULL;
+    return *file->series
+               ? &import_series
+               : import_format_find(job->start, (size_t)job->start_size, file->shown, err);
 }
 
 static bool await_go(const struct job *job) {
@@ -142,12 +132,25 @@ static bool say_header(struct job *job) {
     memcpy(message.header.direction, h->grid.direction, sizeof h->grid.direction);
     for (int axis = 0; axis < 3; axis++)
         message.header.rectilinear |= (uint32_t)(h->grid.coordinates[axis] != NULL) << axis;
+    message.header.kind = h->elements.kind;
+    message.header.count = h->elements.count;
+    message.header.vertex_count = h->elements.vertex_count;
+    message.header.degree = h->elements.degree;
     message.header.has_vectors = h->has_vectors;
+    message.header.level = h->level;
+    message.header.level_count = h->level_count;
+    message.header.steps = h->steps.count;
+    message.header.step = job->file.step;
+    message.header.has_times = h->steps.times || h->steps.interval > 0;
+    memcpy(message.header.time_unit, h->steps.unit, sizeof h->steps.unit);
     message.header.bytes = h->bytes;
     memcpy(message.header.unit, h->unit, sizeof h->unit);
     memcpy(message.header.anatomy, h->anatomy, sizeof h->anatomy);
     memcpy(message.header.value_name, h->value_name, sizeof h->value_name);
     memcpy(message.header.vector_name, h->vector_name, sizeof h->vector_name);
+    memcpy(message.header.value_unit, h->value_unit, sizeof h->value_unit);
+    memcpy(message.header.others, h->others, sizeof h->others);
+    memcpy(message.header.other_vectors, h->other_vectors, sizeof h->other_vectors);
     job->layout = sp_handover_layout(&message.header);
     return say(&message);
 }
@@ -160,25 +163,82 @@ static void copy_coordinates(const struct job *job, char *memory) {
                    grid->dims[axis] * sizeof(double));
 }
 
+static void write_times(const struct job *job, char *memory) {
+    const struct import_steps *steps = &job->header.steps;
+    double *times = (double *)(void *)(memory + job->layout.times_at);
+    for (uint32_t i = 0; job->layout.times_at && i < steps->count; i++)
+        times[i] = steps->times ? steps->times[i] : steps->first + i * steps->interval;
+}
+
+static bool read_elements(struct job *job, void *reader, char *memory, struct sp_error *err) {
+    const struct import_progress progress = { .report = report, .user = job };
+    const struct sp_elements elements = sp_elements_at(&job->header.elements, memory);
+    *(float *)(void *)memory = NAN; /* the only sample */
+    return job->format->read_elements(reader, &elements, &progress, err) &&
+           import_elements_finish(&job->file, &job->header, &elements, &progress, &job->folded,
+                                  err);
+}
+
 /* Fills the shared memory. */
 static bool read_all(struct job *job, void *reader, char *memory, struct sp_error *err) {
     const struct import_progress progress = { .report = report, .user = job };
     uint64_t at = job->layout.vectors_at;
     float(*vectors)[3] = at ? (float(*)[3])(void *)(memory + at) : NULL;
+    write_times(job, memory);
+    if (job->header.elements.kind != SP_KIND_GRID)
+        return read_elements(job, reader, memory, err);
     copy_coordinates(job, memory);
     if (!job->format->read(reader, memory, vectors, &progress, err))
         return false;
-    if (vectors)
+    if (vectors) {
         import_vectors_finish(&job->header, vectors, memory);
+        import_vectors_warn(&job->file, &job->header.grid, (const float(*)[3])vectors);
+    }
     return true;
+}
+
+/* Writes ", NAME" for each name of a list. */
+static void list_names(const char (*names)[SP_FIELD_BYTES], int count, char *list, size_t size) {
+    size_t used = 0;
+    list[0] = 0;
+    for (int i = 0; i < count && used < size; i++)
+        if (names[i][0])
+            used += (size_t)snprintf(list + used, size - used, ", %s", names[i]);
+}
+
+/* Not every reader chooses among fields. */
+static bool check_field(const struct job *job, struct sp_error *err) {
+    const struct import_header *h = &job->header;
+    const char *vectors = job->file.vectors;
+    char list[160], wanted[SP_FIELD_BYTES];
+    import_name(wanted, job->file.field);
+    if (*vectors && strcmp(vectors, h->vector_name) != 0) {
+        list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX, list,
+                   sizeof list);
+        return sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
+                       "there are no vectors \"%.60s\" on a grid; the file has %.60s%s", vectors,
+                       h->vector_name[0] ? h->vector_name : "none of a name", list);
+    }
+    list_names((const char(*)[SP_FIELD_BYTES])h->others, SP_OTHER_FIELDS_MAX, list, sizeof list);
+    return !*wanted || strcmp(wanted, h->value_name) == 0 ||
+           sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
+                   "there is no field \"%.60s\" of scalars; the file has %.60s%s", wanted,
+                   h->value_name[0] ? h->value_name : "one without a name", list);
 }
 
 static int run(struct job *job) {
     struct sp_error err;
+    struct import_header *header = &job->header;
     job->format = find_format(job, &err);
-    void *reader = job->format ? job->format->open(&job->file, &job->header, &err) : NULL;
+    void *reader = job->format ? job->format->open(&job->file, header, &err) : NULL;
     if (!reader)
         return say_error(&err);
+    const bool has_step =
+        header->steps.count > 0 || import_header_use_steps(header, &job->file, 1, &err);
+    if (!has_step || !check_field(job, &err)) {
+        job->format->close(reader);
+        return say_error(&err);
+    }
     if (!say_header(job) || !await_go(job)) {
         job->format->close(reader);
         return 0; /* the parent refused or is gone: not our failure */
@@ -202,12 +262,14 @@ static int run(struct job *job) {
         return say_error(&err);
     struct sp_handover done;
     sp_handover_init(&done, SP_HANDOVER_DONE);
+    done.done.folded = job->folded;
+    memcpy(done.done.warnings, job->warnings.texts, sizeof done.done.warnings);
     return say(&done) ? 0 : 1;
 }
 
 int main(int argc, char **argv) {
     struct stat st;
-    if (argc != 5 || fstat(SP_IMPORT_FILE, &st) != 0) {
+    if (argc != 10 || fstat(SP_IMPORT_FILE, &st) != 0) {
         fprintf(stderr,
                 "splat-import is started by splatd and splatctl; it has no use on its own\n");
         return 2;
@@ -216,8 +278,14 @@ int main(int argc, char **argv) {
                                  .size = (uint64_t)st.st_size,
                                  .shown = argv[1],
                                  .root = argv[2],
-                                 .folder = argv[3] } };
+                                 .folder = argv[3],
+                                 .field = argv[5],
+                                 .series = argv[6],
+                                 .step = (uint32_t)strtoul(argv[7], NULL, 10),
+                                 .level = atoi(argv[8]),
+                                 .vectors = argv[9] } };
     struct sp_error err;
+    job.file.warnings = &job.warnings;
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
     if (!enter_sandbox(&job, atoi(argv[4]), &err))
         return say_error(&err);

@@ -9,7 +9,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "import/derived.h"
 #include "import/nrrd_header.h"
+#include "import/pattern.h"
 #include "import/samples.h"
 #include "volume/volume.h"
 
@@ -20,7 +22,13 @@ struct parsing {
     const struct nrrd_header *text;
     struct import_header *header;
     struct import_samples *samples;
+    struct import_conversion *conversion;
     struct sp_error *err;
+};
+
+struct nrrd {
+    struct import_samples samples;
+    struct import_conversion conversion; /* of steps that alternate in the file */
 };
 
 #define REFUSE(p, code, field, ...)                                                                \
@@ -97,6 +105,20 @@ static bool take_directions(const struct parsing *p) {
     return p->text->axes == 3 || take_third_direction(p);
 }
 
+/* The unit of the values, with or without quotation marks. A text that is too long for a unit is
+ * none. */
+static void take_sample_units(const struct parsing *p) {
+    const char *unit = p->text->value[NRRD_SAMPLE_UNITS];
+    size_t n = unit ? strlen(unit) : 0;
+    if (n >= 2 && unit[0] == '"' && unit[n - 1] == '"') {
+        unit++;
+        n -= 2;
+    }
+    if (n < SP_UNIT_BYTES)
+        snprintf(p->header->value_unit, sizeof p->header->value_unit, "%.*s", (int)n,
+                 unit ? unit : "");
+}
+
 static bool take_geometry(const struct parsing *p) {
     import_header_init(p->header);
     take_sizes(p);
@@ -106,6 +128,7 @@ static bool take_geometry(const struct parsing *p) {
     if (p->text->value[NRRD_SPACE_ORIGIN])
         memcpy(p->header->grid.origin, p->text->origin, p->text->space * sizeof(double));
     memcpy(p->header->unit, p->text->unit, sizeof p->header->unit);
+    take_sample_units(p);
     if (p->text->value[NRRD_MEASUREMENT_FRAME] && p->text->has_vectors)
         memcpy(p->header->frame, p->text->frame, sizeof p->header->frame);
     if (directed && p->text->anatomy[0]) /* the space names the axes of the vectors */
@@ -113,25 +136,16 @@ static bool take_geometry(const struct parsing *p) {
     return true;
 }
 
-static bool parse_integer(const char *text, long long low, long long high, long long *out) {
-    char *end;
-    size_t n = strlen(text);
-    if (n == 0 || n > 18 || strspn(text, "+-0123456789") != n)
-        return false;
-    *out = strtoll(text, &end, 10);
-    return !*end && *out >= low && *out <= high;
-}
-
 static bool take_skips(const struct parsing *p) {
     struct import_samples *s = p->samples;
     long long n;
     if (p->text->value[NRRD_LINE_SKIP]) {
-        if (!parse_integer(p->text->value[NRRD_LINE_SKIP], 0, 1000000, &n))
+        if (!import_integer(p->text->value[NRRD_LINE_SKIP], 0, 1000000, &n))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_LINE_SKIP, "must be in [0, 1000000]");
         s->skip_lines = (uint64_t)n;
     }
     if (p->text->value[NRRD_BYTE_SKIP]) {
-        if (!parse_integer(p->text->value[NRRD_BYTE_SKIP], -1, INT64_C(1) << 48, &n))
+        if (!import_integer(p->text->value[NRRD_BYTE_SKIP], -1, INT64_C(1) << 48, &n))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP, "must be in [-1, 2^48]");
         if (n < 0 && s->gzip)
             return REFUSE(p, SP_ERR_FORMAT, NRRD_BYTE_SKIP,
@@ -173,66 +187,14 @@ static bool take_list(const struct parsing *p) {
     return true;
 }
 
-/* Cuts the last word off `text` and returns it; NULL if only one word is left. */
-static char *take_word(char *text) {
-    size_t n = strlen(text);
-    while (n > 0 && (text[n - 1] == ' ' || text[n - 1] == '\t'))
-        text[--n] = 0;
-    char *space = strrchr(text, ' ');
-    if (!space)
-        return NULL;
-    *space = 0;
-    return space + 1;
-}
-
-/* Parses "FORMAT MIN MAX STEP [SUBDIM]" with one %d, %03d or similar in FORMAT. False if the value
- * has another form; it may then be a plain name. */
-struct pattern {
-    char value[NRRD_VALUE_MAX + 1];
-    size_t before, after; /* bytes before '%'; offset of the text after the conversion */
-    int width;
-    bool zeros;
-    long long low, high, step, subdim;
-};
-
-static bool parse_pattern(const char *value, struct pattern *f) {
-    snprintf(f->value, sizeof f->value, "%s", value);
-    if (!strchr(f->value, '%'))
-        return false;
-    long long numbers[4];
-    int count = 0;
-    for (char *word; count < 4; count++) {
-        char copy[sizeof f->value];
-        snprintf(copy, sizeof copy, "%s", f->value);
-        if (!(word = take_word(copy)) || !parse_integer(word, -1000000, 1000000, &numbers[count]))
-            break;
-        take_word(f->value);
-    }
-    if (count < 3)
-        return false;
-    f->subdim = count == 4 ? numbers[0] : 0;
-    f->step = numbers[count - 3];
-    f->high = numbers[count - 2];
-    f->low = numbers[count - 1];
-    const char *percent = strchr(f->value, '%'), *c = percent + 1;
-    f->before = (size_t)(percent - f->value);
-    f->zeros = *c == '0';
-    f->width = 0;
-    while (*c >= '0' && *c <= '9' && f->width < 10)
-        f->width = f->width * 10 + (*c++ - '0');
-    f->after = (size_t)(c + 1 - f->value);
-    return (*c == 'd' || *c == 'u' || *c == 'i') && f->width <= 20 && !strchr(c, '%');
-}
-
-static bool take_pattern(const struct parsing *p, const struct pattern *f) {
-    if (f->step == 0 || (f->step > 0 ? f->high < f->low : f->high > f->low))
+static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
+    if (!import_pattern_is_sound(f))
         return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE, "counts from %lld to %lld by %lld", f->low,
                       f->high, f->step);
     for (long long i = f->low; f->step > 0 ? i <= f->high : i >= f->high; i += f->step) {
-        char name[NRRD_VALUE_MAX + 32];
-        int n = snprintf(name, sizeof name, f->zeros ? "%.*s%0*lld%s" : "%.*s%*lld%s",
-                         (int)f->before, f->value, f->width, i, f->value + f->after);
-        if (!add_name(p, name, (size_t)n))
+        char name[IMPORT_PATTERN_NAME];
+        import_pattern_name(f, i, name);
+        if (!add_name(p, name, strlen(name)))
             return false;
     }
     return true;
@@ -259,7 +221,7 @@ static bool check_pieces(const struct parsing *p, long long subdim) {
 
 static bool take_data_files(const struct parsing *p) {
     const char *value = p->text->value[NRRD_DATA_FILE];
-    struct pattern pattern;
+    struct import_pattern pattern;
     p->samples->start = p->text->end;
     if (!value)
         return true;
@@ -268,21 +230,21 @@ static bool take_data_files(const struct parsing *p) {
     if (p->text->list) {
         long long subdim = 0;
         if (value[4] &&
-            !parse_integer(value + 4 + strspn(value + 4, " "), 1, p->text->dimension, &subdim))
+            !import_integer(value + 4 + strspn(value + 4, " "), 1, p->text->dimension, &subdim))
             return REFUSE(p, SP_ERR_FORMAT, NRRD_DATA_FILE,
                           "LIST must be followed by a number of axes in [1, %u] or by nothing",
                           p->text->dimension);
         return take_list(p) && check_pieces(p, subdim);
     }
-    if (parse_pattern(value, &pattern))
+    if (import_pattern_parse(value, &pattern))
         return take_pattern(p, &pattern) && check_pieces(p, pattern.subdim);
     return add_name(p, value, strlen(value));
 }
 
 static void close_nrrd(void *reader) {
-    struct import_samples *samples = reader;
-    import_samples_finish(samples);
-    free(samples);
+    struct nrrd *n = reader;
+    import_samples_finish(&n->samples);
+    free(n);
 }
 
 /* Returns the field that gave the bad part of the grid. */
@@ -307,12 +269,37 @@ static enum nrrd_field field_at_fault(const struct parsing *p) {
     }
 }
 
+/* Steps follow one another in the file, or their samples alternate. */
+static bool take_step(const struct parsing *p) {
+    struct import_samples *s = p->samples;
+    const unsigned axis = p->text->is_planar ? p->text->dimension - 1 : 0;
+    const uint32_t steps = (uint32_t)p->text->sizes[axis];
+    if (!import_header_use_steps(p->header, p->file, steps, p->err))
+        return false;
+    if (s->count > 1 && steps > 1)
+        return REFUSE(p, SP_ERR_UNSUPPORTED, NRRD_DATA_FILE,
+                      "several files for a series of time steps are not supported");
+    if (steps > 1)
+        import_header_use_interval(p->header, isfinite(p->text->min[axis]) ? p->text->min[axis] : 0,
+                                   p->text->spacing[axis], p->text->time_unit);
+    if (p->text->is_planar) {
+        s->bytes /= steps;
+        import_samples_choose_step(s, steps, p->file->step);
+        return true;
+    }
+    *p->conversion = import_conversion_of(s->number);
+    p->conversion->components = steps;
+    p->conversion->component = p->file->step;
+    s->conversion = p->conversion;
+    return true;
+}
+
 static bool build(const struct parsing *p) {
     struct import_samples *s = p->samples;
     const char *name = p->text->value[NRRD_CONTENT] ? p->text->value[NRRD_CONTENT] : "";
     if (p->text->has_vectors) {
         import_header_add_vectors(p->header, name);
-        import_header_use_lengths(p->header);
+        import_header_use_vectors(p->header, p->file->field);
     } else {
         p->header->type = (enum sp_type)p->text->type;
         import_name(p->header->value_name, name);
@@ -334,7 +321,7 @@ static bool build(const struct parsing *p) {
     for (unsigned axis = 0; axis < p->text->dimension; axis++)
         s->bytes *= p->text->sizes[axis];
     s->field = "sizes";
-    return import_samples_check(s, p->err);
+    return (!p->text->has_steps || take_step(p)) && import_samples_check(s, p->err);
 }
 
 static void *open_nrrd(const struct import_file *file, struct import_header *header,
@@ -342,21 +329,27 @@ static void *open_nrrd(const struct import_file *file, struct import_header *hea
     struct nrrd_header text;
     if (!nrrd_header_read(file, &text, err))
         return NULL;
-    struct import_samples *samples = calloc(1, sizeof *samples);
-    const struct parsing p = { file, &text, header, samples, err };
-    bool ok = samples ? build(&p)
-                      : sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+    struct nrrd *n = calloc(1, sizeof *n);
+    const struct parsing p = { .file = file,
+                               .text = &text,
+                               .header = header,
+                               .samples = n ? &n->samples : NULL,
+                               .conversion = n ? &n->conversion : NULL,
+                               .err = err };
+    bool ok =
+        n ? build(&p) : sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
     nrrd_header_finish(&text);
-    if (!ok && samples) {
-        close_nrrd(samples);
-        samples = NULL;
+    if (!ok && n) {
+        close_nrrd(n);
+        n = NULL;
     }
-    return samples;
+    return n;
 }
 
 static bool read_nrrd(void *reader, void *voxels, float (*vectors)[3],
                       const struct import_progress *progress, struct sp_error *err) {
-    return import_samples_read(reader, voxels, vectors, progress, err);
+    const struct nrrd *n = reader;
+    return import_samples_read(&n->samples, voxels, vectors, progress, err);
 }
 
 const struct import_format import_nrrd = {

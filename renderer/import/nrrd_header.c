@@ -202,8 +202,8 @@ bool nrrd_parse_whole(const char **text, uint64_t limit, uint64_t *out) {
 static bool refuse_dimension(const struct import_file *file, struct nrrd_header *h, unsigned axes,
                              struct sp_error *err) {
     return nrrd_fail(err, SP_ERR_UNSUPPORTED, file, h, NRRD_DIMENSION,
-                     "%u axes; a volume has three, or two for a single slice, and vectors one more "
-                     "axis, of a kind such as vector",
+                     "%u axes; a volume has three, or two for a single slice, and vectors and time "
+                     "steps one more axis, of a kind such as vector or time",
                      axes);
 }
 
@@ -357,29 +357,32 @@ static bool take_center(struct nrrd_header *h, unsigned axis, const char *word) 
     return h->is_cell[axis] || strcasecmp(word, "node") == 0 || is_unknown(word);
 }
 
-/* The axis of the components of vectors is the first or the last one. */
+/* The axis of the components of vectors, or of time steps, is the first or the last one. */
 static bool take_kind(const struct import_file *file, struct nrrd_header *h, unsigned axis,
                       const char *word, struct sp_error *err) {
     static const char *const vectors[] = { "vector",   "covariant-vector", "normal",
                                            "3-vector", "3-gradient",       "3-normal" };
     if (is_unknown(word) || strcasecmp(word, "domain") == 0 || strcasecmp(word, "space") == 0)
         return true;
+    const bool is_time = strcasecmp(word, "time") == 0 || strcasecmp(word, "list") == 0;
     bool is_vector = false;
     for (size_t i = 0; i < sizeof vectors / sizeof vectors[0]; i++)
         is_vector |= strcasecmp(word, vectors[i]) == 0;
-    if (!is_vector)
+    if (!is_vector && !is_time)
         return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
                       "axis %u is of kind %.40s; only scalars and vectors are supported%s", axis,
                       word, strstr(word, "color") ? ", colours are not" : "");
-    if (h->has_vectors || (axis > 0 && axis + 1 < h->dimension))
+    if (h->has_vectors || h->has_steps || (axis > 0 && axis + 1 < h->dimension))
         return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
-                      "axis %u is of kind %.40s; only the first or the last axis may be", axis,
-                      word);
-    if (h->sizes[axis] != 3)
+                      "axis %u is of kind %.40s; only the first or the last axis may be, and only "
+                      "one axis is of such a kind",
+                      axis, word);
+    if (is_vector && h->sizes[axis] != 3)
         return REFUSE(SP_ERR_UNSUPPORTED, NRRD_KINDS,
                       "axis %u is of kind %.40s and has %" PRIu64 " components instead of 3", axis,
                       word, h->sizes[axis]);
-    h->has_vectors = true;
+    h->has_vectors = is_vector;
+    h->has_steps = is_time;
     h->is_planar = axis > 0;
     return true;
 }
@@ -407,8 +410,13 @@ static bool parse_kinds(const struct import_file *file, struct nrrd_header *h,
                         struct sp_error *err) {
     if (!parse_words(file, h, NRRD_KINDS, err))
         return false;
-    h->first = h->has_vectors && !h->is_planar;
-    h->axes = h->dimension - h->has_vectors;
+    if (!h->value[NRRD_KINDS] && h->dimension == 4) { /* the axis without a direction is time */
+        const char *directions = h->value[NRRD_SPACE_DIRECTIONS];
+        h->has_steps = true;
+        h->is_planar = !directions || strncasecmp(directions, "none", 4) != 0;
+    }
+    h->first = (h->has_vectors || h->has_steps) && !h->is_planar;
+    h->axes = h->dimension - h->has_vectors - h->has_steps;
     return (h->axes >= 2 && h->axes <= 3) || refuse_dimension(file, h, h->dimension, err);
 }
 

@@ -9,8 +9,9 @@
 #define SP_IMPORT_NRRD_HEADER_H
 
 #include "import/format.h"
+#include "import/pattern.h"
 
-enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = 4096 }; /* bytes */
+enum { NRRD_TEXT_MAX = 1 << 20, NRRD_VALUE_MAX = IMPORT_PATTERN_MAX }; /* bytes */
 
 /* The order is that of the table in nrrd_header.c. */
 enum nrrd_field {
@@ -59,12 +60,13 @@ struct nrrd_header {
     struct import_number number;
     int type; /* enum sp_type; -1 = no volume has such samples, but vectors may */
     bool gzip, big_endian;
-    /* All axes of the file, of which one may hold the components of vectors. The others, from
-     * `first` on, are those of the volume. */
-    unsigned dimension;          /* 2 to 4 */
-    bool has_vectors, is_planar; /* with an axis of components; it is the last one */
-    unsigned first, axes;        /* axes: 2 or 3 */
-    uint64_t sizes[4];           /* [1, SP_DIM_MAX] each */
+    /* All axes of the file, of which one may hold the components of vectors, or the time steps. The
+     * others, from `first` on, are those of the volume. */
+    unsigned dimension; /* 2 to 4 */
+    bool has_vectors, has_steps;
+    bool is_planar;       /* the axis of components or steps is the last one, else the first */
+    unsigned first, axes; /* axes: 2 or 3 */
+    uint64_t sizes[4];    /* [1, SP_DIM_MAX] each */
     /* Per axis of the file, NAN = not given. */
     double spacing[4], min[4], max[4];
     bool is_cell[4];        /* samples are centred in cells, not at nodes */
@@ -72,7 +74,7 @@ struct nrrd_header {
     double direction[4][3]; /* direction[axis], if `value` has space directions */
     double origin[3];       /* if `value` has a space origin */
     double frame[3][3];     /* columns, if `value` has a measurement frame and there are vectors */
-    char unit[SP_UNIT_BYTES];
+    char unit[SP_UNIT_BYTES], time_unit[SP_UNIT_BYTES];
     char anatomy[4]; /* of the axes of the space; "" = the space is not anatomical */
 };
 

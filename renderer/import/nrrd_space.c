@@ -4,6 +4,7 @@
  */
 #include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 #include <strings.h>
 
@@ -11,7 +12,7 @@
 
 #define REFUSE(code, field, ...) nrrd_fail(err, code, file, h, field, __VA_ARGS__)
 
-/* True if the axis is one of the volume, not that of the components of vectors. */
+/* True if the axis is one of the volume, not that of the components of vectors or of time steps. */
 static bool is_spatial(const struct nrrd_header *h, unsigned axis) {
     return axis >= h->first && axis < h->first + h->axes;
 }
@@ -152,7 +153,10 @@ static bool parse_units(const struct import_file *file, struct nrrd_header *h,
             return REFUSE(SP_ERR_FORMAT, field, "string %u has no closing quotation mark",
                           axis + 1);
         text = nrrd_skip_blanks(text + 1);
-        if (n == 0 || (field == NRRD_UNITS && !is_spatial(h, axis)))
+        const bool is_time = field == NRRD_UNITS && !is_spatial(h, axis);
+        if (is_time && h->has_steps)
+            snprintf(h->time_unit, sizeof h->time_unit, "%.*s", SP_UNIT_BYTES - 1, unit);
+        if (n == 0 || is_time)
             continue;
         if (n >= SP_UNIT_BYTES)
             return REFUSE(SP_ERR_FORMAT, field, "a unit has at most %d bytes", SP_UNIT_BYTES - 1);

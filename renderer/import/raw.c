@@ -13,6 +13,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "import/derived.h"
 #include "import/samples.h"
 #include "volume/anatomy.h"
 #include "volume/volume.h"
@@ -35,6 +36,8 @@ struct sidecar { /* state while the sidecar is read */
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     size_t i = 0, n = strlen(shown);
+    if (n == 0) /* other formats are JSON, too */
+        return false;
     while (i < size && isspace(start[i]))
         i++;
     return (i < size && start[i] == '{') || (n > 5 && strcasecmp(shown + n - 5, ".json") == 0);
@@ -156,22 +159,25 @@ static bool read_space(const struct sidecar *s) {
     return true;
 }
 
+static bool read_unit(const struct sidecar *s, const char *key, char unit[SP_UNIT_BYTES]) {
+    const json_t *text = json_object_get(s->root, key);
+    if (text && (!json_is_string(text) || json_string_length(text) >= SP_UNIT_BYTES))
+        return refuse(s, key, "must be a string of at most %d bytes", SP_UNIT_BYTES - 1);
+    snprintf(unit, SP_UNIT_BYTES, "%s", text ? json_string_value(text) : "");
+    return true;
+}
+
 static bool read_geometry(const struct sidecar *s) {
     const json_t *spacing = json_object_get(s->root, "spacing");
     const json_t *origin = json_object_get(s->root, "origin");
-    const json_t *unit = json_object_get(s->root, "unit");
     import_header_init(s->header);
     if (!read_dims(s) ||
         (spacing && !read_numbers(s, spacing, "spacing", s->header->grid.spacing)) ||
         (origin && !read_numbers(s, origin, "origin", s->header->grid.origin)) ||
         !read_direction(s) || !read_coordinates(s) || !read_space(s))
         return false;
-    if (!unit)
-        return true;
-    if (!json_is_string(unit) || json_string_length(unit) >= SP_UNIT_BYTES)
-        return refuse(s, "unit", "must be a string of at most %d bytes", SP_UNIT_BYTES - 1);
-    snprintf(s->header->unit, sizeof s->header->unit, "%s", json_string_value(unit));
-    return true;
+    return read_unit(s, "unit", s->header->unit) &&
+           read_unit(s, "value_unit", s->header->value_unit);
 }
 
 /* Reads a member that must be one of `count` names; *index is its position. */
@@ -220,7 +226,7 @@ static bool read_components(const struct sidecar *s) {
     s->samples->is_vectors = value == 3;
     if (value == 3) {
         import_header_add_vectors(s->header, "");
-        import_header_use_lengths(s->header);
+        import_header_use_vectors(s->header, s->file->field);
     }
     return true;
 }
@@ -245,9 +251,10 @@ static bool read_file_name(const struct sidecar *s) {
 }
 
 static bool check_members(const struct sidecar *s) {
-    static const char *const known[] = { "dims",   "type",      "components",  "endian", "spacing",
-                                         "origin", "direction", "coordinates", "space",  "unit",
-                                         "file",   "offset",    "encoding" };
+    static const char *const known[] = { "dims",    "type",    "components", "endian",
+                                         "spacing", "origin",  "direction",  "coordinates",
+                                         "space",   "unit",    "value_unit", "file",
+                                         "offset",  "encoding" };
     const char *key;
     json_t *value,
         *object = (json_t *)s->root; /* jansson's loop needs a mutable pointer; nothing changes */

@@ -2,7 +2,6 @@
 #include "import/samples.h"
 
 #include <assert.h>
-#include <byteswap.h>
 #include <errno.h>
 #include <inttypes.h>
 #include <stdio.h>
@@ -37,21 +36,10 @@ bool import_samples_add(struct import_samples *samples, const char *name, size_t
     return copy != NULL;
 }
 
-void import_swap(void *values, size_t size, uint64_t count) {
-    switch (size) {
-    case 2:
-        for (uint16_t *p = values, *end = p + count; p < end; p++)
-            *p = bswap_16(*p);
-        break;
-    case 4:
-        for (uint32_t *p = values, *end = p + count; p < end; p++)
-            *p = bswap_32(*p);
-        break;
-    case 8:
-        for (uint64_t *p = values, *end = p + count; p < end; p++)
-            *p = bswap_64(*p);
-        break;
-    }
+void import_samples_choose_step(struct import_samples *s, uint32_t steps, uint32_t step) {
+    assert(step < steps);
+    s->skip_bytes += step * s->bytes;
+    s->after_bytes = (steps - step - 1) * s->bytes;
 }
 
 /* One data file. */
@@ -113,8 +101,8 @@ static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct
 }
 
 static bool start_gzip(struct stream *s, struct sp_error *err) {
-    /* 16 selects the gzip wrapper; zlib checks its length and checksum. */
-    if (inflateInit2(&s->z, 15 + 16) != Z_OK)
+    /* 32 allows the wrappers of gzip and zlib; zlib checks their checksums. */
+    if (inflateInit2(&s->z, 15 + 32) != Z_OK)
         return sp_fail(err, SP_ERR_MEMORY, s->shown, "out of memory while unpacking gzip");
     s->gzip = true;
     return true;
@@ -201,6 +189,7 @@ static bool seek_to(struct stream *s, uint64_t byte, struct sp_error *err) {
 static bool check_size(const struct import_samples *s, const struct stream *stream, uint64_t need,
                        struct sp_error *err) {
     uint64_t have = stream->size > stream->at ? stream->size - stream->at : 0;
+    need += s->after_bytes;
     if (s->gzip) {
         if (have == 0 || (need + s->skip_bytes) / DEFLATE_RATIO_MAX > have)
             return import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
@@ -231,7 +220,9 @@ static bool begin_piece(const struct import_samples *s, size_t i, uint64_t need,
     bool ok = seek_to(stream, s->count == 0 ? s->start : 0, err) &&
               skip_lines(stream, s->skip_lines, err) && check_size(s, stream, need, err);
     if (ok && !s->gzip)
-        ok = seek_to(stream, s->from_end ? stream->size - need : stream->at + s->skip_bytes, err);
+        ok = seek_to(
+            stream, s->from_end ? stream->size - need - s->after_bytes : stream->at + s->skip_bytes,
+            err);
     if (!ok)
         close_stream(stream);
     return ok;
@@ -271,7 +262,7 @@ static bool check_end(const struct import_samples *s, struct stream *stream, uin
                       struct sp_error *err) {
     uint8_t extra;
     size_t got;
-    if (!stream->gzip || s->rest_ignored)
+    if (!stream->gzip || s->rest_ignored || s->after_bytes > 0)
         return true;
     if (!read_stream(stream, &extra, 1, &got, err))
         return false;
@@ -293,16 +284,35 @@ struct reading {
     char *chunk; /* CHUNK bytes */
 };
 
-/* Takes the n bytes that follow `at`, while they are in the cache. CHUNK and the bytes of a file
- * are multiples of the size of a number. */
+/* Bytes of the file that are read at once: whole samples. */
+static size_t chunk_of(const struct import_samples *s) {
+    const unsigned components = s->conversion ? s->conversion->components : 1;
+    return CHUNK - CHUNK % (components * s->number.size);
+}
+
+/* Converts the numbers of whole samples, the first of which begins at byte `at`. Returns the bytes
+ * of all samples so far in memory. */
+static uint64_t convert(const struct reading *r, uint64_t at, const char *bytes, size_t n) {
+    const struct import_conversion *c = r->samples->conversion;
+    const size_t sample = c->components * c->number.size, size = sp_type_size(c->type);
+    import_conversion_put(c, bytes, n / sample, r->voxels + at / sample * size);
+    return (at + n) / sample * size;
+}
+
+/* Takes the n bytes that follow `at`, while they are in the cache. */
 static void take_numbers(const struct reading *r, uint64_t at, char *bytes, size_t n) {
     const struct import_samples *s = r->samples;
     size_t size = s->number.size;
+    uint64_t done = at + n;
     if (s->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
         import_swap(bytes, size, n / size);
-    if (s->is_vectors)
+    if (s->is_vectors) {
         import_vectors_put(&r->vectors, at / size, bytes, n / size);
-    import_report(r->progress, s->is_vectors ? (at + n) / size * sizeof(float) : at + n);
+        done = done / size * sizeof(float);
+    } else if (s->conversion) {
+        done = convert(r, at, bytes, n);
+    }
+    import_report(r->progress, done);
 }
 
 /* Reads file i, whose first byte is byte `begin` of the array. */
@@ -316,8 +326,8 @@ static bool read_piece(const struct reading *r, size_t i, uint64_t begin, uint64
     if (s->gzip)
         ok = start_gzip(stream, err) && skip_unpacked(stream, s->skip_bytes, r->chunk, err);
     for (uint64_t at = 0; ok && at < need;) {
-        size_t n = need - at < CHUNK ? (size_t)(need - at) : CHUNK, got;
-        char *out = s->is_vectors ? r->chunk : r->voxels + begin + at;
+        size_t n = need - at < chunk_of(s) ? (size_t)(need - at) : chunk_of(s), got;
+        char *out = s->is_vectors || s->conversion ? r->chunk : r->voxels + begin + at;
         ok = read_stream(stream, out, n, &got, err);
         if (ok && got < n)
             ok = import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
@@ -354,13 +364,4 @@ bool import_samples_read(const struct import_samples *s, void *voxels, float (*v
     free(r.stream);
     free(r.chunk);
     return ok;
-}
-
-struct import_number import_number_of(enum sp_type type) {
-    bool is_float = type == SP_FLOAT32 || type == SP_FLOAT64;
-    bool is_unsigned = type == SP_UINT8 || type == SP_UINT16;
-    return (struct import_number){ is_float      ? IMPORT_FLOAT
-                                   : is_unsigned ? IMPORT_UNSIGNED
-                                                 : IMPORT_SIGNED,
-                                   sp_type_size(type) };
 }

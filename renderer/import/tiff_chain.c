@@ -20,6 +20,7 @@ enum field {
     SAMPLES,
     ROWS,
     STRIP_COUNTS,
+    PLANAR,
     TILE_WIDTH,
     TILE_LENGTH,
     TILE_OFFSETS,
@@ -37,9 +38,10 @@ static const struct {
     [BITS] = { 258, "BitsPerSample" },         [COMPRESSION] = { 259, "Compression" },
     [STRIP_OFFSETS] = { 273, "StripOffsets" }, [SAMPLES] = { 277, "SamplesPerPixel" },
     [ROWS] = { 278, "RowsPerStrip" },          [STRIP_COUNTS] = { 279, "StripByteCounts" },
-    [TILE_WIDTH] = { 322, "TileWidth" },       [TILE_LENGTH] = { 323, "TileLength" },
-    [TILE_OFFSETS] = { 324, "TileOffsets" },   [TILE_COUNTS] = { 325, "TileByteCounts" },
-    [IMAGE_DEPTH] = { 32997, "ImageDepth" },   [TILE_DEPTH] = { 32998, "TileDepth" },
+    [PLANAR] = { 284, "PlanarConfiguration" }, [TILE_WIDTH] = { 322, "TileWidth" },
+    [TILE_LENGTH] = { 323, "TileLength" },     [TILE_OFFSETS] = { 324, "TileOffsets" },
+    [TILE_COUNTS] = { 325, "TileByteCounts" }, [IMAGE_DEPTH] = { 32997, "ImageDepth" },
+    [TILE_DEPTH] = { 32998, "TileDepth" },
 };
 
 enum { WINDOW = 4096 }; /* bytes; a multiple of the size of every number type */
@@ -193,8 +195,8 @@ static uint64_t best_ratio(uint64_t compression) {
 struct pieces { /* strips or tiles of a page */
     const char *name;
     enum field offsets, counts;
-    uint64_t number, rows, height,
-        row_bytes; /* rows: per piece; the last strip has the remaining rows */
+    uint64_t number, per_plane;       /* of all planes of channels, and of each */
+    uint64_t rows, height, row_bytes; /* rows: per piece; the last strip has the remaining rows */
     uint64_t compression;
 };
 
@@ -205,8 +207,9 @@ static bool check_piece(struct chain *c, const struct pieces *p, uint64_t i) {
     uint64_t offset_at = c->entries[p->offsets].values + i * c->entries[p->offsets].bytes;
     uint64_t count_at = c->entries[p->counts].values + i * c->entries[p->counts].bytes;
     uint64_t rows = p->rows, need;
-    if (p->offsets == STRIP_OFFSETS && p->height - i * p->rows < rows)
-        rows = p->height - i * p->rows;
+    const uint64_t above = i % p->per_plane * p->rows;
+    if (p->offsets == STRIP_OFFSETS && p->height - above < rows)
+        rows = p->height - above;
     need = rows * p->row_bytes;
     if (count > size || offset > size - count)
         return refuse(c, SP_ERR_FORMAT, offset_at, p->offsets,
@@ -250,8 +253,10 @@ static bool check_pieces(struct chain *c, const struct pieces *p) {
     return true;
 }
 
-static bool check_flat(struct chain *c) {
-    uint64_t samples, depth;
+/* Reads how many channels a pixel has (`samples`), and in how many planes they are stored
+ * (`planes`): 1 if the channels of a pixel lie side by side. */
+static bool check_flat(struct chain *c, uint64_t *samples, uint64_t *planes) {
+    uint64_t depth, planar;
     for (int f = IMAGE_DEPTH; f <= TILE_DEPTH; f++) {
         if (!take_number(c, (enum field)f, 1, 0, UINT64_MAX, &depth))
             return false;
@@ -259,17 +264,18 @@ static bool check_flat(struct chain *c) {
             return refuse(c, SP_ERR_UNSUPPORTED, c->entries[f].at, (enum field)f,
                           "page %" PRIu32 " has depth; save the slices as pages", c->page);
     }
-    if (!take_number(c, SAMPLES, 1, 1, 65535, &samples))
+    if (!take_number(c, SAMPLES, 1, 1, 65535, samples) || !take_number(c, PLANAR, 1, 1, 2, &planar))
         return false;
-    return samples == 1 ||
+    *planes = planar == 2 ? *samples : 1;
+    return *samples <= TIFF_SAMPLES_MAX ||
            refuse(c, SP_ERR_UNSUPPORTED, c->entries[SAMPLES].at, SAMPLES,
-                  "%" PRIu64 " channels; only flat grey images are supported", samples);
+                  "%" PRIu64 " channels; at most %d are supported", *samples, TIFF_SAMPLES_MAX);
 }
 
 static bool check_page(struct chain *c) {
-    uint64_t width, height, bits, tile_width, tile_length;
+    uint64_t width, height, bits, tile_width, tile_length, samples = 1, planes = 1;
     struct pieces p = { .name = "strip", .offsets = STRIP_OFFSETS, .counts = STRIP_COUNTS };
-    if (!check_flat(c) || !take_number(c, WIDTH, 0, 1, SP_DIM_MAX, &width) ||
+    if (!check_flat(c, &samples, &planes) || !take_number(c, WIDTH, 0, 1, SP_DIM_MAX, &width) ||
         !take_number(c, HEIGHT, 0, 1, SP_DIM_MAX, &height) ||
         !take_number(c, BITS, 1, 1, 64, &bits) ||
         !take_number(c, COMPRESSION, 1, 1, UINT64_MAX, &p.compression))
@@ -278,7 +284,12 @@ static bool check_page(struct chain *c) {
     if (c->voxels > SP_VOXELS_MAX)
         return refuse(c, SP_ERR_FORMAT, c->entries[HEIGHT].at, HEIGHT,
                       "the pages up to this one have more than %" PRIu64 " voxels", SP_VOXELS_MAX);
+    if (planes > 1 && p.compression != 1)
+        return refuse(c, SP_ERR_UNSUPPORTED, c->entries[PLANAR].at, PLANAR,
+                      "compressed channels in planes of their own are not supported; save the "
+                      "channels of a pixel together (1), or as pages");
     p.height = height;
+    bits *= samples / planes; /* of a pixel */
     if (c->entries[TILE_WIDTH].at || c->entries[TILE_LENGTH].at) {
         if (!take_number(c, TILE_WIDTH, 0, 1, SP_DIM_MAX, &tile_width) ||
             !take_number(c, TILE_LENGTH, 0, 1, SP_DIM_MAX, &tile_length))
@@ -286,7 +297,7 @@ static bool check_page(struct chain *c) {
         p.name = "tile";
         p.offsets = TILE_OFFSETS;
         p.counts = TILE_COUNTS;
-        p.number =
+        p.per_plane =
             ((width + tile_width - 1) / tile_width) * ((height + tile_length - 1) / tile_length);
         p.rows = tile_length;
         p.row_bytes = (tile_width * bits + 7) / 8;
@@ -294,9 +305,10 @@ static bool check_page(struct chain *c) {
         if (!take_number(c, ROWS, height, 1, UINT64_MAX, &p.rows))
             return false;
         p.rows = p.rows < height ? p.rows : height;
-        p.number = (height + p.rows - 1) / p.rows;
+        p.per_plane = (height + p.rows - 1) / p.rows;
         p.row_bytes = (width * bits + 7) / 8;
     }
+    p.number = p.per_plane * planes;
     /* Refuses a page with both strips and tiles: a library may read the other ones. */
     enum field other = p.offsets == STRIP_OFFSETS ? TILE_OFFSETS : STRIP_OFFSETS;
     if (c->entries[other].at)

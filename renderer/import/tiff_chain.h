@@ -9,6 +9,8 @@
 
 #include "import/format.h"
 
+enum { TIFF_SAMPLES_MAX = 4 }; /* channels of a pixel */
+
 /* Follows the chain of directories of a TIFF or BigTIFF and counts the pages. Every strip or tile
  * must lie in the file and be long enough for the samples of its rows: uncompressed samples need
  * all their bytes, compressed samples as many as the codec needs at its best ratio. All strips

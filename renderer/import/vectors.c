@@ -1,7 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/vectors.h"
 
-#include "volume/volume.h"
+#include <math.h>
+
+#include "import/derived.h"
 
 #define CONVERT(T)                                                                                 \
     do {                                                                                           \
@@ -71,6 +73,17 @@ void import_vectors_finish(const struct import_header *header, float (*vectors)[
         for (int row = 0; row < 3; row++)
             v[row] = (float)(f[row][0] * x + f[row][1] * y + f[row][2] * z);
     }
-    if (header->samples_are_lengths)
-        sp_volume_lengths((const float(*)[3])vectors, count, voxels);
+    import_derive(header->derived, (const float(*)[3])vectors, count, voxels);
+}
+
+void import_vectors_warn(const struct import_file *file, const struct sp_grid *grid,
+                         const float (*vectors)[3]) {
+    const uint64_t count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    for (uint64_t i = 0; i < count; i++) {
+        const float length = fabsf(vectors[i][0]) + fabsf(vectors[i][1]) + fabsf(vectors[i][2]);
+        if (length > 0 && isfinite(length))
+            return;
+    }
+    import_warn(file->warnings,
+                "All vectors of the file are 0 or not finite, so there are no streaks.");
 }

@@ -22,7 +22,11 @@ void import_vectors_put(const struct import_vectors *vectors, uint64_t first, co
                         size_t n);
 
 /* Turns the vectors from the frame of the file to the axes of the world, and computes the samples
- * if they are the lengths. */
+ * if they come from them. */
 void import_vectors_finish(const struct import_header *header, float (*vectors)[3], void *voxels);
+
+/* Warns if no vector has a direction. */
+void import_vectors_warn(const struct import_file *file, const struct sp_grid *grid,
+                         const float (*vectors)[3]);
 
 #endif

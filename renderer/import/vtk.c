@@ -1,11 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/vtk.h"
 
+#include <inttypes.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
-#include "volume/grid.h"
+#include "import/derived.h"
+#include "volume/volume.h"
 
 /* A single sample has no gap. It becomes as thick as the smallest spacing of the other axes. */
 static double thickness(const struct sp_grid *grid) {
@@ -25,6 +28,26 @@ static void place_samples(struct vtk_volume *v, struct sp_grid *grid) {
             grid->spacing[axis] = thickness(grid);
 }
 
+unsigned vtk_rank_vectors(const struct import_file *file, const char *name, bool is_usual) {
+    const bool is_named =
+        *file->vectors ? strcmp(file->vectors, name) == 0 : import_derived_names(file->field, name);
+    return is_named ? 3 : is_usual ? 2 : 1;
+}
+
+/* True if the samples come from the vectors: the file has no others, or the caller wants them. The
+ * scalars of the file are then one more field. */
+static bool use_derived(struct vtk_volume *v, struct import_header *header) {
+    const char *field = v->file->field;
+    const bool is_found = v->samples.type && (!*field || strcmp(field, header->value_name) == 0);
+    if (!v->vectors.type || is_found ||
+        (v->samples.type && !import_derived_of(field, header->vector_name)))
+        return false;
+    if (v->samples.type)
+        import_header_add_other(header, header->value_name);
+    v->samples.type = NULL;
+    return true;
+}
+
 bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t byte,
                   const char *field, struct sp_error *err) {
     const struct import_file *file = v->file;
@@ -34,8 +57,11 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t b
     uint64_t points = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
     if (v->vectors.type)
         header->has_vectors = true;
-    if (!v->samples.type)
-        import_header_use_lengths(header);
+    const bool is_derived = use_derived(v, header);
+    if (v->vectors.type && !is_derived)
+        import_header_list_derived(header, header->vector_name, "magnitude");
+    if (is_derived)
+        import_header_use_vectors(header, file->field);
     else if (v->samples.type->sample < 0)
         return import_fail(
             err, SP_ERR_UNSUPPORTED, file->shown, v->samples.begin, v->samples.name,
@@ -59,7 +85,79 @@ bool vtk_read(void *volume, void *voxels, float (*vectors)[3],
     if (v->samples.type && !vtk_array_read(v->file, &v->samples, voxels, progress, err))
         return false;
     rest.before += v->samples.type ? v->samples.count * v->samples.type->number.size : 0;
-    return !vectors || vtk_array_read_vectors(v->file, &v->vectors, vectors, &rest, err);
+    return !vectors || vtk_array_read_floats(v->file, &v->vectors, vectors[0], &rest, err);
+}
+
+/* The vectors of points give scalars alone, those of all arrays. */
+static void use_vectors_of_points(struct vtk_volume *v, struct import_header *header) {
+    char lengths[SP_FIELD_BYTES + 16];
+    const bool is_derived = use_derived(v, header);
+    if (is_derived)
+        import_header_derive(header, v->file->field);
+    v->derived = header->derived;
+    import_warn(v->file->warnings,
+                "The vectors \"%.60s\" are not drawn as streaks: these need a regular or "
+                "rectilinear grid. Their lengths and components are fields.",
+                header->vector_name);
+    snprintf(lengths, sizeof lengths, "%s magnitude", header->vector_name);
+    import_header_list_derived(header, header->vector_name,
+                               v->derived == IMPORT_LENGTH        ? header->value_name
+                               : header->other_vectors[0][0] == 0 ? "magnitude"
+                                                                  : lengths);
+    for (int i = 0; i < SP_OTHER_VECTORS_MAX && header->other_vectors[i][0]; i++) {
+        snprintf(lengths, sizeof lengths, "%s magnitude", header->other_vectors[i]);
+        import_header_list_derived(header, header->other_vectors[i], lengths);
+    }
+    memset(header->other_vectors, 0, sizeof header->other_vectors);
+    header->vector_name[0] = 0;
+}
+
+bool vtk_complete_points(struct vtk_volume *v, struct import_header *header, uint64_t count,
+                         enum vtk_set set, uint64_t byte, const char *field, struct sp_error *err) {
+    const struct import_file *file = v->file;
+    if (count > SP_ELEMENTS_MAX)
+        return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, byte, field,
+                           "%" PRIu64 " points are more than the %d that a volume may have", count,
+                           SP_ELEMENTS_MAX);
+    memcpy(v->dims, header->grid.dims, sizeof v->dims);
+    import_header_use_elements(
+        header, &(struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = (uint32_t)count });
+    if (v->vectors.type)
+        use_vectors_of_points(v, header);
+    if (set == VTK_STRUCTURED) {
+        header->blocks = (const uint32_t(*)[3]) & v->dims;
+        header->block_count = 1;
+    }
+    v->points.count = v->vectors.count = 3 * count;
+    v->samples.count = count;
+    return count == 0 ||
+           (vtk_array_check(file, &v->points, err) &&
+            (!v->samples.type || vtk_array_check(file, &v->samples, err)) &&
+            (v->samples.type || !v->vectors.type || vtk_array_check(file, &v->vectors, err)));
+}
+
+bool vtk_read_elements(void *volume, const struct sp_elements *e,
+                       const struct import_progress *progress, struct sp_error *err) {
+    struct vtk_volume *v = volume;
+    struct import_progress rest = *progress;
+    const uint32_t count = e->shape.count;
+    if (count == 0)
+        return true;
+    if (!vtk_array_read_floats(v->file, &v->points, e->positions[0], progress, err))
+        return false;
+    rest.before += 3 * sizeof(float) * (uint64_t)count;
+    if (v->samples.type)
+        return vtk_array_read_floats(v->file, &v->samples, e->values, &rest, err);
+    if (v->vectors.type) { /* they wait in the place of the factors */
+        float(*vectors)[3] = (float(*)[3])(void *)e->factors;
+        if (!vtk_array_read_floats(v->file, &v->vectors, vectors[0], &rest, err))
+            return false;
+        import_derive(v->derived, (const float(*)[3])vectors, count, e->values);
+        return true;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        e->values[i] = 1;
+    return true;
 }
 
 void vtk_close(void *volume) {

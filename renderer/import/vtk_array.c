@@ -13,8 +13,8 @@
 #include <zlib.h>
 
 #include "import/samples.h"
+#include "import/text.h"
 #include "import/vectors.h"
-#include "import/vtk_text.h"
 
 enum { CHUNK = 1 << 16, RUN = 16 * CHUNK }; /* bytes */
 #define BLOCKS_MAX (UINT64_C(1) << 24)
@@ -431,11 +431,11 @@ static bool is_number(const char *word) {
 
 static bool read_words(const struct import_file *file, const struct vtk_array *a,
                        const struct target *target, struct sp_error *err) {
-    struct vtk_text *text = malloc(sizeof *text);
+    struct import_text *text = malloc(sizeof *text);
     if (!text)
         return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory while reading %s", a->name);
-    vtk_text_init(text, file, a->begin, a->end < file->size ? a->end : file->size);
-    char word[VTK_WORD_MAX + 1], *run = target->vectors ? malloc(RUN) : NULL;
+    import_text_init(text, file, a->begin, a->end < file->size ? a->end : file->size);
+    char word[IMPORT_WORD_MAX + 1], *run = target->vectors ? malloc(RUN) : NULL;
     size_t size = a->type->number.size, in_run = RUN / size;
     uint64_t byte;
     bool ok = run || !target->vectors ||
@@ -443,7 +443,7 @@ static bool read_words(const struct import_file *file, const struct vtk_array *a
     for (uint64_t i = 0; ok && i < a->count; i++) {
         char *out = run ? run : target->out + i / in_run * RUN;
         size_t at = i % in_run;
-        ok = vtk_text_word(text, word, &byte, err);
+        ok = import_text_word(text, word, &byte, err);
         if (ok && !word[0])
             ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                              "the data ends after %" PRIu64 " of %" PRIu64 " values", i, a->count);
@@ -454,7 +454,7 @@ static bool read_words(const struct import_file *file, const struct vtk_array *a
         if (ok && (at + 1 == in_run || i + 1 == a->count))
             take_values(target, a, (i - at) * size, out, (at + 1) * size);
     }
-    ok = ok && vtk_text_word(text, word, &byte, err);
+    ok = ok && import_text_word(text, word, &byte, err);
     if (ok && is_number(word))
         ok = import_fail(err, SP_ERR_FORMAT, file->shown, byte, a->name,
                          "more than %" PRIu64 " values: a count is wrong", a->count);
@@ -478,36 +478,11 @@ bool vtk_array_read(const struct import_file *file, const struct vtk_array *a, v
     return read_values(file, a, &(struct target){ .out = out, .progress = progress }, err);
 }
 
-bool vtk_array_read_vectors(const struct import_file *file, const struct vtk_array *a,
-                            float (*out)[3], const struct import_progress *progress,
-                            struct sp_error *err) {
-    const struct import_vectors vectors = { a->type->number, a->count / 3, false, out };
+bool vtk_array_read_floats(const struct import_file *file, const struct vtk_array *a, float *out,
+                           const struct import_progress *progress, struct sp_error *err) {
+    const struct import_vectors vectors = { .number = a->type->number,
+                                            .out = (float(*)[3])(void *)out };
     return read_values(file, a, &(struct target){ .vectors = &vectors, .progress = progress }, err);
-}
-
-static double widen(const void *p, const struct vtk_type *type) {
-    union {
-        uint8_t u8;
-        uint16_t u16;
-        uint32_t u32;
-        uint64_t u64;
-        float f;
-        double d;
-    } v;
-    memcpy(&v, p, type->number.size);
-    if (type->number.kind == IMPORT_FLOAT)
-        return type->number.size == 4 ? (double)v.f : v.d;
-    bool is_signed = type->number.kind == IMPORT_SIGNED;
-    switch (type->number.size) {
-    case 1:
-        return is_signed ? (int8_t)v.u8 : v.u8;
-    case 2:
-        return is_signed ? (int16_t)v.u16 : v.u16;
-    case 4:
-        return is_signed ? (int32_t)v.u32 : (double)v.u32;
-    default:
-        return is_signed ? (double)(int64_t)v.u64 : (double)v.u64;
-    }
 }
 
 double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_array *a,
@@ -519,7 +494,7 @@ double *vtk_array_read_numbers(const struct import_file *file, const struct vtk_
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for %s", a->name);
     ok = ok && vtk_array_read(file, a, values, NULL, err);
     for (uint64_t i = 0; ok && i < a->count; i++)
-        numbers[i] = widen(values + i * a->type->number.size, a->type);
+        numbers[i] = import_widen(values + i * a->type->number.size, a->type->number);
     free(values);
     if (ok)
         return numbers;

@@ -44,10 +44,10 @@ bool vtk_array_check(const struct import_file *file, const struct vtk_array *arr
 bool vtk_array_read(const struct import_file *file, const struct vtk_array *array, void *out,
                     const struct import_progress *progress, struct sp_error *err);
 
-/* Reads count / 3 vectors, whose components alternate, as float32. */
-bool vtk_array_read_vectors(const struct import_file *file, const struct vtk_array *array,
-                            float (*out)[3], const struct import_progress *progress,
-                            struct sp_error *err);
+/* Reads all values as float32. */
+bool vtk_array_read_floats(const struct import_file *file, const struct vtk_array *array,
+                           float *out, const struct import_progress *progress,
+                           struct sp_error *err);
 
 /* Reads a small array as doubles into malloc'ed memory of the caller. NULL with *err set on
  * failure. */

@@ -12,8 +12,8 @@
 #include <string.h>
 #include <strings.h>
 
+#include "import/text.h"
 #include "import/vtk.h"
-#include "import/vtk_text.h"
 
 /* Tuples of an array; the product with the components fits into 64 bits. */
 #define COUNT_MAX (UINT64_C(1) << 40)
@@ -25,14 +25,15 @@ struct legacy { /* state while the file is read */
     struct import_header *header;
     struct vtk_volume *volume;
     struct sp_error *err;
-    struct vtk_text text;
+    struct import_text text;
     uint64_t byte;    /* offset of the keyword */
-    uint64_t grid_at; /* offset of DIMENSIONS; 0 = not seen */
+    uint64_t grid_at; /* offset of DIMENSIONS, or of POINTS without a grid; 0 = not seen */
     bool words;       /* ASCII */
-    bool rectilinear, has_dataset;
+    enum vtk_set set;
+    bool new_cells; /* two arrays with a type each, since version 5 */
     enum { NOWHERE, POINTS, CELLS } section;
-    /* Whether the first SCALARS and VECTORS are found, which are better than other arrays. */
-    bool has_scalars, has_vectors;
+    bool has_scalars;        /* the first SCALARS are found, which are better than other arrays */
+    unsigned vector_rank;    /* of the vectors that are found; 0 = none */
     uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
     char others[160];        /* other data in the file, for errors */
 };
@@ -55,30 +56,30 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
     return n > 4 && strcasecmp(shown + n - 4, ".vtk") == 0 && start[0] != '<';
 }
 
-static bool next_word(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
-    return vtk_text_word(&l->text, word, &l->byte, l->err);
+static bool next_word(struct legacy *l, char word[IMPORT_WORD_MAX + 1]) {
+    return import_text_word(&l->text, word, &l->byte, l->err);
 }
 
 /* Reads the next keyword or array name. VTK may write METADATA after any array; it ends with an
  * empty line, says nothing about samples, and is skipped. */
-static bool next_keyword(struct legacy *l, char word[VTK_WORD_MAX + 1]) {
+static bool next_keyword(struct legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     for (;;) {
         if (!next_word(l, word))
             return false;
         if (strcasecmp(word, "METADATA") != 0)
             return true;
         char line[8];
-        if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+        if (!import_text_line(&l->text, line, sizeof line, l->err))
             return false;
         do
-            if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+            if (!import_text_line(&l->text, line, sizeof line, l->err))
                 return false;
         while (line[strspn(line, " \t")] && l->text.at < l->text.end);
     }
 }
 
 static bool next_count(struct legacy *l, const char *field, uint64_t limit, uint64_t *count) {
-    char word[VTK_WORD_MAX + 1], *end;
+    char word[IMPORT_WORD_MAX + 1], *end;
     if (!next_word(l, word))
         return false;
     *count = strtoull(word, &end, 10);
@@ -89,7 +90,7 @@ static bool next_count(struct legacy *l, const char *field, uint64_t limit, uint
 }
 
 static bool next_type(struct legacy *l, const char *field, const struct vtk_type **type) {
-    char word[VTK_WORD_MAX + 1];
+    char word[IMPORT_WORD_MAX + 1];
     if (!next_word(l, word))
         return false;
     *type = vtk_find_type(word, false);
@@ -100,7 +101,7 @@ static bool next_type(struct legacy *l, const char *field, const struct vtk_type
 /* BINARY data begins on the next line. */
 static bool end_line(struct legacy *l) {
     char line[2];
-    return l->words || vtk_text_line(&l->text, line, sizeof line, l->err);
+    return l->words || import_text_line(&l->text, line, sizeof line, l->err);
 }
 
 /* Describes the array that begins here. */
@@ -118,7 +119,7 @@ static struct vtk_array array_here(const struct legacy *l, const char *keyword, 
 
 static bool skip_values(struct legacy *l, const char *field, uint64_t count, size_t size) {
     if (l->words)
-        return vtk_text_skip(&l->text, count, field, l->err);
+        return import_text_skip(&l->text, count, field, l->err);
     uint64_t left = l->text.end - l->text.at;
     if (count > left / size)
         return refuse(l, SP_ERR_FORMAT, field,
@@ -132,21 +133,31 @@ static bool skip_values(struct legacy *l, const char *field, uint64_t count, siz
 /* The structure. */
 
 static bool take_dataset(struct legacy *l, const char *keyword) {
-    char kind[VTK_WORD_MAX + 1];
-    if (l->has_dataset)
+    static const struct {
+        const char *name;
+        enum vtk_set set;
+    } sets[] = { { "STRUCTURED_POINTS", VTK_IMAGE },
+                 { "RECTILINEAR_GRID", VTK_RECTILINEAR },
+                 { "STRUCTURED_GRID", VTK_STRUCTURED },
+                 { "UNSTRUCTURED_GRID", VTK_UNSTRUCTURED },
+                 { "POLYDATA", VTK_POLY } };
+    char kind[IMPORT_WORD_MAX + 1];
+    if (l->set)
         return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (!next_word(l, kind))
         return false;
-    l->has_dataset = true;
-    l->rectilinear = strcasecmp(kind, "RECTILINEAR_GRID") == 0;
-    return l->rectilinear || strcasecmp(kind, "STRUCTURED_POINTS") == 0 ||
-           refuse(l, SP_ERR_UNSUPPORTED, keyword,
-                  "data set %.40s is not supported; supported are STRUCTURED_POINTS and "
-                  "RECTILINEAR_GRID",
-                  kind);
+    for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
+        if (strcasecmp(kind, sets[i].name) == 0)
+            l->set = sets[i].set;
+    return l->set || refuse(l, SP_ERR_UNSUPPORTED, keyword,
+                            "data set %.40s is not supported; supported are STRUCTURED_POINTS, "
+                            "RECTILINEAR_GRID, STRUCTURED_GRID, UNSTRUCTURED_GRID and POLYDATA",
+                            kind);
 }
 
 static bool take_dimensions(struct legacy *l, const char *keyword) {
+    if (l->set > VTK_STRUCTURED)
+        return refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->grid_at)
         return refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
     l->grid_at = l->byte;
@@ -162,10 +173,10 @@ static bool take_dimensions(struct legacy *l, const char *keyword) {
 }
 
 static bool take_triple(struct legacy *l, const char *keyword, double out[3]) {
-    if (l->rectilinear)
-        return refuse(l, SP_ERR_FORMAT, keyword, "does not belong to a RECTILINEAR_GRID");
+    if (l->set != VTK_IMAGE)
+        return refuse(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
     for (int axis = 0; axis < 3; axis++) {
-        char word[VTK_WORD_MAX + 1], *end;
+        char word[IMPORT_WORD_MAX + 1], *end;
         if (!next_word(l, word))
             return false;
         out[axis] = strtod(word, &end);
@@ -187,7 +198,7 @@ static bool take_coordinates(struct legacy *l, const char *keyword) {
     int axis = (keyword[0] & ~0x20) - 'X';
     uint64_t count;
     const struct vtk_type *type;
-    if (!l->grid_at || !l->rectilinear)
+    if (!l->grid_at || l->set != VTK_RECTILINEAR)
         return refuse(l, SP_ERR_FORMAT, keyword,
                       "must follow the DIMENSIONS of a "
                       "RECTILINEAR_GRID");
@@ -207,12 +218,67 @@ static bool take_coordinates(struct legacy *l, const char *keyword) {
     return l->volume->positions[axis] && skip_values(l, keyword, count, type->number.size);
 }
 
+/* The positions of points. */
+static bool take_positions(struct legacy *l, const char *keyword) {
+    uint64_t count, byte = l->byte;
+    const struct vtk_type *type;
+    if (!vtk_has_points(l->set))
+        return refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
+    if (l->volume->points.type)
+        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+    if (l->set == VTK_STRUCTURED && !l->grid_at)
+        return refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
+    if (!next_count(l, keyword, COUNT_MAX, &count))
+        return false;
+    if (l->set == VTK_STRUCTURED && count != l->points)
+        return refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS give %" PRIu64,
+                      count, l->points);
+    if (!next_type(l, keyword, &type) || !end_line(l))
+        return false;
+    if (l->set != VTK_STRUCTURED)
+        l->grid_at = byte;
+    l->points = count;
+    l->volume->points = array_here(l, keyword, type->legacy, type, 3 * count);
+    return skip_values(l, keyword, 3 * count, type->number.size);
+}
+
+/* Cells of any shape: COUNT and the number of integers. Since version 5 these are the lengths of
+ * two arrays, OFFSETS and CONNECTIVITY, each with its type. */
+static bool skip_cells(struct legacy *l, const char *keyword) {
+    static const char *const arrays[] = { "OFFSETS", "CONNECTIVITY" };
+    uint64_t counts[2];
+    char word[IMPORT_WORD_MAX + 1];
+    const struct vtk_type *type;
+    if (!next_count(l, keyword, COUNT_MAX, &counts[0]) ||
+        !next_count(l, keyword, COUNT_MAX, &counts[1]) || !end_line(l))
+        return false;
+    if (!l->new_cells)
+        return skip_values(l, keyword, counts[1], 4);
+    for (int i = 0; i < 2; i++) {
+        if (!next_word(l, word))
+            return false;
+        if (strcasecmp(word, arrays[i]) != 0)
+            return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of %s", word, arrays[i]);
+        if (!next_type(l, arrays[i], &type) || !end_line(l) ||
+            !skip_values(l, arrays[i], counts[i], type->number.size))
+            return false;
+    }
+    return true;
+}
+
+static bool skip_cell_types(struct legacy *l, const char *keyword) {
+    uint64_t count;
+    return next_count(l, keyword, COUNT_MAX, &count) && end_line(l) &&
+           skip_values(l, keyword, count, 4);
+}
+
 /* The attributes. */
 
 static bool begin_section(struct legacy *l, const char *keyword, int section) {
     l->section = section;
     if (!l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
+        return refuse(l, SP_ERR_FORMAT, keyword, "comes before %s",
+                      l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS");
     if (!next_count(l, keyword, COUNT_MAX, &l->tuples))
         return false;
     return l->points <= SP_VOXELS_MAX ||
@@ -224,8 +290,8 @@ static bool take_points(struct legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, POINTS))
         return false;
     return l->tuples == l->points ||
-           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS give %" PRIu64,
-                  l->tuples, l->points);
+           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but %s give %" PRIu64, l->tuples,
+                  l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS", l->points);
 }
 
 static bool take_cells(struct legacy *l, const char *keyword) {
@@ -247,9 +313,9 @@ static void list_other(struct legacy *l, const char *keyword, const char *name) 
 
 /* Copies the name of an array. VTK writes odd characters as %XX. */
 static void take_name(char out[SP_FIELD_BYTES], const char *name) {
-    char plain[VTK_WORD_MAX + 1];
+    char plain[IMPORT_WORD_MAX + 1];
     size_t n = 0;
-    for (const char *c = name; *c && n < VTK_WORD_MAX; n++) {
+    for (const char *c = name; *c && n < IMPORT_WORD_MAX; n++) {
         char digits[3] = { c[0] == '%' ? c[1] : 0, c[0] == '%' && c[1] ? c[2] : 0 }, *end;
         long code = strtol(digits, &end, 16);
         bool is_code = isxdigit((unsigned char)digits[0]) && end == digits + 2;
@@ -264,28 +330,38 @@ static void take_name(char out[SP_FIELD_BYTES], const char *name) {
  * worse. */
 static void take_samples(struct legacy *l, const char *keyword, const char *name,
                          const struct vtk_type *type) {
-    bool is_best = strcasecmp(keyword, "SCALARS") == 0;
-    if (l->volume->samples.type && (!is_best || l->has_scalars))
+    const char *wanted = l->volume->file->field;
+    char own[SP_FIELD_BYTES];
+    take_name(own, name);
+    bool is_best = *wanted ? strcmp(own, wanted) == 0 : strcasecmp(keyword, "SCALARS") == 0;
+    if (l->volume->samples.type && (!is_best || l->has_scalars)) {
+        import_header_add_other(l->header, own);
         return;
+    }
+    import_header_add_other(l->header, l->header->value_name);
     l->has_scalars = is_best;
     l->volume->samples = array_here(l, keyword, name, type, l->points);
-    take_name(l->header->value_name, name);
+    memcpy(l->header->value_name, own, sizeof own);
 }
 
 static void take_vectors(struct legacy *l, const char *keyword, const char *name,
                          const struct vtk_type *type) {
-    bool is_best = strcasecmp(keyword, "VECTORS") == 0;
-    if (l->volume->vectors.type && (!is_best || l->has_vectors))
+    char own[SP_FIELD_BYTES];
+    take_name(own, name);
+    unsigned rank = vtk_rank_vectors(l->file, own, strcasecmp(keyword, "VECTORS") == 0);
+    const char *other = rank > l->vector_rank ? l->header->vector_name : own;
+    import_header_add_other_vectors(l->header, other);
+    if (other == own)
         return;
-    l->has_vectors = is_best;
+    l->vector_rank = rank;
     l->volume->vectors = array_here(l, keyword, name, type, 3 * l->points);
-    take_name(l->header->vector_name, name);
+    memcpy(l->header->vector_name, own, sizeof own);
 }
 
 static bool take_scalars(struct legacy *l, const char *keyword) {
-    char line[512], name[256] = "", kind[64] = "", word[VTK_WORD_MAX + 1];
+    char line[512], name[256] = "", kind[64] = "", word[IMPORT_WORD_MAX + 1];
     int components = 1;
-    if (!check_section(l, keyword) || !vtk_text_line(&l->text, line, sizeof line, l->err))
+    if (!check_section(l, keyword) || !import_text_line(&l->text, line, sizeof line, l->err))
         return false;
     sscanf(line, "%255s %63s %d", name, kind, &components);
     const struct vtk_type *type = vtk_find_type(kind, false);
@@ -314,7 +390,7 @@ static bool take_attribute(struct legacy *l, const char *keyword) {
         unsigned components;
     } known[] = { { "VECTORS", 3 },    { "NORMALS", 3 },      { "TENSORS", 9 },   { "TENSORS6", 6 },
                   { "GLOBAL_IDS", 1 }, { "PEDIGREE_IDS", 1 }, { "EDGE_FLAGS", 1 } };
-    char name[VTK_WORD_MAX + 1];
+    char name[IMPORT_WORD_MAX + 1];
     const struct vtk_type *type;
     if (!check_section(l, keyword) || !next_word(l, name) || !next_type(l, keyword, &type) ||
         !end_line(l))
@@ -330,7 +406,7 @@ static bool take_attribute(struct legacy *l, const char *keyword) {
 }
 
 static bool skip_texture(struct legacy *l, const char *keyword) {
-    char name[VTK_WORD_MAX + 1];
+    char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type;
     return check_section(l, keyword) && next_word(l, name) &&
@@ -338,9 +414,8 @@ static bool skip_texture(struct legacy *l, const char *keyword) {
            skip_values(l, keyword, l->tuples * components, type->number.size);
 }
 
-/* Colours: words between 0 and 1, or bytes. */
 static bool skip_colors(struct legacy *l, const char *keyword) {
-    char name[VTK_WORD_MAX + 1];
+    char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     if (!check_section(l, keyword) || !next_word(l, name) ||
         !next_count(l, keyword, COMPONENTS_MAX, &components) || !end_line(l))
@@ -350,7 +425,7 @@ static bool skip_colors(struct legacy *l, const char *keyword) {
 }
 
 static bool skip_table(struct legacy *l, const char *keyword) {
-    char name[VTK_WORD_MAX + 1];
+    char name[IMPORT_WORD_MAX + 1];
     uint64_t count;
     return next_word(l, name) && next_count(l, keyword, COUNT_MAX, &count) && end_line(l) &&
            skip_values(l, keyword, 4 * count, 1);
@@ -358,7 +433,7 @@ static bool skip_table(struct legacy *l, const char *keyword) {
 
 /* Named arrays. Outside of a section they belong to anything. */
 static bool take_field(struct legacy *l, const char *keyword) {
-    char name[VTK_WORD_MAX + 1];
+    char name[IMPORT_WORD_MAX + 1];
     uint64_t arrays, components, tuples;
     const struct vtk_type *type;
     if (!next_word(l, name) || !next_count(l, keyword, COUNT_MAX, &arrays))
@@ -368,9 +443,7 @@ static bool take_field(struct legacy *l, const char *keyword) {
             return false;
         if (!name[0])
             return refuse(l, SP_ERR_FORMAT, keyword,
-                          "the file ends %" PRIu64 " arrays before its "
-                          "end",
-                          arrays - i);
+                          "the file ends %" PRIu64 " arrays before its end", arrays - i);
         if (strcmp(name, "NULL_ARRAY") == 0)
             continue;
         if (!next_count(l, name, COMPONENTS_MAX, &components) ||
@@ -378,7 +451,7 @@ static bool take_field(struct legacy *l, const char *keyword) {
             return false;
         list_other(l, keyword, name);
         bool is_of_points = l->section == POINTS && tuples == l->points;
-        if (is_of_points && components == 1 && type->sample >= 0)
+        if (is_of_points && components == 1 && (type->sample >= 0 || vtk_has_points(l->set)))
             take_samples(l, keyword, name, type);
         if (is_of_points && components == 3 && type->sample != SP_UINT8) /* not colours */
             take_vectors(l, keyword, name, type);
@@ -400,6 +473,13 @@ static bool take_keyword(struct legacy *l, const char *word) {
                   { "X_COORDINATES", take_coordinates },
                   { "Y_COORDINATES", take_coordinates },
                   { "Z_COORDINATES", take_coordinates },
+                  { "POINTS", take_positions },
+                  { "CELLS", skip_cells },
+                  { "VERTICES", skip_cells },
+                  { "LINES", skip_cells },
+                  { "POLYGONS", skip_cells },
+                  { "TRIANGLE_STRIPS", skip_cells },
+                  { "CELL_TYPES", skip_cell_types },
                   { "POINT_DATA", take_points },
                   { "CELL_DATA", take_cells },
                   { "SCALARS", take_scalars },
@@ -416,7 +496,7 @@ static bool take_keyword(struct legacy *l, const char *word) {
                   { "LOOKUP_TABLE", skip_table } };
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcasecmp(word, known[i].keyword) == 0) {
-            if (i > 0 && !l->has_dataset && known[i].take != take_field)
+            if (i > 0 && !l->set && known[i].take != take_field)
                 return refuse(l, SP_ERR_FORMAT, known[i].keyword, "comes before DATASET");
             return known[i].take(l, known[i].keyword);
         }
@@ -425,9 +505,9 @@ static bool take_keyword(struct legacy *l, const char *word) {
 }
 
 static bool take_preamble(struct legacy *l) {
-    char line[300], word[VTK_WORD_MAX + 1];
+    char line[300], word[IMPORT_WORD_MAX + 1];
     int major = 0;
-    if (!vtk_text_line(&l->text, line, sizeof line, l->err))
+    if (!import_text_line(&l->text, line, sizeof line, l->err))
         return false;
     if (strncasecmp(line, "# vtk DataFile Version ", 23) != 0 ||
         sscanf(line + 23, "%d", &major) != 1)
@@ -437,7 +517,8 @@ static bool take_preamble(struct legacy *l) {
         return refuse(l, SP_ERR_UNSUPPORTED, NULL,
                       "version %d of legacy VTK files is not supported; supported are 1 to 5",
                       major);
-    if (!vtk_text_line(&l->text, line, sizeof line, l->err) || !next_word(l, word))
+    l->new_cells = major == 5;
+    if (!import_text_line(&l->text, line, sizeof line, l->err) || !next_word(l, word))
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||
@@ -446,11 +527,14 @@ static bool take_preamble(struct legacy *l) {
 }
 
 static bool check_found(struct legacy *l) {
-    if (!l->has_dataset)
+    if (!l->set)
         return refuse(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
-    if (!l->grid_at)
+    if (l->set < VTK_UNSTRUCTURED && !l->grid_at)
         return refuse(l, SP_ERR_FORMAT, "DIMENSIONS", "are missing at the end of the file");
-    for (int axis = 0; l->rectilinear && axis < 3; axis++)
+    if (vtk_has_points(l->set))
+        return l->volume->points.type ||
+               refuse(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
+    for (int axis = 0; l->set == VTK_RECTILINEAR && axis < 3; axis++)
         if (!l->volume->positions[axis])
             return refuse(
                 l, SP_ERR_FORMAT,
@@ -464,36 +548,40 @@ static bool check_found(struct legacy *l) {
 }
 
 static bool take_all(struct legacy *l) {
-    char word[VTK_WORD_MAX + 1];
+    char word[IMPORT_WORD_MAX + 1];
     import_header_init(l->header);
     if (!take_preamble(l))
         return false;
-    while (!(l->has_scalars && l->has_vectors)) {
-        if (!next_keyword(l, word))
+    do {
+        /* What follows is only read for the names of fields: it may be damaged, or of any kind. */
+        const bool may_end = l->has_scalars && l->vector_rank > 1;
+        bool ok = next_keyword(l, word) && (!word[0] || take_keyword(l, word));
+        if (!ok && !may_end)
             return false;
-        if (!word[0])
-            break;
-        if (!take_keyword(l, word))
-            return false;
-    }
-    return check_found(l) && vtk_complete(l->volume, l->header, l->grid_at, "DIMENSIONS", l->err);
+        word[0] = ok ? word[0] : 0;
+    } while (word[0]);
+    if (!check_found(l))
+        return false;
+    return vtk_has_points(l->set)
+               ? vtk_complete_points(l->volume, l->header, l->points, l->set, l->grid_at, "POINTS",
+                                     l->err)
+               : vtk_complete(l->volume, l->header, l->grid_at, "DIMENSIONS", l->err);
 }
 
 static void *open_legacy(const struct import_file *file, struct import_header *header,
                          struct sp_error *err) {
     struct vtk_volume *volume = calloc(1, sizeof *volume);
-    struct legacy *l = malloc(sizeof *l);
+    struct legacy *l = calloc(1, sizeof *l);
     bool ok = volume && l;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
     if (ok) {
-        memset(l, 0, sizeof *l);
         volume->file = file;
         l->file = file;
         l->header = header;
         l->volume = volume;
         l->err = err;
-        vtk_text_init(&l->text, file, 0, file->size);
+        import_text_init(&l->text, file, 0, file->size);
         ok = take_all(l);
     }
     free(l);
@@ -504,6 +592,9 @@ static void *open_legacy(const struct import_file *file, struct import_header *h
     return NULL;
 }
 
-const struct import_format import_vtk = {
-    .name = "VTK", .probe = probe, .open = open_legacy, .read = vtk_read, .close = vtk_close
-};
+const struct import_format import_vtk = { .name = "VTK",
+                                          .probe = probe,
+                                          .open = open_legacy,
+                                          .read = vtk_read,
+                                          .read_elements = vtk_read_elements,
+                                          .close = vtk_close };

@@ -1,10 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * VTK XML files of images (.vti) and rectilinear grids (.vtr) with one piece. expat parses the part
- * before the appended data. The reader remembers the place of arrays, never their text. A document
- * type, and with it every entity, is refused.
+ * VTK XML files of images (.vti), rectilinear grids (.vtr), structured grids (.vts), unstructured
+ * grids (.vtu) and polygons (.vtp) with one piece; of the last three, the points. expat parses the
+ * part before the appended data. The reader remembers the place of arrays, never their text. A
+ * document type, and with it every entity, is refused.
  *
- *   VTKFile ─► ImageData | RectilinearGrid ─► Piece ─► PointData, Coordinates ─► DataArray
+ *   VTKFile ─► ImageData | … ─► Piece ─► PointData, Coordinates, Points ─► DataArray
  *           └► AppendedData: here parsing stops
  */
 #include <errno.h>
@@ -38,18 +39,21 @@ struct xml { /* state while the file is read */
     XML_Parser parser;
     bool failed, stopped;
     int depth;
-    bool rectilinear, big_endian, zlib;
+    enum vtk_set set;
+    bool big_endian, zlib;
     unsigned length_size;
     int pieces;
     uint64_t grid_at; /* offset of the grid's element; 0 = not seen */
-    bool in_grid, in_points, in_coordinates;
+    bool in_grid, in_points, in_coordinates, in_positions;
     double origin[3], spacing[3], direction[9];
     int32_t first[3];           /* first sample of the extent */
     char selected[2][96];       /* the Scalars and Vectors that PointData selects */
     struct data_array found[2]; /* samples and vectors */
-    bool is_selected[2];        /* PointData selects the array that is found */
+    unsigned rank[2];           /* how well they suit; 0 = none is found */
     struct data_array coordinates[3];
     unsigned coordinate_count;
+    struct data_array positions;
+    uint64_t count;            /* points of a piece without an extent */
     struct data_array *inside; /* the array whose text is being parsed; NULL = none */
     bool appended_base64;
     uint64_t appended_at; /* 0 = there is no appended data */
@@ -71,14 +75,30 @@ refuse(struct xml *x, enum sp_code code, const char *field, const char *format, 
     XML_StopParser(x->parser, XML_FALSE);
 }
 
+/* True if the start of a file says which data set it has. */
+static bool is_data_set(const uint8_t *start, size_t size) {
+    static const char *const types[] = { "\"ImageData\"", "\"RectilinearGrid\"",
+                                         "\"StructuredGrid\"", "\"UnstructuredGrid\"",
+                                         "\"PolyData\"" };
+    bool has_type = false;
+    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
+        has_type = has_type || memmem(start, size, types[i], strlen(types[i]));
+    return has_type && memmem(start, size, "<VTKFile", 8);
+}
+
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     static const uint8_t mark[] = { 0xef, 0xbb, 0xbf }; /* byte order, as UTF-8 */
     size_t n = strlen(shown), i = size >= 3 && memcmp(start, mark, 3) == 0 ? 3 : 0;
+    if (n == 0)
+        return is_data_set(start, size);
     while (i < size && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
         i++;
     const char *ending = n > 4 ? shown + n - 4 : "";
-    return (i < size && start[i] == '<') || strcasecmp(ending, ".vti") == 0 ||
-           strcasecmp(ending, ".vtr") == 0;
+    static const char *const endings[] = { ".vti", ".vtr", ".vts", ".vtu", ".vtp" };
+    bool is_named = false;
+    for (size_t k = 0; k < sizeof endings / sizeof *endings; k++)
+        is_named |= strcasecmp(ending, endings[k]) == 0;
+    return (i < size && start[i] == '<') || is_named;
 }
 
 /* Attributes. */
@@ -120,6 +140,13 @@ static bool take_whole(struct xml *x, const char **attributes, const char *name,
 
 /* Elements. */
 
+static const char *const sets[] = { [VTK_NO_SET] = "",
+                                    [VTK_IMAGE] = "ImageData",
+                                    [VTK_RECTILINEAR] = "RectilinearGrid",
+                                    [VTK_STRUCTURED] = "StructuredGrid",
+                                    [VTK_UNSTRUCTURED] = "UnstructuredGrid",
+                                    [VTK_POLY] = "PolyData" };
+
 static void take_root(struct xml *x, const char *name, const char **attributes) {
     const char *type = find(attributes, "type"), *order = find(attributes, "byte_order");
     const char *length = find(attributes, "header_type");
@@ -128,13 +155,18 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
         refuse(x, SP_ERR_UNSUPPORTED, NULL, "the root element is %.40s instead of VTKFile", name);
         return;
     }
-    x->rectilinear = type && strcmp(type, "RectilinearGrid") == 0;
+    for (int set = VTK_IMAGE; type && set <= VTK_POLY; set++)
+        if (strcmp(type, sets[set]) == 0)
+            x->set = (enum vtk_set)set;
     x->big_endian = order && strcmp(order, "BigEndian") == 0;
     x->zlib = compressor && compressor[0];
     x->length_size = length && strcmp(length, "UInt64") == 0 ? 8 : 4;
-    if (!type || !(x->rectilinear || strcmp(type, "ImageData") == 0))
-        refuse(x, SP_ERR_UNSUPPORTED, "type", "is %.40s; it must be ImageData or RectilinearGrid",
-               type ? type : "missing");
+    if (!x->set)
+        refuse(
+            x, SP_ERR_UNSUPPORTED, "type",
+            "is %.40s; it must be ImageData, RectilinearGrid, StructuredGrid, UnstructuredGrid or "
+            "PolyData",
+            type ? type : "missing");
     else if (order && !x->big_endian && strcmp(order, "LittleEndian") != 0)
         refuse(x, SP_ERR_FORMAT, "byte_order", "is \"%.40s\"; it must be LittleEndian or BigEndian",
                order);
@@ -147,13 +179,13 @@ static void take_root(struct xml *x, const char *name, const char **attributes) 
 }
 
 static void take_grid(struct xml *x, const char *name, const char **attributes) {
-    x->in_grid = strcmp(name, x->rectilinear ? "RectilinearGrid" : "ImageData") == 0;
+    x->in_grid = strcmp(name, sets[x->set]) == 0;
     if (!x->in_grid)
         return;
     if (x->grid_at)
         refuse(x, SP_ERR_FORMAT, NULL, "%.40s occurs twice", name);
     x->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
-    if (x->rectilinear)
+    if (x->set != VTK_IMAGE)
         return;
     take_numbers(x, attributes, "Origin", x->origin, 3);
     take_numbers(x, attributes, "Spacing", x->spacing, 3);
@@ -169,6 +201,12 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
         return;
     }
     double extent[6] = { 0 };
+    if (x->set > VTK_STRUCTURED) {
+        if (!find(attributes, "NumberOfPoints"))
+            refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "is missing");
+        take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &x->count);
+        return;
+    }
     if (!find(attributes, "Extent"))
         refuse(x, SP_ERR_FORMAT, "Extent", "is missing");
     take_numbers(x, attributes, "Extent", extent, 6);
@@ -189,7 +227,8 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
 
 static void take_part(struct xml *x, const char *name, const char **attributes) {
     x->in_points = strcmp(name, "PointData") == 0;
-    x->in_coordinates = strcmp(name, "Coordinates") == 0;
+    x->in_coordinates = x->set == VTK_RECTILINEAR && strcmp(name, "Coordinates") == 0;
+    x->in_positions = vtk_has_points(x->set) && strcmp(name, "Points") == 0;
     static const char *const selections[] = { [SAMPLES] = "Scalars", [VECTORS] = "Vectors" };
     for (int kind = SAMPLES; kind <= VECTORS && x->in_points; kind++) {
         const char *array = find(attributes, selections[kind]);
@@ -241,17 +280,34 @@ static struct data_array *choose_slot(struct xml *x, const char *name, const cha
     }
     if (x->in_coordinates)
         return &x->coordinates[x->coordinate_count++];
+    if (x->in_positions) {
+        if (components == 3 && !x->positions.used)
+            return &x->positions;
+        refuse(x, SP_ERR_FORMAT, "Points", "must have one array of three components");
+        return NULL;
+    }
     int kind = components == 3 ? VECTORS : SAMPLES;
     struct data_array *slot = &x->found[kind];
     const struct vtk_type *known = vtk_find_type(type ? type : "", true);
-    bool is_selected = x->selected[kind][0] && strcmp(x->selected[kind], name) == 0;
+    char *own = kind == VECTORS ? x->header->vector_name : x->header->value_name;
+    const char *wanted = kind == SAMPLES && x->file->field[0] ? x->file->field : x->selected[kind];
+    bool is_selected = *wanted && strcmp(wanted, name) == 0;
     bool is_color = kind == VECTORS && !is_selected && known && known->sample == SP_UINT8;
-    if ((components == 1 || components == 3) && known && !is_color &&
-        (!slot->used || (is_selected && !x->is_selected[kind]))) {
-        x->is_selected[kind] = is_selected;
-        import_name(kind == VECTORS ? x->header->vector_name : x->header->value_name, name);
+    const unsigned rank =
+        kind == VECTORS ? vtk_rank_vectors(x->file, name, is_selected) : is_selected + 1u;
+    if ((components == 1 || components == 3) && known && !is_color && rank > x->rank[kind]) {
+        x->rank[kind] = rank;
+        if (kind == SAMPLES)
+            import_header_add_other(x->header, own);
+        else
+            import_header_add_other_vectors(x->header, own);
+        import_name(own, name);
         return slot;
     }
+    if (kind == SAMPLES && known && components == 1)
+        import_header_add_other(x->header, name);
+    if (kind == VECTORS && known && !is_color)
+        import_header_add_other_vectors(x->header, name);
     vtk_list(x->others, name);
     return NULL;
 }
@@ -260,7 +316,8 @@ static void take_array(struct xml *x, const char *element, const char **attribut
     uint64_t components;
     const char *name = find(attributes, "Name");
     name = name ? name : "";
-    if ((!x->in_points && !x->in_coordinates) || strcmp(element, "DataArray") != 0 ||
+    if ((!x->in_points && !x->in_coordinates && !x->in_positions) ||
+        strcmp(element, "DataArray") != 0 ||
         !take_whole(x, attributes, "NumberOfComponents", 1, 1 << 16, &components))
         return;
     struct data_array *slot = choose_slot(x, name, find(attributes, "type"), components);
@@ -443,26 +500,42 @@ static bool take_image(struct xml *x) {
     return true;
 }
 
+/* The points of an unstructured grid, polygons, or a structured grid. */
+static bool take_points(struct xml *x) {
+    const uint32_t *dims = x->header->grid.dims;
+    if (x->set == VTK_STRUCTURED)
+        x->count = (uint64_t)dims[0] * dims[1] * dims[2];
+    if (!x->positions.used)
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Points",
+                           "are missing");
+    if (!locate(x, &x->positions))
+        return false;
+    x->volume->points = x->positions.array;
+    return vtk_complete_points(x->volume, x->header, x->count, x->set, x->grid_at, sets[x->set],
+                               x->err);
+}
+
 static bool take_all(struct xml *x) {
     import_header_init(x->header);
     if (!parse(x) || (x->appended_at && !find_appended(x)))
         return false;
-    const char *grid = x->rectilinear ? "RectilinearGrid" : "ImageData";
     if (!x->pieces)
-        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, grid,
+        return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, sets[x->set],
                            "the file ends without a Piece");
-    if (!x->found[SAMPLES].used && !x->found[VECTORS].used)
+    if (!vtk_has_points(x->set) && !x->found[SAMPLES].used && !x->found[VECTORS].used)
         return import_fail(x->err, SP_ERR_UNSUPPORTED, x->file->shown, x->grid_at, "PointData",
                            "the file has no array with one number or three per point; it has %s",
                            x->others[0] ? x->others : "no array of points, perhaps of cells");
     for (int kind = SAMPLES; kind <= VECTORS; kind++)
         if (x->found[kind].used && !locate(x, &x->found[kind]))
             return false;
-    if (!(x->rectilinear ? take_coordinates(x) : take_image(x)))
-        return false;
     x->volume->samples = x->found[SAMPLES].array;
     x->volume->vectors = x->found[VECTORS].array;
-    return vtk_complete(x->volume, x->header, x->grid_at, grid, x->err);
+    if (vtk_has_points(x->set))
+        return take_points(x);
+    if (!(x->set == VTK_RECTILINEAR ? take_coordinates(x) : take_image(x)))
+        return false;
+    return vtk_complete(x->volume, x->header, x->grid_at, sets[x->set], x->err);
 }
 
 static void *open_xml(const struct import_file *file, struct import_header *header,
@@ -497,6 +570,9 @@ static void *open_xml(const struct import_file *file, struct import_header *head
     return NULL;
 }
 
-const struct import_format import_vtk_xml = {
-    .name = "VTK XML", .probe = probe, .open = open_xml, .read = vtk_read, .close = vtk_close
-};
+const struct import_format import_vtk_xml = { .name = "VTK XML",
+                                              .probe = probe,
+                                              .open = open_xml,
+                                              .read = vtk_read,
+                                              .read_elements = vtk_read_elements,
+                                              .close = vtk_close };

@@ -7,6 +7,7 @@
 struct sp_layers_worker {
     struct sp_fragment_tile tile;
     struct sp_surface_scratch surface;
+    struct sp_mesh_scratch *mesh;
 };
 
 const struct sp_layer *sp_layers_volume(const struct sp_view *view) {
@@ -34,6 +35,8 @@ static uint64_t bytes_for(const struct sp_layers_input *from, enum sp_layer_type
         used += sp_shell_bytes(from->shells, NULL);
     if (type != SP_LAYER_VECTORS && from->vectors)
         used += sp_vectors_bytes(from->vectors, NULL);
+    if (type != SP_LAYER_POINTS && from->clouds)
+        used += sp_cloud_bytes(from->clouds, NULL);
     return used < from->bytes_max ? from->bytes_max - used : 0;
 }
 
@@ -100,6 +103,7 @@ bool sp_layers_voxels(const struct sp_layers_input *from, const struct sp_layer 
                                       .camera = from->camera,
                                       .shade = from->shade,
                                       .kernels = from->voxel_kernels,
+                                      .by_depth = from->view->layer_count > 1,
                                       .interrupt = from->interrupt,
                                       .pool = from->pool,
                                       .arena = from->arena };
@@ -116,7 +120,63 @@ static bool prepare_voxels(const struct sp_layers_input *from, const struct sp_l
                                : sp_voxel_find(&to->input, &to->layer, err);
 }
 
-static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, struct sp_error *err) {
+bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct sp_layers_cloud *to,
+                     struct sp_error *err) {
+    const struct sp_cloud_input input = { .view = from->view,
+                                          .layer = &from->view->layers[layer],
+                                          .shown = from->shown[layer],
+                                          .clipped = &sp_volume_info(from->volume)->grid,
+                                          .camera = from->camera,
+                                          .set_up = from->cloud_set_up,
+                                          .trees = from->clouds,
+                                          .bytes_max = bytes_for(from, SP_LAYER_POINTS),
+                                          .mip_level = from->mip_level,
+                                          .interrupt = from->interrupt,
+                                          .pool = from->pool,
+                                          .arena = from->arena };
+    to->number = layer;
+    to->voxels = (struct sp_layers_voxels){ .is_there = true };
+    to->voxels.input = (struct sp_voxel_input){ .view = from->view,
+                                                .layer = input.layer,
+                                                .source = &to->source,
+                                                .camera = from->camera,
+                                                .kernels = from->voxel_kernels,
+                                                .interrupt = from->interrupt,
+                                                .pool = from->pool,
+                                                .arena = from->arena };
+    return sp_cloud_prepare(&input, &to->cloud, &to->source, err);
+}
+
+static bool prepare_cloud(struct sp_layers *l, uint32_t layer, struct sp_error *err) {
+    struct sp_layers_cloud *to = &l->clouds[l->cloud_count++];
+    return sp_layers_cloud(l->input, layer, to, err) &&
+           (!l->input->voxel_kernels ||
+            sp_voxel_prepare(&to->voxels.input, &to->voxels.layer, err));
+}
+
+static bool prepare_mesh(struct sp_layers *l, uint32_t number, struct sp_error *err) {
+    const struct sp_layers_input *from = l->input;
+    const struct sp_mesh_input input = { .view = from->view,
+                                         .layer = &from->view->layers[number],
+                                         .elements = sp_volume_elements(from->shown[number]),
+                                         .grid = &sp_volume_info(from->volume)->grid,
+                                         .camera = from->camera,
+                                         .shade = from->shade,
+                                         .kernels = from->mesh_kernels,
+                                         .interrupt = from->interrupt,
+                                         .pool = from->pool,
+                                         .arena = from->arena };
+    if (input.layer->opacity <= 0)
+        return true;
+    l->mesh_layers[l->mesh_count] = number;
+    if (from->mesh_kernels)
+        return sp_mesh_prepare(&input, &l->meshes[l->mesh_count++], err);
+    sp_mesh_init(&input, &l->meshes[l->mesh_count++]);
+    return true;
+}
+
+static bool prepare_layer(struct sp_layers *l, uint32_t number, struct sp_error *err) {
+    const struct sp_layer *layer = &l->input->view->layers[number];
     switch (layer->type) {
     case SP_LAYER_SURFACE:
         return layer->opacity <= 0 || prepare_surface(l, layer, err);
@@ -124,10 +184,28 @@ static bool prepare_layer(struct sp_layers *l, const struct sp_layer *layer, str
         return prepare_voxels(l->input, layer, &l->shell, err);
     case SP_LAYER_VECTORS:
         return prepare_voxels(l->input, layer, &l->vectors, err);
+    case SP_LAYER_POINTS:
+    case SP_LAYER_GAUSSIANS:
+        return prepare_cloud(l, number, err);
+    case SP_LAYER_GEOMETRY:
+        return prepare_mesh(l, number, err);
     case SP_LAYER_VOLUME:
         break;
     }
     return true;
+}
+
+static bool allocate_workers(struct sp_layers *l) {
+    const unsigned threads = sp_pool_threads(l->input->pool);
+    struct sp_arena *arena = l->input->arena;
+    int sheets = 0;
+    l->workers = sp_arena_alloc(arena, "tiles of layers", threads, sizeof *l->workers);
+    for (unsigned i = 0; i < l->mesh_count; i++)
+        sheets = l->meshes[i].sheets > sheets ? l->meshes[i].sheets : sheets;
+    for (unsigned w = 0; w < threads && l->workers && sheets; w++)
+        if (!(l->workers[w].mesh = sp_mesh_scratch_alloc(arena, sheets)))
+            return false;
+    return l->workers;
 }
 
 bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *l,
@@ -135,11 +213,9 @@ bool sp_layers_prepare(const struct sp_layers_input *input, struct sp_layers *l,
     *l = (struct sp_layers){ .input = input };
     sp_surface_cache_begin(input->surfaces);
     for (uint32_t i = 0; i < input->view->layer_count; i++)
-        if (!prepare_layer(l, &input->view->layers[i], err))
+        if (!prepare_layer(l, i, err))
             return false;
-    l->workers = sp_arena_alloc(input->arena, "tiles of layers", sp_pool_threads(input->pool),
-                                sizeof *l->workers);
-    return l->workers || fail_memory(input->arena, err);
+    return allocate_workers(l) || fail_memory(input->arena, err);
 }
 
 static int columns_of(const struct sp_view *view) {
@@ -153,14 +229,19 @@ struct drawing {
     atomic_bool is_out_of_memory;
 };
 
+/* Surfaces come first, because they have the fewest fragments: voxels then merge around them. */
 static void draw_tile(const struct sp_layers *l, struct sp_layers_worker *w, int column, int row) {
     sp_fragment_tile_clear(&w->tile, column * SP_FRAGMENT_TILE, row * SP_FRAGMENT_TILE);
+    for (unsigned i = 0; i < l->surface_count; i++)
+        l->input->surface_tile(&l->surfaces[i], &w->surface, &w->tile);
+    for (unsigned i = 0; i < l->mesh_count; i++)
+        l->input->mesh_kernels->tile(&l->meshes[i], w->mesh, &w->tile);
     if (l->shell.is_there)
         sp_voxel_tile(&l->shell.layer, column, row, &w->tile);
     if (l->vectors.is_there)
         sp_voxel_tile(&l->vectors.layer, column, row, &w->tile);
-    for (unsigned i = 0; i < l->surface_count; i++)
-        l->input->surface_tile(&l->surfaces[i], &w->surface, &w->tile);
+    for (unsigned i = 0; i < l->cloud_count; i++)
+        sp_voxel_tile(&l->clouds[i].voxels.layer, column, row, &w->tile);
 }
 
 static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {

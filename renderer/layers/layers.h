@@ -1,14 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Surfaces, shells and vectors of a frame on the processor: per tile, the fragments of all of them.
+ * Layers other than the volume of a frame on the processor: per tile, the fragments of all of them.
  *
  *   view ─► sp_layers_prepare() ─► per tile ─┬► sp_layers_draw(): to the caller
- *           surface/, voxels/               └► sp_layers_collect(): kept for the volume
+ *   surface/, voxels/, cloud/, mesh/         └► sp_layers_collect(): kept for the volume
  */
 #ifndef SP_LAYERS_LAYERS_H
 #define SP_LAYERS_LAYERS_H
 
+#include "cloud/cloud.h"
 #include "frame/fragments.h"
+#include "mesh/mesh.h"
 #include "shell/cache.h"
 #include "surface/cache.h"
 #include "surface/surface.h"
@@ -19,15 +21,20 @@
 struct sp_layers_input {
     const struct sp_view *view;
     struct sp_volume *volume;
+    struct sp_volume *const *shown; /* by layer: the volume whose elements it shows */
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */
     struct sp_surface_cache *surfaces;
     struct sp_shell_cache *shells;
+    struct sp_cloud_cache *clouds;    /* the same for layers of points */
     struct sp_vectors_cache *vectors; /* NULL = layers of vectors cannot be drawn */
     uint64_t bytes_max;               /* of all these caches */
-    /* Both NULL: the frame is prepared only; of the shell, sp_voxel_find(). */
+    /* All NULL: the frame is prepared only; of splats, sp_voxel_find(); of meshes, sp_mesh_init().
+     */
     sp_surface_tile_fn *surface_tile;
     const struct sp_voxel_kernels *voxel_kernels;
+    sp_voxel_set_up_fn *cloud_set_up;
+    const struct sp_mesh_kernels *mesh_kernels;
     unsigned mip_level; /* surfaces are drawn at this level or a coarser one */
     struct sp_interrupt interrupt;
     struct sp_pool *pool;
@@ -39,11 +46,21 @@ struct sp_layers {
     const struct sp_layers_input *input;
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
+    unsigned mesh_count;
+    uint32_t mesh_layers[SP_LAYERS_MAX]; /* their numbers in the view */
+    struct sp_mesh meshes[SP_LAYERS_MAX];
     struct sp_layers_voxels {
         bool is_there;
         struct sp_voxel_input input;
         struct sp_voxel_layer layer;
     } shell, vectors;
+    unsigned cloud_count;
+    struct sp_layers_cloud {
+        uint32_t number; /* of the layer in the view */
+        struct sp_layers_voxels voxels;
+        struct sp_cloud cloud;
+        struct sp_voxel_source source;
+    } clouds[SP_LAYERS_MAX];
     struct sp_layers_worker *workers; /* [threads] */
 };
 
@@ -61,6 +78,11 @@ const struct sp_layer *sp_layers_volume(const struct sp_view *view);
  * SP_ERR_CANCELLED. */
 bool sp_layers_voxels(const struct sp_layers_input *input, const struct sp_layer *layer,
                       struct sp_voxel_input *voxels, struct sp_error *err);
+
+/* Fills what layer number `layer` of points or Gaussians is drawn from. SP_ERR_MEMORY,
+ * SP_ERR_CANCELLED. */
+bool sp_layers_cloud(const struct sp_layers_input *input, uint32_t layer,
+                     struct sp_layers_cloud *cloud, struct sp_error *err);
 
 /* Prepares the layers other than the volume; they are valid until the arena is reset.
  * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */

@@ -203,13 +203,27 @@ static bool measure_part(const struct sp_volume *volume, const struct sp_measure
     return true;
 }
 
+/* Values along lines and in regions, and parts of them, need samples. */
+static bool check_grid(const struct sp_volume *volume, enum sp_measure_kind kind,
+                       struct sp_error *err) {
+    const enum sp_kind has = sp_volume_info(volume)->elements.kind;
+    const bool needs_grid =
+        kind == SP_MEASURE_PROFILE || has_plane(kind) || sp_measure_has_range(kind);
+    return !needs_grid || has == SP_KIND_GRID ||
+           sp_fail(err, SP_ERR_INVALID, "/kind",
+                   "%s needs a grid of samples, and this volume has %s; distance, angle and "
+                   "marker do not",
+                   sp_measure_kind_name(kind), sp_kind_name(has));
+}
+
 bool sp_measure_path(const struct sp_volume *volume, const struct sp_measure *measure,
                      struct sp_measure_result *result, struct sp_part_path *path,
                      struct sp_error *err) {
     const struct sp_part part = part_of(measure);
     assert(measure->kind == SP_MEASURE_PATH);
     *result = (struct sp_measure_result){ .unit = SP_MEASURE_LENGTH };
-    if (!sp_measure_check(measure, err) || !check_samples(volume, err) ||
+    if (!sp_measure_check(measure, err) || !check_grid(volume, measure->kind, err) ||
+        !check_samples(volume, err) ||
         !sp_part_find_path(volume, &part, measure->points[1], path, err))
         return false;
     result->has_value = path->is_found;
@@ -231,7 +245,7 @@ bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure 
                         struct sp_measure_result *result, struct sp_error *err) {
     *result =
         (struct sp_measure_result){ .has_value = true, .unit = sp_measure_unit_of(measure->kind) };
-    if (!sp_measure_check(measure, err))
+    if (!sp_measure_check(measure, err) || !check_grid(volume, measure->kind, err))
         return false;
     result->outside = sp_measure_outside(volume, measure);
     switch (measure->kind) {

@@ -138,6 +138,8 @@ static double lines_inside(const struct sp_interpolator *to, const struct sp_mea
 double sp_measure_outside(const struct sp_volume *volume, const struct sp_measure *measure) {
     struct sp_interpolator to;
     double inside = 1;
+    if (sp_volume_elements(volume)) /* it ends nowhere */
+        return 0;
     sp_interpolator_init(&to, volume);
     switch (measure->kind) {
     case SP_MEASURE_RECTANGLE:

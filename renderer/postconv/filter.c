@@ -1,5 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "frame/resolve.h"
+#include "postconv/insert.h"
 #include "postconv/tile.h"
 #include "splat/exp2.h"
 
@@ -287,10 +288,8 @@ static inline sp_wide mean_transmittance(sp_wide d) {
 }
 
 /* Composites W pixels of a row. */
-static inline void composite(const struct sp_postconv_open_tile *t, int y, int x,
-                             const sp_wide sums[4]) {
-    sp_wide p[4];
-    planes(sums, p);
+static inline void composite_part(const struct sp_postconv_open_tile *t, int y, int x,
+                                  const sp_wide p[4]) {
     /* A deposit narrower than its B-spline is negative at its edge. */
     sp_wide_mask any = sp_wide_lt(sp_wide_all(0), p[3]);
     if (!sp_wide_mask_bits(any))
@@ -309,6 +308,35 @@ static inline void composite(const struct sp_postconv_open_tile *t, int y, int x
     for (int c = 0; c < 3; c++)
         sp_wide_store(&done[c][y][x], sp_wide_load(&done[c][y][x]) + f * p[c]);
     sp_wide_store(&done[3][y][x], through * pass);
+}
+
+/* Composites the fragments before and in the layer, and what lies before the last of them. `p`
+ * keeps what is left. */
+static void composite_fragments(struct sp_postconv_open_tile *t, int y, int x, sp_wide p[4]) {
+    const sp_wide begin = sp_wide_all((float)t->layer), end = begin + 1;
+    sp_wide done = sp_wide_all(0), place = sp_wide_load(&t->inserted->place[y][x]);
+    sp_wide_mask before = sp_wide_lt(place, end);
+    while (sp_wide_any(before)) {
+        sp_wide share = sp_wide_select(before, sp_wide_max(place - begin, done), done), part[4];
+        sp_wide left = (1 - share) / (1 - done);
+        for (int i = 0; i < 4; i++) {
+            part[i] = p[i] * (1 - left);
+            p[i] *= left;
+        }
+        composite_part(t, y, x, part);
+        sp_postconv_take_fragments(t, y, x, sp_wide_mask_bits(before));
+        done = share;
+        place = sp_wide_load(&t->inserted->place[y][x]);
+        before = sp_wide_lt(place, end);
+    }
+}
+
+static inline void composite(struct sp_postconv_open_tile *t, int y, int x, const sp_wide sums[4]) {
+    sp_wide p[4];
+    planes(sums, p);
+    if (t->inserted)
+        composite_fragments(t, y, x, p);
+    composite_part(t, y, x, p);
 }
 
 /* Sums weighted rows of `from` for the blocks of one row of pixels, and composites them or adds

@@ -364,6 +364,7 @@ static bool allocate_scratch(struct sp_postconv *postconv, unsigned workers,
         memset(scratch->sum, 0, sizeof scratch->sum);
         if (postconv->slab_parts)
             scratch->sheets = sp_slab_sheets_create(arena);
+        scratch->inserted = postconv->insert ? sp_postconv_inserted_create(arena) : NULL;
         scratch->splats = 0;
         scratch->fragments = 0;
         scratch->runs = sp_arena_alloc(arena, "runs", most, sizeof *scratch->runs);
@@ -403,6 +404,13 @@ static uint32_t *make_layers(const struct sp_postconv_input *input, uint32_t *co
     for (uint32_t k = 0; k < n; k++)
         layers[slices[k]] = k;
     return layers;
+}
+
+/* True if the layers rise or fall with the slices: the eye is not between slices. */
+static bool has_order(const struct sp_postconv *postconv) {
+    const uint32_t last = postconv->layers - 1;
+    const uint32_t first_slice = postconv->is_backwards ? last : 0;
+    return postconv->layer[first_slice] == 0 && postconv->layer[last - first_slice] == last;
 }
 
 /* Returns how many consecutive layers are composited as one, at least 1. Only the view and the
@@ -495,6 +503,7 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
     uint32_t bricks = input->detail->count;
     postconv->layer = make_layers(input, &postconv->layers);
     postconv->is_backwards = postconv->layer && postconv->layer[0] > 0;
+    postconv->is_ordered = postconv->layer && has_order(postconv);
     postconv->bricks = sp_arena_alloc(input->arena, "bricks", bricks, sizeof *postconv->bricks);
     struct prepare p = { .input = input,
                          .postconv = postconv,
@@ -522,6 +531,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
         return fail_memory(input->arena, err);
     if (!meet_tiles(postconv, input->arena) || !order_tiles(postconv, input->arena))
         return fail_memory(input->arena, err);
+    if (input->fragments && !(postconv->insert = sp_postconv_insert_create(input, postconv)))
+        return fail_memory(input->arena, err);
     postconv->prepare_ms = sp_interrupt_clock_ms(&input->interrupt) - clock;
     return true;
 }
@@ -531,6 +542,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
 static const double most_unfit = 1.0 / 4;
 
 bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv) {
+    if (postconv->insert && !postconv->is_ordered)
+        return false;
     if (postconv->view->compositing.mode == SP_COMPOSITE_SLAB &&
         !(postconv->slab_parts && sp_slab_fits(postconv)))
         return false;

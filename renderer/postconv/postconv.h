@@ -121,6 +121,9 @@ struct sp_postconv_tile_cost {
     uint32_t tile;
 };
 
+struct sp_postconv_insert;
+struct sp_postconv_inserted;
+
 /* One frame of this stage. All pointers are valid until the frame is finished. */
 struct sp_postconv {
     const struct sp_view *view;
@@ -137,6 +140,7 @@ struct sp_postconv {
     int slab_parts;                     /* slabs per slice (slab.h); 0 = sheets are composited */
     int slab_slices;                    /* slices that share a layer of slabs: 1, or 2 */
     bool is_backwards;                  /* layers begin with the last slice */
+    bool is_ordered;                    /* the eye is not between slices */
     uint32_t layers;                    /* composited front to back */
     const struct sp_level_frame *parts; /* [SP_LEVELS] */
     uint32_t *layer; /* by slice of the volume along the axis; several slices may share a layer */
@@ -147,6 +151,7 @@ struct sp_postconv {
     uint32_t *met;                       /* bricks by tile */
     struct sp_postconv_tile_cost *order; /* [tiles]: most voxels first, so that no tile ends late */
     double work[2]; /* voxels that tiles meet: served by filters, and drawn one by one */
+    const struct sp_postconv_insert *insert; /* fragments of other layers; NULL = none */
     double prepare_ms;
     struct sp_postconv_scratch *scratch; /* by worker */
 };
@@ -159,10 +164,11 @@ struct sp_postconv_scratch {
     _Alignas(64) float sum[POSTCONV_TILE][POSTCONV_ROW][4];    /* of several groups of a layer */
     /* Composited so far: red, green, blue, transmittance; pixels in the kernels' order. */
     _Alignas(64) float done[4][POSTCONV_TILE][POSTCONV_TILE];
-    struct sp_slab_sheet *sheets; /* [SLAB_SLOTS]; NULL without slabs */
-    struct sp_postconv_run *runs; /* of the tile, by layer */
-    uint32_t *starts;             /* [layers + 1]: where a layer's runs begin */
-    uint32_t *ends;               /* [layers] */
+    struct sp_slab_sheet *sheets;          /* [SLAB_SLOTS]; NULL without slabs */
+    struct sp_postconv_inserted *inserted; /* NULL without fragments */
+    struct sp_postconv_run *runs;          /* of the tile, by layer */
+    uint32_t *starts;                      /* [layers + 1]: where a layer's runs begin */
+    uint32_t *ends;                        /* [layers] */
     uint64_t splats, fragments;
 };
 
@@ -233,16 +239,25 @@ struct sp_postconv_input {
     struct sp_interrupt interrupt;
     const struct sp_postconv_tables *tables;
     const struct sp_camera_transform *camera;
-    const struct sp_shade *shade;       /* NULL = not lit */
-    const struct sp_grid *grid;         /* its slices are the sheets */
-    const struct sp_level_frame *parts; /* [SP_LEVELS] */
-    const struct sp_detail *detail;     /* the bricks */
+    const struct sp_shade *shade;         /* NULL = not lit */
+    const struct sp_grid *grid;           /* its slices are the sheets */
+    const struct sp_level_frame *parts;   /* [SP_LEVELS] */
+    const struct sp_detail *detail;       /* the bricks */
+    const struct sp_fragments *fragments; /* of other layers, in sheets; NULL = none */
     unsigned axis;
     double classify_ms;             /* time of the stage before, for the stats */
     sp_postconv_tile_fn *draw_tile; /* sp_postconv_tile() of an instruction set */
     struct sp_pool *pool;
     struct sp_arena *arena;
 };
+
+/* fragments.c: relates the fragments of a frame to its layers, which rise or fall with the slices.
+ * NULL if the arena cannot allocate. */
+const struct sp_postconv_insert *sp_postconv_insert_create(const struct sp_postconv_input *input,
+                                                           const struct sp_postconv *postconv);
+
+/* Memory for the fragments of a tile; NULL if the arena cannot allocate. */
+struct sp_postconv_inserted *sp_postconv_inserted_create(struct sp_arena *arena);
 
 /* True if this stage can draw the view: sheets of Gaussians on an evenly spaced grid, classified
  * before splatting, with a cutoff of at least 3 and nothing clipped; or such slabs, if
@@ -254,7 +269,8 @@ bool sp_postconv_prepare(const struct sp_postconv_input *input, struct sp_postco
                          struct sp_error *err);
 
 /* True if drawing this frame tile by tile is faster than the general path, which sets up and sorts
- * each footprint once. False if the eye is close to the voxels: filters serve too few bricks. */
+ * each footprint once. False if the eye is close to the voxels: filters serve too few bricks. And
+ * false if it lies between slices and there are fragments. */
 bool sp_postconv_is_worthwhile(const struct sp_postconv *postconv);
 
 /* Draws every pixel and fills the stats. SP_ERR_MEMORY, SP_ERR_CANCELLED. */

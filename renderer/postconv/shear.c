@@ -220,7 +220,8 @@ static bool is_dense(const struct sp_postconv *postconv, uint8_t *level, double 
 /* True if the view is one that this stage draws. */
 static bool is_possible(const struct sp_postconv_input *input, const struct sp_postconv *postconv) {
     return input->camera->projection == SP_PERSPECTIVE && !postconv->exact && !postconv->linear &&
-           !postconv->shade && (input->detail->levels & (input->detail->levels - 1)) == 0;
+           !postconv->shade && !postconv->insert &&
+           (input->detail->levels & (input->detail->levels - 1)) == 0;
 }
 
 bool sp_shear_can_draw(const struct sp_postconv_input *input, const struct sp_postconv *postconv,

@@ -242,6 +242,7 @@ static void draw_layer(struct slabs *s, int layer) {
         struct source from[SLAB_SLOTS];
         int place[2];
         t->group = l->group;
+        t->layer = layer * parts + k;
         for (int a = 0; a < 2; a++) {
             double middle = ((k + 0.5) / parts - 0.5) * l->step[a];
             float part;

@@ -237,6 +237,7 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
                 scratch->done[3][y][x] = 1;
     t.alive = UINT32_MAX;
     memset(t.live, 0xff, sizeof t.live);
+    sp_postconv_open_fragments(&t);
     sp_postconv_check_cells(&t);
     sort_runs(&t, number);
     if (postconv->slab_parts)
@@ -247,7 +248,9 @@ void sp_postconv_tile(const struct sp_postconv *postconv, struct sp_postconv_scr
             continue;
         if (sp_interrupt_is_cancelled(&postconv->interrupt))
             break;
+        t.layer = (int)l;
         draw_layer(&t, scratch->runs + begin, end - begin);
     }
+    sp_postconv_finish_fragments(&t);
     sp_postconv_resolve(&t);
 }

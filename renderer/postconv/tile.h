@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * One tile while it is drawn: what tile.c (runs by layer), deposit.c (voxels → samples) and
- * filter.c (samples → pixels) share. Compiled once per instruction set (base/isa.h).
+ * One tile while it is drawn: what tile.c (runs by layer), deposit.c (voxels → samples),
+ * filter.c (samples → pixels) and insert.c (fragments of other layers) share. Compiled once per
+ * instruction set (base/isa.h).
  */
 #ifndef SP_POSTCONV_TILE_H
 #define SP_POSTCONV_TILE_H
@@ -131,6 +132,8 @@ struct sp_postconv_open_tile {
     uint32_t alive;                       /* bit per cell that is not opaque */
     uint32_t live[POSTCONV_TILE / BLOCK]; /* the same per block of 4 × 4 pixels */
     bool has_dead;                        /* some blocks are opaque */
+    int layer; /* sheet or slab that is drawn, counted from where the volume begins */
+    struct sp_postconv_inserted *inserted; /* NULL = no fragments */
     uint32_t closed;
     bool is_open; /* `group` has deposits */
     struct sp_postconv_group group;
@@ -178,6 +181,15 @@ void sp_postconv_close_sum(struct sp_postconv_open_tile *tile);
 
 /* Finds the cells that have become opaque. */
 void sp_postconv_check_cells(struct sp_postconv_open_tile *tile);
+
+/* Finds the first fragments of a tile's pixels; tile->inserted stays NULL if there are none. */
+void sp_postconv_open_fragments(struct sp_postconv_open_tile *tile);
+
+/* Composites the next fragments of the pixels in `bits` of the vector at (x, y). */
+void sp_postconv_take_fragments(struct sp_postconv_open_tile *tile, int y, int x, unsigned bits);
+
+/* Composites those that are left. */
+void sp_postconv_finish_fragments(struct sp_postconv_open_tile *tile);
 
 /* The pixel of a group of W at element i of its planes. */
 static inline int sp_postconv_pixel_at(int i) {

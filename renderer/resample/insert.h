@@ -7,19 +7,30 @@
 #ifndef SP_RESAMPLE_INSERT_H
 #define SP_RESAMPLE_INSERT_H
 
-#include "base/isa.h"
 #include "resample/kernels.h"
 
 /* Finds the first fragment of each pixel; sets has_fragments. The block is empty. */
 void sp_resample_open_fragments(const struct sp_resample_open_tile *t,
                                 struct sp_resample_block *block);
 
+/* Prefetches what is read when the fragments before s are composited: the lists of a tile do not
+ * fit the nearest cache. */
+void sp_resample_prefetch_fragments(const struct sp_resample_block *block, float s);
+
 /* Composites all fragments that lie before s. */
 void sp_resample_insert_before(const struct sp_resample_open_tile *t,
                                struct sp_resample_block *block, float s);
 
-/* Composites the interval [begin, end) of pixel i, and the fragments in it. */
+/* An interval of SP_WIDE rays of a block. */
+struct sp_resample_part {
+    int pixel;        /* the first one */
+    float begin, end; /* s */
+    sp_wide opacity;  /* between those, inside the halves */
+    sp_wide color[3];
+};
+
+/* Composites an interval and the fragments in it. */
 void sp_resample_insert(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                        int i, float begin, float end, float opacity, const float color[3]);
+                        const struct sp_resample_part *part);
 
 #endif

@@ -337,14 +337,12 @@ static inline void composite(struct sp_resample_block *block, const struct inter
 
 /* The same for rays with fragments of other layers in the interval. */
 static void composite_around(const struct work *work, const struct interval *in) {
-    struct sp_resample_block *block = work->block;
-    _Alignas(64) float opacity[SP_WIDE], color[3][SP_WIDE];
-    sp_wide_store(opacity, in->opacity);
-    for (int c = 0; c < 3; c++)
-        sp_wide_store(color[c], in->color[c]);
-    for (int i = 0; i < SP_WIDE; i++)
-        sp_resample_insert(work->t, block, in->begin + i, work->start, work->start + work->width,
-                           opacity[i], (const float[3]){ color[0][i], color[1][i], color[2][i] });
+    const struct sp_resample_part part = { .pixel = in->begin,
+                                           .begin = work->start,
+                                           .end = work->start + work->width,
+                                           .opacity = in->opacity,
+                                           .color = { in->color[0], in->color[1], in->color[2] } };
+    sp_resample_insert(work->t, work->block, &part);
 }
 
 /* Returns false if all pixels are opaque. */
@@ -396,6 +394,8 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batch, int b) {
     struct sp_resample_block *block = &t->scratch->blocks[b];
+    if (block->has_fragments)
+        sp_resample_prefetch_fragments(block, sp_resample_sheet_s(t, batch->last - 1));
     for (int n = batch->first; n <= batch->last; n++) {
         if (!(batch->now[n - batch->first] >> b & 1))
             continue;

@@ -25,25 +25,32 @@ static double zero_of(const struct sp_view *view, const struct sp_volume_info *i
     return isnan(view->compositing.zero) ? info->range[0] : view->compositing.zero;
 }
 
+/* The value at a share of the range, which may be wider than a double. */
+static double value_at(const struct sp_volume_info *info, double share) {
+    return info->range[0] * (1 - share) + info->range[1] * share;
+}
+
+/* The upper end of the sums of max(value − zero, 0) along rays: known for the lowest value. */
+static double sum_end(const struct sp_view *view, const struct sp_volume_info *info) {
+    const double all = root_mean_square(info, info->range[0]);
+    const double share = all > 0 ? root_mean_square(info, zero_of(view, info)) / all : 0;
+    return (info->range[1] - info->range[0]) * info->projected.sum * share;
+}
+
 /* The ends of the window that suits the volume and the mode. */
 static void choose_ends(const struct sp_view *view, const struct sp_volume_info *info,
                         double ends[2]) {
-    const struct sp_grid *grid = &info->grid;
-    double window[2], side = 0;
-    for (int a = 0; a < 3; a++)
-        side += grid->spacing[a] * grid->dims[a] / 3;
-    switch (view->compositing.mode) {
-    case SP_COMPOSITE_MEAN:
-        ends[0] = info->range[0];
-        ends[1] = ends[0] + 2 * root_mean_square(info, ends[0]);
-        return;
-    case SP_COMPOSITE_SUM:
+    const enum sp_compositing mode = view->compositing.mode;
+    const double *shares =
+        mode == SP_COMPOSITE_MEAN ? info->projected.mean : info->projected.maximum;
+    double window[2];
+    if (mode == SP_COMPOSITE_SUM) {
         ends[0] = 0;
-        ends[1] = isnan(view->compositing.absorption)
-                      ? 2 * root_mean_square(info, zero_of(view, info)) * side
-                      : 1;
-        return;
-    default:
+        ends[1] = isnan(view->compositing.absorption) ? sum_end(view, info) : 1;
+    } else if (mode != SP_COMPOSITE_MINIMUM && shares[1] > shares[0]) {
+        ends[0] = value_at(info, shares[0]);
+        ends[1] = value_at(info, shares[1]);
+    } else {
         sp_slice_default_window(info, window);
         ends[0] = window[0] - window[1] / 2;
         ends[1] = info->range[1];

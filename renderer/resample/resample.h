@@ -119,11 +119,13 @@ struct sp_resample_block {
     int entry_sheet[RESAMPLE_PIXELS]; /* on which sheet; by first pixel of a vector */
     float inside[2];                  /* s between which all rays are inside */
     int at[2];                        /* its corner in the tile [px] */
-    /* Fragments of other layers (insert.h): which comes next, and its s; infinity = none. Set only
-     * if the block has any. */
+    /* Fragments of other layers (insert.h), set only if the block has any: those that are left, and
+     * the first of them: its s; infinity = none. */
     bool has_fragments;
-    uint8_t next[RESAMPLE_PIXELS];
-    _Alignas(64) float next_s[RESAMPLE_PIXELS];
+    const struct sp_fragment *next[RESAMPLE_PIXELS];
+    uint8_t left[RESAMPLE_PIXELS];
+    _Alignas(64) float next_s[RESAMPLE_PIXELS], next_alpha[RESAMPLE_PIXELS];
+    float next_color[3][RESAMPLE_PIXELS];
 };
 
 /* Where the rays of a tile's blocks are. */

@@ -8,6 +8,7 @@
 #include "classify/gradient.h"
 #include "classify/transfer.h"
 #include "splat/crossings.h"
+#include "splat/pick_elements.h"
 #include "splat/ray.h"
 #include "volume/sample.h"
 
@@ -99,6 +100,9 @@ struct march {
     const struct sp_ray *ray;
     struct sp_pick *pick;
     double depth; /* optical depth so far */
+    const struct sp_pick_events *events;
+    size_t next;                    /* event */
+    struct sp_crossings *crossings; /* NULL = none is ahead */
 };
 
 /* Records a position where the opacity reaches one half. */
@@ -121,47 +125,80 @@ static void pass(struct march *march, double t, double to, double per_unit, doub
     march->depth += more;
 }
 
-/* Goes through a surface. */
-static void pass_surface(struct march *march, const struct sp_crossing *crossing) {
-    march->depth += depth_of((double)crossing->layer->opacity);
-    if (march->depth >= half)
-        hit(march, crossing->t, crossing->layer->value);
+/* Takes the next surface or element before t `to`; false if there is none. */
+static bool take_thin(struct march *march, double to, struct sp_pick_event *next) {
+    const struct sp_crossing *crossing =
+        march->crossings ? sp_crossings_peek(march->crossings) : NULL;
+    const struct sp_pick_event *event =
+        march->next < march->events->count ? &march->events->at[march->next] : NULL;
+    if (event && event->t <= to && !(crossing && crossing->t < event->t)) {
+        *next = *event;
+        march->next++;
+        return true;
+    }
+    if (!crossing || !(crossing->t <= to))
+        return false;
+    *next = (struct sp_pick_event){ crossing->t, depth_of((double)crossing->layer->opacity),
+                                    crossing->layer->value };
+    sp_crossings_take(march->crossings);
+    return true;
 }
 
-/* Goes along the ray until nothing behind counts. */
-static void follow(struct march *march, const struct matter *matter, struct sp_crossings *crossings,
-                   struct sp_ray_walk *walk) {
+/* Goes from t to `to` through matter of one kind, surfaces and elements. */
+static void go(struct march *march, double t, double to, double per_unit, double value) {
+    struct sp_pick_event next;
+    while (take_thin(march, to, &next)) {
+        pass(march, t, next.t, per_unit, value);
+        march->depth += next.depth;
+        if (march->depth >= half)
+            hit(march, next.t, next.value);
+        t = fmax(t, next.t);
+    }
+    pass(march, t, to, per_unit, value);
+}
+
+/* Goes through the grid until nothing behind counts. */
+static void follow(struct march *march, const struct matter *matter, struct sp_ray_walk *walk) {
     const double opaque = 50;
     double t = march->ray->begin;
     do {
         double leave = sp_ray_walk_leave(walk, march->ray), value = value_at(matter, walk->cell);
-        double per_unit = extinction(matter, walk->cell, value);
-        const struct sp_crossing *next;
-        while ((next = sp_crossings_peek(crossings)) && next->t <= leave) {
-            pass(march, t, next->t, per_unit, value);
-            pass_surface(march, next);
-            t = fmax(t, next->t);
-            sp_crossings_take(crossings);
-        }
-        pass(march, t, leave, per_unit, value);
+        go(march, t, leave, extinction(matter, walk->cell, value), value);
         t = fmax(t, leave);
     } while (march->depth < opaque && sp_ray_walk_step(walk, march->ray));
-    march->pick->opacity = -expm1(-march->depth);
 }
 
-void sp_pick_at(const struct sp_volume *volume, const struct sp_view *view, const uint32_t size[2],
-                const double at[2], struct sp_pick *pick) {
-    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    struct sp_ray ray;
+/* Picks in the samples of the volume, and the elements inside and before it. */
+static void pick_grid(const struct sp_pick_input *in, const struct sp_ray *ray,
+                      struct march *march) {
+    const struct sp_grid *grid = &sp_volume_info(in->volume)->grid;
     struct sp_ray_walk walk;
     struct sp_crossings crossings;
     struct matter matter;
+    matter_init(&matter, in->view, in->volume);
+    sp_crossings_init(&crossings, ray, in->view, in->volume);
+    sp_ray_walk_start(&walk, ray, grid, SP_RAY_AROUND, ray->begin);
+    go(march, ray->begin, ray->begin, 0, 0);
+    march->crossings = &crossings;
+    follow(march, &matter, &walk);
+    march->crossings = NULL;
+}
+
+bool sp_pick_at(const struct sp_pick_input *in, struct sp_pick *pick, struct sp_error *err) {
+    const struct sp_grid *grid = &sp_volume_info(in->volume)->grid;
+    struct sp_ray ray, open;
+    struct sp_pick_events events;
     *pick = (struct sp_pick){ .opacity = 0 };
-    sp_ray_init(&ray, view, grid, size, at);
-    if (!(ray.begin < ray.end))
-        return;
-    matter_init(&matter, view, volume);
-    sp_crossings_init(&crossings, &ray, view, volume);
-    sp_ray_walk_start(&walk, &ray, grid, SP_RAY_AROUND, ray.begin);
-    follow(&(struct march){ .ray = &ray, .pick = pick }, &matter, &crossings, &walk);
+    sp_ray_init_open(&open, in->view, grid, in->size, in->at);
+    const bool ok = sp_pick_elements(in, &open, &events, err);
+    struct march march = { .ray = &ray, .pick = pick, .events = &events };
+    pick->elements = events.tested;
+    sp_ray_init(&ray, in->view, grid, in->size, in->at);
+    if (ok && ray.begin < ray.end && !sp_volume_elements(in->volume))
+        pick_grid(in, &ray, &march);
+    if (ok)
+        go(&march, INFINITY, INFINITY, 0, 0);
+    pick->opacity = -expm1(-march.depth);
+    sp_pick_events_finish(&events);
+    return ok;
 }

@@ -36,14 +36,17 @@ static void keep(struct sp_ray *ray, double offset, double slope) {
         ray->end = -INFINITY;
 }
 
-static void clip(struct sp_ray *ray, const struct sp_grid *grid, const struct sp_clip *clip) {
+static void clip(struct sp_ray *ray, const struct sp_grid *grid, const struct sp_clip *clip,
+                 bool is_open) {
     for (unsigned axis = 0; axis < 3; axis++) {
         double extent[2], low, high;
         sp_grid_extent(grid, axis, extent);
         low = extent[0] + clip->box[0][axis] * (extent[1] - extent[0]);
         high = extent[0] + clip->box[1][axis] * (extent[1] - extent[0]);
-        keep(ray, ray->a.v[axis] - low, ray->b.v[axis]);
-        keep(ray, high - ray->a.v[axis], -ray->b.v[axis]);
+        if (!is_open || clip->box[0][axis] > 0)
+            keep(ray, ray->a.v[axis] - low, ray->b.v[axis]);
+        if (!is_open || clip->box[1][axis] < 1)
+            keep(ray, high - ray->a.v[axis], -ray->b.v[axis]);
     }
     for (uint32_t i = 0; i < clip->plane_count; i++) {
         const struct sp_clip_plane *plane = &clip->planes[i];
@@ -56,8 +59,8 @@ static void clip(struct sp_ray *ray, const struct sp_grid *grid, const struct sp
     }
 }
 
-void sp_ray_init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
-                 const uint32_t size[2], const double at[2]) {
+static void init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
+                 const uint32_t size[2], const double at[2], bool is_open) {
     struct sp_mat3 direction;
     double det;
     *ray = ray_from(view, size, at);
@@ -67,7 +70,17 @@ void sp_ray_init(struct sp_ray *ray, const struct sp_view *view, const struct sp
     struct sp_mat3 to_axes = sp_mat3_inverse(&direction, &det);
     ray->a = sp_mat3_apply(&to_axes, sp_vec3_sub(ray->from, sp_vec3_from(grid->origin)));
     ray->b = sp_mat3_apply(&to_axes, ray->way);
-    clip(ray, grid, &view->clip);
+    clip(ray, grid, &view->clip, is_open);
+}
+
+void sp_ray_init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
+                 const uint32_t size[2], const double at[2]) {
+    init(ray, view, grid, size, at, false);
+}
+
+void sp_ray_init_open(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
+                      const uint32_t size[2], const double at[2]) {
+    init(ray, view, grid, size, at, true);
 }
 
 /* Returns the upper end of cell i of an axis. */

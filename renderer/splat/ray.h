@@ -26,6 +26,11 @@ struct sp_ray {
 void sp_ray_init(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
                  const uint32_t size[2], const double at[2]);
 
+/* The same, but the ray does not end where the volume does: only the faces of the clip box that lie
+ * inside the volume, and planes, end it. */
+void sp_ray_init_open(struct sp_ray *ray, const struct sp_view *view, const struct sp_grid *grid,
+                      const uint32_t size[2], const double at[2]);
+
 enum sp_ray_cells { SP_RAY_AROUND, SP_RAY_BETWEEN };
 
 /* The current cell of a walk along a ray. */

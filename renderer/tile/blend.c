@@ -58,12 +58,13 @@ void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t 
     struct sp_box *box = &tile->dirty[slot];
     if (box->x1 <= box->x0)
         return;
-    if (blend->insert)
-        sp_insert_before(tile, blend->insert, box, (uint32_t)layer);
     for (int y = box->y0; y < box->y1; y++) {
         float *sum = sp_sums_row(tile, blend, slot, y), *done = tile->done[0][y];
         if (blend->post)
             sp_post_classify(blend->post, tile->x, tile->y + y, sum, box->x0, box->x1);
+        if (blend->insert)
+            sp_insert_row(tile, blend->insert, (uint32_t)layer, y, box->x0, box->x1, blend->linear,
+                          sum);
         if (blend->linear)
             close_row(true, sum, done, box->x0, box->x1);
         else

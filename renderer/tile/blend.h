@@ -39,8 +39,8 @@ struct sp_blend {
     const struct sp_insert *insert; /* fragments of other layers; NULL = none */
 };
 
-/* Composites the sums of an open layer, if there are any, and clears them. Fragments in front of
- * it come first. Checks for saturation from time to time. */
+/* Composites the sums of an open layer, if there are any, and clears them, with the
+ * fragments before and in it. Checks for saturation from time to time. */
 void sp_layer_close(struct sp_tile *tile, const struct sp_blend *blend, int64_t layer);
 
 /* Sets tile->saturated. */

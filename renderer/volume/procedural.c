@@ -1,18 +1,23 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "volume/procedural.h"
 
+#include <errno.h>
 #include <inttypes.h>
+#include <math.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
 #include "base/parallel_for.h"
+#include "volume/elements.h"
 
 static const struct sp_demo_maker *const makers[] = {
-    &sp_demo_phantom,      &sp_demo_engine,   &sp_demo_vessels, &sp_demo_marschner_lobb,
-    &sp_demo_checkerboard, &sp_demo_hydrogen, &sp_demo_galaxy,  &sp_demo_sparse,
-    &sp_demo_turbulence,   &sp_demo_noise,    &sp_demo_tornado, &sp_demo_jet,
+    &sp_demo_phantom,      &sp_demo_engine,   &sp_demo_vessels,   &sp_demo_marschner_lobb,
+    &sp_demo_checkerboard, &sp_demo_hydrogen, &sp_demo_galaxy,    &sp_demo_sparse,
+    &sp_demo_turbulence,   &sp_demo_noise,    &sp_demo_tornado,   &sp_demo_jet,
+    &sp_demo_polar,        &sp_demo_points,   &sp_demo_gaussians, &sp_demo_torus,
 };
 enum { MAKERS = sizeof makers / sizeof makers[0] };
 
@@ -35,16 +40,16 @@ static const struct sp_demo_maker *find_maker(const char *name, size_t length) {
 }
 
 /* Parses decimal digits without a leading zero; the number must be within the limits. */
-static bool parse_size(const char *text, uint32_t *size) {
+static bool parse_size(const char *text, uint32_t size_max, uint32_t *size) {
     size_t digits = strspn(text, "0123456789");
     if (digits < 1 || digits > 4 || text[digits] || text[0] == '0')
         return false;
     *size = (uint32_t)strtoul(text, NULL, 10);
-    return *size >= SP_DEMO_SIZE_MIN && *size <= SP_DEMO_SIZE_MAX;
+    return *size >= SP_DEMO_SIZE_MIN && *size <= size_max;
 }
 
-static const struct sp_demo_maker *parse_source(const char *source, uint32_t *size,
-                                                struct sp_error *err) {
+static const struct sp_demo_maker *parse_source(const char *source, uint32_t size_max,
+                                                uint32_t *size, struct sp_error *err) {
     const char *name = source + sizeof prefix - 1;
     size_t length = strcspn(name, "?");
     const struct sp_demo_maker *maker = find_maker(name, length);
@@ -63,10 +68,10 @@ static const struct sp_demo_maker *parse_source(const char *source, uint32_t *si
         return maker;
     static const char key[] = "?size=";
     if (strncmp(name + length, key, sizeof key - 1) != 0 ||
-        !parse_size(name + length + sizeof key - 1, size)) {
+        !parse_size(name + length + sizeof key - 1, size_max, size)) {
         sp_fail(err, SP_ERR_INVALID, source,
-                "expected nothing or ?size=N after the name, with N a whole number in [%d, %d]",
-                SP_DEMO_SIZE_MIN, SP_DEMO_SIZE_MAX);
+                "expected nothing or ?size=N after the name, with N a whole number in [%d, %u]",
+                SP_DEMO_SIZE_MIN, size_max);
         return NULL;
     }
     return maker;
@@ -74,7 +79,7 @@ static const struct sp_demo_maker *parse_source(const char *source, uint32_t *si
 
 bool sp_demo_check(const char *source, struct sp_error *err) {
     uint32_t size;
-    return parse_source(source, &size, err) != NULL;
+    return parse_source(source, SP_DEMO_SIZE_MAX, &size, err) != NULL;
 }
 
 struct making {
@@ -161,33 +166,190 @@ static struct sp_volume *make_volume(const struct sp_demo_maker *maker,
     return volume;
 }
 
+struct placing {
+    const struct sp_demo_maker *maker;
+    uint32_t size;
+    struct sp_elements elements;
+    const struct sp_load_options *options;
+    atomic_size_t done; /* elements */
+    atomic_bool cancelled;
+};
+
+static void place_elements(void *user, size_t begin, size_t end, unsigned worker) {
+    struct placing *p = user;
+    if (atomic_load_explicit(&p->cancelled, memory_order_relaxed))
+        return;
+    p->maker->place(p->size, &p->elements, begin, end);
+    size_t done = atomic_fetch_add_explicit(&p->done, end - begin, memory_order_relaxed);
+    if (worker == 0 && p->options && p->options->progress &&
+        !p->options->progress(p->options->user, (double)done / p->elements.shape.count))
+        atomic_store_explicit(&p->cancelled, true, memory_order_relaxed);
+}
+
+static bool fill_elements(struct placing *p, struct sp_error *err) {
+    enum { GRAIN = 1 << 14 };
+    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
+    if (!pool)
+        return false;
+    sp_parallel_for(pool, p->elements.shape.count, GRAIN, place_elements, p);
+    sp_pool_destroy(&pool);
+    if (atomic_load(&p->cancelled))
+        return sp_fail(err, SP_ERR_CANCELLED, p->maker->demo.name, "loading was cancelled");
+    if (p->maker->finish)
+        p->maker->finish(p->size, &p->elements);
+    return true;
+}
+
+static struct sp_volume *make_elements(const struct sp_demo_maker *maker, uint32_t size,
+                                       struct sp_volume_info *info,
+                                       const struct sp_load_options *options,
+                                       struct sp_error *err) {
+    struct placing placing = { .maker = maker, .size = size, .options = options };
+    maker->count(size, &info->elements);
+    const uint64_t bytes = sp_elements_bytes(&info->elements);
+    if (options && options->reserve && !options->reserve(options->user, bytes, err))
+        return NULL;
+    float *memory = aligned_alloc(64, bytes);
+    if (!memory) {
+        sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for %" PRIu64 " bytes of elements",
+                bytes);
+        return NULL;
+    }
+    memset(memory, 0, bytes);
+    *memory = NAN; /* the only sample */
+    placing.elements = sp_elements_at(&info->elements, memory);
+    if (!fill_elements(&placing, err)) {
+        free(memory);
+        return NULL;
+    }
+    struct sp_volume *volume = sp_volume_adopt_elements(info, memory, bytes, release_heap, err);
+    if (volume && options && options->progress)
+        options->progress(options->user, 1);
+    return volume;
+}
+
+/* Describes the grid of a volume of samples, but for rectilinear axes. */
+static void describe(const struct sp_demo_maker *maker, uint32_t size, const char *source,
+                     struct sp_volume_info *info) {
+    *info = (struct sp_volume_info){ .type = maker->type };
+    snprintf(info->name, sizeof info->name, "%s", maker->demo.name);
+    snprintf(info->source, sizeof info->source, "%s", source);
+    if (maker->count)
+        return;
+    for (int axis = 0; axis < 3; axis++) {
+        info->grid.dims[axis] = size;
+        info->grid.spacing[axis] = 1;
+        info->grid.direction[axis][axis] = 1;
+    }
+    if (maker->shape)
+        maker->shape(size, info->grid.dims);
+    if (maker->flow) {
+        snprintf(info->value_name, sizeof info->value_name, "magnitude");
+        snprintf(info->vector_name, sizeof info->vector_name, "wind");
+    }
+}
+
 struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
                                struct sp_error *err) {
     uint32_t size;
-    const struct sp_demo_maker *maker = parse_source(source, &size, err);
+    struct sp_volume_info info;
+    const struct sp_demo_maker *maker = parse_source(source, SP_DEMO_SIZE_MAX, &size, err);
     if (!maker)
         return NULL;
-    struct sp_volume_info info = { .type = maker->type };
-    struct sp_grid *grid = &info.grid;
-    for (int axis = 0; axis < 3; axis++) {
-        grid->dims[axis] = size;
-        grid->spacing[axis] = 1;
-        grid->direction[axis][axis] = 1;
-    }
-    if (maker->shape)
-        maker->shape(size, grid->dims);
-    snprintf(info.name, sizeof info.name, "%s", maker->demo.name);
-    snprintf(info.source, sizeof info.source, "%s", source);
-    if (maker->flow) {
-        snprintf(info.value_name, sizeof info.value_name, "magnitude");
-        snprintf(info.vector_name, sizeof info.vector_name, "wind");
-    }
-
+    describe(maker, size, source, &info);
+    if (maker->count)
+        return make_elements(maker, size, &info, options, err);
     double coordinates[3][SP_DEMO_SIZE_MAX];
     for (int axis = 0; axis < 3 && maker->grade; axis++) {
-        for (uint32_t i = 0; i < grid->dims[axis]; i++)
-            coordinates[axis][i] = maker->grade(grid->dims[axis], i);
-        grid->coordinates[axis] = coordinates[axis];
+        for (uint32_t i = 0; i < info.grid.dims[axis]; i++)
+            coordinates[axis][i] = maker->grade(info.grid.dims[axis], i);
+        info.grid.coordinates[axis] = coordinates[axis];
     }
     return make_volume(maker, &info, options, err);
+}
+
+/* A few slices of a volume on their way to a file. */
+struct stream {
+    const struct sp_demo_maker *maker;
+    const void *prepared;
+    const uint32_t *dims;
+    char *slices;
+    size_t slice_bytes;
+    uint32_t first; /* of them */
+};
+
+static void make_some_slices(void *user, size_t begin, size_t end, unsigned worker) {
+    struct stream *s = user;
+    /* fill() wants the start of the whole volume, and writes these slices only. */
+    const uintptr_t start = (uintptr_t)s->slices - (uintptr_t)s->first * s->slice_bytes;
+    (void)worker;
+    s->maker->fill(s->prepared, s->dims, s->first + begin, s->first + end, (void *)start);
+}
+
+static bool is_zero(const char *bytes, size_t size) {
+    return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
+}
+
+/* Blocks of zeros stay holes of the file. */
+static bool write_slices(const struct stream *s, uint32_t count, int fd) {
+    const size_t block = (size_t)1 << 16, size = count * s->slice_bytes;
+    const uint64_t at = (uint64_t)s->first * s->slice_bytes;
+    for (size_t done = 0; done < size;) {
+        const size_t left = size - done < block ? size - done : block;
+        if (is_zero(s->slices + done, left)) {
+            done += left;
+            continue;
+        }
+        ssize_t n = pwrite(fd, s->slices + done, left, (off_t)(at + done));
+        if (n <= 0 && errno != EINTR)
+            return false;
+        done += n > 0 ? (size_t)n : 0;
+    }
+    return true;
+}
+
+static bool stream_slices(struct stream *s, struct sp_pool *pool,
+                          const struct sp_load_options *options, int fd, struct sp_error *err) {
+    const uint32_t step = sp_pool_threads(pool) * 2;
+    for (s->first = 0; s->first < s->dims[2]; s->first += step) {
+        const uint32_t left = s->dims[2] - s->first, count = left < step ? left : step;
+        sp_parallel_for(pool, count, 1, make_some_slices, s);
+        if (!write_slices(s, count, fd))
+            return sp_fail(err, SP_ERR_IO, s->maker->demo.name, "cannot write the samples: %s",
+                           strerror(errno));
+        if (options && options->progress &&
+            !options->progress(options->user, (double)(s->first + count) / s->dims[2]))
+            return sp_fail(err, SP_ERR_CANCELLED, s->maker->demo.name, "cancelled");
+    }
+    return true;
+}
+
+bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
+                    struct sp_volume_info *info, struct sp_error *err) {
+    uint32_t size;
+    const struct sp_demo_maker *maker = parse_source(source, SP_DEMO_STREAM_MAX, &size, err);
+    if (!maker)
+        return false;
+    describe(maker, size, source, info);
+    if (maker->count || maker->grade || !maker->fill)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, source,
+                       "only volumes with evenly spaced axes can be converted");
+    const uint32_t *dims = info->grid.dims;
+    struct stream s = { .maker = maker,
+                        .dims = dims,
+                        .slice_bytes = (size_t)dims[0] * dims[1] * sp_type_size(maker->type) };
+    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
+    void *prepared = maker->prepare ? maker->prepare(dims) : NULL;
+    s.prepared = prepared;
+    s.slices = pool ? malloc(s.slice_bytes * sp_pool_threads(pool) * 2) : NULL;
+    bool ok = pool != NULL;
+    if (ok && (!s.slices || (maker->prepare && !prepared)))
+        ok = sp_fail(err, SP_ERR_MEMORY, source, "out of memory for some slices");
+    if (ok && ftruncate(fd, (off_t)(s.slice_bytes * dims[2])) != 0)
+        ok = sp_fail(err, SP_ERR_IO, source, "cannot write the samples: %s", strerror(errno));
+    ok = ok && stream_slices(&s, pool, options, fd, err);
+    free(s.slices);
+    free(prepared);
+    sp_pool_destroy(&pool);
+    return ok;
 }

@@ -19,6 +19,14 @@ bool sp_source_is_demo(const char *source);
 struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
                                struct sp_error *err);
 
+/* Writes the samples of a built-in volume to a file, a few slices at a time, so that they need no
+ * memory; the size may be up to SP_DEMO_STREAM_MAX. Fills *info without range and histogram.
+ * SP_ERR_UNSUPPORTED: it is no grid with evenly spaced axes; SP_ERR_IO. Otherwise as
+ * sp_demo_load(), without reserve(). */
+enum { SP_DEMO_STREAM_MAX = 4096 };
+bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
+                    struct sp_volume_info *info, struct sp_error *err);
+
 /* Slices [begin, end) of the volume into `voxels`, the start of the whole array. `prepared` is what
  * the demo's prepare returned. */
 typedef void sp_demo_fill(const void *prepared, const uint32_t dims[3], size_t begin, size_t end,
@@ -37,6 +45,10 @@ struct sp_demo_maker {
                                                  of memory; the slot is NULL when there is none */
     sp_demo_fill *fill; /* NULL = the samples are the lengths of the vectors */
     sp_demo_flow *flow; /* NULL = no vectors */
+    /* Elements instead of samples; everything above but `demo` is NULL. The size has no unit. */
+    void (*count)(uint32_t size, struct sp_elements_shape *shape);
+    void (*place)(uint32_t size, const struct sp_elements *elements, size_t begin, size_t end);
+    void (*finish)(uint32_t size, const struct sp_elements *elements); /* of all; may be NULL */
 };
 
 /* procedural_formulas.c: phantom, marschner-lobb, checkerboard, hydrogen */
@@ -48,6 +60,8 @@ extern const struct sp_demo_maker sp_demo_engine, sp_demo_vessels, sp_demo_galax
 extern const struct sp_demo_maker sp_demo_turbulence, sp_demo_noise;
 /* procedural_winds.c */
 extern const struct sp_demo_maker sp_demo_tornado, sp_demo_jet;
+/* procedural_elements.c */
+extern const struct sp_demo_maker sp_demo_polar, sp_demo_points, sp_demo_gaussians, sp_demo_torus;
 
 /* Share of the inside at a sample that lies `distance` voxels outside a surface (negative =
  * inside): a smooth step over two voxels, as a scanner blurs it, so that gradients are smooth as

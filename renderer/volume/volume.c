@@ -3,11 +3,14 @@
 
 #include <assert.h>
 #include <inttypes.h>
+#include <math.h>
 #include <pthread.h>
 #include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "volume/elements.h"
 
 /* Memory of samples and vectors. Derived volumes share the vectors of their original. */
 struct memory {
@@ -20,13 +23,18 @@ struct memory {
 struct sp_volume {
     atomic_uint references;
     struct sp_volume_info info;
-    double *coordinates; /* of all rectilinear axes, one after the other; NULL = none */
+    /* Coordinates of all rectilinear axes, and the times of the series, one after the other. NULL =
+     * none. */
+    double *numbers;
     struct memory *samples;
     struct memory *vector_memory; /* the same, or that of the original; NULL = no vectors */
     const float (*vectors)[3];
+    struct sp_elements elements;
     const struct sp_volume *original; /* only compared; NULL = not derived */
-    pthread_mutex_t mutex;            /* guards the fields below */
-    struct sp_volume *derived;        /* NULL = none */
+    void *source;                     /* owned; NULL = none */
+    void (*destroy_source)(void *source);
+    pthread_mutex_t mutex;     /* guards the fields below */
+    struct sp_volume *derived; /* NULL = none */
     void *key;
     size_t key_bytes;
 };
@@ -49,18 +57,23 @@ static void release_heap(void *voxels, size_t bytes) {
     free(voxels);
 }
 
-/* Copies the grid's coordinates into memory that the volume owns. */
-static bool keep_coordinates(struct sp_volume *volume, struct sp_error *err) {
+/* Copies the grid's coordinates and the times into memory that the volume owns. */
+static bool keep_numbers(struct sp_volume *volume, struct sp_error *err) {
     struct sp_grid *grid = &volume->info.grid;
-    size_t count = 0;
+    struct sp_steps *steps = &volume->info.steps;
+    size_t count = steps->times ? steps->count : 0;
     for (int a = 0; a < 3; a++)
         count += grid->coordinates[a] ? grid->dims[a] : 0;
     if (count == 0)
         return true;
-    double *next = volume->coordinates = malloc(count * sizeof *next);
+    double *next = volume->numbers = malloc(count * sizeof *next);
     if (!next)
         return sp_fail(err, SP_ERR_MEMORY, volume->info.source,
-                       "out of memory for the coordinates");
+                       "out of memory for coordinates and times");
+    if (steps->times) {
+        steps->times = memcpy(next, steps->times, steps->count * sizeof *next);
+        next += steps->count;
+    }
     for (int a = 0; a < 3; a++)
         if (grid->coordinates[a]) {
             grid->coordinates[a] = memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
@@ -102,6 +115,8 @@ static struct sp_volume *create(const struct sp_volume_info *info, void *voxels,
     *memory = (struct memory){ .voxels = voxels, .bytes = bytes, .release = release };
     atomic_init(&memory->references, 1);
     volume->info = *info;
+    if (volume->info.steps.count == 0)
+        volume->info.steps.count = 1;
     volume->samples = memory;
     return volume;
 }
@@ -130,22 +145,85 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
     volume->info.vector_bytes = vectors ? count * sizeof *vectors : 0;
     assert(volume->info.voxel_bytes + volume->info.vector_bytes <= bytes);
     share_vectors(volume, volume->samples, vectors);
-    if (!keep_coordinates(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err) ||
+    if (!keep_numbers(volume, err) || !sp_volume_measure(&volume->info, voxels, count, err) ||
+        !sp_volume_project(&volume->info, voxels, err) ||
         (vectors && !sp_volume_measure_vectors(vectors, count, &volume->info.longest, err)))
         sp_volume_unref(&volume);
     return volume;
 }
 
-struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxels, size_t bytes,
+struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
+                                           size_t bytes, sp_voxels_release *release,
+                                           struct sp_error *err) {
+    struct sp_volume *volume = create(info, memory, bytes, release, err);
+    if (!volume)
+        return NULL;
+    struct sp_volume_info *own = &volume->info;
+    volume->elements = sp_elements_at(&info->elements, memory);
+    const struct sp_elements *e = &volume->elements;
+    own->type = SP_FLOAT32;
+    own->components = 1;
+    own->voxel_bytes = sizeof(float);
+    own->element_bytes = sp_elements_bytes(&info->elements);
+    sp_elements_grid(e, &own->grid);
+    own->element_spacing = sp_elements_spacing(e, &own->grid);
+    if (!sp_elements_are_sound(e))
+        sp_fail(err, SP_ERR_FORMAT, info->source, "a triangle names a vertex that does not exist");
+    else if (keep_numbers(volume, err) &&
+             (!e->values || sp_volume_measure(own, e->values, e->shape.count, err)))
+        return volume;
+    sp_volume_unref(&volume);
+    return NULL;
+}
+
+struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_type type,
+                                   uint64_t nonfinite, void *voxels, size_t bytes,
                                    sp_voxels_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(&original->info, voxels, bytes, release, err);
     if (!volume)
         return NULL;
+    volume->info.type = type;
+    volume->info.nonfinite = nonfinite;
+    volume->info.voxel_bytes = count_voxels(&original->info.grid) * sp_type_size(type);
     volume->original = sp_volume_original(original);
     share_vectors(volume, original->vector_memory, original->vectors);
-    if (!keep_coordinates(volume, err))
+    if (!keep_numbers(volume, err))
         sp_volume_unref(&volume);
     return volume;
+}
+
+struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
+                                        const struct sp_grid *grid, void *voxels, size_t bytes,
+                                        sp_voxels_release *release, struct sp_error *err) {
+    struct sp_volume_info info = original->info;
+    info.grid = *grid;
+    struct sp_volume *volume = sp_volume_adopt_measured(&info, voxels, bytes, release, err);
+    if (volume)
+        volume->original = sp_volume_original(original);
+    return volume;
+}
+
+struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
+                                           size_t bytes, sp_voxels_release *release,
+                                           struct sp_error *err) {
+    assert(!sp_grid_is_rectilinear(&info->grid));
+    struct sp_volume *volume = create(info, voxels, bytes, release, err);
+    if (volume) {
+        volume->info.components = 1;
+        volume->info.voxel_bytes = count_voxels(&info->grid) * sp_type_size(info->type);
+        assert(volume->info.voxel_bytes <= bytes);
+    }
+    return volume;
+}
+
+void sp_volume_set_source(struct sp_volume *volume, void *source, void (*destroy)(void *source)) {
+    assert(!volume->source);
+    volume->source = source;
+    volume->destroy_source = destroy;
+}
+
+void *sp_volume_source(const struct sp_volume *volume) {
+    return volume->source;
 }
 
 const struct sp_volume *sp_volume_original(const struct sp_volume *volume) {
@@ -213,6 +291,56 @@ struct sp_volume *sp_volume_create_vectors(const struct sp_grid *grid, enum sp_t
                            release_heap, err);
 }
 
+static void copy_elements(const struct sp_elements *from, const struct sp_elements *to) {
+    const struct sp_elements_shape *shape = &to->shape;
+    const size_t n = shape->count, vertices = shape->vertex_count;
+    memcpy(to->positions, from->positions,
+           (shape->kind == SP_KIND_MESH ? vertices : n) * sizeof *to->positions);
+    if (to->factors)
+        memcpy(to->factors, from->factors, n * sizeof *to->factors);
+    if (to->values) {
+        memcpy(to->values, from->values, n * sizeof *to->values);
+        memcpy(to->volumes, from->volumes, n * sizeof *to->volumes);
+    }
+    if (to->opacities) {
+        memcpy(to->opacities, from->opacities, n * sizeof *to->opacities);
+        memcpy(to->harmonics, from->harmonics,
+               n * sp_harmonics_count(shape->degree) * 3 * sizeof *to->harmonics);
+    }
+    if (to->triangles) {
+        memcpy(to->normals, from->normals, vertices * sizeof *to->normals);
+        memcpy(to->colors, from->colors, vertices * sizeof *to->colors);
+        memcpy(to->triangles, from->triangles, n * sizeof *to->triangles);
+    }
+}
+
+struct sp_volume *sp_volume_create_elements(const struct sp_elements *elements, const char *name,
+                                            struct sp_error *err) {
+    struct sp_volume_info info = { .elements = elements->shape };
+    const char *problem = sp_elements_shape_problem(&elements->shape);
+    if (problem || elements->shape.kind == SP_KIND_GRID) {
+        sp_fail(err, SP_ERR_INVALID, name, "%s", problem ? problem : "a grid has no elements");
+        return NULL;
+    }
+    snprintf(info.name, sizeof info.name, "%s", name);
+    snprintf(info.source, sizeof info.source, "memory:%s", name);
+    size_t capacity = sp_elements_bytes(&elements->shape);
+    char *memory = aligned_alloc(64, capacity);
+    if (!memory) {
+        sp_fail(err, SP_ERR_MEMORY, name, "out of memory for %zu bytes of elements", capacity);
+        return NULL;
+    }
+    struct sp_elements own = sp_elements_at(&elements->shape, memory);
+    *(float *)(void *)memory = NAN;
+    copy_elements(elements, &own);
+    if (!sp_elements_are_sound(&own)) {
+        free(memory);
+        sp_fail(err, SP_ERR_INVALID, name, "a triangle names a vertex that does not exist");
+        return NULL;
+    }
+    return sp_volume_adopt_elements(&info, memory, capacity, release_heap, err);
+}
+
 struct sp_volume *sp_volume_ref(struct sp_volume *volume) {
     unsigned before = atomic_fetch_add_explicit(&volume->references, 1, memory_order_relaxed);
     assert(before > 0);
@@ -226,11 +354,13 @@ void sp_volume_unref(struct sp_volume **volume) {
     if (!v || atomic_fetch_sub_explicit(&v->references, 1, memory_order_acq_rel) != 1)
         return;
     sp_volume_unref(&v->derived);
+    if (v->source)
+        v->destroy_source(v->source);
     pthread_mutex_destroy(&v->mutex);
     unref_memory(v->samples);
     unref_memory(v->vector_memory);
     free(v->key);
-    free(v->coordinates);
+    free(v->numbers);
     free(v);
 }
 
@@ -244,4 +374,8 @@ const void *sp_volume_voxels(const struct sp_volume *volume) {
 
 const float (*sp_volume_vectors(const struct sp_volume *volume))[3] {
     return volume->vectors;
+}
+
+const struct sp_elements *sp_volume_elements(const struct sp_volume *volume) {
+    return volume->info.elements.kind == SP_KIND_GRID ? NULL : &volume->elements;
 }

@@ -28,11 +28,35 @@ struct sp_volume *sp_volume_adopt(const struct sp_volume_info *info, void *voxel
                                   const float (*vectors)[3], size_t bytes,
                                   sp_voxels_release *release, struct sp_error *err);
 
-/* Creates a volume with other samples of the same type on the grid of `original`, for the same
- * readers: everything else in its description is the original's, and so are the vectors. Samples as
- * above. */
-struct sp_volume *sp_volume_derive(const struct sp_volume *original, void *voxels, size_t bytes,
+/* The same for elements in memory of sp_elements_bytes(): `info` gives their shape, unit, names and
+ * source; the grid, and of points range and histogram, are filled in. SP_ERR_FORMAT if a triangle
+ * names a vertex that does not exist. */
+struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, void *memory,
+                                           size_t bytes, sp_voxels_release *release,
+                                           struct sp_error *err);
+
+/* Creates a volume with other samples on the grid of `original`, for the same readers: of its
+ * description only the type, the size and the number of samples that are not finite differ, and the
+ * vectors are the original's. Samples as above. */
+struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_type type,
+                                   uint64_t nonfinite, void *voxels, size_t bytes,
                                    sp_voxels_release *release, struct sp_error *err);
+
+/* The same on another grid, which shows a part of the original at another resolution. The range,
+ * the histogram and what projections show are those of the original. Without vectors. */
+struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
+                                        const struct sp_grid *grid, void *voxels, size_t bytes,
+                                        sp_voxels_release *release, struct sp_error *err);
+
+/* The source of a volume that holds a coarse level only: `source` is destroyed with the volume. Set
+ * once, before the volume is shared. sp_volume_source() returns it; NULL = there is none. */
+void sp_volume_set_source(struct sp_volume *volume, void *source, void (*destroy)(void *source));
+void *sp_volume_source(const struct sp_volume *volume);
+
+/* Creates a volume whose range, histogram and so on *info gives, all of it. Samples as above. */
+struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
+                                           size_t bytes, sp_voxels_release *release,
+                                           struct sp_error *err);
 
 /* True if `volume`, which may be NULL, is `original` or derived from it, or if `original` is NULL.
  * Caches evict by this rule. */
@@ -61,6 +85,9 @@ void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths
  * with *err set when threads cannot be started. */
 bool sp_volume_measure(struct sp_volume_info *info, const void *voxels, uint64_t count,
                        struct sp_error *err);
+
+/* Fills info->projected from some samples of a grid, whose range is set. SP_ERR_MEMORY. */
+bool sp_volume_project(struct sp_volume_info *info, const void *voxels, struct sp_error *err);
 
 /* The number of threads for work on a whole volume: one per core that this process may use, at most
  * 16. */

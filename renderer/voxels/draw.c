@@ -28,9 +28,7 @@ static bool fail_cancelled(struct sp_error *err) {
 /* The tiles of some rows of the image, and the splats that lie on them. */
 struct band {
     const struct sp_voxel_input *input;
-    const struct sp_voxel_list *list;
-    struct sp_voxel_frame *frame;
-    const struct sp_voxel_order *order;
+    struct sp_voxel_source *source;
     int columns, rows, y;             /* of tiles; first row of the image */
     uint32_t tiles, blocks;           /* blocks of the batch */
     uint32_t begin;                   /* first voxel of the batch, in the order */
@@ -74,13 +72,13 @@ static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker)
     const unsigned columns = (unsigned)b->columns;
     (void)worker;
     for (size_t n = begin; n < end && !is_cancelled(b); n++) {
-        uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->order->count - at;
+        uint32_t at = b->begin + (uint32_t)n * BLOCK, left = b->source->order.count - at;
         const struct sp_voxel_record *records = b->records + n * BLOCK;
         uint32_t *counts = b->counts + n * b->tiles;
         double area = 0;
         b->written[n] =
-            b->input->kernels->set_up(b->frame, b->list, b->order->voxels + at,
-                                      left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
+            b->source->set_up(&b->source->frame, b->source->from, b->source->order.voxels + at,
+                              left < BLOCK ? left : BLOCK, b->records + n * BLOCK);
         memset(counts, 0, b->tiles * sizeof *counts);
         for (uint32_t i = 0; i < b->written[n]; i++) {
             struct span s = find_span(b, &records[i]);
@@ -162,8 +160,8 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
             continue;
         }
         if (b->is_first)
-            kernels->start(tile, x, y, b->frame->ewa.size);
-        kernels->add(tile, b->frame, b->records, b->entries + first, count);
+            kernels->start(tile, x, y, b->source->frame.ewa.size);
+        kernels->add(tile, &b->source->frame, b->records, b->entries + first, count);
         if (b->is_last)
             kernels->resolve(tile, b->input->view->background, b->input->frame);
     }
@@ -171,7 +169,7 @@ static void draw_tiles(void *user, size_t begin, size_t end, unsigned worker) {
 
 /* Sets up the next batch of the band. */
 static void begin_batch(struct band *b, uint32_t begin) {
-    uint32_t left = (b->order->count - begin + BLOCK - 1) / BLOCK;
+    uint32_t left = (b->source->order.count - begin + BLOCK - 1) / BLOCK;
     b->begin = begin;
     b->blocks = left < BATCH_BLOCKS ? left : BATCH_BLOCKS;
     sp_parallel_for(b->input->pool, b->blocks, 1, set_up_blocks, b);
@@ -186,7 +184,7 @@ static bool note_closed(struct band *b) {
     uint32_t count = 0;
     for (uint32_t t = 0; t < b->tiles; t++)
         count += b->closed[t] = b->tiles_open[t].open_count == 0;
-    b->frame->closed = count ? b->closed : NULL;
+    b->source->frame.closed = count ? b->closed : NULL;
     return count == b->tiles;
 }
 
@@ -232,16 +230,16 @@ static void resolve_tiles(void *user, size_t begin, size_t end, unsigned worker)
 }
 
 static void draw_band(struct band *b, int y, int rows) {
-    uint32_t count = b->order->count, begin = 0;
+    uint32_t count = b->source->order.count, begin = 0;
     b->y = y;
     b->rows = rows;
     b->tiles = (uint32_t)(rows * b->columns);
-    b->frame->ewa.rows[0] = y;
-    b->frame->ewa.rows[1] = y + rows * SP_VOXEL_TILE < b->frame->ewa.size[1]
-                                ? y + rows * SP_VOXEL_TILE
-                                : b->frame->ewa.size[1];
+    b->source->frame.ewa.rows[0] = y;
+    b->source->frame.ewa.rows[1] = y + rows * SP_VOXEL_TILE < b->source->frame.ewa.size[1]
+                                       ? y + rows * SP_VOXEL_TILE
+                                       : b->source->frame.ewa.size[1];
     b->is_first = true;
-    b->frame->closed = NULL;
+    b->source->frame.closed = NULL;
     do {
         begin_batch(b, begin);
         begin += b->blocks * BLOCK;
@@ -302,7 +300,7 @@ static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame
         .shade = has_streaks ? NULL : input->shade, /* vectors have no normals */
         .linear = view.compositing.attenuation == SP_ATTENUATION_LINEAR,
         .opaque = is_flat ? 64 : (float)opaque_depth,
-        .apart = 0.5f,
+        .apart = 1,
     };
     view.transfer_function.order = SP_TF_PRE;
     view.filter.kernel = SP_KERNEL_GAUSSIAN;
@@ -313,23 +311,31 @@ static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame
     return init_places(frame, grid, input->arena);
 }
 
-static bool find_voxels(const struct sp_voxel_input *input, struct sp_voxel_frame *frame,
-                        struct sp_voxel_order *order, struct sp_error *err) {
+static bool find_voxels(const struct sp_voxel_input *input, struct sp_voxel_source *source,
+                        struct sp_error *err) {
+    if (input->source) {
+        *source = *input->source;
+        return true;
+    }
+    *source = (struct sp_voxel_source){ .set_up = input->kernels ? input->kernels->set_up : NULL,
+                                        .from = input->list,
+                                        .count = input->list->count };
     struct sp_voxel_order_job sort = { .list = input->list,
                                        .camera = input->camera,
                                        .grid = input->grid,
                                        .keeps_hidden = input->keeps_hidden,
+                                       .by_depth = input->by_depth,
                                        .pool = input->pool,
                                        .arena = input->arena,
                                        .interrupt = &input->interrupt };
-    if (!init_frame(input, frame) || !sp_voxel_sort(&sort, order))
+    if (!init_frame(input, &source->frame) || !sp_voxel_sort(&sort, &source->order))
         return fail_memory(input->arena, err);
     return !sp_interrupt_is_cancelled(&input->interrupt) || fail_cancelled(err);
 }
 
 static bool allocate(struct band *b, uint32_t tiles) {
     struct sp_arena *arena = b->input->arena;
-    uint32_t blocks = (b->order->count + BLOCK - 1) / BLOCK;
+    uint32_t blocks = (b->source->order.count + BLOCK - 1) / BLOCK;
     b->is_single = blocks <= BATCH_BLOCKS;
     b->blocks = blocks < BATCH_BLOCKS ? blocks : BATCH_BLOCKS;
     b->capacity = tiles * BLOCK > ENTRIES_MIN ? tiles * BLOCK : ENTRIES_MIN;
@@ -342,14 +348,14 @@ static bool allocate(struct band *b, uint32_t tiles) {
     b->entries = sp_arena_alloc(arena, "bin entries", b->capacity, sizeof *b->entries);
     b->tiles_open = sp_arena_alloc(arena, "tiles", held, sizeof *b->tiles_open);
     b->closed = sp_arena_alloc(arena, "tiles", tiles, sizeof *b->closed);
-    b->frame->columns = b->columns;
+    b->source->frame.columns = b->columns;
     return !arena->failed;
 }
 
 static void write_stats(const struct band *b, const double ms[3]) {
     struct sp_frame_stats *stats = &b->input->frame->stats;
-    stats->mip_level = 0;
-    stats->visible_voxels = b->list->count;
+    stats->mip_level = b->source->mip_level;
+    stats->visible_voxels = b->source->count;
     stats->splats = b->drawn;
     stats->fragments = (uint64_t)b->area;
     stats->stage_count = 2;
@@ -358,15 +364,14 @@ static void write_stats(const struct band *b, const double ms[3]) {
 }
 
 bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
-    struct sp_voxel_frame frame;
-    struct sp_voxel_order order;
-    struct band b = { .input = input, .list = input->list, .frame = &frame, .order = &order };
+    struct sp_voxel_source source;
+    struct band b = { .input = input, .source = &source };
     double ms[3] = { sp_interrupt_clock_ms(&input->interrupt) };
-    if (!find_voxels(input, &frame, &order, err))
+    if (!find_voxels(input, &source, err))
         return false;
     ms[1] = sp_interrupt_clock_ms(&input->interrupt);
-    int rows = (frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE, step;
-    b.columns = (frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE;
+    int rows = (source.frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE, step;
+    b.columns = (source.frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE;
     step = BAND_TILES / b.columns < rows ? BAND_TILES / b.columns : rows;
     if (!allocate(&b, (uint32_t)(step * b.columns)))
         return fail_memory(input->arena, err);
@@ -383,7 +388,7 @@ bool sp_voxel_draw(const struct sp_voxel_input *input, struct sp_error *err) {
 
 static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_error *err) {
     struct sp_arena *arena = b->input->arena;
-    b->blocks = (b->order->count + BLOCK - 1) / BLOCK;
+    b->blocks = (b->source->order.count + BLOCK - 1) / BLOCK;
     b->tiles = (uint32_t)(b->columns * b->rows);
     b->records = sp_arena_alloc(arena, "splats", (size_t)b->blocks * BLOCK, sizeof *b->records);
     b->written = sp_arena_alloc(arena, "blocks", b->blocks, sizeof *b->written);
@@ -414,8 +419,8 @@ static bool bin_all(struct sp_voxel_layer *layer, struct band *b, struct sp_erro
 
 bool sp_voxel_find(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
                    struct sp_error *err) {
-    *layer = (struct sp_voxel_layer){ .input = input, .list = input->list };
-    return find_voxels(input, &layer->frame, &layer->order, err);
+    *layer = (struct sp_voxel_layer){ .input = input };
+    return find_voxels(input, &layer->source, err);
 }
 
 bool sp_voxel_prepare(const struct sp_voxel_input *input, struct sp_voxel_layer *layer,
@@ -423,11 +428,11 @@ bool sp_voxel_prepare(const struct sp_voxel_input *input, struct sp_voxel_layer 
     if (!sp_voxel_find(input, layer, err))
         return false;
     struct band b = { .input = input,
-                      .list = layer->list,
-                      .frame = &layer->frame,
-                      .order = &layer->order,
-                      .columns = (layer->frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE,
-                      .rows = (layer->frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE };
+                      .source = &layer->source,
+                      .columns =
+                          (layer->source.frame.ewa.size[0] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE,
+                      .rows =
+                          (layer->source.frame.ewa.size[1] + SP_VOXEL_TILE - 1) / SP_VOXEL_TILE };
     if (!bin_all(layer, &b, err))
         return false;
     layer->columns = b.columns;
@@ -441,6 +446,6 @@ bool sp_voxel_prepare(const struct sp_voxel_input *input, struct sp_voxel_layer 
 void sp_voxel_tile(const struct sp_voxel_layer *layer, int column, int row,
                    struct sp_fragment_tile *tile) {
     uint32_t t = (uint32_t)(row * layer->columns + column), first = layer->first[t];
-    layer->input->kernels->merge(tile, &layer->frame, layer->records, layer->entries + first,
+    layer->input->kernels->merge(tile, &layer->source.frame, layer->records, layer->entries + first,
                                  layer->first[t + 1] - first);
 }

@@ -29,6 +29,15 @@ struct sp_streaks {
     float color[3];
 };
 
+/* A fragment of another layer with this opacity or more divides the splats before it from those
+ * behind it. */
+#define SP_VOXEL_WALL 0.1f
+
+/* Opacity of trained Gaussians at a pixel: the least that is drawn, and the most that one has
+ * (Kerbl et al. 2023). */
+#define SP_TRAINED_OPACITY_MIN (1.0f / 255)
+#define SP_TRAINED_OPACITY_MAX 0.99f
+
 /* What is the same for all splats of a layer in one frame. */
 struct sp_voxel_frame {
     struct sp_ewa_frame ewa;
@@ -36,12 +45,17 @@ struct sp_voxel_frame {
     const struct sp_shade *shade; /* NULL = not lit */
     bool is_rectilinear;
     bool linear;      /* attenuation */
+    bool is_trained;  /* of a trained scene: `depth` of a record is the opacity at its centre */
     bool has_streaks; /* of a layer of vectors */
     struct sp_streaks streaks;
     /* Rectilinear: by axis and index, distance from sample 0 and local spacing [mean spacings]. */
     const float *place[3], *size[3];
     float opaque; /* least optical depth of an opaque voxel over a cell; flat: per square */
-    float apart;  /* splats of a pixel whose u2 differ by less become one fragment [cells] */
+    /* A splat joins a pixel's open fragment if its u2 differs from that of the fragment's first
+     * splat by less than apart·(1 + n/2)/T [cells]: n fragments lie in front, and T is what they
+     * let through. So errors of depth are alike on all fragments, and few pixels need more than 16.
+     */
+    float apart;
     /* Tiles of the rows being drawn that are opaque already, [rows][columns]; NULL = none is. */
     const bool *closed;
     int columns; /* of tiles */
@@ -74,11 +88,15 @@ struct sp_voxel_tile {
     int x, y;                    /* of its corner in the image */
 };
 
+/* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list) that touch the rows
+ * being drawn, in order, without those that only touch closed tiles. Returns how many were written.
+ */
+typedef uint32_t sp_voxel_set_up_fn(const struct sp_voxel_frame *frame, const void *from,
+                                    const uint32_t *voxels, uint32_t count,
+                                    struct sp_voxel_record *out);
+
 struct sp_voxel_kernels {
-    /* Sets up the splats of voxels[count] of the list that touch the rows being drawn, in order,
-     * without those that only touch closed tiles. Returns how many were written. */
-    uint32_t (*set_up)(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
-                       const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
+    sp_voxel_set_up_fn *set_up;
     /* Empties the tile at (x, y); pixels outside the image count as opaque. */
     void (*start)(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
     /* Composites records[entries[0 … count)], front to back. */
@@ -87,13 +105,13 @@ struct sp_voxel_kernels {
     /* Blends the tile over the background into the image. */
     void (*resolve)(const struct sp_voxel_tile *tile, const float background[4],
                     struct sp_frame *image);
-    /* Adds the same records to an empty tile of fragments. */
+    /* Adds the same records to a tile of fragments. */
     void (*merge)(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
                   const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count);
 };
 
 /* The functions of the instruction set that the including source is compiled for. */
-uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
+uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out);
 void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2]);
 void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,

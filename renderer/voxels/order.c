@@ -5,6 +5,7 @@
 
 #include "splat/slices.h"
 #include "volume/grid.h"
+#include "voxels/radix.h"
 
 /* Voxels nearer to the near plane than this are never hidden: what hides them may not be drawn
  * [mean spacings]. */
@@ -32,13 +33,16 @@ struct sort {
     const struct sp_voxel_order_job *job;
     struct axis axes[3];
     unsigned major, outer, inner; /* rows are visited by the outer, then by the inner axis */
+    bool spreads;                 /* voxels are sorted by slices of axis 0 at last */
     struct group *groups;
     uint32_t group_count;
-    uint32_t *out;              /* voxels, group by group */
-    uint32_t *counts;           /* axis 0 is major: [group][rank of the slice along it] */
-    uint32_t *sorted;           /* the same voxels by that rank */
-    bool has_near;              /* the near plane cuts the volume */
-    double step[3], base, near; /* u2 of a voxel and of the near plane, world units */
+    uint32_t *out;               /* voxels, group by group */
+    uint32_t *counts;            /* axis 0 is major: [group][rank of the slice along it] */
+    uint32_t *sorted;            /* the same voxels by that rank */
+    bool has_near;               /* the near plane cuts the volume */
+    double step[3], base, near;  /* u2 of a voxel and of the near plane, world units */
+    double nearest, farthest;    /* u2 of the volume's corners */
+    struct sp_radix_item *items; /* the voxels by depth */
 };
 
 static double middle(const struct sp_grid *grid, unsigned a, uint32_t i, int side) {
@@ -98,32 +102,34 @@ static bool init_axes(struct sort *s) {
     return true;
 }
 
-/* Finds whether the near plane may cut away what hides other voxels. */
-static void init_near(struct sort *s) {
+/* Finds how u2 changes over the grid, and whether the near plane may cut away what hides other
+ * voxels. */
+static void init_depths(struct sort *s) {
     const struct sp_camera_transform *camera = s->job->camera;
     const struct sp_grid *grid = s->job->grid;
     struct sp_vec3 forward = sp_vec3_from(camera->w.m[2]);
-    double spacing = 0, nearest;
+    double spacing = 0;
     s->base = sp_vec3_dot(forward, sp_vec3_sub(sp_vec3_from(grid->origin), camera->eye));
-    nearest = s->base;
+    s->nearest = s->farthest = s->base;
     for (int a = 0; a < 3; a++) {
         double extent[2];
         s->step[a] = 0;
         for (int r = 0; r < 3; r++)
             s->step[a] += forward.v[r] * grid->direction[r][a];
         sp_grid_extent(grid, (unsigned)a, extent);
-        nearest += fmin(s->step[a] * extent[0], s->step[a] * extent[1]);
+        s->nearest += fmin(s->step[a] * extent[0], s->step[a] * extent[1]);
+        s->farthest += fmax(s->step[a] * extent[0], s->step[a] * extent[1]);
         spacing = fmax(spacing, grid->spacing[a]);
     }
     s->near = camera->near + near_margin * spacing;
-    s->has_near = nearest < s->near;
+    s->has_near = s->nearest < s->near;
 }
 
-static bool is_near(const struct sort *s, const struct sp_voxel *v) {
+static double depth_of(const struct sort *s, const struct sp_voxel *v) {
     double u2 = s->base;
     for (unsigned a = 0; a < 3; a++)
         u2 += s->step[a] * sp_grid_distance(s->job->grid, a, v->at[a]);
-    return u2 < s->near;
+    return u2;
 }
 
 static inline bool is_hidden(const struct sort *s, const struct sp_voxel *v, unsigned need) {
@@ -157,7 +163,7 @@ static uint32_t *add_near(const struct sort *s, uint32_t begin, uint32_t end, bo
     for (uint32_t i = begin; i < end; i++) {
         uint32_t v = falls ? begin + (end - 1 - i) : i;
         const struct sp_voxel *voxel = &s->job->list->voxels[v];
-        if (!is_hidden(s, voxel, need) || is_near(s, voxel))
+        if (!is_hidden(s, voxel, need) || depth_of(s, voxel) < s->near)
             *out++ = v;
     }
     return out;
@@ -219,7 +225,7 @@ static void add_groups(void *user, size_t begin, size_t end, unsigned worker) {
             out = add_slice(s, s->axes[s->outer].slices[k], out);
         }
         group->count = (uint32_t)(out - first);
-        if (s->major != 0)
+        if (!s->spreads)
             continue;
         uint32_t *counts = s->counts + g * s->job->list->dims[0];
         for (uint32_t i = 0; i < group->count; i++)
@@ -255,7 +261,7 @@ static uint32_t close_gaps(struct sort *s) {
     uint32_t count = 0;
     for (uint32_t g = 0; g < s->group_count; g++) {
         const struct group *group = &s->groups[g];
-        if (s->major != 0)
+        if (!s->spreads)
             memmove(s->out + count, s->out + group->first, group->count * sizeof *s->out);
         count += group->count;
     }
@@ -291,6 +297,37 @@ static bool sort_by_axis_0(struct sort *s, struct sp_voxel_order *order) {
     return true;
 }
 
+static void fill_items(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    double scale = (SP_RADIX_KEYS - 1) / (s->farthest - s->nearest);
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        double u2 = depth_of(s, &s->job->list->voxels[s->out[i]]);
+        s->items[i] = (struct sp_radix_item){ (uint32_t)((u2 - s->nearest) * scale), s->out[i] };
+    }
+}
+
+static void take_items(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        s->out[i] = s->items[i].value;
+}
+
+static bool sort_by_depth(struct sort *s, uint32_t count) {
+    enum { GRAIN = 1 << 13 };
+    struct sp_arena *arena = s->job->arena;
+    s->items = sp_arena_alloc(arena, "order of voxels", count + (size_t)1, sizeof *s->items);
+    if (!s->items)
+        return false;
+    sp_parallel_for(s->job->pool, count, GRAIN, fill_items, s);
+    s->items = sp_radix_sort(s->items, count, s->job->pool, arena);
+    if (!s->items)
+        return false;
+    sp_parallel_for(s->job->pool, count, GRAIN, take_items, s);
+    return true;
+}
+
 bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *order) {
     struct sort s = { .job = job, .major = sp_slices_major_axis(job->camera, job->grid) };
     const struct sp_voxel_list *list = job->list;
@@ -299,11 +336,12 @@ bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *
         return true;
     s.outer = s.major == 1 ? 1 : 2;
     s.inner = 3 - s.outer;
+    s.spreads = s.major == 0 && !job->by_depth;
     if (!init_axes(&s) || !init_groups(&s))
         return false;
-    init_near(&s);
+    init_depths(&s);
     s.out = sp_arena_alloc(job->arena, "order of voxels", list->count + (size_t)1, sizeof *s.out);
-    if (s.major == 0) {
+    if (s.spreads) {
         size_t counts = (size_t)s.group_count * list->dims[0];
         s.counts = sp_arena_alloc(job->arena, "slices of voxels", counts, sizeof *s.counts);
         if (s.counts)
@@ -316,5 +354,7 @@ bool sp_voxel_sort(const struct sp_voxel_order_job *job, struct sp_voxel_order *
         return true;
     order->voxels = s.out;
     order->count = close_gaps(&s);
-    return s.major != 0 || sort_by_axis_0(&s, order);
+    if (s.job->by_depth)
+        return sort_by_depth(&s, order->count);
+    return !s.spreads || sort_by_axis_0(&s, order);
 }

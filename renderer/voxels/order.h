@@ -12,6 +12,9 @@
  * because they are closest to perpendicular to the view: Gaussians reach beyond their cells, and
  * within such a slice they have nearly the same distance.
  *
+ * Among other layers they are sorted by the depth of their centres instead (by_depth), which makes
+ * the splats of a pixel fragments in order of depth.
+ *
  * Hidden: a face of a voxel's cell is turned to the eye if the eye lies beyond the face's plane; at
  * most three are. A voxel is hidden if the neighbours on all of these faces are opaque.
  */
@@ -29,6 +32,7 @@ struct sp_voxel_order_job {
     const struct sp_camera_transform *camera;
     const struct sp_grid *grid;
     bool keeps_hidden; /* hidden voxels are not left out */
+    bool by_depth;     /* sorted by u2 of their centres */
     struct sp_pool *pool;
     struct sp_arena *arena;
     const struct sp_interrupt *interrupt;

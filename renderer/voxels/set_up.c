@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "splat/outline.h"
+#include "voxels/closed.h"
 #include "voxels/kernels.h"
+#include "voxels/record.h"
 #include "voxels/streak.h"
 
 enum { AHEAD = 64 }; /* voxels that are read in advance: they lie apart in memory */
@@ -69,51 +71,15 @@ static inline sp_wide find_depths(const struct sp_voxel_frame *frame, const stru
     return sp_wide_min(depth, sp_wide_all(SP_DEPTH_MAX));
 }
 
-/* True if all tiles that the box of splat i touches are closed. */
-static inline bool is_covered(const struct sp_voxel_frame *frame, const struct sp_outlines *o,
-                              int i) {
-    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_VOXEL_TILE;
-    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
-    int left = (int)o->x0[i] / SP_VOXEL_TILE, right = ((int)o->x1[i] - 1) / SP_VOXEL_TILE;
-    for (int row = low; row <= high; row++)
-        for (int column = left; column <= right; column++)
-            if (!frame->closed[row * frame->columns + column])
-                return false;
-    return true;
-}
-
-/* Clears the bits of splats that cannot be seen. */
-static inline unsigned drop_covered(const struct sp_voxel_frame *frame, const struct sp_outlines *o,
-                                    unsigned bits) {
-    unsigned seen = bits;
-    for (; bits; bits &= bits - 1) {
-        int i = __builtin_ctz(bits);
-        if (is_covered(frame, o, i))
-            seen ^= 1u << i;
-    }
-    return seen;
-}
-
 static inline void write_records(const struct sp_outlines *o, const struct lanes *lanes, sp_wide u2,
                                  sp_wide depth, unsigned bits, struct sp_voxel_record *out,
                                  uint32_t written) {
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
         struct sp_voxel_record *r = &out[written++];
-        *r = (struct sp_voxel_record){ .x = o->x[i],
-                                       .y = o->y[i],
-                                       .a = o->a[i],
-                                       .b = o->b[i],
-                                       .c = o->c[i],
-                                       .depth = depth[i],
-                                       .color = { lanes->color[0][i], lanes->color[1][i],
-                                                  lanes->color[2][i] },
-                                       .u2 = u2[i],
-                                       .x0 = (int16_t)o->x0[i],
-                                       .y0 = (int16_t)o->y0[i],
-                                       .x1 = (int16_t)o->x1[i],
-                                       .y1 = (int16_t)o->y1[i],
-                                       .area = o->area[i] };
+        *r = sp_voxel_record_at(o, i, depth[i], u2[i]);
+        for (int k = 0; k < 3; k++)
+            r->color[k] = lanes->color[k][i];
     }
 }
 
@@ -163,8 +129,9 @@ static inline void write_streaks(const struct sp_voxel_frame *frame, const struc
     }
 }
 
-uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const struct sp_voxel_list *list,
+uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *voxels, uint32_t count, struct sp_voxel_record *out) {
+    const struct sp_voxel_list *list = from;
     uint32_t written = 0;
     for (uint32_t n = 0; n < count; n += SP_WIDE) {
         int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
@@ -178,7 +145,7 @@ uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const struct sp_vox
                                                : sp_place_splats(&frame->ewa, &p, frame->mode, &o);
         unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
         if (frame->closed)
-            bits = drop_covered(frame, &o, bits);
+            bits = sp_voxel_drop_covered(frame, &o, bits);
         if (!bits)
             continue;
         sp_wide depth = find_depths(frame, &lanes, o.gain * volume);

@@ -7,7 +7,11 @@
  * A pixel whose transmittance T is below 1/512 does not change any more. Pixels are processed in
  * cells of four columns and SP_WIDE/4 rows, which suit footprints of a few pixels better than rows
  * do.
+ *
+ * Among other layers, the splats of a pixel are composited into fragments in the same way: T and
+ * the colour are those since its open fragment began.
  */
+#include <math.h>
 #include <string.h>
 
 #include "splat/exp2.h"
@@ -77,6 +81,17 @@ static inline sp_wide attenuate(const struct sp_voxel_frame *f, sp_wide depth) {
                      : exp2_within(sp_wide_max(-SP_LOG2E * depth, sp_wide_all(-126)));
 }
 
+/* What passes a Gaussian, by its weight. Most of a translucent layer are shallow, where the first
+ * terms of the series suffice: absolute error below 3e-6. */
+static inline sp_wide pass_gaussian(const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
+                                    sp_wide weight) {
+    const float shallow = 0.35f;
+    sp_wide t = r->depth * weight;
+    if (f->linear || r->depth > shallow)
+        return attenuate(f, t);
+    return 1 - t * (1 - t * (0.5f - t * (1.0f / 6 - t * (1.0f / 24 - t * (1.0f / 120)))));
+}
+
 /* p of the pixels at (dx, dy) from the centre. */
 static inline sp_wide find_power(const struct sp_voxel_record *r, sp_wide dx, sp_wide dy) {
     return (r->a * dx + r->b * dy) * dx + r->c * dy * dy;
@@ -94,27 +109,91 @@ static inline float pass_flat(const struct sp_voxel_frame *f, const struct sp_vo
     return f->linear ? 1 - (r->depth < 1 ? r->depth : 1) : sp_exp2(-SP_LOG2E * r->depth);
 }
 
-/* Composites onto the covered pixels of a cell. `blended`: the share of the streaks' colour; NULL =
- * none. Returns true if all of the pixels are opaque now. */
-static inline bool composite(const struct sp_voxel_frame *f, const struct sp_voxel_record *r,
-                             sp_wide pass, const sp_wide *blended, sp_wide_mask covered,
-                             float *cell) {
-    sp_wide through = sp_wide_load(cell);
-    sp_wide left = sp_wide_select(covered, through * pass, through), share = through - left;
-    sp_wide_store(cell, left);
-    for (int k = 0; k < 3; k++) {
-        float *plane = cell + (k + 1) * SP_WIDE;
-        sp_wide color = sp_wide_all(r->color[k]);
-        if (blended)
-            color += *blended * (f->streaks.color[k] - r->color[k]);
-        sp_wide_store(plane, sp_wide_load(plane) + share * color);
+/* The fragments that splats still join, by pixel in the order of a tile's cells. */
+struct open_fragments {
+    struct sp_fragment_tile *to;               /* gets them when they are complete */
+    bool has_walls;                            /* it had fragments of other layers */
+    float apart;                               /* as in the frame [world unit] */
+    _Alignas(64) float first[SP_VOXEL_PIXELS]; /* depth of the first splat */
+    float reach[SP_VOXEL_PIXELS];              /* splats that join differ less from it */
+    float depth[SP_VOXEL_PIXELS];              /* Σ of depths times opacity */
+    float before[SP_VOXEL_PIXELS];             /* transmittance in front of the fragment */
+    float wall[SP_VOXEL_PIXELS];               /* no splat behind this depth joins it */
+};
+
+/* Where in a tile of fragments a pixel of a cell lies. */
+static inline int pixel_of(int column, int row, int i) {
+    return (row * CELL_ROWS + i / 4) * SP_VOXEL_TILE + column * 4 + i % 4;
+}
+
+/* Finds the walls behind fragments that begin at `depth` in some pixels of a cell: splats before
+ * and behind a triangle must not become one fragment. */
+static void find_walls(struct open_fragments *open, unsigned pixels, float depth, int column,
+                       int row) {
+    for (; pixels; pixels &= pixels - 1) {
+        const int i = __builtin_ctz(pixels), pixel = pixel_of(column, row, i);
+        const struct sp_fragment *list = open->to->list[pixel];
+        float *wall = &open->wall[(row * CELLS + column) * SP_WIDE + i];
+        *wall = INFINITY;
+        for (int k = open->to->count[pixel] - 1; k >= 0 && list[k].depth > depth; k--)
+            if (list[k].alpha >= SP_VOXEL_WALL)
+                *wall = list[k].depth;
     }
-    return !sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), left));
+}
+
+/* Adds the open fragments of some pixels of a cell to their lists. */
+static void complete(const struct sp_voxel_tile *tile, struct open_fragments *open, unsigned pixels,
+                     int column, int row) {
+    const float *cell = tile->cells + (row * CELLS + column) * CELL_FLOATS;
+    for (; pixels; pixels &= pixels - 1) {
+        const int i = __builtin_ctz(pixels), at = (row * CELLS + column) * SP_WIDE + i;
+        const int pixel = pixel_of(column, row, i);
+        const struct sp_fragment fragment = {
+            .depth = open->depth[at] / (1 - cell[i]),
+            .color = { cell[SP_WIDE + i], cell[2 * SP_WIDE + i], cell[3 * SP_WIDE + i] },
+            .alpha = 1 - cell[i],
+        };
+        sp_fragment_add(open->to, pixel, &fragment);
+        open->before[at] *= cell[i];
+        open->reach[at] = open->apart * (1 + 0.5f * open->to->count[pixel]) / open->before[at];
+    }
+}
+
+/* Before a splat covers pixels of a cell, completes the fragments that it is too far from, and
+ * begins others. `light`: what the planes of the cell hold. Returns the transmittance in front of
+ * the fragments. */
+static inline sp_wide begin_fragments(struct sp_voxel_tile *tile, struct open_fragments *open,
+                                      float depth, sp_wide_mask covered, int column, int row,
+                                      sp_wide light[4]) {
+    const int at = (row * CELLS + column) * SP_WIDE;
+    sp_wide first = sp_wide_load(open->first + at);
+    sp_wide_mask began = sp_wide_lt(light[0], sp_wide_all(1));
+    sp_wide_mask is_near = sp_wide_lt(sp_wide_abs(first - depth), sp_wide_load(open->reach + at));
+    if (open->has_walls)
+        is_near &= sp_wide_lt(sp_wide_all(depth), sp_wide_load(open->wall + at));
+    sp_wide_mask ends = covered & began & ~is_near;
+    if (sp_wide_any(ends)) {
+        complete(tile, open, sp_wide_mask_bits(ends), column, row);
+        light[0] = sp_wide_select(ends, sp_wide_all(1), light[0]);
+        for (int k = 1; k < 4; k++)
+            light[k] = sp_wide_select(ends, sp_wide_all(0), light[k]);
+        sp_wide_store(open->depth + at, sp_wide_keep(~ends, sp_wide_load(open->depth + at)));
+    }
+    sp_wide_mask begins = covered & ~(began & is_near);
+    sp_wide_store(open->first + at, sp_wide_select(begins, sp_wide_all(depth), first));
+    if (open->has_walls && sp_wide_any(begins))
+        find_walls(open, sp_wide_mask_bits(begins), depth, column, row);
+    return sp_wide_load(open->before + at);
 }
 
 /* The pixels of a cell that let light through. */
-static inline sp_wide_mask find_open(const float *cell) {
-    return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), sp_wide_load(cell));
+static inline sp_wide_mask find_open(const struct sp_voxel_tile *tile,
+                                     const struct open_fragments *open, int column, int row) {
+    const int cell = row * CELLS + column;
+    sp_wide through = sp_wide_load(tile->cells + cell * CELL_FLOATS);
+    if (open)
+        through *= sp_wide_load(open->before + cell * SP_WIDE);
+    return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), through);
 }
 
 static inline void close_cell(struct sp_voxel_tile *tile, int column, int row) {
@@ -122,13 +201,43 @@ static inline void close_cell(struct sp_voxel_tile *tile, int column, int row) {
     tile->open_count--;
 }
 
+/* Composites a splat onto the covered pixels of a cell. `blended`: the share of the streaks'
+ * colour; NULL = none. `open`: NULL = the tile has no fragments. A call per cell would take 5 % of
+ * a frame. */
+static inline __attribute__((always_inline)) void
+composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
+          const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended,
+          sp_wide_mask covered, int column, int row) {
+    float *cell = cell_at(tile, column, row);
+    const float depth = r->u2 * (float)f->ewa.unit;
+    sp_wide before = sp_wide_all(1), light[4];
+    for (int k = 0; k < 4; k++)
+        light[k] = sp_wide_load(cell + k * SP_WIDE);
+    if (open)
+        before = begin_fragments(tile, open, depth, covered, column, row, light);
+    sp_wide left = sp_wide_select(covered, light[0] * pass, light[0]), share = light[0] - left;
+    if (open) {
+        float *sum = open->depth + (row * CELLS + column) * SP_WIDE;
+        sp_wide_store(sum, sp_wide_load(sum) + share * depth);
+    }
+    sp_wide_store(cell, left);
+    for (int k = 0; k < 3; k++) {
+        sp_wide color = sp_wide_all(r->color[k]);
+        if (blended)
+            color += *blended * (f->streaks.color[k] - r->color[k]);
+        sp_wide_store(cell + (k + 1) * SP_WIDE, light[k + 1] + share * color);
+    }
+    if (!sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), left * before)))
+        close_cell(tile, column, row);
+}
+
 /* The columns [x0, x1] as bits. */
 static inline unsigned column_bits(const struct cells *c) {
     return (2u << c->x1) - (1u << c->x0);
 }
 
-static inline void add_gaussian(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
-                                const struct sp_voxel_record *r) {
+static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragments *open,
+                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     const unsigned columns = column_bits(&c);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
@@ -138,14 +247,39 @@ static inline void add_gaussian(struct sp_voxel_tile *tile, const struct sp_voxe
         sp_wide dy = dy0 + (float)(CELL_ROWS * row);
         for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
             int column = __builtin_ctz(bits);
-            float *cell = cell_at(tile, column, row);
             sp_wide power = find_power(r, dx0 + (float)(4 * column), dy);
-            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(cell);
+            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(tile, open, column, row);
             if (!sp_wide_any(covered))
                 continue;
-            sp_wide pass = attenuate(f, r->depth * exp2_within(-power));
-            if (composite(f, r, pass, NULL, covered, cell))
-                close_cell(tile, column, row);
+            sp_wide pass = pass_gaussian(f, r, exp2_within(-power));
+            composite(tile, open, f, r, pass, NULL, covered, column, row);
+        }
+    }
+}
+
+/* What passes a trained Gaussian of that power; *covered loses the pixels that it does not reach.
+ */
+static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide power,
+                                   sp_wide_mask *covered) {
+    sp_wide opacity = r->depth * exp2_within(sp_wide_max(-power, sp_wide_all(-126)));
+    *covered &= sp_wide_le(sp_wide_all(SP_TRAINED_OPACITY_MIN), opacity);
+    return 1 - sp_wide_min(opacity, sp_wide_all(SP_TRAINED_OPACITY_MAX));
+}
+
+static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments *open,
+                               const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
+    struct cells c = find_cells(tile->x, tile->y, r);
+    const unsigned columns = column_bits(&c);
+    const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
+    const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
+    for (int row = c.y0; row <= c.y1; row++) {
+        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
+        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
+            int column = __builtin_ctz(bits);
+            sp_wide_mask covered = find_open(tile, open, column, row);
+            sp_wide pass = pass_trained(r, find_power(r, dx0 + (float)(4 * column), dy), &covered);
+            if (sp_wide_any(covered))
+                composite(tile, open, f, r, pass, NULL, covered, column, row);
         }
     }
 }
@@ -171,8 +305,8 @@ static inline sp_wide power_of_streak(sp_wide along, sp_wide across) {
     return (0.5f * SP_LOG2E) * (along * along + across * across);
 }
 
-static inline void add_streak(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
-                              const struct sp_voxel_record *r) {
+static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments *open,
+                              const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     const unsigned columns = column_bits(&c);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
@@ -181,22 +315,21 @@ static inline void add_streak(struct sp_voxel_tile *tile, const struct sp_voxel_
         sp_wide dy = dy0 + (float)(CELL_ROWS * row);
         for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
             int column = __builtin_ctz(bits);
-            float *cell = cell_at(tile, column, row);
             sp_wide dx = dx0 + (float)(4 * column), blended;
             sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
             sp_wide power = power_of_streak(along, across);
-            sp_wide_mask covered = sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(cell);
+            sp_wide_mask covered =
+                sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(tile, open, column, row);
             if (!sp_wide_any(covered))
                 continue;
             sp_wide pass = pass_streak(f, r, along, across, power, &blended);
-            if (composite(f, r, pass, &blended, covered, cell))
-                close_cell(tile, column, row);
+            composite(tile, open, f, r, pass, &blended, covered, column, row);
         }
     }
 }
 
-static inline void add_flat(struct sp_voxel_tile *tile, const struct sp_voxel_frame *f,
-                            const struct sp_voxel_record *r) {
+static inline void add_flat(struct sp_voxel_tile *tile, struct open_fragments *open,
+                            const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
     struct cells c = find_cells(tile->x, tile->y, r);
     const unsigned columns = column_bits(&c);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
@@ -205,28 +338,36 @@ static inline void add_flat(struct sp_voxel_tile *tile, const struct sp_voxel_fr
     for (int row = c.y0; row <= c.y1; row++)
         for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
             int column = __builtin_ctz(bits);
-            float *cell = cell_at(tile, column, row);
             sp_wide_mask covered =
                 cover_box(r, right + (float)(4 * column), down + (float)(CELL_ROWS * row)) &
-                find_open(cell);
-            if (sp_wide_any(covered) && composite(f, r, pass, NULL, covered, cell))
-                close_cell(tile, column, row);
+                find_open(tile, open, column, row);
+            if (sp_wide_any(covered))
+                composite(tile, open, f, r, pass, NULL, covered, column, row);
         }
 }
 
-void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
-                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count) {
+static inline void add_records(struct sp_voxel_tile *tile, struct open_fragments *open,
+                               const struct sp_voxel_frame *frame,
+                               const struct sp_voxel_record *records, const uint32_t *entries,
+                               uint32_t count) {
     enum { AHEAD = 8 };
     for (uint32_t e = 0; e < count && tile->open_count; e++) {
         if (e + AHEAD < count)
             __builtin_prefetch(&records[entries[e + AHEAD]]);
-        if (frame->has_streaks)
-            add_streak(tile, frame, &records[entries[e]]);
+        if (frame->is_trained)
+            add_trained(tile, open, frame, &records[entries[e]]);
+        else if (frame->has_streaks)
+            add_streak(tile, open, frame, &records[entries[e]]);
         else if (frame->mode == SP_FILTER_NONE)
-            add_flat(tile, frame, &records[entries[e]]);
+            add_flat(tile, open, frame, &records[entries[e]]);
         else
-            add_gaussian(tile, frame, &records[entries[e]]);
+            add_gaussian(tile, open, frame, &records[entries[e]]);
     }
+}
+
+void sp_voxel_add(struct sp_voxel_tile *tile, const struct sp_voxel_frame *frame,
+                  const struct sp_voxel_record *records, const uint32_t *entries, uint32_t count) {
+    add_records(tile, NULL, frame, records, entries, count);
 }
 
 void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4],
@@ -250,77 +391,41 @@ void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4
     }
 }
 
-/* The fragment of each pixel of a tile that splats still join, and what the pixels let through. */
-struct open_fragments {
-    struct sp_fragment list[SP_VOXEL_PIXELS];
-    float through[SP_VOXEL_PIXELS];
-};
-
-static void join(struct sp_fragment_tile *tile, struct open_fragments *open, int pixel,
-                 const struct sp_voxel_frame *f, const struct sp_voxel_record *r, float pass,
-                 float blended) {
-    struct sp_fragment *to = &open->list[pixel];
-    float depth = r->u2 * (float)f->ewa.unit, apart = f->apart * (float)f->ewa.unit;
-    if (open->through[pixel] < SP_TRANSMITTANCE_MIN)
-        return;
-    if (to->alpha > 0 && !(fabsf(depth - to->depth) < apart)) {
-        sp_fragment_add(tile, pixel, to);
-        to->alpha = 0;
+/* No fragment is open; tile: at its start. */
+static void start_fragments(struct open_fragments *open, struct sp_voxel_tile *tile,
+                            const struct sp_voxel_frame *frame, struct sp_fragment_tile *to) {
+    open->to = to;
+    open->has_walls = false;
+    open->apart = frame->apart * (float)frame->ewa.unit;
+    memset(open->first, 0, sizeof open->first);
+    memset(open->depth, 0, sizeof open->depth);
+    for (int at = 0; at < SP_VOXEL_PIXELS; at++) {
+        const int cell = at / SP_WIDE, i = at % SP_WIDE;
+        const int count = to->count[pixel_of(cell % CELLS, cell / CELLS, i)];
+        open->reach[at] = open->apart * (1 + 0.5f * (float)count);
+        open->wall[at] = INFINITY;
+        open->has_walls |= count > 0;
     }
-    if (!(to->alpha > 0))
-        *to = (struct sp_fragment){ .depth = depth };
-    float share = (1 - to->alpha) * (1 - pass);
-    for (int k = 0; k < 3; k++)
-        to->color[k] +=
-            share * (blended > 0 ? r->color[k] + blended * (f->streaks.color[k] - r->color[k])
-                                 : r->color[k]);
-    to->alpha += share;
-    open->through[pixel] *= pass;
+    for (int i = 0; i < SP_VOXEL_PIXELS; i += SP_WIDE) { /* pixels outside have no fragments */
+        sp_wide_store(open->before + i, sp_wide_load(tile->cells + 4 * i));
+        sp_wide_store(tile->cells + 4 * i, sp_wide_all(1));
+    }
 }
 
-static inline void merge_record(struct sp_fragment_tile *tile, struct open_fragments *open,
-                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile->x, tile->y, r);
-    bool is_flat = f->mode == SP_FILTER_NONE;
-    for (int row = c.y0; row <= c.y1; row++)
-        for (int column = c.x0; column <= c.x1; column++) {
-            sp_wide right = lane_columns() + ((float)tile->x + 0.5f + (float)(4 * column));
-            sp_wide down = lane_rows() + ((float)tile->y + 0.5f + (float)(CELL_ROWS * row));
-            sp_wide_mask covered;
-            sp_wide pass, blended = sp_wide_all(0);
-            if (f->has_streaks) {
-                sp_wide dx = right - r->x, dy = down - r->y;
-                sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
-                sp_wide power = power_of_streak(along, across);
-                covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
-                pass = pass_streak(f, r, along, across, power, &blended);
-            } else if (is_flat) {
-                covered = cover_box(r, right, down);
-                pass = sp_wide_all(pass_flat(f, r));
-            } else {
-                sp_wide power = find_power(r, right - r->x, down - r->y);
-                covered = sp_wide_le(power, sp_wide_all(f->ewa.cut));
-                pass = attenuate(f, r->depth * exp2_within(-power));
-            }
-            for (unsigned bits = sp_wide_mask_bits(covered); bits; bits &= bits - 1) {
-                int i = __builtin_ctz(bits);
-                int pixel = (row * CELL_ROWS + i / 4) * SP_VOXEL_TILE + column * 4 + i % 4;
-                join(tile, open, pixel, f, r, pass[i], blended[i]);
-            }
-        }
-}
-
-void sp_voxel_merge(struct sp_fragment_tile *tile, const struct sp_voxel_frame *frame,
+void sp_voxel_merge(struct sp_fragment_tile *to, const struct sp_voxel_frame *frame,
                     const struct sp_voxel_record *records, const uint32_t *entries,
                     uint32_t count) {
+    struct sp_voxel_tile tile;
     struct open_fragments open;
-    for (int i = 0; i < SP_VOXEL_PIXELS; i++) {
-        open.list[i].alpha = 0;
-        open.through[i] = 1;
-    }
-    for (uint32_t e = 0; e < count; e++)
-        merge_record(tile, &open, frame, &records[entries[e]]);
-    for (int i = 0; i < SP_VOXEL_PIXELS; i++)
-        if (open.list[i].alpha > 0)
-            sp_fragment_add(tile, i, &open.list[i]);
+    if (!count)
+        return;
+    sp_voxel_start(&tile, to->x, to->y, frame->ewa.size);
+    start_fragments(&open, &tile, frame, to);
+    add_records(&tile, &open, frame, records, entries, count);
+    for (int row = 0; row * CELL_ROWS < SP_VOXEL_TILE; row++)
+        for (int column = 0; column < CELLS; column++) {
+            sp_wide through = sp_wide_load(cell_at(&tile, column, row));
+            sp_wide_mask began = sp_wide_lt(through, sp_wide_all(1));
+            complete(&tile, &open, sp_wide_mask_bits(began), column, row);
+        }
 }

@@ -47,6 +47,9 @@ static const struct setting settings[] = {
     { "state", TEXT, AT(state), NULL, 0, 0, "DIR",
       "Folder in which volumes, sessions, views, presets and camera paths are stored, so that they "
       "survive a restart. Not set = nothing is stored." },
+    { "cache", TEXT, AT(cache), NULL, 0, 0, "DIR",
+      "Folder for brick files of volumes that do not fit into --memory: such a volume is converted "
+      "once, and then shown from bricks that are read on demand. Not set = loading it fails." },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "Memory for volumes. 0 = half of the machine's memory." },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",
@@ -96,8 +99,8 @@ static const struct setting settings[] = {
     { "path-bytes", SIZE, AT(path_bytes), "4G", 1024, 64 * TIB, "SIZE",
       "Total size of the files of all camera paths, in --state or else in a folder below "
       "$TMPDIR." },
-    { "uploads", COUNT, AT(uploads), "64", 1, 10000, "N",
-      "Uploaded files, finished or not, that are on the disk." },
+    { "uploads", COUNT, AT(uploads), "4096", 1, 100000, "N",
+      "Uploaded files, finished or not, that are on the disk. A series of DICOM has hundreds." },
     { "upload-bytes", SIZE, AT(upload_bytes), "16G", 0, 64 * TIB, "SIZE",
       "Total size of all uploaded files, and of one. 0 = clients cannot upload files." },
     { "upload-dir", TEXT, AT(upload_dir), NULL, 0, 0, "DIR",

@@ -8,9 +8,10 @@
 #define IMAGE { "format", "quality", "subsampling" }
 #define SAVED_IMAGE { "camera", "size", "format", "quality", "subsampling" }
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
-#define AXES { "axis" }
+#define AXES { "axis", "step" }
 #define LIST { "format" }
-#define SLICE {"axis","index","origin","normal","up","size","spacing","window","color","format"}
+#define SLICE {"axis","index","origin","normal","up","size","spacing","window","color",\
+                       "format","step"}
 #define FILES { "path", "after", "limit" }
 /* clang-format on */
 

@@ -21,6 +21,11 @@ void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
 /* Returns the volume of the path, which the caller releases; NULL: the reply says why not. */
 struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *id,
                                       struct srv_reply *reply);
+/* The same for a time step of the volume: that of the session's view, or ?step=, by default the one
+ * that the volume was opened with. If it is not loaded, the reply says so, and it will be. `view`:
+ * as below. */
+struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
+                                    const proto_json *view, struct srv_reply *reply);
 /* Answers about the volume `id`. `view`: of the session that shows it; NULL = none. */
 typedef void srv_volume_reply(struct srv_request *request, const char *id, const proto_json *view,
                               struct srv_reply *reply);

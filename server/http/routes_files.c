@@ -26,7 +26,9 @@ static proto_json *encode_entry(void *user, const void *item) {
     bool ok = proto_json_set_string(json, "name", srv_data_name(entry));
     ok = proto_json_set_string(json, "kind", entry->is_folder ? "folder" : "volume") && ok;
     if (!entry->is_folder) {
-        ok = proto_json_set_integer(json, "bytes", (int64_t)entry->size_bytes) && ok;
+        ok =
+            (entry->is_zarr || proto_json_set_integer(json, "bytes", (int64_t)entry->size_bytes)) &&
+            ok;
         ok = proto_json_set_string(json, "format", entry->format) && ok;
     }
     if (entry->dims[0]) {
@@ -37,6 +39,8 @@ static proto_json *encode_entry(void *user, const void *item) {
     }
     if (entry->type[0])
         ok = proto_json_set_string(json, "type", entry->type) && ok;
+    if (entry->kind != SP_KIND_COUNT)
+        ok = proto_json_set_string(json, "contents", sp_kind_name(entry->kind)) && ok;
     if (!ok)
         proto_json_free(&json);
     return json;

@@ -34,12 +34,11 @@ static proto_json *encode(struct srv_catalog *catalog, struct srv_volume *volume
 
 static void reply_histogram(struct srv_request *request, const char *id, const proto_json *view,
                             struct srv_reply *reply) {
-    (void)view;
     struct sp_error err;
     bool is_joint;
     if (!read_axes(request, &is_joint, reply))
         return;
-    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct srv_volume *volume = srv_acquire_step(request, id, view, reply);
     if (!volume)
         return;
     proto_json *json = encode(request->app->catalog, volume, id, is_joint, &err);

@@ -61,7 +61,7 @@ static proto_json *measure_path(const struct sp_volume *volume, const char *id,
     if (!path) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the path");
     } else if (sp_measure_path(volume, measure, &value.result, path, err)) {
-        memcpy(value.world_unit, sp_volume_info(volume)->unit, sizeof value.world_unit);
+        proto_measure_set_units(&value, sp_volume_info(volume));
         json =
             proto_measure_answer(id, measure, &value, &(struct proto_measure_line){ .path = path });
         if (!json)
@@ -80,7 +80,7 @@ static proto_json *measure_volume(const struct sp_volume *volume, const char *id
         return measure_path(volume, id, measure, err);
     if (!sp_measure_compute(volume, measure, &value.result, err))
         return NULL;
-    memcpy(value.world_unit, sp_volume_info(volume)->unit, sizeof value.world_unit);
+    proto_measure_set_units(&value, sp_volume_info(volume));
     if (measure->kind == SP_MEASURE_PROFILE) {
         samples = samples ? samples : sp_measure_profile_count(volume, measure);
         profile = malloc(samples * sizeof *profile);
@@ -128,6 +128,17 @@ static void run_part(struct srv_work *work) {
     srv_request_complete(request);
 }
 
+/* A use of the time step that a session shows, or of the one that the volume was opened with. */
+static struct srv_volume *acquire(struct srv_catalog *catalog, const char *id,
+                                  const proto_json *session_view, struct sp_error *err) {
+    struct srv_volume *volume = srv_catalog_acquire(catalog, id, err);
+    int64_t step;
+    if (!volume ||
+        !proto_json_integer(proto_json_get(proto_json_get(session_view, "time"), "step"), &step))
+        return volume;
+    return srv_catalog_ready_step(catalog, volume, (uint32_t)step, err);
+}
+
 /* Measures a part or a path of the volume that a session shows, or of a volume: session_view NULL.
  */
 static void reply_part(struct srv_request *request, const struct sp_measure *measure,
@@ -136,7 +147,7 @@ static void reply_part(struct srv_request *request, const struct sp_measure *mea
     struct sp_error err;
     struct sp_view defaults;
     struct part_request *part = malloc(sizeof *part);
-    void *volume = part ? srv_catalog_acquire(catalog, id, &err) : NULL;
+    struct srv_volume *volume = part ? acquire(catalog, id, session_view, &err) : NULL;
     if (!part)
         sp_fail(&err, SP_ERR_MEMORY, NULL, "out of memory for the measurement");
     bool ok = volume != NULL;
@@ -173,7 +184,7 @@ static void reply_measure(struct srv_request *request, const proto_json *body, c
         reply_part(request, &measure, id, view, reply);
         return;
     }
-    void *volume = srv_catalog_acquire(request->app->catalog, id, &err);
+    struct srv_volume *volume = acquire(request->app->catalog, id, view, &err);
     proto_json *json =
         volume ? measure_volume(srv_volume_voxels(volume), id, &measure, samples, &err) : NULL;
     if (volume)

@@ -103,10 +103,12 @@ static bool make_etag(const struct srv_request *request, const struct srv_snapsh
         srv_encode_params_from(snapshot->format, snapshot->quality, snapshot->chroma);
     int32_t params[3] = { (int32_t)like.format, like.quality, (int32_t)like.chroma };
     struct srv_fingerprint renderers = of_renderers(app->render_pool);
+    const struct srv_fingerprint content =
+        srv_catalog_fingerprint(app->catalog, snapshot->volume, &snapshot->view);
     const struct srv_part parts[] = {
         { &app->program, sizeof app->program },
         { &renderers, sizeof renderers },
-        { srv_volume_fingerprint(snapshot->volume), sizeof(struct srv_fingerprint) },
+        { &content, sizeof content },
         { params, sizeof params },
         { text, size },
     };
@@ -122,7 +124,18 @@ struct render { /* one suspended request */
     enum sp_image_format format;
     char etag[ETAG_BYTES];
     const char *caching; /* constant */
+    bool is_kept;        /* the view is a saved one, or that of a session */
 };
+
+/* Answers the error of a view. A request for a view that the daemon keeps does not name its
+ * volumes: they must be loaded first, hence 409. */
+static void reply_view_error(struct srv_reply *reply, bool is_kept, const struct sp_error *err) {
+    if (is_kept && (err->code == SP_ERR_VOLUME_UNKNOWN || err->code == SP_ERR_NOT_READY ||
+                    err->code == SP_ERR_VOLUME_FAILED))
+        srv_reply_problem(reply, 409, NULL, "%s", err->text);
+    else
+        srv_reply_view_error(reply, "", err);
+}
 
 static void set_caching(struct srv_reply *reply, const char *etag, const char *caching) {
     srv_reply_header(reply, "ETag", "%s", etag);
@@ -174,14 +187,19 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
         if (result->err.code == SP_ERR_BUDGET)
             srv_reply_problem(reply, 422, result->err.place, "%s", result->err.text);
         else
-            srv_reply_error(reply, &result->err);
+            reply_view_error(reply, render->is_kept, &result->err);
     } else {
         reply_image(request, result);
     }
     if (reply->chunked_body) {
         reply->status = 200;
         reply->mime = sp_image_format_info(render->format)->mime;
-        set_caching(reply, render->etag, render->caching);
+        const bool is_complete = !result->stats.bricks.is_incomplete;
+        if (is_complete)
+            set_caching(reply, render->etag, render->caching);
+        else
+            srv_reply_header(reply, "Cache-Control", "no-store");
+        srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");
         srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
         srv_reply_header(reply, "X-Backend", "%s%s%s", result->stats.backend,
@@ -214,8 +232,8 @@ static void set_owner(const struct srv_request *request, struct srv_snapshot *sn
 }
 
 /* Suspends the request and queues its snapshot. Takes over the use of the volume. */
-static void submit(struct srv_request *request, struct srv_snapshot *snapshot, const char *etag,
-                   const char *caching, struct srv_reply *reply) {
+static void submit(struct srv_request *request, struct srv_snapshot *snapshot, bool is_kept,
+                   const char *etag, const char *caching, struct srv_reply *reply) {
     struct sp_error err;
     uint64_t bytes = srv_snapshot_memory_of(&snapshot->view, snapshot->format);
     struct render *render = malloc(sizeof *render);
@@ -230,6 +248,7 @@ static void submit(struct srv_request *request, struct srv_snapshot *snapshot, c
     render->request = request;
     render->format = snapshot->format;
     render->caching = caching;
+    render->is_kept = is_kept;
     memcpy(render->etag, etag, sizeof render->etag);
     snapshot->done = on_done;
     snapshot->is_gone = is_gone;
@@ -259,14 +278,9 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         !read_chroma(request, &snapshot.chroma, reply))
         return;
     if (!srv_hub_resolve_view(request->app->hub, base, patch, &snapshot.view, &volume, &err)) {
-        /* The request does not name the volume of a saved view: the volume must be loaded first. */
-        if (base && (err.code == SP_ERR_VOLUME_UNKNOWN || err.code == SP_ERR_NOT_READY ||
-                     err.code == SP_ERR_VOLUME_FAILED))
-            srv_reply_problem(reply, 409, NULL, "%s", err.text);
-        else {
+        if (!base)
             srv_name_volumes(request, &err);
-            srv_reply_view_error(reply, "", &err);
-        }
+        reply_view_error(reply, base != NULL, &err);
         return;
     }
     snapshot.volume = volume;
@@ -282,7 +296,7 @@ static void draw(struct srv_request *request, const proto_json *base, const prot
         reply->status = 304;
         set_caching(reply, etag, caching);
     } else {
-        submit(request, &snapshot, etag, caching, reply);
+        submit(request, &snapshot, base != NULL, etag, caching, reply);
     }
 }
 

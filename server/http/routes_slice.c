@@ -128,6 +128,12 @@ static void reply_from(struct srv_request *request, struct slice_request *wanted
     struct sp_error err;
     char etag[ETAG_TEXT];
     const struct sp_volume_info *info = sp_volume_info(wanted->volume);
+    if (info->elements.kind != SP_KIND_GRID) {
+        sp_fail(&err, SP_ERR_INVALID, NULL, "slices need a grid of samples, and this volume has %s",
+                sp_kind_name(info->elements.kind));
+        srv_reply_error(reply, &err);
+        return;
+    }
     if (!srv_slice_query_resolve(&wanted->query, info, &wanted->slice, &err)) {
         reply_refused(reply, &err);
         return;
@@ -176,7 +182,7 @@ static void reply_slice(struct srv_request *request, const char *id, const proto
         reply_refused(reply, &err);
         return;
     }
-    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct srv_volume *volume = srv_acquire_step(request, id, session, reply);
     if (!volume)
         return;
     wanted.volume = srv_volume_voxels(volume);

@@ -141,17 +141,18 @@ struct wanted {
 static bool take_name(const char *given, size_t length, struct wanted *wanted,
                       struct srv_reply *reply) {
     struct sp_error err;
+    char known[SRV_FORMAT_LIST];
     if (!srv_upload_name(given, length, wanted->name, &err)) {
         srv_uploads_reply_error(reply, &err);
         return false;
     }
     if (wanted->header[0] || srv_format_extension(wanted->name))
         return true;
+    srv_format_list(known);
     srv_reply_problem(reply, 422, "/name",
-                      "'%.100s' is not a volume that can be loaded: the name must end in .nrrd, "
-                      ".nhdr, .vtk, .vti, .vtr, .json, .tif or .tiff; a file with the samples of a "
-                      "header needs \"header\", the id of the header's upload",
-                      wanted->name);
+                      "'%.100s' is not a volume: its name must end in %s; a file with the samples "
+                      "of a header must come together with it (\"header\", the id of its upload)",
+                      wanted->name, known);
     return false;
 }
 

@@ -34,7 +34,7 @@ static void reply_part(struct srv_request *request, const char *id, const proto_
                        struct srv_reply *reply) {
     struct sp_error err;
     struct srv_catalog *catalog = request->app->catalog;
-    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct srv_volume *volume = srv_acquire_step(request, id, view, reply);
     if (!volume)
         return;
     proto_json *json = find_part(catalog, volume, id, view, &err);

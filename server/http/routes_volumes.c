@@ -23,10 +23,10 @@ enum {
 static proto_json *encode_memory(const struct srv_volume_status *status) {
     const struct sp_volume_info *info = sp_volume_info(status->volume);
     const uint32_t *dims = info->grid.dims;
-    double samples = (double)dims[0] * dims[1] * dims[2];
+    double samples = (double)dims[0] * dims[1] * dims[2] + info->elements.count;
     proto_json *memory = proto_json_object();
-    bool ok =
-        proto_json_set_integer(memory, "voxels", (int64_t)(info->voxel_bytes + info->vector_bytes));
+    bool ok = proto_json_set_integer(memory, "voxels",
+                                     (int64_t)(sp_volume_bytes(info) + status->step_bytes));
     ok = proto_json_set_integer(memory, "derived", (int64_t)status->cached_bytes) && ok;
     ok = proto_json_set_number(memory, "derived_per_voxel",
                                (double)status->cached_bytes / samples) &&
@@ -55,7 +55,10 @@ static void write_reason(const struct sp_error *err, bool in_full, char *reason,
 
 /* Returns the name of the format of a source, as clients see it. */
 static const char *format_of(const struct srv_volume_status *status) {
-    const char *format = srv_format_of(status->source);
+    char file[sizeof status->source];
+    snprintf(file, sizeof file, "%.*s", (int)sp_source_split(status->source).path_bytes,
+             status->source);
+    const char *format = srv_format_of(file);
     return srv_source_is_demo(status->source) ? "built-in" : format ? format : "";
 }
 
@@ -155,6 +158,46 @@ struct srv_volume *srv_acquire_volume(struct srv_request *request, const char *i
     return volume;
 }
 
+/* Reads the time step that a request is about. False: the reply is a problem document. */
+static bool read_step(struct srv_request *request, struct srv_volume *volume,
+                      const proto_json *view, uint32_t *step, struct srv_reply *reply) {
+    const struct sp_volume_info *info = sp_volume_info(srv_volume_voxels(volume));
+    const char *text = srv_request_query(request, "step");
+    int64_t number = info->steps.index;
+    if (view && !proto_json_integer(proto_json_get(proto_json_get(view, "time"), "step"), &number))
+        number = info->steps.index;
+    const bool is_whole = !text || (*text && strspn(text, "0123456789") == strlen(text));
+    if (text)
+        number = strlen(text) < 10 ? strtoll(text, NULL, 10) : INT64_MAX;
+    *step = (uint32_t)number;
+    if (is_whole && number < info->steps.count)
+        return true;
+    srv_reply_problem(reply, is_whole ? 422 : 400, NULL,
+                      "?step=%.20s: must be a whole number in [0, %u], a time step of the volume",
+                      text ? text : "", info->steps.count - 1);
+    return false;
+}
+
+struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
+                                    const proto_json *view, struct srv_reply *reply) {
+    struct srv_catalog *catalog = request->app->catalog;
+    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
+    struct sp_error err;
+    uint32_t number;
+    if (!volume)
+        return NULL;
+    if (!read_step(request, volume, view, &number, reply)) {
+        srv_catalog_release(catalog, volume);
+        return NULL;
+    }
+    volume = srv_catalog_ready_step(catalog, volume, number, &err);
+    if (!volume) {
+        err.place[0] = 0; /* the volume is the resource, not a member of a body */
+        srv_reply_error(reply, &err);
+    }
+    return volume;
+}
+
 static bool find(struct srv_request *request, const char *id, struct srv_volume_status *status,
                  struct srv_reply *reply) {
     struct sp_error err;
@@ -221,6 +264,39 @@ static bool check_source(const char *member, const char *pointer, const char *va
     return false;
 }
 
+/* Reads the name of a field, NULL if the body has none. */
+static bool read_name(const proto_json *body, const char *key, const char *pointer,
+                      const char **name, struct srv_reply *reply) {
+    if (!read_string(body, key, pointer, name, reply))
+        return false;
+    if (!*name || **name)
+        return true;
+    srv_reply_problem(reply, 422, pointer, "must be the name of a field of the volume's file");
+    return false;
+}
+
+/* Fills the source of other fields of a volume's file; *text, malloc'ed, holds it. */
+static bool read_field(struct srv_catalog *catalog, const proto_json *body, const char *volume,
+                       struct srv_volume_request *load, char **text, struct srv_reply *reply) {
+    const char *field, *vectors;
+    struct sp_error err;
+    if (!read_name(body, "field", "/field", &field, reply) ||
+        !read_name(body, "vectors", "/vectors", &vectors, reply))
+        return false;
+    if (!field && !vectors) {
+        srv_reply_problem(reply, 422, "/field",
+                          "give \"field\", \"vectors\" or both: names of the volume's file");
+        return false;
+    }
+    if (!srv_catalog_field(catalog, volume, field, vectors, load, text, &err)) {
+        srv_reply_error(reply, &err);
+        return false;
+    }
+    load->source = *text;
+    load->pointer = load->confined || srv_source_is_upload(*text) ? "/volume" : NULL;
+    return true;
+}
+
 /* Fills load->source and its pointer. `upload` receives "upload:ID" if the body names an upload. */
 static bool read_source(const proto_json *body, char upload[UPLOAD_BYTES],
                         struct srv_volume_request *load, struct srv_reply *reply) {
@@ -250,10 +326,13 @@ static bool read_source(const proto_json *body, char upload[UPLOAD_BYTES],
     return true;
 }
 
-static bool read_request(const proto_json *body, char upload[UPLOAD_BYTES],
-                         struct srv_volume_request *load, struct srv_reply *reply) {
-    static const char *const known[] = { "source", "path", "uri", "upload", "id", "name", NULL };
+static bool read_request(struct srv_catalog *catalog, const proto_json *body,
+                         char upload[UPLOAD_BYTES], char **field, struct srv_volume_request *load,
+                         struct srv_reply *reply) {
+    static const char *const known[] = { "source", "path",    "uri", "upload", "volume",
+                                         "field",  "vectors", "id",  "name",   NULL };
     struct sp_error err;
+    const char *volume;
     if (!proto_json_only(body, known, &err)) {
         srv_reply_error(reply, &err);
         return false;
@@ -265,7 +344,20 @@ static bool read_request(const proto_json *body, char upload[UPLOAD_BYTES],
         srv_reply_problem(reply, 422, "/name", "must not contain invisible control characters");
         return false;
     }
-    return read_source(body, upload, load, reply);
+    if (!read_string(body, "volume", "/volume", &volume, reply))
+        return false;
+    for (int i = 0; !volume && i < 2; i++)
+        if (proto_json_get(body, i ? "vectors" : "field")) {
+            srv_reply_problem(reply, 422, i ? "/vectors" : "/field", "needs \"volume\"");
+            return false;
+        }
+    for (int i = 0; volume && i < SOURCES; i++)
+        if (proto_json_get(body, sources[i])) {
+            srv_reply_problem(reply, 422, pointers[i], "excludes \"volume\"");
+            return false;
+        }
+    return volume ? read_field(catalog, body, volume, load, field, reply)
+                  : read_source(body, upload, load, reply);
 }
 
 /* The upload of another token does not exist for this one. */
@@ -273,11 +365,11 @@ static bool may_use_upload(const struct srv_request *request, const struct srv_v
                            struct srv_reply *reply) {
     struct srv_upload_info info;
     struct sp_error err;
-    if (!srv_source_is_upload(load->source) || !request->app->uploads ||
-        srv_uploads_get(request->app->uploads, load->source + sizeof SRV_SOURCE_UPLOAD - 1,
-                        srv_request_scope(request), 0, &info, &err))
+    char id[SP_NAME_BYTES];
+    if (!srv_source_upload_id(load->source, id) || !request->app->uploads ||
+        srv_uploads_get(request->app->uploads, id, srv_request_scope(request), 0, &info, &err))
         return true;
-    snprintf(err.place, sizeof err.place, "/upload");
+    snprintf(err.place, sizeof err.place, "%s", load->pointer);
     srv_reply_error(reply, &err);
     return false;
 }
@@ -300,12 +392,13 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
                                        .is_limited = srv_request_scope(request) != NULL,
                                        .volumes_max = request->grant.quota.volumes };
     struct sp_error err;
-    char id[SP_NAME_BYTES], upload[UPLOAD_BYTES];
+    char id[SP_NAME_BYTES], upload[UPLOAD_BYTES], *field = NULL;
     bool existed, conflict;
     proto_json *body = srv_request_json(request, reply);
     if (!body)
         return;
-    if (read_request(body, upload, &load, reply) && may_use_upload(request, &load, reply)) {
+    if (read_request(request->app->catalog, body, upload, &field, &load, reply) &&
+        may_use_upload(request, &load, reply)) {
         struct srv_volume_status status;
         if (!srv_catalog_add(request->app->catalog, &load, id, &existed, &conflict, &err)) {
             if (conflict)
@@ -321,6 +414,7 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
             }
         }
     }
+    free(field);
     proto_json_free(&body);
 }
 

@@ -4,6 +4,9 @@
 #include <math.h>
 #include <string.h>
 
+#include "paths/blend_transform.h"
+#include "paths/vectors.h"
+
 /* Linear. The result is never outside [a, b] despite rounding: both may be the end of a range. */
 static double mix(double a, double b, double u) {
     double x = u >= 1 ? b : u <= 0 ? a : a * (1 - u) + b * u;
@@ -26,16 +29,6 @@ static double mix_log(double a, double b, double u) {
     return fmin(fmax(x, fmin(a, b)), fmax(a, b));
 }
 
-static double dot(const double a[3], const double b[3]) {
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-static void cross(const double a[3], const double b[3], double out[3]) {
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
 /* Scales to length 1; returns the length. Lengths whose squares overflow are fine. */
 static double normalize(double v[3]) {
     double largest = fmax(fabs(v[0]), fmax(fabs(v[1]), fabs(v[2])));
@@ -43,7 +36,7 @@ static double normalize(double v[3]) {
         return largest;
     for (int i = 0; i < 3; i++)
         v[i] /= largest;
-    double length = sqrt(dot(v, v));
+    double length = sqrt(srv_dot(v, v));
     for (int i = 0; i < 3; i++)
         v[i] /= length;
     return largest * length;
@@ -66,9 +59,9 @@ static bool mix_direction(const double a[3], const double b[3], double u, double
     memcpy(from, a, sizeof from);
     memcpy(to, b, sizeof to);
     double length = mix(normalize(from), normalize(to), u);
-    if (dot(from, to) < -1 + 1e-9)
+    if (srv_dot(from, to) < -1 + 1e-9)
         return false;
-    slerp_weights(dot(from, to), u, weight);
+    slerp_weights(srv_dot(from, to), u, weight);
     for (int i = 0; i < 3; i++)
         out[i] = from[i] * weight[0] + to[i] * weight[1];
     normalize(out);
@@ -110,9 +103,9 @@ static void pose_of(const struct sp_camera *camera, struct pose *pose) {
     for (int i = 0; i < 3; i++)
         back[i] = camera->position[i] - camera->target[i];
     pose->distance = normalize(back);
-    cross(up, back, right);
+    srv_cross(up, back, right);
     normalize(right);
-    cross(back, right, up);
+    srv_cross(back, right, up);
     for (int i = 0; i < 3; i++) {
         m[i][0] = right[i];
         m[i][1] = up[i];
@@ -345,6 +338,15 @@ void srv_blend_clip(const struct sp_clip *a, const struct sp_clip *b, double u,
             out->planes[i].offset = mix(a->planes[i].offset, b->planes[i].offset, u);
 }
 
+static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, double u,
+                         struct sp_layer *out) {
+    out->size = mix(a->size, b->size, u);
+    out->opacity = mix_float(a->opacity, b->opacity, u);
+    for (int c = 0; c < 3; c++)
+        out->color[c] = mix_float(a->color[c], b->color[c], u);
+    srv_blend_transform(a->transform, b->transform, u, out->transform);
+}
+
 static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, double u,
                        struct sp_layer *out) {
     if (a->type == SP_LAYER_SURFACE) {
@@ -366,6 +368,8 @@ static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, doubl
         for (int c = 0; c < 3; c++)
             out->color[c] = mix_float(a->color[c], b->color[c], u);
     }
+    if (a->type >= SP_LAYER_POINTS)
+        mix_elements(a, b, u, out);
 }
 
 void srv_blend_layers(const struct sp_view *a, const struct sp_view *b, double u,
@@ -392,6 +396,11 @@ void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, doub
     mix_direction(a->normal, b->normal, u, out->normal);
     out->center = mix(a->center, b->center, u);
     out->width = mix(a->width, b->width, u);
+}
+
+void srv_blend_time(const struct sp_time *a, const struct sp_time *b, double u,
+                    struct sp_time *out) {
+    out->step = (uint32_t)lround(mix(a->step, b->step, u));
 }
 
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]) {

@@ -14,10 +14,14 @@
  *   directions         turn as the camera does; opposite ones, which have no way between them, and
  *                      lists of different lengths, are a until u = 1
  *   c_min, c_max       a until u = 1 if one of them is automatic
- *   window, zero,      of a projection: a until u = 1 if the modes differ, or one of them is
- * automatic; absorption         the window also if one of both has no absorption, which changes its
- * unit edits              a until u = 1: each step would change the volume layers             a
- * until u = 1 if their number or their types differ; an infinite flatness is a until u = 1
+ *   window, zero, absorption
+ *                      of a projection: a until u = 1 if the modes differ, or one of them is
+ *                      automatic; the window also if one of both has no absorption, which changes
+ *                      its unit
+ *   time step          linear, rounded to the nearest step
+ *   edits              a until u = 1: each step would change the volume
+ *   layers             a until u = 1 if their number or their types differ; an infinite flatness is
+ *                      a until u = 1; transforms move as blend_transform.h says
  */
 #ifndef SRV_PATHS_BLEND_H
 #define SRV_PATHS_BLEND_H
@@ -47,6 +51,8 @@ void srv_blend_layers(const struct sp_view *a, const struct sp_view *b, double u
                       struct sp_view *out);
 void srv_blend_slices(const struct sp_slices *a, const struct sp_slices *b, double u,
                       struct sp_slices *out);
+void srv_blend_time(const struct sp_time *a, const struct sp_time *b, double u,
+                    struct sp_time *out);
 void srv_blend_background(const float a[4], const float b[4], double u, float out[4]);
 
 #endif

@@ -141,6 +141,7 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
     case SP_ERR_QUOTA:
         *missing = SRV_COUNT_PATH_WAIT_LIMIT;
         return true;
+    case SP_ERR_VOLUME_UNKNOWN: /* of a layer */
     case SP_ERR_NOT_READY:
         *missing = SRV_COUNT_PATH_WAIT_VOLUME;
         return true;
@@ -151,12 +152,11 @@ static bool is_temporary(enum sp_code code, enum srv_counter *missing) {
     case SP_OK:
     case SP_ERR_INVALID:
     case SP_ERR_UNSUPPORTED:
-    case SP_ERR_NOT_FOUND:
     case SP_ERR_FORMAT:
     case SP_ERR_DENIED:
     case SP_ERR_CANCELLED:
     case SP_ERR_TIMEOUT:
-    case SP_ERR_VOLUME_UNKNOWN:
+    case SP_ERR_NOT_FOUND:
     case SP_ERR_VOLUME_FAILED:
     case SP_ERR_TOO_LARGE:
         break;

@@ -21,11 +21,12 @@ enum track {
     TRACK_EDITS,
     TRACK_QUALITY,
     TRACK_SLICES,
+    TRACK_TIME,
     TRACKS
 };
 static const char *const track_names[TRACKS] = {
     "background", "camera", "transfer_function", "filter", "compositing", "shading", "layers",
-    "clip",       "edits",  "quality",           "slices",
+    "clip",       "edits",  "quality",           "slices", "time",
 };
 
 /* How a track approaches a key. */
@@ -340,6 +341,9 @@ static void blend(enum track track, const struct sp_view *a, const struct sp_vie
         break;
     case TRACK_SLICES:
         srv_blend_slices(&a->slices, &b->slices, u, &out->slices);
+        break;
+    case TRACK_TIME:
+        srv_blend_time(&a->time, &b->time, u, &out->time);
         break;
     case TRACKS:
         break;

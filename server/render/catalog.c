@@ -16,91 +16,14 @@
 #include "sp/log.h"
 
 enum { ENTRIES_MAX = 1024, LOADS_MAX = 8 }; /* LOADS_MAX: of one limited owner */
-#define PROGRESS_MS 100.0                   /* between two progress notifications of one load */
 
 const char *srv_volume_state_name(enum srv_volume_state state) {
     static const char *const names[] = { "loading", "ready", "failed", "unloaded" };
     return names[state];
 }
 
-/* The load thread. */
-
-/* Bytes of the volumes that the owner of `v` opened by limited requests. With the mutex held. */
-static uint64_t bytes_of_owner(const struct srv_catalog *catalog, const struct srv_volume *v) {
-    uint64_t bytes = 0;
-    for (const struct srv_volume *e = catalog->entries; e; e = e->next)
-        if (e->is_limited && strcmp(e->owner, v->owner) == 0)
-            bytes += e->reserved_bytes;
-    return bytes;
-}
-
-/* sp_load_options.reserve */
-static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
-    struct srv_catalog *catalog = user;
-    bool ok = true;
-    pthread_mutex_lock(&catalog->mutex);
-    uint64_t budget = catalog->options.memory_bytes;
-    uint64_t left = budget > catalog->used_bytes ? budget - catalog->used_bytes : 0;
-    const struct srv_volume *v = catalog->loading;
-    uint64_t own = v->is_limited ? bytes_of_owner(catalog, v) : 0, share = budget - budget / 4;
-    if (catalog->loading->is_removed) {
-        ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
-    } else if (bytes > left) {
-        ok = sp_fail(err, SP_ERR_BUDGET, catalog->loading->source,
-                     "the volume needs %" PRIu64 " bytes and %" PRIu64 " of %" PRIu64
-                     " are free; unload a volume or raise --memory",
-                     bytes, left, budget);
-    } else if (v->is_limited && (own > share || bytes > share - own)) {
-        ok = sp_fail(err, SP_ERR_BUDGET, v->source,
-                     "the volume needs %" PRIu64 " bytes; the volumes of %s have %" PRIu64
-                     " and one token may have %" PRIu64
-                     ", three quarters of --memory; close some, or ask an admin to open it",
-                     bytes, v->owner, own, share);
-    } else {
-        catalog->used_bytes += bytes;
-        catalog->loading->reserved_bytes += bytes;
-    }
-    pthread_mutex_unlock(&catalog->mutex);
-    return ok;
-}
-
-static void notify(struct srv_catalog *catalog, const char *id, enum srv_volume_state state,
-                   double fraction, const char *reason) {
-    catalog->options.progress(catalog->options.user, id, state, fraction, reason);
-}
-
-static bool is_removed(struct srv_catalog *catalog, const struct srv_volume *v) {
-    pthread_mutex_lock(&catalog->mutex);
-    bool is_removed = v->is_removed;
-    pthread_mutex_unlock(&catalog->mutex);
-    return is_removed;
-}
-
-/* sp_load_options.progress; false cancels the load. */
-static bool progress(void *user, double fraction) {
-    struct srv_catalog *catalog = user;
-    double now_ms = srv_clock_ms();
-    pthread_mutex_lock(&catalog->mutex);
-    struct srv_volume *v = catalog->loading;
-    bool continues = !catalog->stop && !v->is_removed;
-    bool is_due = now_ms - v->notified_ms >= PROGRESS_MS;
-    v->progress = fraction;
-    if (is_due)
-        v->notified_ms = now_ms;
-    pthread_mutex_unlock(&catalog->mutex);
-    /* Without the lock: an entry that is loading keeps its id and is freed by this thread alone. */
-    if (is_due) {
-        pthread_mutex_lock(&catalog->notify_mutex);
-        if (!is_removed(catalog, v)) /* else the id may belong to another entry by now */
-            notify(catalog, v->id, SRV_VOLUME_LOADING, fraction, "");
-        pthread_mutex_unlock(&catalog->notify_mutex);
-    }
-    return continues;
-}
-
-/* Clients see the error: they must not learn where the folders are. */
-static void redact(const struct srv_catalog *catalog, const struct srv_volume *v,
-                   struct sp_error *err) {
+void srv_catalog_redact(const struct srv_catalog *catalog, const struct srv_volume *v,
+                        struct sp_error *err) {
     if (v->file) {
         const char *name = v->shown + strlen(SRV_SOURCE_UPLOAD);
         struct sp_error whole = *err;
@@ -114,25 +37,12 @@ static void redact(const struct srv_catalog *catalog, const struct srv_volume *v
     srv_redact_text(catalog->data, v->source, err->text, sizeof err->text);
 }
 
-static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
-                     const struct sp_error *err, double took_ms) {
-    if (volume) {
-        const struct sp_volume_info *info = sp_volume_info(volume);
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
-                    "volume %s loaded: %ux%ux%u %s, %" PRIu64 " bytes, %.0f ms", v->id,
-                    info->grid.dims[0], info->grid.dims[1], info->grid.dims[2],
-                    sp_type_name(info->type), info->voxel_bytes + info->vector_bytes, took_ms);
-    } else if (err->code == SP_ERR_CANCELLED) {
-        sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", v->id }),
-                    "loading of volume %s was cancelled", v->id);
-    } else {
-        sp_log_with(SP_LOG_ERROR, SP_LOG_FIELDS({ "volume", v->id }),
-                    "volume %s failed to load: %s%s%s", v->id, err->place,
-                    err->place[0] ? ": " : "", err->text);
+void srv_catalog_entry_free(struct srv_volume *v) {
+    while (v->steps) {
+        struct srv_volume *step = v->steps;
+        v->steps = step->next;
+        srv_catalog_entry_free(step);
     }
-}
-
-static void entry_free(struct srv_volume *v) {
     sp_volume_unref(&v->volume);
     free(v->joint);
     free(v->source);
@@ -141,109 +51,28 @@ static void entry_free(struct srv_volume *v) {
     free(v);
 }
 
-/* Tells the owner of an uploaded file what became of it. With no lock held. */
-static void close_upload(struct srv_catalog *catalog, const char *source,
-                         enum srv_volume_state state) {
-    if (srv_source_is_upload(source))
-        catalog->options.upload_close(catalog->options.user, source + strlen(SRV_SOURCE_UPLOAD),
-                                      state);
-}
-
-/* True if loading the same source again can help. */
-static bool may_succeed_later(enum sp_code code) {
-    return code != SP_ERR_FORMAT && code != SP_ERR_UNSUPPORTED && code != SP_ERR_INVALID &&
-           code != SP_ERR_DENIED;
-}
-
-/* A load that failed is not tried again after a restart, unless the volume comes from an earlier
- * run, where its sessions wait for it, and may load again. With the mutex held. */
-static void forget_failed(struct srv_catalog *catalog, struct srv_volume *v) {
-    if (!catalog->options.persist || !v->is_persisted ||
-        (v->is_restored && may_succeed_later(v->error.code)))
-        return;
-    catalog->options.persist(catalog->options.user, v->id, NULL);
-    v->is_persisted = false;
-}
-
-/* The entry becomes ready or failed, or is freed if it was removed meanwhile. `volume`: the
- * reference is taken over; NULL = the load failed. */
-static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct sp_volume *volume,
-                     const struct sp_error *err) {
+void srv_catalog_close_upload(struct srv_catalog *catalog, const char *source,
+                              enum srv_volume_state state) {
     char id[SP_NAME_BYTES];
-    pthread_mutex_lock(&catalog->notify_mutex);
-    pthread_mutex_lock(&catalog->mutex);
-    catalog->loading = NULL; /* from here on srv_catalog_remove() frees the entry */
-    v->volume = volume;
-    v->error = *err;
-    bool was_removed = v->is_removed;
-    bool was_stopped = !volume && !was_removed && err->code == SP_ERR_CANCELLED;
-    v->state = volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED;
-    v->progress = volume ? 1 : v->progress;
-    if (!volume && !was_removed) {
-        catalog->used_bytes -= v->reserved_bytes;
-        v->reserved_bytes = 0;
-        if (!was_stopped)
-            forget_failed(catalog, v);
-    }
-    memcpy(id, v->id, sizeof id);
-    double fraction = v->progress;
-    /* The entry may be removed by another thread as soon as the mutex is free. */
-    char *upload = srv_source_is_upload(v->source) && !was_stopped ? strdup(v->source) : NULL;
-    pthread_mutex_unlock(&catalog->mutex);
-    if (upload)
-        close_upload(catalog, upload,
-                     was_removed ? SRV_VOLUME_UNLOADED
-                     : volume    ? SRV_VOLUME_READY
-                                 : SRV_VOLUME_FAILED);
-    free(upload);
-    if (was_removed)
-        entry_free(v);
-    else
-        notify(catalog, id, volume ? SRV_VOLUME_READY : SRV_VOLUME_FAILED, fraction, err->text);
-    pthread_mutex_unlock(&catalog->notify_mutex);
+    if (srv_source_upload_id(source, id))
+        catalog->options.upload_close(catalog->options.user, id, state);
 }
 
-static void load(struct srv_catalog *catalog, struct srv_volume *v) {
-    struct sp_error err = { .code = SP_OK };
-    struct sp_load_options options = { .reserve = reserve,
-                                       .progress = progress,
-                                       .user = catalog,
-                                       .root = v->confined ? catalog->data : NULL,
-                                       .importer = catalog->options.importer };
-    double start_ms = srv_clock_ms();
-    /* With the lock: after the last notification of an earlier entry with this id. */
-    pthread_mutex_lock(&catalog->notify_mutex);
-    notify(catalog, v->id, SRV_VOLUME_LOADING, 0, "");
-    pthread_mutex_unlock(&catalog->notify_mutex);
-    struct sp_volume *volume = sp_volume_load(v->file ? v->file : v->source, &options, &err);
-    if (volume)
-        v->fingerprint = srv_fingerprint_volume(volume);
-    if (volume)
-        sp_view_choose(&v->view, volume, v->id);
-    log_load(v, volume, &err, srv_clock_ms() - start_ms);
-    if (!volume)
-        redact(catalog, v, &err);
-    end_load(catalog, v, volume, &err);
+bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struct srv_volume *own,
+                                  const char *source) {
+    char id[SP_NAME_BYTES], other[SP_NAME_BYTES];
+    if (!srv_source_upload_id(source, id))
+        return false;
+    for (const struct srv_volume *v = catalog->entries; v; v = v->next)
+        if (v != own && srv_source_upload_id(v->source, other) && strcmp(id, other) == 0)
+            return true;
+    return false;
 }
 
-static void *load_thread(void *user) {
-    struct srv_catalog *catalog = user;
-    pthread_mutex_lock(&catalog->mutex);
-    while (!catalog->stop) {
-        struct srv_volume *v = catalog->entries;
-        while (v && v->state != SRV_VOLUME_LOADING)
-            v = v->next;
-        catalog->loading = v;
-        if (!v) {
-            pthread_cond_wait(&catalog->changed, &catalog->mutex);
-            continue;
-        }
-        pthread_mutex_unlock(&catalog->mutex);
-        load(catalog, v);
-        pthread_mutex_lock(&catalog->mutex);
-    }
-    pthread_mutex_unlock(&catalog->mutex);
-    return NULL;
+char *srv_catalog_upload_to_close(const struct srv_catalog *catalog, const struct srv_volume *v) {
+    const bool is_own =
+        srv_source_is_upload(v->source) && !srv_catalog_is_upload_shared(catalog, v, v->source);
+    return is_own ? strdup(v->source) : NULL;
 }
 
 /* malloc'ed; NULL with errno set. */
@@ -276,11 +105,8 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
     pthread_mutex_init(&catalog->notify_mutex, NULL);
     pthread_mutex_init(&catalog->joint_mutex, NULL);
     pthread_cond_init(&catalog->changed, NULL);
-    int failed = pthread_create(&catalog->loader, NULL, load_thread, catalog);
-    if (failed) {
-        sp_fail(err, SP_ERR_IO, NULL, "cannot start the load thread: %s", strerror(failed));
-        free(catalog->data);
-        free(catalog);
+    if (!srv_catalog_start_loaders(catalog, err)) {
+        srv_catalog_destroy(&catalog);
         return NULL;
     }
     return catalog;
@@ -289,12 +115,12 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
 void srv_catalog_stop(struct srv_catalog *catalog) {
     pthread_mutex_lock(&catalog->mutex);
     catalog->stop = true;
-    pthread_cond_signal(&catalog->changed);
-    bool join = !catalog->is_joined;
-    catalog->is_joined = true;
+    pthread_cond_broadcast(&catalog->changed);
+    const unsigned running = catalog->running;
+    catalog->running = 0;
     pthread_mutex_unlock(&catalog->mutex);
-    if (join)
-        pthread_join(catalog->loader, NULL);
+    for (unsigned i = 0; i < running; i++)
+        pthread_join(catalog->loaders[i].thread, NULL);
 }
 
 void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
@@ -307,7 +133,7 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
         struct srv_volume *v = catalog->entries;
         catalog->entries = v->next;
         assert(v->uses == 0);
-        entry_free(v);
+        srv_catalog_entry_free(v);
     }
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
@@ -338,7 +164,9 @@ static void resolved_finish(struct resolved *resolved) {
 static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_request *request,
                            struct resolved *resolved, struct sp_error *err) {
     char path[PATH_MAX], name[NAME_MAX + 1];
-    const char *id = request->source + strlen(SRV_SOURCE_UPLOAD);
+    const char *selection = request->source + sp_source_split(request->source).path_bytes;
+    char id[SP_NAME_BYTES];
+    srv_source_upload_id(request->source, id);
     if (!catalog->options.upload_open)
         return sp_fail(err, SP_ERR_DENIED, request->pointer, "this daemon takes no uploads");
     if (!catalog->options.upload_open(catalog->options.user, id, path, name, err)) {
@@ -347,8 +175,9 @@ static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_
         return false;
     }
     resolved->source = strdup(request->source);
-    resolved->file = strdup(path);
-    if (asprintf(&resolved->shown, SRV_SOURCE_UPLOAD "%s", name) < 0)
+    if (asprintf(&resolved->file, "%s%s", path, selection) < 0)
+        resolved->file = NULL;
+    if (asprintf(&resolved->shown, SRV_SOURCE_UPLOAD "%s%s", name, selection) < 0)
         resolved->shown = NULL;
     if (resolved->source && resolved->file && resolved->shown)
         return true;
@@ -456,9 +285,9 @@ static void begin_load(struct srv_catalog *catalog, struct srv_volume *v,
     v->confined = request->confined && !srv_source_is_demo(v->source) && !v->file;
     v->state = why ? SRV_VOLUME_FAILED : SRV_VOLUME_LOADING;
     v->error = why ? *why : (struct sp_error){ .code = SP_OK };
-    redact(catalog, v, &v->error);
+    srv_catalog_redact(catalog, v, &v->error);
     v->progress = 0;
-    pthread_cond_signal(&catalog->changed);
+    pthread_cond_broadcast(&catalog->changed);
 }
 
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
@@ -487,8 +316,10 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
     if (v) {
         resolved_finish(&resolved);
     } else if (!(v = add_entry(catalog, request, &resolved, conflict, err))) {
+        const bool is_shared = srv_catalog_is_upload_shared(catalog, NULL, resolved.source);
         pthread_mutex_unlock(&catalog->mutex);
-        close_upload(catalog, resolved.source, SRV_VOLUME_LOADING);
+        if (!is_shared)
+            srv_catalog_close_upload(catalog, resolved.source, SRV_VOLUME_LOADING);
         resolved_finish(&resolved);
         return false;
     }
@@ -503,10 +334,15 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
 void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *v) {
     pthread_mutex_lock(&catalog->mutex);
     catalog->used_bytes -= v->reserved_bytes;
+    for (const struct srv_volume *step = v->steps; step; step = step->next)
+        catalog->used_bytes -= step->reserved_bytes;
     pthread_mutex_unlock(&catalog->mutex);
+    for (const struct srv_volume *step = v->steps; step; step = step->next)
+        if (step->volume)
+            catalog->options.unloaded(catalog->options.user, sp_volume_ref(step->volume));
     if (v->volume)
         catalog->options.unloaded(catalog->options.user, sp_volume_ref(v->volume));
-    entry_free(v);
+    srv_catalog_entry_free(v);
 }
 
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char *by,
@@ -527,7 +363,7 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char 
                                   id)
                         : sp_fail(err, SP_ERR_NOT_FOUND, NULL, "there is no volume '%s'", id);
     }
-    bool is_loading = v == catalog->loading, is_free = !is_loading && v->uses == 0;
+    bool is_loading = v->is_loading, is_free = !is_loading && v->uses == 0;
     v->is_removed = true;
     *link = v->next;
     if (catalog->options.persist)
@@ -537,17 +373,17 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char 
         catalog->used_bytes -= v->reserved_bytes;
         v->reserved_bytes = 0;
     }
-    char *upload = srv_source_is_upload(v->source) && !is_loading ? strdup(v->source) : NULL;
+    char *upload = is_loading ? NULL : srv_catalog_upload_to_close(catalog, v);
     unsigned uses = v->uses;
     pthread_mutex_unlock(&catalog->mutex);
-    notify(catalog, id, SRV_VOLUME_UNLOADED, 0, "");
+    catalog->options.progress(catalog->options.user, id, SRV_VOLUME_UNLOADED, 0, "");
     pthread_mutex_unlock(&catalog->notify_mutex);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded, %u uses left",
                 id, uses);
     if (is_free)
         srv_catalog_free_removed(catalog, v);
     if (upload)
-        close_upload(catalog, upload, SRV_VOLUME_UNLOADED);
+        srv_catalog_close_upload(catalog, upload, SRV_VOLUME_UNLOADED);
     free(upload);
     return true;
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The volumes of the daemon. Each source is loaded once, by the load thread, and shared.
+ * The volumes of the daemon. Each source is loaded once, by a load thread, and shared. Of a time
+ * series it is a step, and the others are loaded when views ask for them.
  *
  *   add ─► loading ─► ready ─► remove
  *             └─────► failed ─► remove, or add again: the load is retried
@@ -52,10 +53,11 @@ struct srv_volume_request {
 struct srv_catalog_options {
     uint64_t memory_bytes; /* budget for voxels */
     const char *data;      /* folder for loads over HTTP; NULL = none */
+    const char *cache;     /* folder of the brick cache (render/brick_cache.h); NULL = none */
     const char *importer;  /* splat-import; NULL = the one beside the program */
     void *user;
     /* Reports the state of a volume, with the progress in [0, 1] and the reason of a failure (""
-     * otherwise). Called from the load thread, and from srv_catalog_remove() with
+     * otherwise). Called from a load thread, and from srv_catalog_remove() with
      * SRV_VOLUME_UNLOADED; must not call the catalog. */
     void (*progress)(void *user, const char *id, enum srv_volume_state state, double progress,
                      const char *reason);
@@ -70,7 +72,11 @@ struct srv_catalog_options {
     bool (*upload_open)(void *user, const char *id, char path[PATH_MAX], char name[NAME_MAX + 1],
                         struct sp_error *err);
     void (*upload_close)(void *user, const char *id, enum srv_volume_state state);
-    /* The entry was removed: its cached data must be evicted. Passes a reference to the callee. */
+    /* A time step of this volume was loaded, or not (srv_catalog_step_is_ready()). Called from a
+     * load thread; may call the catalog. NULL = none is told. */
+    void (*step)(void *user, const char *id);
+    /* The entry was removed, or one of its time steps evicted: its cached data must be evicted.
+     * Passes a reference to the callee. */
     void (*unloaded)(void *user, struct sp_volume *volume);
 };
 
@@ -92,6 +98,13 @@ void srv_catalog_destroy(struct srv_catalog **catalog);
 bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_request *request,
                      char id_out[SP_NAME_BYTES], bool *existed, bool *conflict,
                      struct sp_error *err);
+/* Finds the source of other fields of the file that an entry was loaded from, which has the others
+ * of this entry where `field` or `vectors` is NULL: fills request->confined, and *source,
+ * malloc'ed, for request->source. SP_ERR_NOT_FOUND and SP_ERR_INVALID (a built-in volume) at
+ * "/volume", SP_ERR_MEMORY. */
+bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *field,
+                       const char *vectors, struct srv_volume_request *request, char **source,
+                       struct sp_error *err);
 /* Cancels a load in progress. The voxels stay until the last use ends. `by`: the token that asks,
  * NULL = an admin. SP_ERR_NOT_FOUND, SP_ERR_DENIED (`by` is not the owner). */
 bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char *by,
@@ -105,7 +118,8 @@ struct srv_volume_status {
     double progress;          /* [0, 1] */
     struct sp_error error;    /* of a failed load */
     struct sp_volume *volume; /* a reference of the caller's if ready, else NULL */
-    uint64_t voxel_bytes;     /* reserved for it */
+    uint64_t voxel_bytes;     /* reserved for it, and for its other time steps */
+    uint64_t step_bytes;      /* of those: of the other time steps */
     uint64_t cached_bytes;    /* by all renderers together */
     uint64_t cached_per_renderer[SRV_RENDERERS];
     unsigned uses;
@@ -125,10 +139,27 @@ void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);
 void *srv_catalog_ref(void *catalog, void *volume);
 void srv_catalog_release(void *catalog, void *volume);
 void srv_catalog_default_view(void *catalog, void *volume, struct sp_view *view);
+/* Returns a use of a time step, below the number of steps, of the volume, which is loaded if it is
+ * not there yet. NULL = out of memory. All functions below take it in place of the volume once it
+ * is ready. */
+void *srv_catalog_step(void *catalog, void *volume, uint32_t step);
+/* True if the step is loaded. Else *err is set: SP_ERR_NOT_READY while it loads, or why that
+ * failed.
+ */
+bool srv_catalog_step_is_ready(void *catalog, void *step, struct sp_error *err);
+/* Returns a use of the loaded step that is nearest to `step`. */
+void *srv_catalog_nearest_step(void *catalog, void *volume, uint32_t step);
+/* Exchanges a use of a volume for one of a time step that is loaded. NULL with *err set:
+ * SP_ERR_NOT_READY (it is loaded now: ask again), SP_ERR_MEMORY, or why it cannot be loaded. */
+struct srv_volume *srv_catalog_ready_step(struct srv_catalog *catalog, struct srv_volume *volume,
+                                          uint32_t step, struct sp_error *err);
+/* Returns the number of time steps, at least 1. */
+uint32_t srv_catalog_steps(void *catalog, void *volume);
 bool srv_catalog_fits(void *catalog, void *volume, const struct sp_view *view,
                       struct sp_error *err);
-void srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
-                      const uint32_t size[2], const double at[2], struct sp_pick *pick);
+bool srv_catalog_pick(void *catalog, void *volume, const struct sp_view *view,
+                      const uint32_t size[2], const double at[2], struct sp_pick *pick,
+                      struct sp_error *err);
 bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view,
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err);
@@ -136,6 +167,13 @@ bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view
 /* The voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
+/* Returns a reference to the volume of this id, for sp_render_options.find(); NULL = none is ready.
+ */
+struct sp_volume *srv_catalog_find_shown(void *catalog, const char *id);
+/* Hashes all that decides the pixels of a view: the used volume, and those that layers name. */
+struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
+                                               const struct srv_volume *volume,
+                                               const struct sp_view *view);
 /* Returns the joint histogram of a used volume, which is valid as long as the use; NULL with *err
  * set on failure. The first call per volume counts for tens of milliseconds, one volume at a time;
  * later calls return the same histogram. Thread-safe. */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The entries of the catalog, for catalog.c (adding, loading, removing) and catalog_use.c (status
- * and uses).
+ * The entries of the catalog, for catalog.c (adding, removing), catalog_load.c (the load threads),
+ * catalog_steps.c (time steps) and catalog_use.c (status and uses).
  */
 #ifndef SRV_RENDER_CATALOG_PRIVATE_H
 #define SRV_RENDER_CATALOG_PRIVATE_H
@@ -10,8 +10,17 @@
 
 #include "render/catalog.h"
 
+/* An entry, or a time step of an entry. A use of a step is also a use of its entry. */
 struct srv_volume {
     struct srv_volume *next;
+    struct srv_volume *parent; /* the entry that this is a step of; NULL = it is an entry */
+    struct srv_volume *steps; /* of an entry: those that are wanted or loaded, apart from its own */
+    uint32_t step;            /* of the time series */
+    uint64_t wanted_at;       /* of a step: catalog->requests when it was asked for last */
+    uint32_t last_step;       /* of an entry: the step that was asked for last */
+    bool is_ahead;            /* of a step: it is to be loaded before someone asks for it */
+    bool is_loading;          /* by a load thread now */
+    bool is_short;            /* of a step: it waits until another load gives memory back */
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];
     char owner[SRV_TOKEN_NAME_BYTES]; /* "" = the operator */
     char *source; /* resolved (render/source.h): the key; "upload:ID" for an uploaded file */
@@ -32,6 +41,14 @@ struct srv_volume {
     bool is_removed;
 };
 
+enum { SRV_LOADERS = 2 };
+
+struct srv_loader { /* a load thread */
+    struct srv_catalog *catalog;
+    pthread_t thread;
+    bool prefers_steps; /* to volumes that wait, so that neither waits for all of the others */
+};
+
 struct srv_catalog {
     struct srv_catalog_options options;
     char *data; /* resolved; NULL = none */
@@ -40,13 +57,19 @@ struct srv_catalog {
     pthread_mutex_t joint_mutex; /* taken alone; held while a joint histogram is counted */
     pthread_mutex_t mutex;       /* guards what follows */
     pthread_cond_t changed;      /* there is something to load, or stop */
-    pthread_t loader;
-    struct srv_volume *entries; /* in the order of adding */
+    struct srv_volume *entries;  /* in the order of adding */
     unsigned count;
     uint64_t used_bytes;
-    struct srv_volume *loading; /* by the load thread now */
-    bool stop, is_joined;
+    uint64_t requests; /* how often a time step was asked for */
+    bool stop;
+    unsigned running; /* load threads to join */
+    struct srv_loader loaders[SRV_LOADERS];
 };
+
+/* The entry that a handle belongs to. */
+static inline const struct srv_volume *srv_catalog_entry_of(const struct srv_volume *volume) {
+    return volume->parent ? volume->parent : volume;
+}
 
 /* Finds an entry. With the mutex held. */
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id);
@@ -54,5 +77,52 @@ struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id
 /* Frees a removed entry that has no use and is not loading. With no lock of the catalog
  * held. */
 void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *volume);
+
+void srv_catalog_entry_free(struct srv_volume *volume); /* with its steps */
+
+/* Clients see the error: they must not learn where the folders are. */
+void srv_catalog_redact(const struct srv_catalog *catalog, const struct srv_volume *volume,
+                        struct sp_error *err);
+
+/* Tells the owner of an uploaded file what became of it. With no lock held. */
+void srv_catalog_close_upload(struct srv_catalog *catalog, const char *source,
+                              enum srv_volume_state state);
+/* True if an entry other than `own` needs the upload of a source: it shows another field of it.
+ * With the mutex held. */
+bool srv_catalog_is_upload_shared(const struct srv_catalog *catalog, const struct srv_volume *own,
+                                  const char *source);
+/* Returns the source of an entry for srv_catalog_close_upload(), malloc'ed; NULL = there is nothing
+ * to tell. With the mutex held. */
+char *srv_catalog_upload_to_close(const struct srv_catalog *catalog,
+                                  const struct srv_volume *volume);
+
+/* Starts the load threads. After a failure the caller stops the catalog. */
+bool srv_catalog_start_loaders(struct srv_catalog *catalog, struct sp_error *err);
+
+/* Time steps (catalog_steps.c). These with the mutex held: */
+
+/* The step to load next: of those that someone waits for, the one that was asked for last; NULL =
+ * there is none. */
+struct srv_volume *srv_catalog_wanted_step(const struct srv_catalog *catalog);
+/* The same of those that are loaded ahead. */
+struct srv_volume *srv_catalog_ahead_step(const struct srv_catalog *catalog);
+/* True if a step is being loaded that no longer has users, while users wait for others. */
+bool srv_catalog_is_step_unwanted(const struct srv_catalog *catalog, const struct srv_volume *step);
+/* A load has ended: steps that wait for memory are tried again. */
+void srv_catalog_retry_steps(struct srv_catalog *catalog);
+/* Takes steps without users out of the catalog, those first that were asked for longest ago,
+ * until `bytes` are free for `loading`. Returns them, for srv_catalog_free_steps(). */
+struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
+                                           const struct srv_volume *loading, uint64_t bytes);
+/* A use of a step has ended. Returns it if it is to be freed; else NULL. */
+struct srv_volume *srv_catalog_drop_step(struct srv_volume *step);
+
+/* These without: */
+
+/* Frees the list and evicts what renderers cache of it. */
+void srv_catalog_free_steps(struct srv_catalog *catalog, struct srv_volume *steps);
+/* A step was loaded, or not. Takes over the volume. */
+void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
+                          struct sp_volume *volume, const struct sp_error *err);
 
 #endif

@@ -9,6 +9,7 @@
 
 #include "render/catalog_private.h"
 #include "render/redact.h"
+#include "render/source.h"
 #include "sp/edit.h"
 
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id) {
@@ -32,10 +33,16 @@ static void status_of(const struct srv_catalog *catalog, const struct srv_volume
     status->error = v->error;
     status->volume = v->volume ? sp_volume_ref(v->volume) : NULL;
     status->cached_bytes = 0;
-    status->voxel_bytes = v->reserved_bytes;
+    status->step_bytes = 0;
     memcpy(status->cached_per_renderer, v->cached_bytes, sizeof status->cached_per_renderer);
+    for (const struct srv_volume *s = v->steps; s; s = s->next) {
+        status->step_bytes += s->reserved_bytes;
+        for (int r = 0; r < SRV_RENDERERS; r++)
+            status->cached_per_renderer[r] += s->cached_bytes[r];
+    }
+    status->voxel_bytes = v->reserved_bytes + status->step_bytes;
     for (int r = 0; r < SRV_RENDERERS; r++)
-        status->cached_bytes += v->cached_bytes[r];
+        status->cached_bytes += status->cached_per_renderer[r];
     status->uses = v->uses;
 }
 
@@ -108,24 +115,32 @@ void *srv_catalog_ref(void *user, void *volume) {
     struct srv_volume *v = volume;
     pthread_mutex_lock(&catalog->mutex);
     v->uses++;
+    if (v->parent)
+        v->parent->uses++;
     pthread_mutex_unlock(&catalog->mutex);
     return v;
 }
 
 void srv_catalog_release(void *user, void *volume) {
     struct srv_catalog *catalog = user;
-    struct srv_volume *v = volume;
+    struct srv_volume *v = volume, *entry = v->parent ? v->parent : v, *dropped = NULL;
     pthread_mutex_lock(&catalog->mutex);
-    assert(v->uses > 0);
-    bool is_last = --v->uses == 0 && v->is_removed;
+    assert(v->uses > 0 && entry->uses > 0);
+    entry->uses--;
+    if (v->parent) {
+        v->uses--;
+        dropped = srv_catalog_drop_step(v);
+    }
+    bool is_last = entry->uses == 0 && entry->is_removed;
     pthread_mutex_unlock(&catalog->mutex);
+    srv_catalog_free_steps(catalog, dropped);
     if (is_last)
-        srv_catalog_free_removed(catalog, v);
+        srv_catalog_free_removed(catalog, entry);
 }
 
 void srv_catalog_default_view(void *user, void *volume, struct sp_view *view) {
     (void)user;
-    *view = ((struct srv_volume *)volume)->view;
+    *view = srv_catalog_entry_of(volume)->view;
 }
 
 bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, struct sp_error *err) {
@@ -133,12 +148,18 @@ bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, stru
     return sp_view_fits(view, sp_volume_info(((struct srv_volume *)volume)->volume), err);
 }
 
-void srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                      const double at[2], struct sp_pick *pick) {
-    (void)user;
+bool srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                      const double at[2], struct sp_pick *pick, struct sp_error *err) {
     struct sp_volume *shown = sp_edit_volume_made(((struct srv_volume *)volume)->volume, view);
-    sp_pick_at(shown, view, size, at, pick);
+    const struct sp_pick_input input = { .volume = shown,
+                                         .view = view,
+                                         .size = { size[0], size[1] },
+                                         .at = { at[0], at[1] },
+                                         .find = srv_catalog_find_shown,
+                                         .user = user };
+    const bool ok = sp_pick_at(&input, pick, err);
     sp_volume_unref(&shown);
+    return ok;
 }
 
 /* A part or a path of the volume with the view's edits. */
@@ -159,7 +180,7 @@ bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
     (void)user;
     if (!sp_measure_check(measure, err))
         return false;
-    memcpy(value->world_unit, sp_volume_info(volume)->unit, sizeof value->world_unit);
+    proto_measure_set_units(value, sp_volume_info(volume));
     value->volume_samples = 0;
     if (sp_measure_has_range(measure->kind))
         return measure_part(volume, view, measure, value, err);
@@ -172,8 +193,117 @@ bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
     return sp_measure_compute(volume, measure, &value->result, err);
 }
 
+/* The length of a source without its fields: "PATH" or "PATH?level=N". */
+static size_t file_length(const char *source) {
+    const struct sp_source_parts parts = sp_source_split(source);
+    const size_t number = parts.path_bytes + strlen("?level=");
+    return parts.level < 0 ? parts.path_bytes : number + strspn(source + number, "0123456789");
+}
+
+/* What to choose in the file of an entry, in *parts. A component of vectors that are replaced ends.
+ */
+static void choose(const struct srv_volume *v, const char *field, const char *vectors,
+                   struct sp_source_parts *parts) {
+    *parts = sp_source_split(v->source);
+    if (field)
+        parts->field = field;
+    if (!vectors)
+        return;
+    const char *old = v->volume ? sp_volume_info(v->volume)->vector_name : "";
+    const size_t length = strlen(old);
+    if (!field && length && strncmp(parts->field, old, length) == 0 && parts->field[length] == ' ')
+        parts->field = "";
+    snprintf(parts->vectors, sizeof parts->vectors, "%s", vectors);
+}
+
+/* Finds the entry that has loaded these fields of the same file; NULL = none has. With the mutex
+ * held. */
+static const struct srv_volume *find_fields(const struct srv_catalog *catalog,
+                                            const struct srv_volume *of,
+                                            const struct sp_source_parts *wanted) {
+    const size_t length = file_length(of->source);
+    for (const struct srv_volume *v = catalog->entries; v; v = v->next) {
+        if (v->state != SRV_VOLUME_READY || file_length(v->source) != length ||
+            memcmp(v->source, of->source, length) != 0)
+            continue;
+        const struct sp_volume_info *info = sp_volume_info(v->volume);
+        const struct sp_source_parts own = sp_source_split(v->source);
+        if ((wanted->field[0] ? strcmp(info->value_name, wanted->field) == 0 : !own.field[0]) &&
+            (wanted->vectors[0] ? strcmp(info->vector_name, wanted->vectors) == 0
+                                : !own.vectors[0]))
+            return v;
+    }
+    return NULL;
+}
+
+/* Writes the source with these fields, malloc'ed; NULL without memory. */
+static char *source_of(const char *file, size_t length, const struct sp_source_parts *parts) {
+    char *source = NULL;
+    const char *vectors = parts->vectors, *field = parts->field;
+    const char *first = parts->level < 0 ? "?" : "&", *second = vectors[0] ? "&" : first;
+    const int written = asprintf(&source, "%.*s%s%s%s%s%s%s", (int)length, file,
+                                 vectors[0] ? first : "", vectors[0] ? "vectors=" : "", vectors,
+                                 field[0] ? second : "", field[0] ? "field=" : "", field);
+    return written < 0 ? NULL : source;
+}
+
+bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *field,
+                       const char *vectors, struct srv_volume_request *request, char **source,
+                       struct sp_error *err) {
+    pthread_mutex_lock(&catalog->mutex);
+    const struct srv_volume *v = srv_catalog_entry(catalog, id);
+    bool ok = v || sp_fail(err, SP_ERR_NOT_FOUND, "/volume", "there is no volume '%s'", id);
+    if (ok && srv_source_is_demo(v->source))
+        ok = sp_fail(err, SP_ERR_INVALID, "/volume", "is built in and has one field");
+    if (ok) {
+        struct sp_source_parts choice;
+        choose(v, field, vectors, &choice);
+        const struct srv_volume *known = find_fields(catalog, v, &choice);
+        const size_t folder = v->confined ? strlen(catalog->data) : 0;
+        const size_t begin = folder > 1 ? folder + 1 : folder; /* "/" ends with its slash */
+        request->confined = v->confined;
+        *source = known ? strdup(known->source + begin)
+                        : source_of(v->source + begin, file_length(v->source) - begin, &choice);
+        if (!*source)
+            ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    return ok;
+}
+
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
     return volume->volume;
+}
+
+struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
+    struct srv_catalog *catalog = user;
+    pthread_mutex_lock(&catalog->mutex);
+    const struct srv_volume *v = srv_catalog_entry(catalog, id);
+    bool is_ready = v && v->state == SRV_VOLUME_READY;
+    struct sp_volume *volume = is_ready ? sp_volume_ref(v->volume) : NULL;
+    pthread_mutex_unlock(&catalog->mutex);
+    return volume;
+}
+
+struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
+                                               const struct srv_volume *volume,
+                                               const struct sp_view *view) {
+    struct srv_fingerprint own[SP_LAYERS_MAX + 1] = { volume->fingerprint };
+    struct srv_part parts[SP_LAYERS_MAX + 1] = { { &own[0], sizeof own[0] } };
+    unsigned count = 1;
+    pthread_mutex_lock(&catalog->mutex);
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const char *id = view->layers[i].id;
+        const struct srv_volume *v = *id ? srv_catalog_entry(catalog, id) : NULL;
+        if (!*id)
+            continue;
+        if (v && v->state == SRV_VOLUME_READY)
+            own[count] = v->fingerprint;
+        parts[count] = (struct srv_part){ &own[count], sizeof own[count] };
+        count++;
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    return count > 1 ? srv_fingerprint_of(parts, count) : volume->fingerprint;
 }
 
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume) {

@@ -166,6 +166,14 @@ static bool stays_inside(const char *data, const char *folder, const char *name)
     return follow(real, name, strlen(name)) && is_in(real, data);
 }
 
+static bool is_zarr_folder(int parent, const char *name) {
+    int fd = openat(parent, name, O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+    const bool is_zarr = fd >= 0 && srv_format_is_zarr(fd);
+    if (fd >= 0)
+        close(fd);
+    return is_zarr;
+}
+
 static void show(const char *data, const char *folder, int fd, const char *name,
                  struct srv_page *page, unsigned *unlisted) {
     struct stat st;
@@ -174,20 +182,23 @@ static void show(const char *data, const char *folder, int fd, const char *name,
         (S_ISLNK(st.st_mode) &&
          (!stays_inside(data, folder, name) || fstatat(fd, name, &st, 0) != 0)))
         return;
-    const char *format = S_ISREG(st.st_mode) ? srv_format_of(name) : NULL;
-    if (!S_ISDIR(st.st_mode) && !format)
+    const bool is_zarr = S_ISDIR(st.st_mode) && is_zarr_folder(fd, name);
+    const bool is_file = S_ISREG(st.st_mode) && srv_format_extension(name);
+    if (!S_ISDIR(st.st_mode) && !is_file)
         return;
     if (!is_utf8(name)) {
         ++*unlisted;
         return;
     }
-    snprintf(key, sizeof key, "%c%s", S_ISDIR(st.st_mode) ? '/' : ':', name);
+    snprintf(key, sizeof key, "%c%s", S_ISDIR(st.st_mode) && !is_zarr ? '/' : ':', name);
     struct srv_data_entry *entry = srv_page_slot(page, key);
     if (!entry)
         return;
-    *entry = (struct srv_data_entry){ .is_folder = S_ISDIR(st.st_mode),
-                                      .size_bytes = (uint64_t)st.st_size,
-                                      .format = format };
+    *entry = (struct srv_data_entry){ .kind = is_zarr ? SP_KIND_GRID : SP_KIND_COUNT,
+                                      .is_folder = S_ISDIR(st.st_mode) && !is_zarr,
+                                      .is_zarr = is_zarr,
+                                      .size_bytes = is_file ? (uint64_t)st.st_size : 0,
+                                      .format = is_zarr ? "Zarr" : srv_format_of(name) };
     memcpy(entry->key, key, sizeof key);
 }
 
@@ -234,8 +245,10 @@ void srv_data_describe(const char *data, const char *path, struct srv_data_entry
         return;
     ssize_t size = fstat(fd, &st) == 0 && S_ISREG(st.st_mode) ? read(fd, bytes, sizeof bytes) : -1;
     close(fd);
-    if (size > 0 && srv_format_look(srv_data_name(entry), bytes, (size_t)size, &peek)) {
-        memcpy(entry->dims, peek.dims, sizeof entry->dims);
-        memcpy(entry->type, peek.type, sizeof entry->type);
-    }
+    if (size <= 0)
+        return;
+    srv_format_look(srv_data_name(entry), bytes, (size_t)size, &peek);
+    memcpy(entry->dims, peek.dims, sizeof entry->dims);
+    memcpy(entry->type, peek.type, sizeof entry->type);
+    entry->kind = peek.kind;
 }

@@ -15,6 +15,7 @@
 #include <stdint.h>
 
 #include "common/pagination.h"
+#include "sp/elements.h"
 #include "sp/status.h"
 
 /* Resolves a path relative to `data`, a resolved folder; NULL = none. An absolute path, as the
@@ -28,27 +29,30 @@ bool srv_data_resolve(const char *data, const char *path, const char *pointer, c
 bool srv_data_check_relative(const char *path, const char *pointer, struct sp_error *err);
 
 struct srv_data_entry {
-    /* First, as struct srv_page requires: "/NAME" for a folder and ":NAME" for a file, so that
+    /* First, as struct srv_page requires: "/NAME" for a folder and ":NAME" for a volume, so that
      * folders come first. */
     char key[NAME_MAX + 2];
-    bool is_folder;
-    uint64_t size_bytes;
-    const char *format; /* of a file: "NRRD", … (formats.h); constant */
-    uint32_t dims[3];   /* 0 = the file was not looked at, or does not say */
-    char type[16];      /* "uint8", …; "" = as for dims */
+    bool is_folder;      /* to enter */
+    bool is_zarr;        /* a folder that is a volume */
+    uint64_t size_bytes; /* of a file */
+    const char *format;  /* of a volume: "NRRD", … (formats.h); constant */
+    uint32_t dims[3];    /* 0 = the file was not looked at, or does not say */
+    char type[16];       /* "uint8", …; "" = as for dims */
+    enum sp_kind kind;   /* SP_KIND_COUNT = the same */
 };
 #define srv_data_name(entry) ((entry)->key + 1)
 
-/* Puts the folders and loadable files of a folder on a page of struct srv_data_entry. `path` "" is
- * the data folder itself. Leaves out names that begin with a dot, links that lead out of the data
- * folder, and names that are not UTF-8, which JSON cannot carry; *unlisted is how many folders and
- * loadable files of the whole folder have such a name. Blocks while it reads the disk. Errors as
- * above, with the place "/path"; SP_ERR_INVALID (not a folder), SP_ERR_IO. */
+/* Puts the folders and loadable files of a folder, and folders that are volumes, on a page of
+ * struct srv_data_entry. `path` "" is the data folder itself. Leaves out names that begin with a
+ * dot, links that lead out of the data folder, and names that are not UTF-8, which JSON cannot
+ * carry; *unlisted is how many folders and loadable files of the whole folder have such a name.
+ * Blocks while it reads the disk. Errors as above, with the place "/path"; SP_ERR_INVALID (not a
+ * folder), SP_ERR_IO. */
 bool srv_data_list(const char *data, const char *path, struct srv_page *page, unsigned *unlisted,
                    struct sp_error *err);
 
-/* Reads dims and type from the beginning of a file that srv_data_list() found, if its format has
- * them there. Blocks. */
+/* Reads dims, type and kind from the beginning of a file that srv_data_list() found, if its format
+ * has them there. Blocks. */
 void srv_data_describe(const char *data, const char *path, struct srv_data_entry *entry);
 
 #endif

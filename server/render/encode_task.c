@@ -145,6 +145,7 @@ static void encode_session_frame(struct srv_render_pool *pool, struct sp_encoder
                                         .once_ms = stage_ms(&frame->stats, "classify"),
                                         .splats = frame->stats.splats,
                                         .visible_voxels = frame->stats.visible_voxels,
+                                        .bricks = frame->stats.bricks,
                                         .again = task->is_cached };
     struct sp_error err = { .code = SP_OK };
     bool ok = is_wanted(pool, job, &err);

@@ -27,7 +27,7 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
     const struct sp_volume_info *info = sp_volume_info(volume);
     const struct sp_grid *grid = &info->grid;
     uint32_t type = info->type;
-    struct srv_part parts[OTHERS + AXES + 1] = {
+    struct srv_part parts[OTHERS + AXES + 3] = {
         { grid->dims, sizeof grid->dims },
         { grid->spacing, sizeof grid->spacing },
         { grid->origin, sizeof grid->origin },
@@ -39,10 +39,16 @@ struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume) {
         if (grid->coordinates[a])
             parts[OTHERS + a] = (struct srv_part){ grid->coordinates[a],
                                                    grid->dims[a] * sizeof *grid->coordinates[a] };
-    if (!info->vector_bytes)
-        return srv_fingerprint_of(parts, OTHERS + AXES);
-    parts[OTHERS + AXES] = (struct srv_part){ sp_volume_vectors(volume), info->vector_bytes };
-    return srv_fingerprint_of(parts, OTHERS + AXES + 1);
+    unsigned count = OTHERS + AXES;
+    if (info->whole.dims[0])
+        parts[count++] = (struct srv_part){ &info->whole, sizeof info->whole };
+    if (info->vector_bytes)
+        parts[count++] = (struct srv_part){ sp_volume_vectors(volume), info->vector_bytes };
+    if (info->element_bytes) { /* all arrays lie behind the sample */
+        parts[count++] = (struct srv_part){ &info->elements, sizeof info->elements };
+        parts[count++] = (struct srv_part){ sp_volume_voxels(volume), info->element_bytes };
+    }
+    return srv_fingerprint_of(parts, count);
 }
 
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint) {

@@ -27,7 +27,8 @@ struct srv_part {
 };
 /* Hashes the parts in this order, at most SRV_PARTS_MAX. The boundaries between parts count. */
 struct srv_fingerprint srv_fingerprint_of(const struct srv_part *parts, unsigned count);
-/* Hashes all that decides the pixels of a volume: grid, type and voxels. Reads all voxels. */
+/* Hashes all that decides the pixels of a volume: grid, type and voxels, or elements. Reads all of
+ * them. */
 struct srv_fingerprint srv_fingerprint_volume(const struct sp_volume *volume);
 /* Hashes the running program's file; false if it cannot be read. */
 bool srv_fingerprint_program(struct srv_fingerprint *fingerprint);

@@ -2,27 +2,79 @@
 #include "render/formats.h"
 
 #include <ctype.h>
+#include <endian.h>
+#include <fcntl.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
+#include <unistd.h>
 
 #include "protocol/json.h"
 #include "sp/volume.h"
 
-/* Reads dims and type from text that ends with a NUL. */
+/* Reads dims, type and kind from text that ends with a NUL. */
 typedef void look(const char *text, size_t size, struct srv_format_peek *peek);
-static look look_at_nrrd, look_at_vtk, look_at_xml, look_at_sidecar;
+static look look_at_bricks, look_at_nrrd, look_at_vtk, look_at_xml, look_at_sidecar, look_at_ply,
+    look_at_meta;
 
 static const struct format {
     const char *extension, *name;
-    look *look; /* NULL = the beginning of the file does not tell */
+    enum sp_kind kind; /* SP_KIND_COUNT = the file tells */
+    look *look;        /* NULL = the beginning of the file does not tell more */
 } formats[] = {
-    { ".nrrd", "NRRD", look_at_nrrd }, { ".nhdr", "NRRD", look_at_nrrd },
-    { ".vtk", "VTK", look_at_vtk },    { ".vti", "VTK", look_at_xml },
-    { ".vtr", "VTK", look_at_xml },    { ".json", "raw samples", look_at_sidecar },
-    { ".tif", "TIFF", NULL },          { ".tiff", "TIFF", NULL },
+    { ".nrrd", "NRRD", SP_KIND_GRID, look_at_nrrd },
+    { ".nhdr", "NRRD", SP_KIND_GRID, look_at_nrrd },
+    { ".vtk", "VTK", SP_KIND_COUNT, look_at_vtk },
+    { ".vti", "VTK", SP_KIND_GRID, look_at_xml },
+    { ".vtr", "VTK", SP_KIND_GRID, look_at_xml },
+    { ".json", "raw samples", SP_KIND_GRID, look_at_sidecar },
+    { ".dcm", "DICOM", SP_KIND_GRID, NULL },
+    { ".ima", "DICOM", SP_KIND_GRID, NULL },
+    { ".nii", "NIfTI", SP_KIND_GRID, NULL },
+    { ".nii.gz", "NIfTI", SP_KIND_GRID, NULL },
+    { ".hdr", "NIfTI", SP_KIND_GRID, NULL },
+    { ".mhd", "MetaImage", SP_KIND_GRID, look_at_meta },
+    { ".mha", "MetaImage", SP_KIND_GRID, look_at_meta },
+    { ".pvm", "PVM", SP_KIND_GRID, NULL },
+    { ".vdb", "OpenVDB", SP_KIND_GRID, NULL },
+    { ".am", "Amira", SP_KIND_GRID, NULL },
+    { ".vol", "vol", SP_KIND_GRID, NULL },
+    { ".longvol", "vol", SP_KIND_GRID, NULL },
+    { ".vgi", "VGStudio", SP_KIND_GRID, NULL },
+    { ".h5", "HDF5", SP_KIND_GRID, NULL },
+    { ".hdf5", "HDF5", SP_KIND_GRID, NULL },
+    { ".he5", "HDF5", SP_KIND_GRID, NULL },
+    { ".nxs", "HDF5", SP_KIND_GRID, NULL },
+    { ".ims", "HDF5", SP_KIND_GRID, NULL },
+    { ".nc", "NetCDF", SP_KIND_GRID, NULL },
+    { ".nc4", "NetCDF", SP_KIND_GRID, NULL },
+    { ".cdf", "NetCDF", SP_KIND_GRID, NULL },
+    { ".tif", "TIFF", SP_KIND_GRID, NULL },
+    { ".tiff", "TIFF", SP_KIND_GRID, NULL },
+    { ".png", "PNG", SP_KIND_GRID, NULL },
+    { ".jpg", "JPEG", SP_KIND_GRID, NULL },
+    { ".jpeg", "JPEG", SP_KIND_GRID, NULL },
+    { ".xyz", "PLOT3D", SP_KIND_POINTS, NULL },
+    { ".p3d", "PLOT3D", SP_KIND_POINTS, NULL },
+    { ".spz", "SPZ", SP_KIND_GAUSSIANS, NULL },
+    { ".csv", "CSV", SP_KIND_POINTS, NULL },
+    { ".vts", "VTK", SP_KIND_POINTS, NULL },
+    { ".vtu", "VTK", SP_KIND_POINTS, NULL },
+    { ".vtp", "VTK", SP_KIND_POINTS, NULL },
+    { ".ply", "PLY", SP_KIND_COUNT, look_at_ply },
+    { ".stl", "STL", SP_KIND_MESH, NULL },
+    { ".obj", "OBJ", SP_KIND_MESH, NULL },
+    { ".gltf", "glTF", SP_KIND_MESH, NULL },
+    { ".glb", "glTF", SP_KIND_MESH, NULL },
+    { ".zarr", "Zarr", SP_KIND_GRID, NULL },
+    { ".bricks", "brick file", SP_KIND_GRID, look_at_bricks },
 };
+
+/* True for a format whose volumes are folders. */
+static bool is_folder(const struct format *format) {
+    return strcmp(format->extension, ".zarr") == 0;
+}
 
 static const struct format *find(const char *name) {
     size_t length = strlen(name);
@@ -41,7 +93,19 @@ const char *srv_format_of(const char *name) {
 
 const char *srv_format_extension(const char *name) {
     const struct format *format = find(name);
-    return format ? format->extension : NULL;
+    return format && !is_folder(format) ? format->extension : NULL;
+}
+
+void srv_format_list(char list[SRV_FORMAT_LIST]) {
+    size_t count = sizeof formats / sizeof *formats, used = 0;
+    while (is_folder(&formats[count - 1])) /* an upload is a file */
+        count--;
+    for (size_t i = 0; i < count; i++)
+        used += (size_t)snprintf(list + used, SRV_FORMAT_LIST - used, "%s%s",
+                                 i == 0           ? ""
+                                 : i == count - 1 ? " or "
+                                                  : ", ",
+                                 formats[i].extension);
 }
 
 /* Returns where the last extension of name[0, length) begins; `length` if it has none. */
@@ -58,7 +122,26 @@ size_t srv_format_stem(const char *name) {
     for (size_t i = 0; i < sizeof packed / sizeof *packed; i++)
         if (strcasecmp(name + stem, packed[i]) == 0)
             return before_extension(name, stem);
+    if (stem > 4 && strncasecmp(name + stem - 4, ".ome", 4) == 0) /* .ome.zarr, .ome.tif */
+        return stem - 4;
     return stem;
+}
+
+bool srv_format_is_zarr(int folder) {
+    static const char *const names[] = { ".zarray", "zarr.json", ".zattrs", ".zgroup" };
+    char text[SRV_FORMAT_PEEK + 1];
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        int fd =
+            openat(folder, names[i], O_RDONLY | O_NONBLOCK | O_NOFOLLOW | O_NOCTTY | O_CLOEXEC);
+        if (fd < 0)
+            continue;
+        ssize_t size = read(fd, text, sizeof text - 1);
+        close(fd);
+        text[size > 0 ? size : 0] = 0;
+        return size > 0 && (strstr(text, "\"multiscales\"") ||
+                            !(strstr(text, "\"plate\"") || strstr(text, "\"well\"")));
+    }
+    return false;
 }
 
 /* Looking at files. */
@@ -123,6 +206,23 @@ static void read_type(const char *text, const char *ends, struct srv_format_peek
             set_type(peek, types[i].type);
 }
 
+static uint32_t number_at(const char *bytes) {
+    uint32_t number;
+    memcpy(&number, bytes, sizeof number);
+    return le32toh(number);
+}
+
+/* The places are those of renderer/bricks/format.c. */
+static void look_at_bricks(const char *text, size_t size, struct srv_format_peek *peek) {
+    enum { VERSION_AT = 8, TYPE_AT = 20, DIMS_AT = 28, END = DIMS_AT + 12 };
+    if (size < END || memcmp(text, "SPBRICK\n", VERSION_AT) != 0 ||
+        number_at(text + VERSION_AT) != 1 || number_at(text + TYPE_AT) >= SP_TYPE_COUNT)
+        return;
+    set_type(peek, sp_type_name((enum sp_type)number_at(text + TYPE_AT)));
+    for (int axis = 0; axis < 3; axis++)
+        peek->dims[axis] = number_at(text + DIMS_AT + 4 * axis);
+}
+
 static void look_at_nrrd(const char *text, size_t size, struct srv_format_peek *peek) {
     (void)size;
     if (strncmp(text, "NRRD", 4) != 0)
@@ -134,11 +234,26 @@ static void look_at_nrrd(const char *text, size_t size, struct srv_format_peek *
         read_type(type, "\n", peek);
 }
 
+static void look_at_meta(const char *text, size_t size, struct srv_format_peek *peek) {
+    (void)size;
+    const char *dims = find_line(text, "DimSize = "), *type = find_line(text, "ElementType = MET_");
+    if (dims)
+        read_dims(dims, peek);
+    if (type)
+        read_type(type, "\n", peek);
+}
+
 static void look_at_vtk(const char *text, size_t size, struct srv_format_peek *peek) {
     (void)size;
     if (strncmp(text, "# vtk", 5) != 0)
         return;
     const char *dims = find_line(text, "DIMENSIONS"), *scalars = find_line(text, "SCALARS");
+    const char *set = find_line(text, "DATASET ");
+    if (set)
+        peek->kind = strncasecmp(set, "STRUCTURED_POINTS", 17) == 0 ||
+                             strncasecmp(set, "RECTILINEAR_GRID", 16) == 0
+                         ? SP_KIND_GRID
+                         : SP_KIND_POINTS;
     if (dims)
         read_dims(dims, peek);
     if (scalars) {
@@ -182,16 +297,27 @@ static void look_at_sidecar(const char *text, size_t size, struct srv_format_pee
     proto_json_free(&json);
 }
 
-bool srv_format_look(const char *name, const char *bytes, size_t size,
+static void look_at_ply(const char *text, size_t size, struct srv_format_peek *peek) {
+    (void)size;
+    if (strncmp(text, "ply", 3) != 0)
+        return;
+    const char *faces = find_line(text, "element face ");
+    const bool is_scene = find_line(text, "property float f_dc_0") ||
+                          find_line(text, "property uint packed_position");
+    peek->kind = is_scene                                 ? SP_KIND_GAUSSIANS
+                 : faces && strtoull(faces, NULL, 10) > 0 ? SP_KIND_MESH
+                                                          : SP_KIND_POINTS;
+}
+
+void srv_format_look(const char *name, const char *bytes, size_t size,
                      struct srv_format_peek *peek) {
     const struct format *format = find(name);
-    *peek = (struct srv_format_peek){ .type = "" };
+    *peek = (struct srv_format_peek){ .kind = format ? format->kind : SP_KIND_COUNT };
     char *text = format && format->look ? malloc(size + 1) : NULL;
     if (!text)
-        return false;
+        return;
     memcpy(text, bytes, size);
     text[size] = 0;
     format->look(text, size, peek);
     free(text);
-    return peek->dims[0] != 0;
 }

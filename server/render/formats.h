@@ -10,24 +10,32 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/elements.h"
+
 /* Returns the format of a file by its name ("NRRD", "VTK", "TIFF", "raw samples"); NULL = no format
  * that the importer reads. A constant. */
 const char *srv_format_of(const char *name);
-/* Returns the extension of such a name with its dot, in lower case (".nrrd"); NULL = as above. A
- * constant, so it is safe as a part of a path. */
+/* Returns the extension of such a name with its dot, in lower case (".nrrd"); NULL = as above, or a
+ * folder is meant. A constant, so it is safe as a part of a path. */
 const char *srv_format_extension(const char *name);
+enum { SRV_FORMAT_LIST = 512 };
+/* Writes the extensions of all files for a person: ".nrrd, .nhdr, … or .glb". */
+void srv_format_list(char list[SRV_FORMAT_LIST]);
+/* True if an open folder is a Zarr hierarchy with an image, by its metadata. A plate or well of
+ * several images is none. Blocks. */
+bool srv_format_is_zarr(int folder);
 /* Returns the length of a file name without its extensions: 1 for "x.nii.gz". */
 size_t srv_format_stem(const char *name);
 
 enum { SRV_FORMAT_PEEK = 4096 }; /* bytes at the beginning of a file that are enough for most */
 
 struct srv_format_peek {
-    uint32_t dims[3]; /* 0 = not found */
-    char type[16];    /* as the protocol names it: "uint8"; "" = not found */
+    uint32_t dims[3];  /* 0 = not found, or something that cannot be */
+    char type[16];     /* as the protocol names it: "uint8"; "" = not found */
+    enum sp_kind kind; /* by the format, or by what the file says; SP_KIND_COUNT = not known */
 };
-/* Reads dims and type from the first bytes of a file with this name, [0, size). The bytes need no
- * NUL. False: they do not say, or say something that cannot be. */
-bool srv_format_look(const char *name, const char *bytes, size_t size,
+/* Tells what the name of a file and its first bytes, [0, size), say. The bytes need no NUL. */
+void srv_format_look(const char *name, const char *bytes, size_t size,
                      struct srv_format_peek *peek);
 
 #endif

@@ -30,22 +30,22 @@ void srv_frame_cache_clear(struct srv_frame_cache *cache) {
 }
 
 void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
-                         const struct srv_volume *volume, const struct sp_view *view) {
+                         const struct srv_fingerprint *content, const struct sp_view *view) {
     if (frame->stride_bytes * frame->height > FRAME_BYTES_MAX)
         return;
     pthread_mutex_lock(&cache->mutex);
     clear(cache);
     cache->frame = sp_frame_ref(frame);
-    cache->fingerprint = *srv_volume_fingerprint(volume);
+    cache->content = *content;
     cache->view = *view;
     pthread_mutex_unlock(&cache->mutex);
 }
 
 struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
-                                      const struct srv_volume *volume, const struct sp_view *view) {
+                                      const struct srv_fingerprint *content,
+                                      const struct sp_view *view) {
     pthread_mutex_lock(&cache->mutex);
-    bool is_same = cache->frame &&
-                   srv_fingerprint_equal(&cache->fingerprint, srv_volume_fingerprint(volume)) &&
+    bool is_same = cache->frame && srv_fingerprint_equal(&cache->content, content) &&
                    memcmp(&cache->view, view, sizeof *view) == 0;
     struct sp_frame *frame = is_same ? sp_frame_ref(cache->frame) : NULL;
     pthread_mutex_unlock(&cache->mutex);

@@ -20,9 +20,9 @@
 enum { SRV_FRAME_CACHE_ENCODINGS = 4 };
 
 struct srv_frame_cache {
-    pthread_mutex_t mutex;              /* guards what follows */
-    struct sp_frame *frame;             /* a reference; NULL = the cache is empty */
-    struct srv_fingerprint fingerprint; /* of the volume */
+    pthread_mutex_t mutex;          /* guards what follows */
+    struct sp_frame *frame;         /* a reference; NULL = the cache is empty */
+    struct srv_fingerprint content; /* of the volumes that the view shows */
     struct sp_view view;
     struct {
         struct srv_encode_params params;
@@ -34,13 +34,15 @@ struct srv_frame_cache {
 void srv_frame_cache_init(struct srv_frame_cache *cache);
 void srv_frame_cache_finish(struct srv_frame_cache *cache);
 
-/* Replaces the cached frame. Takes a reference of its own. Frames over 64 MiB are not cached. */
+/* Replaces the cached frame; `content` is srv_catalog_fingerprint(). Takes a reference of its own.
+ * Frames over 64 MiB are not cached. */
 void srv_frame_cache_put(struct srv_frame_cache *cache, struct sp_frame *frame,
-                         const struct srv_volume *volume, const struct sp_view *view);
+                         const struct srv_fingerprint *content, const struct sp_view *view);
 void srv_frame_cache_clear(struct srv_frame_cache *cache);
 /* Returns a reference that the caller owns, or NULL if the cached frame shows something else. */
 struct sp_frame *srv_frame_cache_find(struct srv_frame_cache *cache,
-                                      const struct srv_volume *volume, const struct sp_view *view);
+                                      const struct srv_fingerprint *content,
+                                      const struct sp_view *view);
 
 /* Returns the bytes of the frame with these parameters: a reference that the caller owns. NULL if
  * they are not cached. */

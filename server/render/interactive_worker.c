@@ -21,7 +21,7 @@ static void take_job(struct srv_render_pool *pool, struct srv_render_job *job) {
     if (srv_frame_queue_has_sharp(&pool->in_flight[SRV_WORKER_INTERACTIVE], job))
         finish_all(pool);
     struct sp_frame *frame =
-        job->is_sharp ? srv_frame_cache_find(&pool->cache, job->volume, &job->view) : NULL;
+        job->is_sharp ? srv_render_pool_find(pool, job->volume, &job->view) : NULL;
     if (!frame) {
         srv_session_frame_begin(pool, SRV_WORKER_INTERACTIVE, job);
         return;

@@ -122,6 +122,13 @@ void srv_render_pool_destroy(struct srv_render_pool **pool_pointer) {
     free(pool);
 }
 
+struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,
+                                      const struct sp_view *view) {
+    const struct srv_fingerprint content =
+        srv_catalog_fingerprint(pool->options.catalog, volume, view);
+    return srv_frame_cache_find(&pool->cache, &content, view);
+}
+
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,
                                 struct srv_volume *volume) {
     struct srv_worker *worker = &pool->workers[kind];
@@ -166,6 +173,11 @@ void srv_render_pool_wake(void *user) {
     srv_worker_wake(&pool->workers[SRV_WORKER_INTERACTIVE]);
     if (is_rendering)
         srv_worker_wake(&pool->workers[SRV_WORKER_PREEMPTION]);
+}
+
+void srv_render_pool_step_loaded(void *user) {
+    struct srv_render_pool *pool = user;
+    srv_worker_wake(&pool->workers[SRV_WORKER_SNAPSHOT]);
 }
 
 void srv_render_pool_interrupt(void *user, uint64_t of, enum srv_interrupt why) {

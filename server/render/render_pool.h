@@ -67,6 +67,7 @@ unsigned srv_render_pool_unanswered(struct srv_render_pool *pool); /* snapshots 
 
 /* For srv_hub_options and srv_catalog_options; `user` is the pool. */
 void srv_render_pool_wake(void *user);
+void srv_render_pool_step_loaded(void *user); /* snapshots may wait for it */
 void srv_render_pool_interrupt(void *user, uint64_t of, enum srv_interrupt why);
 void srv_render_pool_evict(void *user, struct sp_volume *volume); /* takes over the reference */
 bool srv_render_pool_supports(void *user, const struct sp_view *view, struct sp_error *err);

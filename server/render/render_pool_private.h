@@ -41,6 +41,10 @@ void *srv_interactive_worker_main(void *user);
 void *srv_preemption_worker_main(void *user);
 void *srv_snapshot_worker_main(void *user);
 
+/* The cached frame of this view; NULL = another one is cached. Unref it. */
+struct sp_frame *srv_render_pool_find(struct srv_render_pool *pool, const struct srv_volume *volume,
+                                      const struct sp_view *view);
+
 /* The worker's renderer has rendered a frame of the volume, or failed to: updates the catalog and
  * the hub. The worker's thread. */
 void srv_render_pool_note_frame(struct srv_render_pool *pool, enum srv_worker_kind kind,

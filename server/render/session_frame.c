@@ -90,6 +90,9 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .mip_level = job->mip_level,
+                                               .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
+                                               .find = srv_catalog_find_shown,
+                                               .user = pool->options.catalog,
                                                .cancel = &frame->cancel,
                                                .pause = &frame->pause };
     bool ok = sp_renderer_begin(pool->workers[kind].renderer, srv_volume_voxels(job->volume),
@@ -125,8 +128,13 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
         fail(pool, kind, job, &err, spent_ms);
         return;
     }
-    if (job->is_sharp)
-        srv_frame_cache_put(&pool->cache, frame, job->volume, &job->view);
+    if (frame->stats.bricks.is_incomplete)
+        srv_schedule_incomplete(pool->schedule, job);
+    if (job->is_sharp) {
+        const struct srv_fingerprint content =
+            srv_catalog_fingerprint(pool->options.catalog, job->volume, &job->view);
+        srv_frame_cache_put(&pool->cache, frame, &content, &job->view);
+    }
     srv_schedule_rendered(pool->schedule, job, frame->stats.render_ms);
     srv_encode_pool_submit(pool->encoders,
                            &(struct srv_encode_task){ .frame = frame, .job = job, .worker = kind });

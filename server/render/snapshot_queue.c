@@ -106,6 +106,14 @@ void srv_snapshot_queue_fail(struct srv_snapshot_queue *queue, struct srv_snapsh
 
 /* The next one. */
 
+/* True if the time step of the view is loaded, or never will be. */
+static bool has_volume(const struct srv_snapshot_queue *queue,
+                       const struct srv_snapshot_entry *entry) {
+    struct sp_error err;
+    return srv_catalog_step_is_ready(queue->options.catalog, entry->snapshot.volume, &err) ||
+           err.code != SP_ERR_NOT_READY;
+}
+
 /* True if this background snapshot yields to sessions and to other snapshots now. With the mutex
  * held. */
 static bool yields(struct srv_snapshot_entry *entry, double now_ms) {
@@ -166,7 +174,7 @@ struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *qu
         bool may_begin = e->is_waiting && !has_enough(queue, e) && (is_quiet || !yields(e, now_ms));
         if (e->is_waiting && !may_begin)
             *wait_ms = QUIET_MS;
-        if (may_begin && (!next || is_before(queue, e, next)))
+        if (may_begin && has_volume(queue, e) && (!next || is_before(queue, e, next)))
             next = e;
     }
     if (next) {
@@ -283,11 +291,21 @@ static void append(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *
         cancel_if_it_yields(queue);
 }
 
-bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue,
-                               const struct srv_snapshot *snapshot, struct sp_error *err) {
+/* Replaces the use of the volume by that of the view's time step; NULL when out of memory. */
+static void *take_step(struct srv_catalog *catalog, const struct srv_snapshot *snapshot) {
+    void *step = srv_catalog_step(catalog, snapshot->volume, snapshot->view.time.step);
+    srv_catalog_release(catalog, snapshot->volume);
+    return step;
+}
+
+bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct srv_snapshot *request,
+                               struct sp_error *err) {
     struct srv_snapshot_waiter *waiter = malloc(sizeof *waiter);
     struct srv_snapshot_entry *entry = malloc(sizeof *entry), *equal = NULL;
-    bool ok = (waiter && entry) || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a render");
+    struct srv_snapshot own = *request, *snapshot = &own;
+    own.volume = take_step(queue->options.catalog, request);
+    bool ok = (waiter && entry && own.volume) ||
+              sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a render");
     pthread_mutex_lock(&queue->mutex);
     if (ok && queue->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
@@ -314,10 +332,10 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue,
     pthread_mutex_unlock(&queue->mutex);
     if (!ok)
         free(waiter);
-    if (!ok || equal) {
-        srv_catalog_release(queue->options.catalog, snapshot->volume);
+    if ((!ok || equal) && own.volume)
+        srv_catalog_release(queue->options.catalog, own.volume);
+    if (!ok || equal)
         free(entry);
-    }
     return ok;
 }
 

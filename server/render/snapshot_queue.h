@@ -14,6 +14,7 @@
  * - Background snapshots come last. They begin when no other snapshot waits and no session frame
  * was rendered for 100 ms, and they yield to both: they are cancelled and rendered again later.
  * After waiting for twenty times their own time they no longer yield (schedule/fair_queue.h).
+ * - An entry begins when the time step of its view is loaded, which submit asks for.
  * - An entry without waiters (their clients have left) is dropped, also while it is rendered.
  *
  * All functions are thread-safe. Callbacks of snapshots are called without the lock, but for

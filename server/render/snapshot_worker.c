@@ -7,6 +7,9 @@
 #include "common/clock.h"
 #include "render/render_pool_private.h"
 
+/* How long a snapshot waits for bricks of its volume, before it says that it is not complete. */
+#define BRICKS_MS 30000.0
+
 /* Passes the frame to callers that encode it themselves. */
 static void answer_with_frame(struct srv_render_pool *pool, struct srv_snapshot_entry *entry,
                               struct sp_frame *frame, double drawn_ms) {
@@ -23,15 +26,21 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
                                        struct sp_error *err) {
     struct srv_worker *worker = &pool->workers[SRV_WORKER_SNAPSHOT];
     const struct srv_snapshot *snapshot = &entry->snapshot;
+    *is_cached = false;
+    if (!srv_catalog_step_is_ready(pool->options.catalog, snapshot->volume, err))
+        return NULL;
     bool wants_float = sp_image_format_info(snapshot->format)->wants_float;
     struct sp_frame *frame =
-        wants_float ? NULL : srv_frame_cache_find(&pool->cache, snapshot->volume, &snapshot->view);
+        wants_float ? NULL : srv_render_pool_find(pool, snapshot->volume, &snapshot->view);
     *is_cached = frame != NULL;
     if (frame)
         return frame;
     if (!worker->renderer && !(worker->renderer = sp_renderer_create(&pool->options.renderer, err)))
         return NULL;
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
+                                               .find = srv_catalog_find_shown,
+                                               .user = pool->options.catalog,
+                                               .wait_ms = BRICKS_MS,
                                                .cancel = &entry->cancel };
     frame = sp_renderer_render(worker->renderer, srv_volume_voxels(snapshot->volume),
                                &snapshot->view, pool->frames, &options, err);

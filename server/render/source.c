@@ -26,6 +26,12 @@ bool srv_source_is_upload(const char *source) {
     return strncmp(source, SRV_SOURCE_UPLOAD, sizeof SRV_SOURCE_UPLOAD - 1) == 0;
 }
 
+bool srv_source_upload_id(const char *source, char id[SP_NAME_BYTES]) {
+    const char *text = source + (srv_source_is_upload(source) ? sizeof SRV_SOURCE_UPLOAD - 1 : 0);
+    snprintf(id, SP_NAME_BYTES, "%.*s", (int)strcspn(text, "?"), text);
+    return text != source;
+}
+
 static char *copy(const char *text, struct sp_error *err) {
     char *text_copy = strdup(text);
     if (!text_copy)
@@ -57,11 +63,51 @@ static char *resolve_confined(const char *source, const char *data, const char *
     return srv_data_resolve(data, source, pointer, real, err) ? copy(real, err) : NULL;
 }
 
+static char *resolve_path(const char *path, const char *pointer, const char *data,
+                          struct sp_error *err) {
+    return pointer ? resolve_confined(path, data, pointer, err) : resolve_trusted(path, err);
+}
+
+/* Resolves the folder of the numbered files of a time series, "run/t*.vti". */
+static char *resolve_series(const char *path, const char *pointer, const char *data,
+                            struct sp_error *err) {
+    const char *slash = strrchr(path, '/'), *name = slash ? slash + 1 : path;
+    char folder[PATH_MAX], *key = NULL;
+    snprintf(folder, sizeof folder, "%.*s", (int)(name - path), path);
+    char *real = resolve_path(folder[0] || pointer ? folder : ".", pointer, data, err);
+    if (real && asprintf(&key, "%s%s%s", real, strcmp(real, "/") == 0 ? "" : "/", name) < 0) {
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
+        key = NULL;
+    }
+    free(real);
+    return key;
+}
+
+/* Resolves the path of a file, to which the field is added again. */
+static char *resolve_file(const char *source, const char *pointer, const char *data,
+                          struct sp_error *err) {
+    const size_t length = sp_source_split(source).path_bytes;
+    const char *selection = source + length;
+    char *path = *selection ? strndup(source, length) : copy(source, err), *key = NULL;
+    const char *slash = path ? strrchr(path, '/') : NULL;
+    char *real = !path ? NULL
+                 : strchr(slash ? slash : path, '*') ? resolve_series(path, pointer, data, err)
+                                                     : resolve_path(path, pointer, data, err);
+    free(path);
+    if (!real || !*selection)
+        return real;
+    if (asprintf(&key, "%s%s", real, selection) < 0)
+        key = NULL;
+    free(real);
+    if (!key)
+        sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
+    return key;
+}
+
 char *srv_source_resolve(const char *source, const char *pointer, const char *data,
                          struct sp_error *err) {
     return srv_source_is_demo(source) ? resolve_demo(source, pointer, err)
-           : pointer                  ? resolve_confined(source, data, pointer, err)
-                                      : resolve_trusted(source, err);
+                                      : resolve_file(source, pointer, data, err);
 }
 
 static bool is_id_char(char c) {
@@ -131,20 +177,37 @@ static void append_character(char *id, size_t *used, unsigned character) {
     *used += length;
 }
 
-/* Returns the part of a source that names it, and its length. */
-static const char *stem_of(const char *source, size_t *length) {
+enum { STEM_BYTES = 512 };
+
+/* Writes the part of a source that names it: of a file with a field both names. Returns its length.
+ */
+static size_t write_stem(const char *source, char stem[STEM_BYTES]) {
     if (srv_source_is_demo(source)) {
-        *length = strcspn(source + DEMO_PREFIX, "?");
-        return source + DEMO_PREFIX;
+        const char *start = source + DEMO_PREFIX;
+        snprintf(stem, STEM_BYTES, "%.*s", (int)strcspn(start, "?"), start);
+        return strlen(stem);
     }
-    const char *slash = strrchr(source, '/'), *start = slash ? slash + 1 : source;
-    *length = srv_format_stem(start);
-    return start;
+    const struct sp_source_parts parts = sp_source_split(source);
+    const char *end = source + parts.path_bytes, *start = end;
+    while (start > source && start[-1] != '/')
+        start--;
+    snprintf(stem, STEM_BYTES, "%.*s", (int)(end - start), start);
+    size_t length = srv_format_stem(stem);
+    stem[length] = 0;
+    if (parts.level >= 0)
+        snprintf(stem + length, STEM_BYTES - length, " level %d", parts.level);
+    length = strlen(stem);
+    if (parts.field[0])
+        snprintf(stem + length, STEM_BYTES - length, " %s", parts.field);
+    length = strlen(stem);
+    if (parts.vectors[0])
+        snprintf(stem + length, STEM_BYTES - length, " %s", parts.vectors);
+    return strlen(stem);
 }
 
 void srv_source_default_id(const char *source, char id[SP_NAME_BYTES]) {
-    size_t length, used = 0, step;
-    const char *stem = stem_of(source, &length);
+    char stem[STEM_BYTES];
+    size_t length = write_stem(source, stem), used = 0, step;
     for (size_t i = 0; i < length; i += step)
         append_character(id, &used, read_character(stem + i, length - i, &step));
     while (used > 0 && id[used - 1] == '-')
@@ -155,8 +218,8 @@ void srv_source_default_id(const char *source, char id[SP_NAME_BYTES]) {
 }
 
 void srv_source_default_name(const char *source, char name[SP_NAME_BYTES]) {
-    size_t length, end = 0, step;
-    const char *stem = stem_of(source, &length);
+    char stem[STEM_BYTES];
+    size_t length = write_stem(source, stem), end = 0, step;
     for (size_t i = 0; i < length && i + 4 < SP_NAME_BYTES; i += step) {
         read_character(stem + i, length - i, &step);
         end = i + step;

@@ -15,9 +15,12 @@
 
 bool srv_source_is_demo(const char *source);
 bool srv_source_is_upload(const char *source);
+/* Gets the id of the upload that a source names, without a field. False: it names no upload. */
+bool srv_source_upload_id(const char *source, char id[SP_NAME_BYTES]);
 
-/* Returns the key of a source, malloc'ed: the real path, or the demo's text. A confined source has
- * a `pointer`, the place of its errors (a JSON pointer), and a path must lie below `data`, a
+/* Returns the key of a source, malloc'ed: the real path, or the demo's text. Of a path with a '*'
+ * in its name, which is a time series (sp_volume_load()), the folder is resolved. A confined source
+ * has a `pointer`, the place of its errors (a JSON pointer), and a path must lie below `data`, a
  * resolved folder (NULL = none). pointer NULL = a path that the operator gave. NULL with *err set:
  * SP_ERR_INVALID, SP_ERR_DENIED (no data folder), SP_ERR_NOT_FOUND, SP_ERR_MEMORY, or what
  * sp_demo_check() returns. */

@@ -83,7 +83,9 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
                                    const struct srv_participant *p, double now_ms) {
     const struct srv_participant_schedule *plan = p->schedule;
     struct srv_demand demand = { .opens_ms = opens_ms(schedule, s, p, now_ms) };
-    demand.wants_frame = wants_frame(s, p, demand.opens_ms);
+    /* Without moving detail each frame would be final. */
+    demand.wants_frame =
+        wants_frame(s, p, demand.opens_ms) && (p->settings.progressive || !s->shared.is_waiting);
     if (!demand.wants_frame)
         return demand;
     demand.is_newer = is_newer(s, p);
@@ -95,8 +97,9 @@ static struct srv_demand demand_of(const struct srv_schedule *schedule, const st
     demand.max_fps = p->settings.max_fps;
     demand.next_frame_ms = plan->next_frame_ms;
     demand.behind_ms = plan->behind_ms;
-    demand.rest_at_ms =
-        srv_play_moves(s) ? INFINITY : s->shared.changed_ms + schedule->hub->options.rest_ms;
+    demand.rest_at_ms = srv_play_moves(s) || s->shared.is_waiting
+                            ? INFINITY
+                            : s->shared.changed_ms + schedule->hub->options.rest_ms;
     demand.sharp_ms = sharp_ms(s, p);
     demand.waited_ms = waited_ms(&plan->waiting, now_ms);
     demand.spent_ms = plan->waiting.spent_ms;
@@ -153,6 +156,7 @@ static bool is_at_rest(const struct srv_schedule *schedule, const struct srv_ses
     const struct srv_session_schedule *plan = s->schedule;
     bool rests =
         plan->jobs == 0 && (plan->moved_ms == 0 || now_ms - plan->moved_ms >= SRV_MOVING_MS);
+    rests = rests && !srv_play_is_on(s);
     for (const struct srv_participant *p = s->participants; p && rests; p = p->next)
         rests = !wants_frame(s, p, opens_ms(schedule, s, p, now_ms));
     return rests;

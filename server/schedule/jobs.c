@@ -109,7 +109,8 @@ static void choose_detail(const struct srv_schedule *schedule, struct srv_sessio
         srv_quality_intermediate(quality, full, &first->schedule->newest.detail, &detail);
     job->mip_level = detail.mip_level;
     memcpy(job->view.size, detail.size, sizeof detail.size);
-    job->is_sharp = detail.mip_level == 0 && detail.size[0] == full[0] && detail.size[1] == full[1];
+    job->is_sharp = detail.mip_level == 0 && detail.size[0] == full[0] &&
+                    detail.size[1] == full[1] && !s->shared.is_waiting;
 }
 
 static double cancellable_from_ms(const struct srv_session *s, const struct srv_render_job *job,
@@ -213,7 +214,7 @@ static void fill_job(struct srv_schedule *schedule, const struct srv_choice *cho
     srv_play_place(s, now_ms, &job->view);
     srv_hub_size(s, choice->participant, job->full);
     memcpy(job->view.size, job->full, sizeof job->full);
-    job->volume = source->ref(source->user, s->shared.volume);
+    job->volume = source->ref(source->user, s->shared.shown);
     job->target_count = 0;
 }
 
@@ -272,15 +273,18 @@ static void make_job(struct srv_schedule *schedule, const struct srv_choice *cho
 
 /* Gives a new version to the views that play, once the frame that took the last one is done: a
  * newer version would cancel it. */
-static void play(struct srv_schedule *schedule, double now_ms) {
+static void play(struct srv_schedule *schedule, double now_ms, double *wait_ms) {
     for (struct srv_session *s = schedule->busy; s; s = s->schedule->next_busy) {
+        const double due_ms = srv_play_due_ms(s);
         bool is_taken = false;
-        if (!srv_play_moves(s) || s->schedule->jobs > 0)
+        if (due_ms == INFINITY || s->schedule->jobs > 0)
             continue;
         for (const struct srv_participant *p = s->participants; p; p = p->next)
             is_taken = is_taken || p->schedule->newest.version >= s->shared.version;
-        if (is_taken)
+        if (is_taken && due_ms <= now_ms)
             srv_play_advance(schedule->hub, s, now_ms);
+        else if (is_taken)
+            *wait_ms = fmin(*wait_ms, due_ms - now_ms);
     }
 }
 
@@ -288,7 +292,7 @@ bool srv_schedule_next(struct srv_schedule *schedule, double now_ms, struct srv_
                        double *wait_ms) {
     *wait_ms = 1000;
     pthread_mutex_lock(&schedule->hub->mutex);
-    play(schedule, now_ms);
+    play(schedule, now_ms, wait_ms);
     const struct srv_choice choice = srv_choose(schedule, now_ms, wait_ms);
     if (choice.participant)
         make_job(schedule, &choice, now_ms, job);
@@ -300,7 +304,7 @@ bool srv_schedule_next_short(struct srv_schedule *schedule, const struct srv_run
                              double now_ms, struct srv_render_job *job, double *wait_ms) {
     *wait_ms = 1000;
     pthread_mutex_lock(&schedule->hub->mutex);
-    play(schedule, now_ms);
+    play(schedule, now_ms, wait_ms);
     const struct srv_choice choice = srv_choose_short(schedule, running, now_ms, wait_ms);
     if (choice.participant)
         make_job(schedule, &choice, now_ms, job);
@@ -375,6 +379,7 @@ static void set_stats(struct srv_session_stats *stats, const struct srv_render_r
                                          .encode_ms = result->encode_ms,
                                          .splats = result->splats,
                                          .visible_voxels = result->visible_voxels,
+                                         .bricks = result->bricks,
                                          .interval_ms = stats->interval_ms };
 }
 
@@ -406,6 +411,21 @@ void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job
     if (s)
         finish_job(schedule, s, job, result);
     srv_schedule_wake(schedule, s);
+    pthread_mutex_unlock(&schedule->hub->mutex);
+}
+
+void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job) {
+    job->is_sharp = false;
+    if (job->step == SRV_STEP_FINAL)
+        return;
+    pthread_mutex_lock(&schedule->hub->mutex);
+    struct srv_session *s = srv_schedule_session(schedule, job);
+    for (uint32_t i = 0; i < job->target_count; i++) {
+        struct srv_participant *p = srv_schedule_participant(s, job->targets[i].participant);
+        job->targets[i].final = false;
+        if (p && srv_schedule_counts(p, job))
+            p->schedule->newest.step = job->step;
+    }
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
 

@@ -93,6 +93,7 @@ struct srv_render_result {
     double render_ms, encode_ms; /* encode_ms: the time of all encodings */
     double once_ms; /* part of render_ms that the next frame of this volume does not need */
     uint64_t splats, visible_voxels;
+    struct sp_frame_bricks bricks;
     bool again; /* not rendered: the frame of an earlier job was encoded again */
 };
 
@@ -148,6 +149,9 @@ void srv_schedule_deliver_video(struct srv_schedule *schedule, const struct srv_
  * decision knows. */
 void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job *job,
                            double render_ms);
+/* The job was drawn, but finer samples of its volume are still being read: unless it is the final
+ * frame, which waits for them, a better one follows. Call it before the job is delivered. */
+void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job);
 /* Every job ends with exactly one of these three, which also releases its volume. */
 void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
                        const struct srv_render_result *result);

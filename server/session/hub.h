@@ -41,10 +41,17 @@ struct srv_volume_source {
     void *(*acquire)(void *user, const char *id, struct sp_error *err);
     void *(*ref)(void *user, void *volume);
     void (*release)(void *user, void *volume);
+    /* The time steps of a volume (render/catalog.h explains them). A use of a step that is ready
+     * takes the place of one of the volume in the functions below. step() returns NULL when out of
+     * memory. NULL = volumes have one step. */
+    uint32_t (*steps)(void *user, void *volume);
+    void *(*step)(void *user, void *volume, uint32_t step);
+    bool (*step_is_ready)(void *user, void *step, struct sp_error *err);
+    void *(*nearest_step)(void *user, void *volume, uint32_t step);
     void (*default_view)(void *user, void *volume, struct sp_view *view);
     /* As sp_pick_at(). Runs without the hub's mutex. */
-    void (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *pick);
+    bool (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *pick, struct sp_error *err);
     /* As sp_measure_compute(), for at most `samples` samples of a region; parts and paths are those
      * of the volume with the view's edits. Runs without the hub's mutex, too. NULL = a test never
      * measures. */
@@ -183,9 +190,12 @@ void srv_hub_list(struct srv_hub *hub, const char *owner, double now_ms, struct 
 double srv_hub_tick(struct srv_hub *hub, double now_ms);
 /* Notifies all participants of a volume's state ("loading", "ready", "failed", "unloaded"), its
  * progress in [0, 1], and the reason of a failure ("" = none). Participants that join later are not
- * notified of unloaded volumes. */
+ * notified of unloaded volumes. Sessions whose layers name a volume that is ready now get new
+ * frames. */
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason);
+                             double progress, const char *reason, double now_ms);
+/* A time step of the volume was loaded, or not: sessions that wait for it show it. */
+void srv_hub_step_loaded(struct srv_hub *hub, const char *id, double now_ms);
 /* A volume was removed: its active sessions change to the default view of the first volume that is
  * ready, or end if there is none. Call it after the source no longer finds the volume. Hibernated
  * sessions keep its name. */

@@ -54,6 +54,7 @@ struct srv_session *srv_hub_alloc_session(const struct srv_hub *hub) {
 
 void srv_hub_free_session(struct srv_hub *hub, struct srv_session *session) {
     assert(!session->participants);
+    srv_steps_release(hub, session);
     if (session->shared.volume)
         hub->options.volumes.release(hub->options.volumes.user, session->shared.volume);
     srv_measures_finish(&session->measures);
@@ -107,6 +108,7 @@ void srv_hub_link_session(struct srv_hub *hub, struct srv_session *session, doub
     session->shared.version = session->next_guest = 1;
     session->shared.changed_ms = session->empty_ms = now_ms;
     session->identity.number = ++hub->active.next_number;
+    srv_steps_follow(hub, session);
     session->next = hub->active.first;
     session->link = &hub->active.first;
     if (hub->active.first)
@@ -256,8 +258,26 @@ void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
         srv_metrics_add(hub->options.metrics, reason, 1);
 }
 
+static bool has_layer_of(const struct sp_view *view, const char *id) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].visible && strcmp(view->layers[i].id, id) == 0)
+            return true;
+    return false;
+}
+
+/* Before, the frames of such sessions failed. */
+static void renew_frames_with(struct srv_hub *hub, const char *id, double now_ms) {
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        if (has_layer_of(&s->shared.view, id)) {
+            s->shared.version++;
+            s->shared.image++;
+            s->shared.changed_ms = now_ms;
+            srv_hub_emit(hub, SRV_VIEW_CHANGED, s, NULL, now_ms);
+        }
+}
+
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
-                             double progress, const char *reason) {
+                             double progress, const char *reason, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
     struct srv_volume_news *note = NULL;
     for (unsigned i = 0; i < hub->volumes.count; i++)
@@ -278,6 +298,8 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
     note->clock = ++hub->volumes.clock;
     for (struct srv_session *s = hub->active.first; s; s = s->next)
         srv_hub_notify_others(hub, s, 0, 0);
+    if (strcmp(state, "ready") == 0)
+        renew_frames_with(hub, id, now_ms);
     pthread_mutex_unlock(&hub->mutex);
 }
 

@@ -97,7 +97,10 @@ static bool compute(struct srv_measure_edit *edit, struct sp_error *err) {
                        "show; its points cannot change",
                        made->volume);
     const struct sp_view view = edit->session->shared.view;
-    void *volume = source->ref(source->user, edit->session->shared.volume);
+    if (edit->session->shared.is_waiting)
+        return sp_fail(err, SP_ERR_NOT_READY, "/points",
+                       "time step %u is not loaded yet; measure again", view.time.step);
+    void *volume = source->ref(source->user, edit->session->shared.shown);
     pthread_mutex_unlock(&hub->mutex);
     const bool ok = source->measure(source->user, volume, &view, &made->geometry,
                                     SRV_MEASURE_SAMPLES, &made->value, err);

@@ -27,6 +27,19 @@ static char *text_of_view(const struct srv_participant *to, size_t *size) {
     return proto_rpc_notification("view.changed", params, size);
 }
 
+/* Of a volume that is larger than memory. */
+static bool set_bricks(proto_json *params, const struct sp_frame_bricks *bricks) {
+    if (bricks->memory_bytes == 0)
+        return true;
+    proto_json *numbers = proto_json_object();
+    bool ok = proto_json_set_integer(numbers, "resident", (int64_t)bricks->resident);
+    ok = proto_json_set_integer(numbers, "wanted", (int64_t)bricks->wanted) && ok;
+    ok = proto_json_set_integer(numbers, "level", bricks->level) && ok;
+    ok = proto_json_set_integer(numbers, "asked", bricks->asked) && ok;
+    ok = proto_json_set(params, "bricks", numbers) && ok;
+    return proto_json_set_integer(params, "memory", (int64_t)bricks->memory_bytes) && ok;
+}
+
 static char *text_of_stats(const struct srv_hub *hub, const struct srv_participant *to,
                            size_t *size) {
     const struct srv_session *session = to->session;
@@ -44,6 +57,7 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     ok = proto_json_set_integer(params, "coarse", last->mip_level) && ok;
     ok = proto_json_set_integer(params, "splats", (int64_t)last->splats) && ok;
     ok = proto_json_set_integer(params, "visible_voxels", (int64_t)last->visible_voxels) && ok;
+    ok = set_bricks(params, &last->bricks) && ok;
     ok = proto_json_set_number(params, "rtt_ms", srv_window_rtt_ms(&to->delivery.window)) && ok;
     ok = proto_json_set_number(params, "bandwidth", srv_window_rate(&to->delivery.window) * 1000) &&
          ok;

@@ -110,11 +110,12 @@ struct srv_participant *srv_hub_join(struct srv_hub *hub, const char *id, enum s
         hub->participants.count++;
         hub->participants.by_role[role]++;
         srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_PARTICIPANTS);
-        srv_hub_notify(hub, p,
-                       SRV_NOTIFY_VIEW | SRV_NOTIFY_CONTROL | SRV_NOTIFY_POLICY |
-                           (session->measures.count > 0 ? SRV_NOTIFY_MEASURES : 0) |
-                           (srv_play_moves(session) ? SRV_NOTIFY_TIME : 0) |
-                           (hub->is_draining ? SRV_NOTIFY_DRAINING : 0));
+        srv_hub_notify(
+            hub, p,
+            SRV_NOTIFY_VIEW | SRV_NOTIFY_CONTROL | SRV_NOTIFY_POLICY |
+                (session->measures.count > 0 ? SRV_NOTIFY_MEASURES : 0) |
+                (srv_play_is_on(session) || session->shared.steps > 1 ? SRV_NOTIFY_TIME : 0) |
+                (hub->is_draining ? SRV_NOTIFY_DRAINING : 0));
         srv_hub_emit(hub, SRV_PARTICIPANT_JOINED, session, p, now_ms);
     }
     pthread_mutex_unlock(&hub->mutex);

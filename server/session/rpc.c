@@ -112,6 +112,24 @@ static bool stream_key(struct srv_call *call) {
 /* A pick takes up to some milliseconds of the stream thread. So this is the limit per second and
  * participant; as many may come at once. */
 #define PICKS_PER_SECOND 20
+/* Elements that are tested for picks count, too, which take some nanoseconds each. */
+#define PICKED_ELEMENTS_PER_SECOND 25e6
+
+/* Reads the size of the image that the point belongs to. The size of the stream may be that of a
+ * window before it changed. */
+static bool read_image_size(struct srv_call *call, uint32_t size[2]) {
+    const proto_json *value = proto_json_get(call->params, "size");
+    int64_t side;
+    srv_hub_size(call->participant->session, call->participant, size);
+    for (size_t i = 0; value && i < 2; i++) {
+        if (proto_json_size(value) != 2 || !proto_json_integer(proto_json_at(value, i), &side) ||
+            side < 1 || side > SP_SIZE_MAX)
+            return srv_call_refuse(call, PROTO_RPC_PARAMS, "/size",
+                                   "must be [width, height], each in [1, 8192] px");
+        size[i] = (uint32_t)side;
+    }
+    return true;
+}
 
 static bool read_point(struct srv_call *call, const uint32_t size[2], double at[2]) {
     const proto_json *point = proto_json_get(call->params, "at");
@@ -131,8 +149,8 @@ static proto_json *encode_pick(const struct sp_pick *pick) {
     ok = (pick->is_hit ? proto_json_set(json, "position", position)
                        : proto_json_set_null(json, "position")) &&
          ok;
-    ok = (pick->is_hit ? proto_json_set_number(json, "value", pick->value)
-                       : proto_json_set_null(json, "value")) &&
+    ok = (pick->is_hit && !isnan(pick->value) ? proto_json_set_number(json, "value", pick->value)
+                                              : proto_json_set_null(json, "value")) &&
          ok;
     ok = proto_json_set_number(json, "opacity", pick->opacity) && ok;
     if (!ok)
@@ -141,27 +159,31 @@ static proto_json *encode_pick(const struct sp_pick *pick) {
 }
 
 static bool pick_at(struct srv_call *call) {
-    static const char *const known[] = { "at", NULL };
+    static const char *const known[] = { "at", "size", NULL };
     struct srv_participant *p = call->participant;
     const struct srv_volume_source *source = &call->hub->options.volumes;
     uint32_t size[2];
     double at[2];
-    srv_hub_size(p->session, p, size);
-    if (!srv_call_knows(call, known) || !read_point(call, size, at))
+    if (!srv_call_knows(call, known) || !read_image_size(call, size) || !read_point(call, size, at))
         return false;
     double next_ms = fmax(p->picked_ms, call->now_ms - 1000) + 1000.0 / PICKS_PER_SECOND;
     if (next_ms > call->now_ms)
-        return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL, "at most 20 picks per second");
+        return srv_call_refuse(call, PROTO_RPC_LIMIT, NULL,
+                               "at most 20 picks and 25 million elements per second");
     p->picked_ms = next_ms;
     struct sp_view view = p->session->shared.view;
-    void *volume = source->ref(source->user, p->session->shared.volume);
+    void *volume = source->ref(source->user, p->session->shared.shown);
     struct sp_pick pick;
     /* Without the mutex, so that others need not wait. The session may end meanwhile; the
      * participant cannot, because this thread joined it. */
     pthread_mutex_unlock(&call->hub->mutex);
-    source->pick(source->user, volume, &view, size, at, &pick);
+    struct sp_error err;
+    const bool ok = source->pick(source->user, volume, &view, size, at, &pick, &err);
     pthread_mutex_lock(&call->hub->mutex);
     source->release(source->user, volume);
+    p->picked_ms += 1000 * (double)pick.elements / PICKED_ELEMENTS_PER_SECOND;
+    if (!ok)
+        return srv_call_refuse(call, PROTO_RPC_INTERNAL, NULL, err.text);
     call->result = encode_pick(&pick);
     return true;
 }

@@ -129,17 +129,24 @@ struct srv_session_identity {
 
 struct srv_view_state {
     struct sp_view view;
-    void *volume;        /* a counted use */
+    void *volume; /* a counted use */
+    /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
+     * out), and of what frames show: the same, or a step near it until it is loaded. */
+    void *step, *shown;
+    uint32_t steps;      /* of the volume, at least 1 */
+    bool is_waiting;     /* `shown` is another step than the view's */
     uint64_t version;    /* rises with every change, from 1 */
     uint64_t image;      /* rises with every change that gives another image */
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms;
 };
 
-struct srv_play {    /* of the vectors' phase (play.c); not saved */
-    double rate;     /* periods per second; 0 = the phase stands */
+struct srv_play {    /* play.c; not saved */
+    double rate;     /* of the vectors' phase, periods per second; 0 = the phase stands */
     double phase;    /* at since_ms */
     double since_ms; /* when the rate changed last */
+    double steps;    /* time steps per second; 0 = the time stands */
+    double step_ms;  /* when the time step changed last */
 };
 
 struct srv_saved {            /* what the store has */
@@ -153,6 +160,7 @@ struct srv_session_stats { /* of the newest frame, for stream.stats */
     uint32_t width, height, mip_level;
     double render_ms, encode_ms;
     uint64_t splats, visible_voxels;
+    struct sp_frame_bricks bricks;
     double interval_ms; /* mean time between frames; 0 = not known */
 };
 
@@ -304,14 +312,29 @@ bool srv_hub_allows_size(const struct srv_hub *hub, const uint32_t size[2], stru
 void srv_hub_size(const struct srv_session *session, const struct srv_participant *participant,
                   uint32_t size[2]);
 
+/* Time steps (steps.c). */
+
+/* The session's view has another time step, or its volume is another one: takes uses of the new
+ * step, and reports if it cannot be loaded. */
+void srv_steps_follow(struct srv_hub *hub, struct srv_session *session);
+/* Releases the uses. */
+void srv_steps_release(struct srv_hub *hub, struct srv_session *session);
+
 /* Playing (play.c). */
 
-/* True if the view changes by itself. */
+/* True if the vectors of the view move. */
 bool srv_play_moves(const struct srv_session *session);
+/* When the view changes by itself next: now or earlier if vectors move, INFINITY = never, or first
+ * another time step has to be loaded. */
+double srv_play_due_ms(const struct srv_session *session);
+/* True if the view changes by itself. */
+bool srv_play_is_on(const struct srv_session *session);
 /* Sets the phase of a copy of the view to that of now. */
 void srv_play_place(const struct srv_session *session, double now_ms, struct sp_view *view);
-/* Gives the view of a session that moves a new version, which is not saved. */
+/* Gives a view that is due its next version, which is not saved. */
 void srv_play_advance(struct srv_hub *hub, struct srv_session *session, double now_ms);
+/* The time steps stop: the volume is another one, or a step could not be loaded. */
+void srv_play_stop_steps(struct srv_hub *hub, struct srv_session *session);
 /* Returns the notification time.changed; malloc'ed, NULL when out of memory. */
 char *srv_play_text(const struct srv_participant *to, size_t *size);
 

@@ -69,10 +69,11 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
         return false;
     }
     enum srv_session_event event = SRV_VIEW_CHANGED;
+    const bool is_other_step = volume || view.time.step != session->shared.view.time.step;
     if (volume)
         event = SRV_VOLUME_CHANGED;
-    else if (memcmp(&session->shared.view.transfer_function, &view.transfer_function,
-                    sizeof view.transfer_function) != 0)
+    else if (is_other_step || memcmp(&session->shared.view.transfer_function,
+                                     &view.transfer_function, sizeof view.transfer_function) != 0)
         event = SRV_TRANSFER_FUNCTION_CHANGED;
     else if (memcmp(&session->shared.view, &view, sizeof view) != 0 &&
              sp_view_is_same_image(&session->shared.view, &view))
@@ -83,6 +84,14 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     }
     session->shared.view = view;
     srv_play_place(session, now_ms, &session->shared.view);
+    if (volume)
+        srv_play_stop_steps(hub, session);
+    if (is_other_step) {
+        srv_steps_follow(hub, session);
+        session->play.step_ms = now_ms;
+        if (session->shared.is_waiting)
+            srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_TIME);
+    }
     session->shared.version++;
     session->shared.image += event != SRV_SLICES_CHANGED;
     session->shared.changed_by = by;

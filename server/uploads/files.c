@@ -22,10 +22,10 @@ static void path_of(const struct srv_uploads *uploads, const char *id, const cha
 
 void srv_upload_path(const struct srv_uploads *uploads, const struct srv_upload *upload,
                      char path[SRV_UPLOAD_PATH_BYTES]) {
-    bool is_companion = upload->header[0];
+    bool is_companion = upload->header[0], is_named = is_companion || upload->keeps_name;
     snprintf(path, SRV_UPLOAD_PATH_BYTES, "%s/%.32s/files/%s%s", uploads->root,
-             is_companion ? upload->header : upload->id, is_companion ? upload->name : "data",
-             upload->extension);
+             is_companion ? upload->header : upload->id, is_named ? upload->name : "data",
+             is_named ? "" : upload->extension);
 }
 
 bool srv_upload_disk_error(const char *what, struct sp_error *err) {
@@ -48,6 +48,8 @@ static char *encode(const struct srv_upload *upload, size_t *size) {
     ok = proto_json_set_string(json, "extension", upload->extension) && ok;
     if (upload->header[0])
         ok = proto_json_set_string(json, "header", upload->header) && ok;
+    if (upload->keeps_name)
+        ok = proto_json_set_integer(json, "keeps_name", 1) && ok;
     ok = proto_json_set_integer(json, "bytes", (int64_t)upload->bytes) && ok;
     ok = proto_json_set_integer(json, "offset", (int64_t)upload->offset) && ok;
     if (upload->modified_ms)
@@ -96,14 +98,16 @@ bool srv_upload_files_create(const struct srv_uploads *uploads, const struct srv
     return ok;
 }
 
+static bool is_file_name(const char *text) {
+    char name[SRV_UPLOAD_NAME_BYTES];
+    return srv_upload_name(text, strlen(text), name, NULL) && strcmp(text, name) == 0;
+}
+
 /* The name of a companion is the name of a file. */
 static bool is_sound(const struct srv_upload *upload) {
-    char name[SRV_UPLOAD_NAME_BYTES];
-    return !strchr(upload->extension, '/') &&
-           (!upload->header[0] ||
-            (srv_folder_is_id(upload->header) && !upload->extension[0] &&
-             srv_upload_name(upload->name, strlen(upload->name), name, NULL) &&
-             strcmp(upload->name, name) == 0));
+    return !strchr(upload->extension, '/') && (!upload->keeps_name || is_file_name(upload->name)) &&
+           (!upload->header[0] || (srv_folder_is_id(upload->header) && !upload->extension[0] &&
+                                   is_file_name(upload->name)));
 }
 
 static bool read_text(const proto_json *json, const char *key, char *out, size_t size) {
@@ -119,14 +123,15 @@ bool srv_upload_files_read(const struct srv_uploads *uploads, const char *id,
     char path[SRV_UPLOAD_PATH_BYTES], text[INFO_BYTES];
     struct sp_error err;
     struct stat st;
-    int64_t bytes = 0, offset = 0;
+    int64_t bytes = 0, offset = 0, keeps_name = 0;
     path_of(uploads, id, "info", path);
     int fd = open(path, O_RDONLY | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC);
     ssize_t size = fd >= 0 ? read(fd, text, sizeof text) : -1;
     if (fd >= 0)
         close(fd);
     proto_json *json = size > 0 ? proto_json_parse(text, (size_t)size, &err) : NULL;
-    *upload = (struct srv_upload){ .next = NULL };
+    proto_json_integer(proto_json_get(json, "keeps_name"), &keeps_name);
+    *upload = (struct srv_upload){ .keeps_name = keeps_name == 1 };
     bool ok = read_text(json, "name", upload->name, sizeof upload->name) &&
               read_text(json, "owner", upload->owner, sizeof upload->owner) &&
               read_text(json, "extension", upload->extension, sizeof upload->extension) &&

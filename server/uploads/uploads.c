@@ -223,18 +223,37 @@ bool srv_upload_name(const char *given, size_t length, char name[SRV_UPLOAD_NAME
            sp_fail(err, SP_ERR_INVALID, "/name", "is not the name of a file");
 }
 
+static bool is_one_of(const char *extension, const char *const *known) {
+    for (; *known; known++)
+        if (strcmp(extension, *known) == 0)
+            return true;
+    return false;
+}
+
+/* Formats whose files find each other by their names: headers and samples of NIfTI, and slices. */
+static const char *const named[] = { ".hdr", ".png", ".jpg", ".jpeg", ".tif", ".tiff", NULL };
+
+/* Formats whose volumes may be in several files: headers, series of DICOM, and slices. */
+static bool may_have_companions(const char *extension) {
+    static const char *const known[] = { ".nhdr", ".nrrd", ".json", ".mhd",
+                                         ".vgi",  ".dcm",  ".ima",  NULL };
+    return is_one_of(extension, known) || is_one_of(extension, named);
+}
+
 /* With the mutex held. A header takes companions until it belongs to a volume. */
 static bool may_join(struct srv_uploads *uploads, const struct srv_upload_request *request,
                      struct sp_error *err) {
     const char *by = request->is_admin ? NULL : request->owner;
     const struct srv_upload *header = srv_uploads_find_by(uploads, request->header, by);
-    char data[16];
+    char data[SRV_UPLOAD_NAME_BYTES];
     if (!header)
         return sp_fail(err, SP_ERR_NOT_FOUND, "/header", "there is no upload '%.40s'",
                        request->header);
-    snprintf(data, sizeof data, "data%s", header->extension);
-    if (strcmp(header->extension, ".nhdr") != 0 && strcmp(header->extension, ".json") != 0 &&
-        strcmp(header->extension, ".nrrd") != 0)
+    if (header->keeps_name)
+        snprintf(data, sizeof data, "%s", header->name);
+    else
+        snprintf(data, sizeof data, "data%s", header->extension);
+    if (!may_have_companions(header->extension))
         return sp_fail(err, SP_ERR_INVALID, "/header",
                        "'%.100s' is no header with samples in other files", header->name);
     if (header->is_of_volume)
@@ -261,6 +280,7 @@ bool srv_uploads_add(struct srv_uploads *uploads, const struct srv_upload_reques
         snprintf(upload->header, sizeof upload->header, "%s", request->header);
     else
         snprintf(upload->extension, sizeof upload->extension, "%s", request->extension);
+    upload->keeps_name = is_one_of(upload->extension, named);
     upload->bytes = request->bytes;
     upload->modified_ms = request->modified_ms;
     upload->used_ms = now_ms;

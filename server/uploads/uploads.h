@@ -6,7 +6,8 @@
  *              └── no byte for a time, or removed ─────────► gone
  *
  * An upload is a folder ROOT/ID. Its file "info" says what it is and how many bytes count; its
- * folder "files" has the data, under the name "data" and the extension of the format. A header
+ * folder "files" has the data, under the name "data" and the extension of the format, or under its
+ * own name where the reader finds others by it. A header
  * (.nhdr, .json) whose samples are in other files has companions: uploads of their own whose data
  * lie beside that of the header, under the names that the client gave. Nothing else lies in that
  * folder, and the importer opens nothing outside of it. The declared size counts against the limits

@@ -16,6 +16,7 @@ struct srv_upload {
     char id[SRV_UPLOAD_ID_BYTES], header[SRV_UPLOAD_ID_BYTES]; /* header: "" = no companion */
     char name[SRV_UPLOAD_NAME_BYTES], owner[SRV_TOKEN_NAME_BYTES];
     char extension[SRV_EXTENSION_BYTES]; /* ".nrrd"; "" = a companion */
+    bool keeps_name; /* its file has its name, not "data": others of the set are found by that */
     uint64_t bytes, offset;
     int64_t modified_ms; /* 0 = not known */
     uint64_t writer;     /* number of the newest writer */

@@ -178,6 +178,14 @@ class CommandLine(unittest.TestCase):
         self.assertEqual(run(os.path.join(self.folder.name, 'none.json')).returncode, 1)
         self.assertEqual(run('--volume', 'demo:nothing').returncode, 1)
 
+    def test_layers_name_volumes(self):
+        options = ('--volume', 'demo:sparse?size=16', '--size', '16', '--views', '1', '--warm', '0', '--layers')
+        line, = self.lines(run(*options, '[{"type": "volume"}, {"type": "gaussians", "id": "demo:gaussians?size=10"}]'))
+        self.assertEqual(line['views'], 1)
+        done = run(*options, '[{"type": "gaussians", "id": "nothing.ply"}]')
+        self.assertEqual(done.returncode, 1)
+        self.assertIn('nothing.ply: not below the folder of --data', done.stderr)
+
     def test_frames_in_flight(self):
         """The backend limits the frames in flight; the images are the same."""
         drawn = {}

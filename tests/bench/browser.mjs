@@ -100,9 +100,9 @@ async function measureDrags(browser, url, volume) {
   acts.clip = async () => {
     const press = (id) => page.evaluate((name) => document.getElementById(name).click(), id);
     await press('clip-tool');
-    await page.locator('.clip-handle.face:visible').first().waitFor();
+    await page.locator('.knob.face:visible').first().waitFor();
     const box = await page.evaluate(() => { // the handle that is farthest to the right is covered by nothing
-      const boxes = [...document.querySelectorAll('.clip-handle.face:not([hidden])')].map((handle) => handle.getBoundingClientRect());
+      const boxes = [...document.querySelectorAll('.knob.face:not([hidden])')].map((handle) => handle.getBoundingClientRect());
       const { x, y, width, height } = boxes.sort((a, b) => b.x - a.x)[0];
       return { x, y, width, height };
     });

@@ -36,6 +36,8 @@ static bool prepare(struct bench_way *way, const struct bench_scene *scene,
                     const struct bench_setting *setting, struct sp_error *err) {
     way->view = scene->view;
     way->render = setting->render;
+    way->render.find = bench_scene_find;
+    way->render.user = (void *)(uintptr_t)scene;
     way->edit = setting->edit;
     return bench_view_override(&way->view, &setting->overrides, err);
 }

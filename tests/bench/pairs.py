@@ -69,7 +69,7 @@ def half_opaque(scene):
 
 
 def measure_layers(run):
-    """Shells, surfaces and projections against the volume layer, in the default order: the same views, frame by frame in turn."""
+    """Shells, surfaces, projections, and shells with the volume, against the volume layer, in the default order: the same views, frame by frame in turn."""
     rows, views = [], max(2, run.o.views // 3)
     common = ('--size', 512, '--threads', 2, '--warm', 1)
 
@@ -77,8 +77,10 @@ def measure_layers(run):
         rows.extend(pair(row, setting) for row in run.bench(f'{setting} against {against}', *common, *options,
                                                             *run.files(views, names), order='auto'))
     for detail in ('fast', 'high'):
-        shell = json.dumps([{'type': 'shell', 'low': 0.05, 'high': 0.05, 'detail': detail}])
-        add(f'shell {detail}', 'volume', ('--layers', shell, '--against', 'layers=volume'), None)
+        shell = {'type': 'shell', 'low': 0.05, 'high': 0.05, 'detail': detail}
+        add(f'shell {detail}', 'volume', ('--layers', json.dumps([shell]), '--against', 'layers=volume'), None)
+        both = json.dumps([{'type': 'volume'}, shell])
+        add(f'shell {detail} and volume', 'volume', ('--layers', both, '--against', 'layers=volume'), None)
     for name in run.scenes:
         surface = json.dumps([{'type': 'surface', 'value': half_opaque(run.all_scenes[name])}])
         add('surface', 'volume', ('--layers', surface, '--against', 'layers=volume'), [name])

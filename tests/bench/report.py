@@ -14,6 +14,7 @@ import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
+from element_goals import element_goals  # noqa: E402
 
 # Frames per second at 512 × 512 as the papers print them for their own graphics cards (Chen et al.: 2.4 GHz Pentium 4
 # with an ATI 9800 Pro; Botha and Post: 1.2 GHz Athlon with a GeForce3).
@@ -305,7 +306,9 @@ def gpu(folder):
     if left_out:
         text += f'\nNot measured, because a frame takes too long: {"; ".join(left_out)}.\n'
     edits = edit_goals(folder, 'gl_edits.csv', ' on this device')
-    return text + (f'\n{table(GOAL_HEAD, edits)}' if edits else '')
+    text += f'\n{table(GOAL_HEAD, edits)}' if edits else ''
+    others = element_table(folder, 'gl_elements.csv')
+    return text + (f'\nPoints, Gaussians, triangles and vectors at 512² on the same device{", for correctness only" * (rows[0]["backend"] != "gl")}:\n\n{others}' if others else '')
 
 
 def is_fair(row):
@@ -420,6 +423,17 @@ def network(folder):
     return table(['Mbit/s', 'stalls', 'format', *(f'round trip {trip:g} ms' for trip in trips)], lines)
 
 
+def element_table(folder, name):
+    lines = [[r['volume'], r['layer'], f'{r["mip"]:.0f}', f'{r["splats"]:,.0f}', short(r['median_ms']), short(r['cpu_ms']), short(r['fps'])]
+             for r in read(folder, name)]
+    return table(['volume', 'layer', 'mip level', 'splats', 'ms', 'CPU ms', 'frames per second'], lines)
+
+
+def elements(folder):
+    goals = [[what, goal, short(value), met(good), 'elements.csv'] for what, goal, value, good in element_goals(read(folder, 'elements.csv'))]
+    return (f'{table(GOAL_HEAD, goals)}\n' if goals else '') + element_table(folder, 'elements.csv')
+
+
 def codecs(folder):
     rows = read(folder, 'codecs.csv')
     lines = []
@@ -477,9 +491,11 @@ FILES = [
     ('profile.csv', 'time per stage'), ('limit.csv', 'the highest rate of adding footprints, per instruction set; memory bandwidth'),
     ('exact.csv', 'images of analytic fields against the exact image'), ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
     ('layers.csv', 'shells, surfaces and projections against the volume layer'),
+    ('elements.csv', 'points, Gaussians, triangles and vectors'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
-    ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
+    ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('gl_elements.csv', 'elements.csv on the GPU backend'),
+    ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
     ('browser.csv', 'the page in Chromium'),
     ('soak.csv', 'the daemon with clients that come and go'), ('codecs.csv', 'bytes and time per image format and video codec'),
     ('tls.csv', 'the TLS acceptor'), ('machine.csv', 'the machine and the commits'),
@@ -503,6 +519,9 @@ SECTIONS = [
      'camera that turns. The image shows, from left to right, exact, sheets per voxel, sheets per pixel and VTK at sample distance 1; the last two rows are shaded.'),
     ('Where the time goes', profile, '512², two threads, unshaded: share of each stage. The limit is the time to set up and add every footprint on its own, '
      'at the best rates of `limit.csv`. Above 100 % means faster than this limit: the fast path does not draw every footprint.'),
+    ('Points, Gaussians, triangles and vectors', elements, 'An orbit around each at 512² on two threads; the last row has four layers in one frame. At mip level n points are merged up to 2ⁿ pixels: while a view moves, the '
+     'daemon chooses the level that keeps its frame rate. Milliseconds and frames per second are wall times and depend on what else ran on the machine, whose load '
+     'is above; CPU time does so much less. The splats of a mesh are its triangles. The layer volume is drawn splat by splat, to compare vectors with.'),
     ('The GPU backend', gpu, ''),
     ('The daemon', serve, 'Measured by `serve.mjs`. Its clients share the machine with the daemon, so their work is part of every figure. Latency is the time '
      'from a change of the view to its image.'),

@@ -156,6 +156,21 @@ class Report(unittest.TestCase):
         self.assertIn(f'| engine | 512 | 1000 | 2000 | – | – | {report.SOFTWARE} |', text)
         self.assertEqual({scene for scene, _ in report.GOAL_GPU}, {'engine', 'bonsai', 'lobster', 'head', 'head-full', 'checkerboard', 'sparse'})
 
+    def test_elements_on_a_gpu(self):
+        self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000))
+        self.assertNotIn('triangles', report.gpu(self.folder.name))
+        self.write('gl_elements.csv', run_all.ELEMENT_COLUMNS,
+                   {'volume': 'demo:torus', 'layer': '', 'mip': 0, 'splats': 131072, 'median_ms': 2, 'cpu_ms': 1, 'fps': 500})
+        self.assertIn('| demo:torus |  | 0 | 131,072 | 2 | 1 | 500 |', report.gpu(self.folder.name))
+
+    def test_goals_of_elements(self):
+        row = {'mip': 0, 'threads': 2, 'splats': 1, 'median_ms': 90, 'fps': 11}
+        self.write('elements.csv', run_all.ELEMENT_COLUMNS, {**row, 'volume': 'demo:gaussians?size=274', 'layer': '', 'cpu_ms': 32},
+                   {**row, 'volume': 'demo:tornado', 'layer': 'vectors, density 1', 'cpu_ms': 63}, {**row, 'volume': 'demo:tornado', 'layer': 'volume', 'cpu_ms': 30})
+        text = report.elements(self.folder.name)
+        self.assertIn('that the CPU time allows | 60 | 62.5 | met |', text)
+        self.assertIn('CPU time | 2 | 2.1 | **missed** |', text)
+
     def test_frames_that_take_too_long_are_named(self):
         late = {'scene': 'head', 'backend': 'gl', 'device': 'a card', 'size': 2048, 'shading': 'phong', 'views': 24, 'left_out': 'more than 600 s'}
         self.write('gl.csv', run_all.GL_COLUMNS, self.gl('engine', 512, 1000), late, {**late, 'size': 4096})
@@ -307,6 +322,15 @@ class Report(unittest.TestCase):
         run.bench = lambda *arguments, **options: [drawn['--in-flight' in arguments]]
         row, = run_all.gl_rows(run, 'head', 'phong', '512 px', ('--size', 512), 10, slow)
         self.assertEqual((row['fps'], row['in_flight_2_fps'], row['read_ms'], row['cpu_fps']), (5, 8, 2, 10))
+
+    def test_elements_that_are_too_slow_are_left_out(self):
+        run = self.a_run()
+        run.o = types.SimpleNamespace(quick=True, data='/nowhere')
+        run.bench = lambda label, *arguments, **options: None if 'torus' in label else [{'fps': 5, 'backend': options['backend']}]
+        rows = run_all.element_rows(run, 2, backend='gl', limit=1)
+        self.assertEqual({row['backend'] for row in rows}, {'gl'})
+        self.assertIn(('demo:tornado', 'vectors, density 1', 5), {(row['volume'], row['layer'], row['fps']) for row in rows})
+        self.assertNotIn('demo:torus', {row['volume'] for row in rows})
 
     def test_a_failed_measurement_keeps_the_old_table(self):
         run = self.a_run()

@@ -25,7 +25,7 @@ from peer import Peer, chosen, demos, describe, find
 
 ROOT = os.path.abspath(os.path.join(os.path.dirname(__file__), '..', '..'))
 CORNERS = [(512, 2), (512, 1), (1024, 2), (1024, 1)]  # size in px, threads
-PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'codecs', 'tls', 'soak')
+PARTS = ('limit', 'scenes', 'pixels', 'exact', 'adaptive', 'detail', 'edits', 'layers', 'elements', 'cancel', 'scaling', 'gl', 'serve', 'latency', 'network', 'browser', 'codecs', 'tls', 'soak')
 DEFAULT_PARTS = PARTS[:-1]  # measured without --only
 MEMORY_1024 = 3 << 30  # bytes: twice what the largest volume of the scaling takes with its lists
 
@@ -51,6 +51,44 @@ def arguments():
         if part not in PARTS:
             p.error(f'--only: "{part}" is not one of {", ".join(PARTS)}')
     return options
+
+
+def element_runs(run):
+    """Volume, mip level, name and layers of what is measured of points, Gaussians, triangles and vectors. Vectors of all samples stand beside
+    the splats of these samples; the last row has everything in one frame."""
+    many = 'demo:points' + ('' if run.o.quick else '?size=1000')
+    volume, vectors = {'type': 'volume'}, {'type': 'vectors', 'density': 1}
+    place = [16, 0, 0, 48, 0, 16, 0, 48, 0, 0, 16, 48, 0, 0, 0, 1]
+    others = [{'type': kind, 'id': 'demo:' + name, 'transform': place} for kind, name in (('geometry', 'torus'), ('gaussians', 'gaussians'))]
+    runs = [('demo:gaussians', 0, '', []), ('demo:gaussians?size=274', 0, '', []), ('guitar.compressed.ply', 0, '', []),
+            (many, 0, '', []), (many, 1, '', []), (many, 2, '', []), ('demo:polar', 0, '', []), ('demo:torus', 0, '', []),
+            ('demo:tornado', 0, 'vectors, density 0.2', [{'type': 'vectors'}]), ('demo:tornado', 0, 'vectors, density 1', [vectors]),
+            ('demo:tornado', 0, 'volume', [volume]),
+            ('demo:tornado', 0, 'volume, vectors, geometry and gaussians', [volume, {'type': 'vectors'}, *others])]
+    return [(find(run.o.data, name) or name, mip, label, json.dumps(layers) if layers else '') for name, mip, label, layers in runs
+            if name.startswith('demo:') or find(run.o.data, name)]
+
+
+ELEMENT_COLUMNS = ['volume', 'layer', 'mip', 'size', 'threads', 'isa', 'visible_voxels', 'splats', 'fragments', 'median_ms', 'cpu_ms', 'fps',
+                   'cold_classify_ms', 'derived_bytes']
+
+
+def element_rows(run, views, *more, backend='cpu', limit=None):
+    """An orbit around each. What takes more than `limit` seconds is left out."""
+    rows = []
+    for volume, mip, layer, layers in element_runs(run):
+        name = os.path.basename(volume)
+        own = ('--layers', layers, *(('--compositing', 'splat') if layer == 'volume' else ())) if layers else ()
+        label = f'{name}{", " * bool(layer)}{layer}, mip level {mip}' + ('' if backend == 'cpu' else f', {backend}')
+        for row in run.bench(label, '--volume', volume, '--size', 512, '--threads', 2, '--coarse', mip, '--views', views, *own, *more,
+                             backend=backend, limit=limit) or []:
+            rows.append({**row, 'volume': name, 'mip': mip, 'layer': layer})
+    return rows
+
+
+def measure_elements(run):
+    """Points, Gaussians, triangles and vectors on the processor."""
+    run.write('elements.csv', ELEMENT_COLUMNS, element_rows(run, max(2, run.o.views // 3)))
 
 
 def peaks(text):
@@ -303,7 +341,8 @@ class Gpu:
             self.corners = self.corners[:1]
         self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, run.o.software_limit)
         self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'lobster'] or list(run.scenes)[:1]
-        self.steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) if self.backend else 0
+        steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) + len(element_runs(run))
+        self.steps = steps if self.backend else 0
 
     def description(self):
         return self.device or 'not measured: ' + '; '.join(self.why)
@@ -322,6 +361,7 @@ def measure_gl(run):
             rows += gl_rows(run, name, shading, label, common, fps.get(name, ''), slow)
             run.write('gl.csv', GL_COLUMNS, rows)
     measure_gl_edits(run)
+    run.write('gl_elements.csv', ELEMENT_COLUMNS, element_rows(run, max(2, gpu.views // 3), '--warm', gpu.warm, backend=gpu.backend, limit=gpu.limit))
 
 
 def gl_rows(run, name, shading, label, common, cpu_fps, slow):
@@ -502,7 +542,8 @@ def main():
             'adaptive': (levels, lambda: measure_pairs(run, 'adaptive.csv', ('--mode', 'adaptive'), 'mode=adaptive', 'mode=ewa')),
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
             'edits': (3, lambda: measure_edits(run)),
-            'layers': (4 + len(run.scenes), lambda: measure_layers(run)),
+            'layers': (6 + len(run.scenes), lambda: measure_layers(run)),
+            'elements': (len(element_runs(run)), lambda: measure_elements(run)),
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),

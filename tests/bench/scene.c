@@ -15,6 +15,14 @@
 
 enum { ORBIT_VIEWS = 24, DEPTH_MAX = 8 };
 
+struct bench_shown {
+    unsigned count;
+    struct {
+        char id[SP_NAME_BYTES];
+        struct sp_volume *volume;
+    } list[SP_LAYERS_MAX];
+};
+
 static proto_json *read_json(const char *path, struct sp_error *err) {
     FILE *file = fopen(path, "rb");
     char *bytes = malloc(PROTO_BODY_MAX + 1);
@@ -54,20 +62,43 @@ static bool find_file(const char *folder, const char *name, int depth, char *pat
     return found;
 }
 
-/* Loads "demo:NAME", a path, or a file name below the data folder. */
-static bool load_volume(struct bench_scene *scene, const char *source, const char *data,
-                        struct sp_error *err) {
-    char path[4096];
+/* Finds "demo:NAME", a path, or a file name below the data folder. */
+static bool find_source(const char *source, const char *data, char *path, size_t size) {
     struct stat st;
-    if (strncmp(source, "demo:", 5) == 0 || (strchr(source, '/') && stat(source, &st) == 0)) {
-        snprintf(path, sizeof path, "%s", source);
-    } else if (!data || !find_file(data, source, 0, path, sizeof path)) {
+    if (strncmp(source, "demo:", 5) != 0 && (!strchr(source, '/') || stat(source, &st) != 0))
+        return data && find_file(data, source, 0, path, size);
+    return snprintf(path, size, "%s", source) < (int)size;
+}
+
+static bool load_volume(struct bench_scene *scene, const char *source, struct sp_error *err) {
+    char path[4096];
+    if (!find_source(source, scene->data, path, sizeof path)) {
         snprintf(scene->skipped, sizeof scene->skipped, "no %s below %s", source,
-                 data ? data : "a folder named by --data");
+                 scene->data ? scene->data : "a folder named by --data");
         return true;
     }
     scene->volume = sp_volume_load(path, NULL, err);
     return scene->volume != NULL;
+}
+
+struct sp_volume *bench_scene_find(void *user, const char *id) {
+    const struct bench_scene *scene = user;
+    struct bench_shown *shown = scene->shown;
+    struct sp_error err = { .text = "not below the folder of --data" };
+    char path[4096];
+    for (unsigned i = 0; i < shown->count; i++)
+        if (strcmp(shown->list[i].id, id) == 0)
+            return sp_volume_ref(shown->list[i].volume);
+    struct sp_volume *volume = NULL;
+    if (shown->count < SP_LAYERS_MAX && find_source(id, scene->data, path, sizeof path))
+        volume = sp_volume_load(path, NULL, &err);
+    if (!volume) {
+        fprintf(stderr, "splat-bench: %s: %s\n", id, err.text);
+        return NULL;
+    }
+    snprintf(shown->list[shown->count].id, SP_NAME_BYTES, "%s", id);
+    shown->list[shown->count++].volume = volume;
+    return sp_volume_ref(volume);
 }
 
 static bool apply_text(struct sp_view *view, const char *text, struct sp_error *err) {
@@ -152,7 +183,7 @@ static bool read_cameras(struct bench_scene *scene, const proto_json *list, stru
     return true;
 }
 
-static bool fill_scene(struct bench_scene *scene, const proto_json *json, const char *data,
+static bool fill_scene(struct bench_scene *scene, const proto_json *json,
                        const struct bench_overrides *o, struct sp_error *err) {
     const char *source = proto_json_string(proto_json_get(json, "volume"));
     const char *name = proto_json_string(proto_json_get(json, "name"));
@@ -163,7 +194,10 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json, const 
         return sp_fail(err, SP_ERR_INVALID, "/volume", "a scene names its volume here");
     snprintf(scene->name, sizeof scene->name, "%s", name ? name : source);
     proto_json_integer(proto_json_get(json, "visible_voxels"), &scene->visible_voxels);
-    if (!load_volume(scene, source, data, err))
+    scene->shown = calloc(1, sizeof *scene->shown);
+    if (!scene->shown)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for a scene");
+    if (!load_volume(scene, source, err))
         return false;
     if (scene->skipped[0])
         return true;
@@ -186,8 +220,8 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json, const 
 
 static bool open_json(struct bench_scene *scene, proto_json *json, const char *data,
                       const struct bench_overrides *o, struct sp_error *err) {
-    *scene = (struct bench_scene){ 0 };
-    bool ok = json && fill_scene(scene, json, data, o, err);
+    *scene = (struct bench_scene){ .data = data };
+    bool ok = json && fill_scene(scene, json, o, err);
     proto_json_free(&json);
     if (!ok)
         bench_scene_close(scene);
@@ -211,6 +245,9 @@ bool bench_scene_open_volume(struct bench_scene *scene, const char *source, cons
 
 void bench_scene_close(struct bench_scene *scene) {
     sp_volume_unref(&scene->volume);
+    for (unsigned i = 0; scene->shown && i < scene->shown->count; i++)
+        sp_volume_unref(&scene->shown->list[i].volume);
+    free(scene->shown);
     free(scene->cameras);
     *scene = (struct bench_scene){ 0 };
 }

@@ -28,6 +28,8 @@ struct bench_scene {
     char name[SP_NAME_BYTES];
     char skipped[512]; /* reason to skip the scene; "" = render it */
     struct sp_volume *volume;
+    struct bench_shown *shown; /* volumes of layers, by id */
+    const char *data;          /* as given to bench_scene_open() */
     struct sp_view view;
     struct sp_camera *cameras;
     unsigned camera_count;
@@ -41,6 +43,10 @@ bool bench_scene_open(struct bench_scene *scene, const char *file, const char *d
 bool bench_scene_open_volume(struct bench_scene *scene, const char *source, const char *data,
                              const struct bench_overrides *overrides, struct sp_error *err);
 void bench_scene_close(struct bench_scene *scene);
+
+/* The volume of a layer's id, for sp_render_options.find(): a file name below the data folder or
+ * "demo:NAME", loaded when it is first wanted. NULL after printing why it cannot be loaded. */
+struct sp_volume *bench_scene_find(void *scene, const char *id);
 
 /* Applies the overrides, except `views`, to a view. False with *err set for a value that the
  * protocol does not define. */

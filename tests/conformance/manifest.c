@@ -306,3 +306,12 @@ const struct manifest_scene manifest[] = {
     SCENE("post-lit", post_lit),
 };
 const size_t manifest_count = sizeof manifest / sizeof *manifest;
+
+/* Name, projection, compositing, order, style, floor, measured, target_floor. */
+const struct manifest_mixed manifest_mixed[] = {
+    { "sheets post", SP_PERSPECTIVE, SHEET, SP_TF_POST, SP_VECTORS_MODULATE, 51.5, 52.03, 88.8 },
+    { "sheets pre", SP_ORTHOGRAPHIC, SHEET, SP_TF_PRE, SP_VECTORS_BLEND, 48.7, 49.20, 89.9 },
+    { "slabs", SP_PERSPECTIVE, SLAB, SP_TF_PRE, SP_VECTORS_MODULATE, 47.5, 48.06, 86.7 },
+    { "splats", SP_ORTHOGRAPHIC, SPLAT, SP_TF_PRE, SP_VECTORS_MODULATE, 48.0, 48.57, 79.9 },
+};
+const size_t manifest_mixed_count = sizeof manifest_mixed / sizeof *manifest_mixed;

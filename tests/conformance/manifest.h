@@ -57,6 +57,19 @@ enum { MANIFEST_ADAPTIVE_ENOUGH = 60 };
  * other rounding errors. */
 #define MANIFEST_BACKEND_FLOOR 80.0
 
+/* A frame of everything (mixed.h) against its brute-force image. */
+struct manifest_mixed {
+    const char *name;
+    enum sp_projection projection;
+    enum sp_compositing compositing;
+    enum sp_tf_order order;
+    enum sp_vectors_style style;
+    double floor, measured; /* of every target against the brute force [dB] */
+    double target_floor;    /* of every target against the scalar reference [dB] */
+};
+extern const struct manifest_mixed manifest_mixed[];
+extern const size_t manifest_mixed_count;
+
 extern const struct manifest_scene manifest[];
 extern const size_t manifest_count;
 

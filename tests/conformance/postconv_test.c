@@ -106,6 +106,18 @@ static void choose_filter(struct sp_view *v, struct generator *d) {
     v->filter.cutoff = ONE_OF(d, 2, 3, 3, 3, 3, 4, 6);
 }
 
+/* A surface and a shell inside of the volume. Neither depends on the cutoff. */
+static void add_layers(struct sp_view *v) {
+    v->layers[1] = sp_layer_default(SP_LAYER_SURFACE);
+    v->layers[1].value = 130;
+    v->layers[1].opacity = 0.6f;
+    v->layers[2] = sp_layer_default(SP_LAYER_SHELL);
+    v->layers[2].low = 0.2;
+    v->layers[2].high = 0.8;
+    v->layers[2].detail = SP_SHELL_FAST;
+    v->layer_count = 3;
+}
+
 static bool make_scene(struct test_scene *s, unsigned seed) {
     struct generator d = { UINT64_C(0x9e3779b97f4a7c15) * (seed + 1) };
     struct sp_view *v = &s->view;
@@ -127,6 +139,8 @@ static bool make_scene(struct test_scene *s, unsigned seed) {
     v->level_of_detail = roll(&d) < 0.5 ? SP_LOD_OFF : SP_LOD_AUTO;
     v->shading.mode = roll(&d) < 0.5 ? SP_SHADING_PHONG : SP_SHADING_NONE;
     v->background[3] = 1;
+    if (seed % 4 == 1)
+        add_layers(v);
     return true;
 }
 

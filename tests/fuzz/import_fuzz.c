@@ -7,7 +7,9 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "import/elements.h"
 #include "import/vectors.h"
+#include "volume/elements.h"
 #include "volume/volume.h"
 
 enum { READ_MAX = 1 << 20 }; /* bytes of samples */
@@ -57,6 +59,37 @@ static void read_samples(const struct import_format *format, void *reader,
     free(voxels);
 }
 
+static void read_elements(const struct import_format *format, const struct import_file *file,
+                          void *reader, const struct import_header *header) {
+    const struct import_progress progress = { .report = ignore };
+    struct sp_error err = { .code = SP_OK };
+    uint64_t folded;
+    void *memory = aligned_alloc(64, sp_elements_bytes(&header->elements));
+    if (!memory)
+        return;
+    memset(memory, 0, sp_elements_bytes(&header->elements));
+    const struct sp_elements elements = sp_elements_at(&header->elements, memory);
+    bool ok = format->read_elements(reader, &elements, &progress, &err) &&
+              import_elements_finish(file, header, &elements, &progress, &folded, &err);
+    if (!ok && err.code == SP_OK)
+        abort();
+    free(memory);
+}
+
+static void check_header(const struct import_header *header, const char *shown) {
+    struct sp_error err;
+    uint64_t bytes;
+    if (header->elements.kind != SP_KIND_GRID && sp_elements_shape_problem(&header->elements))
+        abort();
+    if (!sp_grid_check(&header->grid, header->type, shown, &bytes, &err) ||
+        bytes != header->bytes || !memchr(header->unit, 0, sizeof header->unit) ||
+        !memchr(header->value_name, 0, sizeof header->value_name) ||
+        !memchr(header->vector_name, 0, sizeof header->vector_name) ||
+        (header->derived && header->elements.kind == SP_KIND_GRID &&
+         !(header->has_vectors && header->type == SP_FLOAT32)))
+        abort();
+}
+
 int fuzz_import(const struct import_format *format, const char *shown, const uint8_t *data,
                 size_t size) {
     if (!folder[0])
@@ -64,24 +97,30 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
     int fd = memfd_create("fuzz", MFD_CLOEXEC);
     if (fd < 0 || write(fd, data, size) != (ssize_t)size || lseek(fd, 0, SEEK_SET) != 0)
         abort();
-    const struct import_file file = {
-        .fd = fd, .size = size, .shown = shown, .root = folder, .folder = folder
-    };
+    struct import_warnings warnings = { .count = 0 };
+    const struct import_file file = { .fd = fd,
+                                      .size = size,
+                                      .shown = shown,
+                                      .root = folder,
+                                      .folder = folder,
+                                      .field = size % 2 ? "s" : "v x",
+                                      .vectors = "",
+                                      .series = "",
+                                      .step = size % 8 == 7,
+                                      .warnings = &warnings };
     struct import_header header = { .bytes = 0 };
     struct sp_error err = { .code = SP_OK };
     void *reader = format->open(&file, &header, &err);
     if (!reader && err.code == SP_OK)
         abort();
     if (reader) {
-        uint64_t bytes;
-        if (!sp_grid_check(&header.grid, header.type, shown, &bytes, &err) ||
-            bytes != header.bytes || !memchr(header.unit, 0, sizeof header.unit) ||
-            !memchr(header.value_name, 0, sizeof header.value_name) ||
-            !memchr(header.vector_name, 0, sizeof header.vector_name) ||
-            (header.samples_are_lengths && !(header.has_vectors && header.type == SP_FLOAT32)))
-            abort();
-        if (bytes <= READ_MAX)
-            read_samples(format, reader, &header);
+        check_header(&header, shown);
+        if (header.elements.kind == SP_KIND_GRID) {
+            if (header.bytes <= READ_MAX)
+                read_samples(format, reader, &header);
+        } else if (sp_elements_bytes(&header.elements) <= READ_MAX) {
+            read_elements(format, &file, reader, &header);
+        }
         format->close(reader);
     }
     close(fd);

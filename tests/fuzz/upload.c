@@ -52,15 +52,17 @@ static void check_name(const char *text, size_t size) {
     must(srv_source_is_id(id));
     srv_source_default_name(name, id);
     must(strlen(id) < sizeof id);
-    must(!srv_format_of(name) == !srv_format_extension(name));
+    must(srv_format_of(name) || !srv_format_extension(name)); /* folders have no extension */
     must(srv_format_stem(name) <= strlen(name));
 }
 
 static void check_beginning(const char *bytes, size_t size) {
-    static const char *const names[] = { "a.nrrd", "a.vtk", "a.vti", "a.json", "a.tif" };
+    static const char *const names[] = { "a.nrrd", "a.vtk", "a.vti", "a.json", "a.tif", "a.ply" };
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         struct srv_format_peek peek;
-        if (srv_format_look(names[i], bytes, size, &peek))
+        srv_format_look(names[i], bytes, size, &peek);
+        must(peek.kind <= SP_KIND_COUNT);
+        if (peek.dims[0])
             for (int axis = 0; axis < 3; axis++)
                 must(peek.dims[axis] >= 1 && peek.dims[axis] <= SP_DIM_MAX);
         must(strlen(peek.type) < sizeof peek.type);

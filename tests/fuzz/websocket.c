@@ -37,12 +37,14 @@ static void release(void *user, void *volume) {
     (void)volume;
 }
 
-static void pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *found) {
+static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *found, struct sp_error *err) {
+    (void)err;
     (void)user;
     (void)volume;
     (void)view;
     *found = (struct sp_pick){ .opacity = 1, .is_hit = at[0] < size[0] };
+    return true;
 }
 
 static void default_view(void *user, void *volume, struct sp_view *view) {
@@ -118,8 +120,12 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
         input.info.grid.spacing[i] = input.info.grid.direction[i][i] = 1;
     }
     sp_log_init(no_log, NULL, SP_LOG_ERROR);
-    struct srv_hub_options options = { .volumes = { &input, acquire, add_use, release, default_view,
-                                                    pick },
+    struct srv_hub_options options = { .volumes = { .user = &input,
+                                                    .acquire = acquire,
+                                                    .ref = add_use,
+                                                    .release = release,
+                                                    .default_view = default_view,
+                                                    .pick = pick },
                                        .sessions_max = 1,
                                        .participants_max = 1,
                                        .session_idle_ms = 1000,

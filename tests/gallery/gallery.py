@@ -7,9 +7,9 @@
   gallery.py --check
 
 The page contains the input. The script draws the "images" of each ```json block with `splatctl render --local`.
-A view is the block's "view" with the merge patch of the image. "volume" is a built-in volume (demo:NAME), a volume
-that this script writes (made:NAME), or a file of the data folder (data:NAME). If that file does not exist, the
-image stays unchanged. "difference": [A, B, GAIN] makes an image of middle grey plus GAIN times B - A. Images whose
+A view is the block's "view" with the merge patch of the image. "volume", and the "id" of a layer, is a built-in volume
+(demo:NAME), one that made.py writes (made:NAME), or a file of the data folder (data:NAME). If that file does not exist,
+the image stays unchanged. "difference": [A, B, GAIN] makes an image of middle grey plus GAIN times B - A. Images whose
 names begin with _ are only for differences and are not kept. A block with "sheet" makes one image of the default views of its
 "volumes", in rows of "columns". --sheet makes such an image of all built-in volumes and of all volumes of the data folder whose
 names begin with PREFIX; look at it after a change of the first views. Each ```console block names a test program; the script
@@ -17,7 +17,6 @@ replaces the block by the program's output. --check draws nothing: it compares t
 """
 import argparse
 import json
-import math
 import os
 import re
 import struct
@@ -26,59 +25,11 @@ import sys
 import tempfile
 import zlib
 
+import made
+
 HERE = os.path.dirname(os.path.abspath(__file__))
 SIZE_MAX = 2000000
 RENDERER = os.path.join(HERE, '..', '..', 'renderer')
-
-
-def checkerboard(x, y, z):
-    """Squares of eight units."""
-    return 255 if (x // 8 + y // 8) % 2 else 0
-
-
-def zebra(x, y, z):
-    """Stripes across the first axis that wave along the second."""
-    return 255 if math.sin(2 * math.pi * (x / 40 + 0.35 * math.sin(2 * math.pi * y / 96))) > 0 else 0
-
-
-def rings(x, y, z):
-    """Thin rings around the middle of a cube of 96 units, inside a wide faint one."""
-    r, h, value = math.hypot(x - 48, y - 48), z - 48, 0
-    for radius, thick, top in ((6, 1, 255), (12, 1.3, 200), (34, 5, 130)):
-        value += top * math.exp(-0.5 * ((r - radius) ** 2 + h * h) / thick ** 2)
-    return min(round(value), 255)
-
-
-def even(n, length):
-    """From 0 to length."""
-    return [length * i / (n - 1) for i in range(n)]
-
-
-def graded(n, length):
-    """From 0 to length, four times as fine in the middle as an even grid, coarser outside."""
-    ends = [(2 * i / (n - 1) - 1) for i in range(n)]
-    return [0.5 * length * (1 + 0.25 * t + 0.75 * t ** 3) for t in ends]
-
-
-# name: positions of the samples along each axis, value there
-MADE = {
-    'checkerboard': ([even(498, 497), even(398, 397), [0]], checkerboard),
-    'zebra': ([even(1024, 1023), even(256, 1020), [0, 1, 2]], zebra),
-    'rings-even': ([even(48, 96), even(48, 96), even(48, 96)], rings),
-    'rings-graded': ([graded(48, 96), graded(48, 96), graded(48, 96)], rings),
-}
-
-
-def make_volume(folder, name):
-    """Writes raw samples and a sidecar; returns the sidecar's path."""
-    axes, value = MADE[name]
-    with open(os.path.join(folder, name + '.raw'), 'wb') as f:
-        f.write(bytes(value(x, y, z) for z in axes[2] for y in axes[1] for x in axes[0]))
-    path = os.path.join(folder, name + '.json')
-    with open(path, 'w', encoding='utf-8') as f:
-        json.dump({'dims': [len(axis) for axis in axes], 'type': 'uint8', 'file': name + '.raw',
-                   'coordinates': [axis if len(axis) > 1 else None for axis in axes]}, f)
-    return path
 
 
 def merge(base, patch):
@@ -182,9 +133,9 @@ class Gallery:
         """Returns the volume for splatctl; None if a file of the data folder does not exist."""
         kind, rest = name.split(':', 1)
         if kind == 'made':
-            return make_volume(self.work, rest)
+            return made.write(self.work, rest)
         if kind == 'data':
-            for folder in ('', 'volumes', 'formats/vtk'):
+            for folder in ('', 'volumes', 'formats/vtk', 'formats/splats'):
                 path = os.path.join(self.options.data, folder, rest)
                 if os.path.isfile(path):
                     return path
@@ -206,7 +157,15 @@ class Gallery:
                 a, b, gain = patch['difference']
                 write_difference(path, self.path(a), self.path(b), gain)
             else:
-                self.render(volume, merge(base, patch), path)
+                view = merge(base, patch)
+                named = [layer for layer in view.get('layers', []) if 'id' in layer]
+                missing = [layer['id'][5:] for layer in named if self.volume(layer['id']) is None]
+                if missing:
+                    print(f'skipped: {name}: {missing[0]} is not in the data folder')
+                    continue
+                for layer in named:
+                    layer['id'] = self.volume(layer['id'])
+                self.render(volume, view, path)
 
     def draw_sheet(self, path, volumes, columns, size):
         tiles = []

@@ -223,6 +223,12 @@ test('pick returns position, value and opacity, nothing beside the volume, and h
   await one.stream.call('stream.configure', { size: [64, 64] });
   const smaller = await one.stream.call('pick', { at: [32, 32] });
   smaller.position.forEach((p, i) => compare(Math.abs(p - hit.position[i]), '<', 1e-6));
+  // A point names the size of its image where the window has just changed.
+  const wider = await one.stream.call('pick', { at: [200, 50], size: [400, 100] });
+  wider.position.forEach((p, i) => compare(Math.abs(p - hit.position[i]), '<', 1e-6));
+  for (const size of [[0, 64], [64], [64, 8193], [64.5, 64], '64', {}]) {
+    await assert.rejects(one.stream.call('pick', { at: [1, 1], size }), { code: -32602, data: { pointer: '/size' } });
+  }
   for (const at of [[65, 0], [-1, 0], [1], [1, 2, 3], 'x', null, ['1', 2]]) {
     await assert.rejects(one.stream.call('pick', { at }), { code: -32602, data: { pointer: '/at' } });
   }

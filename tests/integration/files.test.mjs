@@ -40,8 +40,8 @@ test('a folder lists folders first, then loadable files with size, format and di
   assert.deepEqual(root.json, {
     entries: [
       { name: 'scans', kind: 'folder' },
-      { name: 'bad.nrrd', kind: 'volume', bytes: 67, format: 'NRRD', dims: [9, 9, 9], type: 'uint8' },
-      { name: 'größe.nrrd', kind: 'volume', bytes: nrrd().length, format: 'NRRD', dims: [4, 4, 4], type: 'uint8' },
+      { name: 'bad.nrrd', kind: 'volume', bytes: 67, format: 'NRRD', contents: 'grid', dims: [9, 9, 9], type: 'uint8' },
+      { name: 'größe.nrrd', kind: 'volume', bytes: nrrd().length, format: 'NRRD', contents: 'grid', dims: [4, 4, 4], type: 'uint8' },
     ],
     unlisted: 0,
   });
@@ -155,6 +155,84 @@ test('a closed volume: its participants see another one, and the last one ends t
   assert.equal((await own.json(`/api/v1/sessions/${stream.session.id}`)).status, 404);
   const { body } = { body: await (await own.fetch('/metrics')).text() };
   assert.match(body, /^splatd_memory_bytes 0$/m);
+  assert.equal(await own.stop(), 0);
+});
+
+test('another field of a volume is loaded from its file, wherever that lies', async () => {
+  const table = `x,y,z,heat,age\n${Array.from({ length: 50 }, (_, i) => `${i % 5},${Math.floor(i / 5)},0,${i},${100 + i}`).join('\n')}\n`;
+  writeFileSync(at('scans', 'größe', 'inside.csv'), table);
+  writeFileSync(path.join(folder, 'outside', 'apart.csv'), table);
+  const own = await Daemon.start(['--data', at(), '--volume', path.join(folder, 'outside', 'apart.csv'), '--volume', 'demo:engine?size=8', '--state', path.join(folder, 'fields')]);
+  assert.equal((await own.post('/api/v1/volumes', { source: 'scans/größe/inside.csv' })).status, 202);
+  for (const name of ['apart', 'inside']) {
+    assert.deepEqual((await own.loaded(name)).other_fields, ['age'], name);
+    const { status, json } = await own.post('/api/v1/volumes', { volume: name, field: 'age' });
+    assert.deepEqual([status, json.id, json.name], [202, `${name}-age`, `${name} age`]);
+    const volume = await own.loaded(json.id);
+    assert.deepEqual([volume.state, volume.range, volume.other_fields, volume.format], ['ready', [100, 149], ['heat'], 'CSV'], volume.reason);
+    for (const [field, id] of [['age', json.id], ['heat', name]]) {
+      const back = await own.post('/api/v1/volumes', { volume: json.id, field });
+      assert.deepEqual([back.status, back.json.id], [201, id]);
+    }
+    const wrong = await own.post('/api/v1/volumes', { volume: name, field: 'no such' });
+    const failed = await own.loaded(wrong.json.id);
+    assert.deepEqual([failed.state, failed.reason.includes('no such')], ['failed', true], failed.reason);
+  }
+  // Vectors: others of the file, their lengths and components.
+  writeFileSync(at('scans', 'storm.vtk'), `# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 2 2 2\nPOINT_DATA 8\nSCALARS heat float\nLOOKUP_TABLE default\n${
+    '1 2 3 4 5 6 7 8'}\nVECTORS wind float\n${'1 2 2 '.repeat(8)}\nVECTORS flow float\n${'0 3 4 '.repeat(8)}\n`);
+  assert.equal((await own.post('/api/v1/volumes', { source: 'scans/storm.vtk' })).status, 202);
+  await own.loaded('storm');
+  for (const [body, id, field, names] of [
+    [{ volume: 'storm', field: 'wind y' }, 'storm-wind-y', 'wind y', ['flow']],
+    [{ volume: 'storm-wind-y', vectors: 'flow' }, 'storm-flow', 'heat', ['wind']], // which has no wind
+    [{ volume: 'storm', vectors: 'flow', field: 'magnitude' }, 'storm-magnitude-flow', 'magnitude', ['wind']],
+    [{ volume: 'storm-magnitude-flow', field: 'heat' }, 'storm-flow', 'heat', ['wind']],
+    [{ volume: 'storm-flow', vectors: 'wind' }, 'storm', 'heat', ['flow']]]) {
+    const answer = await own.post('/api/v1/volumes', body);
+    assert.equal(answer.json.id, id, JSON.stringify([body, answer.json]));
+    const volume = await own.loaded(id);
+    assert.deepEqual([volume.state, volume.fields[0].name, volume.other_vectors], ['ready', field, names], volume.reason);
+  }
+  // What differs from the file is said to clients and, once, in the log.
+  writeFileSync(at('scans', 'half.csv'), 'x,y,z,heat\n0,0,0,1\n1,0,0,\n');
+  assert.equal((await own.post('/api/v1/volumes', { source: 'scans/half.csv' })).status, 202);
+  const sentence = '1 of the 2 points are not drawn, because their position, value or size is not a finite number.';
+  assert.deepEqual((await own.loaded('half')).warnings, [sentence]);
+  const listed = (await own.json('/api/v1/volumes')).json.volumes;
+  assert.deepEqual(listed.map(({ id, warnings }) => [id, warnings?.length]).filter(([, count]) => count), [['half', 1]]);
+  assert.equal(own.log.split(`volume half: ${sentence}`).length, 2, own.log);
+  // What needs a grid of samples is refused, not ignored.
+  const slice = await own.json('/api/v1/volumes/half/slice?axis=2&index=0');
+  assert.deepEqual([slice.status, slice.json.detail], [422, 'slices need a grid of samples, and this volume has points']);
+  for (const [kind, points] of [['profile', [[0, 0, 0], [1, 1, 1]]], ['rectangle', [[0, 0, 0], [1, 0, 0], [0, 1, 0]]], ['part', [[0, 0, 0]]]]) {
+    const answer = await own.post('/api/v1/measure', { volume: 'half', kind, points, ...(kind === 'part' ? { range: [0, 1] } : {}) });
+    assert.deepEqual([answer.status, answer.json.pointer], [422, '/kind'], kind);
+  }
+  assert.equal((await own.post('/api/v1/measure', { volume: 'half', kind: 'distance', points: [[0, 0, 0], [1, 1, 1]] })).status, 200);
+  for (const [change, pointer] of [[{ layers: [{ type: 'surface', value: 1 }] }, '/layers/0/type'], [{ layers: [{ type: 'points' }, { type: 'shell', low: 0.1, high: 0.9 }] }, '/layers/1/type'],
+    [{ edits: [{ type: 'sphere', center: [0, 0, 0], radius: 1 }] }, '/edits'], [{ slices: { in_3d: true } }, '/slices/in_3d']]) {
+    const answer = await own.post('/api/v1/render', { volume: 'half', ...change });
+    assert.deepEqual([answer.status, answer.json.pointer], [422, pointer], JSON.stringify(change));
+  }
+  // An upload, whose file stays while one of the volumes needs it.
+  const upload = await own.post('/api/v1/uploads', { name: 'sent.csv', bytes: table.length });
+  await own.fetch(`/api/v1/uploads/${upload.json.id}`, { method: 'PATCH', body: table, headers: { 'Content-Type': 'application/offset+octet-stream', 'Upload-Offset': '0', 'Tus-Resumable': '1.0.0' } });
+  const first = await own.post('/api/v1/volumes', { upload: upload.json.id });
+  assert.equal((await own.loaded(first.json.id)).state, 'ready');
+  const second = await own.post('/api/v1/volumes', { volume: first.json.id, field: 'age' });
+  assert.equal(second.status, 202, JSON.stringify(second.json));
+  assert.deepEqual((await own.loaded(second.json.id)).range, [100, 149]);
+  const uploaded = async () => (await own.json(`/api/v1/uploads/${upload.json.id}`)).status;
+  await own.fetch(`/api/v1/volumes/${first.json.id}`, { method: 'DELETE' });
+  assert.equal(await uploaded(), 200);
+  await own.fetch(`/api/v1/volumes/${second.json.id}`, { method: 'DELETE' });
+  assert.equal(await uploaded(), 404);
+  for (const [body, status, pointer] of [[{ volume: 'engine', field: 'x' }, 422, '/volume'], [{ volume: 'none', field: 'x' }, 404, '/volume'], [{ volume: 'inside' }, 422, '/field'],
+    [{ field: 'age' }, 422, '/field'], [{ vectors: 'age' }, 422, '/vectors'], [{ volume: 'inside', vectors: '' }, 422, '/vectors'], [{ volume: 'inside', field: 'age', source: 'größe.nrrd' }, 422, '/source']]) {
+    const refused = await own.post('/api/v1/volumes', body);
+    assert.deepEqual([refused.status, refused.json.pointer], [status, pointer], JSON.stringify(body));
+  }
   assert.equal(await own.stop(), 0);
 });
 

@@ -336,6 +336,12 @@ test('an unknown volume names those that exist, as many as fit, to tokens that m
   }
   const guest = await own.post(`/api/v1/sessions/${session.id}`, { view: { volume: 'nope' } }, { method: 'PATCH', token: session.tokens.control });
   isProblem(guest, 422, /^there is no volume 'nope'$/);
+  const layers = [{ type: 'points', id: 'nope' }], missing = /^no volume "nope" is loaded: load it, or remove the layer$/;
+  const drawn = await own.post('/api/v1/render', { layers });
+  isProblem(drawn, 422, missing);
+  assert.equal(drawn.json.pointer, '/layers/0/id');
+  const { json: kept } = await own.post('/api/v1/views', { layers });
+  isProblem(await own.json(`/api/v1/render/${kept.id}`), 409, missing);
   for (let i = 0; i < 5; i += 1) {
     await own.post('/api/v1/volumes', { uri: `demo:noise?size=${i + 8}`, id: `${i}`.repeat(100) });
   }

@@ -10,7 +10,7 @@ import { Daemon, nrrd } from './harness.mjs';
 const TOKEN = 'a-token-for-the-tests-0123456789';
 // Four slices of the values 0 to 15, 16 to 31, …: a unit of 2 mm along x.
 const HEADED = Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nsizes: 4 4 4\nspace dimension: 3\nspace directions: (2,0,0) (0,1,0) (0,0,1)\n'
-  + 'space units: "mm" "mm" "mm"\nspace origin: (0,0,0)\nencoding: raw\n\n'), nrrd().subarray(-64)]);
+  + 'space units: "mm" "mm" "mm"\nsample units: HU\nspace origin: (0,0,0)\nencoding: raw\n\n'), nrrd().subarray(-64)]);
 const SQUARE = { kind: 'rectangle', points: [[0, 0, 1], [4, 0, 1], [0, 2, 1]] };
 let folder;
 let daemon;
@@ -43,7 +43,7 @@ const refused = (promise, code, pointer) => assert.rejects(promise, (error) => {
 
 test('a measurement has value, unit and what it was computed from', async () => {
   const { json } = await daemon.post('/api/v1/measure', { volume: 'cube', ...SQUARE });
-  assert.deepEqual([json.value, json.unit, json.note], [8, 'mm^2', undefined]);
+  assert.deepEqual([json.value, json.unit, json.data_unit, json.note], [8, 'mm^2', 'HU', undefined]);
   const values = [16, 17, 18, 20, 21, 22, 24, 25, 26]; // columns 0 to 2 and rows 0 to 2 of slice 1
   const mean = values.reduce((a, b) => a + b) / 9;
   const deviation = Math.sqrt(values.reduce((sum, v) => sum + (v - mean) ** 2, 0) / 8);
@@ -55,7 +55,7 @@ test('a measurement has value, unit and what it was computed from', async () => 
   assert.deepEqual(profile.json.profile.values, [0, 17, 34, 51]);
   assert.deepEqual(profile.json.profile.positions[1], [2, 0, 1]);
   const unknown = await daemon.post('/api/v1/measure', { volume: 'phantom', kind: 'distance', points: [[0, 0, 0], [3, 4, 0]] });
-  assert.deepEqual([unknown.json.value, unknown.json.unit], [5, '']);
+  assert.deepEqual([unknown.json.value, unknown.json.unit, unknown.json.data_unit], [5, '', '']);
   assert.match(unknown.json.note, /does not state the unit/);
 });
 
@@ -64,7 +64,7 @@ test('two participants see each other\'s measurements', async () => {
   const [ann, bob] = [await daemon.stream({ session }), await daemon.stream({ session })];
   await ann.call('stream.configure', { name: 'Ann' });
   const made = await ann.call('measure.put', { id: 'square', text: 'a corner', ...SQUARE });
-  assert.deepEqual([made.id, made.volume, made.author, made.value, made.unit, made.hidden], ['square', 'cube', 'Ann', 8, 'mm^2', false]);
+  assert.deepEqual([made.id, made.volume, made.author, made.value, made.unit, made.data_unit, made.hidden], ['square', 'cube', 'Ann', 8, 'mm^2', 'HU', false]);
   const told = await bob.note('session.measures');
   assert.deepEqual(told.params, { ids: ['square'], changed: [made] });
   // Bob renames what Ann made; it stays Ann's, and its value is the same.
@@ -114,7 +114,7 @@ test('parts and paths have sizes, over HTTP and the stream', async () => {
   assert.deepEqual([json.value, json.unit, json.samples, json.range, json.outside], [2 * 43, 'mm^3', 43, [21, 63], 0]);
   assert.ok(json.area > 0, JSON.stringify(json));
   const path_ = (await daemon.post('/api/v1/measure', { volume: 'cube', ...PATH })).json;
-  assert.deepEqual([path_.unit, path_.path[0].length], ['mm', 3]);
+  assert.deepEqual([path_.unit, path_.data_unit, path_.path[0].length], ['mm', 'HU', 3]);
   assert.ok(path_.value >= path_.straight && path_.straight > 0, JSON.stringify(path_));
   const none = (await daemon.post('/api/v1/measure', { volume: 'cube', ...PART, range: [100, 200] })).json;
   assert.deepEqual([none.value, none.note], [null, 'no sample near the point has a value in the range']);
@@ -136,8 +136,8 @@ test('parts and paths have sizes, over HTTP and the stream', async () => {
   const patched = await daemon.json(`${url}/p`, { method: 'PATCH', body: JSON.stringify({ range: [21, 63] }), token: session.tokens.control, headers: { 'Content-Type': 'application/json' } });
   assert.deepEqual([patched.status, patched.json.value], [200, 86]);
   const rows = (await (await daemon.fetch(`${url}?format=csv`)).text()).split('\r\n');
-  assert.match(rows[1], /^p,part,.*,86,mm\^3,.*,21,63,[\d.]+,43,$/);
-  assert.match(rows[2], /^l,path,.*,mm,.*,21,63,,,[\d.]+$/);
+  assert.match(rows[1], /^p,part,.*,86,mm\^3,.*,21,63,[\d.]+,43,,HU$/);
+  assert.match(rows[2], /^l,path,.*,mm,.*,21,63,,,[\d.]+,HU$/);
   for (const stream of [ann, guest]) await stream.end();
 });
 
@@ -203,8 +203,8 @@ test('the list is exported as JSON and CSV, without formulas', async () => {
   assert.match(csv.headers.get('content-type'), /^text\/csv/);
   assert.match(csv.headers.get('content-disposition'), /measures\.csv/);
   const [header, line, end] = (await csv.text()).split('\r\n');
-  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight');
-  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,,0,0,1,4,0,1,0,2,1,,,,,$/);
+  assert.equal(header, 'id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight,data_unit');
+  assert.match(line, /^m1,rectangle,cube,"'=1\+1, ""x""","'\+evil",#ff8000,false,8,mm\^2,9,0,21,3\.5\d*,16,26,0,,0,0,1,4,0,1,0,2,1,,,,,,HU$/);
   assert.equal(end, '');
   assert.equal((await list(session.id, session.tokens.view))[0].text, '=1+1, "x"');
   assert.equal((await daemon.fetch(`/api/v1/sessions/${session.id}/measures?format=xml`)).status, 400);

@@ -82,6 +82,7 @@ test('a missing database costs no frame', async () => {
   for (const name of moved) fs.renameSync(path.join(folder, name), path.join(away, name));
   for (let run = 0; run < 2; run++) {
     own = await Daemon.start([...args, '--path-bytes', '1K'], { backend: 'cpu' });
+    await own.untilLogged('belong to no known camera path');
     assert.deepEqual(own.log.match(/\d+ folders in[^"]*/g), [`2 folders in ${frames} (${size} bytes) belong to no known camera path; `
       + 'they are kept and count towards --path-bytes: delete them, or restore the database that knows them']);
     assert.deepEqual(await list(own), []);

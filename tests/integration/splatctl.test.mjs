@@ -58,6 +58,36 @@ test('volumes are listed and loaded', async () => {
     [['engine', 'ready'], ['cube', 'ready'], ['phantom', 'ready']]);
 });
 
+test('info describes a file without a daemon', async () => {
+  const about = JSON.parse(await succeeds(['info', '--json', 'demo:engine?size=16']));
+  assert.deepEqual([about.dims, about.type, about.histogram.counts.length], [[16, 9, 9], 'uint8', 256]);
+  const text = `${await succeeds(['info', 'demo:engine?size=16'])}`;
+  const counts = [...text.matchAll(/^ *[\d.]+ +(\d+) +#*$/gm)].map(([, count]) => Number(count));
+  assert.equal(counts.length, 16);
+  assert.equal(counts.reduce((a, b) => a + b), 16 * 9 * 9);
+  const { status, err } = await splatctl(['info', './nothing.nii']);
+  assert.deepEqual([status, err], [1, 'splatctl: ./nothing.nii: there is no such file\n']);
+});
+
+test('what differs from the file of a volume is said on standard error', async () => {
+  writeFileSync(inFolder('half.csv'), 'x,y,z,heat\n0,0,0,1\n1,0,0,\n');
+  const warning = /^splatctl: warning: (\S*)half(.csv)?: 1 of the 2 points are not drawn, [^\n]*\n$/;
+  for (const args of [['load', 'half.csv'], ['volumes'], ['render', '--local', '--volume', inFolder('half.csv'), '--size', '8x8', '--out', inFolder('half.png')]]) {
+    const { status, err } = await splatctl(args);
+    assert.equal(status, 0, err);
+    assert.match(err, warning, args[0]);
+  }
+  assert.equal(JSON.parse(await succeeds(['info', inFolder('half.csv')])).warnings.length, 1);
+  // What needs a grid, or a projection, is refused.
+  for (const [args, reason] of [[['render', '--local', '--surface', '1'], /\/layers\/0\/type: this volume has no grid of samples/], [['slice', '--axis', 'z'], /slices need a grid of samples, and this volume has points/],
+    [['render', '--local', '--window', '40,400'], /--window: is the window of a projection: add --projection/]]) {
+    const { status, err } = await splatctl([...args, '--volume', args[0] === 'render' ? inFolder('half.csv') : 'half', '--out', inFolder('half.png')]);
+    assert.equal(status, 1, err);
+    assert.match(err, reason);
+  }
+  await succeeds(['unload', 'half']);
+});
+
 test('a volume that cannot be loaded is refused with the reason', async () => {
   const cut = await splatctl(['load', 'cut.nrrd']);
   assert.equal(cut.status, 1);
@@ -129,6 +159,29 @@ test('the daemon and splatctl in process give the same image', async () => {
       assert.ok(remote.equals(here), `${volume} as ${format} differs`);
     }
   }
+});
+
+test('a layer shows another volume: by its id in the daemon, by its source in process', async () => {
+  await succeeds(['load', 'demo:gaussians?size=8']);
+  const example = JSON.parse(readFileSync(new URL('../../clients/cli/examples/mixed.json', import.meta.url), 'utf8'));
+  const [, layer] = example.layers;
+  const view = (id) => JSON.stringify({ ...example, size: [120, 90], layers: [{ type: 'volume' }, { ...layer, id, transform: [8, 0, 0, 16, 0, 8, 0, 9, 0, 0, 8, 9, 0, 0, 0, 1] }, { ...layer, id }] });
+  const common = ['--view', '-', '--out', '-'];
+  const remote = await succeeds(['render', '--volume', 'engine', ...common], { input: view(layer.id) });
+  const local = ['render', '--local', '--volume', 'demo:engine?size=32', ...common];
+  assert.ok(remote.equals(await succeeds(local, { input: view('demo:gaussians?size=8') })));
+  assert.ok(!remote.equals(await succeeds(local, { input: '{"size": [120, 90]}' })), 'the layer is visible');
+  for (const [args, id, expected] of [
+    [['render', '--volume', 'engine', ...common], 'nothing', /^splatctl: \/layers\/1\/id: no volume "nothing" is loaded/],
+    [local, './nothing.ply', /^splatctl: \.\/nothing\.ply: there is no such file/],
+    [local, 'demo:engine?size=8', /^splatctl: \/layers\/1\/id: this volume has no Gaussians/],
+  ]) {
+    const { status, err } = await splatctl(args, { input: view(id) });
+    assert.equal(status, 1);
+    assert.match(err, expected);
+  }
+  assert.match((await succeeds(['volumes'])).toString(), /^gaussians +ready +128 +gaussians +\d/m, 'elements in place of voxels');
+  await succeeds(['unload', 'gaussians']);
 });
 
 test('a refused view is reported with its JSON pointer and creates no file', async () => {
@@ -229,10 +282,10 @@ test('the measurements of a session are listed and written as CSV', async () => 
   const { status, json } = await daemon.json(`${at}/wall`, { method: 'PUT', body, headers: { 'Content-Type': 'application/json' } });
   assert.deepEqual([status, json.value], [201, 5]);
   const table = (await succeeds(['measures', id])).toString();
-  assert.match(table, /^wall +distance +=Wall +5 +- +- +- +- +the volume does not state the unit of its coordinates *$/m);
+  assert.match(table, /^wall +distance +=Wall +5 +- +- +- +- +- +the volume does not state the unit of its coordinates *$/m);
   assert.deepEqual(JSON.parse(await succeeds(['measures', id, '--json'])).measures, [json]);
   const part = await daemon.post(`${at}`, { kind: 'part', points: [[0, 0, 0]], range: [-1e9, 1e9], text: 'all' });
-  assert.match((await succeeds(['measures', id])).toString(), new RegExp(`all +[\\d.e+]+ +- +- +- +area [\\d.e+]+, ${part.json.samples} samples`));
+  assert.match((await succeeds(['measures', id])).toString(), new RegExp(`all +[\\d.e+]+ +- +- +- +- +area [\\d.e+]+, ${part.json.samples} samples`));
   await daemon.fetch(`${at}/${part.json.id}`, { method: 'DELETE' });
   const csv = (await succeeds(['measures', id, '--format', 'csv'])).toString();
   assert.match(csv, /^id,kind,volume,text,.*\r\nwall,distance,engine,"'=Wall",/);

@@ -143,10 +143,18 @@ test('a header is followed by the files with its samples', async () => {
   assert.match(alone.err, /ct.nhdr: is a header; give the files with its samples after it/);
 });
 
+test('the files of a DICOM series become one volume', async () => {
+  const slices = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../unit/import/dicom/series${k}.dcm`));
+  assert.deepEqual(await splatctl([...slices.reverse(), '--id', 'series']), { status: 0, out: 'series\n', err: '' });
+  const { dims, value_unit: unit, fields } = await volume('series');
+  assert.deepEqual(dims, [16, 12, 4]);
+  assert.equal(unit ?? fields[0].unit, 'HU');
+});
+
 test('refusals name the file and the remedy', async () => {
   for (const [args, why, options] of [
     [[at('none.nrrd')], /none.nrrd: cannot read the file: No such file/], [[at('empty.nrrd')], /empty.nrrd: the file is empty/],
-    [[folder], /is not a regular file/], [[at('ct.raw')], /ct.raw: .*the name must end in .nrrd/],
+    [[folder], /is not a regular file/], [[at('ct.raw')], /ct.raw: .*its name must end in .nrrd/],
     [[at('huge.nrrd')], /huge.nrrd: the file has 14680064 bytes and the token c may upload 12582912.*HTTP 413/],
     [[at('small.nrrd')], /the role of this token does not include this/, { token: 'view-token-view-token' }],
     [[at('small.nrrd'), '--id', 'engine'], /--id: the id 'engine' belongs to another volume/]]) {

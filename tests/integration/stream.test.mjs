@@ -73,13 +73,13 @@ test('vectors play without messages of the client, for all participants, until t
   const guest = await daemon.stream({ session });
   await stream.final(0);
   await assert.rejects(stream.call('time.play', { rate: 0 }), /periods per second/);
-  assert.deepEqual(await stream.call('time.play', { rate: 2 }), { rate: 2 });
+  assert.deepEqual(await stream.call('time.play', { rate: 2 }), { rate: 2, steps: 0, step: 0, count: 1, loading: false });
   assert.equal((await guest.note('time.changed')).params.rate, 2);
   for (const one of [stream, guest]) {
     const first = one.frames.length;
     await one.frame((f) => f.frame > first + 5, 'frames while the vectors move');
   }
-  assert.deepEqual(await stream.call('time.stop'), { rate: 0 });
+  assert.equal((await stream.call('time.stop')).rate, 0);
   const { view } = await stream.call('view.get');
   assert.ok(view.layers[0].phase >= 0 && view.layers[0].phase <= 1);
   await stream.frame((f) => f.flags & FINAL && f === stream.frames.at(-1), 'a final frame after the stop');

@@ -40,6 +40,7 @@ static struct proto_measure rectangle(void) {
     struct proto_measure m = measure_of(region);
     m.value = (struct proto_measure_value){
         .world_unit = "mm",
+        .data_unit = "HU",
         .result = { .has_value = true,
                     .value = 6,
                     .unit = SP_MEASURE_AREA,
@@ -59,16 +60,17 @@ static void a_measurement_is_read_and_written(void **state) {
     proto_json *json = proto_measure_encode(&m);
     char *text = proto_json_to_text(json, &size);
     assert_string_equal(
-        text,
-        "{\"id\":\"m-1\",\"kind\":\"rectangle\",\"volume\":\"head\",\"points\":[[0,0,1],[2,0,"
-        "1],[0,3,1]],\"text\":\"a \\\"b\\\", c\",\"color\":\"#ff8000\",\"author\":\"Zoë\","
-        "\"hidden\":true,\"value\":6,\"unit\":\"mm^2\",\"outside\":0.25,\"note\":\"25 % of the "
-        "rectangle lies outside of the volume; the statistics count the rest\","
-        "\"statistics\":{\"count\":12,"
-        "\"nonfinite\":1,\"mean\":0.1,\"deviation\":0.3333333333333333,\"min\":-5,\"max\":"
-        "1e+300}}");
+        text, "{\"id\":\"m-1\",\"kind\":\"rectangle\",\"volume\":\"head\",\"points\":[[0,0,1],[2,0,"
+              "1],[0,3,1]],\"text\":\"a \\\"b\\\", c\",\"color\":\"#ff8000\",\"author\":\"Zoë\","
+              "\"hidden\":true,\"value\":6,\"unit\":\"mm^2\",\"data_unit\":\"HU\",\"outside\":0.25,"
+              "\"note\":\"25 % of the "
+              "rectangle lies outside of the volume; the statistics count the rest\","
+              "\"statistics\":{\"count\":12,"
+              "\"nonfinite\":1,\"mean\":0.1,\"deviation\":0.3333333333333333,\"min\":-5,\"max\":"
+              "1e+300}}");
     assert_true(proto_measure_restore(json, &again));
     assert_string_equal(again.value.world_unit, "mm");
+    assert_string_equal(again.value.data_unit, "HU");
     proto_json *second = proto_measure_encode(&again);
     char *second_text = proto_json_to_text(second, &size);
     assert_string_equal(second_text, text);
@@ -158,10 +160,10 @@ static void bad_members_are_refused(void **state) {
 
 #define HEADER                                                                                     \
     "id,kind,volume,text,author,color,hidden,value,unit,count,nonfinite,mean,deviation,min,max,"   \
-    "outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight\r\n"
+    "outside,note,x1,y1,z1,x2,y2,z2,x3,y3,z3,low,high,area,samples,straight,data_unit\r\n"
 #define NUMBERS                                                                                    \
     "#ff8000,true,6,mm^2,12,1,0.1,0.3333333333333333,-5,1e+300,0.25,\"25 % of the rectangle lies " \
-    "outside of the volume; the statistics count the rest\",0,0,1,2,0,1,0,3,1,,,,,\r\n"
+    "outside of the volume; the statistics count the rest\",0,0,1,2,0,1,0,3,1,,,,,,HU\r\n"
 
 static void csv_follows_rfc_4180(void **state) {
     (void)state;
@@ -171,8 +173,9 @@ static void csv_follows_rfc_4180(void **state) {
     items[1].geometry.kind = SP_MEASURE_MARKER;
     items[1].geometry.points[0][1] = -0.1;
     char *text = proto_measures_to_csv(items, 2, &size);
-    assert_string_equal(text, HEADER "m-1,rectangle,head,\"a \"\"b\"\", c\",Zoë," NUMBERS
-                                     "m,marker,\" v\",,,,false,,,,,,,,,0,,0,-0.1,0,,,,,,,,,,,\r\n");
+    assert_string_equal(text,
+                        HEADER "m-1,rectangle,head,\"a \"\"b\"\", c\",Zoë," NUMBERS
+                               "m,marker,\" v\",,,,false,,,,,,,,,0,,0,-0.1,0,,,,,,,,,,,,\r\n");
     assert_int_equal(size, strlen(text));
     free(text);
 }
@@ -272,6 +275,25 @@ static void the_share_outside_is_restored(void **state) {
     proto_json_free(&json);
 }
 
+/* A marker has the unit of the data; one that an earlier daemon saved has none. */
+static void a_marker_has_the_unit_of_the_data(void **state) {
+    (void)state;
+    const struct sp_volume_info info = { .unit = "mm", .value_unit = "HU" };
+    struct proto_measure m = measure_of("{\"kind\":\"marker\",\"points\":[[0,0,0]]}"), again;
+    strcpy(m.color, "#000000");
+    m.value.result = (struct sp_measure_result){ .has_value = true, .unit = SP_MEASURE_DATA };
+    proto_measure_set_units(&m.value, &info);
+    assert_string_equal(m.value.world_unit, "mm");
+    proto_json *json = proto_measure_encode(&m);
+    assert_string_equal(proto_json_string(proto_json_get(json, "unit")), "HU");
+    assert_true(proto_measure_restore(json, &again));
+    assert_string_equal(again.value.data_unit, "HU");
+    assert_true(proto_json_set_null(json, "data_unit"));
+    assert_true(proto_measure_restore(json, &again));
+    assert_string_equal(again.value.data_unit, "");
+    proto_json_free(&json);
+}
+
 static void an_answer_says_that_the_unit_is_not_known(void **state) {
     (void)state;
     struct proto_measure m = rectangle();
@@ -297,6 +319,7 @@ int main(void) {
         cmocka_unit_test(bad_members_are_refused),
         cmocka_unit_test(csv_follows_rfc_4180),
         cmocka_unit_test(csv_has_no_formulas),
+        cmocka_unit_test(a_marker_has_the_unit_of_the_data),
         cmocka_unit_test(a_note_says_what_lies_outside_and_that_the_unit_is_not_known),
         cmocka_unit_test(the_share_outside_is_restored),
         cmocka_unit_test(an_answer_says_that_the_unit_is_not_known),

@@ -107,7 +107,7 @@ def read_routes(source):
     """{(method, path pattern, names of the query parameters)} of the daemon's table."""
     with open(f'{source}/server/http/routes.c', encoding='utf-8') as f:
         text = f.read()
-    queries = {name: frozenset(re.findall(r'"(\w+)"', list_)) for name, list_ in re.findall(r'#define ([A-Z_]+) \{(.*?)\}', text)}
+    queries = {name: frozenset(re.findall(r'"(\w+)"', list_)) for name, list_ in re.findall(r'#define ([A-Z_]+) \{(.*?)\}', text, re.DOTALL)}
     rows = re.findall(r'\{ SRV_(\w+), "([^"]+)", SRV_RIGHT_\w+,\s*\w+,\s*([A-Z_]+) \}', text)
     return {(method, path, queries[query]) for method, path, query in rows}
 

@@ -188,11 +188,12 @@ static void volumes_are_encoded(void **state) {
     volume = proto_volume_encode(&info, "an id", false);
     char *text = proto_json_to_text(volume, NULL);
     assert_string_equal(
-        text, "{\"id\":\"an id\",\"name\":\"fixture\",\"source\":\"\",\"dims\":[64,64,32],"
+        text, "{\"id\":\"an "
+              "id\",\"name\":\"fixture\",\"source\":\"\",\"kind\":\"grid\",\"dims\":[64,64,32],"
               "\"spacing\":[1,1,2.5],\"origin\":[-10,0,0.125],\"direction\":[[1,0,0],[0,1,0],"
               "[0,0,1]],\"unit\":\"mm\",\"type\":\"uint8\",\"components\":1,\"range\":[0,255],"
               "\"nonfinite\":0,\"fields\":[{\"name\":\"\",\"components\":1,\"type\":\"uint8\","
-              "\"range\":[0,255]}],\"bytes\":131072}");
+              "\"range\":[0,255],\"unit\":\"\"}],\"bytes\":131072}");
     free(text);
     proto_json_free(&volume);
     strcpy(info.anatomy, "LPS");
@@ -203,19 +204,43 @@ static void volumes_are_encoded(void **state) {
     proto_json_free(&volume);
     strcpy(info.value_name, "magnitude");
     strcpy(info.vector_name, "wind");
+    strcpy(info.value_unit, "m/s");
     info.longest = 12.5;
     info.vector_bytes = 12 * 131072;
     volume = proto_volume_encode(&info, "an id", false);
     text = proto_json_to_text(proto_json_get(volume, "fields"), NULL);
-    assert_string_equal(
-        text, "[{\"name\":\"magnitude\",\"components\":1,\"type\":\"uint8\",\"range\":"
-              "[0,255]},{\"name\":\"wind\",\"components\":3,\"type\":\"float32\",\"range\":"
-              "[0,12.5]}]");
+    assert_string_equal(text,
+                        "[{\"name\":\"magnitude\",\"components\":1,\"type\":\"uint8\",\"range\":"
+                        "[0,255],\"unit\":\"m/s\"},{\"name\":\"wind\",\"components\":3,"
+                        "\"type\":\"float32\",\"range\":[0,12.5],\"unit\":\"m/s\"}]");
     int64_t bytes;
     assert_true(proto_json_integer(proto_json_get(volume, "bytes"), &bytes));
     assert_int_equal(bytes, 13 * 131072);
     free(text);
     proto_json_free(&volume);
+    info.elements = (struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 2 };
+    info.element_spacing = 0.5;
+    volume = proto_volume_encode(&info, "an id", false);
+    text = proto_json_to_text(proto_json_get(volume, "elements"), NULL);
+    assert_string_equal(text, "{\"count\":7,\"spacing\":0.5,\"degree\":2}");
+    free(text);
+    proto_json_free(&volume);
+    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0 };
+    info.folded = 4;
+    strcpy(info.warnings[0], "One.");
+    strcpy(info.warnings[1], "Two.");
+    volume = proto_volume_encode(&info, "an id", false);
+    assert_non_null(volume);
+    text = proto_json_to_text(proto_json_get(volume, "elements"), NULL);
+    assert_non_null(strstr(text, "\"folded\":4"));
+    free(text);
+    text = proto_json_to_text(proto_json_get(volume, "warnings"), NULL);
+    assert_string_equal(text, "[\"One.\",\"Two.\"]");
+    free(text);
+    proto_json_free(&volume);
+    info.folded = 0;
+    info.warnings[0][0] = 0;
+    info.elements = (struct sp_elements_shape){ SP_KIND_GRID, 0, 0, 0 };
     const double x[3] = { 0, 1, 4 }, z[2] = { 0, 2.5 };
     info.grid = (struct sp_grid){ .dims = { 3, 64, 2 }, .coordinates = { x, NULL, z } };
     volume = proto_volume_encode(&info, "an id", false);

@@ -56,6 +56,7 @@ def call(contract, values, stream, method, rng):
         params = {'at': [rng.uniform(0, 16), rng.uniform(0, 16)]}
     if method == 'time.play' and rng.random() < 0.5:  # few random views show the vectors that it needs
         stream.ask({'method': 'view.update', 'params': {'seq': 1, 'patch': {'volume': 'tornado', 'layers': [{'type': 'vectors'}]}}})
+        params = {'rate': rng.choice([-2, 0.5, 10])}  # its volume has one time step
     if method == 'measure.put' and rng.random() < 0.7:  # few random points fit their kind
         params = {'id': rng.choice(['a', 'C_2']), 'kind': 'marker', 'points': [[rng.uniform(0, 16) for _ in range(3)]]}
     is_sound = values.validator(schema).is_valid(params)

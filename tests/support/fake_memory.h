@@ -10,6 +10,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 
+#include "support/sanitized.h"
+
 enum memory_end { MEMORY_FAILS_ONCE, MEMORY_STAYS_OUT };
 
 /* Lets the next n allocations succeed and the one after them fail. With MEMORY_STAYS_OUT, all later
@@ -20,7 +22,7 @@ void memory_fail_after(long n, enum memory_end end);
  * its own. The second one is in the second round of a loop, when something of the first round must
  * be released. memory_fail_at_place() lets the next of all these allocations fail once;
  * memory_forget_places() starts again with the first. */
-enum { MEMORY_PLACE_CALLS = 16 };
+enum { MEMORY_PLACE_CALLS = TEST_TSAN ? 4 : 16 }; /* TSan: a sample of the places */
 void memory_fail_at_place(void);
 void memory_forget_places(void);
 /* Lets all allocations succeed again. Returns true if one has failed since memory_fail_after() or

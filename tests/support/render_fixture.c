@@ -89,9 +89,12 @@ void render_fixture_begin(struct render_fixture *fixture,
                                             .renderer = null };
     fixture->render_pool = srv_render_pool_create(&pool, &renderer, NULL);
     assert_non_null(fixture->render_pool);
-    struct srv_hub_options hub = { .volumes = { fixture->catalog, srv_catalog_acquire,
-                                                srv_catalog_ref, srv_catalog_release,
-                                                srv_catalog_default_view, srv_catalog_pick },
+    struct srv_hub_options hub = { .volumes = { .user = fixture->catalog,
+                                                .acquire = srv_catalog_acquire,
+                                                .ref = srv_catalog_ref,
+                                                .release = srv_catalog_release,
+                                                .default_view = srv_catalog_default_view,
+                                                .pick = srv_catalog_pick },
                                    .sessions_max = 2,
                                    .participants_max = 2,
                                    .session_idle_ms = 1e6,

@@ -281,22 +281,24 @@ static void windows_of_projections_suit_the_volume(void **state) {
     (void)state;
     struct sp_view view = make_view();
     /* Half of the samples are 0, half are 100. */
-    struct sp_volume_info info = { .range = { 0, 100 }, .histogram = { [0] = 500, [255] = 500 } };
-    const double root = 100 * (255.5 / 256) * sqrt(0.5);
+    struct sp_volume_info info = { .range = { 0, 100 },
+                                   .histogram = { [0] = 500, [255] = 500 },
+                                   .projected = { { 0.1, 0.9 }, { 0.25, 0.75 }, 12 } };
     double window[2];
-    for (int a = 0; a < 3; a++) {
-        info.grid.dims[a] = 10;
-        info.grid.spacing[a] = 2;
-    }
     view.compositing.zero = view.compositing.absorption = NAN;
     view.compositing.center = view.compositing.width = NAN;
     view.compositing.mode = SP_COMPOSITE_MEAN;
     sp_projection_window(&view, &info, window);
-    assert_float_equal(window[1], 2 * root, 1e-9);
-    assert_float_equal(window[0], root, 1e-9);
+    assert_float_equal(window[0], 50, 1e-9);
+    assert_float_equal(window[1], 50, 1e-9);
     view.compositing.mode = SP_COMPOSITE_SUM;
     sp_projection_window(&view, &info, window);
-    assert_float_equal(window[1], 2 * root * 20, 1e-9);
+    assert_float_equal(window[0], 600, 1e-9);
+    assert_float_equal(window[1], 1200, 1e-9);
+    view.compositing.zero = 50; /* half of the bright samples is left */
+    sp_projection_window(&view, &info, window);
+    assert_float_equal(window[1], 1200 * (49.8046875 / 99.8046875), 1e-9);
+    view.compositing.zero = NAN;
     view.compositing.absorption = 0.1;
     sp_projection_window(&view, &info, window);
     assert_float_equal(window[0], 0.5, 1e-12);
@@ -363,6 +365,36 @@ static void slices_beside_the_image_do_not_change_it(void **state) {
     assert_false(sp_view_is_same_image(&view, &moved));
 }
 
+static void what_needs_a_grid_does_not_fit_elements(void **state) {
+    (void)state;
+    struct sp_volume_info info;
+    struct sp_view view;
+    struct sp_error err;
+    make_info(&info);
+    info.elements = (struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = 3 };
+    sp_view_init(&view, &info, "id");
+    assert_true(sp_view_fits(&view, &info, &err));
+    view.layer_count = 2;
+    for (enum sp_layer_type type = SP_LAYER_VOLUME; type <= SP_LAYER_SHELL; type++) {
+        view.layers[1] = (struct sp_layer){ .type = type, .visible = true };
+        assert_false(sp_view_fits(&view, &info, &err));
+        assert_string_equal(err.place, "/layers/1/type");
+        view.layers[1].visible = false;
+        assert_true(sp_view_fits(&view, &info, &err));
+    }
+    view.edit_count = 1;
+    assert_false(sp_view_fits(&view, &info, &err));
+    assert_string_equal(err.place, "/edits");
+    view.edit_count = 0;
+    view.slices.in_3d = true;
+    assert_false(sp_view_fits(&view, &info, &err));
+    assert_string_equal(err.place, "/slices/in_3d");
+    info.elements = (struct sp_elements_shape){ .kind = SP_KIND_GRID };
+    view.edit_count = view.layer_count = 1;
+    view.layers[0] = (struct sp_layer){ .type = SP_LAYER_SURFACE, .visible = true };
+    assert_true(sp_view_fits(&view, &info, &err));
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(the_default_frames_the_volume),
@@ -370,6 +402,7 @@ int main(void) {
         cmocka_unit_test(the_default_hides_the_background),
         cmocka_unit_test(ranges_are_checked),
         cmocka_unit_test(slices_beside_the_image_do_not_change_it),
+        cmocka_unit_test(what_needs_a_grid_does_not_fit_elements),
         cmocka_unit_test(single_splats_are_not_classified_after_interpolation),
         cmocka_unit_test(sums_have_no_colours_of_the_transfer_function),
         cmocka_unit_test(projections_show_no_slices),

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Draws the overlay (measurements), the scale bar and the orientation cube into a saved picture.
+// Draws the overlay (measurements), the scale bar, the colour bar and the orientation cube into a saved picture.
 import { overlayPlacement } from '../core/capture.js';
 import { byId } from './dom.js';
 
@@ -16,7 +16,7 @@ const isShown = (element) => element !== null && element.checkVisibility();
 
 /** True if the page shows anything above the picture. */
 export function hasAnnotations() {
-  return isShown(byId('scale-bar')) || isShown(byId('cube')) || !overlay().hasAttribute('hidden') && overlay().querySelector('path, line, polyline, polygon, circle, ellipse, rect, text') !== null;
+  return isShown(byId('scale-bar')) || isShown(byId('color-bar')) || isShown(byId('cube')) || !overlay().hasAttribute('hidden') && overlay().querySelector('path, line, polyline, polygon, circle, ellipse, rect, text') !== null;
 }
 
 /** A copy of an <svg>, with the computed style of each element as attributes, as a document of its own. */
@@ -69,6 +69,30 @@ export function drawScaleBar(context, [right, bottom]) {
   context.restore();
 }
 
+/** Draws the colour bar of the page, if it shows one, as far from this lower right corner of the scale bar as it is in the page. */
+export function drawColorBar(context, [right, bottom]) {
+  const root = byId('color-bar');
+  if (!isShown(root)) return;
+  const scale = byId('scale-bar').getBoundingClientRect();
+  const strip = root.querySelector('canvas');
+  const placed = (element) => {
+    const { left, top, width, height } = element.getBoundingClientRect();
+    return [left - scale.right + right, top - scale.bottom + bottom, width, height];
+  };
+  context.save();
+  Object.assign(context, { shadowColor: '#000', shadowBlur: 3, fillStyle: '#fff', strokeStyle: 'rgb(255 255 255 / 65%)', lineWidth: 1, textBaseline: 'middle' });
+  context.strokeRect(...placed(strip));
+  for (const element of root.querySelectorAll('.color-title, .color-ticks span')) {
+    const { fontWeight, fontSize, fontFamily } = getComputedStyle(element);
+    const [x, y, width, height] = placed(element);
+    context.font = `${fontWeight} ${fontSize} ${fontFamily}`;
+    context.fillText(element.textContent, x, y + height / 2, width);
+  }
+  context.shadowBlur = 0;
+  context.drawImage(strip, ...placed(strip));
+  context.restore();
+}
+
 /** Draws the cube with its letters into the upper right corner. */
 async function drawCube(context, width, scale) {
   const cube = byId('cube');
@@ -90,6 +114,7 @@ export async function burnIn(blob, { size: [width, height], viewport, quality })
   picture.close();
   context.scale(scale, scale);
   drawScaleBar(context, [width / scale - CORNER_PX, height / scale - CORNER_PX]);
+  drawColorBar(context, [width / scale - CORNER_PX, height / scale - CORNER_PX]);
   await drawCube(context, width, scale);
   return canvas.convertToBlob({ type: blob.type, quality: quality / 100 });
 }

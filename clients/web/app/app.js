@@ -63,6 +63,8 @@ export function createApp(base) {
   return {
     base, storage, address, connection, viewer, screen, warp, layout, modes, shortcuts, banner, notice, errors, report,
     get api() { return connection.api; },
+    /** True if this client may load volumes. */
+    get mayOpen() { return Boolean(connection.api.may.open) && !connection.session?.isJoined; },
     participants: new Participants(),
     overlay: new Overlay(byId('overlay'), { viewer, screen, warp }),
     toolbar: new Toolbar(byId('toolbar'), shortcuts),

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Camera": the camera in numbers.
 import { sphereAround, zoomLimits } from '../core/camera.js';
-import { roundCoordinate } from '../core/lengths.js';
+import { roundCoordinate, unitName } from '../core/lengths.js';
 import { heightAtTarget, withFieldOfView } from '../core/movement.js';
 import { anglesOf, orientationOf } from '../core/orientation.js';
 import { t } from '../core/text.js';
@@ -72,7 +72,7 @@ class CameraNumbers {
         const value = name in angles ? round(angles[name]) : name === 'fov' ? round(rig.fovY) : roundCoordinate(rig[name], extent);
         input.value = String(value);
       }
-      if (name === 'distance' || name === 'height') unit.textContent = volume?.unit ?? '';
+      if (name === 'distance' || name === 'height') unit.textContent = unitName(volume?.unit);
     }
   }
 

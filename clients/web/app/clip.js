@@ -3,7 +3,7 @@
 import { depthOf, flipPlane, moveFace, planeAt, planeFrom, positionOf } from '../core/clip.js';
 import { length, scale } from '../core/vector.js';
 import { t } from '../core/text.js';
-import { ClipHandles } from './clip_handles.js';
+import { installClipHandles } from './clip_handles.js';
 import { ClipState } from './clip_state.js';
 import { byId, icon, make, setText } from './dom.js';
 import { ORDER } from './panel.js';
@@ -30,7 +30,7 @@ export function install(app) {
   const button = toolbar.button({
     id: 'clip-tool', icon: 'scissors', label: t('clip.tool'), key: 'c', group: 'tools', order: 50, isToggle: true, press: () => toggle(),
   });
-  new ClipHandles(app, state, () => toggle(false));
+  installClipHandles(app, state, () => toggle(false));
 
   state.on('change', () => {
     body.toggleAttribute('inert', !viewer.canControl);

@@ -4,7 +4,7 @@ import { Emitter } from '../core/emitter.js';
 import {
   PLANES_MAX, WHOLE, anchorOf, axisOf, axisPlane, depthOf, faceCoordinate, fractionAt, planeAt, planesOn, reconcile, sight,
 } from '../core/clip.js';
-import { numberText, roundCoordinate } from '../core/lengths.js';
+import { numberText, roundCoordinate, unitName } from '../core/lengths.js';
 import { length } from '../core/vector.js';
 import { t } from '../core/text.js';
 
@@ -33,7 +33,7 @@ export class ClipState extends Emitter {
   get isFull() { return this.#entries.length >= PLANES_MAX; }
   /** The box of the volume; null without a view. */
   get volumeBox() { return this.#viewer.box; }
-  get unit() { return this.#viewer.volume?.unit ?? ''; }
+  get unit() { return unitName(this.#viewer.volume?.unit); }
   /** The length of the diagonal of the volume. */
   get extent() { return 2 * length(this.volumeBox?.half.map(length) ?? [1, 0, 0]); }
 

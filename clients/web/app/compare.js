@@ -1,13 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
 // Comparison of the session's picture (A) with a second one (B) under the same camera: side by side, or split by a divider. B is a session
 // of its own (companion.js), so that the daemon renders both halves in full quality, and only this page sees B.
-import { sphereAround, volumeBox } from '../core/camera.js';
+import { rigFromCamera, sphereAround, volumeBox } from '../core/camera.js';
 import { isInSight, isSamePlace, linkedCamera, settingsOf } from '../core/compare.js';
+import { anatomyOf, frameOf, turnBetween } from '../core/orientation.js';
 import { t } from '../core/text.js';
 import { fullNameOf } from '../core/volume_names.js';
 import { Companion } from './companion.js';
 import { Divider } from './compare_divider.js';
 import { byId, make, setText } from './dom.js';
+import { Cube, namesOf } from './orientation.js';
 import { ORDER } from './panel.js';
 import { attachPointers, attachWheel } from './pointer.js';
 
@@ -30,6 +32,9 @@ class Compare {
   #companion = null;
   #isStarting = false;
   #told = new Set();
+  #listed = null; // the volume of A that the list of sources leaves out
+  #cube; // the directions of B
+  #directions = { anatomy: null, frame: frameOf(null), ...namesOf(null) };
   #pair = ''; // the volumes for which "Fit B to A" was chosen
 
   constructor(app, body) {
@@ -42,9 +47,11 @@ class Compare {
     this.#divider = new Divider(this.#stage, (percent) => {
       this.#canvas.style.clipPath = `inset(0 0 0 ${percent}%)`;
       this.#lost.style.setProperty('--split', `${percent}%`);
+      this.#app.overlay.update();
     });
     this.#badges = ['a', 'b'].map((name) => make('p', { class: 'compare-badge', 'data-side': name, hidden: true }, make('strong', { text: t(`compare.${name}`) }), make('span')));
     this.#stage.append(this.#divider.element, ...this.#badges);
+    this.#cube = new Cube({ viewer: { orientation: null }, orientation: this.#directions }, { id: 'cube-b', pane: this.#pane, isQuiet: true });
     this.#build(body);
     this.#follow();
     this.#show();
@@ -78,7 +85,8 @@ class Compare {
   #follow() {
     const { viewer, connection, layout } = this.#app;
     viewer.on('camera', () => this.#look());
-    viewer.on('view', () => {
+    viewer.on('view', (view) => {
+      if (view.volume !== this.#listed) this.listSources();
       this.#look();
       this.#label();
     });
@@ -101,10 +109,16 @@ class Compare {
   }
 
   get isOn() { return this.#companion !== null; }
+  /** True while a part of the 3-D picture is B. */
+  get splitsPicture() { return !this.#divider.element.hidden; }
   /** For tests: B, or null. */
   get companion() { return this.#companion; }
   /** Id of the volume that B shows; null = there is none. */
   get volume() { return this.#companion?.view?.volume ?? null; }
+  /** The share of the 3-D picture, from the left, that no other volume covers. */
+  get freeShare() {
+    return this.#divider.element.hidden || this.volume === this.#app.viewer.view.volume ? 1 : this.#divider.percent / 100;
+  }
 
   onChange(told) { this.#told.add(told); }
 
@@ -117,6 +131,7 @@ class Compare {
   listSources() {
     const { connection, viewer, saved } = this.#app;
     const before = this.#source.value || COPY;
+    this.#listed = viewer.view?.volume ?? null;
     const volumes = connection.volumes.filter((v) => v.state === 'ready' && v.id !== viewer.view?.volume);
     const views = saved?.views ?? [];
     const group = (label, options) => (options.length ? [make('optgroup', { label }, ...options)] : []);
@@ -166,7 +181,7 @@ class Compare {
     const { session } = connection;
     const size = screen.size;
     const made = session.isJoined ? await api.sessionFrom(session.id, session.token)
-      : await api.createSession({ ...view, camera: linkedCamera(viewer.camera, ...this.#spheres(view.volume)), size });
+      : await api.createSession({ ...view, camera: this.#linked(view.volume), size });
     this.#companion = new Companion({ base, env: connection.env, api, made, canvas: this.#canvas, isGuests: Boolean(session.isJoined) });
     this.#companion.on('view', () => this.#label());
     this.#companion.on('failed', (error) => setText(this.#note, error.message));
@@ -174,6 +189,7 @@ class Compare {
     this.#label();
     if (this.#divider.percent === 50) this.#divider.set(50);
     this.#look();
+    this.#app.panel.unfold('compare');
   }
 
   /** B is gone. */
@@ -205,18 +221,26 @@ class Compare {
 
   #exchange() {
     const { viewer } = this.#app;
-    const [a, b] = [viewer.view, this.#companion.view].map(settingsOf);
+    const { volume } = viewer.view;
+    const [a, b] = [viewer.view, this.#companion.view].map((view) => ({ ...settingsOf(view), camera: linkedCamera(view.camera) }));
     viewer.restore({ ...viewer.view, ...b });
     this.#companion.change(a);
-    this.listSources();
-    this.#source.value = `volume:${a.volume}`;
+    this.#source.value = `volume:${volume}`;
     if (!this.#source.value) this.#source.value = COPY; // both show one volume
-    this.#look();
+  }
+
+  #volume(id) {
+    return this.#app.connection.volumes.find((v) => v.id === id) ?? null;
   }
 
   #sphere(id) {
-    const volume = this.#app.connection.volumes.find((v) => v.id === id);
+    const volume = this.#volume(id);
     return volume?.dims ? sphereAround(volumeBox(volume)) : null;
+  }
+
+  /** From the world of A's volume to that of B's. */
+  #turn([a, b]) {
+    return turnBetween(anatomyOf(this.#volume(a)), anatomyOf(this.#volume(b)));
   }
 
   #setFit(isFitted) {
@@ -229,7 +253,7 @@ class Compare {
     const pair = [...volumes].sort().join(' ');
     if (pair === this.#pair || volumes[0] === volumes[1]) return;
     this.#pair = pair;
-    this.#setFit(!isSamePlace(...volumes.map((id) => this.#sphere(id))));
+    this.#setFit(!isSamePlace(...volumes.map((id) => this.#sphere(id)), this.#turn(volumes)));
   }
 
   /** Says that the camera shows nothing of B. */
@@ -242,34 +266,47 @@ class Compare {
     if (isLost) setText(this.#lost.firstChild, t('compare.lost', { name: this.#nameOf(volume) }));
   }
 
-  /** The spheres of both volumes if B is fitted, else nothing. */
-  #spheres(id = this.#companion?.view.volume) {
-    return this.#fit.checked ? [this.#sphere(this.#app.viewer.view.volume), this.#sphere(id)] : [];
+  /** The camera of A for B, which shows the volume `id`. */
+  #linked(id) {
+    const { camera, view } = this.#app.viewer;
+    const volumes = [view.volume, id];
+    return linkedCamera(camera, this.#turn(volumes), ...(this.#fit.checked ? volumes.map((volume) => this.#sphere(volume)) : []));
   }
 
   /** B gets the camera of A. */
   #look(time) {
     const { viewer } = this.#app;
     if (!this.#companion || !viewer.isSettled) return;
-    this.#companion.look(linkedCamera(viewer.camera, ...this.#spheres()), time);
+    this.#companion.look(this.#linked(this.#companion.view.volume), time);
+    this.#drawCube();
     this.#tellLost();
   }
 
   #nameOf(id) {
-    const { volumes } = this.#app.connection;
-    const volume = volumes.find((v) => v.id === id);
-    return volume ? fullNameOf(volume, volumes) : id;
+    const volume = this.#volume(id);
+    return volume ? fullNameOf(volume, this.#app.connection.volumes) : id;
   }
 
   #label() {
+    this.#app.overlay.update(); // B may cover more or less of it
     if (!this.#companion) return;
     const { viewer } = this.#app;
     const volumes = [viewer.view.volume, this.#companion.view.volume];
     this.#badges.forEach((badge, i) => setText(badge.lastChild, this.#nameOf(volumes[i])));
+    this.#nameCube(this.#volume(volumes[1]));
     this.#chooseFit(volumes);
     this.#fitRow.hidden = volumes[0] === volumes[1];
     this.#swap.disabled = !viewer.canControl;
   }
+
+  #nameCube(volume) {
+    const anatomy = anatomyOf(volume);
+    Object.assign(this.#directions, { anatomy, frame: anatomy ? frameOf(anatomy) : this.#app.orientation.frame, ...namesOf(anatomy) });
+    this.#cube.name();
+    this.#drawCube();
+  }
+
+  #drawCube() { this.#cube.draw(rigFromCamera(this.#companion.view.camera).orientation); }
 
   #show() {
     const { layout } = this.#app;
@@ -281,7 +318,7 @@ class Compare {
     this.#stage.toggleAttribute('data-compare', isSplit);
     for (const badge of this.#badges) badge.hidden = !this.isOn;
     if (isSide) {
-      this.#pane.append(this.#canvas, this.#badges[1], this.#lost);
+      this.#pane.append(this.#canvas, this.#cube.root, this.#badges[1], this.#lost);
       this.#canvas.style.clipPath = 'none';
       this.#lost.style.setProperty('--split', '0%');
       layout.set('compare');
@@ -299,7 +336,6 @@ class Compare {
     if (isSide) this.#stage.append(this.#badges[0]);
     this.#label();
     this.#tellLost();
-    this.#app.overlay.update();
     for (const told of this.#told) told();
   }
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One picture of all panes as the layout shows them: the 3-D picture, the slices, and the lines and letters above them.
-import { drawScaleBar, imageOf } from './annotations.js';
+import { drawColorBar, drawScaleBar, imageOf } from './annotations.js';
 import { byId } from './dom.js';
 
 const TEXTS = '.pane-title, .slice-letter, .slice-foot input, .slice-foot span, .slice-read';
@@ -50,6 +50,7 @@ async function drawPane(context, pane, origin, picture, ratio) {
   if (is3d) {
     const { right, bottom } = byId('scale-bar').getBoundingClientRect();
     drawScaleBar(context, [right - origin.left, bottom - origin.top]);
+    drawColorBar(context, [right - origin.left, bottom - origin.top]);
   }
   context.restore();
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A curve of points with everything to edit it: the plot, the selected point in numbers, and zoom along both axes. The transfer
 // function and its gradient axis are curves. Parts are found by data-part below the root.
+import { numberText } from '../core/lengths.js';
 import { addPoint, movePoint, opacityAt, placePoint, removePoint, middleBeside } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { setText } from './dom.js';
@@ -189,8 +190,8 @@ export class Curve {
     }
     add.disabled = points.length >= this.#limit;
     remove.disabled = points.length <= (this.#view.mode === 'gradient' ? 0 : 1);
-    setText(low, showNumber(xs[0]));
-    setText(high, showNumber(xs[1]));
+    setText(low, numberText(digits(xs[0])));
+    setText(high, numberText(digits(xs[1])));
     all.disabled = !this.#xs;
   }
 }

@@ -29,6 +29,12 @@ export function svg(tag, attributes = {}, ...children) {
   return made;
 }
 
+/** True if what needs this part of core/kinds.js has a meaning for the picture. Without needs: always. */
+export function isOffered(needs) {
+  const { offers } = document.body.dataset;
+  return !needs || offers === undefined || offers.split(' ').includes(needs);
+}
+
 /** An icon of icons.svg; it is hidden from screen readers, so its button needs a name. */
 export function icon(name) {
   return svg('svg', { class: 'icon', 'aria-hidden': 'true', width: 18, height: 18 }, svg('use', { href: `icons.svg#${name}` }));

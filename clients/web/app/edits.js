@@ -3,13 +3,14 @@
 // the transfer function edits, so both share undo and redo. Points come from the picture or from a slice (tools below).
 import { depthOf, flipPlane, planeAt, positionOf, sight } from '../core/clip.js';
 import { boxEdit, canAddEdits, changeEdit, editsOfClip, partEdit, planeEdit, rangeOfPart, removeEdit, sphereEdit } from '../core/edits.js';
-import { isGrey } from '../core/projection.js';
+import { numberText } from '../core/lengths.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { BoxRows } from './clip.js';
 import { icon, make, setAttribute, setText } from './dom.js';
-import { showNumber } from './fields.js';
+import { installEditHandles } from './edit_handles.js';
 import { pickAt } from './measure_tools.js';
+import { tellIfNothing } from './nothing_visible.js';
 import { ORDER } from './panel.js';
 
 const RADIUS = 0.08; // of a new sphere, in diagonals of the volume
@@ -25,6 +26,7 @@ export function install(app) {
   app.edits = edits;
   for (const name of MODES) app.modes.add(name, new PointMode(app, edits, name).mode);
   const section = new EditSection(app, edits);
+  installEditHandles(app, edits, section.fold);
   app.transfer.onShow(() => {
     section.show();
     edits.check();
@@ -93,15 +95,9 @@ class Edits {
     this.#checked = key;
     this.#app.prompts.hide('edits');
     clearTimeout(this.#timer);
-    if (this.isEditable && this.list.length > 0) this.#timer = setTimeout(() => this.#tellEmpty(key), CHECK_MS);
-  }
-
-  async #tellEmpty(key) {
-    const { prompts, transfer, viewer } = this.#app;
-    if (isGrey(viewer.view)) return; // it does not use the transfer function
-    const part = await viewer.visiblePart();
-    if (part?.visible !== false || key !== JSON.stringify(this.list)) return;
-    prompts.show('edits', { text: t('edits.all'), actions: [{ label: t('edits.undo'), press: () => transfer.undo(performance.now()) }] });
+    if (this.isEditable && this.list.length > 0) this.#timer = setTimeout(() => tellIfNothing(this.#app, {
+      id: 'edits', text: t('edits.all'), isLate: () => key !== JSON.stringify(this.list),
+    }), CHECK_MS);
   }
 }
 
@@ -137,7 +133,7 @@ class PointMode {
     const found = pane ? { position: world, value: pane.valueAt(world) } : await pickAt(this.#app, at);
     const isLate = viewer.view.volume !== view.volume || modes.current !== this.#name;
     if (!found || found.value === null || !Number.isFinite(found.value) || isLate) return;
-    const edit = this.#name in PARTS ? partEdit(found.position, rangeOfPart(view, found.value, transfer.range).map(digits), PARTS[this.#name])
+    const edit = this.#name in PARTS ? partEdit(found.position, rangeOfPart(view, found.value, transfer.range), PARTS[this.#name])
       : sphereEdit(found.position, digits(clip.extent * RADIUS));
     modes.leave(this.#name);
     this.#edits.add([edit], time);
@@ -151,7 +147,7 @@ class EditSection {
   constructor(app, edits) {
     this.#app = app;
     this.#edits = edits;
-    this.#body = app.panel.section({ id: 'edit', title: t('edits.section'), order: ORDER.edit });
+    this.#body = app.panel.section({ id: 'edit', title: t('edits.section'), order: ORDER.edit, needs: 'grid' });
     this.#body.dataset.pointer = '/edits';
     this.#list = make('ol', { id: 'edit-list', 'aria-label': t('edits.list') });
     this.#empty = make('p', { class: 'about', text: t('edits.empty') });
@@ -173,6 +169,8 @@ class EditSection {
       make('div', { class: 'buttons', role: 'group', 'aria-label': t('edits.cut') }, ...this.#adders),
       this.#list, this.#empty, make('div', { class: 'buttons' }, this.#undo, this.#redo, this.#reset));
   }
+
+  get fold() { return this.#body.closest('details'); }
 
   #row(index) {
     const edits = this.#edits;
@@ -356,7 +354,7 @@ class PartDetails extends Details {
 
   constructor(app, edits) {
     super(app, edits, 'part');
-    this.#range = this.numbers([t('edits.low'), t('edits.high')], (range, time) => range[0] <= range[1] && this.set({ range }, time));
+    this.#range = this.numbers([t('edits.low'), t('edits.high')], (range, time) => this.set({ range: [Math.min(...range), Math.max(...range)] }, time));
     this.#place = make('p', { class: 'about' });
     this.root.append(this.keepRow(), make('div', { class: 'row', role: 'group', 'aria-label': t('edits.range'), title: t('edits.range.title') },
       make('span', { text: t('edits.range') }), make('span', { class: 'range' }, this.#range[0], '–', this.#range[1])), this.#place);
@@ -368,6 +366,6 @@ class PartDetails extends Details {
     super.show(index);
     const { range, point } = this.edit;
     this.#range.forEach((input, i) => this.put(input, range[i], this.app.layers.round(range[i])));
-    setText(this.#place, t('edits.place', { place: point.map(showNumber).join(', '), unit: this.app.clip.unit }).trim());
+    setText(this.#place, t('edits.place', { place: point.map((part) => numberText(this.app.clip.round(part))).join(', '), unit: this.app.clip.unit }).trim());
   }
 }

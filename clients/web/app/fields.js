@@ -11,7 +11,7 @@ const IDENTITY = { at: Number, of: Number };
 const SCALES = { '/compositing/slab': logarithmic(0.05, 64) };
 
 /** Rounds to three digits: 0.7, 12.5, -1790. */
-export const threeDigits = (value) => Number(value.toPrecision(3));
+const threeDigits = (value) => Number(value.toPrecision(3));
 
 /** Formats a number with three digits: 0.7, 12.5, −1790. */
 export const showNumber = (value) => numberText(threeDigits(value));

@@ -12,7 +12,7 @@ export function install({ viewer, modes, shortcuts, panel, screen, toolbar }) {
   for (const [keys, act] of cameraKeys(viewer)) shortcuts.add(keys, act);
   shortcuts.add('?', toggleHelp);
   shortcuts.add('p', () => panel.toggle());
-  byId('help-open').addEventListener('click', toggleHelp);
+  for (const id of ['help-open', 'help-close']) byId(id).addEventListener('click', toggleHelp);
   byId('fit').addEventListener('click', (event) => viewer.fit(event.timeStamp));
   byId('reset').addEventListener('click', (event) => viewer.reset(event.timeStamp));
   byId('reset-all').addEventListener('click', (event) => viewer.resetAll(event.timeStamp));

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The panel "Path": edits the keyframes of a camera path, plays the path in the view, and sends it to the daemon.
 import {
-  EMPTY, KEYS_MAX, SECONDS, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf,
+  EMPTY, KEYS_MAX, SECONDS, append, appendTurn, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf,
   secondsAt, stretch, turnOf, uprightAxis, viewAt,
 } from '../core/keyframes.js';
 import { t } from '../core/text.js';
@@ -90,15 +90,12 @@ class Keyframes {
     return { view: this.#viewer.view, picture: this.#screen.thumbnail() };
   }
 
-  /** A turn that is the whole path becomes a loop; otherwise it returns to its start. */
   async #addTurn() {
     const { camera, box, view } = this.#viewer;
     const { value } = byId('turn-axis');
     const axis = value === 'screen' ? camera.up : value === 'upright' ? uprightAxis(camera, box.half) : box.half[Number(value)];
-    const seen = keyOf(this.#currentView);
     const turned = turnOf(view, axis).slice(1).map((other) => keyOf({ view: other }));
-    const isAll = this.#path.keys.length === 0;
-    this.#setPath({ ...append(this.#path, seen, ...turned, ...(isAll ? [] : [seen])), isLoop: isAll || this.#path.isLoop });
+    this.#setPath(appendTurn(this.#path, [keyOf(this.#currentView), ...turned]));
     for (const { view: other } of turned) await this.#addThumbnail(other); // one image at a time
   }
 

@@ -1,16 +1,25 @@
 // SPDX-License-Identifier: Apache-2.0
-// The section "Layers": what the picture shows in one image, the volume, surfaces, a shell and vectors. The list is part of the state that
-// the transfer function edits, so both share undo and redo. The marks of surfaces in the histogram are in layers_markers.js.
+// The section "Layers": what the picture shows in one image: the volume, surfaces, a shell and vectors, and elements of this volume or of
+// other ones (layers_elements.js, layers_add.js). The list is part of the state that the transfer function edits, so both share undo and
+// redo. The marks of surfaces in the histogram are in layers_markers.js.
+import { sphereAround, volumeBox } from '../core/camera.js';
+import { isSamePlace } from '../core/compare.js';
+import { countText, kindOf, layerTypeOf } from '../core/kinds.js';
 import {
-  FLATNESS_MAX, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, layersOf, moveThreshold, numberOf, removeLayer, showVolume,
-  showsOthers, showsVolume, surfaceValue,
+  FLATNESS_MAX, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, layersOf, moveThreshold, numberOf,
+  removeLayer, showVolume, showsOthers, showsVolume, surfaceValue,
 } from '../core/layers.js';
-import { numberText, roundCoordinate } from '../core/lengths.js';
+import { numberText, roundValue } from '../core/lengths.js';
 import { SHEETS, isProjection } from '../core/projection.js';
+import { fitPlacement, matrixOf } from '../core/placement.js';
 import { logarithmic, quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
+import { showsValues } from '../core/transfer.js';
+import { fullNameOf } from '../core/volume_names.js';
 import { byId, icon, make, setAttribute, setText } from './dom.js';
 import { showNumber, showValue } from './fields.js';
+import { LayerAdder } from './layers_add.js';
+import { GaussiansDetails, GeometryDetails, PointsDetails } from './layers_elements.js';
 import { LayerMarkers } from './layers_markers.js';
 import { digits, hexOf, onColor, onSlide, sliderRow } from './layers_rows.js';
 import { VectorsDetails, createPlaying } from './layers_vectors.js';
@@ -32,6 +41,7 @@ export function install(app) {
   const section = new LayersSection(app, layers);
   const markers = new LayerMarkers(byId('layer-markers'), layers);
   app.transfer.onShow(() => section.show());
+  app.connection.on('volumes', () => app.transfer.plan());
   app.transfer.onPaint((xs) => markers.show(xs));
 }
 
@@ -47,12 +57,40 @@ export class Layers {
   get isEditable() { return this.#app.transfer.isEditable; }
 
   /** Rounds a value to a fine step within a range: that of all values, or the visible one. */
-  round(value, [low, high] = this.range) { return roundCoordinate(value, (high - low) / 10); }
+  round(value, range = this.range) { return roundValue(value, range); }
 
   /** What is called "Surface 2". */
   nameOf(index) {
-    const { type } = this.list[index];
+    const { type, id } = this.list[index];
+    if (id) return this.volumeName(id);
     return type === 'surface' ? t('layers.surface', { number: numberOf(this.list, index) }) : t(`layers.${type}`);
+  }
+
+  /** The volume of the list whose elements a layer shows; null = it is closed, or the list is not known. */
+  volumeOf({ id }) { return id ? this.#app.connection.volumes.find((volume) => volume.id === id) ?? null : this.#app.viewer.volume; }
+
+  volumeName(id) {
+    const { volumes } = this.#app.connection;
+    const volume = volumes.find((other) => other.id === id);
+    return volume ? fullNameOf(volume, volumes) : id;
+  }
+
+  /** True if a layer shows another volume that is not loaded. A guest does not know. */
+  isClosed(layer) {
+    if (!layer.id || this.#app.connection.session?.isJoined) return false;
+    return !['ready', 'loading'].includes(this.volumeOf(layer)?.state);
+  }
+
+  /** The sphere around the elements of a layer, or around the view's volume; null = not known. */
+  sphereOf(layer) {
+    const volume = this.volumeOf(layer);
+    return volume?.dims ? sphereAround(volumeBox(volume)) : null;
+  }
+
+  /** The placement that shows a layer where the view's volume is, and as large; null = not known. */
+  fitOf(layer) {
+    const [from, into] = [this.sphereOf(layer), this.sphereOf({ id: '' })];
+    return from && into ? fitPlacement(from, into) : null;
   }
 
   select(index) {
@@ -109,14 +147,47 @@ export class Layers {
     this.selected = this.list.length - 1;
   }
 
+  /** The volumes whose elements a layer can show. */
+  get sources() { return this.#app.connection.volumes.filter((volume) => volume.state === 'ready' && kindOf(volume) !== 'grid'); }
+
+  /** Shows the elements of a volume: in a new layer, or in that of an index. They are moved into the picture if their coordinates are elsewhere. */
+  addVolume(volume, time, index = null) {
+    const { viewer, notice } = this.#app;
+    const type = layerTypeOf(kindOf(volume));
+    if (!this.isEditable) return;
+    if (type === 'volume') {
+      notice.show(t('layers.add.grid', { name: this.volumeName(volume.id) }), 'warning');
+      return;
+    }
+    if (this.list[index]?.type === type) {
+      this.change(index, { id: volume.id }, time);
+      return;
+    }
+    const list = this.list[index] ? this.list.filter((_, i) => i !== index) : this.list;
+    if (!canAdd(list, type)) return;
+    const layer = { id: volume.id === viewer.view.volume ? '' : volume.id };
+    const sphere = this.sphereOf(layer);
+    const isElsewhere = Boolean(layer.id) && !isSamePlace(sphere, this.sphereOf({ id: '' }));
+    const fit = isElsewhere ? this.fitOf(layer) : null;
+    this.#edit(addElements(list, type, layer.id, fit ? matrixOf(fit, sphere.center) : undefined), time);
+    this.selected = this.list.length - 1;
+    const name = this.volumeName(volume.id);
+    const isHidden = type === 'points' && !showsValues(this.#app.transfer.points, volume.range);
+    if (isHidden) notice.show(t('layers.add.hidden', { name, low: showNumber(volume.range[0]), high: showNumber(volume.range[1]) }), 'warning');
+    else if (fit) notice.show(t('layers.add.fitted', { name }));
+  }
+
+  /** True if the layer may be removed: a volume without a grid has no other picture. */
+  canRemove() { return this.#app.viewer.kind === 'grid' || this.list.length > 1; }
+
   remove(index, time) {
-    this.#edit(removeLayer(this.list, index), time);
+    this.#edit(removeLayer(this.list, index, layerTypeOf(this.#app.viewer.kind)), time);
     if (this.selected >= index) this.selected = Math.max(-1, Math.min(this.selected - 1, this.list.length - 1));
   }
 }
 
 class LayersSection {
-  #app; #layers; #body; #list; #add;
+  #app; #layers; #body; #list; #add; #adder; #undo; #redo;
   #details;
   #key = '';
   #offered = new Set(); // volumes whose vectors were offered
@@ -126,14 +197,21 @@ class LayersSection {
     this.#layers = layers;
     this.#body = app.panel.section({ id: 'layers', title: t('layers.section'), order: ORDER.layers, isOpen: true });
     this.#list = make('ol', { id: 'layer-list', 'aria-label': t('layers.section') });
-    this.#details = { surface: new SurfaceDetails(app, layers), shell: new ShellDetails(layers), vectors: new VectorsDetails(layers, app.playing) };
+    this.#adder = new LayerAdder(app, layers, (add) => this.#added(add));
+    const choose = (index) => this.#adder.show(index);
+    this.#details = {
+      surface: new SurfaceDetails(app, layers), shell: new ShellDetails(layers), vectors: new VectorsDetails(layers, app.playing),
+      points: new PointsDetails(layers, choose), gaussians: new GaussiansDetails(layers, choose), geometry: new GeometryDetails(layers, choose),
+    };
     this.#add = {
-      surface: make('button', { id: 'layer-add-surface', text: t('layers.add.surface'), title: t('layers.add.surface.title'), press: ({ timeStamp }) => this.#added(() => layers.addSurface(timeStamp)) }),
-      shell: make('button', { id: 'layer-add-shell', text: t('layers.add.shell'), title: t('layers.add.shell.title'), press: ({ timeStamp }) => this.#added(() => layers.addShell(timeStamp)) }),
+      surface: make('button', { id: 'layer-add-surface', text: t('layers.add.surface'), title: t('layers.add.surface.title'), 'data-needs': 'grid', press: ({ timeStamp }) => this.#added(() => layers.addSurface(timeStamp)) }),
+      shell: make('button', { id: 'layer-add-shell', text: t('layers.add.shell'), title: t('layers.add.shell.title'), 'data-needs': 'grid', press: ({ timeStamp }) => this.#added(() => layers.addShell(timeStamp)) }),
       vectors: make('button', { id: 'layer-add-vectors', text: t('layers.add.vectors'), title: t('layers.add.vectors.title'), press: ({ timeStamp }) => this.#added(() => layers.addVectors(timeStamp)) }),
     };
     this.#body.dataset.pointer = '/layers';
-    this.#body.append(this.#list, make('div', { class: 'buttons' }, ...Object.values(this.#add)));
+    this.#undo = make('button', { id: 'layers-undo', text: t('layers.undo'), title: t('layers.undo.title'), press: ({ timeStamp }) => app.transfer.undo(timeStamp) });
+    this.#redo = make('button', { id: 'layers-redo', text: t('layers.redo'), title: t('layers.redo.title'), press: ({ timeStamp }) => app.transfer.redo(timeStamp) });
+    this.#body.append(this.#list, make('div', { class: 'buttons' }, ...Object.values(this.#add)), make('div', { class: 'buttons' }, this.#adder.button, this.#undo, this.#redo));
   }
 
   #added(add) {
@@ -161,7 +239,7 @@ class LayersSection {
     remove.addEventListener('click', ({ timeStamp }) => {
       layers.remove(index, timeStamp);
       this.show();
-      (this.#list.querySelector('.layer-pick[aria-expanded="true"]') ?? this.#add[type]).focus();
+      (this.#list.querySelector('.layer-pick[aria-expanded="true"]') ?? this.#add[type] ?? this.#adder.button).focus();
     });
     return make('li', { 'data-type': type, 'data-index': index }, make('div', { class: 'row' },
       this.#eye(t('layers.show', { name }), ({ timeStamp }) => layers.change(index, { visible: !layers.list[index].visible }, timeStamp)),
@@ -175,17 +253,39 @@ class LayersSection {
     const { list, isEditable } = layers;
     this.#body.toggleAttribute('inert', !isEditable);
     const indices = list.map((_, i) => i).filter((i) => list[i].type in this.#details);
-    const key = JSON.stringify(list.map(({ type }) => type));
+    const isGrid = this.#app.viewer.kind === 'grid';
+    const key = JSON.stringify([isGrid, list.map(({ type }, i) => [type, type in this.#details && layers.nameOf(i)])]);
     if (key !== this.#key) {
       this.#key = key;
       for (const { root } of Object.values(this.#details)) root.remove();
-      this.#list.replaceChildren(this.#volumeRow(), ...indices.map((i) => this.#row(i)));
+      this.#list.replaceChildren(...(isGrid ? [this.#volumeRow()] : []), ...indices.map((i) => this.#row(i)));
     }
-    this.#showEye(this.#list.firstElementChild, showsVolume(list));
-    indices.forEach((i, at) => this.#showRow(this.#list.children[at + 1], i));
+    if (isGrid) this.#showEye(this.#list.firstElementChild, showsVolume(list));
+    indices.forEach((i, at) => this.#showRow(this.#list.children[at + Number(isGrid)], i));
     for (const [type, button] of Object.entries(this.#add)) button.disabled = !canAdd(list, type);
     this.#add.vectors.hidden = !hasVectors(this.#app.viewer.volume);
+    this.#adder.follow();
+    this.#undo.disabled = !this.#app.transfer.canUndo;
+    this.#redo.disabled = !this.#app.transfer.canRedo;
     this.#offerVectors();
+    this.#tellClosed();
+  }
+
+  /** Says that the volume of a visible layer is not loaded, because then there is no picture. */
+  #tellClosed() {
+    const { prompts } = this.#app;
+    const layers = this.#layers;
+    const index = layers.isEditable ? layers.list.findIndex((layer) => layer.visible && layers.isClosed(layer)) : -1;
+    if (index < 0) {
+      prompts.hide('closed');
+      return;
+    }
+    prompts.show('closed', {
+      text: t('layers.closed.told', { name: layers.nameOf(index) }), actions: [
+        { label: t('layers.closed.choose'), press: () => this.#adder.show(index) },
+        { label: t('layers.closed.hide'), press: () => layers.change(index, { visible: false }, performance.now()) },
+      ],
+    });
   }
 
   /** Says once that a volume has vectors, because its first picture does not show them. */
@@ -205,7 +305,9 @@ class LayersSection {
   #describe(layer) {
     if (layer.type === 'surface') return numberText(this.#layers.round(layer.value));
     if (layer.type === 'shell') return t('layers.thresholds', { low: showNumber(layer.low), high: showNumber(layer.high) });
-    return t(`layers.style.${layer.style}`);
+    if (layer.type === 'vectors') return t(`layers.style.${layer.style}`);
+    if (this.#layers.isClosed(layer)) return t('layers.closed');
+    return layer.id ? t(`layers.${layer.type}`) : countText(this.#layers.volumeOf(layer));
   }
 
   #showEye(item, isVisible) {
@@ -219,7 +321,9 @@ class LayersSection {
   #showRow(item, index) {
     const layer = this.#layers.list[index];
     const isSelected = index === this.#layers.selected;
-    const isColored = layer.type === 'surface' || layer.style === 'blend';
+    const isColored = layer.type === 'surface' || layer.type === 'geometry' || layer.style === 'blend';
+    item.toggleAttribute('data-closed', this.#layers.isClosed(layer));
+    item.querySelector('.small').disabled = !this.#layers.canRemove();
     this.#showEye(item, layer.visible);
     setAttribute(item.querySelector('.layer-pick'), 'aria-expanded', isSelected);
     item.querySelector('.swatch').style.backgroundColor = isColored ? cssColor(layer.color) : '';

@@ -70,9 +70,9 @@ export class Layout extends Emitter {
 }
 
 /** The buttons for layouts that have panes of their own. */
-export function layoutButton({ toolbar, layout }, { name, icon: sign, label, key, order }) {
+export function layoutButton({ toolbar, layout }, { name, icon: sign, label, key, order, needs = null }) {
   const button = toolbar.button({
-    id: `layout-${name}`, icon: sign, label, key, order, group: 'layout', isToggle: true, press: () => layout.set(name),
+    id: `layout-${name}`, icon: sign, label, key, order, group: 'layout', isToggle: true, needs, press: () => layout.set(name),
   });
   const show = () => button.setAttribute('aria-pressed', String(layout.current === name));
   layout.on('change', show);

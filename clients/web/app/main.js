@@ -2,10 +2,12 @@
 // Starts the page: its language, the shared parts (app.js), and the features. To add a feature, write a module with install(app) and add
 // it to the list.
 import { chooseLanguage, useTexts } from '../core/text.js';
+import english from '../text/en.js';
 import { createApp } from './app.js';
 import * as camera from './camera.js';
 import * as capture from './capture.js';
 import * as clip from './clip.js';
+import * as colorBar from './color_bar.js';
 import * as compare from './compare.js';
 import * as connectionBanner from './connection_banner.js';
 import { showTexts } from './dom.js';
@@ -16,6 +18,7 @@ import * as gradient from './gradient.js';
 import * as input from './input.js';
 import * as inspect from './inspect.js';
 import * as savedViews from './saved_views.js';
+import * as kinds from './kinds.js';
 import * as keyframes from './keyframes.js';
 import * as layers from './layers.js';
 import * as measures from './measures.js';
@@ -28,10 +31,12 @@ import * as picture from './picture.js';
 import * as presets from './presets.js';
 import * as scaleBar from './scale_bar.js';
 import * as session from './session.js';
+import * as sheet from './sheet.js';
 import * as status from './status.js';
 import * as slices from './slices.js';
 import * as statusPanel from './status_panel.js';
 import * as stream from './stream.js';
+import * as time from './time.js';
 import * as transfer from './transfer.js';
 import * as transferFiles from './transfer_files.js';
 import * as transferKinds from './transfer_kinds.js';
@@ -46,15 +51,16 @@ import * as zoomBox from './zoom_box.js';
 
 /** In the order of installation; listeners of the same event run in this order. */
 const FEATURES = [
-  frames, warp, status, stream, formats, connectionBanner, session, input, pick,
+  kinds, frames, warp, status, stream, formats, connectionBanner, session, input, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures, edits,
-  open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, savedViews, inspect,
+  picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures, edits,
+  open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, colorBar, savedViews, inspect,
 ];
 
 async function start() {
   const asked = new URLSearchParams(location.search).get('lang');
   const language = chooseLanguage(asked ? [asked] : navigator.languages);
+  useTexts(english);
   if (language !== 'en') useTexts((await import(`../text/${language}.js`)).default);
   document.documentElement.lang = language;
   showTexts(document);

@@ -30,7 +30,7 @@ export function onCovers(told) {
 }
 
 const ABOVE_ALL = '#panel, #toolbar, #mode-bar, #status, #stats, #notice, .prompt';
-const ABOVE_PANE = '#cube, #scale-bar, .compare-badge, .pane-title, .slice-read, .slice-foot, .slice-letter, .slice-slider';
+const ABOVE_PANE = '.cube, #scale-bar, #color-bar, .compare-badge, .pane-title, .slice-read, .slice-foot, .slice-letter, .slice-slider';
 
 /** Returns what lies above a picture or a slice and would hide its labels: boxes {x, y, width, height} in CSS px; x and y are the middle. */
 export function coversOf(canvas) {

@@ -284,7 +284,9 @@ export function installLayers(app, measures) {
   let sheet = null;
   const layer = overlay.layer((project, { group, width, height }) => {
     sheet ??= new Sheet(group);
-    sheet.size = [width, height];
+    const share = app.compare.freeShare;
+    group.style.clipPath = share < 1 ? `inset(0 ${100 * (1 - share)}% 0 0) view-box` : '';
+    sheet.size = [width * share, height];
     drawAll(sheet, app, measures, { canvas: screen.element, toScreen: project });
   });
   layer.group.classList.add('measures');

@@ -13,6 +13,9 @@ const BOTTOM = 20;
 const WIDE_TEXT = 10; // letters of a number that takes a row for itself
 const LETTER_PX = 6; // of a tick's number
 
+/** The caption of an axis of values. */
+const valuesIn = (unit) => (unit ? t('measure.value.unit', { unit }) : t('measure.value'));
+
 /** A frame with grid lines and numbers: x(value), y(value) in px. The axes are [low, high]. */
 function axes(figure, xs, ys) {
   const [xTicks, yTicks] = [ticks(...xs, 4), ticks(...ys, 3)];
@@ -44,8 +47,8 @@ function curveOf(values, place) {
   }).join('');
 }
 
-/** The plot of a profile: {profile: {step, positions, values}, value, unit, statistics}. show(world) marks a place in the pictures. */
-export function profilePlot({ profile, value, unit, statistics }, show) {
+/** The plot of a profile: {profile: {step, positions, values}, value, unit, data_unit, statistics}. show(world) marks a place in the pictures. */
+export function profilePlot({ profile, value, unit, data_unit: dataUnit, statistics }, show) {
   const { step, positions, values } = profile;
   const { min, max } = statistics;
   const last = values.length - 1;
@@ -65,7 +68,7 @@ export function profilePlot({ profile, value, unit, statistics }, show) {
   const point = (i) => {
     at = Math.min(Math.max(i, 0), last);
     const has = values[at] !== null;
-    const text = t('measure.at', { place: `${shortNumber(step * at)} ${unitName}`, value: has ? shortNumber(values[at]) : t('measure.novalue') });
+    const text = t('measure.at', { place: `${shortNumber(step * at)} ${unitName}`, value: has ? `${shortNumber(values[at])} ${dataUnit}`.trim() : t('measure.novalue') });
     for (const name of ['x1', 'x2']) line.setAttribute(name, x(step * at));
     line.setAttribute('visibility', 'visible');
     dot.setAttribute('visibility', has ? 'visible' : 'hidden');
@@ -98,12 +101,12 @@ export function profilePlot({ profile, value, unit, statistics }, show) {
     event.preventDefault();
     event.stopPropagation();
   });
-  const [above, below] = captions(t('measure.value'), t('measure.distance.axis', { unit: unitName }));
+  const [above, below] = captions(valuesIn(dataUnit), t('measure.distance.axis', { unit: unitName }));
   return make('div', {}, above, figure, below, read);
 }
 
-/** The histogram of a region: {range, counts}. */
-export function histogramPlot({ range, counts }) {
+/** The histogram of a region: {histogram: {range, counts}, data_unit}. */
+export function histogramPlot({ histogram: { range, counts }, data_unit: dataUnit }) {
   const most = Math.max(...counts, 1);
   const figure = figureOf({ role: 'img', 'aria-label': t('measure.histogram', { min: shortNumber(range[0]), max: shortNumber(range[1]) }) });
   const { x, y } = axes(figure, range, [0, most]);
@@ -114,7 +117,7 @@ export function histogramPlot({ range, counts }) {
     if (!count) return;
     figure.append(svg('rect', { class: 'measure-bar', x: from + wide * i, y: y(count), width: Math.max(wide - 1, 1), height: y(0) - y(count) }));
   });
-  const [above, below] = captions(t('measure.count'), t('measure.value'));
+  const [above, below] = captions(t('measure.count'), valuesIn(dataUnit));
   return make('div', {}, above, figure, below);
 }
 

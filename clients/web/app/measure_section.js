@@ -68,15 +68,20 @@ class Section {
       return true;
     }, t('measure.remove.key'));
     window.addEventListener('keydown', (event) => this.#undoKey(event), true);
+    let { steps } = app.transfer;
+    app.transfer.onShow(() => {
+      if (app.transfer.steps !== steps) measures.isNewest = false;
+      steps = app.transfer.steps;
+    });
     this.#show();
   }
 
-  /** Ctrl+Z is of this section while a measurement is selected or the focus is here; a text field keeps its own. */
+  /** Ctrl+Z is of this section while the focus is here, or a measurement is selected and nothing else changed since; a text field keeps its own. */
   #undoKey(event) {
     const key = event.key.toLowerCase();
     if (!(event.ctrlKey || event.metaKey) || event.altKey || (key !== 'z' && key !== 'y')) return;
     const { target } = event;
-    const isHere = target.closest?.('#measure') || (this.#measures.selected && !target.closest?.('#panel'));
+    const isHere = target.closest?.('#measure') || (this.#measures.selected && this.#measures.isNewest && !target.closest?.('#panel'));
     if (!isHere || target.closest?.('input[type="text"]')) return;
     if (key === 'y' || event.shiftKey) this.#measures.redo();
     else this.#measures.undo();
@@ -228,8 +233,8 @@ class Section {
 
   /** The numbers at once; the plot after the points have rested. */
   #showPlot(item) {
-    const { kind, points, statistics, value, unit, outside, note, area, straight } = item;
-    const key = JSON.stringify([item.id, points, statistics, value, unit, outside, note, area, straight]);
+    const { kind, points, statistics, value, unit, data_unit: dataUnit, outside, note, area, straight } = item;
+    const key = JSON.stringify([item.id, points, statistics, value, unit, dataUnit, outside, note, area, straight]);
     if (key === this.#plotKey) return;
     this.#plotKey = key;
     clearTimeout(this.#plotTimer);
@@ -251,7 +256,7 @@ class Section {
         kind, points, ...(kind === 'profile' ? { samples: PLOT_SAMPLES } : {}),
       });
       if (key !== this.#plotKey) return;
-      const plot = kind === 'profile' ? profilePlot(answer, (world) => this.#measures.pointAt(world)) : answer.histogram && histogramPlot(answer.histogram);
+      const plot = kind === 'profile' ? profilePlot(answer, (world) => this.#measures.pointAt(world)) : answer.histogram && histogramPlot(answer);
       this.#plot.replaceChildren(this.#plot.firstElementChild, ...(plot ? [plot] : []));
     } catch (error) {
       if (connection.isLive) report(error);

@@ -9,9 +9,9 @@ import { t } from '../core/text.js';
 
 const TOOLS = [
   { kind: 'distance', icon: 'ruler', key: 'd' }, { kind: 'angle', icon: 'triangle-right', key: 'a' },
-  { kind: 'profile', icon: 'chart-line', key: 'i' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r' },
-  { kind: 'ellipse', icon: 'circle-dashed', key: 'e' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
-  { kind: 'part', icon: 'cuboid', key: 'b' }, { kind: 'path', icon: 'spline', key: 'n' },
+  { kind: 'profile', icon: 'chart-line', key: 'i', needs: 'grid' }, { kind: 'rectangle', icon: 'square-dashed', key: 'r', needs: 'grid' },
+  { kind: 'ellipse', icon: 'circle-dashed', key: 'e', needs: 'grid' }, { kind: 'marker', icon: 'map-pin', key: 'm' },
+  { kind: 'part', icon: 'cuboid', key: 'b', needs: 'grid' }, { kind: 'path', icon: 'spline', key: 'n', needs: 'grid' },
 ];
 const DRAG_PX = 6;
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
@@ -23,10 +23,10 @@ const modeOf = (kind) => `measure-${kind}`;
 export function installTools(app, measures) {
   const { modes, toolbar, viewer, connection } = app;
   const tools = new Map(TOOLS.map(({ kind }) => [modeOf(kind), new Tool(app, measures, kind)]));
-  const buttons = TOOLS.map(({ kind, icon, key }) => {
+  const buttons = TOOLS.map(({ kind, icon, key, needs }) => {
     modes.add(modeOf(kind), tools.get(modeOf(kind)).mode);
     const button = toolbar.button({
-      id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true,
+      id: `tool-${kind}`, icon, key, label: t(`measure.${kind}`), group: 'measure', isToggle: true, needs,
       press: () => measures.canEdit && modes.toggle(modeOf(kind)),
     });
     return { kind, button };
@@ -55,9 +55,8 @@ export const surfaceAt = async (app, at) => (await pickAt(app, at))?.position ??
 
 /** {position, value} below a point of the 3-D picture, or null. */
 export async function pickAt({ connection, screen, notice }, at) {
-  const { width, height } = screen.viewport;
   try {
-    const found = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
+    const found = await connection.call('pick', screen.pickAt(at));
     if (!found.position) notice.show(t('measure.nothing'));
     return found.position ? found : null;
   } catch (error) {
@@ -233,7 +232,7 @@ class Tool {
   /** The values of the part at the first point, from what is shown. */
   #rangeOf(value) {
     const { viewer, transfer } = this.#app;
-    return rangeOfPart(viewer.view, Number.isFinite(value) ? value : transfer.range[0], transfer.range).map((end) => Number(end.toPrecision(6)));
+    return rangeOfPart(viewer.view, Number.isFinite(value) ? value : transfer.range[0], transfer.range);
   }
 
   #removeLast() {
@@ -275,6 +274,6 @@ class Tool {
     const points = cursor?.pane?.plane && set.length < this.#wanted ? [...set, cursor.pane.toWorld(...cursor.at)] : set;
     if (points.length !== this.#count || this.#hasPlane) return '';
     const value = quickValue({ kind: this.#kind, points });
-    return value === null ? '' : namedValue({ kind: this.#kind, value, unit: unitOf(this.#kind, this.#app.viewer.volume?.unit) });
+    return value === null ? '' : namedValue({ kind: this.#kind, value, unit: unitOf(this.#kind, this.#app.viewer.volume) });
   }
 }

@@ -3,6 +3,7 @@
 // tells of others. Events: change; hover. The parts: measure_tools.js (drawing new ones), measure_layer.js (lines above the pictures),
 // measure_section.js (the panel).
 import { Emitter } from '../core/emitter.js';
+import { valueUnit } from '../core/lengths.js';
 import { Changes, KINDS, MeasureList, putParams, quickValue, unitOf } from '../core/measures.js';
 import { t } from '../core/text.js';
 import { installLayers } from './measure_layer.js';
@@ -36,6 +37,8 @@ export class Measures extends Emitter {
   #session = null;
   #gesture = null; // {id, before}: a drag counts as one change
   #selected = null;
+  /** True if a measurement was selected or changed after the newest change of the transfer function, the layers and the edits. */
+  isNewest = false;
   #paths = new Map(); // id → {key, points}: of the paths that are drawn
   #numbers = new Map(); // id → number in the name of a measurement without a text
   /** The measurement under the pointer, by id. */
@@ -85,6 +88,7 @@ export class Measures extends Emitter {
   }
 
   select(id) {
+    this.isNewest = true;
     if (this.#selected === id) return;
     this.#selected = id;
     this.handle = this.probe = null;
@@ -134,7 +138,8 @@ export class Measures extends Emitter {
     const { participants, viewer } = this.#app;
     const item = {
       id: newId(), kind, points, ...(range ? { range } : {}), volume: viewer.view.volume, text: '', hidden: false, color: participants.me?.color ?? '#56b4e9',
-      author: participants.me?.name ?? '', value: quickValue({ kind, points }), unit: unitOf(kind, viewer.volume?.unit),
+      author: participants.me?.name ?? '', value: quickValue({ kind, points }), unit: unitOf(kind, viewer.volume),
+      data_unit: valueUnit(viewer.volume),
     };
     this.#changes.put({ id: item.id, before: null, after: item });
     this.#apply(item.id, item);
@@ -183,6 +188,7 @@ export class Measures extends Emitter {
 
   /** Makes the daemon's measurement equal to an item; null removes it. */
   #apply(id, item) {
+    this.isNewest = true;
     if (item) {
       const { kind, ...members } = putParams(item);
       const isKnown = this.#list.get(id) !== null;

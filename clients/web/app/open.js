@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, and files of this computer.
-import { arranged, crumbs, joined, parentOf, sizeText, withRecent } from '../core/files.js';
+import { arranged, crumbs, joined, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
 
@@ -29,11 +29,18 @@ class Recent {
   }
 }
 
-const about = ({ dims, type, bytes }) => [dims?.join(' × '), type, bytes === undefined ? '' : sizeText(bytes)].filter(Boolean).join(' · ');
+/** What the beginning of a file tells, or else its format, and what it consists of; of a slice among others, that it opens all of them. */
+function about({ dims, type, format, contents, bytes }, isSlice) {
+  const consists = isSlice ? t('open.series.slice') : contents && t(`kinds.${contents}`);
+  return [...(dims ? [dims.join(' × ')] : [format, consists]), type, bytes === undefined ? '' : sizeText(bytes)].filter(Boolean).join(' · ');
+}
+
+const isDicom = ({ format }) => format === 'DICOM';
 
 class OpenDialog {
   #app; #dialog; #list; #filter; #said; #recent;
   #folder = '';
+  #use; // what opened volumes are for, see app.openVolume()
   #entries = [];
   #asked = 0;
 
@@ -48,15 +55,16 @@ class OpenDialog {
     this.#dialog.addEventListener('keydown', (event) => this.#key(event));
     byId('open-choose').addEventListener('click', () => byId('open-file').click());
     byId('open-file').addEventListener('change', ({ target }) => {
-      app.uploads.take([...target.files]);
+      app.uploads.take([...target.files], this.#use);
       target.value = ''; // the same file may be chosen again
       this.#dialog.close();
     });
     byId('open-close').addEventListener('click', () => this.#dialog.close());
   }
 
-  show() {
+  show(use) {
     const { may } = this.#app.api;
+    this.#use = use;
     byId('open-browser').hidden = !may.browse;
     byId('open-nothing').hidden = Boolean(may.browse);
     byId('open-upload').hidden = !may.upload;
@@ -134,19 +142,40 @@ class OpenDialog {
 
   #showEntries() {
     const shown = arranged(this.#entries, this.#filter.value);
-    this.#list.replaceChildren(...shown.map((entry) => {
+    const isSeries = this.#entries.filter(isDicom).length > 1;
+    const rows = shown.map((entry) => {
       const isFolder = entry.kind === 'folder';
-      const button = make('button', {
-        'data-name': entry.name, 'data-kind': entry.kind, tabindex: '-1',
-        press: () => (isFolder ? this.#enter(joined(this.#folder, entry.name)) : this.open({ source: joined(this.#folder, entry.name), name: entry.name })),
-      }, isFolder ? icon('folder') : icon('box'), make('span', { class: 'name', text: entry.name, title: entry.name }), make('span', { class: 'about', text: about(entry) }));
-      return make('li', {}, button);
-    }));
+      const source = joined(this.#folder, entry.name);
+      return this.#row(entry.name, about(entry, isSeries && isDicom(entry)), { 'data-name': entry.name, 'data-kind': entry.kind }, isFolder ? icon('folder') : icon('box'),
+        () => (isFolder ? this.#enter(source) : this.open({ source, name: entry.name })));
+    });
+    const firstFile = shown.findIndex(({ kind }) => kind !== 'folder');
+    const series = arranged(numberedSeries(this.#entries), this.#filter.value);
+    if (firstFile >= 0) rows.splice(firstFile, 0, ...series.map((entry) => this.#stepsRow(entry)));
+    const isFolderOfIt = isSeries && this.#folder && this.#entries.every((entry) => entry.kind === 'folder' || isDicom(entry));
+    if (isFolderOfIt && !this.#filter.value) rows.unshift(this.#seriesRow());
+    this.#list.replaceChildren(...rows);
     const [first] = this.#buttons;
     if (first) first.tabIndex = 0;
     const { value } = this.#filter;
     if (shown.length > 0) this.#say('');
     else this.#say(this.#entries.length > 0 ? t('open.nomatch', { filter: value }) : t('open.empty'));
+  }
+
+  #row(name, told, data, picture, press) {
+    return make('li', {}, make('button', { ...data, tabindex: '-1', press }, picture, make('span', { class: 'name', text: name, title: name }),
+      make('span', { class: 'about', text: told })));
+  }
+
+  /** The folder as one volume: the daemon opens the series of its first file. */
+  #seriesRow() {
+    const { name } = crumbs(this.#folder).at(-1);
+    return this.#row(t('open.series'), '', { 'data-kind': 'series' }, icon('box'), () => this.open({ source: this.#folder, name }));
+  }
+
+  /** Numbered files as one time series. */
+  #stepsRow({ name, count }) {
+    return this.#row(name, t('open.steps', { count }), { 'data-name': name, 'data-kind': 'steps' }, icon('box'), () => this.open({ source: joined(this.#folder, name), name }));
   }
 
   get #buttons() { return [...this.#list.querySelectorAll('button')]; }
@@ -188,7 +217,7 @@ class OpenDialog {
       const volume = await this.#app.api.openVolume({ source });
       this.#recent.add({ source, name });
       this.#dialog.close();
-      this.#app.openVolume(volume);
+      this.#app.openVolume(volume, this.#use);
     } catch (error) {
       this.#say(error.message, true);
       if (!this.#dialog.open) this.#app.notice.show(error.message, 'error', 'open');
@@ -196,34 +225,37 @@ class OpenDialog {
   }
 }
 
-/** Shows a volume as soon as it is ready. */
-function showWhenReady({ connection, viewer, notice }) {
-  let wanted = null;
+/** Returns app.openVolume(volume, use), which calls use(volume) as soon as the volume is ready; by default the picture shows it. */
+function useWhenReady({ connection, viewer, notice }) {
+  const show = ({ id }) => viewer.selectVolume(id);
+  let wanted = null; // {id, use}
 
   function look(volumes) {
-    const volume = wanted && volumes.find(({ id }) => id === wanted);
+    const volume = wanted && volumes.find(({ id }) => id === wanted.id);
     if (!volume || volume.state === 'loading') return;
+    const { use } = wanted;
     wanted = null;
     if (volume.state === 'ready') {
       notice.hide('open');
-      viewer.selectVolume(volume.id);
+      use(volume);
     } else {
       notice.show(t('open.failed', { name: volume.name || volume.id, reason: volume.reason ?? '' }), 'error', 'open');
     }
   }
 
   connection.on('volumes', look);
-  return (volume) => {
-    wanted = volume.id;
+  return ({ id }, use = show) => {
+    wanted = { id, use };
     connection.refresh().catch(() => {}); // the stream reports a lost daemon
   };
 }
 
 export function install(app) {
-  app.openVolume = showWhenReady(app);
+  app.openVolume = useWhenReady(app);
   const dialog = new OpenDialog(app);
-  app.open = () => { if (app.api.may.open && !app.connection.session?.isJoined) dialog.show(); };
-  byId('open-button').addEventListener('click', app.open);
-  byId('banner-open').addEventListener('click', app.open);
-  app.shortcuts.add('o', app.open, t('open.shortcut'));
+  /** Shows the dialog. use: see app.openVolume(). */
+  app.open = (use) => { if (app.mayOpen) dialog.show(use); };
+  byId('open-button').addEventListener('click', () => app.open());
+  byId('banner-open').addEventListener('click', () => app.open());
+  app.shortcuts.add('o', () => app.open(), t('open.shortcut'));
 }

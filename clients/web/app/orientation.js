@@ -11,12 +11,19 @@ import { Glide } from './glide.js';
 const SIZE = 100; // of the drawing
 const HALF = 26; // half an edge of the cube in it
 const AXES = ['x', 'y', 'z'];
-const AXIS_LENGTH = 1.45; // half edges beyond the corner
+const AXIS_LENGTH = 1.4; // half edges beyond the corner
+const LABEL_MOST = SIZE / 2 - 4; // the letters stay inside of the drawing
 const CLICK_PX = 4;
 const DRAG_GAIN = 3; // px of a drag in the picture per px on the cube
 const WAYS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
 const isFace = (part) => part.filter(Boolean).length === 1;
+
+/** {letter(axis, sign): the letter of a direction along a world axis, L or +x; name(axis, sign): the same as a word}. anatomy: null = unknown. */
+export function namesOf(anatomy) {
+  const letter = (axis, sign) => (anatomy ? letterOf(anatomy, axis, sign) : `${sign > 0 ? '+' : '−'}${AXES[axis]}`);
+  return { letter, name: (axis, sign) => (anatomy ? t(`anatomy.${letterOf(anatomy, axis, sign)}`) : letter(axis, sign)) };
+}
 
 /** Events: change (frame or names changed). */
 class Orientation extends Emitter {
@@ -50,14 +57,10 @@ class Orientation extends Emitter {
   }
 
   /** The letter of a direction along a world axis: L, or +x. */
-  letter(axis, sign) {
-    return this.anatomy ? letterOf(this.anatomy, axis, sign) : `${sign > 0 ? '+' : '−'}${AXES[axis]}`;
-  }
+  letter(axis, sign) { return namesOf(this.anatomy).letter(axis, sign); }
 
   /** The same as a word. */
-  name(axis, sign) {
-    return this.anatomy ? t(`anatomy.${letterOf(this.anatomy, axis, sign)}`) : this.letter(axis, sign);
-  }
+  name(axis, sign) { return namesOf(this.anatomy).name(axis, sign); }
 
   /** Turns the camera about its target until it looks from this direction. */
   turnTo(direction, time) {
@@ -75,8 +78,8 @@ export function install(app) {
   overlay.layer((project, { rig }) => cube.draw(rig.orientation));
 }
 
-class Cube {
-  #viewer; #orientation; #root;
+export class Cube {
+  #viewer; #orientation; #root; #isQuiet;
   #parts = []; // {part, path}
   #texts = []; // {face, text}
   #axes = []; // {axis, line, text}
@@ -84,10 +87,13 @@ class Cube {
   #drawn = null; // the orientation on the screen
   #finger = window.matchMedia('(pointer: coarse)');
 
-  constructor({ viewer, orientation }) {
+  /** orientation: {anatomy, frame, letter(), name()}; isQuiet: it only shows the directions, and does not turn the camera. */
+  constructor({ viewer, orientation }, { id = 'cube', pane = byId('pane-3d'), isQuiet = false } = {}) {
     this.#viewer = viewer;
     this.#orientation = orientation;
-    this.#root = svg('svg', { id: 'cube', viewBox: `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${SIZE}`, role: 'group', 'aria-label': t('orientation.label'), hidden: '' });
+    this.#isQuiet = isQuiet;
+    const use = isQuiet ? { 'aria-hidden': 'true', 'data-quiet': '' } : { role: 'group', 'aria-label': t('orientation.label') };
+    this.#root = svg('svg', { id, class: 'cube', viewBox: `${-SIZE / 2} ${-SIZE / 2} ${SIZE} ${SIZE}`, hidden: '', ...use });
     const axes = svg('g', { 'aria-hidden': 'true' });
     for (const [axis, name] of AXES.entries()) {
       const line = svg('line', { class: 'axis', 'data-axis': name });
@@ -98,7 +104,7 @@ class Cube {
     }
     this.#root.append(axes);
     for (const part of PARTS) {
-      const path = svg('path', { role: 'button', tabindex: -1 }, svg('title'));
+      const path = svg('path', isQuiet ? {} : { role: 'button', tabindex: -1 }, svg('title'));
       path.addEventListener('focus', () => this.#rove(part)); // a listener of the <svg> would make it a stop of the Tab key
       this.#parts.push({ part, path });
       this.#root.append(path);
@@ -108,12 +114,16 @@ class Cube {
       this.#texts.push({ face, text });
       this.#root.append(text);
     }
-    this.#root.addEventListener('keydown', (event) => this.#key(event));
-    this.#attachPointer();
+    if (!isQuiet) {
+      this.#root.addEventListener('keydown', (event) => this.#key(event));
+      this.#attachPointer();
+    }
     this.#finger.addEventListener('change', () => this.#redraw());
     this.name();
-    byId('pane-3d').append(this.#root);
+    pane.append(this.#root);
   }
+
+  get root() { return this.#root; }
 
   #partOf(element) {
     const path = element.closest?.('path');
@@ -141,8 +151,9 @@ class Cube {
   get #inner() { return this.#finger.matches ? 1 : INNER; }
 
   #redraw() {
+    const { orientation } = this.#viewer;
     this.#drawn = null;
-    if (this.#viewer.orientation) this.draw(this.#viewer.orientation);
+    if (orientation) this.draw(orientation);
   }
 
   draw(orientation) {
@@ -173,13 +184,15 @@ class Cube {
     for (const [name, value] of Object.entries({ x1: from[0], y1: from[1], x2: to[0], y2: to[1] })) line.setAttribute(name, value.toFixed(2));
     const length = Math.hypot(to[0] - from[0], to[1] - from[1]);
     const beyond = length > 6 ? 8 / length : 0;
-    text.setAttribute('x', (to[0] + (to[0] - from[0]) * beyond).toFixed(2));
-    text.setAttribute('y', (to[1] + (to[1] - from[1]) * beyond).toFixed(2));
+    for (const [i, name] of ['x', 'y'].entries()) {
+      const place = to[i] + (to[i] - from[i]) * beyond;
+      text.setAttribute(name, Math.min(Math.max(place, -LABEL_MOST), LABEL_MOST).toFixed(2));
+    }
     text.toggleAttribute('hidden', length <= 6);
   }
 
   #rove(part) {
-    if (!part) return;
+    if (!part || this.#isQuiet) return;
     this.#focused = part;
     const hadFocus = this.#root.contains(document.activeElement);
     for (const entry of this.#parts) {

@@ -4,6 +4,7 @@
 // For tools: toWorld(x, y) and toPane(world) convert between CSS px of the pane and the world; `plane` is {origin, right, down, normal};
 // layer(draw) adds lines above the picture. A mode (modes.js) with `panes: {down, move, up, hover, double, cancel, key, cursor}` gets the
 // pointer of all panes; its functions are called as (at, event, pane).
+import { numberText } from '../core/lengths.js';
 import { paintSlice, valueAt } from '../core/slice_image.js';
 import { SliceLoader } from '../core/slice_loader.js';
 import { directionName, fitPane, imageTransform, mainAxis, paneOf, pixelAt, reachAlong, sliceQuery } from '../core/slices.js';
@@ -11,7 +12,6 @@ import { t } from '../core/text.js';
 import { dot, scale, add } from '../core/vector.js';
 import { nextFrame } from './animation.js';
 import { make, setText, svg } from './dom.js';
-import { showNumber, threeDigits } from './fields.js';
 
 const ZOOM_STEP = 1.15;
 const WHEEL_STEP = 0.0015;
@@ -47,7 +47,7 @@ export class Pane {
     this.#read = make('output', { class: 'slice-read' });
     this.#slider = make('input', { class: 'slice-slider', type: 'range', min: 0, step: 1 });
     this.#number = make('input', { type: 'number', min: 1, step: 1 });
-    this.#total = make('span', {});
+    this.#total = make('span', { class: 'slice-total' });
     this.#place = make('span', { class: 'slice-place' });
     this.#problem = make('p', { class: 'slice-problem', role: 'alert', hidden: true });
     const foot = make('div', { class: 'slice-foot' }, this.#number, this.#total, this.#place);
@@ -157,7 +157,7 @@ export class Pane {
   }
 
   #request(plane) {
-    const query = sliceQuery(this.#slices.grid, plane, { ...this.view, size: this.#size });
+    const query = { ...sliceQuery(this.#slices.grid, plane, { ...this.view, size: this.#size }), ...this.#slices.stepQuery };
     return { query, key: `${this.#slices.volumeKey}?${new URLSearchParams(query)}` };
   }
 
@@ -235,9 +235,8 @@ export class Pane {
     setText(title, name);
     this.body.parentElement.setAttribute('aria-label', name);
     this.body.dataset.kind = kind;
-    const isStraight = (v) => anatomy && Math.max(...v.map(Math.abs)) > 0.8;
     const letters = { left: scale(right, -1), right, top: scale(down, -1), bottom: down };
-    for (const edge of EDGES) setText(this.#letters[edge], isStraight(letters[edge]) ? directionName(anatomy, letters[edge]) : '');
+    for (const edge of EDGES) setText(this.#letters[edge], anatomy ? directionName(anatomy, letters[edge]) : '');
     const text = axis === null ? this.#labelOblique(name) : this.#labelOrthogonal(name);
     this.#slider.setAttribute('aria-label', t('slices.slider', { name }));
     this.#canvas.setAttribute('aria-label', t('slices.canvas', { name, place: text }));
@@ -250,7 +249,7 @@ export class Pane {
     const { axis } = this.plane;
     const index = grid.index(axis, position);
     const world = mainAxis(grid.axes[axis]);
-    const text = t('slices.place', { axis: 'xyz'[world], place: showNumber(grid.nearest(position)[world]), unit }).trim();
+    const text = t('slices.place', { axis: 'xyz'[world], place: numberText(grid.round(grid.nearest(position)[world])), unit }).trim();
     const all = grid.count(axis);
     this.#setRange({ steps: all - 1, at: index, text: t('slices.slice', { index: index + 1, count: all, place: text }) });
     this.#setNumber({ value: index + 1, min: 1, max: all, step: 1, label: t('slices.number', { name }) });
@@ -265,9 +264,9 @@ export class Pane {
     const { normal } = this.plane;
     const offset = dot(position, normal);
     const { low, high } = reachAlong(grid, normal);
-    const text = t('slices.place.oblique', { place: showNumber(offset), unit }).trim();
+    const text = t('slices.place.oblique', { place: numberText(grid.round(offset)), unit }).trim();
     this.#setRange({ steps: Math.floor((high - low) / grid.smallest), at: Math.round((offset - low) / grid.smallest), text });
-    this.#setNumber({ value: threeDigits(offset), min: '', max: '', step: 'any', label: t('slices.offset', { name }) });
+    this.#setNumber({ value: grid.round(offset), min: '', max: '', step: 'any', label: t('slices.offset', { name }) });
     setText(this.#total, '');
     setText(this.#place, t('slices.place.normal', { unit }).trim());
     return text;
@@ -293,9 +292,9 @@ export class Pane {
     const isInside = this.valueAt(world) !== null;
     const place = this.plane.axis !== null && isInside ? this.#slices.grid.nearest(world) : world;
     const value = this.valueAt(place);
-    const at = place.map((part) => showNumber(part)).join(', ');
+    const at = place.map((part) => numberText(this.#slices.grid.round(part))).join(', ');
     setText(this.#read, value === null ? t('slices.outside') : t('slices.value', {
-      value: Number.isInteger(value) ? String(value) : showNumber(value), place: at, unit: this.#slices.unit }).trim());
+      value: this.#slices.valueText(value), place: at, unit: this.#slices.unit }).trim());
   }
 
   #listen() {

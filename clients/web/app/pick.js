@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// V shows the value and the position under the cursor, and offers the surface of that value.
+// V shows the value, where there is one, and the position under the cursor, and offers the surface of that value.
 import { canAdd } from '../core/layers.js';
+import { dataText, numberText } from '../core/lengths.js';
 import { t } from '../core/text.js';
-import { showNumber } from './fields.js';
 import { place } from './pointer.js';
 
 const OFFER_MS = 12000;
@@ -18,21 +18,22 @@ export function install(app) {
       notice.show(t('pick.nothing', { percent: Math.round(opacity * 100) }), 'info', 'pick');
       return;
     }
-    const text = t('pick.value', { value: showNumber(value), place: position.map(showNumber).join(', '), unit: viewer.volume?.unit ?? '' }).trim();
+    const { clip, transfer } = app;
+    const where = { place: position.map((part) => numberText(clip.round(part))).join(', '), unit: clip.unit };
+    const hasValue = Number.isFinite(value);
+    const text = (hasValue ? t('pick.value', { value: dataText(value, transfer.range, transfer.unit), ...where }) : t('pick.place', where)).trim();
     const { layers } = app;
-    const isNew = layers.isEditable && canAdd(layers.list, 'surface') && !layers.list.some((layer) => layer.value === value);
+    const isNew = hasValue && viewer.kind === 'grid' && layers.isEditable && canAdd(layers.list, 'surface') && !layers.list.some((layer) => layer.value === value);
     if (isNew) prompts.show('pick', { text, actions: [{ label: t('pick.surface'), press: () => layers.addSurface(performance.now(), value) }], ms: OFFER_MS });
     else notice.show(text, 'info', 'pick');
   }
-
 
   screen.element.addEventListener('pointermove', (event) => { pointer = place(screen.element, event); });
   shortcuts.add('v', async () => {
     const { width, height } = screen.viewport;
     const point = pointer ?? [width / 2, height / 2];
-    const at = [point[0] * screen.size[0] / width, point[1] * screen.size[1] / height];
     try {
-      show(await connection.call('pick', { at })); // the value belongs to this picture alone
+      show(await connection.call('pick', screen.pickAt(point))); // the value belongs to this picture alone
     } catch (error) {
       notice.show(error.message, 'error');
     }

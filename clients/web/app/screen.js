@@ -42,6 +42,14 @@ export class Screen {
   /** [width, height] in px of the frame that fits. */
   get size() { return [this.#canvas.width, this.#canvas.height]; }
 
+  /** What `pick` asks at a place of the canvas in CSS px; for places beside the canvas the nearest one. It names its size, because the daemon
+      learns a new one later. */
+  pickAt(place) {
+    const { size } = this;
+    const { width, height } = this.#css;
+    return { at: [width, height].map((side, i) => Math.min(Math.max(place[i] / side, 0), 1) * size[i]), size };
+  }
+
   #measure(entry) {
     const box = this.#canvas.getBoundingClientRect();
     if (entry && (box.width < 1 || box.height < 1)) return; // the layout hides the picture; it keeps its size

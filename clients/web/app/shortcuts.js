@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Keys of the page. A key works everywhere but in fields and dialogs; the list of controls shows those that have a label.
-import { make } from './dom.js';
+import { isOffered, make } from './dom.js';
 
 const FIELDS = 'input, select, textarea, dialog';
 
@@ -17,17 +17,18 @@ export class Shortcuts {
 
   /**
    * keys: one or several values of KeyboardEvent.key; letters work in both cases. press(event) may return false: then the browser handles
-   * the key. label: what the list of controls shows, or '' for a key that index.html lists itself. Throws if a key is taken.
+   * the key. label: what the list of controls shows, or '' for a key that index.html lists itself. needs: the key works only where this
+   * has a meaning (core/kinds.js). Throws if a key is taken.
    */
-  add(keys, press, label = '') {
+  add(keys, press, label = '', needs = null) {
     const all = [keys].flat();
     for (const key of all.map((name) => name.toLowerCase())) {
       if (this.#keys.has(key)) throw new Error(`the key ${key} is taken`);
-      this.#keys.set(key, press);
+      this.#keys.set(key, { press, needs });
     }
     if (label) {
       const names = all.flatMap((key, i) => [...(i ? [' '] : []), make('kbd', { text: key.length === 1 ? key.toUpperCase() : key })]);
-      this.#list.append(make('tr', {}, make('th', { text: label }), make('td'), make('td'), make('td', {}, ...names)));
+      this.#list.append(make('tr', { 'data-needs': needs ?? false }, make('th', { text: label }), make('td'), make('td'), make('td', {}, ...names)));
     }
   }
 
@@ -38,7 +39,7 @@ export class Shortcuts {
       event.preventDefault();
       return;
     }
-    const press = this.#keys.get(event.key.toLowerCase());
-    if (press && press(event) !== false) event.preventDefault();
+    const { press, needs } = this.#keys.get(event.key.toLowerCase()) ?? {};
+    if (press && isOffered(needs) && press(event) !== false) event.preventDefault();
   }
 }

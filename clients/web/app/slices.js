@@ -4,6 +4,7 @@
 //
 // app.slices for other features: `panes` (by id), layer(draw) for all of them, `position`, setPosition(world), `grid`; event change.
 import { Emitter } from '../core/emitter.js';
+import { dataText, numberText, roundValue, unitName } from '../core/lengths.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
@@ -17,6 +18,7 @@ import { installSection } from './slices_panel.js';
 import { SlicesPicture } from './slices_picture.js';
 
 const IDS = ['axial', 'coronal', 'sagittal'];
+const RETRY_MS = 200;
 const FLAGS = ['i', 'j', 'k']; // of view.slices.planes, by axis of the grid
 
 export function install(app) {
@@ -49,9 +51,9 @@ class Slices extends Emitter {
       { name: 'four', icon: 'grid-2x2', label: t('slices.layout.four') },
       { name: 'slices', icon: 'columns-3', label: t('slices.layout.slices') },
     ];
-    kinds.forEach((kind, order) => layoutButton(this.#app, { ...kind, order }));
+    kinds.forEach((kind, order) => layoutButton(this.#app, { ...kind, order, needs: 'grid' }));
     const names = kinds.map(({ name }) => name);
-    shortcuts.add('l', () => layout.set(names[(names.indexOf(layout.current) + 1) % names.length]), t('slices.layout.next'));
+    shortcuts.add('l', () => layout.set(names[(names.indexOf(layout.current) + 1) % names.length]), t('slices.layout.next'), 'grid');
     if (names.includes(storage.recall('layout'))) layout.set(storage.recall('layout'));
     layout.on('change', (name) => {
       storage.remember('layout', name);
@@ -71,10 +73,19 @@ class Slices extends Emitter {
   get position() { return this.shared.position; }
   get normal() { return this.shared.normal; }
   get window() { return this.shared.window; }
-  get unit() { return this.#app.viewer.volume?.unit ?? ''; }
+  get unit() { return unitName(this.#app.viewer.volume?.unit); }
+  /** A value of the data with its unit. */
+  valueText(value) { return dataText(value, this.#app.transfer.range, this.#app.transfer.unit); }
+  /** The same as a number, for a field. */
+  round(value) { return roundValue(value, this.#app.transfer.range); }
   get anatomy() { return anatomyOf(this.#app.viewer.volume); }
   get frame() { return frameOf(this.anatomy, this.#home); }
   get volumeKey() { return this.#volume; }
+  /** The part of a query that names the time step of the view. */
+  get stepQuery() {
+    const step = this.#app.viewer.view?.time?.step;
+    return step === undefined ? {} : { step };
+  }
   /** True if the layout has panes with slices. */
   get areShown() { return ['four', 'slices'].includes(this.#app.layout.current); }
 
@@ -94,10 +105,18 @@ class Slices extends Emitter {
     this.change({ mode, ...(mode === 'oblique' && isTwice ? { normal: sagittal.normal } : {}) }, time);
   }
 
-  load(query, signal) {
+  /** Asks again while the daemon loads the time step. */
+  async load(query, signal) {
     const { connection } = this.#app;
-    if (!connection.session) return Promise.reject(new Error(t('connection.lost')));
-    return connection.api.slice(connection.session.id, connection.session.token, query, signal);
+    for (;;) {
+      if (!connection.session) throw new Error(t('connection.lost'));
+      try {
+        return await connection.api.slice(connection.session.id, connection.session.token, query, signal);
+      } catch (error) {
+        if (!error.retryAfter || error.status !== 409 || signal.aborted) throw error;
+        await new Promise((resolve) => { setTimeout(resolve, RETRY_MS); });
+      }
+    }
   }
 
   #forget() {
@@ -119,7 +138,7 @@ class Slices extends Emitter {
       for (const pane of this.panes.values()) pane.reset();
       this.#findHome(id);
     }
-    if (!this.grid && volume?.dims) this.grid = new Grid(volume);
+    if (!this.grid && volume?.dims && viewer.kind === 'grid') this.grid = new Grid(volume);
     if (!this.grid && !volume && this.areShown) this.#findGrid(id);
     this.update();
     this.emit('change');
@@ -235,7 +254,7 @@ class Slices extends Emitter {
   #windowTool() {
     let from = null;
     let before = null;
-    const say = () => this.#app.modes.say(t('slices.window.text', { center: this.window.center.toPrecision(4), width: this.window.width.toPrecision(4) }));
+    const say = () => this.#app.modes.say(t('slices.window.text', { center: numberText(this.round(this.window.center)), width: numberText(this.round(this.window.width)) }));
     return {
       cursor: 'move',
       down: (at) => {

@@ -3,7 +3,6 @@
 import { mainAxis } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { make, setText } from './dom.js';
-import { threeDigits } from './fields.js';
 import { ORDER } from './panel.js';
 
 const KINDS = ['axial', 'coronal', 'sagittal'];
@@ -32,7 +31,7 @@ function namePlaces({ anatomy }, fields) {
 }
 
 export function installSection({ panel, slices, viewer, layout }) {
-  const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices });
+  const body = panel.section({ id: 'slices', title: t('slices.section'), order: ORDER.slices, needs: 'grid' });
   const mode = make('select', { id: 'slices-mode' }, ...MODES.map((name) => make('option', { value: name, text: t(`slices.mode.${name}`) })));
   const inPicture = make('input', { id: 'slices-in-3d', type: 'checkbox', role: 'switch' });
   const shown = KINDS.map((kind) => make('button', {
@@ -79,10 +78,10 @@ export function installSection({ panel, slices, viewer, layout }) {
     namePlaces(slices, places);
     align.hidden = shared.mode !== 'oblique';
     const set = (input, value) => {
-      if (document.activeElement !== input) input.value = String(threeDigits(value));
+      if (document.activeElement !== input) input.value = String(value);
     };
-    places.forEach((input, axis) => set(input, shared.position[axis]));
-    values.forEach((input, i) => set(input, shared.window[FIELDS[i][0]]));
+    places.forEach((input, axis) => set(input, slices.grid ? slices.grid.round(shared.position[axis]) : shared.position[axis]));
+    values.forEach((input, i) => set(input, slices.round(shared.window[FIELDS[i][0]])));
   }
   slices.on('change', show);
   viewer.on('view', show);

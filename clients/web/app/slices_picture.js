@@ -24,11 +24,10 @@ export class SlicesPicture {
     const pick = async () => {
       if (isAsking || !wanted) return;
       const { at, time } = wanted;
-      const { width, height } = screen.viewport;
       wanted = null;
       isAsking = true;
       try {
-        const { position } = await connection.call('pick', { at: [at[0] * screen.size[0] / width, at[1] * screen.size[1] / height] });
+        const { position } = await connection.call('pick', screen.pickAt(at));
         const nearest = this.#nearest(at, position);
         if (nearest) this.#slices.setPosition(nearest, time);
       } catch (error) {
@@ -44,7 +43,7 @@ export class SlicesPicture {
     };
     modes.add('crosshair', { label: t('slices.crosshair'), hint: t('slices.crosshair.hint'), cursor: 'crosshair', down: want, move: want });
     const button = toolbar.button({
-      id: 'tool-crosshair', icon: 'crosshair', label: t('slices.crosshair'), group: 'tools', isToggle: true, press: () => modes.toggle('crosshair'),
+      id: 'tool-crosshair', icon: 'crosshair', label: t('slices.crosshair'), group: 'tools', isToggle: true, needs: 'grid', press: () => modes.toggle('crosshair'),
     });
     modes.on('change', (name) => button.setAttribute('aria-pressed', String(name === 'crosshair')));
     viewer.on('view', () => { button.disabled = !viewer.canControl; });

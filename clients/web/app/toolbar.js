@@ -3,7 +3,7 @@
 // that is all of them. Arrow keys move between the buttons; the toolbar is one stop of the Tab key.
 import { t } from '../core/text.js';
 import { nextFrame } from './animation.js';
-import { icon, make } from './dom.js';
+import { icon, isOffered, make } from './dom.js';
 
 /** The order of the groups, and of new ones after them. */
 const GROUPS = Object.freeze(['layout', 'view', 'tools', 'measure', 'compare', 'capture']);
@@ -27,22 +27,22 @@ export class Toolbar {
     root.addEventListener('focusin', ({ target }) => this.#rove(target.closest('button')));
     this.#menu.addEventListener('click', ({ target }) => target.closest('button') && this.#open(false));
     document.addEventListener('pointerdown', ({ target }) => !root.contains(target) && this.#open(false));
-    new ResizeObserver(() => this.#plan()).observe(root.parentElement);
+    new ResizeObserver(() => this.plan()).observe(root.parentElement);
   }
 
   /**
    * Adds a button and returns it. icon: a name of icons.svg; label: its name and, with the key, its tooltip; key: a shortcut, or none;
    * group: one of GROUPS or a new one; isToggle: it has aria-pressed, which the caller sets; press(event). order: its place in the group
-   * (default: last).
+   * (default: last). needs: it appears only where this has a meaning (core/kinds.js).
    */
-  button({ id, icon: name, label, key = null, group = 'tools', isToggle = false, order = 1000, press }) {
+  button({ id, icon: name, label, key = null, group = 'tools', isToggle = false, order = 1000, needs = null, press }) {
     const button = make('button', {
       id, class: 'tool', 'aria-label': label, title: key ? t('toolbar.tip', { label, key: key.toUpperCase() }) : label, tabindex: '-1',
-      'data-order': order, ...(isToggle ? { 'aria-pressed': 'false' } : {}), press,
+      'data-order': order, 'data-needs': needs ?? false, ...(isToggle ? { 'aria-pressed': 'false' } : {}), press,
     }, icon(name), make('span', { class: 'label', text: label }));
-    if (key) this.#shortcuts.add(key, (event) => !button.disabled && press(event), label);
+    if (key) this.#shortcuts.add(key, (event) => !button.disabled && press(event), label, needs);
     this.#insert(this.#group(group), button, order);
-    this.#plan();
+    this.plan();
     return button;
   }
 
@@ -64,7 +64,8 @@ export class Toolbar {
     return [...this.#groups.values()].sort((a, b) => a.dataset.order - b.dataset.order);
   }
 
-  #plan() {
+  /** Arranges the groups at the next animation frame; call it when buttons appear or disappear. */
+  plan() {
     if (this.#isPlanned) return;
     this.#isPlanned = true;
     nextFrame(() => { // an observer of sizes must not change sizes itself
@@ -77,7 +78,10 @@ export class Toolbar {
   #arrange() {
     const focused = this.#root.contains(document.activeElement) ? document.activeElement : null;
     const groups = this.#ordered;
-    for (const group of groups) this.#root.insertBefore(group, this.#more);
+    for (const group of groups) {
+      this.#root.insertBefore(group, this.#more);
+      group.hidden = [...group.children].every(({ dataset }) => !isOffered(dataset.needs));
+    }
     this.#more.hidden = false;
     const space = this.#root.parentElement.clientWidth;
     let shown = window.matchMedia('(max-width: 640px)').matches ? 0 : groups.length;

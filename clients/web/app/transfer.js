@@ -7,6 +7,7 @@ import { editsOf, isSameEdits } from '../core/edits.js';
 import { History } from '../core/history.js';
 import { chooseShown, whyIdle } from '../core/choices.js';
 import { isSameLayers, layersOf, withoutPhase } from '../core/layers.js';
+import { valueUnit } from '../core/lengths.js';
 import { isShownAlike, shownAs } from '../core/projection.js';
 import {
   EXTENT_MIN, POINTS_MAX, VALUE_MAX, colorAt, isSame, isSameGradient, leastGap, merge, tidy, within,
@@ -72,6 +73,8 @@ class Transfer {
 
   get volume() { return this.#volume; }
   get state() { return this.#history.current; }
+  /** Grows with each change of the state that undo takes back, and with undo and redo. */
+  get steps() { return this.#history.steps; }
   get histogram() { return this.#histogram; }
   get isEditable() { return this.#viewer.canControl && this.state !== null; }
   /** The range of values of the volume, as far as it is known. */
@@ -82,6 +85,8 @@ class Transfer {
     const [low, high] = [points[0].value, points.at(-1).value];
     return high - low >= EXTENT_MIN ? [low, high] : [low - 0.5, low + 0.5];
   }
+  /** The unit of the values; '' = unknown. */
+  get unit() { return valueUnit(this.#viewer.volume); }
   get gap() { return leastGap(this.range); }
   get #extent() {
     const { points } = this.state;
@@ -183,7 +188,7 @@ class Transfer {
 
   async #ask() {
     const volume = this.#volume;
-    if (this.#asked === volume) return;
+    if (this.#asked === volume || !['grid', 'points'].includes(this.#viewer.kind)) return; // others have no values
     this.#asked = volume;
     this.#problem = '';
     let problem = '';
@@ -252,6 +257,7 @@ class Transfer {
     byId('transfer-redo').disabled = !canRedo;
     setText(byId('transfer-why'), this.#why ?? '');
     byId('transfer-why').hidden = !this.#why;
+    setText(byId('transfer-axis'), this.unit ? t('transfer.axis.unit', { unit: this.unit }) : t('transfer.axis'));
     const idle = whyIdle(this.#viewer.view);
     setText(byId('transfer-idle'), idle ? t(`transfer.idle.${idle}`) : '');
     byId('transfer-idle').hidden = !idle;

@@ -7,6 +7,7 @@ import { t } from '../core/text.js';
 import { Upload, refusalText } from '../core/upload.js';
 import { byId, icon, make, setText } from './dom.js';
 
+const MANY = 3; // from so many companions on, the files of a volume share one row
 const SENDING_MAX = 3; // files at once: a browser opens six connections to a daemon, and the page needs some for itself
 
 /** The digest of a part for Upload-Checksum; '' where the browser has none (http from another machine). */
@@ -26,7 +27,7 @@ function timeText(seconds) {
   return t('upload.left.minutes', { minutes: Math.round(seconds / 60) });
 }
 
-function stateText(upload, isOfSet) {
+function stateText(upload, isOfSet, set) {
   const percent = Math.floor(100 * upload.sent / upload.bytes);
   const size = sizeText(upload.bytes);
   switch (upload.state) {
@@ -34,7 +35,9 @@ function stateText(upload, isOfSet) {
     case 'paused': return t('upload.paused', { percent, size });
     case 'waiting': return t('upload.waiting', { percent });
     case 'failed': return refusalText(upload);
-    case 'sent': return isOfSet ? t('upload.sending', { percent, size }) : t('upload.opening');
+    case 'sent':
+      if (set) return t('upload.set', set);
+      return isOfSet ? t('upload.sending', { percent, size }) : t('upload.opening');
     default: return [t('upload.sending', { percent, size }), upload.rate > 0 ? t('upload.rate', { rate: sizeText(upload.rate) }) : '',
       upload.secondsLeft === null ? '' : timeText(upload.secondsLeft)].filter(Boolean).join(' · ');
   }
@@ -48,6 +51,8 @@ class Row {
   constructor(upload, isOfSet, remove) {
     this.upload = upload;
     this.isOfSet = isOfSet;
+    this.set = null; // of the first file of a volume in many files: {done, total}, files
+    this.isHidden = false; // one of many files, which the first one counts
     this.drop = null;
     this.#text = make('span', { class: 'about' });
     this.#progress = make('progress', { max: 1, 'aria-label': t('upload.progress', { name: upload.name }) });
@@ -62,8 +67,9 @@ class Row {
   show() {
     const { upload } = this;
     this.element.dataset.state = upload.state;
-    setText(this.#text, stateText(upload, this.isOfSet));
-    this.#progress.value = upload.sent / upload.bytes;
+    setText(this.#text, stateText(upload, this.isOfSet, this.set));
+    this.element.hidden = this.isHidden && upload.state !== 'failed';
+    this.#progress.value = this.set ? this.set.done / this.set.total : upload.sent / upload.bytes;
     this.#toggle.hidden = upload.state === 'sent';
     const [name, label] = upload.isActive ? ['pause', t('upload.pause', { name: upload.name })]
       : upload.state === 'failed' ? ['again', t('upload.again', { name: upload.name })] : ['play', t('upload.resume', { name: upload.name })];
@@ -84,8 +90,8 @@ class Uploads {
     this.#list = byId('uploads');
   }
 
-  /** Sends files, or continues what an earlier page began with the same file. */
-  async take(files) {
+  /** Sends files, or continues what an earlier page began with the same file. use: see app.openVolume(). */
+  async take(files, use) {
     const wanted = this.#wanted;
     this.#wanted = null;
     this.#app.notice.hide('open'); // about files that were opened before
@@ -95,10 +101,10 @@ class Uploads {
     } catch { /* the upload will say what is wrong */ }
     const rest = files.filter((file) => file.size > 0);
     for (const { name } of files.filter((file) => file.size === 0)) this.#app.notice.show(t('upload.empty', { name }), 'warning', 'open');
-    for (const set of await sortedIntoSets(rest)) this.#take(set, known, wanted);
+    for (const set of await sortedIntoSets(rest)) this.#take(set, known, wanted, use);
   }
 
-  #take({ file, companions, missing }, known, wanted) {
+  #take({ file, companions, missing }, known, wanted, use) {
     if (missing.length > 0) {
       this.#app.notice.show(t('upload.missing', { name: file.name, files: missing.slice(0, 3).join(', ') + (missing.length > 3 ? ' …' : '') }), 'warning', 'open');
       return;
@@ -107,21 +113,31 @@ class Uploads {
     const before = this.#findBefore(known, file, wanted, companions.length > 0);
     if (companions.length === 0) {
       const header = before?.header ?? null; // the samples of a header that arrived before
-      this.#begin(file, { id: before?.id, header, done: (row) => this.#load([row], header ?? row.upload.id) });
+      this.#begin(file, { id: before?.id, header, done: (row) => this.#load([row], header ?? row.upload.id, use) });
       return;
     }
-    this.#begin(file, { id: before?.id, isOfSet: true, done: (row) => this.#takeCompanions(row, companions, known, wanted) });
+    this.#begin(file, { id: before?.id, isOfSet: true, done: (row) => this.#takeCompanions(row, companions, known, wanted, use) });
   }
 
   /** Sends the files of a header that arrived, then opens it. */
-  #takeCompanions(row, companions, known, wanted) {
+  #takeCompanions(row, companions, known, wanted, use) {
     const header = row.upload.id;
     const rows = [row];
-    const done = () => { if (rows.every(({ upload }) => upload.state === 'sent')) this.#load(rows, header); };
+    const isMany = companions.length >= MANY;
+    const count = () => {
+      if (!isMany) return;
+      row.set = { done: rows.filter(({ upload }) => upload.state === 'sent').length, total: companions.length + 1 };
+      row.show();
+    };
+    const done = () => {
+      count();
+      if (rows.length > companions.length && rows.every(({ upload }) => upload.state === 'sent')) this.#load(rows, header, use);
+    };
     for (const file of companions) {
       const id = this.#findBefore(known.filter((one) => one.header === header), file, wanted, true)?.id;
-      rows.push(this.#begin(file, { id, header, isOfSet: companions.length > 1, done, drop: () => this.#dropAll(rows) }));
+      rows.push(this.#begin(file, { id, header, isOfSet: companions.length > 1, isHidden: isMany, done, drop: () => this.#dropAll(rows) }));
     }
+    count();
     row.drop = () => this.#dropAll(rows);
   }
 
@@ -133,10 +149,12 @@ class Uploads {
   }
 
   /** Adds a row and sends its file; done(row): it has arrived; drop(): what its button for cancelling does, if not only this. */
-  #begin(file, { id = null, header = null, isOfSet = false, done, drop = null }) {
+  #begin(file, { id = null, header = null, isOfSet = false, isHidden = false, done, drop = null }) {
     const upload = new Upload({ file, api: () => this.#app.api, id, header, env: ENV });
     const row = new Row(upload, isOfSet, () => (row.drop ? row.drop() : this.#remove(row)));
     row.drop = drop;
+    row.isHidden = isHidden;
+    row.show();
     let isDone = false;
     for (const failed of this.#rows.filter((other) => other.upload.name === file.name && other.upload.state === 'failed')) this.#remove(failed);
     this.#rows.push(row);
@@ -153,7 +171,7 @@ class Uploads {
     });
     this.#startNext();
     this.#app.panel.toggle(true);
-    row.element.scrollIntoView({ block: 'nearest' });
+    if (!isHidden) row.element.scrollIntoView({ block: 'nearest' });
     return row;
   }
 
@@ -162,11 +180,11 @@ class Uploads {
     this.#rows.find(({ upload }) => upload.state === 'idle')?.upload.resume(); // its change starts the next one
   }
 
-  async #load(rows, id) {
+  async #load(rows, id, use) {
     try {
       const volume = await this.#app.api.openVolume({ upload: id });
       for (const row of rows) this.#drop(row);
-      this.#app.openVolume(volume);
+      this.#app.openVolume(volume, use);
     } catch (error) {
       for (const row of rows) this.#drop(row);
       this.#app.notice.show(t('open.failed', { name: rows[0].upload.name, reason: error.message }), 'error', 'open');
@@ -236,6 +254,24 @@ class Uploads {
   }
 }
 
+/** The files that were dropped, with those of folders. */
+async function filesOf(transfer) {
+  const entries = [...transfer.items].map((item) => item.webkitGetAsEntry?.()).filter(Boolean); // before the first await
+  const files = [...transfer.files];
+  if (!entries.some((entry) => entry.isDirectory)) return files;
+  const found = [];
+  const read = async (entry) => {
+    if (entry.isFile) found.push(await new Promise((resolve, reject) => { entry.file(resolve, reject); }));
+    const reader = entry.isDirectory ? entry.createReader() : null;
+    for (let some = reader ? [null] : []; some.length > 0;) {
+      some = await new Promise((resolve, reject) => { reader.readEntries(resolve, reject); }); // a hundred at most
+      for (const one of some) await read(one);
+    }
+  };
+  for (const entry of entries) await read(entry);
+  return found.filter(({ name }) => !name.startsWith('.'));
+}
+
 /** The whole page takes files; a sheet says so while one is dragged over it. */
 function installDrop(app) {
   const zone = byId('drop');
@@ -263,7 +299,7 @@ function installDrop(app) {
     end();
     if (!isFile(event) || event.defaultPrevented || isOther(event)) return;
     event.preventDefault(); // else the browser leaves the page and shows the file
-    if (may()) app.uploads.take([...event.dataTransfer.files]);
+    if (may()) filesOf(event.dataTransfer).then((files) => app.uploads.take(files));
   });
 }
 

@@ -5,6 +5,7 @@ import {
   cameraFromRig, fit, orbit, pan, rigFromCamera, sphereAround, volumeBox, widen, zoom, zoomLimits,
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
+import { kindOfView, offersOf } from '../core/kinds.js';
 import { applyPatch, patchBetween } from '../core/merge.js';
 import { turnUpright } from '../core/orientation.js';
 import { UpdateQueue } from '../core/update_queue.js';
@@ -75,10 +76,16 @@ export class Viewer extends Emitter {
   get orientation() { return this.#rig?.orientation ?? null; }
   /** The daemon's description of the volume, or null without a list of volumes. */
   get volume() { return this.#connection.volumes.find((v) => v.id === this.#view?.volume) ?? null; }
+  /** What the volume consists of: grid, points, gaussians or mesh. */
+  get kind() { return kindOfView(this.#view, this.volume); }
+  /** What has a meaning for the picture, see offersOf(). */
+  get offers() { return offersOf(this.kind, this.#view); }
   /** The box {center, half} of the volume as far as it is known; null without a view. */
   get box() { return this.#box; }
   /** The size of the canvas in CSS px; points in the functions below are relative to it. */
   get viewport() { return this.#viewport(); }
+  /** What covers its edges, in CSS px: {left, right, top, bottom}. */
+  get margins() { return this.#margins(); }
   get canControl() { return this.#canControl; }
 
   /** A frame that shows `seq` was drawn. Returns its camera, or null if it is unknown. */
@@ -171,6 +178,13 @@ export class Viewer extends Emitter {
     if (!this.#view || !this.#canControl) return;
     this.#view = applyPatch(this.#view, patch);
     this.updates.put(patch, { time });
+    this.emit('view', this.#view);
+  }
+
+  /** Takes the time step to which the daemon has moved the view. */
+  takeStep(step) {
+    if (!this.#view || this.#isSwitching || !this.updates.isIdle || this.#view.time?.step === step) return;
+    this.#view = { ...this.#view, time: { step } };
     this.emit('view', this.#view);
   }
 

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 // What is known of the shown volume: a fold below the list.
 import { sizeText } from '../core/files.js';
-import { numberText } from '../core/lengths.js';
+import { elementRows, kindOf } from '../core/kinds.js';
+import { numberText, unitName, valueUnit } from '../core/lengths.js';
 import { t } from '../core/text.js';
 import { make } from './dom.js';
 
@@ -13,19 +14,29 @@ function fieldText({ name, components, range }) {
   return t('info.fields.vectors', { name: name || t('info.fields.unnamed'), longest: number(range[1]) });
 }
 
-/** [label, value] of all that the daemon tells. */
-function rows(volume) {
-  const unit = volume.unit ? ` ${volume.unit}` : '';
-  const list = [
-    [t('info.dims'), volume.dims?.join(' × ')],
+/** [label, value] of the samples. */
+function gridRows(volume) {
+  const unit = volume.unit ? ` ${unitName(volume.unit)}` : '';
+  return [
+    [t('info.dims'), (volume.whole ?? volume).dims?.join(' × ')],
     [t('info.spacing'), volume.spacing && volume.spacing.map(number).join(' × ') + unit],
     [t('info.size'), volume.dims && volume.spacing && t('info.size.value', {
       size: volume.dims.map((n, i) => number(Math.max(n - 1, 0) * volume.spacing[i])).join(' × ') + unit,
     })],
     [t('info.type'), volume.type],
-    [t('info.range'), volume.range && t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })],
+  ];
+}
+
+/** [label, value] of all that the daemon tells. */
+function rows(volume) {
+  const kind = kindOf(volume);
+  const hasValues = kind === 'grid' || kind === 'points';
+  const list = [
+    ...(kind === 'grid' ? gridRows : elementRows)(volume),
+    [t('info.range'), hasValues && volume.range && `${t('info.range.value', { low: number(volume.range[0]), high: number(volume.range[1]) })} ${valueUnit(volume)}`.trim()],
     [t('info.fields'), volume.fields?.some(({ name, components }) => name || components > 1) && volume.fields.map(fieldText).join('; ')],
     [t('info.nonfinite'), volume.nonfinite ? String(volume.nonfinite) : ''],
+    [t('info.warnings'), volume.warnings?.join(' ')],
     [t('info.anatomy'), volume.anatomy?.join(' ')],
     [t('info.format'), volume.format],
     [t('info.source'), volume.source],
@@ -34,6 +45,9 @@ function rows(volume) {
   ];
   return list.filter(([, value]) => value);
 }
+
+/** True if no sample of a grid is a finite number, so that there is nothing to see. Of elements the warnings say so. */
+const isBlank = (volume) => volume?.dims && kindOf(volume) === 'grid' && volume.nonfinite >= volume.dims.reduce((a, b) => a * b, 1);
 
 export class VolumeInfo {
   #app; #fold; #list;
@@ -59,6 +73,19 @@ export class VolumeInfo {
     if (!isOther) return;
     this.#isNew = true;
     this.#fill();
+    if (isBlank(volume)) this.#app.notice.show(t('info.blank', { name: volume.name }), 'warning');
+    else this.#tellWarnings();
+  }
+
+  /** Says once per tab what of the volume differs from its file. */
+  #tellWarnings() {
+    const { notice, storage } = this.#app;
+    const { id, source, name, warnings, state } = this.#volume ?? {};
+    if (state !== 'ready' || !warnings?.length) return;
+    const key = `warned:${id}:${source}`;
+    if (storage.recall(key) === warnings.join(' ')) return;
+    storage.remember(key, warnings.join(' '));
+    notice.show(warnings.length === 1 ? t('info.warnings.one', { name, text: warnings[0] }) : t('info.warnings.more', { name, text: warnings[0] }), 'info');
   }
 
   async #fill() {

@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Volumes" of the panel: the list of the daemon's volumes, opening and closing them.
+import { contentsText } from '../core/kinds.js';
 import { t } from '../core/text.js';
 import { fullNameOf, nameOf, placeOf } from '../core/volume_names.js';
 import { ask } from './ask.js';
 import { byId, icon, make, setText } from './dom.js';
+import { VolumeField } from './volume_field.js';
 import { VolumeInfo } from './volume_info.js';
 
 const LIST_MS = 500;
@@ -11,7 +13,7 @@ const LIST_MS = 500;
 function describe(volume) {
   if (volume.state === 'failed') return t('volumes.failed', { reason: volume.reason || t('volumes.failed.noreason') });
   if (volume.state === 'loading') return t('volumes.loading', { percent: Math.round((volume.progress ?? 0) * 100) });
-  return [volume.dims?.join(' × '), volume.type].filter(Boolean).join(' · ');
+  return contentsText(volume);
 }
 
 /** The button that shows the volume. `volumes` are all, whose names may be equal. */
@@ -36,7 +38,7 @@ function closeText(volume, volumes) {
 }
 
 class VolumeList {
-  #app; #info;
+  #app; #info; #field;
   #list = byId('volumes');
   #shown = ''; // what the list shows, as text
   #timer = null; // of the next refresh
@@ -47,6 +49,8 @@ class VolumeList {
     this.#app = app;
     new ResizeObserver(() => this.#reveal()).observe(this.#list);
     this.#info = new VolumeInfo(app, byId('volume-info'));
+    this.#field = new VolumeField(app);
+    byId('volume-info').before(this.#field.root);
   }
 
   get #current() { return this.#app.viewer.view?.volume; }
@@ -73,11 +77,13 @@ class VolumeList {
 
   show() {
     const { volumes, session } = this.#app.connection;
-    const mayOpen = Boolean(this.#app.api.may.open) && !session?.isJoined;
+    const { mayOpen } = this.#app;
     byId('open-button').hidden = !mayOpen;
     byId('volumes-section').hidden = volumes.length === 0 && !mayOpen;
     byId('volumes-why').hidden = !session?.isJoined;
-    this.#info.show(volumes.find(({ id }) => id === this.#current) ?? null);
+    const current = volumes.find(({ id }) => id === this.#current) ?? null;
+    this.#info.show(current);
+    this.#field.show(current);
     const isGuest = Boolean(session?.isJoined);
     const shown = JSON.stringify([this.#current, isGuest, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress, v.may_close])]);
     if (shown === this.#shown) return;

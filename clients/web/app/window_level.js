@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // The mode in which a drag in the picture changes window and level: it stretches and moves all values of the transfer function, or
 // changes the window of a projection in grey.
+import { numberText, roundValue } from '../core/lengths.js';
 import { dragWindow, isGrey, isProjection, projectionWindow } from '../core/projection.js';
 import { stretchAll, windowOf } from '../core/transfer.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
-import { showNumber, threeDigits } from './fields.js';
 
 const MODE = 'window';
 const KEY_PX = 12;
@@ -73,7 +73,7 @@ function installFields(transfer, viewer) {
     const window = projectionWindow(viewer.view, transfer.histogram);
     for (const [name, value] of [['center', window?.level], ['width', window?.width]]) {
       const input = fields.get(name);
-      if (document.activeElement !== input) input.value = value === undefined ? '' : String(threeDigits(value));
+      if (document.activeElement !== input) input.value = value === undefined ? '' : String(roundValue(value, transfer.range));
     }
   });
 }
@@ -84,7 +84,7 @@ export function install({ modes, toolbar, transfer, viewer }) {
   const sayWindow = () => {
     if (!transfer.state) return;
     const { level, width } = projectionWindow(viewer.view, transfer.histogram) ?? windowOf(transfer.state.points, transfer.range);
-    modes.say(t('window.values', { width: showNumber(width), level: showNumber(level) }));
+    modes.say(t('window.values', { width: numberText(roundValue(width, transfer.range)), level: numberText(roundValue(level, transfer.range)) }));
   };
   modes.add(MODE, {
     label: t('window.title'), hint: t('window.hint'), cursor: 'move',
@@ -106,7 +106,7 @@ export function install({ modes, toolbar, transfer, viewer }) {
     if (transfer.isEditable) modes.toggle(MODE);
   };
   const button = toolbar.button({
-    id: 'tool-window', icon: 'contrast', label: t('window.title'), key: 'w', group: 'tools', isToggle: true, press: toggle,
+    id: 'tool-window', icon: 'contrast', label: t('window.title'), key: 'w', group: 'tools', isToggle: true, needs: 'values', press: toggle,
   });
   byId('transfer-window').addEventListener('click', toggle);
   const show = () => {

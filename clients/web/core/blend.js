@@ -2,6 +2,7 @@
 // Interpolates between two views a (u = 0) and b (u = 1), exactly as the daemon does for camera paths
 // (server/paths/blend.h). Numbers are linear, the camera moves on an arc about its target, directions turn, and transfer
 // functions are blended at every value. Names and lists of different lengths stay those of a until u = 1.
+import { blendTransform } from './blend_transform.js';
 import { cameraFromRig, rigFromCamera } from './camera.js';
 import { dot, length, normalize, scale } from './vector.js';
 
@@ -104,7 +105,9 @@ const RULES = {
   slices: (a, b, u) => ({ ...blendAny(a, b, u), normal: blendDirection(a.normal, b.normal, u) || a.normal }),
   layers: (a, b, u) => {
     const isAlike = a.length === b.length && a.every((layer, i) => layer.type === b[i].type);
-    return isAlike ? a.map((layer, i) => ({ ...blendAny(layer, b[i], u), visible: layer.visible })) : a;
+    return isAlike ? a.map((layer, i) => ({
+      ...blendAny(layer, b[i], u), visible: layer.visible, ...(layer.transform ? { transform: blendTransform(layer.transform, b[i].transform, u) } : {}),
+    })) : a;
   },
   edits: (a) => a,
   quality: (a) => a,

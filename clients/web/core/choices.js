@@ -115,8 +115,11 @@ export function flatLimit(gradient = []) {
 /** The largest gradient magnitude that central differences of the volume's samples can have along one axis. */
 export const steepest = ({ range: [low, high], spacing }) => (high - low) / (2 * Math.min(...spacing));
 
+/** Types of layers with colours of their own. */
+const OWN_COLORS = ['surface', 'gaussians', 'geometry'];
+
 /** Why the transfer function has no effect on the picture: 'grey' (a projection), 'surfaces' (nothing else is shown), or null. */
 export function whyIdle(view) {
   if (isGrey(view)) return 'grey';
-  return layersOf(view).every(({ type, visible = true }) => type === 'surface' || !visible) ? 'surfaces' : null;
+  return layersOf(view).every(({ type, visible = true }) => OWN_COLORS.includes(type) || !visible) ? 'surfaces' : null;
 }

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Clipping: a box in fractions of the volume, and planes {normal, offset} that keep dot(normal, p) >= offset. The depth of
 // a plane is the clipped fraction of the volume's extent along the normal, in [0, 1]. A volume's box is {center, half: three half edges}.
-import { add, dot, length, normalize, rotate, conjugate, multiply, axisAngle, scale, subtract } from './vector.js';
+import { add, axisAngle, conjugate, cross, dot, length, multiply, normalize, rotate, scale, subtract } from './vector.js';
 
 export const WHOLE = Object.freeze([[0, 0, 0], [1, 1, 1]]);
 /** The protocol allows this many planes. */
@@ -53,6 +53,17 @@ export const pointAt = ({ center, half }, fractions) => half.reduce((p, edge, i)
 /** The middle of a face of the clip box. */
 export function faceMiddle(volumeBox, box, corner, axis) {
   return pointAt(volumeBox, [0, 1, 2].map((i) => (i === axis ? box[corner][i] : (box[0][i] + box[1][i]) / 2)));
+}
+
+/** The middle of the clip box. */
+export const boxMiddle = (volumeBox, box) => pointAt(volumeBox, box[0].map((low, i) => (low + box[1][i]) / 2));
+
+/** Moves a box by a world vector, as far as the volume reaches; its size stays. */
+export function moveBox({ half: [x, y, z] }, box, way) {
+  const volume = dot(x, cross(y, z));
+  const parts = [cross(y, z), cross(z, x), cross(x, y)].map((row) => dot(row, way) / volume / 2);
+  const moved = parts.map((part, i) => Math.max(-box[0][i], Math.min(1 - box[1][i], part)));
+  return box.map((corner) => corner.map((at, i) => Math.min(1, Math.max(0, at + moved[i]))));
 }
 
 const EDGES = [0, 1, 2].flatMap((axis) => [0, 1].flatMap((b) => [0, 1].map((c) => ({ axis, b, c }))));

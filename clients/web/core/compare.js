@@ -1,33 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
 // The camera of the second picture of a comparison.
-import { cross, dot, length, normalize, subtract } from './vector.js';
+import { add, cross, dot, length, normalize, scale, subtract } from './vector.js';
 
-const scaleFrom = (from, to, factor) => (point) => point.map((x, i) => to[i] + (x - from[i]) * factor);
+const same = (v) => v;
 
 /** The camera without fields of the daemon that have no meaning in the other view. */
 const ofCamera = ({ position, target, up, projection, fov_y, height, near }) => Object.fromEntries(
   Object.entries({ position, target, up, projection, fov_y, height, near }).filter(([, value]) => value !== undefined));
 
 /**
- * The camera of the other picture. Without spheres it is the same in world units. With `from` and `to`, the spheres {center, radius}
- * around the two volumes, it shows the other volume from the same direction and as large.
+ * The camera of the other picture. `turn` leads from one world to the other (orientation.js, turnBetween). Without spheres the camera
+ * is the same in world units. With `from` and `to`, the spheres {center, radius} around the two volumes, it shows the other volume
+ * from the same direction and as large.
  */
-export function linkedCamera(camera, from = null, to = null) {
+export function linkedCamera(camera, turn = same, from = null, to = null) {
+  const isFitted = from?.radius > 0 && to?.radius > 0;
+  const factor = isFitted ? to.radius / from.radius : 1;
+  const move = isFitted ? (point) => add(to.center, scale(turn(subtract(point, from.center)), factor)) : turn;
   const made = ofCamera(camera);
-  if (!from || !to || !(from.radius > 0) || !(to.radius > 0)) return made;
-  const factor = to.radius / from.radius;
-  const move = scaleFrom(from.center, to.center, factor);
   made.position = move(camera.position);
   made.target = move(camera.target);
+  made.up = turn(camera.up);
   if (Number.isFinite(camera.height)) made.height = camera.height * factor;
   if (Number.isFinite(camera.near)) made.near = camera.near * factor;
   return made;
 }
 
-/** True if both volumes lie at the same place, so that world units are the natural link. */
-export function isSamePlace(a, b) {
+/** True if both volumes lie at the same place, so that world units are the natural link. `turn` leads from the world of a to that of b. */
+export function isSamePlace(a, b, turn = same) {
   if (!a || !b) return true;
-  const distance = Math.hypot(...a.center.map((x, i) => x - b.center[i]));
+  const distance = length(subtract(turn(a.center), b.center));
   const radius = Math.max(a.radius, b.radius);
   return distance < 0.5 * radius && Math.min(a.radius, b.radius) > 0.5 * radius;
 }

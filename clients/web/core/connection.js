@@ -35,6 +35,8 @@ export class Connection extends Emitter {
   #session = null;
   #replaced = null;
   #volumes = [];
+  #asked = 0; // requests of refresh()
+  #listed = 0; // the one whose answer is the list
   #ahead = null; // the answer to the request of prepare()
   #wanted; #saved;
   #epoch = 0;
@@ -121,9 +123,12 @@ export class Connection extends Emitter {
     this.#rpc?.notify(method, params);
   }
 
-  /** Reads the list of volumes again and resolves to it. */
+  /** Reads the list of volumes again and resolves to it. An answer that comes after that of a later request is out of date and not used. */
   async refresh() {
+    const asked = ++this.#asked;
     const volumes = await this.#api.volumes();
+    if (asked < this.#listed) return this.#volumes;
+    this.#listed = asked;
     this.#setVolumes(volumes);
     return volumes;
   }

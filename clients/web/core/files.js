@@ -41,6 +41,20 @@ export function arranged(entries, filter, compare = new Intl.Collator(undefined,
     .sort((a, b) => (a.kind === b.kind ? compare(a.name, b.name) : a.kind === 'folder' ? -1 : 1));
 }
 
+/** Formats whose numbered files are slices of one volume. */
+const SLICES = new Set(['DICOM', 'TIFF', 'PNG', 'JPEG']);
+
+/** The time series among entries: files of one format whose names differ in numbers only. [{name, count}]: '*' stands for each number. */
+export function numberedSeries(entries) {
+  const counts = new Map();
+  for (const { name, kind, format } of entries) {
+    if (kind === 'folder' || !format || SLICES.has(format) || !/\d/.test(name)) continue;
+    const pattern = name.replaceAll(/\d+/g, '*');
+    counts.set(pattern, (counts.get(pattern) ?? 0) + 1);
+  }
+  return [...counts].filter(([, count]) => count > 1).map(([name, count]) => ({ name, count }));
+}
+
 /** The newest first, each source once, at most `max`. */
 export function withRecent(list, entry, max) {
   return [entry, ...list.filter(({ source }) => source !== entry.source)].slice(0, max);

@@ -7,8 +7,11 @@ export class History {
   #states = [];
   #at = -1;
   #gesture = null;
+  #steps = 0;
 
   get current() { return this.#states[this.#at] ?? null; }
+  /** Grows with each step, backwards and forwards. */
+  get steps() { return this.#steps; }
   get canUndo() { return this.#at > 0; }
   get canRedo() { return this.#at + 1 < this.#states.length; }
 
@@ -25,6 +28,7 @@ export class History {
     this.#states = [...this.#states.slice(0, isMore ? this.#at : this.#at + 1), state].slice(-MOST);
     this.#at = this.#states.length - 1;
     this.#gesture = gesture;
+    this.#steps += 1;
   }
 
   /** Replaces the current state; it does not count as a step. */
@@ -42,6 +46,7 @@ export class History {
     if (!this.canUndo) return null;
     this.#gesture = null;
     this.#at -= 1;
+    this.#steps += 1;
     return this.current;
   }
 
@@ -50,6 +55,7 @@ export class History {
     if (!this.canRedo) return null;
     this.#gesture = null;
     this.#at += 1;
+    this.#steps += 1;
     return this.current;
   }
 }

@@ -61,6 +61,17 @@ function places(path, fps) {
 
 const eased = { linear: (u) => u, smooth: (u) => u * u * (3 - 2 * u), step: () => 0 };
 
+/**
+ * The path with a turn behind it: `keys` are those of a whole turn, the first with the view now, which the path may end with already. A turn
+ * that is the whole path becomes a loop; otherwise it returns to its start, which may be that of the loop.
+ */
+export function appendTurn(path, [seen, ...turned]) {
+  const isSame = (key) => JSON.stringify({ ...key?.view, size: null }) === JSON.stringify({ ...seen.view, size: null });
+  const from = isSame(path.keys.at(-1)) ? path : append(path, seen);
+  const isLoop = from.keys.length === 1 || path.isLoop;
+  return { ...append(from, ...turned, ...(isLoop && isSame(from.keys[0]) ? [] : [seen])), isLoop };
+}
+
 /** The view of a frame, as the daemon renders it. */
 export function viewAt(path, fps, frame) {
   const [at, keys] = [places(path, fps), stops(path)];

@@ -1,7 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// The layers of a view: the volume, surfaces of one value each, a shell at the borders of opacity, and streaks along vectors. Nothing
-// here changes its arguments.
+// The layers of a view: the volume, surfaces of one value each, a shell at the borders of opacity, streaks along vectors, and the elements
+// of this volume or of other ones. Nothing here changes its arguments.
 import { threshold } from './histogram.js';
+import { IDENTITY } from './placement.js';
 
 const LAYERS_MAX = 8;
 /** Opacity of a surface around another one. */
@@ -18,6 +19,16 @@ const DENSITY_MOST = 0.2;
 const SAMPLES_DEEP = 20; // along the longest axis of the grid
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
 const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.9], [0.95, 0.75, 0.3], [0.45, 0.75, 0.55], [0.75, 0.5, 0.75], [0.55, 0.6, 0.65]]);
+
+/** The fields of layers of elements, beside their volume and its place. */
+const ELEMENTS = Object.freeze({
+  points: { size: 1 },
+  gaussians: { opacity: 1, convention: 'inria' },
+  geometry: { color: COLORS[0], opacity: 1, colors: 'own' },
+});
+
+/** True for a layer of points, Gaussians or triangles. */
+export const isOfElements = ({ type }) => Object.hasOwn(ELEMENTS, type);
 
 /** The layers of a view; those of an old daemon are the volume alone. */
 export const layersOf = (view) => view?.layers ?? [VOLUME];
@@ -53,9 +64,10 @@ export const showVolumeAlone = (layers) => showVolume(layers, true).map((layer) 
 /** Changes fields of a layer. */
 export const changeLayer = (layers, index, change) => layers.map((layer, i) => (i === index ? { ...layer, ...change } : layer));
 
-/** Removes a layer. A view has at least one; without any other the volume becomes visible. */
-export function removeLayer(layers, index) {
+/** Removes a layer. A view has at least one; without any other the volume becomes visible. own: the type of the layer that shows it. */
+export function removeLayer(layers, index, own = VOLUME.type) {
   const left = layers.filter((_, i) => i !== index);
+  if (own !== VOLUME.type) return left.length > 0 ? left : addElements([], own);
   return left.some(({ type }) => type !== 'volume') ? left : [VOLUME];
 }
 
@@ -87,8 +99,8 @@ const nextColor = (layers) => {
   return COLORS.find((color) => !used.some((other) => other?.every((part, i) => near(part, color[i])))) ?? COLORS[used.length % COLORS.length];
 };
 
-/** A place in the list: the first layer beside the volume replaces its picture, because it would be hidden in it. */
-const makeRoom = (layers) => (showsOthers(layers) ? layers : showVolume(layers, false));
+/** A place in the list: the first layer of the same samples replaces the picture of the volume, because it would be hidden in it. */
+const makeRoom = (layers) => (showsOthers(layers.filter((layer) => !isOfElements(layer))) ? layers : showVolume(layers, false));
 
 /** Adds a surface. Opaque surfaces around it become a veil, because they would hide it. */
 export function addSurface(layers, value) {
@@ -114,8 +126,11 @@ export function addVectors(layers, { dims }) {
   return [...makeRoom(layers), { ...VECTORS, density }];
 }
 
-/** There may be several surfaces, and one layer of each other type. */
-export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type === 'surface' || !layers.some((layer) => layer.type === type));
+/** Adds a layer of elements: of the volume with this id, or of the view's volume. What the picture shows stays. */
+export const addElements = (layers, type, id = '', transform = IDENTITY) => [...layers, { type, visible: true, id, transform: [...transform], ...ELEMENTS[type] }];
+
+/** There may be several surfaces and layers of elements, and one layer of each other type. */
+export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type === 'surface' || isOfElements({ type }) || !layers.some((layer) => layer.type === type));
 
 /** Moves a threshold of a shell; it pushes the other one. name: low or high. */
 export function moveThreshold(layer, name, value) {

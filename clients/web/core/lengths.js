@@ -34,8 +34,22 @@ export function scaleBar(worldPerPx, widest, unit) {
   return { length, px: length / worldPerPx, text: lengthText(length, unit) };
 }
 
+/** A unit of length as people write it: µm for um. */
+export const unitName = (unit = '') => (SPELLINGS[unit] === 1e-6 ? 'µm' : unit);
+
+/** The unit of the values of a volume, such as HU; '' = unknown. */
+export const valueUnit = (volume) => volume?.fields?.[0]?.unit ?? '';
+
+/** A value of a volume as text, with its unit. range: of all values. */
+export const dataText = (value, range, unit) => `${numberText(roundValue(value, range))} ${unit}`.trim();
+
 /** Rounds a coordinate to a thousandth of the extent of a volume, for a field. */
 export function roundCoordinate(value, extent) {
-  const digits = extent > 0 && Number.isFinite(extent) ? Math.min(12, Math.max(0, 3 - Math.floor(Math.log10(extent)))) : 3;
+  const digits = extent > 0 && Number.isFinite(extent) ? Math.min(100, Math.max(0, 3 - Math.floor(Math.log10(extent)))) : 3;
   return Number(value.toFixed(digits)) + 0;
+}
+
+/** Rounds a value of the data to about a ten-thousandth of its range, and to six digits; whole numbers stay. */
+export function roundValue(value, [low, high]) {
+  return Number.isSafeInteger(value) ? value : Number(roundCoordinate(value, (high - low) / 10).toPrecision(6));
 }

@@ -59,13 +59,16 @@ export function outsideText({ outside }) {
   return t('measure.outside.part', { part });
 }
 
-const numberText = (value) => (value === null || value === undefined ? '–' : shortNumber(value));
+/** A number and the unit of the values of the volume: "12.5 HU". */
+const ofData = (text, { data_unit: unit }) => `${text} ${unit ?? ''}`.trim();
+
+const numberText = (value, digits = 4) => (value === null || value === undefined ? '–' : shortNumber(value, digits));
 
 /** The lines of the label in the picture. */
 export function labelLines(item) {
   const { text, statistics } = item;
   const lines = text ? [text, namedValue(item)] : [namedValue(item)];
-  if (statistics?.count > 0) lines.push(t('measure.mean', { mean: numberText(statistics.mean), deviation: numberText(statistics.deviation) }));
+  if (statistics?.count > 0) lines.push(ofData(t('measure.mean', { mean: numberText(statistics.mean), deviation: numberText(statistics.deviation) }), item));
   const more = moreOf(item);
   if (more.length) lines.push(more[0].join(' '));
   const outside = outsideText(item);
@@ -76,10 +79,9 @@ export function labelLines(item) {
 export function numbersOf(item) {
   const { statistics: s, kind, unit } = item;
   const rows = [[valueName(kind), lacksUnit(item) ? withUnit(shortNumber(item.value, 5), '') : valueText({ value: item.value, unit }, t('measure.novalue'), 5)]];
-  if (item.range) rows.push(...moreOf(item, 5), [t('measure.range'), item.range.map((end) => shortNumber(end, 5)).join(' – ')]);
+  if (item.range) rows.push(...moreOf(item, 5), [t('measure.range'), ofData(item.range.map((end) => shortNumber(end, 5)).join(' – '), item)]);
   if (!s) return rows;
-  const number = (value) => (value === null ? '–' : shortNumber(value, 5));
-  return [...rows, ...STATISTICS.filter(([key]) => key !== 'count').map(([key, name]) => [t(name), number(s[key])]), [t('measure.count'), String(s.count)],
+  return [...rows, ...STATISTICS.filter(([key]) => key !== 'count').map(([key, name]) => [t(name), ofData(numberText(s[key], 5), item)]), [t('measure.count'), String(s.count)],
     ...(s.nonfinite ? [[t('measure.nonfinite'), String(s.nonfinite)]] : [])];
 }
 
@@ -88,8 +90,8 @@ const cell = (text) => (FORMULA.test(text) ? `'${text}` : text).replace(/[\t\r\n
 
 /** The table of a list for the clipboard: a heading and a line per measurement, with tabs. */
 export function tableText(items, nameOf) {
-  const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.outside', 'measure.surface', 'measure.straight'];
+  const headings = ['measure.table.name', 'measure.table.kind', 'measure.value', 'measure.table.unit', ...STATISTICS.map(([, name]) => name), 'measure.table.data', 'measure.outside', 'measure.surface', 'measure.straight'];
   const rows = items.map((item) => [cell(nameOf(item)), t(`measure.${item.kind}`), item.value ?? '', cell(unitText(item.unit ?? '')),
-    ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), item.outside ?? '', item.area ?? '', item.straight ?? '']);
+    ...STATISTICS.map(([key]) => item.statistics?.[key] ?? ''), cell(item.data_unit ?? ''), item.outside ?? '', item.area ?? '', item.straight ?? '']);
   return [headings.map((key) => t(key)), ...rows].map((row) => row.join('\t')).join('\n');
 }

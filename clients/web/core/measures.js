@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Measurements: the list of a session, undo, and where lines, handles and labels lie. A measurement is the answer to measure.put
 // (protocol/stream.md); points are world positions. A plane is {origin, right, down, normal} (slices.js).
+import { unitName, valueUnit } from './lengths.js';
 import { add, cross, dot, length, normalize, scale, subtract } from './vector.js';
 
 /** Points of each kind; hasPlane: it lies in a slice; hasRange: it needs a range of values, and the daemon takes time to measure it. */
@@ -192,7 +193,7 @@ export function ticks(low, high, count) {
 }
 
 /** The unit as people write it. */
-export const unitText = (unit) => ({ deg: '°' }[unit] ?? unit.replace(/\^2$/, '²').replace(/\^3$/, '³'));
+export const unitText = (unit) => (unit === 'deg' ? '°' : unit.replace(/^[^^]*/, unitName).replace(/\^2$/, '²').replace(/\^3$/, '³'));
 
 /** A value with its unit, such as "12.5 mm" and "90°"; `none` without a value. */
 export function valueText({ value, unit }, none, digits = 4) {
@@ -201,8 +202,13 @@ export function valueText({ value, unit }, none, digits = 4) {
   return name === '°' ? `${shortNumber(value, digits)}°` : `${shortNumber(value, digits)} ${name}`.trim();
 }
 
-/** The unit of the value of this kind in a volume with this unit of length; what the daemon answers, too. */
-export const unitOf = (kind, unit) => (kind === 'angle' ? 'deg' : kind === 'marker' || !unit ? '' : kind === 'part' ? `${unit}^3` : KINDS[kind].hasPlane ? `${unit}^2` : unit);
+/** The unit of the value of this kind in a volume; what the daemon answers, too. */
+export function unitOf(kind, volume) {
+  const unit = volume?.unit;
+  if (kind === 'marker') return valueUnit(volume);
+  if (kind === 'angle' || !unit) return kind === 'angle' ? 'deg' : '';
+  return kind === 'part' ? `${unit}^3` : KINDS[kind].hasPlane ? `${unit}^2` : unit;
+}
 
 /**
  * The place {x, y} of the middle of a label of `width` × `height` px beside the line from a to b (px), on its upper side or, for a steep

@@ -31,6 +31,13 @@ function towards(anatomy, letter) {
   return unit(axis, anatomy[axis] === letter ? 1 : -1);
 }
 
+/** Turns a vector in the world of a volume into the same anatomical one in another's world. Without the letters of both, it stays. */
+export function turnBetween(from, to) {
+  if (!from || !to) return (v) => v;
+  const axes = to.map((letter) => towards(from, letter));
+  return (v) => axes.map((axis) => dot(axis, v) + 0); // no -0
+}
+
 /** The world axis with the largest part of v, with its sign. */
 function nearestAxis(v) {
   const axis = v.reduce((best, part, i) => (Math.abs(part) > Math.abs(v[best]) ? i : best), 0);

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Where the slices of a volume lie. A plane is {origin, right, down, normal}: a world point on it and orthonormal world vectors;
 // the normal points to the viewer. Distances along the axes of the grid are in world units, from sample 0.
+import { roundCoordinate } from './lengths.js';
 import { letterOf } from './orientation.js';
 import { add, cross, dot, length, normalize, rotate, axisAngle, scale, subtract } from './vector.js';
 
@@ -93,6 +94,11 @@ export class Grid {
 
   get smallest() {
     return Math.min(...this.volume.spacing);
+  }
+
+  /** A coordinate, rounded to about a tenth of the smallest gap between samples. */
+  round(coordinate) {
+    return roundCoordinate(coordinate, 100 * this.smallest);
   }
 }
 
@@ -233,11 +239,14 @@ export function pixelAt(meta, world) {
 /** The world axis with the largest part of a direction. */
 export const mainAxis = (v) => v.reduce((best, part, i) => (Math.abs(part) > Math.abs(v[best]) + 1e-9 ? i : best), 0);
 
-/** What a direction is called: an anatomical letter, or the world axis with its sign. */
+const NEAR_AXIS = Math.cos(70 * Math.PI / 180);
+
+/** The anatomical letters of a direction: those of the axes within 70° of it, the nearest first, such as "RA". */
 export function directionName(anatomy, v) {
-  const axis = mainAxis(v);
-  const sign = v[axis] < 0 ? -1 : 1;
-  return anatomy ? letterOf(anatomy, axis, sign) : `${sign < 0 ? '−' : '+'}${'xyz'[axis]}`;
+  const size = length(v);
+  const parts = v.map((part) => Number((part / size).toFixed(6))); // equal parts keep the order of the axes
+  return [0, 1, 2].filter((axis) => Math.abs(parts[axis]) >= NEAR_AXIS).sort((a, b) => Math.abs(parts[b]) - Math.abs(parts[a]))
+    .map((axis) => letterOf(anatomy, axis, Math.sign(parts[axis]))).join('');
 }
 
 /** The line in which a plane cuts another one's picture, as two points far outside of the pane; null if they are parallel. */

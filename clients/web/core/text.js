@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texts of the page by key, in the language of the user. Each language has one file text/LANGUAGE.js, whose default export is a
-// flat object. English is complete; a text that another language lacks appears in English.
-import english from '../text/en.js';
+// flat object. English is complete; a text that another language lacks appears in English. It has two objects, so that <splat-view> carries
+// only the texts that it needs.
+import { SHARED } from '../text/en.js';
 
 /** The languages with a file in text/. */
 export const LANGUAGES = Object.freeze(['en']);
 
-let texts = english;
+let texts = SHARED;
 
 /** The first of the wanted languages, such as ['de-AT', 'en'], that the page has; otherwise English. */
 export function chooseLanguage(wanted) {
@@ -14,9 +15,9 @@ export function chooseLanguage(wanted) {
   return known.find((name) => LANGUAGES.includes(name)) ?? 'en';
 }
 
-/** Uses another language: the default export of its file. */
+/** Adds the texts of the page, then those of another language: the default export of its file. */
 export function useTexts(other) {
-  texts = { ...english, ...other };
+  texts = { ...texts, ...other };
 }
 
 export const hasText = (key) => Object.hasOwn(texts, key);

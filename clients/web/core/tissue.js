@@ -7,6 +7,7 @@ import { OPACITY_MAX } from './transfer.js';
 
 export const KINDS = Object.freeze(['ct-bone', 'ct-soft', 'ct-lung', 'ct-vessels', 'mr', 'microscopy', 'simulation']);
 
+const HOUNSFIELD = /^\[?(hu|hounsfield( units?)?)\]?$/i;
 const AIR = -1000;
 const BACKGROUND = 0.2; // share of the samples
 const DENSE = 1600; // HU of the densest bone in most scans
@@ -26,10 +27,10 @@ const CT = {
   'ct-vessels': [[130, 0, MUSCLE], [180, 0.12, BLOOD], [320, 0.45, [0.92, 0.25, 0.15]], [480, 0.35, [0.95, 0.6, 0.35]], [700, 0.3, BONE], [1600, 0.5, WHITE]],
 };
 
-/** How Hounsfield units lie in the values of a volume: {at(HU) → value, note}. */
-export function scaleOf(histogram) {
+/** How Hounsfield units lie in the values of a volume: {at(HU) → value, note}. unit: of the values, if the file states it. */
+export function scaleOf(histogram, unit = '') {
   const [low, high] = histogram.range;
-  if (low <= -200 && high >= 200) return { at: (hu) => hu, note: t('kind.note.hu') };
+  if (HOUNSFIELD.test(unit) || (low <= -200 && high >= 200)) return { at: (hu) => hu, note: t('kind.note.hu') };
   // Scanners without negative numbers store HU + 1024 or HU + 1000. Soft tissue, the peak between −150 and 150 HU, decides.
   const tissue = low > -200 && low < 400 && high > 1400 && high < 6000 ? peak(histogram, 850, 1180) : null;
   if (tissue !== null) {
@@ -76,12 +77,12 @@ function simulation(histogram) {
   return [point(base, 0, WHITE), point(at(0.5), 0.012, WHITE), point(at(0.9), 0.06, WHITE), point(at(0.99), 0.3, WHITE), point(high, 0.6, WHITE)];
 }
 
-/** {points, map, note} of a kind for a volume with this histogram {range, counts}. `map` names a colour map, or is null. */
-export function presetOf(kind, histogram) {
+/** {points, map, note} of a kind for a volume with this histogram {range, counts} and unit of values. `map` names a colour map, or is null. */
+export function presetOf(kind, histogram, unit = '') {
   const { range } = histogram;
   if (!(range[1] > range[0])) return { points: [point(range[0], 0.1, WHITE)], map: null, note: t('kind.note.equal') };
   if (CT[kind]) {
-    const { at, note } = scaleOf(histogram);
+    const { at, note } = scaleOf(histogram, unit);
     return { points: rising(CT[kind].map(([hu, opacity, color]) => point(at(hu), opacity, color)), range), map: null, note };
   }
   const note = t('kind.note.histogram');

@@ -72,6 +72,10 @@ export function placePoint(points, index, value, gap) {
   return added.index < 0 ? { points, index } : added;
 }
 
+/** True if some value between low and high has an opacity. */
+export const showsValues = (points, [low, high]) => [low, high, ...points.map((p) => p.value).filter((value) => value > low && value < high)]
+  .some((value) => opacityAt(points, value) > 0);
+
 /** Removes a point; the last one stays. */
 export const removePoint = (points, index) => (points.length > 1 ? points.filter((_, i) => i !== index) : points);
 

@@ -8,8 +8,6 @@ import { Emitter } from './emitter.js';
 import { sizeTexts } from './files.js';
 import { t } from './text.js';
 
-const VOLUME_NAME = /\.(nrrd|nhdr|vtk|vti|vtr|json|tiff?)$/i; // that a file of its own must have
-
 const PART_FIRST = 1 << 20;
 const PART_MIN = 1 << 18;
 const PART_MAX = 1 << 24;
@@ -189,8 +187,7 @@ export class Upload extends Emitter {
 }
 
 /** Why an upload failed, for a person. */
-export function refusalText({ name, bytes, error, limits }) {
-  if (error?.pointer === '/name' && !VOLUME_NAME.test(name)) return t('upload.kind', { name });
+export function refusalText({ bytes, error, limits }) {
   if (bytes > limits?.most) {
     const [size, most] = sizeTexts(bytes, limits.most);
     return t('upload.large', { size, most });

@@ -16,6 +16,8 @@ uint64_t cpu_cache_bytes(const struct cpu_state *state, enum cpu_cache cache,
         return sp_shell_bytes(&state->shells, volume);
     case CPU_CACHE_VECTORS:
         return sp_vectors_bytes(&state->vectors, volume);
+    case CPU_CACHE_CLOUDS:
+        return sp_cloud_bytes(&state->clouds, volume);
     case CPU_CACHES:
         break;
     }
@@ -49,6 +51,9 @@ void cpu_cache_evict(struct cpu_state *state, enum cpu_cache cache,
         break;
     case CPU_CACHE_VECTORS:
         sp_vectors_evict(&state->vectors, volume);
+        break;
+    case CPU_CACHE_CLOUDS:
+        sp_cloud_evict(&state->clouds, volume);
         break;
     case CPU_CACHES:
         break;

@@ -14,6 +14,7 @@ enum cpu_cache {
     CPU_CACHE_SURFACES, /* surface/ */
     CPU_CACHE_SHELLS,   /* shell/ */
     CPU_CACHE_VECTORS,  /* vectors/ */
+    CPU_CACHE_CLOUDS,   /* cloud/ */
     CPU_CACHES
 };
 

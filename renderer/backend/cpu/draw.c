@@ -20,6 +20,7 @@ static bool draw_fast(struct cpu_frame *f, bool *is_drawn, struct sp_error *err)
                                        .grid = &f->levels[0].grid,
                                        .parts = f->parts,
                                        .detail = &f->detail,
+                                       .fragments = f->fragments,
                                        .axis = f->axis,
                                        .classify_ms = f->stage_ms[CPU_CLASSIFY],
                                        .draw_tile = state->kernels.postconv_tile,
@@ -146,18 +147,18 @@ static bool draw_classified(struct cpu_state *state, const struct sp_backend_job
                             const struct sp_fragments *fragments, struct sp_error *err) {
     struct cpu_frame frame;
     const struct sp_grid *grid = &sp_volume_info(job->volume)->grid;
-    bool can_be_fast =
-        state->kernels.has_fast_path && !fragments && sp_postconv_can_draw(job->view, grid);
+    const bool is_slab = job->view->compositing.mode == SP_COMPOSITE_SLAB;
+    bool can_be_fast = state->kernels.has_fast_path && sp_postconv_can_draw(job->view, grid);
     bool is_drawn = false;
     state->cache.limit_bytes = cpu_cache_rest(state, CPU_CACHE_LISTS);
     if (!cpu_frame_init(&frame, state, job, err))
         return false;
     frame.fragments = fragments;
-    if (job->view->compositing.mode == SP_COMPOSITE_SLAB) /* slabs do not mix mip levels */
+    if (is_slab) /* slabs do not mix mip levels */
         can_be_fast = can_be_fast && frame.detail.levels == 1;
     if (can_be_fast && !draw_fast(&frame, &is_drawn, err))
         return false;
-    if (is_drawn && job->view->compositing.mode == SP_COMPOSITE_SLAB)
+    if (is_drawn && is_slab)
         return mix_axes(&frame, err);
     return is_drawn || cpu_general_draw(&frame, err);
 }
@@ -206,6 +207,8 @@ static bool needs_cache(const struct sp_view *view, enum cpu_cache cache) {
         return has_layer(view, SP_LAYER_SHELL);
     case CPU_CACHE_VECTORS:
         return has_layer(view, SP_LAYER_VECTORS);
+    case CPU_CACHE_CLOUDS:
+        return has_layer(view, SP_LAYER_POINTS);
     case CPU_CACHES:
         break;
     }

@@ -24,7 +24,8 @@
  *      below 4, exponential attenuation and filter ewa or adaptive;
  *   3. sp_postconv_is_worthwhile(): filters serve at least three quarters of the voxels that the
  *      tiles look at, which is not so if the eye is close to the voxels. For slabs they must
- *      serve all of them, on the finest mip level.
+ *      serve all of them, on the finest mip level;
+ *   4. among other layers the eye is not between slices.
  *
  * Slabs on the fast path are mixed from those of two or three axes near a switch of the major axis.
  *

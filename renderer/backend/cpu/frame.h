@@ -10,6 +10,7 @@
 #include "backend/cpu/kernels.h"
 #include "base/arena.h"
 #include "classify/cache.h"
+#include "cloud/tree.h"
 #include "postconv/postconv.h"
 #include "shell/cache.h"
 #include "splat/cubic.h"
@@ -26,6 +27,7 @@ struct cpu_state {
     struct sp_light_cache light;     /* of lit ones */
     struct sp_shell_cache shells;
     struct sp_vectors_cache vectors;
+    struct sp_cloud_cache clouds;
     struct sp_surface_cache surfaces;
     uint64_t memory_bytes; /* of all caches */
     struct sp_cubic_table cubic;

@@ -290,7 +290,7 @@ static bool allocate(struct draw *d, struct sp_arena *arena, struct sp_error *er
     d->bins = (struct sp_bins){ .capacity = most > ENTRIES_MIN ? most : ENTRIES_MIN };
     allocate_tiles(d, arena, tiles);
     d->records.splat = sp_arena_alloc(arena, "splats", RECORDS, sizeof *d->records.splat);
-    if (d->blend.mode == SP_COMPOSITE_SLAB)
+    if (d->blend.mode == SP_COMPOSITE_SLAB || (d->blend.insert && d->insert.has_splats))
         d->records.span = sp_arena_alloc(arena, "spans", RECORDS, sizeof *d->records.span);
     if (d->frame->ewa->clip.count)
         d->records.cut = sp_arena_alloc(arena, "cuts", RECORDS, sizeof *d->records.cut);
@@ -311,8 +311,16 @@ static void set_rows(struct draw *d, int begin, int end) {
         }
 }
 
+/* Returns how far a kernel reaches along the ray at most [cells]. */
+static double kernel_reach(const struct draw *d) {
+    const struct sp_view *view = d->frame->job->view;
+    double radius[2];
+    sp_kernel_radii(&d->frame->level->grid, sp_kernel_sigma(&view->filter), radius);
+    return (double)d->frame->ewa->radius * radius[1] / d->frame->ewa->unit;
+}
+
 /* Sets up the compositor. Slabs get as many slots as a kernel may span; they are thicker if memory
- * does not suffice. *reach: of a kernel along the ray [cells]. */
+ * does not suffice. *reach: of a kernel before its layer [cells]. */
 static void choose_blend(struct draw *d, double *reach) {
     const struct sp_view *view = d->frame->job->view;
     const struct sp_grid *grid = &d->frame->level->grid;
@@ -331,10 +339,8 @@ static void choose_blend(struct draw *d, double *reach) {
         return;
     /* The transfer function varies as fast over an averaged scalar: its slabs stay as thin. */
     const struct sp_grid *measure = is_post ? &sp_volume_info(d->frame->job->volume)->grid : grid;
-    double radius[2],
-        spacing = fmin(measure->spacing[0], fmin(measure->spacing[1], measure->spacing[2]));
-    sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
-    *reach = (double)d->frame->ewa->radius * radius[1] / d->frame->ewa->unit;
+    double spacing = fmin(measure->spacing[0], fmin(measure->spacing[1], measure->spacing[2]));
+    *reach = kernel_reach(d);
     double thickness = sp_depth_thickness(
         d->frame->ewa, view->compositing.slab * spacing / d->frame->ewa->unit, *reach);
     double most = fmin(SP_SLOTS_MAX, (double)(ROW_BYTES / sums_bytes(&d->blend)) / d->grid.columns);
@@ -405,8 +411,11 @@ static bool choose_insert(struct draw *d, double reach, struct sp_error *err) {
     d->blend.insert = &d->insert;
     d->insert = (struct sp_insert){ .fragments = d->frame->fragments,
                                     .camera = &d->frame->camera,
+                                    .has_splats = d->blend.mode == SP_COMPOSITE_SPLAT,
                                     .nearest = d->nearest * unit,
-                                    .thickness = thickness * unit };
+                                    .thickness = thickness * unit,
+                                    .reach = kernel_reach(d) * unit,
+                                    .unit = unit };
     return d->blend.mode != SP_COMPOSITE_SHEET ||
            sp_insert_init_sheets(&d->insert, &d->frame->levels[0].grid, d->frame->axis, arena) ||
            cpu_fail_memory(arena, err);

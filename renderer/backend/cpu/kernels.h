@@ -10,7 +10,9 @@
 #define SP_BACKEND_CPU_KERNELS_H
 
 #include "base/isa.h"
+#include "cloud/kernels.h"
 #include "light/kernels.h"
+#include "mesh/kernels.h"
 #include "postconv/postconv.h"
 #include "postconv/shear.h"
 #include "resample/resample.h"
@@ -37,7 +39,9 @@ struct cpu_kernels {
     sp_ranges_find_fn *ranges_find;     /* sp_ranges_find() */
     struct sp_light_kernels light;      /* light/kernels.h */
     struct sp_voxel_kernels voxels;     /* voxels/kernels.h */
+    sp_voxel_set_up_fn *cloud_set_up;   /* sp_cloud_set_up() */
     sp_surface_tile_fn *surface_tile;   /* sp_surface_tile() */
+    struct sp_mesh_kernels mesh;        /* mesh/kernels.h */
     /* Draws sheets by the fast path where it can (postconv/). False for the scalar set: as the
      * reference of the others it draws every view by the general path. */
     bool has_fast_path;

@@ -53,43 +53,56 @@ static void init(struct drawing *l, struct cpu_state *state, const struct sp_bac
     l->input =
         (struct sp_layers_input){ .view = view,
                                   .volume = job->volume,
+                                  .shown = job->shown,
                                   .camera = &l->camera,
                                   .shade = is_lit ? &l->shade : NULL,
                                   .surfaces = &state->surfaces,
                                   .shells = &state->shells,
                                   .vectors = &state->vectors,
+                                  .clouds = &state->clouds,
                                   .bytes_max = cpu_cache_rest(state, CPU_CACHE_SURFACES) +
                                                cpu_cache_bytes(state, CPU_CACHE_SHELLS, NULL) +
-                                               cpu_cache_bytes(state, CPU_CACHE_VECTORS, NULL),
+                                               cpu_cache_bytes(state, CPU_CACHE_VECTORS, NULL) +
+                                               cpu_cache_bytes(state, CPU_CACHE_CLOUDS, NULL),
                                   .surface_tile = state->kernels.surface_tile,
                                   .voxel_kernels = &state->kernels.voxels,
+                                  .cloud_set_up = state->kernels.cloud_set_up,
+                                  .mesh_kernels = &state->kernels.mesh,
                                   .mip_level = job->mip_level,
                                   .interrupt = sp_job_interrupt(job),
                                   .pool = state->pool,
                                   .arena = &state->arena };
 }
 
-/* A frame of nothing but a shell or vectors needs no fragments. */
+/* A frame of nothing but splats needs no fragments. */
 static bool draws_alone(const struct sp_view *view) {
-    return view->layer_count == 1 &&
-           (view->layers[0].type == SP_LAYER_SHELL || view->layers[0].type == SP_LAYER_VECTORS);
+    const uint32_t splats = SP_CAN(SP_LAYER_SHELL) | SP_CAN(SP_LAYER_VECTORS) |
+                            SP_CAN(SP_LAYER_POINTS) | SP_CAN(SP_LAYER_GAUSSIANS);
+    return view->layer_count == 1 && splats & SP_CAN(view->layers[0].type);
 }
 
 static bool draw_alone(const struct drawing *l, struct sp_error *err) {
-    struct sp_voxel_input input;
+    const struct sp_layer *layer = &l->job->view->layers[0];
+    struct sp_layers_cloud cloud;
+    struct sp_voxel_input voxels, *input = &voxels;
     double begin = sp_job_clock_ms(l->job);
-    if (!sp_layers_voxels(&l->input, &l->job->view->layers[0], &input, err))
+    if (layer->type == SP_LAYER_POINTS || layer->type == SP_LAYER_GAUSSIANS) {
+        input = &cloud.voxels.input;
+        if (!sp_layers_cloud(&l->input, 0, &cloud, err))
+            return false;
+    } else if (!sp_layers_voxels(&l->input, layer, input, err)) {
         return false;
+    }
     double found_ms = sp_job_clock_ms(l->job) - begin;
-    input.frame = l->job->frame;
-    if (!sp_voxel_draw(&input, err))
+    input->frame = l->job->frame;
+    if (!sp_voxel_draw(input, err))
         return false;
     l->job->frame->stats.stages[0].ms += found_ms; /* "classify" */
     return true;
 }
 
 static void add_stats(struct sp_frame_stats *stats, const struct sp_voxel_layer *layer) {
-    stats->visible_voxels += layer->list->count;
+    stats->visible_voxels += layer->source.count;
     stats->splats += layer->drawn;
     stats->fragments += (uint64_t)layer->area;
 }
@@ -115,10 +128,14 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
         add_stats(stats, &layers.shell.layer);
     if (layers.vectors.is_there)
         add_stats(stats, &layers.vectors.layer);
+    for (unsigned i = 0; i < layers.cloud_count; i++)
+        add_stats(stats, &layers.clouds[i].voxels.layer);
     for (unsigned i = 0; i < layers.surface_count; i++) {
         stats->visible_voxels += layers.surfaces[i].points->count;
         stats->splats += layers.surfaces[i].drawn;
     }
+    for (unsigned i = 0; i < layers.mesh_count; i++)
+        stats->splats += layers.meshes[i].first[layers.meshes[i].columns * layers.meshes[i].rows];
     stats->stage_count = 2;
     stats->stages[0] = (struct sp_stage_time){ "splat", prepared - begin };
     stats->stages[1] = (struct sp_stage_time){ "tile", sp_job_clock_ms(job) - prepared };

@@ -39,6 +39,8 @@ static bool plan(struct gl_band *band, uint32_t rows, struct sp_error *err) {
 bool gl_band_plan(struct gl_band *band, struct sp_error *err) {
     struct gl_state *s = band->state;
     uint32_t rows = gl_workload_limits(&s->workload).tiles / band->columns;
+    if (band->slot->has_pieces && s->workload.rows < rows)
+        rows = s->workload.rows;
     struct sp_error why = { .code = SP_OK };
     rows = rows < 1 ? 1 : rows;
     bool ok = plan(band, rows, &why);
@@ -80,24 +82,6 @@ bool gl_band_follow(struct gl_band *band, struct sp_error *err) {
     if (!gl_fence_wait(last, band->job->cancel, err))
         return false;
     gl_fence_set(last);
-    return true;
-}
-
-bool gl_band_draw_lists(struct gl_band *band, uint32_t most, uint32_t at_once,
-                        struct sp_error *err) {
-    for (uint32_t first = 0; first < most; first += at_once) {
-        uint32_t left = most - first;
-        uint32_t n = left < at_once ? left : at_once;
-        if (sp_job_is_cancelled(band->job))
-            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
-        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.slices, n == left);
-        glDispatchCompute(band->columns, gl_band_rows(band), 1);
-        gl_band_barrier();
-        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
-        if (!gl_band_follow(band, err))
-            return false;
-    }
     return true;
 }
 

@@ -68,12 +68,6 @@ void gl_band_barrier(void);
  * leaves little queued work. SP_ERR_CANCELLED, SP_ERR_BACKEND. */
 bool gl_band_follow(struct gl_band *band, struct sp_error *err);
 
-/* Runs the bound program, which draws a surface or a shell, over the lists of the band's tiles: at
- * most `at_once` entries of each list per pass, `most` being the length of the longest one.
- * SP_ERR_CANCELLED, and as gl_band_follow(). */
-bool gl_band_draw_lists(struct gl_band *band, uint32_t most, uint32_t at_once,
-                        struct sp_error *err);
-
 void gl_band_drop_fences(struct gl_band *band);
 
 /* Resolves the pixels and starts the readback of them and the counters. */

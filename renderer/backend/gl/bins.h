@@ -26,6 +26,7 @@ struct gl_bins_head {
     uint32_t crowded;          /* pairs of the longest bin that was too long to sort */
     uint32_t widest;           /* most loop rounds of a splat that was left out because of them */
     uint32_t stored;           /* fragments of other layers, also those that did not fit */
+    uint32_t longest_elements; /* as `longest`, of other layers */
 };
 
 struct gl_bins {

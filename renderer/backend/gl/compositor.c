@@ -20,21 +20,13 @@ unsigned gl_compositor_open(struct gl_state *s, const struct gl_compositor_choic
                             struct sp_error *err) {
     struct gl_late_program *own = &s->composite[c->mode][c->is_flat][c->is_cubic][c->is_clipped]
                                                [c->is_linear][c->is_post][c->has_layers];
-    if (own->program)
-        return own->program;
-    struct sp_error why = { .text = "it failed before; the log has the reason" };
     char defines[160];
     snprintf(defines, sizeof defines,
              "#define COMPOSITING %du\n#define FLAT %d\n#define CUBIC %d\n#define CLIPPED %d\n"
              "#define LINEAR %d\n#define POST %d\n#define LAYERS %d\n",
              (int)c->mode, c->is_flat, c->is_cubic, c->is_clipped, c->is_linear, c->is_post,
              c->has_layers);
-    if (!own->is_refused)
-        own->program = gl_program_open(sources_of(c), defines, &why);
-    own->is_refused = !own->program;
-    if (own->is_refused)
-        sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no compositor for this view: %s", s->device,
-                why.text);
+    gl_program_late(own, sources_of(c), defines, s->device, "this view", err);
     return own->program;
 }
 

@@ -6,10 +6,10 @@
 #include <string.h>
 
 #include "backend/gl/compositor.h"
+#include "backend/gl/depth_order.h"
+#include "backend/gl/layer_drawing.h"
 #include "backend/gl/memory.h"
 #include "backend/gl/resample.h"
-#include "backend/gl/surfaces.h"
-#include "backend/gl/voxel_layers.h"
 #include "base/clock.h"
 #include "light/light.h"
 #include "resample/resample.h"
@@ -22,12 +22,10 @@ enum {
 
 struct draw {
     struct gl_band band;
-    struct gl_fragments fragments;                   /* if the slot has layers */
-    struct gl_surfaces surfaces;                     /* the same */
-    struct gl_voxel_drawing voxels[GL_VOXEL_LAYERS]; /* the same */
-    struct gl_resample_frame resampled;              /* GL_PATH_RESAMPLED */
-    struct gl_frame frame;                           /* GL_PATH_SPLATS */
-    unsigned compositor;                             /* the same: program */
+    struct gl_layer_drawing layers;     /* if the slot has layers */
+    struct gl_resample_frame resampled; /* GL_PATH_RESAMPLED */
+    struct gl_frame frame;              /* GL_PATH_SPLATS */
+    unsigned compositor;                /* the same: program */
 };
 
 /* Returns how many batches or passes may be queued on the GPU: together they have at most as many
@@ -143,7 +141,8 @@ static bool reserve(struct draw *d, struct sp_error *err) {
                                wanted[i].usage, err))
             return false;
     return gl_band_reserve(&d->band, err) &&
-           gl_bins_reserve(&s->bins, bins, s->workload.pairs, most, err);
+           gl_bins_reserve(&s->bins, bins, s->workload.pairs, most, err) &&
+           gl_layer_drawing_reserve(&d->layers, &d->band, err);
 }
 
 /* Returns the number of layers per batch that the bins can hold. */
@@ -157,12 +156,15 @@ static uint32_t layers_of_batch(const struct draw *d) {
 static struct gl_costs costs_of(const struct draw *d) {
     const struct gl_frame *f = &d->frame;
     struct gl_costs costs = { .columns = d->band.columns,
-                              .pair_rounds = f->compositing == SP_COMPOSITE_SLAB ? 3 : 1, /* Φ */
+                              .pair_rounds = f->has_depths ? 3 : 1, /* Φ */
                               .pair_loads = gl_frame_ewa(f)->clip.count,
                               .record_bytes = 16 * f->stride,
                               .block_bytes = d->band.state->block_bytes };
     if (f->is_post) /* closing a layer searches for a value and a magnitude */
         costs.pair_loads += 9 + d->band.job->view->transfer_function.gradient_count;
+    if (gl_layer_drawing_rounds(&d->layers) && costs.record_bytes < GL_SPLAT_RECORD_BYTES)
+        costs.record_bytes = GL_SPLAT_RECORD_BYTES;
+    costs.element_rounds = gl_layer_drawing_rounds(&d->layers);
     return costs;
 }
 
@@ -209,6 +211,7 @@ static bool plan_band(struct draw *d, struct sp_error *err) {
     rows = rows < 1 ? 1 : rows < s->workload.rows ? rows : s->workload.rows;
     gl_band_end(&d->band, rows);
     d->band.slot->pieces = gl_workload_plan(&s->workload, &costs);
+    gl_layer_drawing_divide(&d->layers, &d->band);
     if (!cut(d, err))
         return false;
     d->band.slot->pieces.layers = most_layers(&s->partition);
@@ -266,10 +269,7 @@ static bool draw_band(struct draw *d, struct sp_error *err) {
     bool ok;
     if (!gl_band_start(&d->band, err))
         return false;
-    for (int i = 0; i < GL_VOXEL_LAYERS; i++)
-        if (!gl_voxel_layer_draw(&d->voxels[i], &d->band, err))
-            return false;
-    if (!gl_surfaces_draw(&d->surfaces, &d->band, err))
+    if (d->band.slot->has_layers && !gl_layer_drawing_draw(&d->layers, &d->band, err))
         return false;
     if (d->band.slot->path == GL_PATH_RESAMPLED)
         ok = gl_resample_draw(&d->resampled, &d->band, err);
@@ -304,17 +304,18 @@ static bool take_band(struct gl_state *s, struct gl_slot *slot, const struct sp_
     double longest[GL_STAGES] = { 0 };
     gl_timer_read(&slot->timer, slot->stage_ms, longest);
     if (slot->path == GL_PATH_RESAMPLED)
-        gl_resample_adapt(&s->resample, longest_dispatch(longest), s->workload.limits.dispatch_ms);
+        gl_resample_adapt(&s->resample, longest[GL_STAGE_TILE], s->workload.limits.dispatch_ms);
     if (!gl_fragments_fit(s, head.stored, slot->fragments_most,
                           (uint64_t)job->frame->width * (slot->end - slot->y))) {
         slot->end = slot->y;
         return true;
     }
-    if (slot->path != GL_PATH_SPLATS) {
+    if (!slot->has_pieces) {
         add_counts(slot, &head);
         slot->y = slot->end;
         return true;
     }
+    longest[GL_STAGE_TILE] = slot->path == GL_PATH_RESAMPLED ? 0 : longest[GL_STAGE_TILE];
     gl_workload_adapt(&s->workload, &slot->pieces, longest_dispatch(longest));
     bool fits = gl_workload_fits(&slot->pieces, &head);
     slot->y = slot->end = fits ? slot->end : slot->y;
@@ -353,7 +354,7 @@ static bool plan_splats(struct draw *d, struct sp_error *err) {
     uint64_t used = sp_samples_bytes(&s->samples, NULL) + gl_layers_bytes(&s->layers, NULL);
     s->cache.limit_bytes = used < s->memory_bytes ? s->memory_bytes - used : 0;
     if (!gl_frame_begin(&d->frame, d->band.job, &from, err) ||
-        (d->band.fragments && !gl_fragments_relate(&d->fragments, f, s, err)) ||
+        (d->band.fragments && !gl_fragments_relate(&d->layers.fragments, f, s, err)) ||
         !gl_upload_frame(&s->upload, f, &s->partition, s->block_bytes, err) ||
         !write_curve(d, err) ||
         !(d->compositor = gl_compositor_find(s, f, d->band.job->view, d->band.fragments, err)))
@@ -361,18 +362,6 @@ static bool plan_splats(struct draw *d, struct sp_error *err) {
     d->band.slot->stage_ms[GL_STAGE_CLASSIFY] += f->classify_ms;
     d->band.slot->mip_level = f->mip_level;
     d->band.slot->visible = f->mip_level ? f->lists[f->finest]->count : f->visible;
-    return true;
-}
-
-/* Makes the fragments of other layers, and compiles what composites them at the first use. */
-static bool make_fragments(struct draw *d, struct sp_error *err) {
-    struct gl_state *s = d->band.state;
-    double start_ms = sp_clock_ms();
-    gl_residency_begin(&s->residency);
-    if (!gl_fragments_open(s, err) || !gl_fragments_make(&d->fragments, s, d->band.job, err))
-        return false;
-    d->band.fragments = &d->fragments;
-    d->band.slot->stage_ms[GL_STAGE_LAYERS] += sp_clock_ms() - start_ms;
     return true;
 }
 
@@ -394,52 +383,61 @@ static bool plan_volume(struct draw *d, struct sp_error *err) {
     case GL_PATH_LAYERS:
         break;
     }
-    slot->mip_level = 0;
-    slot->visible = gl_layers_count(&d->fragments.made, &slot->splats);
+    const struct gl_layers_made *made = &d->layers.fragments.made;
+    const bool is_alone = made->splat_count == 1 && d->band.job->view->layer_count == 1;
+    slot->mip_level = is_alone ? made->splats[0].source.mip_level : 0;
+    slot->visible = gl_layers_count(made, &slot->splats);
     return upload_shading(d, err);
 }
 
 static bool plan_frame(struct draw *d, struct sp_error *err) {
-    bool has_layers = d->band.slot->has_layers;
+    struct gl_slot *slot = d->band.slot;
     sp_arena_reset(&d->band.state->arena);
     d->band.columns = gl_divide_up(d->band.job->frame->width, GL_TILE);
-    if ((has_layers && !make_fragments(d, err)) || !plan_volume(d, err))
+    if ((slot->has_layers && !gl_layer_drawing_make(&d->layers, &d->band, err)) ||
+        !plan_volume(d, err) ||
+        (slot->has_layers && !gl_layer_drawing_begin(&d->layers, &d->band, err)))
         return false;
-    if (!has_layers)
-        return true;
-    if (!gl_surfaces_begin(&d->surfaces, &d->band, err))
-        return false;
-    d->fragments.grows = d->surfaces.count > 0;
-    d->fragments.state_words = d->surfaces.sheet_words;
-    for (int i = 0; i < GL_VOXEL_LAYERS; i++) {
-        struct gl_voxel_drawing *voxels = &d->voxels[i];
-        if (!gl_voxel_layer_begin(voxels, &d->band, (enum gl_voxel_layer)i, err))
-            return false;
-        d->fragments.grows = d->fragments.grows || (voxels->is_drawn && !voxels->is_alone);
-        if (voxels->words > d->fragments.state_words)
-            d->fragments.state_words = voxels->words;
-    }
+    slot->has_pieces = slot->path == GL_PATH_SPLATS || gl_layer_drawing_rounds(&d->layers) > 0;
     return true;
 }
 
+/* Divides other layers into dispatches, in a frame without splats of the volume. */
+static void divide_layers(struct draw *d) {
+    struct gl_state *s = d->band.state;
+    const struct gl_costs costs = { .columns = d->band.columns,
+                                    .element_rounds = gl_layer_drawing_rounds(&d->layers),
+                                    .record_bytes = GL_SPLAT_RECORD_BYTES,
+                                    .block_bytes = s->block_bytes };
+    if (d->band.slot->has_pieces)
+        d->band.slot->pieces = gl_workload_plan(&s->workload, &costs);
+    d->band.slot->pieces.layers = 1;
+    gl_layer_drawing_divide(&d->layers, &d->band);
+}
+
+static bool reserve_elements(struct draw *d, struct sp_error *err) {
+    d->band.slot->pieces.rows = gl_band_rows(&d->band);
+    return gl_layer_drawing_reserve(&d->layers, &d->band, err) && gl_memory_fit(d->band.state, err);
+}
+
 static bool plan_rows(struct draw *d, struct sp_error *err) {
-    switch (d->band.slot->path) {
-    case GL_PATH_SPLATS:
+    bool ok;
+    if (d->band.slot->path == GL_PATH_SPLATS)
         return plan_in_capacity(d, err);
-    case GL_PATH_RESAMPLED:
-        return gl_resample_plan(&d->resampled, &d->band, err);
-    case GL_PATH_LAYERS:
-        break;
-    }
+    if (d->band.slot->has_layers)
+        divide_layers(d);
     d->band.queued_max = GL_QUEUED_MAX;
-    return gl_band_plan(&d->band, err);
+    if (d->band.slot->path == GL_PATH_RESAMPLED)
+        ok = gl_resample_plan(&d->resampled, &d->band, err);
+    else
+        ok = gl_band_plan(&d->band, err);
+    return ok && (!d->band.slot->has_pieces || reserve_elements(d, err));
 }
 
 /* Returns how many batches or passes the band has. */
 static uint64_t count_dispatches(const struct draw *d) {
     const struct gl_state *s = d->band.state;
-    uint64_t layers =
-        d->surfaces.passes + d->voxels[GL_SHELL].passes + d->voxels[GL_VECTORS].passes;
+    uint64_t layers = gl_layer_drawing_dispatches(&d->layers);
     switch (d->band.slot->path) {
     case GL_PATH_SPLATS:
         return layers + (uint64_t)s->partition.batch_count * s->workload.passes;
@@ -552,7 +550,8 @@ static bool open_programs(struct gl_state *s, struct sp_error *err) {
     const struct gl_compositor_choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
     bool is_software = gl_context_info(s->context)->software;
     double start_ms = sp_clock_ms();
-    if (!(s->project = gl_program_open("frame bins records gradient shade 10_project", "", err)) ||
+    if (!(s->project =
+              gl_program_open("frame bins records gradient shade counts 10_project", "", err)) ||
         !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
         !gl_residency_init(&s->residency, is_software, s->block_bytes, err) ||
         !gl_compositor_open(s, &plain, err) || !gl_compositor_open(s, &clipped, err))
@@ -581,7 +580,9 @@ void gl_draw_finish(struct gl_state *s) {
     glDeleteProgram(s->project);
     gl_fragments_close(s);
     gl_surfaces_finish(s);
-    gl_voxel_layers_finish(s);
+    gl_meshes_finish(s);
+    gl_splat_layers_finish(s);
+    gl_depth_order_finish(s);
     glDeleteProgram(s->resolve);
     gl_bins_finish(&s->bins);
     gl_upload_finish(&s->upload);

@@ -13,12 +13,7 @@ _Static_assert(SP_FRAGMENTS_MAX < 1 << COUNT_BITS, "the count of a pixel fits it
 _Static_assert(sizeof(struct sp_fragment) == 5 * sizeof(uint32_t), "five words in a shader");
 
 bool gl_fragments_open(struct gl_state *s, struct sp_error *err) {
-    struct sp_error why = { .text = "it failed before; the log has the reason" };
-    if (!s->fragments.program && !s->fragments.is_refused)
-        s->fragments.program = gl_program_open("fragments 31_fragments", "", &why);
-    s->fragments.is_refused = !s->fragments.program;
-    return s->fragments.program || sp_fail(err, SP_ERR_UNSUPPORTED, "",
-                                           "%s has no program for layers: %s", s->device, why.text);
+    return gl_program_late(&s->fragments, "fragments 31_fragments", "", s->device, "layers", err);
 }
 
 void gl_fragments_close(struct gl_state *s) {
@@ -39,10 +34,13 @@ bool gl_fragments_make(struct gl_fragments *fragments, struct gl_state *s,
 
 bool gl_fragments_relate(struct gl_fragments *fragments, const struct gl_frame *f,
                          struct gl_state *s, struct sp_error *err) {
-    const double thickness = f->thickness * gl_frame_ewa(f)->unit;
+    const double unit = gl_frame_ewa(f)->unit, thickness = f->thickness * unit;
     fragments->insert = (struct sp_insert){ .camera = &f->camera,
+                                            .has_splats = f->compositing == SP_COMPOSITE_SPLAT,
                                             .nearest = (double)s->partition.nearest * thickness,
-                                            .thickness = thickness };
+                                            .thickness = thickness,
+                                            .reach = f->reach * unit,
+                                            .unit = unit };
     return f->compositing != SP_COMPOSITE_SHEET ||
            sp_insert_init_sheets(&fragments->insert, f->grid, f->axis, &s->arena) ||
            sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's %s", s->arena.failed);
@@ -54,7 +52,7 @@ static uint32_t count_pixels(const struct gl_fragments_part *part) {
 
 /* Bytes before the fragments. */
 static uint64_t head_bytes(const struct gl_fragments_part *part) {
-    return (part->fragments->insert.slices + (uint64_t)count_pixels(part)) * sizeof(uint32_t);
+    return (part->fragments->insert.planes + (uint64_t)count_pixels(part)) * sizeof(uint32_t);
 }
 
 bool gl_fragments_reserve(const struct gl_fragments_part *part, struct sp_error *err) {
@@ -89,20 +87,20 @@ bool gl_fragments_fit(struct gl_state *s, uint32_t stored, uint32_t most, uint64
 static bool upload_planes(const struct gl_fragments_part *part, struct sp_error *err) {
     const struct sp_insert *insert = &part->fragments->insert;
     struct sp_arena *arena = &part->state->arena;
-    if (!insert->slices)
+    if (!insert->planes)
         return true;
-    float *offset = sp_arena_alloc(arena, "planes of sheets", insert->slices, sizeof *offset);
+    float *offset = sp_arena_alloc(arena, "planes of sheets", insert->planes, sizeof *offset);
     if (!offset)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's planes of sheets");
-    for (uint32_t i = 0; i < insert->slices; i++)
+    for (uint32_t i = 0; i < insert->planes; i++)
         offset[i] = (float)insert->offset[i];
-    gl_buffer_update(&part->state->buffers.fragments, 0, offset, insert->slices * sizeof *offset);
+    gl_buffer_update(&part->state->buffers.fragments, 0, offset, insert->planes * sizeof *offset);
     return true;
 }
 
 bool gl_fragments_start(const struct gl_fragments_part *part, uint32_t *most,
                         struct sp_error *err) {
-    const uint64_t planes = part->fragments ? part->fragments->insert.slices * sizeof(float) : 0;
+    const uint64_t planes = part->fragments ? part->fragments->insert.planes * sizeof(float) : 0;
     *most = 0;
     if (!part->fragments)
         return true;
@@ -124,8 +122,9 @@ void gl_fragments_use(const struct gl_fragments_part *part) {
     const struct sp_insert *insert = &part->fragments->insert;
     gl_buffer_bind(&part->state->buffers.fragments, GL_FRAGMENTS);
     glUniform4f(6, (float)insert->normal[0], (float)insert->normal[1], (float)insert->normal[2],
-                (float)insert->slices);
-    glUniform2f(7, (float)insert->nearest, (float)insert->thickness);
+                (float)insert->planes);
+    glUniform4f(7, (float)insert->nearest, (float)insert->thickness, (float)insert->reach,
+                (float)insert->unit);
 }
 
 void gl_fragments_finish(const struct gl_fragments_part *part) {
@@ -133,7 +132,7 @@ void gl_fragments_finish(const struct gl_fragments_part *part) {
     if (!part->fragments)
         return;
     glUseProgram(s->fragments.program);
-    glUniform2ui(0, count_pixels(part), part->fragments->insert.slices);
+    glUniform2ui(0, count_pixels(part), part->fragments->insert.planes);
     gl_buffer_bind(&s->buffers.image, 4);
     gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
     glDispatchCompute(gl_divide_up(count_pixels(part), GL_GROUP), 1, 1);

@@ -11,14 +11,13 @@
 
 enum { GL_FRAGMENTS = 8 /* binding of the buffer */ };
 
-/* The surfaces and shells of a frame. `insert` relates their depths to the sheets, slabs or splats
- * of the volume. It is not used for resampled sheets, nor without a volume. */
+/* The fragments of a frame's other layers. `insert` tells between which sheets, slabs or splats of
+ * the volume a depth lies. Resampled sheets, and frames without a volume, do not use it. */
 struct gl_fragments {
     struct gl_layers_made made;
     struct sp_insert insert;
-    bool grows; /* there will be some */
-    uint32_t
-        state_words; /* words of four per pixel between passes of surfaces.h and voxel_layers.h */
+    bool grows;           /* there will be some */
+    uint32_t state_words; /* words of four per pixel between passes of other layers */
 };
 
 /* Makes what layers/ makes of a frame, in the state's arena. SP_ERR_MEMORY, SP_ERR_BUDGET,

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "base/clock.h"
+#include "layers/layers.h"
 #include "splat/adaptive.h"
 #include "tile/blend.h"
 #include "tile/depth.h"
@@ -195,23 +196,28 @@ static void write_constants(struct gl_frame *f, const struct gl_partition *parti
     c->image_info[3] = gl_frame_ewa(f)->clip.count;
     c->compose[0] = f->compositing;
     c->compose[1] = f->is_post;
+    c->compose[2] = f->has_depths;
     c->slabs[0] = (float)((double)partition->nearest * f->thickness);
     c->slabs[1] = (float)f->thickness;
 }
 
+/* Returns how far a kernel reaches along the ray at most [cells]. */
+static double kernel_reach(const struct gl_frame *f, const struct sp_view *view) {
+    double radius[2];
+    sp_kernel_radii(&f->lists[f->finest]->grid, sp_kernel_sigma(&view->filter), radius);
+    return (double)gl_frame_ewa(f)->radius * radius[1] / gl_frame_ewa(f)->unit;
+}
+
 /* Returns the view's slab thickness, or more if a kernel would lie in more than SP_SLOTS_MAX slabs.
  */
-static double slab_thickness(const struct gl_frame *f, const struct sp_view *view, double *reach) {
+static double slab_thickness(const struct gl_frame *f, const struct sp_view *view) {
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
-    const struct sp_grid *grid = &f->lists[f->finest]->grid;
     /* The transfer function varies as fast over an averaged scalar: its slabs stay as thin. */
-    const double *spacing = f->is_post ? f->grid->spacing : grid->spacing;
-    double radius[2], smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
-    sp_kernel_radii(grid, sp_kernel_sigma(&view->filter), radius);
-    *reach = (double)ewa->radius * radius[1] / ewa->unit;
+    const double *spacing = f->is_post ? f->grid->spacing : f->lists[f->finest]->grid.spacing;
+    double smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     double thickness =
-        sp_depth_thickness(ewa, view->compositing.slab * smallest / ewa->unit, *reach);
-    return fmax(thickness, 2 * *reach / (SP_SLOTS_MAX - 3));
+        sp_depth_thickness(ewa, view->compositing.slab * smallest / ewa->unit, f->reach);
+    return fmax(thickness, 2 * f->reach / (SP_SLOTS_MAX - 3));
 }
 
 /* Chooses the sheets, front to back, and the bricks in them. */
@@ -232,12 +238,12 @@ static bool cut_distances(struct gl_frame *f, const struct sp_view *view,
                           const struct gl_sources *from, const struct gl_partition_source *source,
                           struct sp_error *err) {
     const struct sp_ewa_frame *ewa = gl_frame_ewa(f);
-    double reach = 0;
-    f->thickness = f->compositing == SP_COMPOSITE_SLAB ? slab_thickness(f, view, &reach)
-                                                       : sp_depth_thickness(ewa, SPLAT_RANGE, 0);
+    const bool is_slab = f->compositing == SP_COMPOSITE_SLAB;
+    f->reach = kernel_reach(f, view);
+    f->thickness = is_slab ? slab_thickness(f, view) : sp_depth_thickness(ewa, SPLAT_RANGE, 0);
     const struct gl_partition_depth depth = { .camera = &f->camera,
                                               .thickness = f->thickness * ewa->unit,
-                                              .reach = reach * ewa->unit,
+                                              .reach = is_slab ? f->reach * ewa->unit : 0,
                                               .farthest = FARTHEST * ewa->unit };
     return gl_partition_distances(from->partition, source, &depth, err);
 }
@@ -275,8 +281,10 @@ bool gl_frame_begin(struct gl_frame *f, const struct sp_backend_job *job,
     make_parts(f, job->view);
     if (!cut_layers(f, job, from, err))
         return false;
+    f->has_depths = f->compositing == SP_COMPOSITE_SLAB ||
+                    (f->compositing == SP_COMPOSITE_SPLAT && sp_layers_are_wanted(job->view));
     write_constants(f, from->partition, job->view);
-    f->stride = 2 + (f->compositing == SP_COMPOSITE_SLAB ? 2 : 0) + gl_frame_ewa(f)->clip.count;
+    f->stride = (f->has_depths ? 4 : 2) + gl_frame_ewa(f)->clip.count;
     f->classify_ms = sp_clock_ms() - start_ms;
     return true;
 }

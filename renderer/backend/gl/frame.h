@@ -39,8 +39,10 @@ struct gl_frame {
     enum sp_compositing compositing;
     bool is_post;
     bool is_enlarged;   /* by distance: some brick of the level is (splat/detail.h) */
+    bool has_depths;    /* records say where kernels lie along the ray */
     uint32_t stride;    /* of a record, in words of four: shaders/records.glsl */
     double thickness;   /* of a layer by distance [cells] */
+    double reach;       /* by distance: most that a kernel reaches along the ray [cells] */
     uint64_t visible;   /* voxels of the volume */
     double classify_ms; /* time for lists: the processor's, and waiting for the GPU's */
     struct gl_constants constants;

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The processor's part of surfaces, shells and vectors (layers/layers.h): their points and voxels,
- * front to back. surfaces.h and voxels.h draw them.
+ * The processor's part of layers other than the volume (layers/layers.h): points of surfaces and
+ * voxels, front to back, and which points of a cloud are drawn. surfaces.h, meshes.h and
+ * splat_layers.h draw them.
  */
 #ifndef GL_LAYERS_H
 #define GL_LAYERS_H
@@ -14,6 +15,7 @@ struct gl_layers {
     struct sp_surface_cache surfaces;
     struct sp_shell_cache shells;
     struct sp_vectors_cache vectors;
+    struct sp_cloud_cache clouds;
 };
 
 /* What a frame is made from. */
@@ -24,24 +26,41 @@ struct gl_layers_job {
     struct sp_arena *arena; /* of the frame */
 };
 
-enum gl_voxel_layer { GL_SHELL, GL_VECTORS, GL_VOXEL_LAYERS };
+enum gl_splat_kind {
+    GL_SPLAT_SHELL,
+    GL_SPLAT_VECTORS,
+    GL_SPLAT_POINTS,
+    GL_SPLAT_GAUSSIANS,
+    GL_SPLAT_KINDS
+};
 
 struct gl_layers_made {
-    struct gl_voxels_made {
-        bool is_there;
-        struct sp_voxel_layer layer; /* sp_voxel_find() */
-    } voxels[GL_VOXEL_LAYERS];
+    unsigned splat_count; /* layers that are drawn splat by splat, in order */
+    struct gl_splats_made {
+        enum gl_splat_kind kind;
+        struct sp_voxel_source source; /* `from` is the list; not of clouds */
+        struct sp_cloud cloud;         /* of clouds alone, as the next one */
+        struct sp_volume *volume;      /* the job's */
+    } splats[SP_LAYERS_MAX];
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];
+    unsigned mesh_count;
+    struct sp_mesh meshes[SP_LAYERS_MAX];          /* sp_mesh_init() */
+    struct sp_volume *mesh_volumes[SP_LAYERS_MAX]; /* the job's */
 };
+
+/* Elements of both parts of a cloud. */
+static inline uint32_t gl_cloud_elements(const struct sp_cloud *cloud) {
+    return cloud->elements->shape.count + (cloud->merged ? cloud->merged->shape.count : 0);
+}
 
 /* Prepares the layers of a frame; they are valid until the next call, or until the arena is reset.
  * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool gl_layers_make(struct gl_layers *layers, const struct gl_layers_job *job,
                     struct gl_layers_made *made, struct sp_error *err);
 
-/* Returns how many voxels and points the layers have; *drawn: without hidden voxels, and without
- * points outside of the image. */
+/* Returns how many voxels, points and Gaussians the layers have; *drawn: points of surfaces in the
+ * image. */
 uint64_t gl_layers_count(const struct gl_layers_made *made, uint64_t *drawn);
 
 /* Bytes that are cached of the volume; NULL = of all volumes. The same for dropping them. */

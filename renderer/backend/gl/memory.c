@@ -61,9 +61,9 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
     for (int a = 0; a < 3; a++)
         bytes += s->resample.constants[a].bytes;
     for (int i = 0; i < SP_LAYERS_MAX; i++)
-        bytes += s->surfaces.constants[i].bytes;
-    for (int i = 0; i < GL_VOXEL_LAYERS; i++)
-        bytes += s->voxel_layers[i].constants.bytes + s->voxel_layers[i].voxels.bytes;
+        bytes += s->surfaces.constants[i].bytes + s->meshes.constants[i].bytes +
+                 s->splats.constants[i].bytes + s->splats.order[i].bytes +
+                 s->splats.choice[i].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
            s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
            s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
@@ -73,12 +73,13 @@ uint64_t gl_draw_bytes(const struct gl_state *s) {
 
 /* The buffers of scratch memory; ends with NULL. */
 struct scratch {
-    struct gl_buffer *buffers[11];
+    struct gl_buffer *buffers[14];
 };
 
 static struct scratch scratch_of(struct gl_state *s) {
     return (struct scratch){ { &s->buffers.records, &s->buffers.spans, &s->buffers.image,
                                &s->buffers.pixels, &s->buffers.fragments, &s->buffers.sheets,
+                               &s->buffers.items[0], &s->buffers.items[1], &s->buffers.digits,
                                &s->bins.counts, &s->bins.totals, &s->bins.pairs, &s->upload.chunks,
                                NULL } };
 }

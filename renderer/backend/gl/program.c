@@ -102,3 +102,13 @@ unsigned gl_program_open(const char *names, const char *defines, struct sp_error
     }
     return gl_program_create(last, defines, texts, err);
 }
+
+bool gl_program_late(struct gl_late_program *own, const char *names, const char *defines,
+                     const char *device, const char *what, struct sp_error *err) {
+    struct sp_error why = { .text = "it failed before; the log has the reason" };
+    if (!own->program && !own->is_refused)
+        own->program = gl_program_open(names, defines, &why);
+    own->is_refused = !own->program;
+    return own->program || sp_fail(err, SP_ERR_UNSUPPORTED, "", "%s has no program for %s: %s",
+                                   device, what, why.text);
+}

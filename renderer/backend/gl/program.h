@@ -8,6 +8,8 @@
 #ifndef GL_PROGRAM_H
 #define GL_PROGRAM_H
 
+#include <stdbool.h>
+
 #include "sp/status.h"
 
 /* Constants that shaders and C share. The preamble defines each under its name without GL_. */
@@ -36,7 +38,18 @@ extern const struct gl_source gl_sources[];
 unsigned gl_program_create(const char *name, const char *defines, const char *const *sources,
                            struct sp_error *err);
 
+/* A program that is compiled when a view first needs it. */
+struct gl_late_program {
+    unsigned program; /* 0 = not compiled, or refused by the driver */
+    bool is_refused;  /* it is not compiled again */
+};
+
 /* The same with embedded sources, by names separated by spaces; the last one names the program. */
 unsigned gl_program_open(const char *names, const char *defines, struct sp_error *err);
+
+/* Compiles the program unless it is there; "%s has no program for %s" with the device and what it
+ * is for. SP_ERR_UNSUPPORTED. */
+bool gl_program_late(struct gl_late_program *program, const char *names, const char *defines,
+                     const char *device, const char *what, struct sp_error *err);
 
 #endif

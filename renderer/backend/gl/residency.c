@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "backend/gl/residency.h"
 
+#include <stdio.h>
 #include <string.h>
 
 #include "backend/gl/program.h"
@@ -200,6 +201,7 @@ void gl_residency_refuse(struct gl_voxels *voxels, const struct sp_error *why) {
 
 static void empty_item(struct gl_resident *item) {
     gl_buffer_finish(&item->buffer);
+    sp_volume_unref(&item->held);
     *item = (struct gl_resident){ 0 };
 }
 
@@ -405,6 +407,7 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
                                       const struct sp_volume *volume, enum gl_resident_kind kind,
                                       uint64_t made, uint64_t bytes, const char *what,
                                       struct sp_error *err) {
+    char use[96];
     struct gl_resident *item = NULL;
     for (int i = 0; i < GL_RESIDENTS && !item; i++)
         if (residency->items[i].volume == volume && residency->items[i].kind == kind &&
@@ -416,9 +419,10 @@ struct gl_resident *gl_residency_find(struct gl_residency *residency,
             .volume = volume, .original = sp_volume_original(volume), .kind = kind, .made = made
         };
     }
+    snprintf(use, sizeof use, "the %s and the render buffers take", what);
     item->used = ++residency->clock;
     if (item->is_filled || item->buffer.bytes >= bytes ||
-        (trim(residency, "the samples and the render buffers take", bytes, err) &&
+        (trim(residency, use, bytes, err) &&
          gl_buffer_reserve(&item->buffer, what, bytes, residency->block_bytes, GL_USE_KEPT, err)))
         return item;
     empty_item(item);
@@ -446,8 +450,10 @@ void gl_residency_evict(struct gl_residency *residency, const struct sp_volume *
 void gl_residency_lose(struct gl_residency *residency) {
     for (int i = 0; i < GL_LISTS; i++)
         residency->list[i] = (struct gl_visible_list){ 0 };
-    for (int i = 0; i < GL_RESIDENTS; i++)
+    for (int i = 0; i < GL_RESIDENTS; i++) {
+        sp_volume_unref(&residency->items[i].held);
         residency->items[i] = (struct gl_resident){ 0 };
+    }
     for (int i = 0; i < GL_VOLUMES; i++) {
         sp_volume_unref(&residency->voxels[i].volume);
         residency->voxels[i] = (struct gl_voxels){ 0 };

@@ -23,14 +23,18 @@ enum {
     GL_REFUSED_FRAMES = 64
 };
 
-/* A buffer that the shader of resampled sheets reads (resample_data.h). */
+/* A buffer of resampled sheets (resample_data.h), or of other layers. */
 enum gl_resident_kind {
     GL_RESIDENT_SAMPLES,
     GL_RESIDENT_LEVELS,
     GL_RESIDENT_VISIBLE,
     GL_RESIDENT_INTEGRAL,
     GL_RESIDENT_PLACES,
-    GL_RESIDENT_SURFACE /* points (surfaces.h) */
+    GL_RESIDENT_SURFACE,  /* points (surfaces.h) */
+    GL_RESIDENT_VERTICES, /* of a mesh (meshes.h) */
+    GL_RESIDENT_TRIANGLES,
+    GL_RESIDENT_ELEMENTS, /* points or Gaussians (splat_layers.h) */
+    GL_RESIDENT_HARMONICS
 };
 
 struct gl_resident {
@@ -41,6 +45,8 @@ struct gl_resident {
     uint64_t used; /* clock of the last use */
     bool is_filled;
     struct gl_buffer buffer;
+    struct sp_volume *held; /* elements: a reference, so that the address is not reused */
+    float least;            /* GL_RESIDENT_VERTICES: opacity of a vertex; 0 = not known */
 };
 
 struct gl_residency {
@@ -102,8 +108,8 @@ const struct gl_visible_list *gl_residency_get(struct gl_residency *residency,
                                                struct sp_error *err);
 
 /* Returns the item with these contents, valid until the next frame begins. If it is not filled, it
- * is new: its buffer holds `bytes`, and the caller fills it and sets is_filled. `what` as in "the
- * samples". NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY. */
+ * is new: its buffer holds `bytes`, and the caller fills it and sets is_filled. `what` as in
+ * "samples". NULL with *err set: SP_ERR_BUDGET, SP_ERR_MEMORY. */
 struct gl_resident *gl_residency_find(struct gl_residency *residency,
                                       const struct sp_volume *volume, enum gl_resident_kind kind,
                                       uint64_t made, uint64_t bytes, const char *what,

@@ -27,6 +27,7 @@
 #include "backend/gl/curve.h"
 #include "backend/gl/frame.h"
 #include "backend/gl/layers.h"
+#include "backend/gl/program.h"
 #include "backend/gl/readback.h"
 #include "backend/gl/resample_programs.h"
 #include "backend/gl/timer.h"
@@ -66,7 +67,8 @@ struct gl_slot {
     double stage_ms[GL_STAGES];
     uint64_t visible, splats, fragments; /* as in sp_frame_stats */
     unsigned mip_level;
-    enum gl_path path;       /* only splats have pieces */
+    enum gl_path path;
+    bool has_pieces;         /* splats of the volume, or elements */
     bool has_layers;         /* other than the volume, or none at all */
     uint32_t fragments_most; /* of other layers, that the memory of the band holds */
     uint64_t frames;         /* number of frames that used this slot */
@@ -91,17 +93,21 @@ struct gl_state {
     struct gl_upload upload;
     struct gl_resample resample;
     struct gl_surfaces_kept {
-        struct gl_late_program {
-            unsigned program; /* 0 = not compiled, or refused by the driver */
-            bool is_refused;  /* it is not compiled again */
-        } program;
+        struct gl_late_program program;
         struct gl_buffer constants[SP_LAYERS_MAX];
         double per_pixel; /* fragments for which there is memory */
     } surfaces;
-    struct gl_voxel_layer_kept {
-        struct gl_late_program programs[2]; /* 1: of a layer alone */
-        struct gl_buffer constants, voxels;
-    } voxel_layers[GL_VOXEL_LAYERS];
+    struct {
+        struct gl_late_program set_up[GL_SPLAT_KINDS], blend[GL_SPLAT_KINDS][2]; /* 1: alone */
+        struct gl_buffer constants[SP_LAYERS_MAX], order[SP_LAYERS_MAX], choice[SP_LAYERS_MAX];
+    } splats;
+    struct {
+        struct gl_late_program depths, digits, starts, move;
+    } depth_order;
+    struct {
+        struct gl_late_program triangles, samples;
+        struct gl_buffer constants[SP_LAYERS_MAX];
+    } meshes;
     unsigned project, resolve; /* programs */
     /* Programs that are compiled when a view first needs them. The compositor by compositing,
      * kernel (Gaussian, cubic, flat), clipping planes, linear attenuation, classification of
@@ -109,7 +115,8 @@ struct gl_state {
      */
     struct gl_late_program fragments, composite[3][2][2][2][2][2][2];
     struct {
-        struct gl_buffer records, spans, image, cubic, pixels, fragments, sheets;
+        struct gl_buffer records, spans, image, cubic, pixels, fragments, sheets, items[2], digits,
+            range;
     } buffers;
     struct gl_workload workload;
     uint64_t needed; /* most pairs of a batch since memory.c reset it */

@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "backend/gl/pass.h"
-#include "backend/gl/tile_lists.h"
 #include "volume/grid.h"
 
 enum {
@@ -31,6 +30,11 @@ struct block {
     float depth;
     uint16_t box[4];
     uint32_t corner[3], unused;
+};
+
+/* Of a tile: shaders/entries.glsl. */
+struct entry {
+    uint32_t block, before; /* points of the tile before it */
 };
 
 /* 16-bit numbers of a point: place, area, normal, bend. */
@@ -106,11 +110,6 @@ static void write_coordinates(float *to, const struct sp_grid *grid, unsigned a)
     }
 }
 
-static uint32_t size_of(const void *user, uint32_t block) {
-    const struct sp_surface *s = user;
-    return s->points->blocks[s->blocks[block].sheet].count;
-}
-
 /* Where the words behind the constants begin. */
 struct layout {
     uint32_t entries, blocks, coordinates, end; /* the first entries of tiles are at 0 */
@@ -125,12 +124,29 @@ static struct layout lay_out(const struct sp_surface *s) {
     for (uint32_t e = 0; e < entries; e++)
         if (s->bins.entries[e] >= at.block_count)
             at.block_count = s->bins.entries[e] + 1;
-    at.blocks = gl_tile_lists_words(&s->bins);
+    at.blocks = at.entries + entries * (uint32_t)(sizeof(struct entry) / WORD);
     at.coordinates = at.blocks + at.block_count * (uint32_t)(sizeof(struct block) / WORD);
     at.end = at.coordinates;
     if (sp_grid_is_rectilinear(grid))
         at.end += ROW_WORDS * (grid->dims[0] + grid->dims[1] + grid->dims[2]);
     return at;
+}
+
+/* Writes the first entry of each tile and the end, and the entries; returns the most points of a
+ * tile. */
+static uint32_t write_lists(uint32_t *first, struct entry *entries, const struct sp_surface *s) {
+    const struct sp_bins *bins = &s->bins;
+    uint32_t most = 0;
+    memcpy(first, bins->first, (bins->tiles + (size_t)1) * sizeof *first);
+    for (uint32_t t = 0; t < bins->tiles; t++) {
+        uint32_t before = 0;
+        for (uint32_t e = bins->first[t]; e < bins->first[t + 1]; e++) {
+            entries[e] = (struct entry){ bins->entries[e], before };
+            before += s->points->blocks[s->blocks[bins->entries[e]].sheet].count;
+        }
+        most = before > most ? before : most;
+    }
+    return most;
 }
 
 /* Fills the words; returns the most points of a tile. */
@@ -143,8 +159,7 @@ static uint32_t write_words(uint32_t *to, const struct layout *at, const struct 
         write_coordinates(row, s->frame.grid, a);
         row += ROW_WORDS * s->frame.grid->dims[a];
     }
-    return gl_tile_lists_write(to, (struct gl_entry *)(void *)(to + at->entries), &s->bins, size_of,
-                               s);
+    return write_lists(to, (struct entry *)(void *)(to + at->entries), s);
 }
 
 static bool upload_words(struct gl_surface *to, struct gl_buffer *buffer, struct gl_state *state,
@@ -214,16 +229,11 @@ static const struct gl_buffer *get_points(const struct gl_band *band, const stru
 }
 
 static bool open_program(struct gl_state *s, struct sp_error *err) {
-    struct gl_late_program *own = &s->surfaces.program;
-    struct sp_error why = { .text = "it failed before; the log has the reason" };
-    if (!own->program && !own->is_refused)
-        own->program = gl_program_open(
-            "frame bins normal shade fragments fragment_lists entries surface surface_resolve "
-            "25_surface",
-            "#define FRAGMENTS_ACCESS\n", &why);
-    own->is_refused = !own->program;
-    return own->program || sp_fail(err, SP_ERR_UNSUPPORTED, "",
-                                   "%s has no program for surfaces: %s", s->device, why.text);
+    return gl_program_late(
+        &s->surfaces.program,
+        "frame bins normal shade fragments fragment_lists entries surface surface_resolve "
+        "25_surface",
+        "#define FRAGMENTS_ACCESS\n", s->device, "surfaces", err);
 }
 
 /* Divides bands into passes. Between them, sheets are kept in memory. */
@@ -255,14 +265,27 @@ bool gl_surfaces_begin(struct gl_surfaces *surfaces, const struct gl_band *band,
     return true;
 }
 
-/* Draws a surface in the band. */
+/* Draws a surface in the band, in passes. */
 static bool draw(const struct gl_surfaces *surfaces, const struct gl_surface *surface,
                  struct gl_band *band, struct sp_error *err) {
     const struct gl_bins_space space = { band->columns, band->y, band->end, gl_band_rows(band), 1 };
     gl_bins_set_space(&space);
     gl_buffer_bind(surface->constants, 1);
     gl_buffer_bind(surface->points, 2);
-    return gl_band_draw_lists(band, surface->most, surfaces->at_once, err);
+    for (uint32_t first = 0; first < surface->most; first += surfaces->at_once) {
+        const uint32_t left = surface->most - first;
+        const uint32_t n = left < surfaces->at_once ? left : surfaces->at_once;
+        if (sp_job_is_cancelled(band->job))
+            return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        glUniform4ui(1, band->job->frame->width, first, first + n, first == 0);
+        glUniform3ui(2, band->slot->fragments_most, band->fragments->insert.planes, n == left);
+        glDispatchCompute(band->columns, gl_band_rows(band), 1);
+        gl_band_barrier();
+        gl_timer_stamp(&band->slot->timer, GL_STAGE_LAYERS);
+        if (!gl_band_follow(band, err))
+            return false;
+    }
+    return true;
 }
 
 bool gl_surfaces_draw(const struct gl_surfaces *surfaces, struct gl_band *band,

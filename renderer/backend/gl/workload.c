@@ -51,8 +51,10 @@ struct gl_pieces gl_workload_plan(const struct gl_workload *workload,
     return (struct gl_pieces){
         .records = records,
         .pairs = workload->pairs,
-        .pass_pairs = most(limits.loops / rounds, 1),
+        .pass_pairs = most(limits.loops / most(rounds, 1), 1),
         .passes = workload->passes,
+        .element_pairs = most(limits.loops / most(costs->element_rounds, 1), 1),
+        .element_passes = workload->element_passes,
         .bin_pairs = most(bin_pairs_of(workload, records), 1),
         /* Each round is an atomic addition; one row of tiles is the minimum. */
         .splat_rounds = most(limits.loops / limits.stall_factor, SPAN_ROUNDS * costs->columns),
@@ -92,12 +94,13 @@ void gl_workload_init(struct gl_workload *workload) {
     workload->records = limits->records;
     workload->layers = LAYERS_MOST;
     workload->rows = limits->tiles;
-    workload->passes = 1;
+    workload->passes = workload->element_passes = 1;
     workload->halvings = workload->short_bands = 0;
 }
 
 static bool has_passes(const struct gl_pieces *was, const struct gl_bins_head *head) {
-    return head->longest <= (uint64_t)was->pass_pairs * was->passes;
+    return head->longest <= (uint64_t)was->pass_pairs * was->passes &&
+           head->longest_elements <= (uint64_t)was->element_pairs * was->element_passes;
 }
 
 bool gl_workload_fits(const struct gl_pieces *was, const struct gl_bins_head *head) {
@@ -169,6 +172,18 @@ static void make_narrower(struct gl_workload *workload, const struct gl_pieces *
         workload->layers = shrink(was->layers, factor);
 }
 
+/* Allows as many pairs of a tile, with some margin. */
+static void raise_passes(uint32_t *passes, uint32_t longest, uint32_t pass_pairs) {
+    uint32_t needed = gl_divide_up(longest, pass_pairs);
+    if (needed > *passes)
+        *passes = needed + needed / 4;
+}
+
+static void lower_passes(uint32_t *passes, uint32_t longest, uint32_t pass_pairs) {
+    if (longest <= (uint64_t)pass_pairs * *passes / 4)
+        *passes -= *passes / 2;
+}
+
 bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was,
                        const struct gl_bins_head *head, struct sp_error *err) {
     if (head->needed > was->pairs && !make_room_for_pairs(workload, was, head, err))
@@ -181,9 +196,8 @@ bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was
         shrink_records(workload, was, (double)was->bin_pairs / head->crowded);
     }
     if (!has_passes(was, head)) {
-        uint32_t passes = gl_divide_up(head->longest, was->pass_pairs);
-        passes += passes / 4;
-        workload->passes = passes > workload->passes ? passes : workload->passes;
+        raise_passes(&workload->passes, head->longest, was->pass_pairs);
+        raise_passes(&workload->element_passes, head->longest_elements, was->element_pairs);
     }
     return true;
 }
@@ -191,8 +205,8 @@ bool gl_workload_retry(struct gl_workload *workload, const struct gl_pieces *was
 void gl_workload_grow(struct gl_workload *workload, const struct gl_pieces *was,
                       const struct gl_bins_head *head) {
     const struct gl_limits *limits = &workload->limits;
-    if (head->longest <= (uint64_t)was->pass_pairs * was->passes / 4 && workload->passes > 1)
-        workload->passes -= workload->passes / 2;
+    lower_passes(&workload->passes, head->longest, was->pass_pairs);
+    lower_passes(&workload->element_passes, head->longest_elements, was->element_pairs);
     if (head->needed > gl_workload_limits(workload).pairs / 4 ||
         head->crowded > was->bin_pairs / 4 || head->widest > was->splat_rounds / 4)
         return;

@@ -50,6 +50,7 @@ struct gl_workload {
     uint32_t records, layers; /* of a batch, at most */
     uint32_t rows;            /* of tiles of a band, at most */
     uint32_t passes;          /* of the compositor, a batch */
+    uint32_t element_passes;  /* the same of other layers */
     unsigned halvings;        /* of the limits of records, bins, tiles, pairs and loops */
     unsigned short_bands;     /* short bands in a row */
 };
@@ -58,6 +59,7 @@ struct gl_workload {
 struct gl_costs {
     uint32_t columns;                 /* of tiles */
     uint32_t pair_rounds, pair_loads; /* of the compositor per pair; loads wait for memory */
+    uint32_t element_rounds;          /* of other layers per pair; 0 = there are none */
     uint32_t record_bytes;            /* without its span */
     uint64_t block_bytes;             /* largest buffer of records; 0 = not known */
 };
@@ -69,9 +71,10 @@ struct gl_pieces {
     uint64_t pairs;           /* capacity per batch */
     uint32_t pass_pairs;      /* capacity per tile and pass */
     uint32_t passes;
-    uint32_t bin_pairs;    /* capacity of a bin that is sorted */
-    uint32_t splat_rounds; /* of one splat, over its tiles and layers */
-    unsigned halvings;     /* at that time */
+    uint32_t element_pairs, element_passes; /* the same of other layers */
+    uint32_t bin_pairs;                     /* capacity of a bin that is sorted */
+    uint32_t splat_rounds;                  /* of one splat, over its tiles and layers */
+    unsigned halvings;                      /* at that time */
 };
 
 /* Returns the limits after the present halvings; each allows at least the smallest piece. */

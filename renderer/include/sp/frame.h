@@ -32,6 +32,16 @@ struct sp_stage_time {
     double ms;        /* wall-clock time of the stage, >= 0 */
 };
 
+/* What a frame shows of a volume that is larger than memory (sp/bricks.h); 0 for other volumes. */
+struct sp_frame_bricks {
+    bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
+    uint32_t level;     /* of the samples: 2^n × 2^n × 2^n voxels in one */
+    uint32_t asked; /* the level that the pixels ask for; a complete frame has a coarser one if the
+                       memory does not suffice */
+    uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
+    uint64_t memory_bytes;     /* of the volume's samples that are in memory, for all frames */
+};
+
 /* How a frame was drawn. All fields are set by the renderer. */
 struct sp_frame_stats {
     const char *backend;         /* constant: "cpu", "gl", "null", … */
@@ -40,6 +50,7 @@ struct sp_frame_stats {
     uint32_t threads;            /* render threads of the backend */
     uint32_t mip_level; /* [0, SP_MIP_LEVEL_MAX]; n = 2^n × 2^n × 2^n voxels averaged into one;
                            0 = full detail */
+    struct sp_frame_bricks bricks;
     uint64_t visible_voxels; /* visible after classification; of a surface: its points */
     uint64_t splats;         /* footprints that were drawn, without culled ones */
     uint64_t fragments;      /* area of these footprints inside the image [px], before early

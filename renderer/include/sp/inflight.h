@@ -27,7 +27,7 @@ SP_API unsigned sp_renderer_depth(const struct sp_renderer *renderer);
 /* Begins a frame of view->size behind those in flight, of which there must be fewer than
  * sp_renderer_depth(). View and options (may be NULL) are copied; volume and frame are referenced.
  * Returns when the backend has the frame: a GPU then draws it while the next one begins, the CPU
- * draws it in sp_renderer_finish(). False if nothing was begun: SP_ERR_INVALID or
+ * draws it in sp_renderer_finish(). False if nothing was begun: SP_ERR_INVALID, SP_ERR_NOT_FOUND or
  * SP_ERR_UNSUPPORTED (view; err->place is the JSON pointer), SP_ERR_MEMORY. sp_renderer_finish()
  * reports all other failures. One thread at a time. */
 SP_API bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,

@@ -94,7 +94,8 @@ struct sp_measure_result {
     double value;
     enum sp_measure_unit unit;
     /* Share that lies outside of the volume, [0, 1]: of the line, of both arms, of the area; 0 or 1
-     * of a marker. Of an ellipse within 0.0002. 0 for a part or a path, which are inside. */
+     * of a marker. Of an ellipse within 0.0002. 0 for a part or a path, which are inside, and
+     * in a volume of elements. */
     double outside;
     bool has_statistics; /* profile, rectangle, ellipse */
     struct sp_statistics statistics;
@@ -130,8 +131,9 @@ SP_API bool sp_measure_check(const struct sp_measure *measure, struct sp_error *
 SP_API double sp_measure_cost(const struct sp_volume *volume, const struct sp_measure *measure);
 
 /* Computes a measurement. Takes up to 50 ns per sample: 0.2 s at most for a region, and for a part
- * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(), a region of more than
- * SP_MEASURE_SAMPLES samples at "/points", and a part or a path in a volume of more than
+ * or a path up to 10 s. SP_ERR_INVALID: as sp_measure_check(), at "/kind" a kind that needs a grid
+ * of samples for a volume without one, a region of more than SP_MEASURE_SAMPLES samples at
+ * "/points", and a part or a path in a volume of more than
  * SP_MEASURE_PART_SAMPLES samples at "/kind", and a part whose surface needs more than
  * SP_PART_AREA_BYTES at "/range". SP_ERR_MEMORY. Thread-safe. */
 SP_API bool sp_measure_compute(const struct sp_volume *volume, const struct sp_measure *measure,

@@ -13,7 +13,10 @@
  *   τ(t) = Σ extinction(cell) · length of the ray in the cell − Σ ln(1 − opacity(surface))
  *   opacity(t) = 1 − e^−τ(t)
  *
- * Kernel, filter and compositing have no influence; the near plane and the clip do.
+ * Kernel, filter and compositing of the volume have no influence; the near plane and the clip do.
+ *
+ * A point or a Gaussian adds the opacity that it has in the pixel, at the depth of its centre; a
+ * triangle adds its opacity where the ray meets it. All elements of a layer are tested.
  */
 #ifndef SP_PICK_H
 #define SP_PICK_H
@@ -21,6 +24,7 @@
 #include <stdbool.h>
 
 #include "sp/api.h"
+#include "sp/status.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 
@@ -28,20 +32,32 @@
 extern "C" {
 #endif
 
+struct sp_pick_input {
+    const struct sp_volume *volume;
+    const struct sp_view *view; /* valid (sp_view_validate()) */
+    uint32_t size[2];           /* of the image [px] */
+    /* A point of the image: px from the upper left corner, x to the right, y down, finite; (0.5,
+     * 0.5) is the centre of the first pixel. */
+    double at[2];
+    /* As in sp_render_options; layers whose volume is not found are left out. */
+    struct sp_volume *(*find)(void *user, const char *id);
+    void *user;
+};
+
 struct sp_pick {
     double opacity;     /* of the whole ray, [0, 1] */
     bool is_hit;        /* the opacity reaches 0.5; the fields below are set only then */
     double position[3]; /* world position where the opacity reaches 0.5 */
-    double value;       /* of the surface that is hit, else of the sample whose cell contains that
-                           position [data unit] */
+    double value;       /* of the surface or the point that is hit, else of the sample whose cell
+                           contains that position [data unit]; NaN = of a Gaussian or a triangle */
+    uint64_t elements;  /* number of elements that were tested; set always */
 };
 
-/* Follows the ray through point `at` of an image of `size` px. `at` is in px from the upper left
- * corner, x to the right, y down, finite; (0.5, 0.5) is the centre of the first pixel. The view
- * must be valid (sp_view_validate()). Takes at most dims[0] + dims[1] + dims[2] steps, and twice as
- * many with surfaces. Thread-safe. */
-SP_API void sp_pick_at(const struct sp_volume *volume, const struct sp_view *view,
-                       const uint32_t size[2], const double at[2], struct sp_pick *pick);
+/* Follows the ray through a point of the image. Takes at most dims[0] + dims[1] + dims[2] steps,
+ * twice as many with surfaces, and some nanoseconds per element of the visible layers. False:
+ * SP_ERR_MEMORY. Thread-safe. */
+SP_API bool sp_pick_at(const struct sp_pick_input *input, struct sp_pick *pick,
+                       struct sp_error *err);
 
 #ifdef __cplusplus
 }

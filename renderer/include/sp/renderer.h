@@ -109,6 +109,13 @@ struct sp_render_options {
     /* Set it to true from any thread to stop the frame with SP_ERR_CANCELLED; it is polled a few
      * hundred times per frame. Must live until the frame is finished. NULL = never. */
     const sp_atomic_bool *cancel;
+    /* Returns a reference to the volume that a layer names (sp_layer.id), or NULL: the frame then
+     * fails with SP_ERR_VOLUME_UNKNOWN. Called while the frame is begun. NULL = none is found. */
+    struct sp_volume *(*find)(void *user, const char *id);
+    void *user; /* passed to find() */
+    /* How long the frame waits for bricks of a volume that is larger than memory [ms]; then it
+     * shows coarser ones (sp_frame_stats.bricks). 0 = until all are read; below 0 = not at all. */
+    double wait_ms;
     /* Lets a scheduler pause the frame (sp/inflight.h); without effect unless
      * sp_renderer_info.can_pause. Must live until the frame is finished. NULL = never. */
     struct sp_pause *pause;
@@ -116,9 +123,9 @@ struct sp_render_options {
 
 /* Renders a frame of view->size and returns one reference to it. View and options (may be NULL) are
  * copied; a reference to the volume may be cached. No frame may be in flight. Returns NULL on
- * failure: SP_ERR_INVALID or SP_ERR_UNSUPPORTED (view; err->place is the JSON pointer),
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. The renderer is then ready for
- * the next call. One thread at a time. */
+ * failure: SP_ERR_INVALID, SP_ERR_VOLUME_UNKNOWN or SP_ERR_UNSUPPORTED (view; err->place is the
+ * JSON pointer), SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED, SP_ERR_BACKEND. The renderer is
+ * then ready for the next call. One thread at a time. */
 SP_API struct sp_frame *sp_renderer_render(struct sp_renderer *renderer, struct sp_volume *volume,
                                            const struct sp_view *view, struct sp_frame_pool *pool,
                                            const struct sp_render_options *options,

@@ -122,8 +122,8 @@ struct sp_filter {            /* "/filter" */
 struct sp_compositing_options {      /* "/compositing" */
     enum sp_compositing mode;        /* [sheet] */
     enum sp_attenuation attenuation; /* [exponential] */
-    double slab; /* thickness in smallest (mean) spacings, [0.05, 64]; slab mode only, and not where
-                    slabs are interpolated [1] */
+    double slab; /* thickness in smallest (mean) spacings, of points in their size, [0.05, 64]; slab
+                    mode only, and not where slabs are interpolated [1] */
     /* Of projections: */
     enum sp_projection_colors colors; /* "transfer_function" is not for sums [grey] */
     /* "window", in the unit of the number: centre, and width > 0 from black to white. NaN (JSON
@@ -167,8 +167,19 @@ enum sp_layer_type {
     SP_LAYER_VOLUME,  /* the whole volume through transfer function, filter and compositing */
     SP_LAYER_SURFACE, /* an iso-surface, by surface splatting (Zwicker et al. 2001, section 5) */
     SP_LAYER_SHELL,   /* voxels at borders of opacity (Botha and Post 2003) */
-    SP_LAYER_VECTORS  /* streaks along the volume's vectors (Crawfis and Max 1993) */
+    SP_LAYER_VECTORS, /* streaks along the volume's vectors (Crawfis and Max 1993) */
+    /* Elements of a volume without a grid (sp/elements.h): */
+    SP_LAYER_POINTS,    /* through the transfer function, each composited on its own */
+    SP_LAYER_GAUSSIANS, /* a trained scene (Kerbl et al. 2023) */
+    SP_LAYER_GEOMETRY   /* triangles */
 };
+enum { SP_LAYER_TYPES = SP_LAYER_GEOMETRY + 1 };
+/* How the low-pass filter of 0.3 px² changes a Gaussian. */
+enum sp_convention {
+    SP_CONVENTION_INRIA,     /* wider, opacity as it is (Kerbl et al. 2023) */
+    SP_CONVENTION_NORMALISED /* wider and as much more transparent (Yu et al. 2024) */
+};
+enum sp_layer_colors { SP_COLORS_OWN, SP_COLORS_OF_LAYER };
 enum sp_shell_detail {
     SP_SHELL_HIGH, /* Gaussian footprints of filter.sigma and filter.cutoff */
     SP_SHELL_FAST  /* a flat square of 1.6 voxels per voxel */
@@ -183,9 +194,11 @@ struct sp_layer { /* "/layers/0" */
     enum sp_layer_type type;
     bool visible; /* false = as if the layer did not exist [true] */
     double value; /* surface: iso-value, data unit; outside of the range nothing is drawn */
-    /* surface, and the streaks of style blend: sRGB display values, [0, 1] [0.9, 0.85, 0.75] */
+    /* surface, geometry, and the streaks of style blend: sRGB display values, [0, 1]
+     * [0.9, 0.85, 0.75] */
     float color[3];
-    float opacity; /* surface: [0, 1]; 0 = invisible [1] */
+    /* surface; gaussians, geometry: factor on their own. [0, 1]; 0 = invisible [1] */
+    float opacity;
     /* surface: kernels are this many times flatter along the gradient, [1, infinity]; 1 = the
      * volume's kernels, infinity (JSON "inf") = discs [infinity] */
     double flatness;
@@ -202,6 +215,15 @@ struct sp_layer { /* "/layers/0" */
     double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [4] */
     double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
                        time [0.2] */
+    /* points, gaussians, geometry: the volume that has them, resolved by
+     * sp_render_options.find(); "" = the frame's volume [""] */
+    char id[SP_NAME_BYTES];
+    /* points, gaussians, geometry: from the world of the data to that of the view, row by row;
+     * affine (the last row is 0 0 0 1), not singular [identity] */
+    double transform[16];
+    double size;                   /* points: factor on the size of their kernels, [0.1, 10] [1] */
+    enum sp_convention convention; /* gaussians [inria] */
+    enum sp_layer_colors colors;   /* geometry: of the vertices, or `color` [own] */
 };
 
 enum sp_edit_type {
@@ -233,7 +255,7 @@ enum sp_slice_mode {
 /* Slices of the volume (sp/slice.h) that clients show beside the image, and in it. A slice in the
  * image is opaque, reaches to the borders of the volume whatever the clip is, and hides what is
  * behind it; the volume in front of it is drawn as always. Pixels on a border are covered in part.
- * Values that are not finite leave a hole. */
+ * Values that are not finite leave a hole, and so do the view's edits. */
 struct sp_slices {           /* "/slices" */
     enum sp_slice_mode mode; /* [none] */
     bool in_3d;              /* draw them in the image [false]; oblique: needs one of the clip
@@ -243,6 +265,11 @@ struct sp_slices {           /* "/slices" */
     double normal[3];        /* of the oblique slice, world, any length but 0 [z] */
     double center, width;    /* "window": values from black to white; width > 0
                                 [sp_slice_default_window()] */
+};
+
+struct sp_time {   /* "/time" */
+    uint32_t step; /* of the volume's time series, below sp_steps.count; the caller resolves it, the
+                      renderer ignores it [the step that was loaded] */
 };
 
 struct sp_view {
@@ -255,12 +282,14 @@ struct sp_view {
     struct sp_compositing_options compositing;
     struct sp_shading shading;
     uint32_t layer_count; /* [1, SP_LAYERS_MAX] [1] */
-    /* "/layers": in any order; at most one volume and one shell [the volume] */
+    /* "/layers": in any order; at most one volume, one shell and one layer of vectors [the volume,
+     * or its elements] */
     struct sp_layer layers[SP_LAYERS_MAX];
     struct sp_clip clip;
     uint32_t edit_count;                /* [0, SP_EDITS_MAX] [0] */
     struct sp_edit edits[SP_EDITS_MAX]; /* "/edits": in this order */
     enum sp_lod level_of_detail;        /* "/quality/level_of_detail" [auto] */
+    struct sp_time time;
     struct sp_slices slices;
 };
 
@@ -287,10 +316,11 @@ static inline bool sp_compositing_is_projection(enum sp_compositing mode) {
 /* Writes centre and width of the window of the view's projection: what `compositing` gives, and
  * where it is NaN what suits the volume:
  *
- *   maximum, minimum   from the lower end of sp_slice_default_window() to the largest value
- *   mean               from the smallest value up, by twice the root mean square of what is above
- * it sum                from 0 to twice that of max(value − zero, 0) times the volume's mean side;
- *                      with absorption from 0 to 1
+ *   maximum, mean   the numbers of nearly all rays through the volume (sp_projected)
+ *   sum             from 0 to the upper end of those numbers; times the root mean square of
+ *                   max(value − zero, 0), over that for the smallest value as zero; with
+ *                   absorption from 0 to 1
+ *   minimum         from the lower end of sp_slice_default_window() to the largest value
  *
  * The width is above 0. Thread-safe. */
 SP_API void sp_projection_window(const struct sp_view *view, const struct sp_volume_info *info,
@@ -311,10 +341,14 @@ SP_API bool sp_view_has_default_filter(const struct sp_view *view);
  * (sp_renderer_supports()). Thread-safe. */
 SP_API bool sp_view_validate(const struct sp_view *view, struct sp_error *err);
 
-/* True if the volume has what the view's visible layers show. SP_ERR_INVALID; err->place is the
- * JSON pointer. The view must be valid. Thread-safe. */
+/* True if the volume has what the view's visible layers without an id show, and a grid of samples
+ * if the view has edits or slices in the image. SP_ERR_INVALID; err->place is the JSON pointer. The
+ * view must be valid. Thread-safe. */
 SP_API bool sp_view_fits(const struct sp_view *view, const struct sp_volume_info *info,
                          struct sp_error *err);
+/* The same for one layer and the volume that it shows. */
+SP_API bool sp_view_layer_fits(const struct sp_view *view, uint32_t layer,
+                               const struct sp_volume_info *info, struct sp_error *err);
 
 #ifdef __cplusplus
 }

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A volume: one grid of samples, loaded once, immutable and shared by reference count.
+ * A volume: one grid of samples, loaded once, immutable and shared by reference count. Instead of
+ * samples it may have points, Gaussians or triangles (sp/elements.h).
  *
  *   world = origin + direction · (spacing ∘ i)        i = (i0, i1, i2), i0 fastest in memory
  *
@@ -20,6 +21,7 @@
 #include <stdint.h>
 
 #include "sp/api.h"
+#include "sp/elements.h"
 #include "sp/status.h"
 
 #ifdef __cplusplus
@@ -41,6 +43,10 @@ enum {
     SP_HISTOGRAM_BINS = 256,
     SP_UNIT_BYTES = 32,
     SP_FIELD_BYTES = 64,
+    SP_OTHER_FIELDS_MAX = 16,
+    SP_OTHER_VECTORS_MAX = 8,
+    SP_WARNINGS_MAX = 8,
+    SP_WARNING_BYTES = 256,
     SP_NAME_BYTES = 128,
     SP_SOURCE_BYTES = 1024
 };
@@ -49,6 +55,7 @@ enum {
 #define SP_POSITION_MAX 1e18
 #define SP_DIM_MAX 65536u                 /* voxels per axis */
 #define SP_VOXELS_MAX (UINT64_C(1) << 36) /* voxels per volume */
+#define SP_STEPS_MAX 65536u               /* steps of a time series */
 
 struct sp_grid {
     uint32_t dims[3];       /* [1, SP_DIM_MAX] voxels; product at most SP_VOXELS_MAX */
@@ -63,13 +70,54 @@ struct sp_grid {
     const double *coordinates[3];
 };
 
+/* Between which numbers nearly all rays of a projection lie, as shares of the range of the samples:
+ * 0 = range[0], 1 = range[1]. The upper ends are 0 where it is not known. */
+struct sp_projected {
+    double maximum[2], mean[2];
+    double sum; /* upper end of the sums above range[0], times length [world unit] */
+};
+
+/* The place of a volume in the time series of its source. */
+struct sp_steps {
+    uint32_t count;           /* [1, SP_STEPS_MAX]; 1 = no series */
+    uint32_t index;           /* of this volume, from 0 */
+    char unit[SP_UNIT_BYTES]; /* of times, "s", …; "" = unknown */
+    /* `count` finite numbers [unit]; NULL = unknown. Owned by the volume, for as long as it lives.
+     */
+    const double *times;
+};
+
+/* A volume that is larger than memory (sp/bricks.h), of which struct sp_volume has a coarse level.
+ */
+struct sp_whole {
+    uint32_t dims[3]; /* 0 = struct sp_volume has all samples */
+    uint32_t levels;  /* in the file */
+    uint64_t content; /* a hash of all samples */
+};
+
 struct sp_volume_info {
     struct sp_grid grid;
+    struct sp_whole whole;
+    struct sp_steps steps;
+    struct sp_elements_shape elements; /* kind SP_KIND_GRID: samples on the grid */
+    uint64_t element_bytes;            /* of all elements; 0 = none */
+    double element_spacing; /* typical size of an element, world units; 0 = there is none */
+    uint64_t folded; /* points of a curvilinear grid that are not drawn, because their cells are
+                        flat or turned inside out; their values are NaN */
     enum sp_type type;
     uint32_t components; /* values per sample; always 1 */
     /* Names of the samples and of the vectors in the file; "" = unknown. Samples that are the
      * lengths of the vectors are called "magnitude". */
     char value_name[SP_FIELD_BYTES], vector_name[SP_FIELD_BYTES];
+    char value_unit[SP_UNIT_BYTES]; /* unit of the samples and the vectors, "HU", …; "" = unknown */
+    /* Names of other fields of the file, which "?field=NAME" loads in place of the samples, and of
+     * other vectors, which "?vectors=NAME" loads in place of these; "" ends them. A file may have
+     * more of them. */
+    char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];
+    char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES];
+    /* What differs from the file, because the reader left it out or changed it: sentences for the
+     * user, UTF-8; "" ends them. */
+    char warnings[SP_WARNINGS_MAX][SP_WARNING_BYTES];
     double longest;           /* length of the longest finite vector, data unit; 0 = none has any */
     char unit[SP_UNIT_BYTES]; /* unit of world coordinates, "mm", …; "" = unknown */
     /* Where world +x, +y and +z point to in a patient: three of R L A P S I, as in "LPS" (left,
@@ -77,13 +125,16 @@ struct sp_volume_info {
     char anatomy[4];
     char name[SP_NAME_BYTES];     /* file name without its extension, or the demo's name */
     char source[SP_SOURCE_BYTES]; /* what sp_volume_load() was called with */
-    double range[2];              /* smallest and largest finite sample; {0, 0} if there is none */
-    uint64_t nonfinite;           /* number of NaN and infinite samples; they are transparent */
+    double range[2];              /* smallest and largest finite sample, or value of a point; {0, 0}
+                                     if there is none */
+    uint64_t nonfinite;           /* number of NaN and infinite samples or values; they are
+                                     transparent */
     /* Counts of finite samples. Bin b covers range[0] + (range[1] − range[0])·[b, b + 1)/256; the
      * last bin includes range[1]. */
     uint64_t histogram[SP_HISTOGRAM_BINS];
-    uint64_t voxel_bytes;  /* size of the sample array */
-    uint64_t vector_bytes; /* of the vectors; 0 = none */
+    struct sp_projected projected; /* of a grid */
+    uint64_t voxel_bytes;          /* size of the sample array */
+    uint64_t vector_bytes;         /* of the vectors; 0 = none */
 };
 
 struct sp_volume; /* opaque, reference-counted */
@@ -93,11 +144,23 @@ SP_API size_t sp_type_size(enum sp_type type);
 /* Returns the name that the protocol uses: "uint8", …, "float64". A constant string. */
 SP_API const char *sp_type_name(enum sp_type type);
 
+/* The source of a file is PATH, PATH?field=NAME, PATH?vectors=NAME or PATH?level=N, or has several
+ * of them in the order level, vectors, field: PATH?vectors=NAME&field=NAME; of HDF5 and NetCDF
+ * files also PATH:/NAME, with the extension before the colon. */
+struct sp_source_parts {
+    size_t path_bytes;            /* length of PATH; of a built-in volume of the whole source */
+    int level;                    /* of detail, 0 = the finest; −1 = the reader chooses */
+    const char *field;            /* a part of the source; "" = the reader chooses */
+    char vectors[SP_FIELD_BYTES]; /* cut if it is longer; "" = the reader chooses */
+};
+SP_API struct sp_source_parts sp_source_split(const char *source);
+
 /* All zero = all defaults. Pointers are borrowed for the call of sp_volume_load(). */
 struct sp_load_options {
-    /* Called once, after the header was read and before `bytes` are allocated. Returns false and
-     * fills *err to refuse (SP_ERR_BUDGET, with the bytes needed and the bytes available). NULL =
-     * accept every size. */
+    /* Called after the header was read and before `bytes` are allocated. Returns false and fills
+     * *err to refuse (SP_ERR_BUDGET, with the bytes needed and the bytes available). A file with
+     * several levels of detail, of which the source names none, then asks again for a coarser one.
+     * NULL = accept every size. */
     bool (*reserve)(void *user, uint64_t bytes, struct sp_error *err);
     /* Called a few times per second by the loading thread, with the finished fraction in [0, 1].
      * Returns false to cancel (SP_ERR_CANCELLED). NULL = none. */
@@ -108,13 +171,26 @@ struct sp_load_options {
     const char *importer; /* path of the program splat-import; NULL = search beside the running
                              program, then beside the library, then the installation's prefix */
     int timeout_ms;       /* limit for the whole import, >= 0; 0 = 300,000 */
+    uint32_t step;        /* of a time series, from 0 */
+    bool is_finest;       /* fail if the finest level does not fit (reserve()) */
+    /* Of a brick file (sp/bricks.h): bytes of the samples that are kept in memory for all frames;
+     * reserve() is asked for them at once, and for
+     * half of them if it refuses, and so on. 0 = a quarter of the machine's memory; never more than
+     * four times the samples. */
+    uint64_t window_bytes;
 };
 
-/* Loads `source`: the path of a file (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr, raw samples with a JSON
- * sidecar .json, TIFF stack .tif/.tiff) or "demo:NAME[?size=N]". Blocks until it is done. `options`
- * may be NULL. Returns one reference, or NULL with one of: SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside
- * of root), SP_ERR_FORMAT, SP_ERR_UNSUPPORTED, SP_ERR_INVALID (demo size), SP_ERR_IO,
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_TIMEOUT, SP_ERR_CRASHED, SP_ERR_CANCELLED. */
+/* Loads `source`: the path of a file (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr/.vts/.vtu/.vtp, raw
+ * samples with a JSON sidecar .json, NIfTI .nii/.nii.gz/.hdr, MetaImage .mhd/.mha, PVM .pvm, TIFF
+ * stack .tif/.tiff, points, Gaussians or a mesh .ply,
+ * Gaussians .spz, points .csv, PLOT3D .xyz/.p3d, meshes .stl/.obj/.gltf/.glb) or
+ * "demo:NAME[?size=N]". Of a folder its first file is opened, in the order of numbers in names:
+ * with it the DICOM series, the stack of images, or the time series of files whose names differ in
+ * numbers only. A path whose name has a '*' for each number opens such a time series, too. Blocks
+ * until it is done. `options` may be NULL.
+ * Returns one reference, or NULL with one of: SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside of root),
+ * SP_ERR_FORMAT, SP_ERR_UNSUPPORTED, SP_ERR_INVALID (demo size), SP_ERR_IO, SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_TIMEOUT, SP_ERR_CRASHED, SP_ERR_CANCELLED. */
 SP_API struct sp_volume *sp_volume_load(const char *source, const struct sp_load_options *options,
                                         struct sp_error *err);
 
@@ -130,6 +206,11 @@ SP_API struct sp_volume *sp_volume_create_vectors(const struct sp_grid *grid, en
                                                   const void *voxels, const float (*vectors)[3],
                                                   const char *name, struct sp_error *err);
 
+/* Bytes of the samples, vectors and elements. */
+static inline uint64_t sp_volume_bytes(const struct sp_volume_info *info) {
+    return info->voxel_bytes + info->vector_bytes + info->element_bytes;
+}
+
 /* Adds a reference and returns its argument. */
 SP_API struct sp_volume *sp_volume_ref(struct sp_volume *volume);
 /* Drops a reference and nulls *volume, which may be NULL. The last reference frees the volume. */
@@ -143,6 +224,15 @@ SP_API const void *sp_volume_voxels(const struct sp_volume *volume);
  * the volume has none. Components may be NaN or infinite. Valid as long as the caller's reference.
  */
 SP_API const float (*sp_volume_vectors(const struct sp_volume *volume))[3];
+
+/* The elements; NULL = the volume has a grid of samples. Valid as long as the caller's reference.
+ */
+SP_API const struct sp_elements *sp_volume_elements(const struct sp_volume *volume);
+
+/* Makes a volume of elements in memory, whose arrays it copies. Returns one reference, or NULL:
+ * SP_ERR_INVALID (shape, or a triangle whose vertex does not exist), SP_ERR_MEMORY. */
+SP_API struct sp_volume *sp_volume_create_elements(const struct sp_elements *elements,
+                                                   const char *name, struct sp_error *err);
 
 /* A built-in volume. Strings are constants. */
 struct sp_demo {

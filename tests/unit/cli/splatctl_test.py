@@ -51,7 +51,7 @@ class Usage(unittest.TestCase):
             with self.subTest(command):
                 part = run(command, '--help').stdout.decode()
                 self.assertRegex(part, rf'\n  {command} ')
-                self.assertIn('--url', part)
+                self.assertEqual('--url' in part, command not in ('info', 'convert'))
                 self.assertEqual('--origin' in part, command == 'slice')
                 self.assertEqual('--azimuth' in part, command in ('render', 'save', 'share'))
                 for line in part.split('\n')[4:]:
@@ -95,6 +95,9 @@ class Usage(unittest.TestCase):
             self.assertIn('--window', self.refused('render', '--volume', 'a', '--out', 'x.png', '--window', window))
         self.refused('render', '--local', '--volume', 'a', '--out', 'x.png', '--preset', 'bones')
         self.refused('unload')
+        self.refused('convert', 'demo:engine')
+        self.refused('convert', 'demo:engine', 'a.bricks', 'b.bricks')
+        self.assertIn('.nrrd', self.refused('convert', 'demo:engine', 'a.vdb'))
 
 
 class Local(unittest.TestCase):
@@ -200,6 +203,34 @@ class Local(unittest.TestCase):
         os.umask(umask)
         self.assertEqual(os.stat(self.path('target.png')).st_mode & 0o777, 0o666 & ~umask)
 
+    def test_convert(self):
+        data = bytes(i * 7 % 256 for i in range(70 * 3 * 2))
+        with open(self.path('a.nrrd'), 'wb') as f:
+            f.write(b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 70 3 2\nencoding: raw\n\n' + data)
+        for source in (self.path('a.nrrd'), 'demo:engine?size=70', 'demo:turbulence?size=8'):
+            result = run('convert', source, self.path('a.bricks'))
+            self.assertEqual((result.returncode, result.stderr, result.stdout), (0, b'', b''))
+            with open(self.path('a.bricks'), 'rb') as f:
+                self.assertEqual(f.read(8), b'SPBRICK\n')
+        self.assertEqual(run('convert', self.path('a.nrrd'), self.path('b.nrrd')).returncode, 0)
+        with open(self.path('b.nrrd'), 'rb') as f:
+            text = f.read()
+        self.assertEqual(text[-len(data):], data)
+        with open(self.path('b.nrrd'), 'wb') as f:
+            f.write(text.replace(b'origin: (0,', b'origin: (9,'))
+        result = run('convert', self.path('b.nrrd'), self.path('b.nii'))  # a place, but no anatomy
+        self.assertEqual(result.returncode, 0)
+        self.assertIn('right, anterior and superior', result.stderr.decode())
+        for name in ('b.nrrd', 'b.nii'):
+            os.remove(self.path(name))
+        self.assertEqual(sorted(os.listdir(self.folder.name)), ['a.bricks', 'a.nrrd'])
+        for source, out, why in (('/no/such.nrrd', 'a.bricks', '/no/such.nrrd: '), ('demo:nothing', 'a.bricks', 'demo:nothing: '),
+                                 ('demo:galaxy', 'missing/a.bricks', 'missing/: cannot create'),
+                                 ('demo:points?size=20', 'a.bricks', 'evenly spaced'), ('demo:engine?size=4097', 'a.bricks', '[8, 4096]')):
+            result = run('convert', source, self.path(out))
+            self.assertEqual(result.returncode, 1)
+            self.assertIn(why, result.stderr.decode())
+
 
 class Remote(RemoteCase):
     def test_volumes(self):
@@ -224,7 +255,7 @@ class Remote(RemoteCase):
         self.assertEqual({column_of(line, 'head.nrrd') for line in lines[1:]}, {column_of(lines[0], 'SOURCE')})
         self.assertEqual(column_of(lines[0], 'STATE'), len(names[2]) + 2)
         self.assertIn('red?[31m??', lines[6])  # a name commands no terminal
-        self.assertEqual(lines[0].split(), ['ID', 'STATE', 'DIMS', 'TYPE', 'MB', 'SOURCE'])
+        self.assertEqual(lines[0].split(), ['ID', 'STATE', 'SIZE', 'TYPE', 'MB', 'SOURCE'])
 
     def test_unload(self):
         Daemon.answers['DELETE', '/api/v1/volumes/a%2Fb'] = [(204, '', b'', {})]
@@ -320,6 +351,13 @@ class Remote(RemoteCase):
         self.assertEqual(json.loads(result.stdout), {'out': self.out, 'format': 'png', 'bytes': len(PIXELS),
                                                      'backend': 'cpu scalar', 'render_ms': 12.5, 'splats': 77})
         self.assertEqual(self.run_at('render', '--volume', 'head', '--out', '-').stdout, PIXELS)
+
+    def test_an_image_that_is_not_complete(self):
+        for complete, note in (('true', ''), ('false', f'splatctl: {self.out}: parts of the image are coarse')):
+            self.reply_image(**{'X-Complete': complete})
+            result = self.run_at('render', '--volume', 'head', '--out', self.out)
+            self.assertEqual(result.returncode, 0)
+            self.assertEqual(result.stderr.decode()[:len(note) or None], note)
 
     def test_render_with_a_preset(self):
         self.reply_image()

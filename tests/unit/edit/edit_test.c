@@ -175,8 +175,8 @@ static void the_last_result_is_remembered(void **state) {
     struct sp_volume *made = sp_edit_volume_made(rig.volume, &rig.view);
     assert_ptr_equal(first, second);
     assert_ptr_equal(first, made);
-    rig.view.transfer_function.points[0].opacity = 0.2f; /* another value is the most transparent */
-    rig.view.transfer_function.points[1].opacity = 0.1f;
+    rig.view.transfer_function.points[0].opacity = 0.2f; /* another value is transparent */
+    rig.view.transfer_function.points[1].opacity = 0;
     struct sp_volume *third = sp_edit_volume(rig.volume, &rig.view, NULL);
     assert_ptr_not_equal(first, third);
     assert_compare(value_at(third, 0, 0, 0), ==, FULL);
@@ -249,6 +249,92 @@ static void samples_that_are_not_finite_stay(void **state) {
     finish(&rig);
 }
 
+/* The next view of the rig shows all values: removed samples become NaN, in a type that holds all
+ * others as they are. */
+static void check_holes(struct rig *rig, enum sp_type type) {
+    uint64_t holes = 0;
+    struct sp_volume *edited = sp_edit_volume(rig->volume, &rig->view, NULL);
+    assert_non_null(edited);
+    assert_int_equal(sp_volume_info(edited)->type, type);
+    assert_int_equal(sp_volume_info(edited)->voxel_bytes, N * N * N * sp_type_size(type));
+    assert_memory_equal(sp_volume_info(edited)->range, sp_volume_info(rig->volume)->range,
+                        2 * sizeof(double));
+    for (int z = 0; z < N; z++)
+        for (int y = 0; y < N; y++)
+            for (int x = 0; x < N; x++) {
+                bool is_hole = x >= N / 2 || y >= N / 4;
+                holes += is_hole;
+                assert_int_equal(isnan(value_at(edited, x, y, z)) != 0, is_hole);
+                if (!is_hole)
+                    assert_compare(value_at(edited, x, y, z), ==, value_at(rig->volume, x, y, z));
+            }
+    assert_int_equal(sp_volume_info(edited)->nonfinite, holes);
+    sp_volume_unref(&edited);
+}
+
+/* Two cuts, the second one on top of the first. */
+static void add_cuts(struct rig *rig) {
+    rig->view.edits[0] =
+        (struct sp_edit){ .type = SP_EDIT_BOX, .box = { { 0.5, 0, 0 }, { 1, 1, 1 } } };
+    rig->view.edits[1] =
+        (struct sp_edit){ .type = SP_EDIT_BOX, .box = { { 0, 0.25, 0 }, { 1, 1, 1 } } };
+    rig->view.edit_count = 1;
+    struct sp_volume *first = sp_edit_volume(rig->volume, &rig->view, NULL);
+    assert_non_null(first);
+    sp_volume_unref(&first);
+    rig->view.edit_count = 2;
+}
+
+static void without_a_transparent_value_samples_become_nan(void **state) {
+    (void)state;
+    static const enum sp_type types[][2] = { { SP_UINT8, SP_FLOAT32 },  { SP_INT8, SP_FLOAT32 },
+                                             { SP_UINT16, SP_FLOAT32 }, { SP_INT16, SP_FLOAT32 },
+                                             { SP_INT32, SP_FLOAT64 },  { SP_FLOAT32, SP_FLOAT32 },
+                                             { SP_FLOAT64, SP_FLOAT64 } };
+    static const double shown[][5] = { { 0, 1, 1, 1, 0.1 }, { FULL, 1, 1, 1, 0.5 } };
+    for (size_t t = 0; t < sizeof types / sizeof types[0]; t++) {
+        struct rig rig = make(types[t][0], even);
+        test_scene_points(&rig.scene, shown, 2);
+        rig.view = rig.scene.view;
+        add_cuts(&rig);
+        check_holes(&rig, types[t][1]);
+        finish(&rig);
+    }
+}
+
+/* So do they where the view shows values whatever their opacity is. */
+static void views_of_all_values_have_holes(void **state) {
+    (void)state;
+    struct rig rig = make(SP_UINT8, even);
+    const struct sp_view plain = rig.view;
+    rig.view.compositing.mode = SP_COMPOSITE_MINIMUM;
+    add_cuts(&rig);
+    check_holes(&rig, SP_FLOAT32);
+
+    rig.view = plain;
+    rig.view.slices.mode = SP_SLICES_ORTHOGONAL;
+    rig.view.slices.in_3d = rig.view.slices.planes[0] = true;
+    add_cuts(&rig);
+    check_holes(&rig, SP_FLOAT32);
+
+    rig.view = plain;
+    rig.view.layers[rig.view.layer_count++] = sp_layer_default(SP_LAYER_SURFACE);
+    rig.view.layers[rig.view.layer_count - 1].value = 0; /* below it nothing is transparent */
+    add_cuts(&rig);
+    check_holes(&rig, SP_FLOAT32);
+
+    for (int i = 0; i < 2; i++) { /* the surface closes the cut, also without the volume */
+        rig.view.layers[rig.view.layer_count - 1].value = 100;
+        struct sp_volume *edited = sp_edit_volume(rig.volume, &rig.view, NULL);
+        assert_int_equal(sp_volume_info(edited)->type, SP_UINT8);
+        assert_compare(value_at(edited, N - 1, 0, 0), ==, 0);
+        sp_volume_unref(&edited);
+        rig.view.transfer_function.points[0].opacity = 1;
+        rig.view.layers[0] = rig.view.layers[--rig.view.layer_count];
+    }
+    finish(&rig);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(without_edits_the_volume_is_itself),
@@ -258,6 +344,8 @@ int main(void) {
         cmocka_unit_test(the_last_result_is_remembered),
         cmocka_unit_test(cuts_remove_their_volume),
         cmocka_unit_test(samples_that_are_not_finite_stay),
+        cmocka_unit_test(without_a_transparent_value_samples_become_nan),
+        cmocka_unit_test(views_of_all_values_have_holes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -26,9 +26,10 @@ static void release(void *voxels, size_t bytes) {
     free(voxels);
 }
 
-/* A volume of float or uint8 samples on a unit grid; `anatomy` may be "". */
-static struct sp_volume *make(const uint32_t dims[3], enum sp_type type, const char *anatomy,
-                              value_at *value) {
+/* A volume of float or uint8 samples on a unit grid; `anatomy` and `other`, the name of another
+ * field of the file, may be "". */
+static struct sp_volume *make_field(const uint32_t dims[3], enum sp_type type, const char *anatomy,
+                                    const char *other, value_at *value) {
     struct sp_volume_info info = { .type = type, .source = "test" };
     size_t count = (size_t)dims[0] * dims[1] * dims[2];
     size_t capacity = (count * sp_type_size(type) + 63) & ~(size_t)63;
@@ -39,6 +40,7 @@ static struct sp_volume *make(const uint32_t dims[3], enum sp_type type, const c
         info.grid.spacing[a] = info.grid.direction[a][a] = 1;
     }
     memcpy(info.anatomy, anatomy, strlen(anatomy) + 1);
+    memcpy(info.others[0], other, strlen(other) + 1);
     for (size_t i = 0; i < count; i++) {
         double v = value((double)(i % dims[0]), (double)(i / dims[0] % dims[1]),
                          (double)(i / dims[0] / dims[1]));
@@ -50,6 +52,11 @@ static struct sp_volume *make(const uint32_t dims[3], enum sp_type type, const c
     struct sp_volume *volume = sp_volume_adopt(&info, voxels, NULL, capacity, release, NULL);
     assert_non_null(volume);
     return volume;
+}
+
+static struct sp_volume *make(const uint32_t dims[3], enum sp_type type, const char *anatomy,
+                              value_at *value) {
+    return make_field(dims, type, anatomy, "", value);
 }
 
 static struct sp_volume *make_cube(uint32_t size, value_at *value) {
@@ -179,6 +186,60 @@ static void a_holder_lies_below(void **state) {
     sp_volume_unref(&volume);
 }
 
+static double pot(double x, double y, double z) {
+    double r = distance(x, y, z, 32, 32, 30);
+    return r < 8    ? 180 + noise(x, y, z, 60)
+           : r < 14 ? 80 + noise(x, y, z, 20)
+                    : 3 + noise(x, y, z, 2);
+}
+
+static double pot_on_slab(double x, double y, double z) {
+    return x < 5 && fabs(z - 32) < 20 ? 50 + noise(x, y, z, 5) : pot(x, y, z);
+}
+
+/* As much of the same matter, but not along a face. */
+static double pot_beside_blocks(double x, double y, double z) {
+    bool is_block = fabs(x - 32) < 10 && (y < 12 || y >= 52) && fabs(z - 32) < 14;
+    return is_block && y >= 3 && y < 61 ? 50 + noise(x, y, z, 5) : pot(x, y, z);
+}
+
+static void a_faint_slab_along_a_face_is_hidden(void **state) {
+    (void)state;
+    struct sp_volume *volume = make_cube(64, pot_on_slab);
+    struct sp_view view = choose(volume);
+    for (int value = 0; value <= 55; value++)
+        assert_float_equal(opacity_of(&view, value), 0, 1e-6);
+    assert_compare(optical_depth(&view, 90, 20), >, 0.5);
+    check_framing(&view, volume, 75);
+    sp_volume_unref(&volume);
+    volume = make_cube(64, pot_beside_blocks);
+    view = choose(volume);
+    assert_compare(opacity_of(&view, 52), >, 0.0005);
+    sp_volume_unref(&volume);
+}
+
+/* A ball with a core, and thin plates behind it, whose values are those of its blurred edges. */
+static double ball_and_plates(double x, double y, double z) {
+    double r = distance(x, y, z, 32, 32, 32);
+    if (x < 8)
+        return (x == 3 || x == 6) && fabs(y - 32) < 5 ? 42 + noise(x, y, z, 8) : 2;
+    return r < 14     ? 180 + noise(x, y, z, 70)
+           : r < 22   ? 72 + noise(x, y, z, 4)
+           : r < 22.3 ? 42 + noise(x, y, z, 14)
+                      : 2;
+}
+
+static void thin_plates_are_hidden(void **state) {
+    (void)state;
+    struct sp_volume *volume = make_cube(64, ball_and_plates);
+    struct sp_view view = choose(volume);
+    for (int value = 0; value <= 50; value++)
+        assert_float_equal(opacity_of(&view, value), 0, 1e-6);
+    assert_compare(optical_depth(&view, 72, 20), >, 0.3);
+    check_framing(&view, volume, 65);
+    sp_volume_unref(&volume);
+}
+
 static double cut_at_first(double x, double y, double z) {
     return z < 44 && hypot(x - 32, y - 32) < 20 - 0.4 * z ? 150 : 2;
 }
@@ -216,6 +277,21 @@ static void flat_objects_are_seen_from_their_broad_side(void **state) {
     assert_compare(away_of(&view).v[2], >, 0.7);
     assert_float_equal(view.camera.up[1], 1, 1e-9);
     sp_volume_unref(&volume);
+}
+
+/* A thin disc, and bodies that the first and the last face cut: alone, each would stand in its own
+ * way. */
+static void the_fields_of_a_file_stand_alike(void **state) {
+    (void)state;
+    value_at *const fields[] = { disc, cut_at_first, cut_at_last };
+    for (size_t i = 0; i < sizeof fields / sizeof fields[0]; i++) {
+        struct sp_volume *volume =
+            make_field((const uint32_t[3]){ 64, 64, 64 }, SP_UINT8, "", "other", fields[i]);
+        struct sp_view view = choose(volume);
+        assert_float_equal(view.camera.up[2], 1, 1e-9);
+        assert_compare(away_of(&view).v[1], <, -0.7);
+        sp_volume_unref(&volume);
+    }
 }
 
 static double ball(double x, double y, double z) {
@@ -365,6 +441,19 @@ static void volumes_without_contrast_keep_the_plain_default(void **state) {
         assert_int_equal(view.transfer_function.point_count, plain.transfer_function.point_count);
         sp_volume_unref(&volume);
     }
+    /* A voxel, a line, a slice and a block of one value are equally dense through their thinnest
+     * side: neither nearly black nor a brick. */
+    static const uint32_t shapes[][3] = { { 1, 1, 1 }, { 1, 1, 40 }, { 30, 1, 20 }, { 9, 8, 7 } };
+    for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++) {
+        struct sp_volume *volume = make(shapes[i], SP_FLOAT32, "", constant);
+        const struct sp_view view = choose(volume);
+        const struct sp_volume_info *info = sp_volume_info(volume);
+        double thickness = INFINITY;
+        for (int a = 0; a < 3; a++)
+            thickness = fmin(thickness, shapes[i][a] * info->grid.spacing[a]);
+        assert_float_equal(optical_depth(&view, 7, thickness), 1.5, 1e-3);
+        sp_volume_unref(&volume);
+    }
     /* Any shape has a valid first view. */
     for (uint32_t n = 1; n < 27; n++) {
         const uint32_t dims[3] = { 1 + n % 3, 1 + n / 3 % 3, 1 + n / 9 };
@@ -391,8 +480,11 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(air_is_transparent_whatever_its_value),
         cmocka_unit_test(a_holder_lies_below),
+        cmocka_unit_test(a_faint_slab_along_a_face_is_hidden),
+        cmocka_unit_test(thin_plates_are_hidden),
         cmocka_unit_test(the_face_that_cuts_a_body_is_down),
         cmocka_unit_test(flat_objects_are_seen_from_their_broad_side),
+        cmocka_unit_test(the_fields_of_a_file_stand_alike),
         cmocka_unit_test(patients_stand_upright_and_face_the_camera),
         cmocka_unit_test(few_axial_slices_are_seen_from_below),
         cmocka_unit_test(small_objects_fill_the_image),

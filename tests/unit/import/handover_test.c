@@ -10,6 +10,7 @@
 static struct sp_handover valid_header(void) {
     struct sp_handover m;
     sp_handover_init(&m, SP_HANDOVER_HEADER);
+    m.header.steps = 1;
     m.header.type = SP_INT16;
     m.header.bytes = 3 * 4 * 5 * 2;
     for (int i = 0; i < 3; i++) {
@@ -91,6 +92,9 @@ static void a_changed_byte_never_gives_an_invalid_grid(void **state) {
             assert_non_null(memchr(h->vector_name, 0, sizeof h->vector_name));
             assert_compare(h->rectilinear, <, 8);
             assert_compare(h->has_vectors, <, 2);
+            assert_compare(h->steps, >, h->step);
+            assert_compare(h->steps, <=, SP_STEPS_MAX);
+            assert_non_null(memchr(h->time_unit, 0, sizeof h->time_unit));
             assert_true(sp_anatomy_is_valid(h->anatomy));
         }
     assert_compare(refused, >, 200);
@@ -115,6 +119,12 @@ static void vectors_and_coordinates_are_laid_out_after_the_samples(void **state)
     assert_int_equal(layout.vectors_at, 128);
     assert_int_equal(layout.coordinates_at[0], 128 + 60 * 12 + 48); /* a multiple of 64 */
     assert_int_equal(layout.bytes, 128 + 60 * 12 + 48 + 3 * 8 + 5 * 8);
+    assert_int_equal(layout.times_at, 0);
+    m.header.steps = 9;
+    m.header.has_times = 1;
+    layout = sp_handover_layout(&m.header);
+    assert_int_equal(layout.times_at, 128 + 60 * 12 + 48 + 3 * 8 + 5 * 8);
+    assert_int_equal(layout.bytes, layout.times_at + 9 * 8);
 }
 
 static void names_of_fields_are_checked_and_cleaned(void **state) {
@@ -124,9 +134,15 @@ static void names_of_fields_are_checked_and_cleaned(void **state) {
     in.header.has_vectors = 1;
     strcpy(in.header.value_name, "p\n");
     memset(in.header.vector_name, 'v', SP_FIELD_BYTES - 1);
+    strcpy(in.header.value_unit, "H\tU");
     size_t size = sp_handover_size(SP_HANDOVER_HEADER);
     assert_true(sp_handover_decode(&in, size, &out, "file", &err));
     assert_string_equal(out.header.value_name, "p?");
+    assert_string_equal(out.header.value_unit, "H?U");
+    memset(in.header.value_unit, 'u', SP_UNIT_BYTES);
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "a unit that is not terminated"));
+    strcpy(in.header.value_unit, "HU");
     assert_int_equal(strlen(out.header.vector_name), SP_FIELD_BYTES - 1);
     in.header.vector_name[SP_FIELD_BYTES - 1] = 'v';
     assert_false(sp_handover_decode(&in, size, &out, "file", &err));
@@ -138,6 +154,24 @@ static void names_of_fields_are_checked_and_cleaned(void **state) {
     in.header.has_vectors = 2;
     assert_false(sp_handover_decode(&in, size, &out, "file", &err));
     assert_non_null(strstr(err.text, "vectors of an unknown kind"));
+}
+
+static void warnings_are_checked_and_cleaned(void **state) {
+    (void)state;
+    struct sp_handover in, out;
+    struct sp_error err;
+    const size_t size = sp_handover_size(SP_HANDOVER_DONE);
+    sp_handover_init(&in, SP_HANDOVER_DONE);
+    memset(in.done.warnings[0], 'w', SP_WARNING_BYTES - 1);
+    strcpy(in.done.warnings[1], "two\nlines\033");
+    assert_true(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_string_equal(out.done.warnings[1], "two?lines?");
+    in.done.warnings[0][SP_WARNING_BYTES - 1] = 'w';
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "a warning that is not terminated"));
+    in.done.warnings[0][0] = in.done.warnings[0][SP_WARNING_BYTES - 1] = 0;
+    assert_false(sp_handover_decode(&in, size, &out, "file", &err));
+    assert_non_null(strstr(err.text, "warnings with a gap"));
 }
 
 static void only_paths_inside_a_folder_are_below_it(void **state) {
@@ -160,6 +194,7 @@ int main(void) {
         cmocka_unit_test(a_changed_byte_never_gives_an_invalid_grid),
         cmocka_unit_test(vectors_and_coordinates_are_laid_out_after_the_samples),
         cmocka_unit_test(names_of_fields_are_checked_and_cleaned),
+        cmocka_unit_test(warnings_are_checked_and_cleaned),
         cmocka_unit_test(only_paths_inside_a_folder_are_below_it),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

@@ -32,6 +32,7 @@ static void send_kind(enum sp_handover_kind kind) {
 static struct sp_handover valid_header(void) {
     struct sp_handover m;
     sp_handover_init(&m, SP_HANDOVER_HEADER);
+    m.header.steps = 1;
     m.header.type = SP_UINT8;
     m.header.bytes = BYTES;
     for (int i = 0; i < 3; i++) {
@@ -113,6 +114,18 @@ static bool misbehave_before_header(const char *what) {
     return true;
 }
 
+static bool set_elements(const char *what, struct sp_handover_header *h) {
+    if (strcmp(what, "kind") == 0)
+        h->kind = SP_KIND_COUNT;
+    else if (strcmp(what, "degree") == 0)
+        h->kind = SP_KIND_POINTS, h->degree = 1;
+    else if (strcmp(what, "elements") == 0)
+        h->kind = SP_KIND_GAUSSIANS;
+    else
+        return false;
+    return true;
+}
+
 static bool damage_header(const char *what, struct sp_handover *m) {
     struct sp_handover_header *h = &m->header;
     if (strcmp(what, "version") == 0)
@@ -148,7 +161,7 @@ static bool damage_header(const char *what, struct sp_handover *m) {
     else if (strcmp(what, "vectors") == 0)
         h->has_vectors = 3;
     else
-        return false;
+        return set_elements(what, h);
     return true;
 }
 
@@ -196,6 +209,12 @@ static void misbehave_after_go(const char *what) {
     } else if (strcmp(what, "hang-done") == 0) {
         send_kind(SP_HANDOVER_DONE);
         wait_for_ever();
+    } else if (strcmp(what, "warning") == 0) {
+        struct sp_handover m;
+        sp_handover_init(&m, SP_HANDOVER_DONE);
+        memset(m.done.warnings, 'w', sizeof m.done.warnings);
+        send_message(&m);
+        wait_for_ever();
     } else if (strcmp(what, "flood") == 0) {
         for (uint64_t i = 0; i < 20000; i++) {
             struct sp_handover m;
@@ -222,7 +241,7 @@ static void misbehave_after_go(const char *what) {
 
 int main(int argc, char **argv) {
     char what[64];
-    if (argc != 5)
+    if (argc != 10)
         return 2;
     const char *slash = strrchr(argv[1], '/');
     snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[1]);

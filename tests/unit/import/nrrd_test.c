@@ -127,6 +127,32 @@ static void geometry_equals_that_of_the_header(void **state) {
 }
 
 /* Only a space that names directions of the body states them, and only for its vectors. */
+static void sample_units_are_the_unit_of_the_values(void **state) {
+    (void)state;
+    static const struct {
+        const char *line, *unit;
+    } cases[] = {
+        { "", "" },
+        { "sample units: HU\n", "HU" },
+        { "sampleunits: \"g/cm^3\"\n", "g/cm^3" },
+        { "sample units: \"\"\n", "" },
+        { "sample units: 31 bytes are the longest unit__\n", "31 bytes are the longest unit__" },
+        { "sample units: 32 bytes are no unit of a volume\n", "" },
+    };
+    uint8_t samples[COUNT];
+    make_ramp(SP_UINT8, COUNT, samples);
+    for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++) {
+        char header[256];
+        snprintf(header, sizeof header,
+                 "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4 3\n%sencoding: raw\n\n",
+                 cases[i].line);
+        write_both("v.nrrd", header, samples, sizeof samples);
+        struct sp_volume *volume = load("v.nrrd");
+        assert_string_equal(sp_volume_info(volume)->value_unit, cases[i].unit);
+        sp_volume_unref(&volume);
+    }
+}
+
 static void anatomical_spaces_name_the_world_axes(void **state) {
     (void)state;
     static const struct {
@@ -324,7 +350,8 @@ static void errors_explain_hostile_headers(void **state) {
           SP_ERR_FORMAT, "dimension", "not a number in [1, 16]" },
         { "NRRD0004\ntype: uint8\ndimension: 1\nsizes: 60\nencoding: raw\n\n", SP_ERR_UNSUPPORTED,
           "dimension", "1 axes; a volume has three" },
-        { "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 5 4 3 1\nencoding: raw\n\n",
+        { "NRRD0004\ntype: uint8\ndimension: 4\nsizes: 5 4 3 1\nkinds: space space space space\n"
+          "encoding: raw\n\n",
           SP_ERR_UNSUPPORTED, "dimension", "4 axes; a volume has three" },
         { "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 5 4\nencoding: raw\n\n", SP_ERR_FORMAT,
           "byte 34: sizes", "has 2 numbers instead of 3" },
@@ -556,6 +583,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
         cmocka_unit_test(geometry_equals_that_of_the_header),
+        cmocka_unit_test(sample_units_are_the_unit_of_the_values),
         cmocka_unit_test(anatomical_spaces_name_the_world_axes),
         cmocka_unit_test(two_axes_are_one_slice),
         cmocka_unit_test(samples_may_be_in_several_files),

@@ -110,8 +110,10 @@ static void wrong_vectors_are_refused(void **state) {
     } cases[] = {
         { "3 5 2 2", "kinds: RGB-color space space space\n", SP_ERR_UNSUPPORTED, "kinds",
           "RGB-color; only scalars and vectors are supported, colours are not" },
-        { "3 5 2 2", "kinds: list space space space\n", SP_ERR_UNSUPPORTED, "kinds",
-          "axis 0 is of kind list; only scalars and vectors" },
+        { "3 5 2 2", "kinds: quaternion space space space\n", SP_ERR_UNSUPPORTED, "kinds",
+          "axis 0 is of kind quaternion; only scalars and vectors" },
+        { "3 5 2 2", "kinds: vector space space time\n", SP_ERR_UNSUPPORTED, "kinds",
+          "axis 3 is of kind time; only the first or the last axis may be, and only one" },
         { "5 3 2 2", "kinds: space vector space space\n", SP_ERR_UNSUPPORTED, "kinds",
           "axis 1 is of kind vector; only the first or the last" },
         { "3 5 2 3", "kinds: vector space space vector\n", SP_ERR_UNSUPPORTED, "kinds",

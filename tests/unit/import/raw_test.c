@@ -46,10 +46,11 @@ static void geometry_equals_that_of_the_sidecar(void **state) {
     uint8_t samples[7 + COUNT + 5] = { 0 };
     make_ramp(SP_UINT8, COUNT, samples + 7);
     write_file("v.bin", samples, sizeof samples);
-    write_text("v.json",
-               "{\"dims\": [5, 4, 3], \"type\": \"uint8\", \"file\": \"v.bin\", \"offset\": 7,\n"
-               " \"spacing\": [0.5, 1, 4], \"origin\": [-1, 2e2, 0.25], \"unit\": \"mm\",\n"
-               " \"direction\": [[0, 1, 0], [-0.7071, 0, 0.7071], [0, 0, 1]]}\n");
+    write_text(
+        "v.json",
+        "{\"dims\": [5, 4, 3], \"type\": \"uint8\", \"file\": \"v.bin\", \"offset\": 7,\n"
+        " \"spacing\": [0.5, 1, 4], \"origin\": [-1, 2e2, 0.25], \"unit\": \"mm\",\n"
+        " \"value_unit\": \"HU\", \"direction\": [[0, 1, 0], [-0.7071, 0, 0.7071], [0, 0, 1]]}\n");
     struct sp_volume *volume = load("v.json");
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
     assert_compare(grid->spacing[0], ==, 0.5);
@@ -65,6 +66,7 @@ static void geometry_equals_that_of_the_sidecar(void **state) {
     assert_compare(fabs(grid->direction[2][1] - sqrt(0.5)), <, 1e-15);
     assert_compare(grid->direction[2][2], ==, 1);
     assert_string_equal(sp_volume_info(volume)->unit, "mm");
+    assert_string_equal(sp_volume_info(volume)->value_unit, "HU");
     assert_is_ramp(volume, COUNT);
     sp_volume_unref(&volume);
 }

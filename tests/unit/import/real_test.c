@@ -134,6 +134,46 @@ static void known_files_have_the_recorded_contents(void **state) {
           { 0, 1 },
           "",
           "333419669702cb240a0ac8b00ce2e4b1a962cae5ffb92f6d898fde94fe677bff" },
+        { "formats/nifti/mni_icbm152_t1_2009a.nii.gz", /* nibabel 5 */
+          SP_UINT8,
+          { 197, 233, 189 },
+          { 1, 1, 1 },
+          { -98, -134, -72 },
+          { 0, 255 },
+          "mm",
+          "93f07d06eb443f305f93ecce3d695d2c02c1928dde60047fec3144656f4b55f7" },
+        { "formats/metaimage/HeadMRVolume.mhd", /* ITK 5 */
+          SP_UINT8,
+          { 48, 62, 42 },
+          { 4, 4, 4 },
+          { 0, 0, 0 },
+          { 0, 255 },
+          "",
+          "714ff5b2db59d3867675d0f2419c24a71ed234985b39dc1ea83ee7d72110de4b" },
+        { "formats/dicom/CTHeadAxialDicom/CTHead50.dcm", /* pydicom 3 */
+          SP_INT16,
+          { 64, 64, 93 },
+          { 3.2, 3.2, 1.5 },
+          { 0, 0, 0 },
+          { 0, 3926 },
+          "mm",
+          "4d30350342868370cb73681302a554fe6500c7f2560e072144614e5c3fd1ac94" },
+        { "formats/vdb/smoke.vdb", /* OpenVDB 10 */
+          SP_FLOAT32,
+          { 111, 222, 112 },
+          { 0.4761905, 0.4761905, 0.4761905 },
+          { -33.571428, -12.142857, -25.952381 },
+          { 0, 5.71484375 },
+          "",
+          "d169b485322974f559e87f4b39fb2b0b76c4e9b564fe3a7055528faad0dcef4b" },
+        { "formats/vdb/bonsai_small_blosc.vdb", /* OpenVDB 10 */
+          SP_FLOAT32,
+          { 91, 197, 256 },
+          { 1, 1, 1 },
+          { 0, 0, 0 },
+          { 0, 1 },
+          "",
+          "106d542b2fcc4aad30732ccb5058e2e20368aa0b39e98e86fcc2754ceaf16ab1" },
         { "formats/tiff/flybrain.tif",
           SP_UINT8,
           { 256, 256, 57 },
@@ -239,7 +279,7 @@ static void known_files_have_the_recorded_contents(void **state) {
     }
 }
 
-static void unsupported_vtk_datasets_are_named(void **state) {
+static void structured_grids_are_points(void **state) {
     (void)state;
     const char *path = SPLATD_DATA_DIR "/formats/vtk/SampleStructGrid.vtk";
     if (access(path, R_OK) != 0) {
@@ -247,17 +287,19 @@ static void unsupported_vtk_datasets_are_named(void **state) {
         skip();
     }
     struct sp_load_options options = importer_options();
-    struct sp_error err;
-    assert_null(sp_volume_load(path, &options, &err));
-    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
-    assert_non_null(strstr(err.text, "STRUCTURED_GRID is not supported"));
+    struct sp_volume *volume = sp_volume_load(path, &options, NULL);
+    assert_non_null(volume);
+    const struct sp_elements_shape *shape = &sp_volume_info(volume)->elements;
+    assert_int_equal(shape->kind, SP_KIND_POINTS);
+    assert_int_equal(shape->count, 20 * 30 * 40);
+    sp_volume_unref(&volume);
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(nrrd_samples_match_the_checksum_in_the_header),
         cmocka_unit_test(known_files_have_the_recorded_contents),
-        cmocka_unit_test(unsupported_vtk_datasets_are_named),
+        cmocka_unit_test(structured_grids_are_points),
     };
     if (access(SPLATD_DATA_DIR "/volumes", R_OK) != 0) {
         printf("skipped: no real volumes in " SPLATD_DATA_DIR "\n");

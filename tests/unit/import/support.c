@@ -84,7 +84,12 @@ struct sp_load_options importer_options(void) {
 }
 
 struct sp_volume *load(const char *name) {
+    return load_step(name, 0);
+}
+
+struct sp_volume *load_step(const char *name, uint32_t step) {
     struct sp_load_options options = importer_options();
+    options.step = step;
     struct sp_error err = { .text = "" };
     struct sp_volume *volume = sp_volume_load(in_folder(name), &options, &err);
     if (!volume)
@@ -178,4 +183,27 @@ void assert_are_vectors(const struct sp_volume *volume, enum sp_type type, bool 
         }
         assert_float_equal(lengths[i], sqrt(square), 2e-7 * (1 + sqrt(square)));
     }
+}
+
+static void append(FILE *file, const void *numbers, size_t floats) {
+    assert_int_equal(fwrite(numbers, sizeof(float), floats, file), floats);
+}
+
+static void dump(const struct sp_elements *e, const char *path) {
+    size_t n = e->shape.count;
+    FILE *file = fopen(path, "wb");
+    assert_non_null(file);
+    append(file, e->positions, 3 * n);
+    append(file, e->factors, 6 * n);
+    append(file, e->opacities, n);
+    append(file, e->harmonics, 3 * n * sp_harmonics_count(e->shape.degree));
+    assert_int_equal(fclose(file), 0);
+}
+
+void assert_are_gaussians(const struct sp_volume *volume, const char *path) {
+    char command[2048];
+    dump(sp_volume_elements(volume), in_folder("dump"));
+    snprintf(command, sizeof command, "python3 %s/tests/unit/import/splats_reference.py %s %s",
+             SPLATD_SOURCE_DIR, path, in_folder("dump"));
+    assert_int_equal(system(command), 0);
 }

@@ -36,6 +36,7 @@ void write_both(const char *name, const char *header, const void *bytes, size_t 
  * fails. `load_error` fails the test if the file loads or if the error differs: its code must be
  * equal, and its place and text must contain the given ones. */
 struct sp_volume *load(const char *name);
+struct sp_volume *load_step(const char *name, uint32_t step);
 void load_error(const char *name, enum sp_code code, const char *place, const char *text);
 
 /* Returns options that name the splat-import of this build. */
@@ -49,5 +50,8 @@ void assert_is_ramp(const struct sp_volume *volume, size_t count);
 /* The vectors of the volume are the ramp, component after component or, if planar, all x first. Its
  * samples are their lengths. */
 void assert_are_vectors(const struct sp_volume *volume, enum sp_type type, bool planar);
+
+/* The volume consists of the Gaussians that splats_reference.py finds in this file. */
+void assert_are_gaussians(const struct sp_volume *volume, const char *path);
 
 #endif

@@ -210,7 +210,7 @@ static void false_directories_are_refused(void **state) {
         { MORE, { 279, LONG, 1, { 64 } }, "StripByteCounts", "occurs twice" },
         { MORE, { 324, LONG, 1, { 64 } }, "TileOffsets", "not belong to a page of strips" },
         { MORE, { 322, LONG, 1, { 16 } }, "TileLength", "does not have this field" },
-        { MORE, { 277, SHORT, 1, { 3 } }, "SamplesPerPixel", "3 channels" },
+        { MORE, { 277, SHORT, 1, { 5 } }, "SamplesPerPixel", "5 channels" },
     };
     make_ramp(SP_UINT8, PIXELS, ramp);
     for (size_t i = 0; i < sizeof cases / sizeof cases[0]; i++)

@@ -189,9 +189,9 @@ static void unsupported_layouts_are_refused(void **state) {
     (void)state;
     make_ramp(SP_UINT8, 600, ramp8);
     struct tiff t = plain;
-    t.samples = 3;
+    t.samples = 5;
     write_tiff("wrong.tif", t);
-    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "3 channels");
+    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "SamplesPerPixel", "5 channels; at most 4");
     t = plain;
     t.last_width = 6;
     write_tiff("wrong.tif", t);
@@ -218,13 +218,84 @@ static void unsupported_layouts_are_refused(void **state) {
     load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0",
                "ImageJ declares 3 images, but the file has 1 pages");
     t = plain;
-    t.description = "ImageJ=1.53t\nimages=3\nchannels=3\nhyperstack=true\n";
+    t.description = "ImageJ=1.53t\nimages=3\nchannels=2\nhyperstack=true\n";
     write_tiff("wrong.tif", t);
-    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "3 channels, 1 slices");
-    t.description = "ImageJ=1.53t\nimages=4\nslices=2\nframes=2\n";
-    t.pages = 4;
-    write_tiff("wrong.tif", t);
-    load_error("wrong.tif", SP_ERR_UNSUPPORTED, "wrong.tif: page 0", "2 slices, 2 frames");
+    load_error("wrong.tif", SP_ERR_FORMAT, "wrong.tif: page 0", "2 channels, 1 slices");
+}
+
+/* Checks that the slices of a volume are these pages of the ramp, of which each pixel has `step`
+ * samples; the volume has sample `first` of each. */
+static void check_pages(const char *source, const char *name, uint32_t slices,
+                        const unsigned *pages, unsigned step, unsigned first) {
+    struct sp_volume *volume = load(source);
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    const uint8_t *samples = sp_volume_voxels(volume);
+    const unsigned count = info->grid.dims[0] * info->grid.dims[1];
+    assert_string_equal(info->value_name, name);
+    assert_int_equal(info->grid.dims[2], slices);
+    for (unsigned k = 0; k < slices; k++)
+        for (unsigned i = 0; i < count; i++)
+            assert_int_equal(samples[k * count + i],
+                             pages[k] == ~0U ? 0 : ramp8[(pages[k] * count + i) * step + first]);
+    sp_volume_unref(&volume);
+}
+
+static void channels_are_fields(void **state) {
+    (void)state;
+    make_ramp(SP_UINT8, 600, ramp8);
+    struct tiff t = plain;
+    t.samples = 3;
+    write_tiff("rgb.tif", t);
+    check_pages("rgb.tif", "red", 3, (unsigned[]){ 0, 1, 2 }, 3, 0);
+    check_pages("rgb.tif?field=blue", "blue", 3, (unsigned[]){ 0, 1, 2 }, 3, 2);
+    t = plain;
+    t.pages = 12;
+    t.description = "ImageJ=1.53t\nimages=12\nchannels=2\nslices=3\nframes=2\n";
+    write_tiff("hyper.tif", t);
+    check_pages("hyper.tif", "channel 1", 3, (unsigned[]){ 0, 2, 4 }, 1, 0);
+    check_pages("hyper.tif?field=channel 2", "channel 2", 3, (unsigned[]){ 1, 3, 5 }, 1, 0);
+}
+
+#define OME(attributes, content)                                                                   \
+    "<?xml version=\"1.0\" encoding=\"UTF-8\"?><!-- x --><OME "                                    \
+    "xmlns=\"http://www.openmicroscopy.org/Schemas/OME/2016-06\" UUID=\"urn:uuid:a\"><Image "      \
+    "ID=\"Image:0\"><Pixels SizeX=\"5\" SizeY=\"4\" Type=\"uint8\" " attributes ">" content        \
+    "</Pixels></Image></OME>"
+
+static void ome_xml_assigns_pages(void **state) {
+    (void)state;
+    make_ramp(SP_UINT8, 600, ramp8);
+    struct tiff t = plain;
+    t.pages = 6;
+    t.description = OME("DimensionOrder=\"XYZCT\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\" "
+                        "PhysicalSizeX=\"500\" PhysicalSizeXUnit=\"nm\" PhysicalSizeY=\"0.5\" "
+                        "PhysicalSizeZ=\"2\"",
+                        "<Channel Name=\"DAPI\"/><Channel Name=\"GFP\"/><TiffData/>");
+    write_tiff("a.ome.tif", t);
+    check_pages("a.ome.tif", "DAPI", 3, (unsigned[]){ 0, 1, 2 }, 1, 0);
+    check_pages("a.ome.tif?field=GFP", "GFP", 3, (unsigned[]){ 3, 4, 5 }, 1, 0);
+    struct sp_volume *volume = load("a.ome.tif");
+    assert_string_equal(sp_volume_info(volume)->unit, "nm");
+    assert_float_equal(sp_volume_info(volume)->grid.spacing[2], 2000, 1e-9);
+    sp_volume_unref(&volume);
+    t.description = OME("DimensionOrder=\"XYCZT\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\"",
+                        "<TiffData IFD=\"4\" FirstZ=\"0\" FirstC=\"1\"/>"
+                        "<TiffData IFD=\"2\" FirstZ=\"2\" FirstC=\"1\"/>"
+                        "<TiffData IFD=\"0\" PlaneCount=\"1\"/>");
+    write_tiff("b.ome.tif", t);
+    check_pages("b.ome.tif?field=channel 2", "channel 2", 3, (unsigned[]){ 4, ~0U, 2 }, 1, 0);
+    volume = load("b.ome.tif");
+    assert_string_equal(sp_volume_info(volume)->warnings[0],
+                        "2 of 3 slices are not in the file; they are 0.");
+    sp_volume_unref(&volume);
+    t.description = OME("DimensionOrder=\"XYCZT\" SizeZ=\"6\" SizeC=\"1\" SizeT=\"1\"",
+                        "<TiffData IFD=\"0\"><UUID FileName=\"c2.ome.tif\">urn:uuid:b</UUID>"
+                        "</TiffData>");
+    write_tiff("c.ome.tif", t);
+    load_error("c.ome.tif", SP_ERR_UNSUPPORTED, "OME-XML, line 1", "such as c2.ome.tif");
+    t.description = OME("DimensionOrder=\"XYCZT\" SizeZ=\"9999\" SizeC=\"9\"", "");
+    write_tiff("d.ome.tif", t);
+    load_error("d.ome.tif", SP_ERR_FORMAT, "d.ome.tif", "cannot be in the 6 pages");
 }
 
 static void errors_explain_damaged_files(void **state) {
@@ -270,6 +341,8 @@ int main(void) {
         cmocka_unit_test(every_type_and_byte_order_is_read),
         cmocka_unit_test(spacing_comes_from_resolution_and_imagej),
         cmocka_unit_test(unsupported_layouts_are_refused),
+        cmocka_unit_test(channels_are_fields),
+        cmocka_unit_test(ome_xml_assigns_pages),
         cmocka_unit_test(errors_explain_damaged_files),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

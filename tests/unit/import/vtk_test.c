@@ -302,10 +302,8 @@ static void errors_explain_hostile_files(void **state) {
           "is missing at the end" },
         { "# vtk DataFile Version 3.0\n\nASCII\nDIMENSIONS 2 2 2", SP_ERR_FORMAT, "DIMENSIONS",
           "before DATASET" },
-        { "# vtk DataFile Version 3.0\n\nASCII\nDATASET UNSTRUCTURED_GRID\n", SP_ERR_UNSUPPORTED,
-          "byte 42: DATASET", "data set UNSTRUCTURED_GRID is not supported" },
-        { "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\n", SP_ERR_UNSUPPORTED, "DATASET",
-          "POLYDATA" },
+        { "# vtk DataFile Version 3.0\n\nASCII\nDATASET FIELD\n", SP_ERR_UNSUPPORTED,
+          "byte 42: DATASET", "data set FIELD is not supported" },
         { "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\n", SP_ERR_FORMAT,
           "DIMENSIONS", "are missing at the end" },
         { "# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\nPOINT_DATA 4",
@@ -380,7 +378,7 @@ static void errors_explain_hostile_files(void **state) {
         { RECTILINEAR "X_COORDINATES 5 float\n0 1 2 3 4 X_COORDINATES 5 float\n", SP_ERR_FORMAT,
           "X_COORDINATES", "occurs twice" },
         { RECTILINEAR "POINT_DATA 60\n", SP_ERR_FORMAT, "X_COORDINATES", "missing" },
-        { RECTILINEAR "SPACING 1 1 1\n", SP_ERR_FORMAT, "SPACING", "does not belong" },
+        { RECTILINEAR "SPACING 1 1 1\n", SP_ERR_FORMAT, "SPACING", "STRUCTURED_POINTS only" },
         { RECTILINEAR "X_COORDINATES 5 float\n0 1 1 3 4\nY_COORDINATES 4 int\n1 2 3 4\n"
                       "Z_COORDINATES 3 int\n1 2 3\nPOINT_DATA 60\nSCALARS s int\n"
                       "LOOKUP_TABLE default\n" TEN TEN TEN TEN TEN TEN,

@@ -396,6 +396,29 @@ static void the_share_outside_is_that_of_the_geometry(void **state) {
     }
 }
 
+static void nothing_is_outside_of_a_volume_of_elements(void **state) {
+    float positions[2][3] = { { 0, 0, 0 }, { 1, 1, 1 } }, factors[2][6] = { { 0 } };
+    float values[2] = { 3, 4 }, volumes[2] = { 1, 1 };
+    const struct sp_elements points = { .shape = { .kind = SP_KIND_POINTS, .count = 2 },
+                                        .positions = positions,
+                                        .factors = factors,
+                                        .values = values,
+                                        .volumes = volumes };
+    struct sp_volume *volume = sp_volume_create_elements(&points, "points", NULL);
+    (void)state;
+    assert_non_null(volume);
+    struct sp_measure measure = { .kind = SP_MEASURE_DISTANCE,
+                                  .points = { { -9, 0, 0 }, { 0, 0, 0 } } };
+    struct sp_measure_result result = compute(volume, &measure);
+    assert_near(result.value, 9, 1e-12);
+    assert_near(result.outside, 0, 0);
+    measure.kind = SP_MEASURE_MARKER;
+    result = compute(volume, &measure);
+    assert_false(result.has_value);
+    assert_near(result.outside, 0, 0);
+    sp_volume_unref(&volume);
+}
+
 static void the_share_outside_of_a_region_is_that_of_its_area(void **state) {
     (void)state;
     const struct sp_grid grid = grid_of(1, 1, 1, identity); /* x 9.5 to 21.5, y -20.5 to -8.5 */
@@ -564,6 +587,7 @@ int main(void) {
         cmocka_unit_test(samples_that_are_not_finite_are_counted_apart),
         cmocka_unit_test(a_region_outside_of_the_volume_is_empty),
         cmocka_unit_test(the_share_outside_is_that_of_the_geometry),
+        cmocka_unit_test(nothing_is_outside_of_a_volume_of_elements),
         cmocka_unit_test(the_share_outside_of_a_region_is_that_of_its_area),
         cmocka_unit_test(a_flat_volume_has_a_plane),
         cmocka_unit_test(errors_name_points_by_their_order),

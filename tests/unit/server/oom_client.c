@@ -55,6 +55,8 @@ static bool write_tokens(void) {
 int oom_set_up(void **state) {
     (void)state;
     char url[256];
+    if (TEST_TSAN)
+        print_message("with ThreadSanitizer: a sample of the allocations\n");
     if (!make_folder() || !write_tokens())
         return -1;
     char *argv[] = { (char *)"splatd",

@@ -133,7 +133,10 @@ static double from_eye(const struct sp_view *view, const struct sp_pick *pick) {
 static struct sp_pick pick_at(const struct ball *ball, const struct sp_view *view, double x,
                               double y) {
     struct sp_pick pick;
-    sp_pick_at(ball->volume, view, size, (const double[2]){ x, y }, &pick);
+    const struct sp_pick_input input = {
+        .volume = ball->volume, .view = view, .size = { size[0], size[1] }, .at = { x, y }
+    };
+    assert_true(sp_pick_at(&input, &pick, NULL));
     return pick;
 }
 

@@ -132,12 +132,20 @@ static void brute(const struct sp_volume *volume, const struct sp_view *view, co
     pick->opacity = 1 - exp(-depth);
 }
 
+static void pick_ray(const struct sp_volume *volume, const struct sp_view *view, const double at[2],
+                     struct sp_pick *pick) {
+    const struct sp_pick_input input = {
+        .volume = volume, .view = view, .size = { size[0], size[1] }, .at = { at[0], at[1] }
+    };
+    assert_true(sp_pick_at(&input, pick, NULL));
+}
+
 static void compare(const struct sp_volume *volume, const struct sp_view *view, double far,
                     unsigned *hits) {
     for (int n = 0; n < 12; n++) {
         double at[2] = { uniform(10, 50), uniform(5, 35) };
         struct sp_pick exact, summed;
-        sp_pick_at(volume, view, size, at, &exact);
+        pick_ray(volume, view, at, &exact);
         brute(volume, view, at, far, &summed);
         assert_compare(fabs(exact.opacity - summed.opacity), <, 2e-3);
         if (fabs(summed.opacity - 0.5) < 2e-3)
@@ -211,7 +219,7 @@ static void a_uniform_cube_has_its_closed_form(void **state) {
     view.transfer_function = (struct sp_transfer_function){
         .reference_length = 1, .point_count = 1, .points = { { 5, { 1, 1, 1 }, 0.25f } }
     };
-    sp_pick_at(volume, &view, size, middle, &pick);
+    pick_ray(volume, &view, middle, &pick);
     assert_true(pick.is_hit);
     assert_compare(pick.value, ==, 5);
     assert_compare(fabs(pick.position[2] - (-0.5 + log(2) / -log(0.75))), <, 1e-6);
@@ -220,19 +228,19 @@ static void a_uniform_cube_has_its_closed_form(void **state) {
     assert_compare(fabs(pick.opacity - (1 - pow(0.75, 8))), <, 1e-6);
 
     view.clip.box[0][2] = 0.25; /* starts two voxels deeper */
-    sp_pick_at(volume, &view, size, middle, &pick);
+    pick_ray(volume, &view, middle, &pick);
     assert_compare(fabs(pick.position[2] - (1.5 + log(2) / -log(0.75))), <, 1e-6);
     assert_compare(fabs(pick.opacity - (1 - pow(0.75, 6))), <, 1e-6);
     view.clip.box[0][2] = 0;
     view.camera.near = 22.5; /* the near plane cuts as well */
-    sp_pick_at(volume, &view, size, middle, &pick);
+    pick_ray(volume, &view, middle, &pick);
     assert_compare(fabs(pick.position[2] - (2.5 + log(2) / -log(0.75))), <, 1e-6);
 
-    sp_pick_at(volume, &view, size, outside, &pick);
+    pick_ray(volume, &view, outside, &pick);
     assert_true(!pick.is_hit);
     assert_compare(pick.opacity, ==, 0);
     view.transfer_function.points[0].opacity = 0.05f;
-    sp_pick_at(volume, &view, size, middle, &pick);
+    pick_ray(volume, &view, middle, &pick);
     assert_true(!pick.is_hit);
     assert_compare(pick.opacity, >, 0.2);
     assert_compare(pick.opacity, <, 0.5);
@@ -240,7 +248,7 @@ static void a_uniform_cube_has_its_closed_form(void **state) {
     view.camera.target[2] = 9;
     view.camera.position[0] = view.camera.target[0] = 3.5;
     view.camera.near = 0.1;
-    sp_pick_at(volume, &view, size, middle, &pick);
+    pick_ray(volume, &view, middle, &pick);
     assert_compare(fabs(pick.opacity - (1 - pow(0.95, 7.5 - 3.1))), <, 1e-6);
     sp_volume_unref(&volume);
 }
@@ -263,7 +271,7 @@ static void extreme_input_reads_nothing_outside(void **state) {
         view.clip.planes[1] = (struct sp_clip_plane){ { 0, 0, 5e-324 }, n % 2 ? 1e308 : -1e308 };
         for (int r = 0; r < 3; r++)
             view.camera.position[r] = uniform(-1, 1) * pow(10, uniform(-9, 15));
-        sp_pick_at(volume, &view, size, at, &pick);
+        pick_ray(volume, &view, at, &pick);
         assert_compare(pick.opacity, >=, 0);
         assert_compare(pick.opacity, <=, 1);
     }

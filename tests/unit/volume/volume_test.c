@@ -377,8 +377,10 @@ static void vectors_are_copied_and_shared_with_derived_volumes(void **state) {
     uint8_t *others = aligned_alloc(64, 64);
     assert_non_null(others);
     memset(others, 3, 64);
-    struct sp_volume *derived = sp_volume_derive(volume, others, 64, count_release, &err);
+    struct sp_volume *derived =
+        sp_volume_derive(volume, SP_UINT8, 2, others, 64, count_release, &err);
     assert_non_null(derived);
+    assert_int_equal(sp_volume_info(derived)->nonfinite, 2);
     sp_volume_unref(&volume);
     assert_memory_equal(sp_volume_vectors(derived), vectors, sizeof vectors);
     sp_volume_unref(&derived);

@@ -12,7 +12,9 @@
 
 #include <cmocka.h>
 
+#include "support/compare.h"
 #include "support/shell.h"
+#include "volume/grid.h"
 
 enum { RAYS = 150 };
 
@@ -51,19 +53,25 @@ static void open_grid(struct test_shell *rig, int kind) {
     rig->layer.high = 0.5;
 }
 
-/* Ranks of the list's voxels in the order, from 1 on; 0 = left out. malloc'ed. */
-static uint32_t *find_ranks(struct test_shell *rig, const struct sp_voxel_list *list,
-                            bool keeps_hidden) {
-    struct sp_voxel_order order;
+static void sort(struct test_shell *rig, const struct sp_voxel_list *list, bool keeps_hidden,
+                 bool by_depth, struct sp_voxel_order *order) {
     test_shell_start(rig, NULL);
     const struct sp_voxel_order_job job = { .list = list,
                                             .camera = &rig->camera,
                                             .grid = &rig->scene.info.grid,
                                             .keeps_hidden = keeps_hidden,
+                                            .by_depth = by_depth,
                                             .pool = rig->pool,
                                             .arena = &rig->arena,
                                             .interrupt = &rig->input.interrupt };
-    assert_true(sp_voxel_sort(&job, &order));
+    assert_true(sp_voxel_sort(&job, order));
+}
+
+/* Ranks of the list's voxels in the order, from 1 on; 0 = left out. malloc'ed. */
+static uint32_t *find_ranks(struct test_shell *rig, const struct sp_voxel_list *list,
+                            bool keeps_hidden) {
+    struct sp_voxel_order order;
+    sort(rig, list, keeps_hidden, false, &order);
     uint32_t *ranks = calloc(list->count + 1, sizeof *ranks);
     assert_non_null(ranks);
     for (uint32_t i = 0; i < order.count; i++) {
@@ -101,6 +109,35 @@ static uint32_t find_met(const struct test_shell *rig, const struct sp_voxel_lis
     return n;
 }
 
+static double depth_of(const struct test_shell *rig, const uint16_t at[3]) {
+    const struct sp_grid *grid = &rig->scene.info.grid;
+    double u2 = 0;
+    for (int r = 0; r < 3; r++) {
+        double place = grid->origin[r] - rig->camera.eye.v[r];
+        for (unsigned a = 0; a < 3; a++)
+            place += grid->direction[r][a] * sp_grid_distance(grid, a, at[a]);
+        u2 += rig->camera.w.m[2][r] * place;
+    }
+    return u2;
+}
+
+/* The order by depth has the same voxels. */
+static void check_depths(struct test_shell *rig, const struct sp_voxel_list *list, uint32_t *seen) {
+    struct sp_voxel_order order;
+    double last = -INFINITY;
+    sort(rig, list, false, true, &order);
+    for (uint32_t i = 0; i < order.count; i++) {
+        uint32_t v = order.voxels[i];
+        double depth = depth_of(rig, list->voxels[v].at);
+        assert_compare(depth, >, last - 1e-4);
+        assert_int_not_equal(seen[v], 0);
+        seen[v] = 0;
+        last = depth;
+    }
+    for (uint32_t v = 0; v < list->count; v++)
+        assert_int_equal(seen[v], 0);
+}
+
 /* Checks both orders along random rays, which may start inside opaque material. Returns how many
  * voxels are left out. */
 static uint32_t check_view(struct test_shell *rig, bool starts_inside) {
@@ -131,6 +168,7 @@ static uint32_t check_view(struct test_shell *rig, bool starts_inside) {
     }
     for (uint32_t v = 0; v < list->count; v++)
         hidden += !seen[v];
+    check_depths(rig, list, seen);
     free(all);
     free(seen);
     free(met);

@@ -3,6 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { blendViews } from '../../../clients/web/core/blend.js';
+import { UNMOVED, matrixOf } from '../../../clients/web/core/placement.js';
 import { defaultView } from '../support/mock-daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
@@ -43,4 +44,18 @@ test('the camera moves on an arc; near plane and distance change by constant rat
   close([camera.near], [1], 1e-12);
   close(camera.position, [31.5 + distance * Math.SQRT1_2, 31.5, 31 + distance * Math.SQRT1_2], 1e-9);
   close(camera.up, [0, 1, 0], 1e-12);
+});
+
+test('a layer that turns about its middle stays there; a mirrored one waits for b', () => {
+  const middle = [40, -3, 8];
+  const layer = (change) => ({ type: 'geometry', visible: true, id: '', transform: matrixOf({ ...UNMOVED, ...change }, middle), color: [1, 0, 0], opacity: 1, colors: 'own' });
+  const at = (a, b, u) => blendViews({ ...A, layers: [a] }, { ...A, layers: [b] }, u).layers[0];
+  const still = layer({});
+  for (const [change, half] of [
+    [{ turn: [0, 0, 90] }, { turn: [0, 0, 45] }], [{ turn: [-170, 0, 0] }, { turn: [-85, 0, 0] }], [{ scale: 16 }, { scale: 4 }], [{ move: [2, 4, 6] }, { move: [1, 2, 3] }],
+    [{ turn: [0, 120, 0], scale: 0.25 }, { turn: [0, 60, 0], scale: 0.5 }],
+  ]) close(at(still, layer(change), 0.5).transform, layer(half).transform, 1e-9);
+  const mirrored = { ...still, transform: still.transform.map((part, i) => (i === 0 ? -part : part)) };
+  assert.deepEqual(at(still, mirrored, 0.9).transform, still.transform);
+  assert.deepEqual(at(still, { ...still, opacity: 0.5, color: [0, 0, 1], colors: 'layer' }, 0.5), { ...still, opacity: 0.75, color: [0.5, 0, 0.5] });
 });

@@ -129,6 +129,8 @@ test('the transfer function is idle for a projection in grey and for surfaces al
   assert.equal(whyIdle({}), null);
   assert.equal(whyIdle({ layers: [surface, { type: 'shell' }] }), null);
   assert.equal(whyIdle({ layers: [surface, { type: 'volume', visible: false }] }), 'surfaces');
+  assert.equal(whyIdle({ layers: [{ type: 'gaussians' }, { type: 'geometry' }] }), 'surfaces');
+  assert.equal(whyIdle({ layers: [{ type: 'gaussians' }, { type: 'points' }] }), null);
   assert.equal(whyIdle({ compositing: { mode: 'sum' } }), 'grey');
   assert.equal(whyIdle({ compositing: { mode: 'maximum', colors: 'transfer_function' } }), null);
 });

@@ -3,8 +3,8 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { volumeBox } from '../../../clients/web/core/camera.js';
 import {
-  WHOLE, alongAxis, anchorOf, axisOf, axisPlane, boxEdges, depthOf, dragAlong, dragFace, faceCoordinate, faceMiddle, flipPlane, fractionAt,
-  moveFace, planeAt, planeFrom, planesOn, positionOf, reach, reconcile, section, shiftPlane, sight, tiltPlane,
+  WHOLE, alongAxis, anchorOf, axisOf, axisPlane, boxEdges, boxMiddle, depthOf, dragAlong, dragFace, faceCoordinate, faceMiddle, flipPlane, fractionAt,
+  moveBox, moveFace, planeAt, planeFrom, planesOn, positionOf, reach, reconcile, section, shiftPlane, sight, tiltPlane,
 } from '../../../clients/web/core/clip.js';
 import { IDENTITY, add, dot, length, rotate, scale, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
@@ -78,6 +78,17 @@ test('a dragged face stops at the opposite one and at the end of the volume', ()
   assert.deepEqual(dragFace(box, 1, 0, 0.1), [[0.2, 0, 0], [0.2, 1, 1]]);
   assert.deepEqual(dragFace(box, 1, 0, 7), [[0.2, 0, 0], [1, 1, 1]]);
   assert.deepEqual(faceMiddle(BOX, box, 1, 0), [6, 10, 30]);
+});
+
+test('a box moves as a whole, as far as the volume reaches, also in a sheared volume', () => {
+  const sheared = { center: [5, 6, 7], half: [[10, 0, 0], [5, 20, 0], [0, 3, 4]] };
+  const box = [[0.25, 0.25, 0.25], [0.5, 0.75, 0.75]];
+  close(boxMiddle(sheared, box), [5 - 2.5, 6, 7]);
+  const way = [3, -4, 1];
+  const moved = moveBox(sheared, box, way);
+  close(subtract(boxMiddle(sheared, moved), boxMiddle(sheared, box)), way);
+  close(subtract(moved[1], moved[0]), subtract(box[1], box[0]));
+  close(moveBox(sheared, box, [1000, 0, 0]).flat(), [0.75, 0.25, 0.25, 1, 0.75, 0.75], 1e-9, 'it stops at the end');
 });
 
 test('the box has 12 edges; those beside two faces that are turned away are hidden', () => {

@@ -97,6 +97,18 @@ test('the requested volume is used, although another is first in the list', asyn
   assert.equal((await it.event('session')).view.volume, 'b');
 });
 
+test('an old list of volumes does not replace a newer one', async (context) => {
+  const it = await setUp(context);
+  const answers = [];
+  it.connection.api.volumes = () => new Promise((resolve) => { answers.push(resolve); });
+  const [old, recent] = [it.connection.refresh(), it.connection.refresh()];
+  answers[1]([volume('a'), volume('b')]);
+  assert.equal((await recent).length, 2);
+  answers[0]([volume('a')]);
+  assert.equal((await old).length, 2);
+  assert.deepEqual(it.connection.volumes.map(({ id }) => id), ['a', 'b']);
+});
+
 test('the list of volumes that prepare() requested is the one that start() uses', async (context) => {
   const it = await setUp(context);
   it.connection.prepare();

@@ -4,6 +4,7 @@
 import assert from 'node:assert/strict';
 import { after, before, test } from 'node:test';
 import { Api } from '../../../clients/web/core/api.js';
+import { UNMOVED, matrixOf } from '../../../clients/web/core/placement.js';
 import { framesOf, requestOf, turnOf, viewAt } from '../../../clients/web/core/keyframes.js';
 import { compare } from '../../support/compare.mjs';
 import { startDaemon } from '../support/daemon.mjs';
@@ -14,10 +15,10 @@ let daemon;
 let api;
 let view;
 before(async () => {
-  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'cpu']);
+  daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:gaussians?size=8', '--volume', 'demo:points?size=8', '--backend', 'cpu']);
   const { origin, searchParams } = new URL(daemon.url);
   api = new Api({ base: `${origin}/`, token: searchParams.get('token'), fetch });
-  for (let state = 'loading'; state === 'loading';) [{ state }] = await api.volumes();
+  for (let states = ['loading']; states.includes('loading');) states = (await api.volumes()).map(({ state }) => state);
   view = await api.volumeView('phantom');
 });
 after(() => daemon?.stop());
@@ -120,4 +121,21 @@ test('a turntable moves in a circle at constant speed, also in the daemon', asyn
     const step = (angle - (i ? angles[i - 1] : angles.at(-1)) + 4 * Math.PI) % (2 * Math.PI);
     compare(Math.abs(step - Math.PI / 6), '<', 1e-9, `${step} at ${i}`);
   });
+});
+
+test('layers of elements turn, grow and fade as in the daemon', async () => {
+  const layers = (gaussians, points) => [
+    { type: 'volume', visible: true }, { type: 'gaussians', visible: true, id: 'gaussians', convention: 'inria', opacity: 1, ...gaussians },
+    { type: 'points', visible: true, id: 'points', size: 1, ...points },
+  ];
+  const place = (change) => ({ transform: matrixOf({ ...UNMOVED, ...change }) });
+  const frames = await check({
+    isLoop: true,
+    keys: [
+      key({ layers: layers(place({ move: [15, 15, 15], scale: 8 }), { ...place({ move: [5, 5, 5] }), size: 0.5 }) }),
+      key({ layers: layers({ ...place({ move: [10, 20, 15], turn: [80, -30, 120], scale: 4 }), opacity: 0.5 }, { ...place({ move: [20, 9, 25], scale: 5 }), size: 3 }) }),
+      key({ layers: layers({ transform: [6, 2, 0, 15, 0, 5, 0, 15, 0, 1, 9, 15, 0, 0, 0, 1] }, place({ move: [5, 5, 5] })) }, { ease: 'smooth' }),
+    ],
+  });
+  for (let i = 1; i < frames.length; i += 1) compare(largest(frames[i - 1], frames[i]), '>', 8, `frame ${i} equals the frame before it`);
 });

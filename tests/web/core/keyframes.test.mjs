@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  EMPTY, KEYS_MAX, append, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf, secondsAt, stretch,
+  EMPTY, KEYS_MAX, append, appendTurn, framesOf, isWhole, keyOf, lengthOf, move, pointerInto, remove, replace, requestOf, secondsAt, stretch,
   turnOf, uprightAxis, viewAt,
 } from '../../../clients/web/core/keyframes.js';
 import { applyPatch, patchBetween } from '../../../clients/web/core/merge.js';
@@ -105,6 +105,19 @@ test('a turntable has four keyframes, each a quarter turn about the target', () 
   arms.forEach((arm, i) => close([dot(arm, arms[(i + 1) % 4])], [0], 1e-9));
   close(arms[1], [269, 0, 0], 1e-9);
   turn.forEach(({ camera }) => close(camera.up, [0, 1, 0]));
+});
+
+test('a turn begins at the last keyframe if that is the view now, and adds no keyframe twice', () => {
+  const view = defaultView('phantom');
+  const turn = turnOf(view, [0, 1, 0]).map((other) => keyOf({ view: other }));
+  const other = keyOf({ view: { ...view, background: [1, 0, 0, 1] } });
+  const names = ({ keys, isLoop }) => [keys.map((key) => (key === other ? 'other' : turn.findIndex((one) => one.view.camera.position.every((part, i) => part === key.view.camera.position[i])))), isLoop];
+  const added = append(EMPTY, keyOf({ view: { ...view, size: [7, 7] } }));
+  assert.deepEqual(names(appendTurn(EMPTY, turn)), [[0, 1, 2, 3], true]);
+  assert.deepEqual(names(appendTurn(added, turn)), [[0, 1, 2, 3], true]);
+  assert.deepEqual(names(appendTurn(append(EMPTY, other), turn)), [['other', 0, 1, 2, 3, 0], false]);
+  assert.deepEqual(names(appendTurn(append(EMPTY, other, turn[0]), turn)), [['other', 0, 1, 2, 3, 0], false]);
+  assert.deepEqual(names(appendTurn(appendTurn(EMPTY, turn), turn)), [[0, 1, 2, 3, 0, 1, 2, 3], true]);
 });
 
 test('the up axis is the axis of the volume that is closest to up, pointing up', () => {

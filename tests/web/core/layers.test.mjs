@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  VEIL, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isSameLayers, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue, withoutPhase,
+  VEIL, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, isSameLayers, layersOf, moveThreshold, numberOf, removeLayer, showVolume, showsVolume, surfaceValue, withoutPhase,
 } from '../../../clients/web/core/layers.js';
 import { compare } from '../../support/compare.mjs';
 
@@ -105,4 +105,28 @@ test('there is one layer of vectors, as dense as suits the grid', () => {
   const moved = changeLayer([volume, vectors], 1, { phase: 0.5 });
   assert.equal(isSameLayers(moved, [volume, vectors]), false);
   assert.ok(isSameLayers(withoutPhase(moved), withoutPhase([volume, vectors])));
+});
+
+test('layers of elements stand beside the volume, as many as there is space for', () => {
+  const both = addElements(VOLUME, 'geometry', 'probe');
+  assert.deepEqual(both.map(({ type, visible }) => [type, visible]), [['volume', true], ['geometry', true]], 'the volume stays visible');
+  assert.equal(both[1].id, 'probe');
+  assert.deepEqual(both[1].transform, [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]);
+  assert.deepEqual([both[1].colors, both[1].opacity], ['own', 1]);
+  const [, points] = addElements(VOLUME, 'points');
+  assert.deepEqual([points.id, points.size], ['', 1]);
+  assert.equal(addElements(VOLUME, 'gaussians')[1].convention, 'inria');
+  assert.ok(canAdd(both, 'geometry'), 'a second mesh');
+  assert.ok(!canAdd(Array(8).fill(points), 'points'));
+  assert.deepEqual([both[1], points, VOLUME[0], surfaceOf(1)].map(isOfElements), [true, true, false, false]);
+  assert.equal(addSurface(both, 100)[0].visible, false, 'the first surface takes the place of the volume all the same');
+  const moved = changeLayer(both, 1, { transform: both[1].transform.map((part, i) => (i === 3 ? 2 : part)) });
+  assert.ok(!isSameLayers(both, moved));
+});
+
+test('a volume without a grid never gets a layer of voxels', () => {
+  const own = addElements([], 'gaussians');
+  const both = addElements(own, 'geometry', 'probe');
+  assert.deepEqual(removeLayer(both, 0, 'gaussians').map(({ id }) => id), ['probe']);
+  assert.deepEqual(removeLayer(own, 0, 'gaussians'), own, 'its picture comes back');
 });

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { lengthText, numberText, roundCoordinate, roundLength, scaleBar } from '../../../clients/web/core/lengths.js';
+import { lengthText, numberText, roundCoordinate, roundLength, dataText, roundValue, scaleBar, unitName, valueUnit } from '../../../clients/web/core/lengths.js';
 import { compare } from '../../support/compare.mjs';
 
 test('a round length is the largest of 1, 2, 5 times a power of ten within the limit', () => {
@@ -41,4 +41,25 @@ test('coordinates are rounded to the size of the volume', () => {
   assert.equal(roundCoordinate(-0.00001, 200), 0);
   assert.equal(roundCoordinate(123456.7, 1e6), 123457);
   assert.equal(roundCoordinate(1.23456, NaN), 1.235);
+  assert.equal(roundCoordinate(1.23456e-20, 2e-19), 1.23e-20);
+});
+
+test('values of the data keep what the range resolves', () => {
+  assert.equal(roundValue(25.4678, [0, 255]), 25.47);
+  assert.equal(roundValue(1043.4678, [-1024, 3071]), 1043.5);
+  assert.equal(roundValue(0.912345678, [0, 1]), 0.9123);
+  assert.equal(roundValue(65535, [0, 65535]), 65535);
+  assert.equal(roundValue(9.87654321e299, [0, 1e300]), 9.87654e299);
+  assert.equal(roundValue(9.87654321e-30, [0, 1e-29]), 9.877e-30);
+});
+
+test('a value has the unit that the file states', () => {
+  const volume = { fields: [{ name: 'density', unit: 'HU' }] };
+  assert.equal(dataText(-1043.4678, [-1100, 3071], valueUnit(volume)), '−1043.5 HU');
+  assert.equal(dataText(12, [0, 255], valueUnit({ fields: [{ name: '', unit: '' }] })), '12');
+  assert.equal(valueUnit(null), '');
+});
+
+test('micrometres have their sign; other units stay', () => {
+  assert.deepEqual(['um', 'micron', 'mm', 'kpc', '', undefined].map(unitName), ['µm', 'µm', 'mm', 'kpc', '', '']);
 });

@@ -88,6 +88,7 @@ test('a measurement lies in a plane, across it, or apart', () => {
 test('values have units as people write them', () => {
   assert.equal(valueText({ value: 12.34567, unit: 'mm' }), '12.35 mm');
   assert.equal(valueText({ value: 8, unit: 'mm^2' }), '8 mm²');
+  assert.deepEqual(['um', 'um^2', 'um^3'].map((unit) => valueText({ value: 8, unit })), ['8 µm', '8 µm²', '8 µm³']);
   assert.equal(valueText({ value: 89.999999, unit: 'deg' }), '90°');
   assert.equal(valueText({ value: 5, unit: '' }), '5');
   assert.equal(valueText({ value: null, unit: '' }, 'none'), 'none');
@@ -114,6 +115,6 @@ test('ticks are round and lie in the range', () => {
 });
 
 test('the unit of a value follows from its kind', () => {
-  assert.deepEqual(['distance', 'profile', 'rectangle', 'ellipse', 'angle', 'marker'].map((kind) => unitOf(kind, 'mm')), ['mm', 'mm', 'mm^2', 'mm^2', 'deg', '']);
-  assert.deepEqual(['distance', 'rectangle', 'angle'].map((kind) => unitOf(kind, '')), ['', '', 'deg']);
+  assert.deepEqual(['distance', 'profile', 'rectangle', 'ellipse', 'angle', 'marker'].map((kind) => unitOf(kind, { unit: 'mm', fields: [{ unit: 'HU' }] })), ['mm', 'mm', 'mm^2', 'mm^2', 'deg', 'HU']);
+  assert.deepEqual(['distance', 'rectangle', 'angle', 'marker'].map((kind) => unitOf(kind, { unit: '' })), ['', '', 'deg', '']);
 });

@@ -2,7 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import {
-  VIEWS, anatomyOf, anglesOf, frameOf, letterOf, orientationFrom, orientationOf, turnUpright, viewDirection,
+  VIEWS, anatomyOf, anglesOf, frameOf, letterOf, orientationFrom, orientationOf, turnBetween, turnUpright, viewDirection,
 } from '../../../clients/web/core/orientation.js';
 import { cross, dot, rotate } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
@@ -27,6 +27,14 @@ test('anatomy needs three letters of three different pairs', () => {
   assert.equal(letterOf(LPS, 0, -1), 'R');
   assert.equal(letterOf(LPS, 1, -1), 'A');
   assert.equal(letterOf(LPS, 2, -1), 'I');
+});
+
+test('a vector keeps its anatomical direction from world to world', () => {
+  assert.deepEqual(turnBetween(LPS, ['R', 'A', 'S'])([1, 2, 3]), [-1, -2, 3]);
+  assert.deepEqual(turnBetween(LPS, ['S', 'L', 'P'])([1, 2, 3]), [3, 1, 2]);
+  assert.deepEqual(turnBetween(['S', 'R', 'P'], LPS)(turnBetween(LPS, ['S', 'R', 'P'])([1, 2, 3])), [1, 2, 3]);
+  assert.deepEqual(turnBetween(LPS, ['R', 'A', 'S'])([0, 0, 0]), [0, 0, 0], 'no -0');
+  assert.deepEqual([turnBetween(null, LPS)([1, 2, 3]), turnBetween(LPS, null)([1, 2, 3])], [[1, 2, 3], [1, 2, 3]]);
 });
 
 test('the front view of a patient shows the left side to the right, the head up', () => {

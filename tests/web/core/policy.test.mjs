@@ -2,6 +2,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { policyText } from '../../../clients/web/core/policy.js';
+import '../support/texts.mjs';
 
 const final = { format: 'jpeg', quality: 90, subsampling: '4:4:4', size: [800, 600], coarse: 0 };
 

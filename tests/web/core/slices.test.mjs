@@ -28,6 +28,8 @@ test('a grid converts between the world, distances and samples', () => {
   near(grid.clamp([-300, 0, 49]), [-30.75, 0, 49]);
   near(grid.nearest([-27.3, -8.4, 48.6]), [-27, -8, 49]);
   near(grid.nearest([-300, 0, 49]), [-30, 0, 49]);
+  assert.deepEqual([-27.345, 10038.26].map((place) => grid.round(place)), [-27.3, 10038.3], 'a tenth of the smallest spacing, wherever the volume lies');
+  assert.equal(new Grid(plain({ spacing: [0.02, 0.02, 5] })).round(0.12345), 0.123);
 });
 
 test('rectilinear axes go by their coordinates', () => {
@@ -45,10 +47,17 @@ test('the slices of a head look as radiologists want them, however the file stor
   for (const { right, down, normal } of planes) near(cross(right, down), scale(normal, -1));
 });
 
+test('a direction has the letters of all axes that it is close to, the nearest first', () => {
+  const anatomy = anatomyOf(sagittalScan);
+  const turned = (degrees) => [Math.cos(degrees * Math.PI / 180), Math.sin(degrees * Math.PI / 180), 0];
+  assert.deepEqual([0, 15, 25, 45, 65, 75, 90, 180, 225].map((degrees) => directionName(anatomy, turned(degrees))), ['L', 'L', 'LP', 'LP', 'PL', 'P', 'P', 'R', 'RA']);
+  assert.deepEqual([[1, -1, 1], [-1, 2, 3], [0, 0, -7]].map((v) => directionName(anatomy, v)), ['LAS', 'SP', 'I']);
+});
+
 test('without anatomy the vertical slices show z upwards', () => {
   const planes = orthogonalPlanes(new Grid(plain()), frameOf(null), [0, 0, 0]);
   assert.deepEqual(planes.map(({ axis }) => axis), [2, 1, 0]);
-  assert.deepEqual(planes.map(({ right, down }) => directionName(null, right) + directionName(null, down)), ['+x+y', '+x−z', '+y−z']);
+  near(planes.flatMap(({ right, down }) => [...right, ...down]), [1, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0, -1, 0, 1, 0, 0, 0, -1]);
 });
 
 test('an oblique plane moves along its normal through the whole volume, and its point stays inside', () => {

@@ -2,12 +2,16 @@
 // The texts of the page: keys, placeholders, and that no other file of the page contains a text for the user.
 import assert from 'node:assert/strict';
 import { existsSync, readFileSync, readdirSync } from 'node:fs';
+import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { test } from 'node:test';
 import { LANGUAGES, chooseLanguage, hasText, t } from '../../../clients/web/core/text.js';
-import english from '../../../clients/web/text/en.js';
+import page, { SHARED } from '../../../clients/web/text/en.js';
 import { storedIcons, usedIcons } from '../../../clients/web/icons.mjs';
 import { literals } from '../support/literals.mjs';
+import '../support/texts.mjs';
+
+const english = { ...SHARED, ...page };
 
 const ROOT = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 const files = (folder) => (existsSync(ROOT + folder) ? readdirSync(ROOT + folder) : [])
@@ -76,15 +80,32 @@ test('every key that the page uses exists', () => {
   assert.deepEqual(unknown, []);
 });
 
-test('the texts are in order: keys with one beginning stand together, sorted', () => {
-  const last = new Map();
-  let before = '';
-  for (const key of Object.keys(english)) {
-    const [start] = key.split('.');
-    assert.ok(!last.has(start) || (start === before && key > last.get(start)), `"${key}" after "${last.get(start)}"`);
-    last.set(start, key);
-    before = start;
+test('the texts are in order: keys with one beginning stand together, sorted; none is in both objects', () => {
+  for (const texts of [SHARED, page]) {
+    const last = new Map();
+    let before = '';
+    for (const key of Object.keys(texts)) {
+      const [start] = key.split('.');
+      assert.ok(!last.has(start) || (start === before && key > last.get(start)), `"${key}" after "${last.get(start)}"`);
+      last.set(start, key);
+      before = start;
+    }
   }
+  assert.deepEqual(Object.keys(SHARED).filter((key) => Object.hasOwn(page, key)), []);
+});
+
+test('the element carries its own texts and no others', () => {
+  const modules = new Set();
+  const read = (name) => {
+    if (modules.has(name)) return;
+    modules.add(name);
+    for (const [, to] of readFileSync(ROOT + name, 'utf8').matchAll(/from '(\.[^']+)'/g)) read(path.join(path.dirname(name), to));
+  };
+  read('element/splat-view.js');
+  assert.ok(modules.has('app/viewer.js') && modules.has('core/connection.js') && !modules.has('app/main.js'));
+  const own = uses().filter(({ where }) => modules.has(where.split(':')[0]));
+  const isOwn = (name) => own.some(({ key, start }) => (key === undefined ? start && name.startsWith(start) : key === name));
+  assert.deepEqual(Object.keys(english).filter(isOwn).sort(), Object.keys(SHARED).sort());
 });
 
 test('every text is used', () => {

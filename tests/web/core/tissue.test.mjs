@@ -51,6 +51,7 @@ test('Hounsfield units are found: as they are, with an offset, or by the histogr
   assert.equal(scaleOf(histogramOf([-1024, 3071], [[-1000, 1e6]])).at(300), 300);
   assert.equal(scaleOf(histogramOf([0, 3926], [[5, 6e4], [1050, 2e4]])).at(300), 1324);
   assert.equal(scaleOf(histogramOf([0, 4095], [[5, 6e4], [1020, 2e4]])).at(300), 1300);
+  assert.equal(scaleOf(histogramOf([0, 4095], [[5, 6e4], [1020, 2e4]]), 'HU').at(300), 300, 'the file states the unit');
   const bytes = scaleOf(histogramOf([0, 255], [[20, 1e6], [120, 1e5]]));
   compare(Math.abs(bytes.at(-1000) - 20.4), '<', 1);
   compare(bytes.at(1600), '<=', 255);

@@ -6,7 +6,7 @@ import { MAP_NAMES, colorOfStops, simplify, stopsOf, tableOf } from '../../../cl
 import { History } from '../../../clients/web/core/history.js';
 import {
   OPACITY_MAX, POINTS_MAX, VALUE_MAX, addPoint, colorAt, curveOf, gradientOf, isSame, leastGap, merge, middleBeside, movePoint, opacityAt, placePoint, removePoint,
-  stretchAll, tidy, windowOf, within,
+  showsValues, stretchAll, tidy, windowOf, within,
 } from '../../../clients/web/core/transfer.js';
 import { compare } from '../../support/compare.mjs';
 
@@ -18,6 +18,9 @@ const values = (list) => list.map((p) => p.value);
 
 test('opacity and colour are linear between points and constant outside', () => {
   assert.deepEqual([-5, 0, 50, 100, 150, 200, 300].map((v) => opacityAt(points, v)), [0, 0, 0.25, 0.5, 0.35, 0.2, 0.2]);
+  assert.deepEqual([[-9, 0], [-9, 1], [-9, 300], [300, 301]].map((range) => showsValues(points, range)), [false, true, true, true]);
+  const peak = [{ value: 1, opacity: 0 }, { value: 2, opacity: 0.5 }, { value: 3, opacity: 0 }];
+  assert.deepEqual([[0, 9], [3, 9]].map((range) => showsValues(peak, range)), [true, false], 'between the ends');
   assert.deepEqual([-5, 50, 150, 300].map((v) => colorAt(points, v)), [[0, 0, 0], [0.5, 0, 0], [1, 0.5, 0.5], [1, 1, 1]]);
 });
 

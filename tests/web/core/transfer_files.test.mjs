@@ -6,6 +6,7 @@ import { MIXES, labFromRgb, rgbFromLab } from '../../../clients/web/core/color_s
 import { colorAt, opacityAt } from '../../../clients/web/core/transfer.js';
 import { readTransferFile, stretch, writeOwn, writeParaview } from '../../../clients/web/core/transfer_files.js';
 import { compare } from '../../support/compare.mjs';
+import '../support/texts.mjs';
 
 const points = [{ value: -100, opacity: 0, color: [0, 0.25, 1] }, { value: 50.5, opacity: 0.3, color: [1, 1, 0] }, { value: 900, opacity: 0.999, color: [1, 0, 0] }];
 const gradient = [{ magnitude: 0, scale: 0 }, { magnitude: 20, scale: 1 }];

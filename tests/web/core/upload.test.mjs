@@ -3,8 +3,9 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { ApiError } from '../../../clients/web/core/api.js';
-import { arranged, crumbs, parentOf, sizeText, withRecent } from '../../../clients/web/core/files.js';
+import { arranged, crumbs, numberedSeries, parentOf, sizeText, withRecent } from '../../../clients/web/core/files.js';
 import { Upload, refusalText } from '../../../clients/web/core/upload.js';
+import '../support/texts.mjs';
 
 const settled = () => new Promise((resolve) => { setImmediate(resolve); });
 
@@ -186,7 +187,14 @@ test('a refusal is told in words and sizes for a person', async () => {
   assert.match(await refused(2e6, full, 'a.nrrd', { bytes: 0 }), /other users or the disk take the rest\. Try again later/);
   assert.match(await refused(2e6, full, 'a.nrrd', { uploads_free: 0 }), /^The daemon takes no more files now/);
   assert.equal(await refused(9e5, full), 'the file has 2000000 bytes; …', 'there is space by now');
-  const kind = new ApiError(422, 'a file with the samples of a header needs "header", the id of the upload', { pointer: '/name' });
-  assert.match(await refused(1, kind, 'notes.txt'), /^notes\.txt is not a volume\. .*\.nrrd/);
   assert.equal(await refused(1, new ApiError(422, 'the name has a slash', { pointer: '/name' })), 'the name has a slash');
+});
+
+test('numbered files of one format are a time series, slices are not', () => {
+  const file = (name, format = 'VTK') => ({ name, kind: 'grid', format });
+  const entries = [
+    file('t1.vti'), file('t10.vti'), file('u1.vti'), file('v.vti'), file('a1_b2.nrrd', 'NRRD'), file('a1_b3.nrrd', 'NRRD'),
+    file('s1.dcm', 'DICOM'), file('s2.dcm', 'DICOM'), { name: 'f1', kind: 'folder' }, { name: 'f2', kind: 'folder' },
+  ];
+  assert.deepEqual(numberedSeries(entries), [{ name: 't*.vti', count: 2 }, { name: 'a*_b*.nrrd', count: 2 }]);
 });

@@ -7,7 +7,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { promisify } from 'node:util';
 import { test } from 'node:test';
-import { camera, difference, eventually, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, difference, eventually, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -136,7 +136,7 @@ test('beside slices, all panes are saved as the layout shows them, or the pictur
   await page.click('#layout-four');
   await rest(page);
   await until(page, 'the slices', () => ['axial', 'coronal', 'sagittal'].every((id) => document.querySelector(`#pane-${id} .pane-body`).dataset.state === 'newest'));
-  const box = await page.locator('main').boundingBox();
+  const box = await boxOf(page.locator('main'));
   const all = decodePng((await save(page)).bytes);
   assert.deepEqual([all.width, all.height], [box.width, box.height].map(Math.round));
   // The slice in the saved picture is that of the pane.
@@ -182,7 +182,7 @@ test('annotations are drawn into the picture on request', async (context) => {
   assert.notDeepEqual(plain.at(175, 4).slice(0, 3), [255, 0, 0]);
   assert.deepEqual(burnt.at(175, 125).slice(0, 3), plain.at(175, 125).slice(0, 3));
   const part = ({ at }, left, top, width, height) => ({ width, height, at: (x, y) => at(left + x, top + y) });
-  for (const [name, ...box] of [['the scale bar', 250, 220, 100, 30], ['the cube', 270, 24, 80, 60]]) {
+  for (const [name, ...box] of [['the scale bar', 250, 220, 100, 30], ['the colour bar', 310, 130, 40, 80], ['the cube', 270, 24, 80, 60]]) {
     assert.ok(difference(part(burnt, ...box), part(plain, ...box)) > 0.02, name);
   }
 });

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { after, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { lit, writeBlock } from '../support/block.mjs';
-import { drag, firstFrame, openPage, pixels, rest, share, shot, touch, until, visitMock } from '../support/browser.mjs';
+import { boxOf, drag, firstFrame, openPage, pixels, rest, share, shot, touch, until, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
@@ -48,7 +48,7 @@ const slider = (axis, corner) => `#clip .pair input[data-axis="${axis}"][data-co
 const number = (axis, corner) => `#clip .range input[data-axis="${axis}"][data-corner="${corner}"]`;
 const handle = (page, name) => page.locator(`#clip-handles [aria-label="${name}"]`);
 const middleOf = async (locator) => {
-  const { x, y, width, height } = await locator.boundingBox();
+  const { x, y, width, height } = await boxOf(locator);
   return [x + width / 2, y + height / 2];
 };
 const view = (page) => page.evaluate(() => window.splatd.view.clip);
@@ -61,7 +61,7 @@ test('the box: faces move by keyboard, mouse and numbers, and a face pushes the 
   assert.deepEqual(await it.press(slider(0, 1), 'Home'), { clip: { box: [[0, 0.01, 0], [0, 1, 1]] } });
   assert.deepEqual(await it.press(slider(0, 0), 'End'), { clip: { box: [[1, 0.01, 0], [1, 1, 1]] } }, 'the upper face was pushed');
   // Both thumbs are now at the end; the upper one can still move back.
-  const { x, y, width, height } = await page.locator(slider(0, 1)).boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator(slider(0, 1)));
   const sent = await it.patches(async () => {
     await page.mouse.move(x + width - 7, y + height / 2);
     await page.mouse.down();
@@ -174,7 +174,7 @@ test('a plane is shifted and turned by its handles, which hide with the tool', a
   await shot(page, 'clip-plane');
   await page.locator('#clip-tool').click();
   await page.locator('#clip-handles').waitFor({ state: 'hidden' });
-  assert.equal(await page.locator('#overlay .clip-edge').count(), 0);
+  assert.equal(await page.locator('#overlay .handle-edge').count(), 0);
   assert.equal((await view(page)).planes.length, 1, 'the plane cuts on');
   assert.deepEqual(said, []);
 });
@@ -206,7 +206,7 @@ test('handles by keyboard: arrows move faces and planes in steps, also finer; Es
 test('handles by touch: large enough, and a finger moves a face', async (context) => {
   const { page, said } = await withBlock(context, PHONE);
   const face = handle(page, 'Face left of the box');
-  const { width, height } = await face.boundingBox();
+  const { width, height } = await boxOf(face);
   compare(Math.min(width, height), '>=', 44);
   const [x, y] = await middleOf(face);
   const [right] = await middleOf(handle(page, 'Face right of the box'));

@@ -5,7 +5,7 @@ import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
-import { checkAxe, difference, drag, firstFrame, NEEDS_AXE, openPage, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, openPage, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -13,11 +13,23 @@ const folder = mkdtempSync(path.join(tmpdir(), 'splatd-compare-'));
 const FAR = path.join(folder, 'far.nrrd'); // a volume that a camera of the others does not show
 writeFileSync(FAR, Buffer.concat([Buffer.from('NRRD0004\ntype: uint8\ndimension: 3\nspace dimension: 3\nsizes: 8 8 8\nspace directions: (1,0,0) (0,1,0) (0,0,1)\n'
   + 'space origin: (5000,0,0)\nencoding: raw\n\n'), Buffer.from({ length: 512 }, (_, i) => i)]));
+// One solid in two anatomical worlds, without symmetry: B would show another side of it under the same camera.
+const solid = Buffer.from(Array.from({ length: 4096 }, (_, i) => {
+  const [x, y, z] = [i % 16, (i >> 4) % 16, i >> 8];
+  return x > 2 && y > 2 && z > 2 && x < 14 && y < 8 + (x >> 1) && z < 6 + (x >> 2) + (y >> 1) ? 250 : 0;
+}));
+const [LPS, RAS] = [['lps', 1], ['ras', -1]].map(([space, sign]) => {
+  const file = path.join(folder, `${space}.nrrd`);
+  writeFileSync(file, Buffer.concat([Buffer.from(`NRRD0004\ntype: uint8\ndimension: 3\nspace: ${space.toUpperCase()}\nsizes: 16 16 16\n`
+    + `space directions: (${sign},0,0) (0,${sign},0) (0,0,1)\nspace origin: (${40 * sign},0,0)\nencoding: raw\n\n`), solid]));
+  return file;
+});
 const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=32', '--volume', 'demo:phantom?size=32', '--volume', FAR,
+  '--volume', LPS, '--volume', RAS,
   '--backend', 'cpu', '--sessions', '24']), () => rmSync(folder, { recursive: true }));
 
-async function open(context, options = { viewport: { width: 700, height: 500 } }) {
-  const opened = await visit(context, browser, daemon.url, options);
+async function open(context, options = { viewport: { width: 700, height: 500 } }, url = daemon.url) {
+  const opened = await visit(context, browser, url, options);
   await rest(opened.page);
   return opened;
 }
@@ -26,6 +38,9 @@ async function other(page) {
   const url = await page.evaluate(() => document.getElementById('screen-b').toDataURL('image/png'));
   return decodePng(Buffer.from(url.slice(url.indexOf(',') + 1), 'base64'));
 }
+
+/** True if something is drawn in the middle of a picture. */
+const isLit = ({ width, height, at }) => Array.from({ length: height }, (_, y) => at(Math.floor(width / 2), y)).some(([r, g, b]) => r + g + b > 60);
 
 /** Waits until both pictures are at rest; returns the fraction of pixels in which they differ. */
 async function compared(page) {
@@ -85,8 +100,8 @@ test('the divider moves by keys and by the pointer', async (context) => {
   }
   const clip = () => page.locator('#screen-b').evaluate((canvas) => canvas.style.clipPath);
   assert.match(await clip(), / 98%/);
-  const stage = await page.locator('#pane-3d').boundingBox();
-  const box = await divider.boundingBox();
+  const stage = await boxOf(page.locator('#pane-3d'));
+  const box = await boxOf(divider);
   await drag(page, [box.x + box.width / 2, 250], [stage.x + stage.width / 4, 250]);
   assert.ok(Math.abs(await value() - 25) <= 1, `${await value()} %`);
 });
@@ -95,9 +110,13 @@ test('side by side, both panes have the same size and either turns the camera', 
   const { page } = await open(context, { viewport: { width: 1201, height: 600 } });
   await page.locator('#compare').evaluate((fold) => { fold.open = true; });
   await page.selectOption('#compare-mode', 'side');
-  await page.click('#compare-start');
+  await page.locator('#compare').evaluate((fold) => { fold.open = false; });
+  await page.click('#tool-compare');
   assert.equal(await compared(page), 0);
-  const boxes = await Promise.all(['#screen', '#screen-b'].map((name) => page.locator(name).boundingBox()));
+  await page.locator('#compare-end').waitFor(); // the section opens
+  await page.locator('#cube-b').waitFor();
+  assert.equal(await page.locator('#cube-b .face:not([hidden])').allTextContents().then(String), await page.locator('#cube .face:not([hidden])').allTextContents().then(String));
+  const boxes = await Promise.all(['#screen', '#screen-b'].map((name) => boxOf(page.locator(name))));
   assert.ok(Math.abs(boxes[0].width - boxes[1].width) <= 1 && boxes[0].height === boxes[1].height, JSON.stringify(boxes));
   const before_ = await page.evaluate(() => window.splatd.camera);
   const [, b] = boxes;
@@ -139,8 +158,7 @@ test('another volume is compared, fitted if it lies elsewhere, and a daemon with
   assert.ok(await page.isChecked('#compare-fit'));
   const isShown = async () => {
     await until(page, 'the second picture', (s) => s.compared.isAtRest);
-    const { width, height, at } = await other(page);
-    return Array.from({ length: height }, (_, y) => at(Math.floor(width / 2), y)).some(([r, g, b]) => r + g + b > 60);
+    return isLit(await other(page));
   };
   assert.ok(await isShown());
   await page.setChecked('#compare-fit', false);
@@ -154,12 +172,76 @@ test('another volume is compared, fitted if it lies elsewhere, and a daemon with
   await page.locator('#compare-lost').waitFor({ state: 'hidden' });
   assert.ok(await page.isChecked('#compare-fit'));
   assert.ok(await isShown());
+
+  // Swap keeps how each volume is seen, also after the end.
+  await compared(page);
+  const [a, b] = [await pixels(page), await other(page)];
+  await page.click('#compare-swap');
+  await until(page, 'the swap', (s) => s.isIdle && s.volume === 'far' && s.compared.view.volume === 'engine');
+  await compared(page);
+  assert.ok(difference(await pixels(page), b) < 0.01);
+  assert.ok(difference(await other(page), a) < 0.01);
   await page.click('#compare-end');
+  await rest(page);
+  assert.ok(difference(await pixels(page), b) < 0.01);
   await page.route('**/api/v1/sessions', (route) => route.fulfill({
     status: 429, headers: { 'Retry-After': '1', 'Content-Type': 'application/problem+json' }, body: '{"title":"x","status":429,"detail":"4 sessions are open"}' }));
   await page.click('#compare-start');
   await page.locator('#compare-note', { hasText: '4 sessions are open' }).waitFor();
   assert.ok(await page.isVisible('#compare-start'));
+});
+
+test('volumes with anatomical letters are seen from the same side', async (context) => {
+  const { page } = await open(context, undefined, `${daemon.url}&volume=lps`);
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  await page.selectOption('#compare-source', 'volume:ras');
+  await page.click('#compare-start');
+  await page.locator('#compare-fit').waitFor();
+  assert.ok(await compared(page) < 0.01, 'one solid in two worlds');
+  await shot(page, 'compare-anatomy');
+  assert.ok(!await page.isChecked('#compare-fit'), 'it lies at the same place of both');
+  await drag(page, [450, 200], [560, 260]);
+  assert.ok(await compared(page) < 0.01, 'turned');
+  await page.setChecked('#compare-fit', true);
+  assert.ok(await compared(page) < 0.01, 'fitted');
+  assert.ok(isLit(await pixels(page)), 'there is a picture');
+});
+
+test('B can be any volume but that of A, whose measurements end at the divider', async (context) => {
+  const { page } = await open(context, { viewport: { width: 1000, height: 600 } });
+  await page.locator('#compare').evaluate((fold) => { fold.open = true; });
+  const volumes = () => page.locator('#compare-source option[value^="volume:"]').evaluateAll((options) => options.map(({ value }) => value.slice(7)));
+  assert.deepEqual(await volumes(), ['phantom', 'far', 'lps', 'ras']);
+  const { x, y, width, height } = await boxOf(page.locator('#screen'));
+  await page.keyboard.press('d');
+  await drag(page, [x + width * 0.45, y + height / 2], [x + width * 0.6, y + height / 2]);
+  await until(page, 'the measurement', (s) => s.measures.length === 1);
+  await page.keyboard.press('Escape');
+  await page.click('#compare-start');
+  await compared(page);
+  const isDrawn = (share, wanted) => until(page, `${share}: ${wanted}`,
+    `() => Boolean(document.elementFromPoint(${x + width * share}, ${y + height / 2}).closest('.measures')) === ${wanted}`);
+  await isDrawn(0.46, true);
+  await isDrawn(0.58, true); // B shows the same volume
+  await page.selectOption('#compare-source', 'volume:phantom');
+  await until(page, 'the other volume', (s) => s.compared.isAtRest && s.compared.view.volume === 'phantom');
+  await isDrawn(0.58, false);
+  await isDrawn(0.46, true);
+  await shot(page, 'compare-measure');
+  await page.locator('#compare-divider').press('End');
+  await isDrawn(0.58, true);
+  await page.selectOption('#compare-mode', 'side');
+  await page.selectOption('#compare-mode', 'divider');
+  await page.click('#compare-swap');
+  await until(page, 'the swap', (s) => s.isIdle && s.volume === 'phantom');
+  assert.deepEqual(await volumes(), ['engine', 'far', 'lps', 'ras']);
+  await page.locator('#volumes-section').evaluate((fold) => { fold.open = true; });
+  await page.click('#volumes button[data-id="far"]');
+  assert.deepEqual(await volumes(), ['engine', 'phantom', 'lps', 'ras']);
+  assert.equal(await page.locator('#compare-source').inputValue(), 'volume:engine');
+  await page.click('#volumes button[data-id="engine"]');
+  assert.deepEqual(await volumes(), ['phantom', 'far', 'lps', 'ras']);
+  assert.equal(await page.locator('#compare-source').inputValue(), 'copy', 'both show one volume');
 });
 
 const api = (path, token, method = 'GET') => fetch(`${new URL(daemon.url).origin}/api/v1/${path}`, { method, headers: { Authorization: `Bearer ${token}` } });

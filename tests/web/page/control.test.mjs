@@ -150,6 +150,12 @@ test('the camera or everything returns to the default', async (context) => {
 
 test('a value read from the picture disappears with the picture', async (context) => {
   const { page } = await open(context, daemon.url);
+  const picks = [];
+  page.on('websocket', (socket) => socket.on('framesent', ({ payload }) => {
+    const { method, params } = typeof payload === 'string' ? JSON.parse(payload) : {};
+    if (method === 'pick') picks.push(params);
+  }));
+  await page.reload();
   await rest(page);
   const said = page.locator('#notice, .prompt[data-id="pick"]').locator('visible=true').locator('p');
   const read = async () => {
@@ -163,6 +169,16 @@ test('a value read from the picture disappears with the picture', async (context
   await said.waitFor({ state: 'hidden' });
   await rest(page);
   await read();
+  // A pick right after a change of the size names the new size, which the daemon may not know yet.
+  const wider = { ...page.viewportSize(), width: 1500 };
+  const before = await page.evaluate(() => window.splatd.wanted);
+  await page.setViewportSize(wider);
+  const wanted = await until(page, 'the new size', `(s) => s.wanted[0] > ${before[0] + 100} && s.wanted`);
+  await page.mouse.move(wider.width - 5, 300);
+  await page.keyboard.press('v');
+  await said.filter({ hasText: /^Nothing/ }).waitFor();
+  assert.deepEqual(picks.at(-1).size, wanted);
+  compare(picks.at(-1).at[0], '>', before[0]);
   await page.click('#volumes button[data-id="engine"]');
   await said.waitFor({ state: 'hidden' });
 });

@@ -8,7 +8,7 @@ import { test } from 'node:test';
 import { rigFromCamera } from '../../../clients/web/core/camera.js';
 import { project } from '../../../clients/web/core/project.js';
 import { compare } from '../../support/compare.mjs';
-import { NEEDS_AXE, checkAxe, difference, firstFrame, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, NEEDS_AXE, checkAxe, difference, drag, firstFrame, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const DIMS = [48, 24, 24];
@@ -48,7 +48,7 @@ async function open(context, options = WIDE, url = daemon.url) {
 
 /** The place of a world point in the window. */
 async function spot(page, world) {
-  const box = await page.locator('#screen').boundingBox();
+  const box = await boxOf(page.locator('#screen'));
   const { x, y } = project(rigFromCamera(await page.evaluate(() => window.splatd.camera)), world, box);
   return [box.x + x, box.y + y];
 }
@@ -63,7 +63,7 @@ const settled = (page, count) => until(page, `${count} edits`, `(s) => s.isIdle 
 /** The share of lit pixels of the picture in the window around each ball. */
 async function lit(page) {
   const image = await pixels(page);
-  const box = await page.locator('#screen').boundingBox();
+  const box = await boxOf(page.locator('#screen'));
   const shares = [];
   for (const center of CENTERS) {
     const [x, y] = await spot(page, center);
@@ -93,11 +93,20 @@ test('a part is removed or kept at a picked point, and undo brings it back', asy
   assert.deepEqual([edit.type, edit.keep, edit.range], ['part', 'outside', [100, 200]]);
   assert.deepEqual(await lit(page), [0, 1]);
   await shot(page, 'edits');
-  await page.keyboard.press('Control+z');
+  // The ends may be any numbers, in either order.
+  const ends = page.locator('.edit-details .range input');
+  for (const [at, text, range] of [[1, '1e31', [100, 1e31]], [0, '1e300', [1e31, 1e300]], [0, '-1e300', [-1e300, 1e300]], [1, '200', [-1e300, 200]], [0, '100', [100, 200]]]) {
+    await ends.nth(at).fill(text);
+    await page.keyboard.press('Enter');
+    await until(page, `the range ${range}`, `(s) => s.isIdle && String(s.view.edits[0].range) === '${range}'`);
+  }
+  await rest(page);
+  for (let i = 0; i < 6; i += 1) await page.click('#edit-undo');
   await settled(page, 0);
   compare(difference(await pixels(page), before), '<', 0.001);
   await page.click('#edit-redo');
   await settled(page, 1);
+  assert.deepEqual((await edits(page))[0].range, [100, 200]);
   await page.selectOption('.edit-details select', 'inside');
   await until(page, 'the other way round', (s) => s.view.edits[0].keep === 'inside');
   await rest(page);
@@ -120,7 +129,7 @@ test('a sphere, a box, a plane and the clip cut, and each drag is one step for u
   const [sphere] = await edits(page);
   assert.deepEqual([sphere.type, sphere.keep], ['sphere', 'outside']);
   compare(Math.abs(Math.hypot(...sphere.center.map((part, i) => part - CENTERS[1][i])) - RADIUS), '<', 0.5, 'its centre is on the ball');
-  const slider = await page.locator('#edit-radius').boundingBox();
+  const slider = await boxOf(page.locator('#edit-radius'));
   await page.mouse.move(slider.x + slider.width * 0.5, slider.y + slider.height / 2);
   await page.mouse.down();
   for (let i = 0; i <= 8; i += 1) await page.mouse.move(slider.x + slider.width * (0.5 + 0.05 * i), slider.y + slider.height / 2);
@@ -170,6 +179,61 @@ test('a sphere, a box, a plane and the clip cut, and each drag is one step for u
   assert.deepEqual(said, []);
 });
 
+test('handles in the picture move and resize the selected edit, each drag one step for undo', async (context) => {
+  const { page, said } = await open(context);
+  const handle = (name) => page.locator(`#edit-handles [aria-label="${name}"]`);
+  const middle = async (name) => {
+    const { x, y, width, height } = await boxOf(handle(name));
+    return [x + width / 2, y + height / 2];
+  };
+  const near = (a, b, slack) => a.forEach((part, i) => compare(Math.abs(part - b[i]), '<', slack, `${a} and ${b}`));
+  await page.click('#edit-sphere');
+  await click(page, CENTERS[0]);
+  await settled(page, 1);
+  const [sphere] = await edits(page);
+  near(await middle('Move: Sphere, edit 1'), await spot(page, sphere.center), 1);
+  // Across the line of sight, which is y: the other ball at the same depth.
+  const target = [CENTERS[1][0], sphere.center[1], CENTERS[1][2]];
+  await drag(page, await middle('Move: Sphere, edit 1'), await spot(page, target));
+  await rest(page);
+  near((await edits(page))[0].center, target, 0.3);
+  const [edge, center] = [await middle('Radius: Sphere, edit 1'), await middle('Move: Sphere, edit 1')];
+  await drag(page, edge, [center[0] + 4 * (edge[0] - center[0]), edge[1]]);
+  await rest(page);
+  compare(Math.abs((await edits(page))[0].radius / sphere.radius - 4), '<', 0.1);
+  assert.deepEqual(await lit(page), [1, 0]);
+  await shot(page, 'edits-handles');
+  await page.click('#edit-undo');
+  await until(page, 'the first radius', `(s) => s.view.edits[0].radius === ${sphere.radius}`);
+  await page.click('#edit-undo');
+  await until(page, 'the first centre', `(s) => s.view.edits[0].center[0] === ${sphere.center[0]}`);
+  // The keyboard, and a box as a whole and by its faces.
+  await handle('Move: Sphere, edit 1').focus();
+  await page.keyboard.press('PageDown');
+  await until(page, 'nearer', `(s) => s.view.edits[0].center[1] < ${sphere.center[1] - 0.3}`);
+  await page.keyboard.press('Escape');
+  await page.locator('#edit-handles').waitFor({ state: 'hidden' });
+  await page.click('#edit-reset');
+  await page.click('#edit-box');
+  await settled(page, 1);
+  const [x, y] = await middle('Move: Box, edit 1');
+  await drag(page, [x, y], [x - 500, y]);
+  await rest(page);
+  assert.deepEqual((await edits(page))[0].box.map(([at]) => at), [0.5, 1], 'it stops at the end of the volume');
+  await handle('Face −x of the box').focus();
+  await page.keyboard.press('Home');
+  await until(page, 'a longer box', (s) => s.view.edits[0].box[0][0] === 0);
+  await page.click('#edit-plane');
+  await settled(page, 2);
+  const before = (await edits(page))[1].offset;
+  await handle('Shift Plane, edit 2').focus();
+  await page.keyboard.press('ArrowUp');
+  await until(page, 'a plane that moved', `(s) => s.view.edits[1].offset > ${before}`);
+  await page.evaluate(() => { document.getElementById('edit').open = false; });
+  await page.locator('#edit-handles').waitFor({ state: 'hidden' });
+  assert.deepEqual(said, []);
+});
+
 test('a part and a path are measured, and the path is drawn along the surface', async (context) => {
   const { page, said } = await open(context);
   await page.click('#tool-part');
@@ -211,6 +275,7 @@ test('a guest who watches sees the edits and cannot change them', async (context
   await until(guest.page, 'the edit', (s) => s.view.edits?.length === 1);
   assert.equal(await guest.page.locator('#edit .fold-body[inert]').count(), 1);
   assert.ok(await guest.page.isDisabled('#tool-part'));
+  assert.equal(await guest.page.locator('#edit-handles').isVisible(), false);
   for (const { said } of [host, guest]) assert.deepEqual(said, []);
 });
 
@@ -219,10 +284,10 @@ test('the section fits a phone and has names for everything', NEEDS_AXE, async (
   await page.locator('#edit-box').scrollIntoViewIfNeeded();
   await page.tap('#edit-box');
   await settled(page, 1);
-  const panel = await page.locator('#panel').boundingBox();
+  const panel = await boxOf(page.locator('#panel'));
   for (const element of await page.locator('#edit :is(button, select, input)').all()) {
     if (!await element.isVisible()) continue;
-    const { x, width } = await element.boundingBox();
+    const { x, width } = await boxOf(element);
     compare(x + width, '<=', panel.x + panel.width);
   }
   await checkAxe(page, '#edit');

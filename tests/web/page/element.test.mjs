@@ -91,7 +91,7 @@ test('the user moves the camera only with "controls", by mouse and keyboard', as
 
 test('an element that moves in the document returns to its session; another one joins it', async (context) => {
   const { page, said } = await setUp(context, { url: base, token });
-  await wait(page, (view, told) => told.some(({ name }) => name === 'ready'));
+  await wait(page, (view, told) => told.some(({ name }) => name === 'ready') && view.state === 'live'); // else its stream is not open yet
   const session = () => page.evaluate(() => window.told.filter(({ name }) => name === 'ready').at(-1).session);
   const first = await session();
   await page.evaluate(() => {

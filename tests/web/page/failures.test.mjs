@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { firstFrame, openPage, pixels, share, shot, until } from '../support/browser.mjs';
+import { boxOf, firstFrame, openPage, pixels, share, shot, until } from '../support/browser.mjs';
 import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
 
 const { browser } = await share();
@@ -234,7 +234,8 @@ test('the page works below a path of a reverse proxy and on a phone', async (con
   assert.equal(new URL(it.page.url()).pathname, '/lab/volumes/');
   const wanted = await it.page.evaluate(() => window.splatd.wanted);
   assert.equal(Math.max(...wanted), 2048, `${wanted}`);
-  compare(Math.abs(wanted[0] / wanted[1] - 0.5), '<', 0.01);
+  const panel = await boxOf(it.page.locator('#panel'));
+  compare(Math.abs(wanted[0] / wanted[1] - 390 / panel.y), '<', 0.01); // the picture ends where the sheet begins
   assert.equal(await it.page.evaluate(() => document.scrollingElement.scrollWidth > window.innerWidth), false);
   await shot(it.page, 'phone');
   await it.page.tap('#panel-toggle');
@@ -252,7 +253,17 @@ test('a long list of volumes scrolls inside the panel and shows the current one'
     return inner.top >= outer.top && inner.bottom <= outer.bottom;
   }));
   await shot(page, 'volumes-many');
-  compare((await page.locator('#transfer').boundingBox()).y, '<', 500);
+  compare((await boxOf(page.locator('#transfer'))).y, '<', 500);
+});
+
+test('a volume without a finite number says why the picture is empty', async (context) => {
+  const volumes = [volume('good', { nonfinite: 131071 }), volume('bad', { name: 'bad.nrrd', nonfinite: 131072 })];
+  const it = await setUp(context, { volumes });
+  await firstFrame(it.page);
+  await it.page.locator('#volumes [aria-current][data-id="good"]').waitFor();
+  assert.ok(await it.page.locator('#notice').isHidden(), 'one sample has a value');
+  await it.page.click('#volumes [data-id="bad"]');
+  await it.notice('No value of bad.nrrd is a finite number');
 });
 
 test('volumes of the same name are told apart, and long names stay inside of the panel', async (context) => {

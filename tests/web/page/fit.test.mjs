@@ -6,7 +6,7 @@ import path from 'node:path';
 import { after, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { lit, writeBlock } from '../support/block.mjs';
-import { camera, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const SIDE = 96;
@@ -59,8 +59,8 @@ test('a small visible object fills the free part of the window after Fit, and be
   await shot(page, 'fit-small');
   const image = await pixels(page);
   const object = lit(image);
-  const canvas = await page.locator('#screen').boundingBox();
-  const [panel, status, tools] = await Promise.all(['#panel', '#status', '#toolbar'].map((id) => page.locator(id).boundingBox()));
+  const canvas = await boxOf(page.locator('#screen'));
+  const [panel, status, tools] = await Promise.all(['#panel', '#status', '#toolbar'].map((id) => boxOf(page.locator(id))));
   const scale = canvas.width / image.width;
   const space = canvas.height - 2 * Math.max(canvas.y + canvas.height - status.y, tools.y + tools.height - canvas.y);
   compare(object.height * scale, '<', space + 2);

@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { NEEDS_AXE, checkAxe, difference, pixels, rest, share, shot, until, visit, visitMock } from '../support/browser.mjs';
+import { boxOf, NEEDS_AXE, checkAxe, difference, pixels, rest, share, shot, until, visit, visitMock } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { volume } from '../support/mock-daemon.mjs';
 
@@ -21,7 +21,13 @@ const drawn = (page) => page.evaluate(() => new Promise((then) => { requestAnima
 async function setUp(context, options = LARGE, change = {}) {
   const opened = await visitMock(context, browser, { options, change });
   const { page } = opened;
-  if (options.isMobile) await page.tap('#panel-toggle');
+  if (options.isMobile) {
+    const framings = () => opened.daemon.heard.filter((m) => m.method === 'view.update' && m.params.patch.camera).length;
+    const before = framings();
+    await page.tap('#panel-toggle');
+    for (let i = 0; framings() === before && i < 600; i += 1) await drawn(page);
+    compare(framings(), '>', before, 'the volume is framed again, beside the sheet');
+  }
   await until(page, 'the histogram', () => document.querySelectorAll('#transfer-curve .handle').length > 0 && !document.getElementById('transfer-kind').disabled);
   return {
     ...opened,
@@ -123,7 +129,7 @@ test('a drag of a slider streams, at most one patch per animation frame, and is 
     requestAnimationFrame(count);
   });
   await page.locator('#surface-slider').scrollIntoViewIfNeeded();
-  const { x, y, width, height } = await page.locator('#surface-slider').boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator('#surface-slider'));
   const sent = await it.patches(async () => {
     await page.mouse.move(x + width * 0.3, y + height / 2);
     await page.mouse.down();
@@ -144,9 +150,9 @@ test('a surface has a mark above the histogram, which moves by mouse and keyboar
   const [, added] = await it.patch(() => page.click('#layer-add-surface'));
   const mark = markOf(page, 0);
   await mark.scrollIntoViewIfNeeded();
-  const plot = await page.locator('#transfer-curve .plot').boundingBox();
+  const plot = await boxOf(page.locator('#transfer-curve .plot'));
   const place = async () => {
-    const { x, y, width, height } = await mark.boundingBox();
+    const { x, y, width, height } = await boxOf(mark);
     return [x + width / 2, y + height / 2];
   };
   const from = await place();
@@ -274,7 +280,7 @@ test('on a phone: add, move the mark and remove by touch', async (context) => {
   await page.locator('#surface-slider').scrollIntoViewIfNeeded();
   await shot(page, 'layers-phone');
   for (const selector of ['#layer-list .eye', '#layer-list .layer-pick', '#layer-list .small', '#surface-slider', '#surface-value', '#surface-pick']) {
-    const { height } = await page.locator(selector).first().boundingBox();
+    const { height } = await boxOf(page.locator(selector).first());
     compare(height, '>=', 34, selector);
   }
   const wide = await page.evaluate(() => [document.getElementById('panel-body').scrollWidth, document.getElementById('panel-body').clientWidth]);
@@ -426,7 +432,7 @@ test('vectors move for all until they pause, keep their phase, and playing is no
   await page.click('#transfer-redo');
   assert.equal(difference(await picture(page), paused), 0);
   await eye(page, 'Vectors').click();
-  assert.ok(await page.isDisabled('#vectors-play'));
+  await page.locator('#vectors-play:disabled').waitFor();
   assert.deepEqual(said, []);
 });
 
@@ -490,7 +496,7 @@ test('a click or a drag in a slice sets the value to the one there, without movi
     && document.querySelector('#pane-axial .pane-body').dataset.state === 'newest');
   assert.equal(await page.getAttribute('#surface-pick', 'aria-pressed'), 'true');
   const position = await page.evaluate(() => window.splatd.view.slices.position);
-  const { x, y, width, height } = await page.locator('#pane-axial canvas').boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator('#pane-axial canvas'));
   const values = () => page.evaluate(() => window.splatd.view.layers[1].value);
   const seen = new Set([await values()]);
   await page.mouse.move(x + width * 0.35, y + height / 2);

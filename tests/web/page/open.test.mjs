@@ -1,11 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { mkdirSync, mkdtempSync, rmSync, truncateSync, utimesSync, writeFileSync } from 'node:fs';
+import { copyFileSync, mkdirSync, mkdtempSync, rmSync, truncateSync, utimesSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
-import { checkAxe, firstFrame, NEEDS_AXE, openPage, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, firstFrame, NEEDS_AXE, openPage, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-open-'));
@@ -19,15 +19,31 @@ function cube(side) {
   return Buffer.concat([Buffer.from(`NRRD0004\ncontent: density\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\n\n`), voxels]);
 }
 
+/** Points with two fields, which one of them does not have. */
+const CSV = `x,y,z,heat,age\n${Array.from({ length: 200 }, (_, i) => `${i % 6},${Math.floor(i / 6) % 6},${Math.floor(i / 36)},${i},${200 - i}`).join('\n')}\n3,3,9,,\n`;
+
+/** A grid with a scalar and two vectors per sample. */
+const STORM = `# vtk DataFile Version 3.0\n\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 4 4 4\nPOINT_DATA 64\nSCALARS heat float\nLOOKUP_TABLE default\n${
+  Array.from({ length: 64 }, (_, i) => i).join(' ')}\nVECTORS wind float\n${'1 2 2 '.repeat(64)}\nVECTORS flow float\n${'0 3 4 '.repeat(64)}\n`;
+
+/** A DICOM series of 4 slices. */
+const SLICES = [0, 1, 2, 3].map((k) => path.join(import.meta.dirname, `../../unit/import/dicom/series${k}.dcm`));
+
 const LARGE = { name: 'large.nrrd', mimeType: '', buffer: cube(150) }; // 3.4 MB: several parts
 const SMALL = { name: 'Größe 1.nrrd', mimeType: '', buffer: cube(24) };
 
 before(() => {
-  mkdirSync(path.join(folder, 'scans', 'old'), { recursive: true });
+  for (const name of ['notes', 'slices']) mkdirSync(path.join(folder, 'scans', 'old', name), { recursive: true });
+  writeFileSync(path.join(folder, 'scans', 'old', 'notes', 'notes.md'), 'About the scans.');
+  for (const file of SLICES) copyFileSync(file, path.join(folder, 'scans', 'old', 'slices', path.basename(file)));
   writeFileSync(path.join(folder, 'cube.nrrd'), cube(24));
   writeFileSync(path.join(folder, 'scans', 'head10.nrrd'), cube(16));
   writeFileSync(path.join(folder, 'scans', 'head2.nrrd'), cube(16));
   for (const name of ['a', 'b']) writeFileSync(Buffer.concat([Buffer.from(path.join(folder, 'scans', name)), Buffer.from([0xff]), Buffer.from('.nrrd')]), cube(16)); // not UTF-8
+  writeFileSync(path.join(folder, 'table.csv'), CSV);
+  writeFileSync(path.join(folder, 'storm.vtk'), STORM);
+  writeFileSync(path.join(folder, 'tri.ply'), 'ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n'
+    + 'element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n');
   writeFileSync(path.join(folder, 'broken.nrrd'), 'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 9 9 9\nencoding: raw\n\nshort');
 });
 
@@ -45,7 +61,9 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   await page.focus('#screen');
   await page.keyboard.press('o');
   await page.locator('#open-list [data-name="scans"]').waitFor();
-  assert.deepEqual(await entries(page), ['scans', 'broken.nrrd', 'cube.nrrd']);
+  assert.deepEqual(await entries(page), ['scans', 'broken.nrrd', 'cube.nrrd', 'storm.vtk', 'table.csv', 'tri.ply']);
+  assert.match(await page.locator('[data-name="table.csv"] .about').textContent(), /^CSV · Points · [\d.]+ kB$/);
+  assert.match(await page.locator('[data-name="tri.ply"] .about').textContent(), /^PLY · Triangles · \d+ B$/);
   assert.match(await page.locator('[data-name="cube.nrrd"] .about').textContent(), /^24 × 24 × 24 · uint8 · 14 kB$/);
   if (!NEEDS_AXE.skip) await checkAxe(page);
   await shot(page, 'open-folder');
@@ -53,7 +71,7 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   await page.keyboard.press('ArrowDown');
   await page.keyboard.press('Enter');
   await page.locator('[data-name="head2.nrrd"]').waitFor();
-  assert.deepEqual(await entries(page), ['old', 'head2.nrrd', 'head10.nrrd']);
+  assert.deepEqual(await entries(page), ['old', 'head*.nrrd', 'head2.nrrd', 'head10.nrrd']);
   await page.keyboard.press('Backspace');
   await page.locator('#open-list [data-name="scans"]:focus').waitFor();
   await page.keyboard.press('Enter');
@@ -67,6 +85,78 @@ test('the data folder by keyboard: folders, filter, back, open; then it is among
   await page.click('#open-button');
   await page.locator('#open-recent-list button', { hasText: 'head10.nrrd' }).waitFor();
   await page.keyboard.press('Escape');
+  assert.deepEqual(said, []);
+});
+
+test('a folder of a DICOM series has one entry for all its files, and one without volumes says so', async (context) => {
+  const { page, said } = await open(context);
+  await page.click('#open-button');
+  for (const name of ['scans', 'old', 'notes']) await page.locator(`#open-list [data-name="${name}"]`).click();
+  await page.locator('#open-said', { hasText: 'This folder has no files that splatd reads.' }).waitFor();
+  await page.locator('#open-crumbs button', { hasText: 'old' }).click();
+  await page.locator('#open-list [data-name="slices"]').click();
+  await page.locator('[data-name="series3.dcm"]').waitFor();
+  assert.deepEqual(await entries(page), ['Open the series of this folder', ...SLICES.map((file) => path.basename(file))]);
+  assert.match(await page.locator('[data-name="series0.dcm"] .about').textContent(), /^DICOM · opens its series · \d/);
+  await shot(page, 'open-series');
+  await page.fill('#open-filter', '3');
+  assert.deepEqual(await entries(page), ['series3.dcm'], 'a filter looks for files');
+  await page.fill('#open-filter', '');
+  await page.locator('#open-list button').first().click();
+  await shows(page, 'slices');
+  assert.match(await page.locator('#volumes .pick[aria-current] .about').textContent(), /× 4 · int16$/);
+  await page.click('#open-button');
+  await page.locator('#open-recent-list button', { hasText: 'slices' }).waitFor();
+  assert.deepEqual(said, []);
+});
+
+test('another field of the file is loaded and shown under the same camera', async (context) => {
+  const { page, said } = await open(context);
+  await page.click('#open-button');
+  await page.locator('[data-name="table.csv"]').click();
+  await shows(page, 'table');
+  const field = page.locator('#volume-field');
+  await field.waitFor();
+  assert.equal(await field.inputValue(), 'heat');
+  const warning = '1 of the 201 points are not drawn';
+  await page.locator('#notice[data-tone="info"]', { hasText: `table: ${warning}` }).waitFor();
+  await page.click('#volume-info summary');
+  await page.locator('#volume-info dd', { hasText: warning }).waitFor();
+  await shot(page, 'open-warning');
+  await page.focus('#screen');
+  await page.keyboard.press('ArrowLeft');
+  const camera = await until(page, 'a turned picture', (s) => s.isIdle && s.seq === s.sent && s.camera);
+  await field.selectOption('age');
+  await shows(page, 'table age');
+  await until(page, 'the other field', (s) => s.isIdle && s.volume === 'table-age');
+  assert.equal(await field.inputValue(), 'age');
+  assert.deepEqual(await page.evaluate(() => window.splatd.camera.position), camera.position);
+  await shot(page, 'open-field');
+  // Back: the volume exists already.
+  await field.selectOption('heat');
+  await until(page, 'the first field', (s) => s.isIdle && s.volume === 'table');
+  assert.equal(await page.locator('#volumes li').count(), 3);
+  await page.locator('#volumes .pick', { hasText: 'phantom' }).click();
+  await field.waitFor({ state: 'hidden' });
+  assert.deepEqual(said, []);
+});
+
+test('other vectors of the file, their length and their components are fields', async (context) => {
+  const { page, said } = await open(context);
+  await page.click('#open-button');
+  await page.locator('[data-name="storm.vtk"]').click();
+  await shows(page, 'storm');
+  const [field, vectors] = ['#volume-field', '#volume-vectors'].map((id) => page.locator(id));
+  const names = (select) => select.locator('option').allTextContents();
+  await vectors.waitFor();
+  assert.deepEqual([await names(field), await names(vectors)], [['heat', 'magnitude', 'wind x', 'wind y', 'wind z'], ['wind', 'flow']]);
+  await vectors.selectOption('flow');
+  await until(page, 'other vectors', (s) => s.isIdle && s.volume === 'storm-flow');
+  assert.deepEqual([await field.inputValue(), await vectors.inputValue(), await names(field)], ['heat', 'flow', ['heat', 'magnitude', 'flow x', 'flow y', 'flow z']]);
+  await field.selectOption('magnitude');
+  await until(page, 'their lengths', (s) => s.isIdle && s.volume === 'storm-magnitude-flow');
+  assert.equal(await vectors.inputValue(), 'flow');
+  await shot(page, 'open-vectors');
   assert.deepEqual(said, []);
 });
 
@@ -140,6 +230,19 @@ test('an upload is paused, a reload interrupts it, and the same file continues i
   assert.deepEqual(said, []);
 });
 
+test('the files of a DICOM series are chosen together, share one row, and are one volume', async (context) => {
+  const { page } = await open(context);
+  await page.evaluate(() => {
+    const seen = (window.rowsSeen = new Set());
+    new MutationObserver(() => {
+      for (const row of document.querySelectorAll('#uploads li:not([hidden])')) seen.add(row.dataset.upload);
+    }).observe(document.getElementById('uploads'), { childList: true, subtree: true, attributes: true });
+  });
+  await page.setInputFiles('#open-file', SLICES);
+  await shows(page, 'series0');
+  assert.deepEqual(await page.evaluate(() => [...window.rowsSeen]), ['series0.dcm']);
+});
+
 test('files are dropped on the page: one is shown, the errors of others stand beside their names', async (context) => {
   const state = mkdtempSync(path.join(tmpdir(), 'splatd-state-')); // a daemon with it keeps the uploads of open volumes
   const { page } = await open(context, { args: ['--state', state] });
@@ -156,7 +259,7 @@ test('files are dropped on the page: one is shown, the errors of others stand be
   await drop('drop', files);
   assert.ok(await page.locator('#drop').isHidden());
   await shows(page, 'Größe 1');
-  await page.locator('#uploads [data-upload="notes.txt"] .about', { hasText: 'Choose a file that ends in .nrrd' }).waitFor();
+  await page.locator('#uploads [data-upload="notes.txt"] .about', { hasText: 'its name must end in .nrrd' }).waitFor();
   await page.getByRole('button', { name: 'Cancel the upload of notes.txt' }).click();
   await page.locator('#uploads').waitFor({ state: 'hidden' });
   await page.click('#open-button');
@@ -239,7 +342,7 @@ test('a guest by a join link opens and closes nothing, and reads why; a phone sh
   await page.click('#panel-toggle');
   await page.click('#open-button');
   await page.locator('#open-list button').first().waitFor();
-  const box = await page.locator('#open').boundingBox();
+  const box = await boxOf(page.locator('#open'));
   assert.ok(box.x >= 0 && box.x + box.width <= 390 && box.y >= 0 && box.y + box.height <= 844, JSON.stringify(box));
   await shot(page, 'open-phone');
   await page.keyboard.press('Escape');

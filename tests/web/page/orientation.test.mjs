@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { BLOCK, lit, writeBlock } from '../support/block.mjs';
-import { camera, drag, pixels, rest, share, shot, touch, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, drag, pixels, rest, share, shot, touch, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
@@ -86,6 +86,27 @@ test('each face of the cube has its anatomical letter and turns to it; edges and
   assert.deepEqual(said, []);
 });
 
+test('the letters of the axes stay inside of the picture', async (context) => {
+  const { page } = await setUp(context);
+  await page.click('#layout-four');
+  const beside = () => page.evaluate(() => {
+    const pane = document.getElementById('pane-3d').getBoundingClientRect();
+    return [...document.querySelectorAll('#cube text.axis:not([hidden])')].filter((text) => {
+      const { left, right, top, bottom } = text.getBoundingClientRect();
+      return left < pane.left || right > pane.right || top < pane.top || bottom > pane.bottom;
+    }).map((text) => text.textContent);
+  });
+  for (const view of ['1', '3', '5', '7']) {
+    await press(page, view);
+    for (const arrow of ['ArrowUp', 'ArrowRight', 'ArrowDown']) {
+      for (let i = 0; i < 6; i += 1) {
+        await press(page, arrow);
+        assert.deepEqual(await beside(), [], `${view}, ${arrow} ${i}`);
+      }
+    }
+  }
+});
+
 test('for a finger the cube has faces alone, each of 44 px or more', async (context) => {
   const { page } = await setUp(context, PHONE);
   const visible = () => page.evaluate(() => [...document.querySelectorAll('#cube path:not([hidden])')]
@@ -115,7 +136,7 @@ test('the cube by keyboard: arrows choose a part, Enter turns; a drag turns free
   await page.keyboard.press('ArrowRight');
   await page.keyboard.press('Enter');
   assert.deepEqual(await direction(page), [1, 0, 0]);
-  const { x, y, width, height } = await page.locator('#cube').boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator('#cube'));
   await drag(page, [x + width / 2, y + height / 2], [x + width / 2 + 30, y + height / 2]);
   compare((await direction(page))[0], '<', 0.95);
 });
@@ -242,7 +263,7 @@ test('walk through by touch: a held button moves, a finger looks around', async 
   await until(page, 'the front', (s) => s.camera.position[0] === s.camera.target[0]);
   await press(page, 'g');
   const start = await camera(page);
-  const { x, y, width, height } = await page.locator('#walk-pad button').first().boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator('#walk-pad button').first());
   compare(Math.min(width, height), '>=', 44);
   assert.match(await page.textContent('#mode-hint'), /hold the arrows/);
   const [bar, scale] = await page.evaluate(() => ['mode-bar', 'scale-bar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
@@ -269,7 +290,7 @@ test('a rectangle fills the picture; numbers set the camera; the menu shows the 
   await rest(page);
   const { height } = await camera(page);
   await press(page, 'z');
-  const box = await page.locator('#screen').boundingBox();
+  const box = await boxOf(page.locator('#screen'));
   const middle = [box.x + box.width * 0.6, box.y + box.height / 2];
   await drag(page, [middle[0] - box.width / 8, middle[1] - box.height / 8], [middle[0] + box.width / 8, middle[1] + box.height / 8]);
   await rest(page);

@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { camera, difference, drag, firstFrame, openPage, pixels, rest, share, shot, touch, unfold, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, difference, drag, firstFrame, openPage, pixels, rest, share, shot, touch, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon, tokenFile } from '../support/daemon.mjs';
 
 const VOLUMES = ['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64'];
@@ -140,8 +140,8 @@ test('keys rotate, move, zoom, fit and reset', async (context) => {
 
 test('the default view fills the free part of the window, in its centre, clear of the panel and the status bar', async (context) => {
   const { page, said } = await setUp(context, { viewport: { width: 1280, height: 800 } });
-  const canvas = await page.locator('#screen').boundingBox();
-  const [panel, status] = [await page.locator('#panel').boundingBox(), await page.locator('#status').boundingBox()];
+  const canvas = await boxOf(page.locator('#screen'));
+  const [panel, status] = [await boxOf(page.locator('#panel')), await boxOf(page.locator('#status'))];
   const image = await pixels(page);
   const scale = canvas.width / image.width;
   const [xs, ys] = [[], []];
@@ -174,11 +174,12 @@ test('touch: one finger rotates, two fingers move and zoom', async (context) => 
 
 test('the image follows the size of the window and ends at full size', async (context) => {
   const { page, said } = await setUp(context);
-  for (const [width, height] of [[500, 700], [1000, 400], [640, 480]]) {
+  for (const [width, height, besideSheet] of [[500, 700, [500, 350]], [1000, 400, [700, 400]], [900, 640]]) {
     await page.setViewportSize({ width, height });
-    await until(page, 'the new size', (s) => String(s.wanted) === String([window.innerWidth, window.innerHeight]));
+    const expected = besideSheet ?? [width, height]; // the sheet of a small window takes a part of it
+    await until(page, `an image of ${expected}`, `(s) => String(s.wanted) === '${expected}'`);
     await rest(page);
-    assert.deepEqual(await page.evaluate(() => window.splatd.size), [width, height]);
+    assert.deepEqual(await page.evaluate(() => window.splatd.size), expected);
   }
   assert.deepEqual(said, []);
 });

@@ -90,7 +90,8 @@ test('a turntable takes one press and becomes a movie', async (context) => {
   const it = await open(context, daemon.url);
   const { page } = it;
   const first = await camera(page);
-  await page.click('#turn-add');
+  await page.click('#key-add');
+  await page.click('#turn-add'); // begins at that keyframe
   await it.about('4 keyframes, 8 s, 240 frames');
   assert.ok(await page.isChecked('#path-loop'));
   await until(page, 'images of the keyframes', () => document.querySelectorAll('#keys .picture img').length === 4);

@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { share, shot, unfold, until, visitMock } from '../support/browser.mjs';
+import { boxOf, share, shot, unfold, until, visitMock } from '../support/browser.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const { browser } = await share();
@@ -112,6 +112,38 @@ test('the controls follow the view when another participant changes it', async (
   assert.deepEqual(it.said, []);
 });
 
+test('the colour bar follows every change, covers nothing and is switched off', async (context) => {
+  const it = await setUp(context);
+  const { page } = it;
+  const bar = page.getByRole('img', { name: /^Colours of/ });
+  const says = (text) => page.getByRole('img', { name: text, exact: true }).waitFor();
+  await says('Colours of values: from 60 to 255');
+  assert.deepEqual(await page.locator('.color-ticks span').allTextContents(), ['60', '100', '150', '200', '255']);
+  const points = [{ value: 10, color: [0, 0, 1], opacity: 0 }, { value: 20, color: [0, 0, 1], opacity: 0.5 }, { value: 30, color: [0, 0, 1], opacity: 0 }];
+  it.share({ transfer_function: { ...it.session.view.transfer_function, points } });
+  await says('Colours of values: from 10 to 30');
+  const middle = await page.evaluate(() => {
+    const canvas = document.querySelector('#color-bar canvas');
+    return [...canvas.getContext('2d').getImageData(0, canvas.height / 2, 1, 1).data];
+  });
+  assert.deepEqual(middle, [0, 0, 255, 255]);
+  const boxes = await Promise.all(['#cube', '#color-bar', '#scale-bar'].map((name) => boxOf(page.locator(name))));
+  for (const [i, { y, height }] of boxes.slice(0, 2).entries()) compare(y + height, '<=', boxes[i + 1].y);
+  it.share({ compositing: { mode: 'maximum', window: { center: 100, width: 50 } } });
+  await says('Colours of largest values: from 75 to 125');
+  it.share({ layers: [{ type: 'surface', visible: true, value: 100, color: [1, 0, 0], opacity: 1, flatness: 'inf' }], compositing: { mode: 'sheet' } });
+  await bar.waitFor({ state: 'hidden' });
+  it.share({ layers: [{ type: 'volume', visible: true }] });
+  await bar.waitFor();
+  await page.uncheck('#color-bar-on');
+  await bar.waitFor({ state: 'hidden' });
+  await page.reload();
+  await until(page, 'a frame', (s) => s.state === 'live' && s.count > 0);
+  assert.equal(await page.isChecked('#color-bar-on'), false);
+  assert.ok(await bar.isHidden());
+  assert.deepEqual(it.said, []);
+});
+
 test('on a phone every control fits in the panel and responds to touch', async (context) => {
   const it = await setUp(context, PHONE);
   const { page } = it;
@@ -120,7 +152,7 @@ test('on a phone every control fits in the panel and responds to touch', async (
   const outside = await page.evaluate(() => {
     const panel = document.getElementById('panel').getBoundingClientRect();
     return [...document.querySelectorAll('#panel select, #panel input, #panel button, #panel output')]
-      .filter((control) => !control.closest('[hidden]'))
+      .filter((control) => control.checkVisibility())
       .filter((control) => {
         const box = control.getBoundingClientRect();
         return box.width === 0 || box.left < panel.left || box.right > panel.right || box.right > window.innerWidth;
@@ -129,7 +161,7 @@ test('on a phone every control fits in the panel and responds to touch', async (
   assert.deepEqual(outside, []);
   assert.equal(await page.evaluate(() => document.scrollingElement.scrollWidth > window.innerWidth), false);
   await page.locator('#sigma').scrollIntoViewIfNeeded();
-  const { x, y, width, height } = await page.locator('#sigma').boundingBox();
+  const { x, y, width, height } = await boxOf(page.locator('#sigma'));
   const patch = await it.patches(() => page.touchscreen.tap(x + width - 3, y + height / 2));
   compare(patch.at(-1).filter.sigma, '>', 1.8);
   await page.locator('#plane-sight').scrollIntoViewIfNeeded();

@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -32,7 +32,7 @@ async function four(page) {
 
 const position = (page) => page.evaluate(() => window.splatd.view.slices.position);
 const middleOf = async (page, id) => {
-  const box = await page.locator(`#pane-${id} canvas`).boundingBox();
+  const box = await boxOf(page.locator(`#pane-${id} canvas`));
   return [box.x + box.width / 2, box.y + box.height / 2];
 };
 const light = (image) => {
@@ -157,8 +157,7 @@ test('an oblique plane turns by its handles and with the view', async (context) 
   await page.selectOption('#slices-mode', 'oblique');
   await settled(page);
   const grip = page.locator('#pane-axial .slice-handle').first();
-  await grip.waitFor();
-  const handle = await grip.boundingBox();
+  const handle = await boxOf(grip);
   const from = [handle.x + handle.width / 2, handle.y + handle.height / 2];
   await drag(page, from, [from[0] + 60, from[1] + 30]);
   await settled(page);
@@ -232,6 +231,58 @@ test('the buttons of the planes stand in the order of the fields of the position
   await page.evaluate(() => { document.getElementById('transfer').open = false; });
   assert.deepEqual(await fields(), ['Position x, towards L', 'Position y, towards P', 'Position z, towards S']);
   await shot(page, 'slices-planes');
+  // Every letter can be read in panes of every size, in an oblique one too.
+  await four(page);
+  await page.selectOption('#slices-mode', 'oblique');
+  await page.click('#slices-align');
+  for (const [width, height] of [[1200, 800], [900, 560], [390, 844], [320, 568], [740, 360]]) {
+    await page.setViewportSize({ width, height });
+    await settled(page);
+    const covered = await page.evaluate(() => {
+      const shown = (selector) => [...document.querySelectorAll(selector)].filter((element) => element.checkVisibility() && element.getBoundingClientRect().width > 0);
+      const letters = shown('.slice-letter').map((element) => ({ text: element.textContent, box: element.getBoundingClientRect() }));
+      const others = shown('.pane:has(.slice) .pane-title, .slice-read, .slice-foot, .slice-slider').map((element) => ({ name: element.className, box: element.getBoundingClientRect() }));
+      const isAbove = (a, b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom;
+      return { letters: letters.map(({ text }) => text), covered: letters.flatMap(({ text, box }) => others.filter((other) => isAbove(box, other.box)).map(({ name }) => `${text}: ${name}`)) };
+    });
+    assert.equal(covered.letters.length, 12, `${width}×${height}: ${covered.letters}`);
+    assert.ok(covered.letters.includes('LP'), `${covered.letters}`);
+    await shot(page, 'slices-letters');
+    assert.deepEqual(covered.covered, [], `${width}×${height}`);
+  }
+  assert.deepEqual(said, []);
+});
+
+test('places tell one slice from the next, also far from the origin and in µm', async (context) => {
+  const folder = mkdtempSync(path.join(tmpdir(), 'splatd-slices-'));
+  const side = 8;
+  const values = new Float32Array(Array.from({ length: side ** 3 }, (_, i) => 1000.5 + i));
+  writeFileSync(path.join(folder, 'cells.nrrd'), Buffer.concat([Buffer.from(`NRRD0005\ntype: float\ndimension: 3\nsizes: ${side} ${side} ${side}\n`
+    + 'space dimension: 3\nspace directions: (0.2,0,0) (0,0.2,0) (0,0,0.5)\nspace origin: (0,-20,50000)\nspace units: "um" "um" "um"\n'
+    + 'sample units: mV\nendian: little\nencoding: raw\n\n'), Buffer.from(values.buffer)]));
+  const other = await startDaemon(['--volume', path.join(folder, 'cells.nrrd'), '--backend', 'cpu']);
+  context.after(async () => {
+    await other.stop();
+    rmSync(folder, { recursive: true });
+  });
+  const { page, said } = await open(context, other.url);
+  await four(page);
+  await page.evaluate(() => { document.getElementById('slices').open = true; });
+  const read = () => page.locator('#pane-axial .slice-read').textContent();
+  for (const [axis, place] of [['x', '0.6'], ['y', '-19.4']]) {
+    await page.fill(`#slices [aria-label="Position ${axis}"]`, place);
+    await page.keyboard.press('Enter');
+  }
+  for (const index of [2, 3, 4]) {
+    await page.fill('#pane-axial input[type=number]', String(index));
+    await page.keyboard.press('Enter');
+    await until(page, 'the slice', `(s) => Math.abs(s.view.slices.position[2] - ${50000 + 0.5 * (index - 1)}) < 0.01`);
+    await settled(page);
+    const value = 1000.5 + (index - 1) * side * side + 3 * side + 3;
+    assert.equal(await read(), `${value} mV at 0.6, −19.4, ${50000 + 0.5 * (index - 1)} µm`);
+    assert.equal(await page.inputValue('#slices [aria-label="Position z"]'), String(50000 + 0.5 * (index - 1)));
+  }
+  assert.equal(await page.textContent('#transfer-axis'), 'value in mV');
   assert.deepEqual(said, []);
 });
 
@@ -256,10 +307,15 @@ test('slices in the picture change it, and two windows of one session share the 
   await rest(page);
   compare(difference(await pixels(page), cut), '<', 0.002, 'the plane is back');
   await page.click('#tool-crosshair');
-  const picture = await page.locator('#screen').boundingBox();
+  const picture = await boxOf(page.locator('#screen'));
   const at = await position(page);
   await page.mouse.click(picture.x + picture.width * 0.53, picture.y + picture.height * 0.46);
   await until(page, 'the crosshair where the picture was clicked', `(s) => JSON.stringify(s.view.slices.position) !== '${JSON.stringify(at)}'`);
+  const seen = await position(page);
+  await drag(page, [picture.x + picture.width * 0.5, picture.y + picture.height * 0.5], [picture.x + picture.width * 0.5, picture.y - 3]);
+  await until(page, 'an answer for the end of the drag', (s) => s.isIdle);
+  assert.equal(await page.locator('#notice').isVisible(), false, 'a drag may leave the picture');
+  assert.notDeepEqual(await position(page), seen);
   await page.keyboard.press('Escape');
   const session = await page.evaluate(() => window.splatd.session);
   const { tokens } = await (await fetch(`${base()}/api/v1/sessions/${session}`, { headers: { Authorization: `Bearer ${token()}` } })).json();

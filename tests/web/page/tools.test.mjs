@@ -192,7 +192,7 @@ test('the toolbar leaves the head of the closed panel free, at each size and wit
     if (await page.locator('#panel-toggle').getAttribute('aria-expanded') === 'true') await page.click('#panel-toggle');
     await page.locator('#panel-toggle[aria-expanded="false"]').waitFor();
     const [panel, toolbar] = await page.evaluate(() => ['panel', 'toolbar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
-    compare(toolbar.left, '>=', panel.right + 4);
+    assert.ok(toolbar.left >= panel.right + 4 || toolbar.bottom + 4 <= panel.top, JSON.stringify({ toolbar, panel }));
     compare(toolbar.right, '<=', options.viewport.width);
   }
 });

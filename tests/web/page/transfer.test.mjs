@@ -5,7 +5,7 @@ import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { checkAxe, eventually, firstFrame, NEEDS_AXE, share, shot, until, visitMock } from '../support/browser.mjs';
+import { boxOf, checkAxe, eventually, firstFrame, NEEDS_AXE, share, shot, until, visitMock } from '../support/browser.mjs';
 import { histogram, volume } from '../support/mock-daemon.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
@@ -27,7 +27,7 @@ async function setUp(context, options = LARGE, change = {}) {
     points: () => page.evaluate(() => window.splatd.transfer.points),
     /** A place of the plot on the screen, by shares of its width and height, from the lower left corner. */
     async place(x, y) {
-      const box = await plot.boundingBox();
+      const box = await boxOf(plot);
       return [box.x + 1 + (box.width - 2) * x, box.y + 1 + (box.height - 2) * (1 - y)];
     },
     patches: async (act) => (await opened.patches(async () => {
@@ -275,8 +275,22 @@ test('presets by kind of data are placed by the histogram and say how', async (c
   const bone = await it.patch(() => page.selectOption('#transfer-kind', 'ct-bone'));
   assert.equal(bone.points[0].value, 150);
   assert.equal(await page.locator('#transfer-note').textContent(), 'Values are Hounsfield units.');
+  const chosen = () => page.locator('#transfer-kind').inputValue();
+  assert.equal(await chosen(), 'ct-bone');
+  await page.selectOption('#transfer-map', 'inferno'); // other colours of the same kind
+  await it.drawn();
+  assert.equal(await chosen(), 'ct-bone');
+  await page.click('#transfer-undo');
+  await it.patch(async () => {
+    await page.fill('#transfer-value', '140');
+    await page.press('#transfer-value', 'Enter');
+  });
+  await until(page, 'it is no longer the kind', () => document.getElementById('transfer-kind').value === '' && document.getElementById('transfer-note').hidden);
+  await page.click('#transfer-undo');
   await page.selectOption('#transfer-kind', 'default');
   await until(page, 'the default of the daemon', (s) => s.transfer.points.length === 2);
+  await it.drawn();
+  assert.equal(await chosen(), 'default');
   assert.deepEqual(await it.points(), start);
   await page.click('#transfer-undo');
   await page.click('#transfer-undo');
@@ -363,7 +377,7 @@ test('window and level by dragging in the picture: visible while it is on, left 
   const wider = (await drag(180, 0)).at(-1).points;
   near(wider[1].value - wider[0].value, 140 * Math.E, 0.01);
   near(wider[1].value + wider[0].value, 260, 0.01, 'the level stays');
-  assert.match(await page.locator('#mode-text').textContent(), /Window 381 · Level 130/);
+  assert.match(await page.locator('#mode-text').textContent(), /Window 380\.56 · Level 130/);
   await shot(page, 'transfer-window');
   assert.deepEqual((await it.patch(() => page.click('#transfer-undo'))).points, start, 'a drag is one step');
   const higher = (await drag(0, -60)).at(-1).points;
@@ -395,7 +409,7 @@ test('the gradient axis: its histogram is read when the panel opens, points work
   const added = await it.patch(async () => {
     const plot = page.locator('#gradient-curve .plot');
     await plot.scrollIntoViewIfNeeded();
-    const box = await plot.boundingBox();
+    const box = await boxOf(plot);
     await page.mouse.click(box.x + 1 + (box.width - 2) / 4, box.y + 2);
   });
   assert.equal(added.gradient.length, 2);
@@ -459,7 +473,7 @@ for (const colorScheme of ['dark', 'light']) {
   test(`on a phone, ${colorScheme}: points move by touch, all controls fit, and texts have contrast`, async (context) => {
     const it = await setUp(context, { ...PHONE, colorScheme });
     const { page } = it;
-    const box = await it.plot.boundingBox();
+    const box = await boxOf(it.plot);
     const touch = await it.context.newCDPSession(page);
     const at = (x, y) => [{ x: box.x + 1 + (box.width - 2) * x, y: box.y + 1 + (box.height - 2) * (1 - y) }];
     const dragged = await it.patches(async () => {
@@ -486,7 +500,7 @@ for (const colorScheme of ['dark', 'light']) {
     const outside = await page.evaluate(() => {
       const panel = document.getElementById('panel').getBoundingClientRect();
       return [...document.querySelectorAll('#transfer select, #transfer input, #transfer button:not(.handle), #transfer output, #transfer .plot')]
-        .filter((control) => !control.closest('[hidden]')).filter((control) => {
+        .filter((control) => control.checkVisibility()).filter((control) => {
           const { left, right, width } = control.getBoundingClientRect();
           return width === 0 || left < panel.left || right > panel.right;
         }).map((control) => control.id || control.outerHTML);

@@ -1,12 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
 // The transfer function editor with the real daemon: what it does to the picture, and two windows in one session.
 import assert from 'node:assert/strict';
+import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { difference, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
-const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']));
+const folder = mkdtempSync(path.join(tmpdir(), 'splatd-transfer-'));
+const { browser, daemon } = await share(() => {
+  const file = path.join(folder, 'dense.nrrd'); // from 0 to 218 HU: soft tissue without air
+  writeFileSync(file, Buffer.concat([Buffer.from('NRRD0005\ntype: uint8\ndimension: 3\nsizes: 8 8 8\nsample units: "HU"\nencoding: raw\n\n'),
+    Buffer.from(Array.from({ length: 512 }, (_, i) => 2 * (i % 8) + 4 * Math.floor(i / 10)))]));
+  return startDaemon(['--volume', 'demo:engine?size=64', '--volume', file, '--backend', 'cpu', '--control-time', '600']);
+}, () => rmSync(folder, { recursive: true }));
 
 async function open(context, address) {
   const opened = await visit(context, browser, address, { viewport: { width: 900, height: 900 } });
@@ -66,6 +75,23 @@ test('each control changes the picture as it should, and undo brings it back', a
   await shot(page, 'transfer-engine');
   assert.deepEqual(said, []);
   assert.deepEqual(await page.evaluate(() => window.splatd.errors), []);
+});
+
+test('a kind of data that shows nothing says so', async (context) => {
+  const { page, said } = await open(context, `${daemon.url}&volume=dense`);
+  const nothing = page.locator('.prompt', { hasText: 'CT lung leaves nothing visible' });
+  await page.selectOption('#transfer-kind', 'ct-lung');
+  await nothing.waitFor();
+  assert.equal(covered(await drawn(page)), 0);
+  await page.selectOption('#transfer-kind', 'ct-soft');
+  await nothing.waitFor({ state: 'detached' });
+  compare(covered(await drawn(page)), '>', 100);
+  assert.equal(await page.locator('.prompt').count(), 0);
+  await page.selectOption('#transfer-kind', 'ct-lung');
+  await nothing.getByRole('button', { name: 'Undo' }).click();
+  compare(covered(await drawn(page)), '>', 100);
+  assert.equal(await nothing.count(), 0);
+  assert.deepEqual(said, []);
 });
 
 test('two windows: the guest sees the histogram and every change, read-only until the host lets go', async (context) => {

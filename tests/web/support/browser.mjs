@@ -137,6 +137,16 @@ export async function eventually(what, condition) {
   }
 }
 
+/** The box of a visible element, px. Tries again when the page replaces the element at that moment: it then has no box. */
+export async function boxOf(locator) {
+  for (const end = performance.now() + DEADLINE_MS; performance.now() < end;) {
+    await locator.waitFor();
+    const box = await locator.boundingBox();
+    if (box) return box;
+  }
+  throw new Error('the element has no box');
+}
+
 /** Waits until the page shows the last view, at rest and sharp. */
 export const rest = (page) => until(page, 'the last view at rest',
   (s) => s.isIdle && s.count > 0 && s.seq === s.sent && s.isFinal && String(s.size) === String(s.wanted));

@@ -6,6 +6,7 @@ import { createServer } from 'node:http';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { WebSocketServer } from 'ws';
+import { sphereAround, volumeBox } from '../../../clients/web/core/camera.js';
 import { applyPatch } from '../../../clients/web/core/merge.js';
 import { encodePng } from './png.mjs';
 
@@ -188,7 +189,7 @@ export class MockDaemon {
       return;
     }
     const bearer = (request.headers.authorization ?? '').replace('Bearer ', '');
-    const [, id, what] = /^\/api\/v1\/sessions\/([^/]+)(\/histogram)?$/.exec(url.pathname) ?? [];
+    const [, id, what] = /^\/api\/v1\/sessions\/([^/]+)\/?(histogram|visible)?$/.exec(url.pathname) ?? [];
     if (bearer !== this.token && !(id && this.#role(id, bearer))) {
       problem(401, 'the token is missing or wrong');
     } else if (url.pathname === '/api/v1/volumes') {
@@ -213,6 +214,11 @@ export class MockDaemon {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
       reply(201, this.#create(JSON.parse(text).view));
+    } else if (what === 'visible' && this.sessions.has(id)) {
+      const volume = this.volumes.find((one) => one.id === this.sessions.get(id).view.volume);
+      const box = volume?.dims && volumeBox(volume);
+      if (box) reply(200, { volume: volume.id, visible: true, ...box, ...sphereAround(box) });
+      else problem(404, 'this daemon does not know');
     } else if (what && this.sessions.has(id)) {
       const answer = this.histogramOf(this.sessions.get(id).view.volume, url.searchParams.get('axis') === 'value,gradient');
       if (answer) reply(200, answer);

@@ -14,24 +14,17 @@ layout(std430, binding = 3) readonly buffer Tables { vec4 tables[]; };
 layout(std430, binding = 4) readonly buffer Normals { uint normals[]; };
 // records.glsl
 layout(std430, binding = 5) writeonly buffer Records { uvec4 records[]; };
-// Bins of a record: columns and rows of tiles [first, last]; first layer and number of layers. first > last: none.
-layout(std430, binding = 6) writeonly buffer Spans { uvec2 spans[]; };
 
 layout(location = 1) uniform uvec2 batch; // first chunk, first layer
 layout(location = 2) uniform uvec4 list;  // has keys, bytes of a normal, first class, has scales
 layout(location = 3) uniform uint stride; // of the records
-layout(location = 4) uniform uvec2 room;  // capacity: pairs; rounds of a splat over its tiles and layers
 
 // enum sp_filter_mode
 const uint ADAPTIVE = 0u, EWA = 1u, RECONSTRUCTION = 2u, LOWPASS = 3u, SWAN = 4u, NONE = 5u;
 const float FARTHEST = 1e7; // cells: everything beyond counts as this far (tile/depth.c)
 const float VARIANCE_MIN = 1e-6, DEPTH_MAX = 1e6, LOG2E = 1.44269504;
 
-// Sums of the group: splats, pairs, px in the low 16 bits and above. Threads of a subgroup add to different words.
-const uint SPLATS = 0u, PAIRS = 1u, PX_LOW = 2u, PX_HIGH = 3u, SUMS = 4u, LANES = 32u;
-shared uint sums[SUMS][LANES];
 shared uint filter_mode;
-shared bool has_room;
 
 // Equal for all threads.
 uint part;    // of parts[]
@@ -295,19 +288,21 @@ bool write_cuts(Place p, Extent extent, uint at) {
 // Finds the layers [first, last] of the kernel and writes what follows the record's head. False: none of them is in
 // this batch, or planes leave nothing of the kernel.
 bool find_layers(Place p, uint word, uint at, float value, out ivec2 range) {
-    uint kind = compose.x, behind = at + 2u + (kind == COMPOSITE_SLAB ? 2u : 0u);
+    uint kind = compose.x, behind = at + 2u + (compose.z != 0u ? 2u : 0u);
     float distance = min(choice.x != 0u ? length(p.u) : p.u.z, FARTHEST);
     if (kind == COMPOSITE_SHEET)
         range = ivec2(sheet_of(word));
     if (kind == COMPOSITE_SPLAT)
         range = range_of(distance, distance);
-    if (kind != COMPOSITE_SLAB && image_info.w == 0u)
+    if (compose.z == 0u && image_info.w == 0u)
         return true;
     Extent extent = extent_of(p);
     if (kind == COMPOSITE_SLAB) {
         float reach = parts[part].footprint.y * length(extent.m2);
         range = range_of(distance - reach, distance + reach);
         range.y = min(range.y, range.x + SLABS - 1);
+    }
+    if (compose.z != 0u) {
         vec2 slope = regress(extent, vec2(dot(p.m0, extent.m2), dot(p.m1, extent.m2)));
         records[at + 2u] =
             floatBitsToUint(vec4(distance - slabs.x, slope, 1.0 / sqrt(extent.variance)));
@@ -321,19 +316,7 @@ uvec2 write_splat(uint at, Outline o, Amount a, uvec2 range) {
     uvec2 rest = uvec2(packHalf2x16(a.color.rg), packHalf2x16(vec2(a.color.b, 0.0)) | range.x << 16);
     records[at] = uvec4(floatBitsToUint(o.at), floatBitsToUint(o.conic.xy));
     records[at + 1u] = uvec4(floatBitsToUint(vec2(o.conic.z, a.depth)), rest);
-    uvec2 last = uvec2(tiles.x, (tiles.z - tiles.y + TILE - 1u) / TILE) - 1u;
-    uvec2 first = min(uvec2(o.box.x, o.box.y - int(tiles.y)) / TILE, last);
-    last = min(uvec2(o.box.z - 1, o.box.w - 1 - int(tiles.y)) / TILE, last);
-    return pack_span(first, last, range);
-}
-
-// Counts the splat in the batch of its first layer: its pixels in this band, and the splat itself where it begins.
-void count_splat(Outline o) {
-    vec2 size = vec2(o.box.zw - o.box.xy);
-    uint px = uint(min(size.x * size.y, o.area)), lane = gl_LocalInvocationIndex % LANES;
-    atomicAdd(sums[SPLATS][lane], o.begins ? 1u : 0u);
-    atomicAdd(sums[PX_LOW][lane], px & 0xffffu);
-    atomicAdd(sums[PX_HIGH][lane], px >> 16);
+    return find_tiles(o.box.xy, o.box.zw, range);
 }
 
 // Computes what an entry adds at the centre of its footprint; `gain` times the depth of its class. False: nothing.
@@ -369,66 +352,10 @@ uvec2 set_up(uint entry, uint at) {
     range = ivec2(max(range.x - int(batch.y), 0), min(range.y - int(batch.y), int(tiles.w) - 1));
     if (range.x > range.y)
         return NOWHERE;
+    vec2 size = vec2(o.box.zw - o.box.xy);
     if (is_first)
-        count_splat(o);
+        count_splat(uint(min(size.x * size.y, o.area)), o.begins);
     return write_splat(at, o, a, uvec2(range));
-}
-
-uint pairs_of(Span span) {
-    uvec2 size = span.last - span.first + 1u;
-    return size.x * size.y * (span.layers.y - span.layers.x + 1u);
-}
-
-// True if the group's pairs fit. Beyond the capacity bins are not counted any more, only the total: a kernel may touch
-// every tile.
-bool plan(uint own) {
-    if (own == 0u)
-        return false;
-    uint before = atomicAdd(planned, own);
-    if (before + own < before)
-        atomicMax(needed, 0xffffffffu);
-    return before + own >= before && before + own <= room.x;
-}
-
-// A splat with too many rounds over tiles and layers is left out; then the frame is drawn again in smaller pieces.
-uvec2 bound(uvec2 bits) {
-    Span span = unpack_span(bits);
-    uvec2 size = span.last - span.first + 1u;
-    uint rounds = bits == NOWHERE ? 0u : size.x * size.y * (span.layers.y - span.layers.x + 3u);
-    if (rounds <= room.y)
-        return bits;
-    atomicMax(widest, rounds);
-    return NOWHERE;
-}
-
-void count_pairs(Span span) {
-    for (uint r = span.first.y; r <= span.last.y; r++)
-        for (uint c = span.first.x; c <= span.last.x; c++)
-            for (uint l = span.layers.x; l <= span.layers.y; l++)
-                atomicAdd(count[(r * tiles.x + c) * tiles.w + l], 1u);
-}
-
-void add_px(uint px) {
-    uint before = atomicAdd(fragments, px);
-    if (before + px < before)
-        atomicAdd(carry, 1u);
-}
-
-// Adds up a sum of the group and adds it to the frame's.
-void close_sum(uint kind) {
-    uint sum = 0u;
-    for (uint lane = 0u; lane < LANES; lane++)
-        sum += sums[kind][lane];
-    if (kind == SPLATS && sum > 0u)
-        atomicAdd(splats, sum);
-    if (kind == PAIRS)
-        has_room = plan(sum);
-    if (kind == PX_LOW && sum > 0u)
-        add_px(sum);
-    if (kind == PX_HIGH && sum > 0u) {
-        add_px(sum << 16);
-        atomicAdd(carry, sum >> 16);
-    }
 }
 
 void main() {
@@ -437,8 +364,7 @@ void main() {
     part = chunk.z >> 16;
     uint row = chunk.y / parts[part].kind.z;
     corner = 16u * uvec3(chunk.y % parts[part].kind.z, row % parts[part].kind.w, row / parts[part].kind.w);
-    if (thread < SUMS * LANES)
-        sums[thread / LANES][thread % LANES] = 0u;
+    begin_counts();
     if (thread == 0u)
         filter_mode = parts[part].rows.w == ADAPTIVE ? choose_mode() : parts[part].rows.w;
     barrier();
@@ -446,14 +372,5 @@ void main() {
     uvec2 bits = NOWHERE;
     if (thread < (chunk.z & 0xffffu))
         spans[chunk.w + thread] = bits = bound(set_up(chunk.x + thread, stride * (chunk.w + thread)));
-    Span span = unpack_span(bits);
-    bool is_drawn = bits != NOWHERE;
-    if (is_drawn)
-        atomicAdd(sums[PAIRS][thread % LANES], pairs_of(span));
-    barrier();
-    if (thread < SUMS)
-        close_sum(thread);
-    barrier();
-    if (is_drawn && has_room)
-        count_pairs(span);
+    end_counts(bits);
 }

@@ -8,14 +8,15 @@
 layout(local_size_x = TILE, local_size_y = TILE) in;
 layout(std430, binding = 2) readonly buffer Totals { uint totals[]; };
 layout(std430, binding = 3) readonly buffer Pairs { uint pairs[]; };
-// By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for the layer that the last
-// pass or batch left open; the y of the second is the number of fragments that were composited.
+// By pixel: transmittance and premultiplied colour. After those of all pixels: two per pixel for `sum` of the layer that
+// the last pass or batch left open; the y of the second is the number of fragments that were composited.
 layout(std430, binding = 4) buffer Image { vec4 image[]; };
 
 layout(location = 1) uniform uvec3 batch; // width of the image [px], capacity in pairs, pairs of a tile in a pass
 layout(location = 2) uniform uvec4 joint; // batch resumes a layer, batch leaves one open, pass, passes
 
-const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u ? 4u : 2u; // words of four of a record, without its cuts
+const bool divides_splats = COMPOSITING == 0u && LAYERS != 0;
+const uint STAGED = TILE * TILE, WORDS = COMPOSITING == 2u || divides_splats ? 4u : 2u; // of four, of a record without its cuts
 const float TRANSMITTANCE_MIN = 1.0 / 512.0;
 #if !LAYERS
 const uint NO_LAYER = 0xffffffffu;
@@ -65,16 +66,72 @@ void classify() {
 void classify() {}
 #endif
 
+// Composites matter behind a pixel. pixel: transmittance, and colour so far. amount: optical depth, and colour.
+vec4 add_behind(vec4 pixel, vec4 amount) {
+    vec2 a = attenuate(amount.x);
+    return vec4(pixel.x * a.y, pixel.yzw + a.x * pixel.x * amount.yzw);
+}
+
+// Composites a part of the open layer, and leaves the rest.
+void composite_part(float part) {
+    vec4 front = part * sum;
+    pixel = add_behind(pixel, front);
+    sum -= front;
+}
+
+#if LAYERS
+// Composites the fragments before and in the open layer, and what lies before the last of them.
+void insert(uint layer) {
+    float done = 0.0;
+    while (next_layer <= layer) {
+        float share = next_layer == layer ? next_share : 0.0;
+        if (share > done) {
+            composite_part((share - done) / (1.0 - done));
+            done = share;
+        }
+        pixel = over_fragment(pixel);
+        set_next(at, next_fragment + 1u);
+    }
+}
+#endif
+
+#if LAYERS
+// Composites the fragments that do not divide splats of the layer, and what lies behind each of them.
+void insert_before(uint layer) {
+    while (next_layer <= layer) {
+        pixel = over_fragment(pixel);
+        pixel = vec4(pixel.x * (1.0 - sum.x), pixel.yzw + pixel.x * sum.yzw);
+        sum = vec4(0);
+        set_next(at, next_fragment + 1u);
+    }
+}
+
+// Composites the share of staged splat i before the next fragment, and adds the rest to what lies behind it.
+void add_divided(uint i) {
+    uvec4 rest = staged[WORDS * i + 1u];
+    vec4 line = uintBitsToFloat(staged[WORDS * i + 2u]);
+    vec2 d;
+    float exponent, weight = weigh(staged[WORDS * i], uintBitsToFloat(rest.x), at, d, exponent);
+    if (!(weight > 0.0))
+        return;
+    insert_before(uint(slab.x) + (rest.w >> 16));
+    uint cuts = staged_at[i] + WORDS;
+    float face = (next_share - line.x - dot(line.yz, d)) * line.w;
+    vec4 amount = weight * uintBitsToFloat(rest.y) * vec4(1.0, unpackHalf2x16(rest.z), unpackHalf2x16(rest.w).x);
+    pixel = add_behind(pixel, amount * share_of(cuts, vec2(-UNBOUNDED, face), d, exponent));
+    vec4 behind = add_behind(vec4(1.0 - sum.x, sum.yzw), amount * share_of(cuts, vec2(face, UNBOUNDED), d, exponent));
+    sum = vec4(1.0 - behind.x, behind.yzw);
+}
+#endif
+
 // Composites the open layer, number `layer` of the batch.
 void composite(uint layer) {
+    classify();
 #if LAYERS
     if (layer != NO_LAYER)
-        pixel = insert_before(at, uint(slab.x) + layer, pixel);
+        insert(uint(slab.x) + layer);
 #endif
-    classify();
-    vec2 a = attenuate(sum.x);
-    pixel.yzw += a.x * pixel.x * sum.yzw;
-    pixel.x *= a.y;
+    composite_part(1.0);
     sum = vec4(0);
     sum_value = 0.0;
 }
@@ -106,10 +163,12 @@ bool stage(uint thread, uint begin, uint end) {
 // Adds staged splat i, which belongs to the open layer.
 void add(uint i) {
     uvec4 rest = staged[WORDS * i + 1u], line = staged[WORDS * i + WORDS - 2u], range = staged[WORDS * i + WORDS - 1u];
-    vec2 d;
+    vec2 d, bounds = vec2(-UNBOUNDED, UNBOUNDED);
     float exponent, weight = weigh(staged[WORDS * i], uintBitsToFloat(rest.x), at, d, exponent);
+    if (compositing == COMPOSITE_SLAB)
+        bounds = slab_bounds(uintBitsToFloat(line), ivec2(range.xy), int(slab.x) + int(rest.w >> 16), d);
     if (weight > 0.0 && (compositing == COMPOSITE_SLAB || is_clipped))
-        weight *= share_of(staged_at[i] + WORDS, uintBitsToFloat(line), ivec2(range.xy), rest.w >> 16, d, exponent);
+        weight *= share_of(staged_at[i] + WORDS, bounds, d, exponent);
     float t = weight * uintBitsToFloat(rest.y);
     sum += t * vec4(1.0, unpackHalf2x16(rest.z), unpackHalf2x16(rest.w).x);
     if (is_post)
@@ -118,7 +177,11 @@ void add(uint i) {
 
 // Adds n staged splats layer by layer, so that each layer is composited once even if branches are masked.
 void add_staged(uint n, inout uint layer) {
-    for (uint i = 0u; i < n;) {
+#if LAYERS
+    for (uint i = 0u; i < n && divides_splats; i++)
+        add_divided(i);
+#endif
+    for (uint i = 0u; i < n && !divides_splats;) {
         uint own = staged[WORDS * i + 1u].w >> 16;
         if (own != layer || compositing == COMPOSITE_SPLAT)
             composite(layer);
@@ -159,7 +222,9 @@ void main() {
     open_fragments(uint(sheet_planes.w), inside ? index : 0u, batch.x * (tiles.z - tiles.y));
     set_next(at, inside ? uint(image[left + 1u].y) : fragment_count);
 #endif
-    if (inside && (joint.z > 0u || joint.x != 0u)) {
+    if (inside && divides_splats)
+        sum = image[left];
+    if (inside && !divides_splats && (joint.z > 0u || joint.x != 0u)) {
         sum = image[left];
         sum_value = image[left + 1u].x;
         layer = joint.z > 0u ? layer_of(pairs[begin - 1u]) : 0u;
@@ -175,11 +240,12 @@ void main() {
     if (stop < end || joint.y != 0u) {
         image[left] = sum;
         image[left + 1u].x = sum_value;
-    } else {
+    } else if (!divides_splats) {
         composite(layer);
     }
     image[index] = pixel;
 #if LAYERS
+    image[left] = sum;
     image[left + 1u].y = float(next_fragment);
 #endif
 }

@@ -11,8 +11,12 @@ void main() {
         return;
     vec4 pixel = image[i];
     open_fragments(band.y, i, band.x);
+    vec4 behind = image[band.x + 2u * i]; // shares of splats behind the first of them
     next_fragment = uint(image[band.x + 2u * i + 1u].y);
-    for (; next_fragment < fragment_count; next_fragment++)
+    for (; next_fragment < fragment_count; next_fragment++) {
         pixel = over_fragment(pixel);
+        pixel = vec4(pixel.x * (1.0 - behind.x), pixel.yzw + pixel.x * behind.yzw);
+        behind = vec4(0);
+    }
     image[i] = pixel;
 }

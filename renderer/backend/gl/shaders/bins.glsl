@@ -13,7 +13,8 @@ layout(std430, binding = 7) coherent buffer Bins {
     uint crowded;          // pairs of the longest bin that was too long to sort
     uint widest;           // most rounds of a splat that was left out because of them
     uint stored;           // fragments of other layers
-    uint unused[6];
+    uint longest_elements; // as `longest`, of other layers
+    uint unused[5];
     uint count[];
 };
 

@@ -78,21 +78,18 @@ float clip_ray(uint at, vec2 d, float exponent, inout vec2 bounds) {
     return factor;
 }
 
-// Share of the record's weight at d that layer `layer` of the batch gets. `at`: its first cut; slabs: its line and layers.
-float share_of(uint at, vec4 line, ivec2 range, uint layer, vec2 d, float exponent) {
-    bool is_slab = compositing == COMPOSITE_SLAB;
-    vec2 bounds = vec2(-UNBOUNDED, UNBOUNDED), shares;
+// Where layer `own` cuts a kernel along the ray. `line`, `range`: the record's depth.
+vec2 slab_bounds(vec4 line, ivec2 range, int own, vec2 d) {
+    float near = (float(own) * slab.y - line.x - dot(line.yz, d)) * line.w;
+    float far = near + slab.y * line.w;
+    // The tails beyond the kernel's reach count with its first and last slab.
+    return vec2(own > range.x ? near : -UNBOUNDED, own < range.y ? far : UNBOUNDED);
+}
+
+// Share of the record's weight at d between the bounds, and between clipping planes. `at`: its first cut.
+float share_of(uint at, vec2 bounds, vec2 d, float exponent) {
+    vec2 shares;
     float factor = is_clipped ? clip_ray(at, d, exponent, bounds) : 1.0;
-    if (is_slab) {
-        int own = int(slab.x) + int(layer);
-        float near = (float(own) * slab.y - line.x - dot(line.yz, d)) * line.w;
-        float far = near + slab.y * line.w;
-        // The tails beyond the kernel's reach count with its first and last slab.
-        if (own > range.x)
-            bounds.x = max(bounds.x, near);
-        if (own < range.y)
-            bounds.y = min(bounds.y, far);
-    }
     if (bounds.x <= -UNBOUNDED && bounds.y >= UNBOUNDED)
         return factor;
     shares.x = bounds.x <= -UNBOUNDED ? 0.0 : share(exponent, bounds.x);

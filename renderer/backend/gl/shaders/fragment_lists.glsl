@@ -2,6 +2,7 @@
 // Makes lists of fragments (frame/fragments.c). A list that grows is written to a new place of the buffer.
 
 const uint FRAGMENTS_MAX = 16u;
+const float CLEARLY = 0.999; // as in frame/fragments.c
 
 struct Fragment {
     float depth;
@@ -10,7 +11,7 @@ struct Fragment {
 
 shared uint made, place; // fragments of the work group, and where they begin
 
-Fragment merged[FRAGMENTS_MAX]; // of the pixel, sorted by depth
+Fragment merged[FRAGMENTS_MAX + 1u]; // of the pixel, sorted by depth; the last one while one is added
 uint merged_count;
 
 // Reads the pixel's list.
@@ -24,27 +25,39 @@ void load_fragments(uint planes, uint pixel, uint pixels) {
     }
 }
 
-// sp_fragment_add(): if the pixel is full, its two farthest fragments become one.
+// Of FRAGMENTS_MAX + 1 fragments, makes those two neighbours one between which a further fragment would matter least.
+void merge_neighbours() {
+    float through = 1.0, least = 3.0e38;
+    uint pair = FRAGMENTS_MAX - 1u;
+    for (uint i = 0u; i < FRAGMENTS_MAX; i++) {
+        through *= 1.0 - merged[i].color.a;
+        float error = through * merged[i + 1u].color.a * (merged[i + 1u].depth - merged[i].depth);
+        if (error < CLEARLY * least) {
+            least = error;
+            pair = i;
+        }
+    }
+    merged[pair].color += (1.0 - merged[pair].color.a) * merged[pair + 1u].color;
+    for (uint i = 1u; i < FRAGMENTS_MAX; i++)
+        if (i > pair)
+            merged[i] = merged[i + 1u];
+}
+
+// sp_fragment_add()
 void add_fragment(Fragment f) {
     const uint LAST = FRAGMENTS_MAX - 1u;
     if (merged_count == FRAGMENTS_MAX && !(f.depth < merged[LAST].depth)) {
         merged[LAST].color += (1.0 - merged[LAST].color.a) * f.color;
         return;
     }
-    if (merged_count == FRAGMENTS_MAX) {
-        merged[LAST - 1u].color += (1.0 - merged[LAST - 1u].color.a) * merged[LAST].color;
-        merged_count = LAST;
-    }
-    bool is_moving = false;
-    for (uint i = 0u; i < FRAGMENTS_MAX; i++) {
-        is_moving = is_moving || i == merged_count || f.depth < merged[i].depth;
-        Fragment own = merged[i];
-        if (is_moving) {
-            merged[i] = f;
-            f = own;
-        }
-    }
-    merged_count++;
+    uint i = merged_count;
+    for (; i > 0u && f.depth < merged[i - 1u].depth; i--)
+        merged[i] = merged[i - 1u];
+    merged[i] = f;
+    if (merged_count == FRAGMENTS_MAX)
+        merge_neighbours();
+    else
+        merged_count++;
 }
 
 // Stores the pixel's list if it has changed. Every thread must call it. If the work group's lists do not fit into the memory for

@@ -24,7 +24,7 @@ layout(std430, binding = 0) readonly buffer Frame {
     vec4 glint;        // width, gain
     uvec4 choice;  // perspective, lit, lights, sheets of the frame
     uvec4 image_info; // width, height [px], axis of the sheets, clipping planes
-    uvec4 compose; // enum sp_compositing, post-classified
+    uvec4 compose; // enum sp_compositing, post-classified, records have depths
     vec4 slabs;    // distance where layer 0 begins, thickness of a layer
     vec4 lens;     // the camera's scale, centre x, centre y [px]
     Light lights[LIGHTS];

@@ -2,7 +2,8 @@
 // The records of splats between the stages.
 //
 //   record   head:  x, y [px], a, b | c, depth, colour (halves r g | b), and its first layer of the batch
-//            slabs: distance from layer 0's near face, slope (2) [per pixel], sharpness | first and last layer, value
+//            depth: distance from layer 0's near face, slope (2) [per pixel], sharpness | first and last layer, value;
+//                   of slabs, and of single splats that fragments divide
 //            cuts:  one per plane of the frame: e, k (2), side; a shorter list ends with CUT_NONE
 //   span     the bins that it is in
 //   pair     a record and which of its layers: record | layer << 22

@@ -28,7 +28,7 @@
 #include "support/compare.h"
 #include "support/data.h"
 
-enum { NAMES = 1 << 14, BINDINGS = 8, SLOW = 3 /* waits before a fence passes */ };
+enum { NAMES = 1 << 14, BINDINGS = 9, SLOW = 3 /* waits before a fence passes */ };
 
 struct program {
     GLuint shader;
@@ -277,6 +277,7 @@ struct rig {
     struct sp_renderer *renderer;
     struct sp_frame_pool *pool;
     struct sp_volume *volumes[2];
+    struct sp_volume *elements[3]; /* of layers of points, Gaussians and geometry */
     struct sp_error err;
 };
 
@@ -348,6 +349,40 @@ static void frames_in_flight(void **state) {
     }
 }
 
+static struct sp_volume *find(void *user, const char *id) {
+    const struct rig *rig = user;
+    return sp_volume_ref(rig->elements[id[0] - '0']);
+}
+
+/* Draws the first `count` of a list of layers. */
+static void draw_layers(struct rig *rig, unsigned k, uint32_t count) {
+    static const enum sp_layer_type types[] = { SP_LAYER_GEOMETRY,  SP_LAYER_POINTS,
+                                                SP_LAYER_GAUSSIANS, SP_LAYER_SHELL,
+                                                SP_LAYER_SURFACE,   SP_LAYER_VOLUME };
+    const struct sp_render_options options = { .find = find, .user = rig };
+    const uint32_t first = count == 1 ? k % 4 : 0;
+    struct sp_view view;
+    make_view(rig, k, &view);
+    view.layer_count = count;
+    for (uint32_t i = 0; i < count; i++) {
+        struct sp_layer *layer = &view.layers[i];
+        *layer = sp_layer_default(types[first + i]);
+        layer->opacity = layer->type == SP_LAYER_SHELL ? layer->opacity : 0.5f;
+        layer->value = layer->type == SP_LAYER_SURFACE ? 60 : layer->value;
+        if (layer->type >= SP_LAYER_POINTS)
+            layer->id[0] = (char)('0' + (int)layer->type - (int)SP_LAYER_POINTS);
+    }
+    if (!sp_renderer_begin(rig->renderer, rig->volumes[k % 2], &view, rig->pool, &options,
+                           &rig->err))
+        fail_msg("%s", rig->err.text);
+    finish(rig, watch.copies);
+}
+
+static void frames_of_layers(void **state) {
+    for (unsigned k = 0; k < 8; k++)
+        draw_layers(*state, k, k < 4 ? 1 : 6);
+}
+
 static void a_fence_that_does_not_pass_can_be_cancelled(void **state) {
     struct rig *rig = *state;
     atomic_bool cancel = false;
@@ -371,6 +406,13 @@ static bool open_rig(struct rig *rig) {
     assert_true(rig->pool);
     assert_true(rig->volumes[0]);
     assert_true(rig->volumes[1]);
+    for (int i = 0; i < 3; i++) {
+        static const char *const names[] = { "demo:points?size=8", "demo:gaussians?size=8",
+                                             "demo:torus?size=16" };
+        rig->elements[i] = sp_volume_load(names[i], NULL, &rig->err);
+        if (!rig->elements[i])
+            fail_msg("%s", rig->err.text);
+    }
     rig->renderer = first; /* libepoxy looks up the functions that frames use */
     unsigned kinds = 12;
     for (unsigned k = 0; k < kinds; k++) {
@@ -397,6 +439,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         TEST(frames_one_by_one),
         TEST(frames_in_flight),
+        TEST(frames_of_layers),
         TEST(a_fence_that_does_not_pass_can_be_cancelled),
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
@@ -404,6 +447,8 @@ int main(void) {
     sp_frame_pool_destroy(&rig.pool);
     for (int i = 0; i < 2; i++)
         sp_volume_unref(&rig.volumes[i]);
+    for (int i = 0; i < 3; i++)
+        sp_volume_unref(&rig.elements[i]);
     for (int i = 0; i < NAMES; i++)
         free(watch.programs[i].source);
     return failed;

@@ -108,7 +108,7 @@ static void layers_inside_the_volume(void **state) {
                 vary(&view, n);
                 snprintf(what, sizeof what, "%s, layers %d, axes %d, choice %d", orders[order].name,
                          which, is_rectilinear, n % 16);
-                resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+                resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
             }
         sp_volume_unref(&volume);
     }
@@ -128,7 +128,7 @@ static void layers_without_the_volume(void **state) {
             vary(&view, n);
             view.background[3] = 0.4f;
             snprintf(what, sizeof what, "layers %d without the volume, choice %d", which, n);
-            resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+            resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -150,7 +150,7 @@ static void mixed_images(void **state) {
         view.camera.position[1] = -40 * cos(a) * cos(e);
         view.camera.position[2] = 40 * sin(e);
         snprintf(what, sizeof what, "angles %zu", i);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
     }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -193,7 +193,7 @@ static void pieces_add_up(void **state) {
         release(gl);
         gl->workload.limits.loops = n & 1 ? 800 : whole.loops;
         gl->workload.limits.tiles = n & 2 ? 1 : whole.tiles;
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         assert_compare(gl->surfaces.per_pixel, >, 2.5);
         assert_int_equal(gl->buffers.sheets.name != 0, n & 1);
         gl->workload.limits = whole;
@@ -221,7 +221,7 @@ static void pieces_of_shells_add_up(void **state) {
         release(gl);
         gl->workload.limits.loops = 2000;
         gl->workload.limits.tiles = 1;
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         assert_int_equal(gl->buffers.sheets.name != 0, n < 4);
         gl->workload.limits = whole;
     }
@@ -278,7 +278,7 @@ static void vectors_look_the_same(void **state) {
         if (n > 8)
             gl->workload.limits.loops = 2000;
         snprintf(what, sizeof what, "vectors %d", n);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         gl->workload.limits = whole;
     }
     sp_volume_unref(&volume);
@@ -294,7 +294,7 @@ static void points_stay_on_the_gpu(void **state) {
     make_view(&view, volume, 0);
     view.layer_count = 0;
     add_surface(&view, 100, 1);
-    const struct resample_shot shot = { &view, volume, 0, NULL };
+    const struct resample_shot shot = { &view, volume, 0, NULL, NULL };
     uint64_t before = gl->residency.uploaded;
     resample_check(rig, "first", &shot);
     uint64_t points = gl->residency.uploaded - before;

@@ -107,7 +107,7 @@ static void count_warning(void *user, enum sp_log_level level, const char *kind,
 struct scene {
     struct sp_renderer *renderer;
     struct sp_frame_pool *pool;
-    struct sp_volume *volumes[2];
+    struct sp_volume *volumes[2], *elements[2]; /* of layers of Gaussians and geometry */
     unsigned char wanted[2][SIZE][SIZE][4];
     struct sp_error err;
 };
@@ -134,11 +134,21 @@ static void add_layers(const struct scene *scene, int i, struct sp_view *view) {
     view->layers[1].value = 0.5 * (range[0] + range[1]);
     view->layers[1].opacity = 0.5f;
     view->layers[2] = sp_layer_default(SP_LAYER_SHELL);
-    view->layer_count = 3;
+    view->layers[3] = sp_layer_default(SP_LAYER_GAUSSIANS);
+    view->layers[4] = sp_layer_default(SP_LAYER_GEOMETRY);
+    view->layers[3].id[0] = '0';
+    view->layers[4].id[0] = '1';
+    view->layer_count = 5;
+}
+
+static struct sp_volume *find(void *user, const char *id) {
+    const struct scene *scene = user;
+    return sp_volume_ref(scene->elements[id[0] - '0']);
 }
 
 /* Draws volume i; false with scene->err set. */
 static bool draw(struct scene *scene, int i, enum kind kind, unsigned char pixels[SIZE][SIZE][4]) {
+    const struct sp_render_options options = { .find = find, .user = scene };
     struct sp_view view;
     make_view(scene, i, &view);
     if (kind == WITH_LAYERS)
@@ -148,7 +158,7 @@ static bool draw(struct scene *scene, int i, enum kind kind, unsigned char pixel
         view.transfer_function.order = SP_TF_POST;
     }
     struct sp_frame *frame = sp_renderer_render(scene->renderer, scene->volumes[i], &view,
-                                                scene->pool, NULL, &scene->err);
+                                                scene->pool, &options, &scene->err);
     if (!frame)
         return false;
     copy_pixels(frame, pixels);
@@ -240,7 +250,7 @@ static void slab_frames_survive_a_context_loss(void **state) {
     check_loss(*state, SLAB);
 }
 
-static void so_do_surfaces_and_shells(void **state) {
+static void so_do_frames_of_other_layers(void **state) {
     check_loss(*state, WITH_LAYERS);
 }
 
@@ -306,13 +316,15 @@ static void a_renderer_without_a_context_can_be_destroyed(void **state) {
 
 static bool init_scene(struct scene *scene) {
     static const char *const sources[] = { "demo:phantom?size=16", "demo:vessels?size=20" };
+    static const char *const elements[] = { "demo:gaussians?size=8", "demo:torus?size=16" };
     const struct sp_renderer_options options = { .backend = "gl-software", .threads = 1 };
     scene->renderer = sp_renderer_create(&options, &scene->err);
     scene->pool = scene->renderer ? sp_frame_pool_create(0, &scene->err) : NULL;
     bool ok = scene->pool != NULL;
     for (int i = 0; ok && i < 2; i++)
         ok = (scene->volumes[i] = sp_volume_load(sources[i], NULL, &scene->err)) &&
-             draw(scene, i, PLAIN, scene->wanted[i]);
+             draw(scene, i, PLAIN, scene->wanted[i]) &&
+             (scene->elements[i] = sp_volume_load(elements[i], NULL, &scene->err));
     return ok;
 }
 
@@ -330,7 +342,7 @@ int main(void) {
         TEST(a_reset_costs_no_frame),
         TEST(a_reset_costs_no_frame_in_flight),
         TEST(slab_frames_survive_a_context_loss),
-        TEST(so_do_surfaces_and_shells),
+        TEST(so_do_frames_of_other_layers),
         TEST(a_context_that_cannot_be_bound_is_replaced),
         TEST(a_gpu_that_resets_repeatedly_is_replaced),
         TEST(without_another_context_the_next_frame_tries_again),
@@ -340,7 +352,9 @@ int main(void) {
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     sp_renderer_destroy(&scene.renderer);
     sp_frame_pool_destroy(&scene.pool);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++) {
         sp_volume_unref(&scene.volumes[i]);
+        sp_volume_unref(&scene.elements[i]);
+    }
     return failed;
 }

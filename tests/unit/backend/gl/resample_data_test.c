@@ -30,7 +30,7 @@ static void pieces_add_up_to_the_whole_image(void **state) {
     view.shading.mode = SP_SHADING_PHONG;
     for (int a = 0; a < 3; a++) /* the images of three axes are mixed */
         view.camera.position[a] = 20 + a;
-    const struct resample_shot shot = { &view, volume, 0, NULL };
+    const struct resample_shot shot = { &view, volume, 0, NULL, NULL };
     const struct gl_limits limits = gl->workload.limits;
     struct test_image whole = resample_draw(rig, GL, &shot, NULL);
     for (int n = 0; n < 4; n++) {
@@ -76,7 +76,7 @@ static void what_is_resident_is_not_uploaded_again(void **state) {
             resample_make_ball(is_double ? SP_FLOAT64 : SP_FLOAT32, 0, 1, false, false);
         struct sp_view view;
         resample_make_view(&view, volume, 0, 1);
-        const struct resample_shot shot = { &view, volume, 0, NULL };
+        const struct resample_shot shot = { &view, volume, 0, NULL, NULL };
         uint64_t uploaded = gl->residency.uploaded;
         struct test_image image = resample_draw(rig, GL, &shot, NULL);
         test_image_finish(&image);
@@ -108,7 +108,7 @@ static void a_frame_that_does_not_fit_is_refused(void **state) {
     struct sp_volume *volume = resample_make_ball(SP_UINT16, 0, 1000, false, false);
     struct sp_view view;
     resample_make_view(&view, volume, 0, 1000);
-    const struct resample_shot shot = { &view, volume, 0, NULL };
+    const struct resample_shot shot = { &view, volume, 0, NULL, NULL };
     uint64_t limit = gl->residency.limit_bytes, memory = gl->memory_bytes;
     struct sp_error err;
     gl->residency.limit_bytes = 1000;
@@ -128,7 +128,7 @@ static void a_frame_that_does_not_fit_is_refused(void **state) {
         gl_draw_bytes(gl) + gl_residency_bytes(&gl->residency, volume) + X * Y * Z * sizeof(float);
     for (int n = 0; n < 4; n++)
         resample_check(rig, "in turn",
-                       &(struct resample_shot){ &view, n % 2 ? volume : other, 0, NULL });
+                       &(struct resample_shot){ &view, n % 2 ? volume : other, 0, NULL, NULL });
     gl->residency.limit_bytes = limit;
     sp_volume_unref(&volume);
     sp_volume_unref(&other);
@@ -143,7 +143,7 @@ static void an_axis_that_does_not_fit_is_left_out(void **state) {
     struct sp_view view;
     resample_make_view(&view, volume, 0, 1000);
     memcpy(view.camera.position, (double[3]){ 25, 24.5, 3 }, sizeof view.camera.position);
-    const struct resample_shot shot = { &view, volume, 0, NULL };
+    const struct resample_shot shot = { &view, volume, 0, NULL, NULL };
     struct test_image both = resample_draw(rig, GL, &shot, NULL);
     uint64_t needed = gl_draw_bytes(gl) + gl_residency_bytes(&gl->residency, volume);
     uint64_t limit = gl->residency.limit_bytes;
@@ -166,10 +166,10 @@ static void a_cancelled_frame_leaves_nothing_behind(void **state) {
     atomic_bool cancel = true;
     struct sp_error err;
     resample_make_view(&view, volume, 0, 1);
-    assert_false(resample_try(rig, GL, &(struct resample_shot){ &view, volume, 0, &cancel }, NULL,
-                              NULL, &err));
+    assert_false(resample_try(rig, GL, &(struct resample_shot){ &view, volume, 0, &cancel, NULL },
+                              NULL, NULL, &err));
     assert_int_equal(err.code, SP_ERR_CANCELLED);
-    resample_check(rig, "after it", &(struct resample_shot){ &view, volume, 0, NULL });
+    resample_check(rig, "after it", &(struct resample_shot){ &view, volume, 0, NULL, NULL });
     sp_volume_unref(&volume);
     resample_report(rig);
 }
@@ -255,8 +255,8 @@ static void light_is_refused(void **state) {
     resample_make_view(&view, volume, 0, 255);
     view.shading.mode = SP_SHADING_PHONG;
     view.shading.occlusion = 0.5f;
-    assert_false(
-        resample_try(rig, GL, &(struct resample_shot){ &view, volume, 0, NULL }, NULL, NULL, &err));
+    assert_false(resample_try(rig, GL, &(struct resample_shot){ &view, volume, 0, NULL, NULL },
+                              NULL, NULL, &err));
     assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
     assert_string_equal(err.place, "/shading");
     sp_volume_unref(&volume);

@@ -53,11 +53,14 @@ bool resample_try(struct resample_rig *rig, int by, const struct resample_shot *
     struct sp_frame *frame =
         sp_frame_create(rig->pool, view->size[0], view->size[1], SP_RGBAF32, err);
     assert_non_null(frame);
-    const struct sp_backend_job job = { .volume = shot->volume,
-                                        .view = view,
-                                        .mip_level = shot->mip_level,
-                                        .frame = frame,
-                                        .cancel = shot->cancel };
+    struct sp_backend_job job = { .volume = shot->volume,
+                                  .view = view,
+                                  .mip_level = shot->mip_level,
+                                  .frame = frame,
+                                  .cancel = shot->cancel };
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].type >= SP_LAYER_POINTS)
+            job.shown[i] = shot->shown[view->layers[i].type - SP_LAYER_POINTS];
     bool ok = rig->backends[by]->render(rig->states[by], &job, err);
     if (ok && image)
         assert_true(test_image_from_frame(image, frame));

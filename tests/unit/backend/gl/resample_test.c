@@ -43,7 +43,7 @@ static void every_type_of_samples(void **state) {
         resample_make_view(&view, volume, cases[i].low, cases[i].high);
         view.shading.mode = is_lit ? SP_SHADING_PHONG : SP_SHADING_NONE;
         snprintf(what, sizeof what, "type %d, case %zu, lit %d", (int)cases[i].type, i, is_lit);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         for (int b = 0; b < BACKENDS; b++)
             rig->backends[b]->evict(rig->states[b], volume);
         assert_compare(rig->backends[GL]->memory(rig->states[GL], volume), ==, 0);
@@ -72,7 +72,7 @@ static void every_direction(void **state) {
             }
             snprintf(what, sizeof what, "from %d %d %d, axes %d", to[0], to[1], to[2],
                      is_rectilinear);
-            resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+            resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         }
         sp_volume_unref(&volume);
     }
@@ -96,7 +96,7 @@ static void other_choices(void **state) {
         view.shading.mode = n & 8 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         view.background[3] = n & 1 ? 1 : 0.3f;
         snprintf(what, sizeof what, "choice %d", n);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
     }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -120,7 +120,7 @@ static void mixed_images(void **state) {
         view.shading.mode = n % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         view.size[0] = 90;
         snprintf(what, sizeof what, "mixed image %zu", n);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
     }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -141,7 +141,7 @@ static void wide_views(void **state) {
         view.size[1] = 70;
         view.shading.mode = n % 2 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         snprintf(what, sizeof what, "wide view %d", n);
-        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL });
+        resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
     }
     sp_volume_unref(&volume);
     resample_report(rig);
@@ -174,7 +174,7 @@ static void levels_of_detail(void **state) {
         scene.view.shading.mode = n / 6 ? SP_SHADING_PHONG : SP_SHADING_NONE;
         snprintf(what, sizeof what, "detail %d", n);
         resample_check(rig, what,
-                       &(struct resample_shot){ &scene.view, volume, n % 2 ? 1 : 0, NULL });
+                       &(struct resample_shot){ &scene.view, volume, n % 2 ? 1 : 0, NULL, NULL });
     }
     sp_volume_unref(&volume);
     test_scene_finish(&scene);
@@ -211,7 +211,8 @@ static void thin_volumes(void **state) {
             test_scene_orbit(&scene, NULL, side == 0 ? 80 : 10, side == 1 ? 75 : 12,
                              i < 2 ? 2.5 : 9);
             snprintf(what, sizeof what, "thin %zu, side %d", i, side);
-            resample_check(rig, what, &(struct resample_shot){ &scene.view, volume, 0, NULL });
+            resample_check(rig, what,
+                           &(struct resample_shot){ &scene.view, volume, 0, NULL, NULL });
             sp_volume_unref(&volume);
             test_scene_finish(&scene);
         }

@@ -88,7 +88,7 @@ static void a_compositor_that_does_not_compile_disables_only_its_views(void **st
     driver.broken = "#define COMPOSITING 2u";
     for (int i = 0; i < 3; i++) {
         assert_int_equal(draw(rig, SP_COMPOSITE_SLAB, &err), SP_ERR_UNSUPPORTED);
-        assert_non_null(strstr(err.text, "has no compositor for this view"));
+        assert_non_null(strstr(err.text, "has no program for this view"));
         assert_int_equal(draw(rig, SP_COMPOSITE_SHEET, &err), SP_OK);
     }
     assert_int_equal(driver.shaders, 1); /* the shader is not compiled again */

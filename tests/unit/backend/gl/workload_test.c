@@ -193,6 +193,32 @@ static void wide_splats_take_fewer_rows_then_layers(void **state) {
     assert_int_equal(workload.rows, 2 * rows);
 }
 
+/* Many pairs of the volume on a tile do not multiply the passes of other layers, nor the reverse.
+ */
+static void other_layers_have_their_own_passes(void **state) {
+    (void)state;
+    struct gl_workload workload = make_workload();
+    struct gl_costs costs = plain;
+    struct sp_error err;
+    costs.element_rounds = 16;
+    struct gl_pieces was = gl_workload_plan(&workload, &costs);
+    assert_int_equal(was.element_pairs, whole.loops / 16);
+    struct gl_bins_head head = { .longest = was.pass_pairs,
+                                 .longest_elements = 4 * was.element_pairs };
+    assert_false(gl_workload_fits(&was, &head));
+    assert_true(gl_workload_retry(&workload, &was, &head, &err));
+    was = gl_workload_plan(&workload, &costs);
+    assert_int_equal(was.passes, 1);
+    assert_int_equal(was.element_passes, 5); /* a quarter more */
+    assert_true(gl_workload_fits(&was, &head));
+    head.longest_elements = 1;
+    head.longest = 2 * was.pass_pairs;
+    assert_true(gl_workload_retry(&workload, &was, &head, &err));
+    gl_workload_grow(&workload, &was, &head);
+    assert_int_equal(workload.passes, 2);
+    assert_int_equal(workload.element_passes, 3); /* half of them */
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_long_dispatch_halves_pieces),
@@ -204,6 +230,7 @@ int main(void) {
         cmocka_unit_test(as_many_records_as_fit_are_used),
         cmocka_unit_test(slow_pieces_are_no_reason_to_refuse),
         cmocka_unit_test(wide_splats_take_fewer_rows_then_layers),
+        cmocka_unit_test(other_layers_have_their_own_passes),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -172,6 +172,17 @@ static void a_path_waits_for_an_unknown_volume(void **state) {
     assert_int_equal(path_wait_until(id, "done").done, FRAMES);
 }
 
+static void a_path_waits_for_the_volumes_of_layers(void **state) {
+    (void)state;
+    char id[SRV_PATH_ID_BYTES];
+    path_add_with_points("stars", id);
+    path_wait_for(id, "waiting", "no volume \"stars\" is loaded");
+    assert_int_equal(WAITS("volume"), 1);
+    /* It continues with a volume of the wrong kind: points would not fit into MEMORY. */
+    assert_int_equal(paths_fixture_load("stars", OTHER), SRV_VOLUME_READY);
+    path_wait_for(id, "failed", "/layers/1/id: this volume has no points");
+}
+
 static void a_path_waits_for_a_loading_volume(void **state) {
     (void)state;
     char id[SRV_PATH_ID_BYTES];
@@ -259,6 +270,7 @@ int main(void) {
         TEST(each_new_reason_for_waiting_is_an_event),
         TEST(a_frame_that_cannot_be_synced_does_not_count),
         TEST(a_path_waits_for_an_unknown_volume),
+        TEST(a_path_waits_for_the_volumes_of_layers),
         TEST(a_path_waits_for_a_loading_volume),
         TEST(a_path_waits_for_a_volume_that_failed_to_load),
         TEST(another_volume_of_the_same_name_fails_the_path),

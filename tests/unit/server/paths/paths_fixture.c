@@ -238,6 +238,10 @@ int paths_fixture_tear_down(void **state) {
 /* Paths. */
 
 void path_add(char id[SRV_PATH_ID_BYTES]) {
+    path_add_with_points(NULL, id);
+}
+
+void path_add_with_points(const char *volume, char id[SRV_PATH_ID_BYTES]) {
     static const char text[] = "{\"frames\": 3, \"format\": \"jpeg\","
                                " \"keyframes\": [{\"frame\": 2, \"view\": {}}]}";
     struct sp_error err;
@@ -250,6 +254,11 @@ void path_add(char id[SRV_PATH_ID_BYTES]) {
     srv_catalog_default_view(paths_fixture.render.catalog, view.volume, &view.view);
     view.view.size[0] = view.view.size[1] = 16;
     view.defaults = view.view;
+    if (volume) {
+        struct sp_layer *layer = &view.view.layers[view.view.layer_count++];
+        *layer = sp_layer_default(SP_LAYER_POINTS);
+        snprintf(layer->id, sizeof layer->id, "%s", volume);
+    }
     proto_json *json = srv_paths_add(paths_fixture.paths, body, &view, "ann", id, &is_full, &err);
     if (!json)
         fail_msg("%s: %s", err.place, err.text);

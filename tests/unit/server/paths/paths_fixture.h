@@ -67,6 +67,8 @@ void paths_fixture_end(void);
 int paths_fixture_set_up(void **state);
 int paths_fixture_tear_down(void **state);
 void path_add(char id[SRV_PATH_ID_BYTES]);
+/* The same with a layer of the points of another volume. */
+void path_add_with_points(const char *volume, char id[SRV_PATH_ID_BYTES]);
 /* Reads what the daemon says about a path. False: there is no such path. */
 bool path_look_up(const char *id, struct srv_path_info *info);
 /* Waits until the path has this state, with a reason that contains this text. */

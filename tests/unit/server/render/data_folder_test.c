@@ -171,6 +171,25 @@ static void a_folder_is_listed(void **state) {
     assert_int_equal(entries[0].dims[2], 4);
 }
 
+static void a_zarr_folder_is_a_volume(void **state) {
+    (void)state;
+    struct srv_data_entry entries[4];
+    make_folder("data/scans/brain.ome.zarr");
+    make_folder("data/scans/array");
+    make_folder("data/scans/plate.zarr");
+    write_file("data/scans/brain.ome.zarr/zarr.json", "{\"ome\": {\"multiscales\": []}}");
+    write_file("data/scans/array/.zarray", "{\"zarr_format\": 2}");
+    write_file("data/scans/plate.zarr/.zattrs", "{\"plate\": {}}");
+    assert_int_equal(list("scans", "", 4, entries), 4);
+    assert_string_equal(entries[0].key, "/plate.zarr"); /* its images are volumes */
+    assert_string_equal(entries[1].key, ":array");
+    assert_string_equal(entries[3].key, ":brain.ome.zarr");
+    assert_true(entries[3].is_zarr);
+    assert_string_equal(entries[3].format, "Zarr");
+    srv_data_describe(data, "scans", &entries[3]);
+    assert_int_equal(entries[3].kind, SP_KIND_GRID);
+}
+
 static void what_is_no_folder_is_not_listed(void **state) {
     (void)state;
     static const struct {
@@ -231,18 +250,52 @@ static void files_say_what_they_are(void **state) {
         { "a.json", "{\"dims\":[3,2,1],\"type\":\"int16\"}", { 3, 2, 1 }, "int16" },
         { "a.json", "{\"dims\":[3,2],\"type\":\"int16\"}", { 0 }, "" },
         { "a.json", "{\"name\":1}", { 0 }, "" },
+        { "a.mhd",
+          "NDims = 3\nDimSize = 6 5 4\nElementType = MET_USHORT\nElementDataFile = a\n",
+          { 6, 5, 4 },
+          "uint16" },
         { "a.tif", "II*", { 0 }, "" },
         { "a.txt", "NRRD0001\nsizes: 1 2 3\n", { 0 }, "" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         struct srv_format_peek peek;
-        bool found = srv_format_look(cases[i].name, cases[i].text, strlen(cases[i].text), &peek);
-        assert_int_equal(found, cases[i].dims[0] != 0);
+        srv_format_look(cases[i].name, cases[i].text, strlen(cases[i].text), &peek);
         for (int axis = 0; axis < 3; axis++)
             assert_int_equal(peek.dims[axis], cases[i].dims[axis]);
         assert_string_equal(peek.type, cases[i].type);
     }
+    static const struct {
+        const char *name, *text;
+        enum sp_kind kind;
+    } kinds[] = {
+        { "a.nrrd", "", SP_KIND_GRID },
+        { "a.csv", "x,y,z\n", SP_KIND_POINTS },
+        { "a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET POLYDATA\n", SP_KIND_POINTS },
+        { "a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET STRUCTURED_GRID\n",
+          SP_KIND_POINTS },
+        { "a.vtk", "# vtk DataFile Version 3.0\nx\nASCII\nDATASET RECTILINEAR_GRID\n",
+          SP_KIND_GRID },
+        { "a.vtk", "# vtk", SP_KIND_COUNT },
+        { "a.ply", "ply\nformat ascii 1.0\nelement vertex 3\nelement face 1\n", SP_KIND_MESH },
+        { "a.ply", "ply\nelement vertex 3\nproperty float x\nelement face 0\n", SP_KIND_POINTS },
+        { "a.ply", "ply\nelement vertex 3\nproperty float f_dc_0\n", SP_KIND_GAUSSIANS },
+        { "a.ply", "ply\nelement chunk 1\nelement vertex 3\nproperty uint packed_position\n",
+          SP_KIND_GAUSSIANS },
+        { "a.ply", "obj", SP_KIND_COUNT },
+        { "a.glb", "glTF", SP_KIND_MESH },
+        { "a.txt", "", SP_KIND_COUNT },
+    };
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
+        struct srv_format_peek peek;
+        srv_format_look(kinds[i].name, kinds[i].text, strlen(kinds[i].text), &peek);
+        assert_int_equal(peek.kind, kinds[i].kind);
+    }
     assert_string_equal(srv_format_extension("/x/A.TIFF"), ".tiff");
+    assert_string_equal(srv_format_extension("brain.nii.gz"), ".nii.gz");
+    char list[SRV_FORMAT_LIST];
+    srv_format_list(list);
+    assert_ptr_equal(strstr(list, ".nrrd, .nhdr, "), list);
+    assert_non_null(strstr(list, " or ."));
     assert_null(srv_format_of(".nrrd"));
     assert_null(srv_format_of("nrrd"));
 }
@@ -291,6 +344,7 @@ int main(void) {
         cmocka_unit_test(what_is_no_folder_is_not_listed),
         cmocka_unit_test(files_say_what_they_are),
         cmocka_unit_test(ids_are_readable),
+        cmocka_unit_test(a_zarr_folder_is_a_volume),
     };
     return cmocka_run_group_tests(tests, set_up, tear_down);
 }

@@ -3,6 +3,7 @@
  * Control of a session's view: when it passes on, and to which participant. --control-time is
  * 500 ms.
  */
+#include <math.h>
 #include <setjmp.h>
 #include <stdarg.h>
 #include <stddef.h>
@@ -179,6 +180,33 @@ static void picks_are_limited_per_second(void **state) {
     srv_hub_leave(f->hub, &a, 20000);
 }
 
+static void picks_of_many_elements_are_limited_more(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 10000);
+    unsigned answered = 0;
+    f->picked.elements = 2500000; /* a tenth of what a second allows, and the pick itself 50 ms */
+    for (int i = 0; i < 100; i++)
+        answered += call(f, a, "pick", "{\"at\":[512,0]}", 10000, "\"position\":[1");
+    assert_int_equal(answered, 7);
+    assert_false(call(f, a, "pick", "{\"at\":[512,0]}", 10050, "\"position\":[1"));
+    assert_true(call(f, a, "pick", "{\"at\":[512,0]}", 10150, "\"position\":[1"));
+    srv_hub_leave(f->hub, &a, 20000);
+}
+
+static void a_pick_may_have_no_value_and_may_fail(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *a = hub_join(f, SRV_ROLE_VIEW, 10000);
+    assert_true(call(f, a, "pick", "{\"at\":[512,0]}", 10000, "\"value\":7"));
+    assert_true(call(f, a, "pick", "{\"at\":[3,0],\"size\":[4,4]}", 10050, "\"opacity\":0.75"));
+    assert_false(call(f, a, "pick", "{\"at\":[5,0],\"size\":[4,4]}", 10050, ""));
+    assert_false(call(f, a, "pick", "{\"at\":[1,0],\"size\":[4,0]}", 10050, ""));
+    f->picked.value = NAN;
+    assert_true(call(f, a, "pick", "{\"at\":[512,0]}", 10100, "\"value\":null"));
+    f->picked.elements = UINT64_MAX;
+    assert_false(call(f, a, "pick", "{\"at\":[512,0]}", 10200, ""));
+    srv_hub_leave(f->hub, &a, 20000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
@@ -188,6 +216,8 @@ int main(void) {
         TEST(a_view_role_gets_no_control_by_waiting),
         TEST(an_answer_ends_the_request),
         TEST(picks_are_limited_per_second),
+        TEST(picks_of_many_elements_are_limited_more),
+        TEST(a_pick_may_have_no_value_and_may_fail),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -36,15 +36,43 @@ static void default_view(void *user, void *volume, struct sp_view *view) {
     *view = ((struct fixture *)user)->view;
 }
 
-static void pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
-                 const double at[2], struct sp_pick *found) {
+static uint32_t steps(void *user, void *volume) {
+    (void)volume;
+    return ((struct fixture *)user)->step_count;
+}
+
+static void *step(void *user, void *volume, uint32_t number) {
+    struct fixture *f = user;
+    (void)volume;
+    f->uses++;
+    return &f->steps[number];
+}
+
+static bool step_is_ready(void *user, void *handle, struct sp_error *err) {
+    const struct fixture_step *wanted = handle;
     (void)user;
+    if (wanted->has_failed)
+        return sp_fail(err, SP_ERR_IO, "", "the disk is gone");
+    return wanted->is_loaded || sp_fail(err, SP_ERR_NOT_READY, "", "it is loading");
+}
+
+static void *nearest_step(void *user, void *volume, uint32_t number) {
+    struct fixture *f = user;
+    (void)volume;
+    while (number > 0 && !f->steps[number].is_loaded)
+        number--;
+    f->uses++;
+    return &f->steps[number];
+}
+
+static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
+                 const double at[2], struct sp_pick *found, struct sp_error *err) {
     (void)volume;
     (void)view;
-    *found = (struct sp_pick){ .opacity = at[0] / size[0],
-                               .is_hit = at[0] / size[0] >= 0.5,
-                               .position = { 1, 2, 3 },
-                               .value = 7 };
+    *found = ((struct fixture *)user)->picked;
+    found->opacity = at[0] / size[0];
+    found->is_hit = found->opacity >= 0.5;
+    return found->elements < UINT64_MAX || sp_fail(err, SP_ERR_MEMORY, "", "no memory left");
 }
 
 static void ignore(void *user) {
@@ -83,7 +111,7 @@ static bool token(void *user, const char *name, unsigned *rights, struct srv_quo
     return true;
 }
 
-int hub_set_up(void **state) {
+static int set_up(void **state, uint32_t steps_of_volume) {
     struct fixture *f = calloc(1, sizeof *f);
     if (!f)
         return -1;
@@ -94,10 +122,22 @@ int hub_set_up(void **state) {
         f->info.grid.direction[i][i] = 1;
     }
     f->info.histogram[3] = 512;
+    f->picked = (struct sp_pick){ .position = { 1, 2, 3 }, .value = 7 };
     sp_view_init(&f->view, &f->info, "v"); /* once: it searches the histogram */
     f->metrics = srv_metrics_create();
-    struct srv_hub_options options = { .volumes = { f, acquire, add_use, release, default_view,
-                                                    pick, measure },
+    f->step_count = f->info.steps.count = steps_of_volume;
+    f->steps[0].is_loaded = true;
+    struct srv_hub_options options = { .volumes = { .user = f,
+                                                    .acquire = acquire,
+                                                    .ref = add_use,
+                                                    .release = release,
+                                                    .steps = steps,
+                                                    .step = step,
+                                                    .step_is_ready = step_is_ready,
+                                                    .nearest_step = nearest_step,
+                                                    .default_view = default_view,
+                                                    .pick = pick,
+                                                    .measure = measure },
                                        .token = token,
                                        .sessions_max = 2,
                                        .participants_max = 3,
@@ -117,6 +157,14 @@ int hub_set_up(void **state) {
     proto_json_free(&json);
     *state = f;
     return 0;
+}
+
+int hub_set_up(void **state) {
+    return set_up(state, 1);
+}
+
+int hub_set_up_series(void **state) {
+    return set_up(state, 4);
 }
 
 int hub_tear_down(void **state) {

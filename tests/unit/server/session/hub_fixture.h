@@ -8,7 +8,12 @@
 #include "schedule/quality.h"
 #include "schedule/schedule.h"
 #include "session/participant.h"
+#include "sp/pick.h"
 #include "sp/volume.h"
+
+struct fixture_step { /* a time step: srv_volume_source.step() returns its address */
+    bool is_loaded, has_failed;
+};
 
 struct fixture {
     struct srv_hub *hub;
@@ -23,11 +28,15 @@ struct fixture {
     char id[SRV_SESSION_ID_BYTES];
     struct srv_quota *quota; /* of the token ann; NULL = there is none */
     unsigned rights;         /* of it */
+    uint32_t step_count;
+    struct fixture_step steps[4];
+    struct sp_pick picked; /* what picks at the right half of the image answer */
 };
 
 /* For cmocka; *state is a struct fixture. The tear-down fails when a use of a volume was not given
  * back. */
 int hub_set_up(void **state);
+int hub_set_up_series(void **state); /* volumes have four time steps */
 int hub_tear_down(void **state);
 
 struct srv_participant *hub_join(struct fixture *f, enum srv_role role, double now_ms);

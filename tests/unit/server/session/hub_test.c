@@ -152,7 +152,7 @@ static void notifications_report_the_newest_state(void **state) {
     for (unsigned seq = 1; seq <= 9; seq++)
         hub_update(f, a, seq, seq);
     for (int i = 0; i <= 100; i++)
-        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "");
+        srv_hub_volume_progress(f->hub, "w", i < 100 ? "loading" : "ready", i / 100.0, "", 0);
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "session.control")); /* the first update took control */
     free(message.text);
@@ -168,13 +168,34 @@ static void notifications_report_the_newest_state(void **state) {
     srv_hub_leave(f->hub, &b, 30);
 }
 
+/* The frames of a session failed while a volume was missing that a layer shows. */
+static void a_session_gets_new_frames_when_the_volume_of_a_layer_is_ready(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct sp_error err;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    hub_send(f, p, "view.update",
+             "{\"seq\":1,\"patch\":{\"layers\":[{\"type\":\"points\",\"id\":\"w\"}]}}", 0);
+    hub_drain(f, p, 0);
+    assert_true(hub_next_job(f, 1, &job));
+    sp_fail(&err, SP_ERR_VOLUME_UNKNOWN, "/layers/0/id", "no volume \"w\" is loaded");
+    srv_schedule_failed(f->schedule, &job, &err);
+    srv_hub_volume_progress(f->hub, "w", "loading", 0.5, "", 9000);
+    srv_hub_volume_progress(f->hub, "another", "ready", 1, "", 9000);
+    assert_false(hub_next_job(f, 9000, &job));
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 9000);
+    assert_true(hub_next_job(f, 9001, &job));
+    hub_finish(f, &job, 1);
+    srv_hub_leave(f->hub, &p, 9500);
+}
+
 static void an_unloaded_volume_is_reported_once(void **state) {
     struct fixture *f = *state;
     struct srv_participant *a = hub_join(f, SRV_ROLE_CONTROL, 0);
     struct srv_message message;
     hub_drain(f, a, 0);
-    srv_hub_volume_progress(f->hub, "w", "ready", 1, "");
-    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "");
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 0);
+    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "", 0);
     assert_int_equal(srv_hub_next_message(f->hub, a, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"unloaded\""));
     free(message.text);
@@ -184,7 +205,7 @@ static void an_unloaded_volume_is_reported_once(void **state) {
         assert_null(strstr(message.text, "volume.progress"));
         free(message.text);
     }
-    srv_hub_volume_progress(f->hub, "w", "loading", 0, "");
+    srv_hub_volume_progress(f->hub, "w", "loading", 0, "", 20);
     assert_int_equal(srv_hub_next_message(f->hub, b, true, 20, &message), SRV_MESSAGE_TEXT);
     assert_non_null(strstr(message.text, "\"state\":\"loading\""));
     free(message.text);
@@ -202,6 +223,7 @@ int main(void) {
         TEST(frames_dropped_at_shutdown_are_not_counted),
         TEST(notifications_report_the_newest_state),
         TEST(an_unloaded_volume_is_reported_once),
+        TEST(a_session_gets_new_frames_when_the_volume_of_a_layer_is_ready),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

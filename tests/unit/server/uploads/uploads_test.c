@@ -452,6 +452,33 @@ static void a_header_has_companions(void **state) {
     srv_uploads_destroy(&uploads);
 }
 
+/* Slices, and headers and samples of NIfTI, find each other by their names. */
+static void some_files_keep_their_names(void **state) {
+    (void)state;
+    struct srv_uploads *uploads = create(1000);
+    struct srv_upload_request request = {
+        .name = "s1.png", .extension = ".png", .bytes = 4, .owner = "ann"
+    };
+    struct srv_upload_info header, info;
+    struct sp_error err;
+    char path[PATH_MAX], name[SRV_UPLOAD_NAME_BYTES];
+    assert_true(srv_uploads_add(uploads, &request, 0, &header, &err));
+    assert_true(try_join(uploads, header.id, "s2.png", 3, &info, &err));
+    assert_false(try_join(uploads, header.id, "s1.png", 3, &info, &err));
+    assert_string_equal(err.place, "/name");
+    fill(uploads, header.id, "head");
+    fill(uploads, info.id, "abc");
+    srv_uploads_destroy(&uploads);
+    uploads = create(1000);
+    assert_true(srv_upload_open(uploads, header.id, path, name, &err));
+    assert_string_equal(strrchr(path, '/'), "/s1.png");
+    assert_int_equal(access(path, F_OK), 0);
+    strcpy(strrchr(path, '/'), "/s2.png");
+    assert_int_equal(access(path, F_OK), 0);
+    srv_upload_close(uploads, header.id, SRV_UPLOAD_RETURNED);
+    srv_uploads_destroy(&uploads);
+}
+
 /* The bytes of a companion keep its header; a companion without any goes alone. */
 static void a_set_expires_together(void **state) {
     (void)state;
@@ -542,6 +569,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(an_upload_has_an_owner, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_token_has_a_share, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_header_has_companions, set_up, tear_down),
+        cmocka_unit_test_setup_teardown(some_files_keep_their_names, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_set_expires_together, set_up, tear_down),
         cmocka_unit_test_setup_teardown(a_restart_trusts_no_file, set_up, tear_down),
         cmocka_unit_test(names_are_safe),

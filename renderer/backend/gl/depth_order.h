@@ -1,0 +1,32 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Sorts the elements of a cloud by depth on the GPU, as cloud/order.c does: a radix sort in three
+ * passes of 8 bits.
+ *
+ *   50_depths   element ─► depth, infinite if the camera does not see it; range of depths
+ *   51_digits   counts by digit and work group ┐
+ *   52_starts   where they begin               │ per digit
+ *   53_move     items in order of the digit    ┘
+ */
+#ifndef GL_DEPTH_ORDER_H
+#define GL_DEPTH_ORDER_H
+
+#include "backend/gl/state.h"
+
+/* Compiles the programs at the first use. SP_ERR_UNSUPPORTED. A context must be current, here and
+ * below. */
+bool gl_depth_order_open(struct gl_state *state, struct sp_error *err);
+
+/* Reserves memory for so many elements. SP_ERR_MEMORY, SP_ERR_BUDGET. */
+bool gl_depth_order_reserve(struct gl_state *state, uint32_t count, struct sp_error *err);
+
+/* Sorts the elements of a layer, which are in the buffer `elements` (shaders/cloud.glsl), and fills
+ * `order`: their numbers front to back, then 0xffffffff for each that is not seen. `choice`: the
+ * elements that are chosen, NULL = all. */
+void gl_depth_order_make(struct gl_state *state, const struct gl_splats_made *made,
+                         const struct gl_buffer *elements, const struct gl_buffer *choice,
+                         const struct gl_buffer *order);
+
+void gl_depth_order_finish(struct gl_state *state);
+
+#endif

@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+// The splats of points, or of trained Gaussians: TRAINED (cloud/set_up.c). Bindings 2 to 4 as in splat_layers.c.
+
+layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements, front to back; UNSEEN: none is seen any more
+// Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
+// of each point.
+layout(std430, binding = 3) readonly buffer Elements { float elements[]; };
+layout(std430, binding = 4) readonly buffer Harmonics { float harmonics[]; }; // by element and coefficient: red, green, blue
+
+const uint UNSEEN = 0xffffffffu;
+const float COLOR_MAX = 1e4; // SP_CLOUD_COLOR_MAX
+
+// Places an element: u, and rows of its K.
+vec3 locate(uint e, out vec3 position, out vec3 k[3]) {
+    uint p = 3u * e, l = 3u * cloud.x + 6u * e;
+    vec3 first = vec3(elements[l], elements[l + 1u], elements[l + 3u]), u; // columns of the factor, from their diagonal on
+    vec2 second = vec2(elements[l + 2u], elements[l + 4u]);
+    float third = elements[l + 5u];
+    position = vec3(elements[p], elements[p + 1u], elements[p + 2u]);
+    for (int r = 0; r < 3; r++) {
+        u[r] = steps[r].w + dot(steps[r].xyz, position);
+        k[r] = cell.w * vec3(dot(steps[r].xyz, first), dot(steps[r].yz, second), steps[r].z * third);
+    }
+    return u;
+}
+
+#if TRAINED
+// Real spherical harmonics, in the order and with the signs of Kerbl et al. (2023).
+void find_harmonics(vec3 d, out float basis[16]) {
+    vec3 q = d * d;
+    basis = float[](0.28209479, -0.48860251 * d.y, 0.48860251 * d.z, -0.48860251 * d.x, 1.09254843 * d.x * d.y,
+                    -1.09254843 * d.y * d.z, 0.31539157 * (2.0 * q.z - q.x - q.y), -1.09254843 * d.x * d.z,
+                    0.54627422 * (q.x - q.y), -0.59004359 * d.y * (3.0 * q.x - q.y), 2.89061144 * d.x * d.y * d.z,
+                    -0.45704580 * d.y * (4.0 * q.z - q.x - q.y), 0.37317633 * d.z * (2.0 * q.z - 3.0 * q.x - 3.0 * q.y),
+                    -0.45704580 * d.x * (4.0 * q.z - q.x - q.y), 1.44530572 * d.z * (q.x - q.y),
+                    -0.59004359 * d.x * (q.x - 3.0 * q.y));
+}
+
+vec3 find_color(uint e, vec3 position) {
+    float basis[16];
+    vec3 color = vec3(0.5), d = is_perspective ? position - eye.xyz : eye.xyz;
+    find_harmonics(d * inversesqrt(max(dot(d, d), 1e-30)), basis);
+    for (uint i = 0u, at = 3u * cloud.y * e; i < cloud.y; i++, at += 3u)
+        color += basis[i] * vec3(harmonics[at], harmonics[at + 1u], harmonics[at + 2u]);
+    return clamp(color, 0.0, COLOR_MAX);
+}
+
+// They end where their opacity does.
+bool set_up(uint i, out Splat s, out vec4 box) {
+    const float LOWPASS2 = 0.3, SLACK = 1.0001; // of the logarithm: pixels decide by their own opacity
+    uint e = order[i];
+    if (e == UNSEEN)
+        return false;
+    vec3 position, k[3], u = locate(e, position, k);
+    Footprint f = find_footprint(u, k, LOWPASS2);
+    float opacity = elements[9u * cloud.x + e] * eye.w;
+    if (cloud.z != 0u)
+        opacity *= sqrt(f.own_det / f.det);
+    float parts = opacity / TRAINED_OPACITY_MIN;
+    if (!(parts > 1.0 && f.det < 1e36))
+        return false;
+    box = set_ellipse(f, SLACK * sqrt(2.0 / LOG2E * log2(max(parts, 1.000001))), s);
+    s.shape.y = opacity;
+    s.color = vec4(find_color(e, position), u.z);
+    return true;
+}
+#else
+float piece_word(uint piece, uint i) {
+    return uintBitsToFloat(layer_words[9u * piece + i]);
+}
+
+// Red, green, blue and depth of a value (splat/pieces.h).
+vec4 classify(float value) {
+    uint low = 0u, high = cloud.w;
+    while (high - low > 1u) {
+        uint middle = (low + high) / 2u;
+        bool is_before = piece_word(middle, 0u) <= value;
+        low = is_before ? middle : low;
+        high = is_before ? high : middle;
+    }
+    vec4 own;
+    float along = value - piece_word(low, 0u);
+    for (uint c = 0u; c < 4u; c++)
+        own[c] = piece_word(low, 1u + c) + along * piece_word(low, 5u + c);
+    float a = clamp(own.a, 0.0, 1.0), half_way = a / (2.0 - a), t = half_way * half_way;
+    own.a = a > 0.4 ? -log(max(1.0 - a, 1e-30))
+                    : half_way * (2.0 + t * (2.0 / 3.0 + t * (2.0 / 5.0 + t * (2.0 / 7.0 + t * (2.0 / 9.0)))));
+    return own;
+}
+
+// Makes a kernel a part of it (cloud/set_up.c).
+void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
+    vec3 n = k[2] * inversesqrt(dot(k[2], k[2]) + 1e-30);
+    for (int r = 0; r < 3; r++) {
+        float along = dot(k[r], n);
+        u[r] += kernel[part / 4u][part % 4u] * along;
+        k[r] -= (1.0 - streaks.x) * along * n;
+    }
+}
+
+bool set_up(uint i, out Splat s, out vec4 box) {
+    uint number = order[i], e = number / rows.x, n = cloud.x;
+    if (number == UNSEEN)
+        return false;
+    vec3 position, k[3], u = locate(e, position, k);
+    if (rows.x > 1u)
+        take_part(number % rows.x, u, k);
+    Footprint f = find_footprint(u, k, filter_of.x);
+    if (!(f.det < 1e36))
+        return false;
+    vec4 own = classify(elements[9u * n + e] - eye.x);
+    box = set_ellipse(f, filter_of.y, s);
+    s.shape.y = min(own.a * bounds.w * elements[10u * n + e] * eye.w * (f.gain * filter_of.w / sqrt(f.det)), DEPTH_MAX);
+    s.color = vec4(own.rgb, u.z);
+    return s.shape.y > 0.0;
+}
+#endif

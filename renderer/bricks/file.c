@@ -1,0 +1,189 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bricks/file.h"
+
+#include <endian.h>
+#include <errno.h>
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+#include <zstd.h>
+
+struct sp_brick_file {
+    int fd;
+    uint64_t bytes; /* of the file when it was opened */
+    char shown[SP_ERROR_PLACE];
+    struct sp_brick_header header;
+    struct sp_brick_entry *entries[BRICK_LEVELS_MAX];
+};
+
+struct sp_brick_scratch {
+    ZSTD_DCtx *context;
+    unsigned char *packed;
+    size_t capacity;
+};
+
+bool sp_brick_file_is(int fd) {
+    char start[BRICK_MAGIC_BYTES];
+    return pread(fd, start, sizeof start, 0) == (ssize_t)sizeof start &&
+           memcmp(start, sp_brick_magic, sizeof start) == 0;
+}
+
+/* Reads all of it, or fails. */
+static bool read_at(const struct sp_brick_file *file, void *out, size_t size, uint64_t at,
+                    struct sp_error *err) {
+    for (size_t done = 0; done < size;) {
+        ssize_t n = pread(file->fd, (char *)out + done, size - done, (off_t)(at + done));
+        if (n < 0 && errno == EINTR)
+            continue;
+        if (n < 0)
+            return sp_fail(err, SP_ERR_IO, file->shown, "cannot read %zu bytes at %" PRIu64 ": %s",
+                           size, at, strerror(errno));
+        if (n == 0)
+            return sp_fail(err, SP_ERR_FORMAT, file->shown, "the file ends at byte %" PRIu64,
+                           at + done);
+        done += (size_t)n;
+    }
+    return true;
+}
+
+static bool read_index(struct sp_brick_file *file, unsigned l, struct sp_error *err) {
+    const struct sp_brick_level *level = &file->header.level[l];
+    uint64_t count = sp_brick_count(level);
+    size_t size = count * BRICK_ENTRY_BYTES;
+    unsigned char *bytes = malloc(size);
+    bool ok = (file->entries[l] = malloc(count * sizeof *file->entries[l])) && bytes;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the index");
+    ok = ok && read_at(file, bytes, size, level->index_at, err);
+    if (ok && sp_brick_checksum(bytes, size) != level->checksum)
+        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
+                     "the brick file is damaged: the checksum of the index of level %u", l);
+    for (uint64_t i = 0; ok && i < count; i++)
+        ok = sp_brick_entry_decode(bytes + i * BRICK_ENTRY_BYTES, file->bytes, file->shown,
+                                   &file->entries[l][i], err);
+    free(bytes);
+    return ok;
+}
+
+static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
+    unsigned char bytes[BRICK_HEADER_BYTES];
+    struct stat st;
+    if (fstat(file->fd, &st) != 0)
+        return sp_fail(err, SP_ERR_IO, file->shown, "cannot read the size: %s", strerror(errno));
+    file->bytes = (uint64_t)st.st_size;
+    if (!read_at(file, bytes, sizeof bytes, 0, err) ||
+        !sp_brick_header_decode(bytes, file->bytes, file->shown, &file->header, err))
+        return false;
+    for (unsigned l = 0; l < file->header.levels; l++)
+        if (!read_index(file, l, err))
+            return false;
+    return true;
+}
+
+struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err) {
+    struct sp_brick_file *file = calloc(1, sizeof *file);
+    if (!file) {
+        close(fd);
+        sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for a brick file");
+        return NULL;
+    }
+    file->fd = fd;
+    snprintf(file->shown, sizeof file->shown, "%s", shown);
+    if (!read_header(file, err))
+        sp_brick_file_close(&file);
+    return file;
+}
+
+void sp_brick_file_close(struct sp_brick_file **pointer) {
+    struct sp_brick_file *file = *pointer;
+    *pointer = NULL;
+    if (!file)
+        return;
+    close(file->fd);
+    for (int l = 0; l < BRICK_LEVELS_MAX; l++)
+        free(file->entries[l]);
+    free(file);
+}
+
+const struct sp_brick_header *sp_brick_file_header(const struct sp_brick_file *file) {
+    return &file->header;
+}
+
+const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *file,
+                                                   unsigned level) {
+    return file->entries[level];
+}
+
+uint64_t sp_brick_file_bytes(const struct sp_brick_file *file) {
+    uint64_t bytes = sizeof *file;
+    for (unsigned l = 0; l < file->header.levels; l++)
+        bytes += sp_brick_count(&file->header.level[l]) * sizeof *file->entries[l];
+    return bytes;
+}
+
+struct sp_brick_scratch *sp_brick_scratch_create(struct sp_error *err) {
+    struct sp_brick_scratch *s = calloc(1, sizeof *s);
+    if (s && (s->context = ZSTD_createDCtx()))
+        return s;
+    free(s);
+    sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
+    return NULL;
+}
+
+void sp_brick_scratch_destroy(struct sp_brick_scratch **scratch) {
+    if (!*scratch)
+        return;
+    ZSTD_freeDCtx((*scratch)->context);
+    free((*scratch)->packed);
+    free(*scratch);
+    *scratch = NULL;
+}
+
+/* Fills with the sample of a constant brick, whose bytes are the lowest ones of `sample`. */
+static void fill_constant(uint64_t sample, size_t size, size_t count, void *out) {
+    uint64_t stored = htole64(sample);
+    if (size == 1) {
+        memset(out, (int)(sample & 0xff), count);
+        return;
+    }
+    for (size_t i = 0; i < count; i++)
+        memcpy((char *)out + i * size, &stored, size);
+}
+
+static bool grow(struct sp_brick_scratch *scratch, size_t size, const char *shown,
+                 struct sp_error *err) {
+    if (size <= scratch->capacity)
+        return true;
+    unsigned char *packed = realloc(scratch->packed, size);
+    if (!packed)
+        return sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for a brick");
+    scratch->packed = packed;
+    scratch->capacity = size;
+    return true;
+}
+
+bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,
+                        struct sp_brick_scratch *scratch, void *out, struct sp_error *err) {
+    const struct sp_brick_entry *entry = &file->entries[level][number];
+    uint32_t first[3], size[3];
+    sp_brick_box(&file->header.level[level], number, first, size);
+    const size_t sample = sp_type_size(file->header.info.type);
+    const size_t count = (size_t)size[0] * size[1] * size[2];
+    if (entry->bytes == 0) {
+        fill_constant(entry->at, sample, count, out);
+        return true;
+    }
+    if (!grow(scratch, entry->bytes, file->shown, err) ||
+        !read_at(file, scratch->packed, entry->bytes, entry->at, err))
+        return false;
+    const size_t got =
+        ZSTD_decompressDCtx(scratch->context, out, count * sample, scratch->packed, entry->bytes);
+    if (got == count * sample)
+        return true;
+    return sp_fail(err, SP_ERR_FORMAT, file->shown, "brick (%u, %u, %u) of level %u is damaged: %s",
+                   first[0] / BRICK_SIDE, first[1] / BRICK_SIDE, first[2] / BRICK_SIDE, level,
+                   ZSTD_isError(got) ? ZSTD_getErrorName(got) : "it is too small");
+}

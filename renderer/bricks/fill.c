@@ -1,0 +1,278 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bricks/fill.h"
+
+#include <math.h>
+#include <pthread.h>
+#include <stdatomic.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "volume/sample.h"
+
+enum { THREADS_MAX = 256 };
+
+uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_brick_level *level,
+                          uint64_t i) {
+    const uint64_t x = need->first[0] + i % need->count[0];
+    const uint64_t y = need->first[1] + i / need->count[0] % need->count[1];
+    const uint64_t z = need->first[2] + i / need->count[0] / need->count[1];
+    return (z * level->bricks[1] + y) * level->bricks[0] + x;
+}
+
+void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
+                       uint32_t first[3], uint32_t size[3]) {
+    for (int a = 0; a < 3; a++) {
+        uint32_t end = (need->first[a] + need->count[a]) * BRICK_SIDE;
+        first[a] = need->first[a] * BRICK_SIDE;
+        size[a] = (end < level->dims[a] ? end : level->dims[a]) - first[a];
+    }
+}
+
+uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need) {
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    uint32_t first[3], size[3];
+    sp_brick_need_box(need, &header->level[need->level], first, size);
+    return (uint64_t)size[0] * size[1] * size[2] * sp_type_size(header->info.type);
+}
+
+/* A value of the brick's range, which fills the place of a brick that is not wanted. */
+static double value_of(const struct sp_brick_entry *entry, enum sp_type type) {
+    static const double ends[SP_TYPE_COUNT][2] = {
+        { 0, UINT8_MAX },         { INT8_MIN, INT8_MAX },   { 0, UINT16_MAX },
+        { INT16_MIN, INT16_MAX }, { INT32_MIN, INT32_MAX }, { -INFINITY, INFINITY },
+        { -INFINITY, INFINITY }
+    };
+    const double low = entry->range[0], high = entry->range[1];
+    if (low > high)
+        return type < SP_FLOAT32 ? 0 : (double)NAN;
+    if (low <= 0 && high >= 0)
+        return 0;
+    return fmin(fmax(low, ends[type][0]), ends[type][1]); /* the file may say anything */
+}
+
+uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need) {
+    enum { RANGE_SAMPLES = 64, RANGE_BYTES = 9 }; /* of a region: its range, and what is visible */
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    const struct sp_brick_level *level = &header->level[need->level];
+    const struct sp_brick_entry *entries = sp_brick_file_entries(file, need->level);
+    const enum sp_type type = header->info.type;
+    const uint64_t rows = (uint64_t)need->count[1] * need->count[2], width = need->count[0];
+    const uint64_t bytes = sp_brick_need_bytes(file, need);
+    uint64_t used = 0;
+    for (uint64_t row = 0; row < rows; row++) {
+        bool is_used = false;
+        for (uint64_t i = row * width; i < (row + 1) * width; i++)
+            is_used = is_used || need->wanted[i] ||
+                      value_of(&entries[sp_brick_need_at(need, level, i)], type) != 0;
+        used += is_used;
+    }
+    return bytes / rows * used + bytes / sp_type_size(type) / RANGE_SAMPLES * RANGE_BYTES;
+}
+
+/* Place of a brick of one box in another one; false if it is not there. */
+static bool find_in(const struct sp_brick_need *from, uint64_t i, const struct sp_brick_need *to,
+                    uint64_t *at) {
+    const uint64_t place[3] = { i % from->count[0], i / from->count[0] % from->count[1],
+                                i / from->count[0] / from->count[1] };
+    *at = 0;
+    for (int a = 2; a >= 0; a--) {
+        uint64_t global = from->first[a] + place[a];
+        if (global < to->first[a] || global - to->first[a] >= to->count[a])
+            return false;
+        *at = *at * to->count[a] + (global - to->first[a]);
+    }
+    return true;
+}
+
+bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+    uint64_t at;
+    if (need->level != have->level)
+        return false;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        if (need->wanted[i] && !(find_in(need, i, have, &at) && have->wanted[at]))
+            return false;
+    return true;
+}
+
+bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy) {
+    *copy = *need;
+    copy->wanted = malloc(sp_brick_need_count(need));
+    if (copy->wanted)
+        memcpy(copy->wanted, need->wanted, sp_brick_need_count(need));
+    return copy->wanted != NULL;
+}
+
+struct fill {
+    const struct sp_brick_fill_job *job;
+    const struct sp_brick_level *level;
+    size_t sample;
+    uint32_t first[3], size[3]; /* samples of the box */
+    struct {
+        struct sp_brick_scratch *scratch;
+        void *brick;
+    } workers[THREADS_MAX];
+    atomic_bool ended;     /* cancelled, or out of memory */
+    pthread_mutex_t mutex; /* guards why */
+    struct sp_error *why;
+};
+
+/* A brick in the memory of a box. */
+struct place {
+    char *samples; /* its first one */
+    size_t row, slice;
+    uint32_t size[3];
+};
+
+static struct place place_of(const struct fill *f, uint64_t number) {
+    uint32_t first[3];
+    struct place p;
+    sp_brick_box(f->level, number, first, p.size);
+    p.row = f->size[0] * f->sample;
+    p.slice = p.row * f->size[1];
+    p.samples = (char *)f->job->samples + (first[2] - f->first[2]) * p.slice +
+                (first[1] - f->first[1]) * p.row + (first[0] - f->first[0]) * f->sample;
+    return p;
+}
+
+/* Copies the rows of a brick to their place. In `from`, rows are `row` bytes apart and slices
+ * `slice` bytes. */
+static void put(const struct fill *f, const struct place *p, const char *from, size_t row,
+                size_t slice) {
+    for (uint32_t z = 0; z < p->size[2]; z++)
+        for (uint32_t y = 0; y < p->size[1]; y++)
+            memcpy(p->samples + z * p->slice + y * p->row, from + z * slice + y * row,
+                   p->size[0] * f->sample);
+}
+
+static void put_constant(const struct fill *f, uint64_t number) {
+    const struct sp_brick_entry *entry =
+        &sp_brick_file_entries(f->job->file, f->job->need->level)[number];
+    const struct sp_volume_info *info = &sp_brick_file_header(f->job->file)->info;
+    const double value = value_of(entry, info->type);
+    if (value == 0)
+        return;
+    struct place p = place_of(f, number);
+    double row[BRICK_SIDE]; /* as many samples of any type */
+    for (size_t i = 0; i < BRICK_SIDE; i++)
+        sp_sample_set(row, info->type, i, value);
+    put(f, &p, (const char *)row, 0, 0);
+}
+
+static void put_coarse(const struct fill *f, uint64_t number) {
+    const struct sp_brick_header *header = sp_brick_file_header(f->job->file);
+    const unsigned coarser = f->job->coarse.need->level;
+    const uint32_t *dims = header->level[coarser].dims;
+    const int shift = (int)coarser - (int)f->job->need->level;
+    uint32_t first[3], size[3];
+    struct place p = place_of(f, number);
+    sp_brick_box(f->level, number, first, size);
+    for (uint32_t z = 0; z < size[2]; z++)
+        for (uint32_t y = 0; y < size[1]; y++)
+            for (uint32_t x = 0; x < size[0]; x++) {
+                const uint32_t at[3] = { first[0] + x, first[1] + y, first[2] + z };
+                size_t from = 0;
+                for (int a = 2; a >= 0; a--) {
+                    uint32_t i = shift >= 0 ? at[a] >> shift : at[a] << -shift;
+                    from = from * dims[a] + (i < dims[a] ? i : dims[a] - 1);
+                }
+                memcpy(p.samples + z * p.slice + y * p.row + x * f->sample,
+                       (const char *)f->job->coarse.samples + from * f->sample, f->sample);
+            }
+}
+
+/* Copies a brick that is in memory already; false if it is not. */
+static bool put_known(const struct fill *f, uint64_t i, uint64_t number) {
+    const struct sp_brick_fill_job *job = f->job;
+    for (size_t k = 0; k < job->known_count; k++) {
+        const struct sp_brick_box_samples *known = &job->known[k];
+        uint32_t first[3], size[3], own[3], extent[3];
+        uint64_t at;
+        if (known->need->level != job->need->level || !find_in(job->need, i, known->need, &at) ||
+            !known->need->wanted[at] || known->lost[at])
+            continue;
+        sp_brick_need_box(known->need, f->level, first, size);
+        sp_brick_box(f->level, number, own, extent);
+        struct place p = place_of(f, number);
+        const size_t row = size[0] * f->sample, slice = row * size[1];
+        put(f, &p,
+            (const char *)known->samples + (own[2] - first[2]) * slice + (own[1] - first[1]) * row +
+                (own[0] - first[0]) * f->sample,
+            row, slice);
+        return true;
+    }
+    return false;
+}
+
+static void end(struct fill *f) {
+    atomic_store_explicit(&f->ended, true, memory_order_relaxed);
+}
+
+static void put_read(struct fill *f, uint64_t i, uint64_t number, unsigned worker) {
+    const struct sp_brick_fill_job *job = f->job;
+    struct sp_error err;
+    struct place p = place_of(f, number);
+    const size_t row = p.size[0] * f->sample;
+    if (sp_brick_file_read(job->file, job->need->level, number, f->workers[worker].scratch,
+                           f->workers[worker].brick, &err)) {
+        put(f, &p, f->workers[worker].brick, row, row * p.size[1]);
+        return;
+    }
+    if (job->coarse.samples)
+        put_coarse(f, number);
+    else
+        put_constant(f, number);
+    job->lost[i] = 1;
+    pthread_mutex_lock(&f->mutex);
+    *f->why = err;
+    pthread_mutex_unlock(&f->mutex);
+}
+
+static void fill_bricks(void *user, size_t begin, size_t end_, unsigned worker) {
+    struct fill *f = user;
+    const struct sp_brick_fill_job *job = f->job;
+    for (size_t i = begin; i < end_ && !atomic_load_explicit(&f->ended, memory_order_relaxed);
+         i++) {
+        const uint64_t number = sp_brick_need_at(job->need, f->level, i);
+        if (job->is_cancelled && job->is_cancelled(job->user))
+            end(f);
+        else if (!job->need->wanted[i])
+            put_constant(f, number);
+        else if (!put_known(f, i, number))
+            put_read(f, i, number, worker);
+    }
+}
+
+bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
+                   struct sp_error *err) {
+    const struct sp_brick_header *header = sp_brick_file_header(job->file);
+    struct fill *f = calloc(1, sizeof *f);
+    const unsigned threads = sp_pool_threads(job->pool);
+    bool ok = f != NULL;
+    why->code = SP_OK;
+    if (!f)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
+    f->job = job;
+    f->level = &header->level[job->need->level];
+    f->sample = sp_type_size(header->info.type);
+    f->why = why;
+    atomic_init(&f->ended, false);
+    pthread_mutex_init(&f->mutex, NULL);
+    sp_brick_need_box(job->need, f->level, f->first, f->size);
+    for (unsigned t = 0; ok && t < threads; t++)
+        ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
+             (f->workers[t].brick =
+                  malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * f->sample));
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
+    else
+        sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_bricks, f);
+    if (ok && atomic_load(&f->ended))
+        ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    for (unsigned t = 0; t < threads; t++) {
+        sp_brick_scratch_destroy(&f->workers[t].scratch);
+        free(f->workers[t].brick);
+    }
+    pthread_mutex_destroy(&f->mutex);
+    free(f);
+    return ok;
+}

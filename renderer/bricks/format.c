@@ -1,0 +1,232 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bricks/format.h"
+
+#include <endian.h>
+#include <math.h>
+#include <string.h>
+
+#include "volume/grid.h"
+
+const char sp_brick_magic[BRICK_MAGIC_BYTES] = { 'S', 'P', 'B', 'R', 'I', 'C', 'K', '\n' };
+
+/* Where the next field is. */
+struct cursor {
+    unsigned char *bytes;
+    size_t at;
+    bool writes;
+};
+
+static void field_bytes(struct cursor *c, void *value, size_t size) {
+    if (c->writes)
+        memcpy(c->bytes + c->at, value, size);
+    else
+        memcpy(value, c->bytes + c->at, size);
+    c->at += size;
+}
+
+static void field_u32(struct cursor *c, uint32_t *value) {
+    uint32_t stored = htole32(*value);
+    field_bytes(c, &stored, sizeof stored);
+    *value = le32toh(stored);
+}
+
+static void field_u64(struct cursor *c, uint64_t *value) {
+    uint64_t stored = htole64(*value);
+    field_bytes(c, &stored, sizeof stored);
+    *value = le64toh(stored);
+}
+
+static void field_doubles(struct cursor *c, double *values, size_t count) {
+    for (size_t i = 0; i < count; i++) {
+        uint64_t bits;
+        memcpy(&bits, &values[i], sizeof bits);
+        field_u64(c, &bits);
+        memcpy(&values[i], &bits, sizeof bits);
+    }
+}
+
+static void field_text(struct cursor *c, char *text, size_t capacity) {
+    field_bytes(c, text, capacity);
+    text[capacity - 1] = 0;
+    for (char *p = text; *p && !c->writes; p++)
+        if ((unsigned char)*p < 0x20 || *p == 0x7f)
+            *p = '?';
+}
+
+/* All fields of the header but its checksum, in their order. */
+static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constants[3]) {
+    struct sp_volume_info *info = &h->info;
+    uint32_t type = info->type, levels = h->levels;
+    for (int i = 0; i < 3; i++)
+        field_u32(c, &constants[i]);
+    field_u32(c, &type);
+    field_u32(c, &levels);
+    for (int a = 0; a < 3; a++)
+        field_u32(c, &info->grid.dims[a]);
+    field_doubles(c, info->grid.spacing, 3);
+    field_doubles(c, info->grid.origin, 3);
+    for (int row = 0; row < 3; row++)
+        field_doubles(c, info->grid.direction[row], 3);
+    field_doubles(c, info->range, 2);
+    field_u64(c, &info->nonfinite);
+    for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
+        field_u64(c, &info->histogram[b]);
+    field_doubles(c, info->projected.maximum, 2);
+    field_doubles(c, info->projected.mean, 2);
+    field_doubles(c, &info->projected.sum, 1);
+    field_text(c, info->unit, sizeof info->unit);
+    field_text(c, info->value_name, sizeof info->value_name);
+    field_text(c, info->value_unit, sizeof info->value_unit);
+    field_text(c, info->anatomy, sizeof info->anatomy);
+    for (int l = 0; l < BRICK_LEVELS_MAX; l++) {
+        field_u64(c, &h->level[l].index_at);
+        field_u64(c, &h->level[l].checksum);
+    }
+    info->type = (enum sp_type)type;
+    h->levels = levels;
+}
+
+uint64_t sp_brick_checksum(const void *bytes, size_t size) {
+    const unsigned char *p = bytes;
+    uint64_t hash = UINT64_C(0xcbf29ce484222325);
+    for (size_t i = 0; i < size; i++)
+        hash = (hash ^ p[i]) * UINT64_C(0x100000001b3);
+    return hash;
+}
+
+enum { CHECKSUM_AT = BRICK_HEADER_BYTES - 8 };
+
+void sp_brick_header_encode(const struct sp_brick_header *header,
+                            unsigned char out[BRICK_HEADER_BYTES]) {
+    struct sp_brick_header copy = *header;
+    uint32_t constants[3] = { BRICK_VERSION, BRICK_SIDE, BRICK_MARGIN };
+    struct cursor c = { .bytes = out, .at = sizeof sp_brick_magic, .writes = true };
+    memset(out, 0, BRICK_HEADER_BYTES);
+    memcpy(out, sp_brick_magic, sizeof sp_brick_magic);
+    fields(&c, &copy, constants);
+    uint64_t checksum = sp_brick_checksum(out, CHECKSUM_AT);
+    c.at = CHECKSUM_AT;
+    field_u64(&c, &checksum);
+}
+
+void sp_brick_header_init(struct sp_brick_header *h) {
+    bool is_last = false;
+    for (h->levels = 0; !is_last && h->levels < BRICK_LEVELS_MAX; h->levels++) {
+        struct sp_brick_level *level = &h->level[h->levels];
+        is_last = true;
+        for (int a = 0; a < 3; a++) {
+            level->dims[a] = h->levels ? (level[-1].dims[a] + 1) / 2 : h->info.grid.dims[a];
+            level->bricks[a] = (level->dims[a] + BRICK_SIDE - 1) / BRICK_SIDE;
+            is_last = is_last && level->bricks[a] == 1;
+        }
+    }
+}
+
+void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t first[3],
+                  uint32_t size[3]) {
+    for (int a = 0; a < 3; a++) {
+        first[a] = (uint32_t)(number % level->bricks[a]) * BRICK_SIDE;
+        number /= level->bricks[a];
+        uint32_t left = level->dims[a] - first[a];
+        size[a] = left < BRICK_SIDE ? left : BRICK_SIDE;
+    }
+}
+
+static bool fail(const char *shown, const char *what, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_FORMAT, shown, "the brick file is damaged: %s", what);
+}
+
+/* Only an anatomy of three different axes is one. */
+static bool is_anatomy(const char *letters) {
+    unsigned axes = 0;
+    for (int i = 0; i < 3; i++)
+        axes |= !letters[i]                ? 0u
+                : strchr("RL", letters[i]) ? 1u
+                : strchr("AP", letters[i]) ? 2u
+                : strchr("SI", letters[i]) ? 4u
+                                           : 0u;
+    return axes == 7;
+}
+
+static bool check_statistics(const struct sp_volume_info *info, const char *shown,
+                             struct sp_error *err) {
+    const struct sp_projected *p = &info->projected;
+    const double shares[5] = { p->maximum[0], p->maximum[1], p->mean[0], p->mean[1], p->sum };
+    for (int i = 0; i < 5; i++)
+        if (!(shares[i] >= 0 && shares[i] < 1e30))
+            return fail(shown, "its statistics", err);
+    return (isfinite(info->range[0]) && isfinite(info->range[1]) &&
+            info->range[0] <= info->range[1]) ||
+           fail(shown, "its range of values", err);
+}
+
+static bool check_levels(struct sp_brick_header *h, uint32_t levels, uint64_t file_bytes,
+                         const char *shown, struct sp_error *err) {
+    sp_brick_header_init(h);
+    if (levels != h->levels)
+        return fail(shown, "its number of levels", err);
+    for (unsigned l = 0; l < levels; l++) {
+        uint64_t bytes = sp_brick_count(&h->level[l]) * BRICK_ENTRY_BYTES;
+        if (h->level[l].index_at > file_bytes || bytes > file_bytes - h->level[l].index_at)
+            return fail(shown, "an index lies beyond its end", err);
+    }
+    return true;
+}
+
+bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
+                            const char *shown, struct sp_brick_header *h, struct sp_error *err) {
+    unsigned char copy[BRICK_HEADER_BYTES];
+    struct cursor c = { .bytes = memcpy(copy, bytes, sizeof copy), .at = CHECKSUM_AT };
+    uint32_t constants[3];
+    uint64_t checksum;
+    memset(h, 0, sizeof *h);
+    if (memcmp(bytes, sp_brick_magic, sizeof sp_brick_magic) != 0)
+        return sp_fail(err, SP_ERR_FORMAT, shown, "this is no brick file");
+    field_u64(&c, &checksum);
+    c.at = sizeof sp_brick_magic;
+    fields(&c, h, constants);
+    if (constants[0] != BRICK_VERSION)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
+                       "version %u of brick files is unknown, %d is supported; convert it again",
+                       constants[0], BRICK_VERSION);
+    if (checksum != sp_brick_checksum(bytes, CHECKSUM_AT))
+        return fail(shown, "the checksum of its header", err);
+    if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN || h->info.type >= SP_TYPE_COUNT)
+        return fail(shown, "its header", err);
+    if (!sp_grid_check(&h->info.grid, h->info.type, shown, &h->info.voxel_bytes, err) ||
+        !check_statistics(&h->info, shown, err))
+        return false;
+    h->info.components = 1;
+    if (!is_anatomy(h->info.anatomy))
+        memset(h->info.anatomy, 0, sizeof h->info.anatomy);
+    return check_levels(h, h->levels, file_bytes, shown, err);
+}
+
+static void entry_fields(struct cursor *c, struct sp_brick_entry *entry) {
+    field_u64(c, &entry->at);
+    field_u32(c, &entry->bytes);
+    field_u32(c, &entry->check);
+    field_doubles(c, entry->range, 2);
+}
+
+void sp_brick_entry_encode(const struct sp_brick_entry *entry,
+                           unsigned char out[BRICK_ENTRY_BYTES]) {
+    struct sp_brick_entry copy = *entry;
+    struct cursor c = { .bytes = out, .writes = true };
+    entry_fields(&c, &copy);
+}
+
+bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_t file_bytes,
+                           const char *shown, struct sp_brick_entry *entry, struct sp_error *err) {
+    unsigned char copy[BRICK_ENTRY_BYTES];
+    struct cursor c = { .bytes = memcpy(copy, bytes, sizeof copy) };
+    entry_fields(&c, entry);
+    bool has_range = entry->range[0] <= entry->range[1];
+    if (isnan(entry->range[0]) || isnan(entry->range[1]) ||
+        (has_range && !(isfinite(entry->range[0]) && isfinite(entry->range[1]))))
+        return fail(shown, "the range of a brick", err);
+    return entry->bytes == 0 ||
+           (entry->bytes <= BRICK_PACKED_MAX && entry->at <= file_bytes &&
+            entry->bytes <= file_bytes - entry->at) ||
+           fail(shown, "a brick lies beyond its end", err);
+}

@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The header and the index of a brick file (README.md). Numbers are little-endian.
+ *
+ *   header      BRICK_HEADER_BYTES: grid, type, statistics, places and checksums of the indices
+ *   bricks      packed by zstd, each with its own checksum; constant ones have no bytes
+ *   indices     per level, an entry per brick, i0 fastest
+ */
+#ifndef SP_BRICKS_FORMAT_H
+#define SP_BRICKS_FORMAT_H
+
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "sp/volume.h"
+
+enum {
+    BRICK_SIDE = 64,  /* samples per axis; fewer at the far ends of a level */
+    BRICK_MARGIN = 4, /* samples around a brick that its range includes */
+    BRICK_LEVELS_MAX = 16,
+    BRICK_MAGIC_BYTES = 8,
+    BRICK_HEADER_BYTES = 4096,
+    BRICK_ENTRY_BYTES = 32,
+    BRICK_VERSION = 1
+};
+
+extern const char sp_brick_magic[BRICK_MAGIC_BYTES]; /* the first bytes of the file */
+
+/* Level n + 1 has the means of 2 × 2 × 2 samples of level n (resample/levels.h); the last one is
+ * one brick. */
+struct sp_brick_entry {
+    uint64_t at;     /* of the packed samples in the file; constant: its sample, zero-extended */
+    uint32_t bytes;  /* packed; 0 = all samples are equal */
+    uint32_t check;  /* the checksum of the samples at the end of the packed bytes; constant: 0 */
+    double range[2]; /* of the finite samples, with the margin; [0] > [1] = there are none */
+};
+
+struct sp_brick_level {
+    uint32_t dims[3];   /* samples */
+    uint32_t bricks[3]; /* dims / BRICK_SIDE, rounded up */
+    uint64_t index_at;  /* in the file */
+    uint64_t checksum;  /* of the index, and so of the samples */
+};
+
+struct sp_brick_header {
+    /* Of level 0: grid, type, unit, names, anatomy, range, nonfinite, histogram, projected,
+     * components and voxel_bytes; everything else is 0. */
+    struct sp_volume_info info;
+    unsigned levels;
+    struct sp_brick_level level[BRICK_LEVELS_MAX];
+};
+
+static inline uint64_t sp_brick_count(const struct sp_brick_level *level) {
+    return (uint64_t)level->bricks[0] * level->bricks[1] * level->bricks[2];
+}
+
+/* The first sample and the size of brick `number` of a level. */
+void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t first[3],
+                  uint32_t size[3]);
+
+/* Fills levels and the sizes of each from the grid. */
+void sp_brick_header_init(struct sp_brick_header *header);
+
+/* FNV-1a, 64 bits. */
+uint64_t sp_brick_checksum(const void *bytes, size_t size);
+
+/* Encodes the header and its checksum. */
+void sp_brick_header_encode(const struct sp_brick_header *header,
+                            unsigned char out[BRICK_HEADER_BYTES]);
+
+/* Decodes and checks every field against the size of the file. SP_ERR_FORMAT, SP_ERR_UNSUPPORTED
+ * (version) with `shown` as the place. */
+bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
+                            const char *shown, struct sp_brick_header *header,
+                            struct sp_error *err);
+
+void sp_brick_entry_encode(const struct sp_brick_entry *entry,
+                           unsigned char out[BRICK_ENTRY_BYTES]);
+/* SP_ERR_FORMAT if the samples do not lie in the file. */
+bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_t file_bytes,
+                           const char *shown, struct sp_brick_entry *entry, struct sp_error *err);
+
+/* Most bytes that a packed brick may have. */
+enum { BRICK_PACKED_MAX = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * 8 + (1 << 16) };
+
+#endif

@@ -1,0 +1,436 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+
+#include "base/clock.h"
+#include "bricks/store_private.h"
+#include "sp/log.h"
+#include "volume/volume.h"
+
+enum { MANY_BRICKS = 64 }; /* from so many on, a coarser level is read first */
+static const double poll_ms = 20;
+
+struct sp_brick_store *sp_brick_store_of(const struct sp_volume *volume) {
+    return sp_volume_source(volume);
+}
+
+const struct sp_brick_file *sp_brick_store_file(const struct sp_brick_store *store) {
+    return store->file;
+}
+
+unsigned sp_brick_store_base(const struct sp_brick_store *store) {
+    return store->base_level;
+}
+
+uint64_t sp_brick_store_window_max(const struct sp_brick_store *store) {
+    return store->budget / 4 * 3; /* the volume that was opened has the rest */
+}
+
+static const struct sp_brick_level *level_of(const struct sp_brick_store *store, unsigned level) {
+    return &sp_brick_file_header(store->file)->level[level];
+}
+
+void sp_brick_store_unmap(void *samples, size_t bytes) {
+    munmap(samples, bytes);
+}
+
+void *sp_brick_store_map(size_t bytes, struct sp_error *err) {
+    void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (memory != MAP_FAILED)
+        return memory;
+    sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %zu bytes of bricks", bytes);
+    return NULL;
+}
+
+/* The grid of the samples of a box. */
+struct sp_grid sp_brick_store_grid(const struct sp_brick_store *store,
+                                   const struct sp_brick_need *need) {
+    struct sp_grid grid = sp_brick_file_header(store->file)->info.grid;
+    uint32_t first[3];
+    double offset[3];
+    sp_brick_need_box(need, level_of(store, need->level), first, grid.dims);
+    for (int a = 0; a < 3; a++) {
+        const double fine =
+            ldexp(first[a], (int)need->level) + 0.5 * (ldexp(1, (int)need->level) - 1);
+        offset[a] = fine * grid.spacing[a];
+        grid.spacing[a] = ldexp(grid.spacing[a], (int)need->level);
+    }
+    for (int r = 0; r < 3; r++)
+        for (int a = 0; a < 3; a++)
+            grid.origin[r] += grid.direction[r][a] * offset[a];
+    return grid;
+}
+
+void sp_brick_window_clear(struct sp_brick_store_window *w) {
+    sp_volume_unref(&w->volume);
+    free(w->need.wanted);
+    free(w->lost);
+    *w = (struct sp_brick_store_window){ .volume = NULL };
+}
+
+void sp_brick_request_clear(struct sp_brick_request *r) {
+    free(r->need.wanted);
+    *r = (struct sp_brick_request){ .asked = 0 };
+}
+
+/* With the mutex held: the window that has all of a need; NULL = none. */
+static struct sp_brick_store_window *find_window(struct sp_brick_store *store,
+                                                 const struct sp_brick_need *need) {
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
+        if (store->windows[i].volume && sp_brick_need_is_in(need, &store->windows[i].need))
+            return &store->windows[i];
+    return NULL;
+}
+
+/* The need for a coarser level of the same box. False without memory, or if there is none finer
+ * than the base. */
+static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_need *need,
+                    unsigned steps, struct sp_brick_need *out) {
+    out->level = need->level + steps;
+    if (out->level >= store->base_level)
+        return false;
+    for (int a = 0; a < 3; a++) {
+        uint32_t end = (need->first[a] + need->count[a] + (1u << steps) - 1) >> steps;
+        out->first[a] = need->first[a] >> steps;
+        out->count[a] = end - out->first[a];
+    }
+    if (!(out->wanted = calloc(1, sp_brick_need_count(out))))
+        return false;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
+        uint64_t at = 0;
+        const uint64_t place[3] = { i % need->count[0], i / need->count[0] % need->count[1],
+                                    i / need->count[0] / need->count[1] };
+        for (int a = 2; a >= 0; a--)
+            at = at * out->count[a] + (((need->first[a] + place[a]) >> steps) - out->first[a]);
+        out->wanted[at] |= need->wanted[i];
+    }
+    return true;
+}
+
+static void describe(const struct sp_brick_store *store, struct sp_brick_store_window *w,
+                     struct sp_brick_window *out) {
+    out->volume = sp_volume_ref(w->volume);
+    out->level = w->need.level;
+    out->lost = w->lost_count;
+    sp_brick_need_box(&w->need, level_of(store, w->need.level), out->first, out->size);
+}
+
+void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *out) {
+    *out = (struct sp_brick_window){ .volume = sp_volume_ref(store->base),
+                                     .level = store->base_level };
+    for (uint64_t i = 0; i < sp_brick_need_count(&store->base_need); i++)
+        out->lost += store->base_lost[i];
+    sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
+}
+
+/* With the mutex held: the finest window that covers a need coarsely, or the base. */
+static void find_coarser(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         struct sp_brick_window *out) {
+    struct sp_brick_need coarse;
+    for (unsigned steps = 1; coarsen(store, need, steps, &coarse); steps++) {
+        struct sp_brick_store_window *w = find_window(store, &coarse);
+        free(coarse.wanted);
+        if (w) {
+            w->used = ++store->clock;
+            describe(store, w, out);
+            return;
+        }
+    }
+    sp_brick_store_get_base(store, out);
+}
+
+/* Reading. */
+
+static bool is_stopped(void *user) {
+    const struct sp_brick_store *store = user;
+    return atomic_load_explicit(&store->stop, memory_order_relaxed);
+}
+
+/* With the mutex held: drops windows until `bytes` more fit. */
+static void make_space(struct sp_brick_store *store, uint64_t bytes) {
+    for (;;) {
+        struct sp_brick_store_window *oldest = NULL;
+        uint64_t total = bytes;
+        unsigned count = 0;
+        for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
+            struct sp_brick_store_window *w = &store->windows[i];
+            if (!w->volume)
+                continue;
+            total += w->bytes;
+            count++;
+            oldest = !oldest || w->used < oldest->used ? w : oldest;
+        }
+        if (!oldest || (total <= store->budget && count < BRICK_WINDOWS_MAX))
+            return;
+        sp_brick_window_clear(oldest);
+    }
+}
+
+/* References to the windows, from which bricks are copied. */
+struct known {
+    struct sp_volume *volumes[BRICK_WINDOWS_MAX];
+    struct sp_brick_need needs[BRICK_WINDOWS_MAX]; /* owned */
+    uint8_t *lost[BRICK_WINDOWS_MAX];
+    struct sp_brick_box_samples samples[BRICK_WINDOWS_MAX];
+    size_t count;
+};
+
+/* With the mutex held. */
+static void take_known(struct sp_brick_store *store, unsigned level, struct known *known) {
+    known->count = 0;
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
+        struct sp_brick_store_window *w = &store->windows[i];
+        const size_t n = known->count;
+        if (!w->volume || w->need.level != level)
+            continue;
+        const uint64_t count = sp_brick_need_count(&w->need);
+        known->lost[n] = malloc(count);
+        if (!known->lost[n] || !sp_brick_need_copy(&w->need, &known->needs[n])) {
+            free(known->lost[n]);
+            continue;
+        }
+        memcpy(known->lost[n], w->lost, count);
+        known->volumes[n] = sp_volume_ref(w->volume);
+        known->samples[n] =
+            (struct sp_brick_box_samples){ &known->needs[n], sp_volume_voxels(w->volume),
+                                           known->lost[n] };
+        known->count++;
+    }
+}
+
+static void drop_known(struct known *known) {
+    for (size_t i = 0; i < known->count; i++) {
+        sp_volume_unref(&known->volumes[i]);
+        free(known->needs[i].wanted);
+        free(known->lost[i]);
+    }
+}
+
+/* Reads the bricks of a need into a window, which takes over the need. */
+static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need,
+                        struct sp_brick_store_window *w, struct sp_error *err) {
+    const uint64_t bytes = sp_brick_need_bytes(store->file, need),
+                   bricks = sp_brick_need_count(need);
+    struct sp_error why = { .code = SP_OK };
+    struct known known;
+    *w = (struct sp_brick_store_window){ .need = *need,
+                                         .bytes = sp_brick_need_cost(store->file, need),
+                                         .lost = calloc(1, bricks) };
+    need->wanted = NULL;
+    void *samples = w->lost ? sp_brick_store_map(bytes, err) : NULL;
+    if (!samples)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
+    pthread_mutex_lock(&store->mutex);
+    take_known(store, w->need.level, &known);
+    pthread_mutex_unlock(&store->mutex);
+    const struct sp_brick_fill_job job = {
+        .file = store->file,
+        .need = &w->need,
+        .coarse = { &store->base_need, sp_volume_voxels(store->base), store->base_lost },
+        .known = known.samples,
+        .known_count = known.count,
+        .pool = store->pool,
+        .is_cancelled = is_stopped,
+        .user = store,
+        .samples = samples,
+        .lost = w->lost,
+    };
+    bool ok = sp_brick_fill(&job, &why, err);
+    drop_known(&known);
+    for (uint64_t i = 0; ok && i < bricks; i++)
+        w->lost_count += w->lost[i];
+    if (why.code != SP_OK && !store->is_damage_logged) {
+        store->is_damage_logged = true;
+        sp_log(SP_LOG_WARN, "%s: %s; a coarser level is shown there", why.place, why.text);
+    }
+    if (!ok) {
+        munmap(samples, bytes);
+        return false;
+    }
+    const struct sp_grid grid = sp_brick_store_grid(store, &w->need);
+    w->volume =
+        sp_volume_derive_part(store->base, &grid, samples, bytes, sp_brick_store_unmap, err);
+    return w->volume != NULL;
+}
+
+/* Reads a need and publishes the window. With the mutex held, which is released meanwhile. */
+static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, struct sp_error *err) {
+    struct sp_brick_store_window made;
+    make_space(store, sp_brick_need_cost(store->file, need));
+    pthread_mutex_unlock(&store->mutex);
+    bool ok = read_window(store, need, &made, err);
+    pthread_mutex_lock(&store->mutex);
+    if (!ok) {
+        sp_brick_window_clear(&made);
+        return false;
+    }
+    make_space(store, made.bytes);
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
+        if (!store->windows[i].volume) {
+            store->windows[i] = made;
+            store->windows[i].used = ++store->clock;
+            break;
+        }
+    pthread_cond_broadcast(&store->done);
+    return true;
+}
+
+/* With the mutex held: the request that was asked for last; NULL = none waits. */
+static struct sp_brick_request *newest(struct sp_brick_store *store) {
+    struct sp_brick_request *newest = NULL;
+    for (int i = 0; i < BRICK_QUEUE_MAX; i++) {
+        struct sp_brick_request *r = &store->queue[i];
+        if (r->need.wanted && !r->has_failed && (!newest || r->asked > newest->asked))
+            newest = r;
+    }
+    return newest;
+}
+
+static uint64_t wanted_count(const struct sp_brick_need *need) {
+    uint64_t count = 0;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        count += need->wanted[i];
+    return count;
+}
+
+/* What is read first for a request: a coarser level if there are many bricks to read and nothing
+ * finer than the base shows them yet. With the mutex held. Copies; false without memory. */
+static bool choose_step(struct sp_brick_store *store, const struct sp_brick_need *need,
+                        struct sp_brick_need *step) {
+    struct sp_brick_need coarse;
+    for (unsigned steps = 1; wanted_count(need) >= (uint64_t)MANY_BRICKS << 3 * (steps - 1) &&
+                             coarsen(store, need, steps, &coarse);
+         steps++) {
+        const bool is_there = find_window(store, &coarse) != NULL;
+        if (!is_there && wanted_count(&coarse) < MANY_BRICKS) {
+            *step = coarse;
+            return true;
+        }
+        free(coarse.wanted);
+        if (is_there)
+            break;
+    }
+    return sp_brick_need_copy(need, step);
+}
+
+static bool is_same(const struct sp_brick_need *a, const struct sp_brick_need *b) {
+    return sp_brick_need_is_in(a, b) && sp_brick_need_is_in(b, a);
+}
+
+/* With the mutex held. */
+static void note_failure(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const struct sp_error *why) {
+    for (int i = 0; i < BRICK_QUEUE_MAX; i++) {
+        struct sp_brick_request *r = &store->queue[i];
+        if (r->need.wanted && is_same(need, &r->need)) {
+            r->has_failed = true;
+            r->why = *why;
+        }
+    }
+    pthread_cond_broadcast(&store->done);
+}
+
+void *sp_brick_store_read(void *user) {
+    struct sp_brick_store *store = user;
+    pthread_mutex_lock(&store->mutex);
+    while (!is_stopped(store)) {
+        struct sp_brick_request *r = newest(store);
+        struct sp_brick_need step;
+        struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory for bricks" };
+        if (!r) {
+            pthread_cond_wait(&store->asked, &store->mutex);
+            continue;
+        }
+        if (find_window(store, &r->need)) {
+            sp_brick_request_clear(r);
+            continue;
+        }
+        struct sp_brick_need need;
+        if (!sp_brick_need_copy(&r->need, &need)) {
+            note_failure(store, &r->need, &err);
+            continue;
+        }
+        if (!choose_step(store, &need, &step) || !serve(store, &step, &err))
+            note_failure(store, &need, &err);
+        free(need.wanted);
+    }
+    pthread_mutex_unlock(&store->mutex);
+    return NULL;
+}
+
+/* With the mutex held: asks the thread for a need. NULL without memory. */
+static struct sp_brick_request *ask(struct sp_brick_store *store,
+                                    const struct sp_brick_need *need) {
+    struct sp_brick_request *r = &store->queue[0];
+    for (int i = 0; i < BRICK_QUEUE_MAX; i++) {
+        if (store->queue[i].need.wanted && is_same(need, &store->queue[i].need)) {
+            r = &store->queue[i];
+            r->asked = ++store->clock;
+            return r;
+        }
+        if (!store->queue[i].need.wanted || (r->need.wanted && store->queue[i].asked < r->asked))
+            r = &store->queue[i];
+    }
+    sp_brick_request_clear(r);
+    if (!sp_brick_need_copy(need, &r->need))
+        return NULL;
+    r->asked = ++store->clock;
+    pthread_cond_signal(&store->asked);
+    return r;
+}
+
+/* Waits for a change, but not long: the caller looks whether it is cancelled. */
+static void wait_a_while(struct sp_brick_store *store, double ms) {
+    struct timespec until;
+    const double now = sp_clock_ms(), end = now + fmin(ms, poll_ms);
+    until.tv_sec = (time_t)(end / 1000);
+    until.tv_nsec = (long)fmod(end * 1e6, 1e9);
+    pthread_cond_timedwait(&store->done, &store->mutex, &until);
+}
+
+bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need *need,
+                        double wait_ms, bool (*is_cancelled)(void *user), void *user,
+                        struct sp_brick_window *out, struct sp_error *err) {
+    const double deadline = sp_clock_ms() + wait_ms;
+    bool ok = true;
+    *out = (struct sp_brick_window){ .volume = NULL };
+    pthread_mutex_lock(&store->mutex);
+    while (ok && !out->volume) {
+        struct sp_brick_store_window *w = find_window(store, need);
+        struct sp_brick_request *r = w ? NULL : ask(store, need);
+        const double left = deadline - sp_clock_ms();
+        if (w) {
+            w->used = ++store->clock;
+            describe(store, w, out);
+            out->is_wanted = true;
+        } else if (is_cancelled && is_cancelled(user)) {
+            ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+        } else if (isinf(wait_ms) && (!r || r->has_failed)) {
+            ok = r ? sp_fail(err, r->why.code, r->why.place, "%s", r->why.text)
+                   : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
+            if (r)
+                sp_brick_request_clear(r);
+        } else if (!r || r->has_failed || left <= 0) {
+            if (r && r->has_failed)
+                sp_brick_request_clear(r); /* the next frame tries again */
+            find_coarser(store, need, out);
+        } else {
+            wait_a_while(store, left);
+        }
+    }
+    pthread_mutex_unlock(&store->mutex);
+    return ok;
+}
+
+void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64_t *bytes) {
+    *bricks = *bytes = 0;
+    pthread_mutex_lock(&store->mutex);
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
+        if (store->windows[i].volume) {
+            *bricks += wanted_count(&store->windows[i].need);
+            *bytes += store->windows[i].bytes;
+        }
+    pthread_mutex_unlock(&store->mutex);
+}

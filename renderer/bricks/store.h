@@ -1,0 +1,58 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The bricks of a file that are in memory, as windows: boxes of one level with the bricks that a
+ * frame needs. A window is a volume like any other, so that every backend and mode draws it.
+ *
+ *   need ─► is there a window? ─► its volume
+ *              └► a thread fills one: a coarser level first if there are many bricks
+ *
+ * Windows are shared by all frames of the volume. The least recently used ones are dropped when
+ * they exceed the budget; frames keep a reference to what they draw. All functions are thread-safe.
+ */
+#ifndef SP_BRICKS_STORE_H
+#define SP_BRICKS_STORE_H
+
+#include "bricks/fill.h"
+#include "sp/volume.h"
+
+struct sp_brick_store;
+
+/* Opens a brick file, of which it takes over the descriptor, also on failure: a volume of its
+ * finest small level, whose source is a store. Calls options->reserve() for the budget of windows
+ * and the index. The name and the source are written to the description. */
+struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
+                                      const struct sp_load_options *options, struct sp_error *err);
+
+/* The store of a volume; NULL = it is no brick file. Valid as long as the volume. */
+struct sp_brick_store *sp_brick_store_of(const struct sp_volume *volume);
+
+const struct sp_brick_file *sp_brick_store_file(const struct sp_brick_store *store);
+/* The level of the volume that was opened. */
+unsigned sp_brick_store_base(const struct sp_brick_store *store);
+/* Most bytes that one window costs (sp_brick_need_cost()). */
+uint64_t sp_brick_store_window_max(const struct sp_brick_store *store);
+
+/* Where the samples of a window lie in the whole volume. */
+struct sp_brick_window {
+    struct sp_volume *volume; /* a reference; NULL = none */
+    unsigned level;
+    uint32_t first[3], size[3]; /* samples of the level */
+    uint64_t lost;              /* bricks that could not be read */
+    bool is_wanted; /* it has all wanted bricks; false: it is coarser, until these are read */
+};
+
+/* Returns the window of a need. If it is not there, the store reads it: the call waits up to
+ * wait_ms [ms] for it, INFINITY = until it is there, and then returns the finest coarser one, or
+ * the volume that was opened. False if `is_cancelled` became true (SP_ERR_CANCELLED), or, after
+ * waiting without limit, out of memory. */
+bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need *need,
+                        double wait_ms, bool (*is_cancelled)(void *user), void *user,
+                        struct sp_brick_window *window, struct sp_error *err);
+
+/* Returns the volume that was opened. */
+void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *window);
+
+/* Bricks in windows, and bytes that these cost. */
+void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64_t *bytes);
+
+#endif

@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Whole blocks of bytes from and to a place of a file, and files without a name.
+ */
+#ifndef SP_BRICKS_TRANSFER_H
+#define SP_BRICKS_TRANSFER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "sp/status.h"
+
+/* False with errno set; ENODATA = the file ends before. */
+bool sp_read_at(int fd, void *out, size_t size, uint64_t at);
+bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at);
+
+/* The same into a file that reads as zeros there: blocks of zeros stay holes. */
+bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at);
+
+/* A file without a name in that folder, which vanishes when it is closed; −1 with *err set. */
+int sp_bricks_temporary(const char *folder, struct sp_error *err);
+
+#endif

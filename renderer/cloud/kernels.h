@@ -1,0 +1,55 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The loop over the elements of a cloud, compiled once per instruction set (base/isa.h).
+ */
+#ifndef SP_CLOUD_KERNELS_H
+#define SP_CLOUD_KERNELS_H
+
+#include "base/isa.h"
+#include "classify/transfer.h"
+#include "sp/elements.h"
+#include "voxels/kernels.h"
+
+/* Variance that the low-pass filter adds to trained Gaussians [px²] (Kerbl et al. 2023). */
+#define SP_CLOUD_LOWPASS2 0.3f
+/* Red, green and blue of a Gaussian are at most this, so that no light is infinite. */
+#define SP_CLOUD_COLOR_MAX 1e4f
+
+enum { SP_CLOUD_PARTS_MAX = 12 };
+
+/* A layer of points or Gaussians in one frame. */
+struct sp_cloud {
+    const struct sp_elements *elements;
+    const struct sp_elements *merged; /* numbered from elements->shape.count on; NULL = none */
+    /* u = place·position + offset, and K = place·L times `size` [units of the frame] */
+    float place[3][3], offset[3];
+    float size;
+    float opacity; /* gaussians: factor */
+    bool is_normalised;
+    bool is_orthographic;
+    float eye[3]; /* in the world of the data; orthographic: direction of view there, unit length */
+    const struct sp_pieces *pieces; /* points: the transfer function, relative to `base` */
+    float base;
+    float per_volume; /* points: from a volume [world unit³ of the data] to cells */
+    /* Points: each kernel is drawn in that many parts of equal weight, one behind the other.
+     * Elements are then numbered `parts` times their number plus the part. */
+    uint32_t parts;
+    float part_at[SP_CLOUD_PARTS_MAX]; /* depth of each [deviations of the kernel's depth] */
+    float part_deviation;              /* of a part's depth [the same] */
+};
+
+/* The arrays that have an element; makes its number that of the arrays. */
+static inline const struct sp_elements *sp_cloud_part(const struct sp_cloud *cloud, uint32_t *at) {
+    if (*at < cloud->elements->shape.count)
+        return cloud->elements;
+    *at -= cloud->elements->shape.count;
+    return cloud->merged;
+}
+
+/* Sets up the splats of elements[count] of the cloud `from` (struct sp_cloud) that touch the rows
+ * being drawn, in order, without those that only touch closed tiles. Returns how many were
+ * written. */
+uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
+                         const uint32_t *elements, uint32_t count, struct sp_voxel_record *out);
+
+#endif

@@ -1,0 +1,155 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ *   depths, by block ─► seen ones as items, in order of number ─► voxels/radix.h ─► numbers
+ */
+#include "cloud/order.h"
+
+#include <float.h>
+#include <math.h>
+
+#include "voxels/radix.h"
+
+enum { BLOCK = 1 << 14 };
+
+struct block {
+    float low, high; /* depths of the seen ones */
+    uint32_t seen, first;
+};
+
+struct sort {
+    const struct sp_cloud *cloud;
+    const struct sp_cloud_choice *choice;
+    const struct sp_voxel_frame *frame;
+    const struct sp_interrupt *interrupt;
+    float *depths; /* by element of the choice; infinity = not seen */
+    struct block *blocks;
+    float low, scale; /* key = (depth − low)·scale */
+    uint32_t count;
+    struct sp_radix_item *items; /* [count] */
+    uint32_t *elements;          /* [count] */
+};
+
+/* True if the clip planes keep u. */
+static bool is_kept(const struct sp_clip_frame *clip, const float u[3]) {
+    for (uint32_t i = 0; i < clip->count; i++) {
+        const struct sp_clip_half *h = &clip->planes[i];
+        if (h->normal[0] * u[0] + h->normal[1] * u[1] + h->normal[2] * u[2] < h->offset)
+            return false;
+    }
+    return true;
+}
+
+/* Number i of the choice, with parts. */
+static uint32_t choose(const struct sort *s, size_t i) {
+    if (!s->choice)
+        return (uint32_t)i;
+    const uint32_t parts = s->cloud->parts;
+    return s->choice->elements[i / parts] * parts + (uint32_t)(i % parts);
+}
+
+/* The deviation of a kernel's depth. */
+static float find_deviation(const struct sp_cloud *c, const float l[6]) {
+    const float *w = c->place[2];
+    const float row[3] = { w[0] * l[0] + w[1] * l[1] + w[2] * l[3], w[1] * l[2] + w[2] * l[4],
+                           w[2] * l[5] };
+    return c->size * sqrtf(row[0] * row[0] + row[1] * row[1] + row[2] * row[2]);
+}
+
+/* Depth of an element or, with parts, of one of its parts; infinity if it cannot be seen. */
+static float find_depth(const struct sort *s, uint32_t i) {
+    const struct sp_cloud *c = s->cloud;
+    const uint32_t part = c->parts > 1 ? i % c->parts : 0;
+    i /= c->parts;
+    const struct sp_elements *e = sp_cloud_part(c, &i);
+    const float *p = e->positions[i];
+    float u[3];
+    for (int r = 0; r < 3; r++)
+        u[r] = c->place[r][0] * p[0] + c->place[r][1] * p[1] + c->place[r][2] * p[2] + c->offset[r];
+    bool is_drawn = u[2] >= s->frame->ewa.near && u[2] < 1e18f &&
+                    (e->values ? isfinite(e->values[i]) && e->volumes[i] > 0
+                               : e->opacities[i] * c->opacity > SP_TRAINED_OPACITY_MIN) &&
+                    is_kept(&s->frame->ewa.clip, u);
+    if (!is_drawn || c->parts == 1)
+        return is_drawn ? u[2] : INFINITY;
+    return u[2] + c->part_at[part] * find_deviation(c, e->factors[i]);
+}
+
+static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    struct block *b = &s->blocks[begin / BLOCK];
+    (void)worker;
+    *b = (struct block){ .low = INFINITY, .high = -INFINITY };
+    if (sp_interrupt_is_cancelled(s->interrupt))
+        return;
+    for (size_t i = begin; i < end; i++) {
+        float depth = find_depth(s, choose(s, i));
+        s->depths[i] = depth;
+        if (!(depth < INFINITY))
+            continue;
+        b->seen++;
+        b->low = depth < b->low ? depth : b->low;
+        b->high = depth > b->high ? depth : b->high;
+    }
+}
+
+static void collect(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    struct sp_radix_item *to = s->items + s->blocks[begin / BLOCK].first;
+    (void)worker;
+    if (!s->blocks[begin / BLOCK].seen)
+        return;
+    for (size_t i = begin; i < end; i++)
+        if (s->depths[i] < INFINITY)
+            *to++ = (struct sp_radix_item){ (uint32_t)((s->depths[i] - s->low) * s->scale),
+                                            choose(s, i) };
+}
+
+static void take_elements(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        s->elements[i] = s->items[i].value;
+}
+
+/* Finds the range of keys and where the items of each block go. */
+static void sum_blocks(struct sort *s, size_t blocks) {
+    float high = -INFINITY;
+    s->low = INFINITY;
+    for (size_t b = 0; b < blocks; b++) {
+        s->blocks[b].first = s->count;
+        s->count += s->blocks[b].seen;
+        s->low = fminf(s->low, s->blocks[b].low);
+        high = fmaxf(high, s->blocks[b].high);
+    }
+    const float steps = (float)SP_RADIX_KEYS - 2;
+    s->scale = high > s->low ? fminf(steps / (high - s->low), FLT_MAX) : 0;
+}
+
+bool sp_cloud_sort(const struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
+                   const struct sp_voxel_frame *frame, struct sp_pool *pool, struct sp_arena *arena,
+                   const struct sp_interrupt *interrupt, struct sp_voxel_order *order) {
+    struct sort s = { .cloud = cloud, .choice = choice, .frame = frame, .interrupt = interrupt };
+    const size_t n = (size_t)cloud->parts * (choice ? choice->count : cloud->elements->shape.count),
+                 blocks = (n + BLOCK - 1) / BLOCK;
+    *order = (struct sp_voxel_order){ 0 };
+    s.depths = sp_arena_alloc(arena, "depths of elements", n + 1, sizeof *s.depths);
+    s.blocks = sp_arena_alloc(arena, "blocks of elements", blocks + 1, sizeof *s.blocks);
+    if (!s.depths || !s.blocks)
+        return false;
+    sp_parallel_for(pool, n, BLOCK, find_depths, &s);
+    if (sp_interrupt_is_cancelled(interrupt))
+        return true;
+    sum_blocks(&s, blocks);
+    s.items = sp_arena_alloc(arena, "order of elements", s.count + (size_t)1, sizeof *s.items);
+    s.elements =
+        sp_arena_alloc(arena, "order of elements", s.count + (size_t)1, sizeof *s.elements);
+    if (!s.items || !s.elements)
+        return false;
+    sp_parallel_for(pool, n, BLOCK, collect, &s);
+    s.items = sp_radix_sort(s.items, s.count, pool, arena);
+    if (!s.items)
+        return false;
+    sp_parallel_for(pool, s.count, BLOCK, take_elements, &s);
+    *order = (struct sp_voxel_order){ .voxels = s.elements, .count = s.count };
+    return true;
+}

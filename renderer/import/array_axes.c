@@ -1,0 +1,320 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The place of an array in the world. NetCDF has conventions for that (CF): the variable with the
+ * name of a dimension has its coordinates, and attributes say what they are.
+ */
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "import/arrays.h"
+#include "volume/unit.h"
+#include "volume/volume.h"
+
+/* Coordinates lie evenly if each is within this share of the step of its place. */
+#define EVEN_SHARE 1e-3
+/* The height of a volume whose vertical axis has another kind of unit, in its horizontal extent. */
+#define HEIGHT_SHARE 0.25
+
+enum role { ROLE_NONE, ROLE_X, ROLE_Y, ROLE_Z, ROLE_TIME };
+
+struct coordinates { /* of one dimension */
+    double *values;  /* owned; NULL = none */
+    char unit[64];
+    bool is_down; /* they grow downwards: pressure, depth */
+    enum role role;
+};
+
+static bool begins(const char *text, const char *with) {
+    return strncasecmp(text, with, strlen(with)) == 0;
+}
+
+static bool is_one_of(const char *name, const char *const *names) {
+    for (; *names; names++)
+        if (strcasecmp(name, *names) == 0)
+            return true;
+    return false;
+}
+
+/* Finds the array of the coordinates of a dimension; −1 = there is none. */
+static int find_array(const struct arrays *a, unsigned d) {
+    struct array_info info;
+    for (unsigned n = 0; *a->info.dims[d] && a->call->describe(a->handle, n, &info); n++)
+        if (info.is_number && info.rank == 1 && info.shape[0] == a->info.shape[d] &&
+            strcmp(info.name, a->info.dims[d]) == 0)
+            return (int)n;
+    return -1;
+}
+
+static bool read_values(const struct arrays *a, int n, unsigned d, struct coordinates *c) {
+    struct array_info info;
+    char why[SP_ERROR_TEXT];
+    const uint64_t start[IMPORT_RANK_MAX] = { 0 }, count[IMPORT_RANK_MAX] = { a->info.shape[d] };
+    if (count[0] > SP_DIM_MAX || !a->call->describe(a->handle, (unsigned)n, &info))
+        return true; /* without coordinates */
+    void *numbers = malloc(count[0] * info.number.size);
+    c->values = malloc(count[0] * sizeof *c->values);
+    const bool ok = numbers && c->values;
+    bool is_sound =
+        ok && a->call->read(a->handle, (unsigned)n, start, count, numbers, why, sizeof why);
+    for (uint64_t i = 0; is_sound && i < count[0]; i++) {
+        c->values[i] = import_widen((char *)numbers + i * info.number.size, info.number);
+        is_sound = isfinite(c->values[i]) &&
+                   (i < 2 || (c->values[i] > c->values[i - 1]) == (c->values[1] > c->values[0])) &&
+                   (i < 1 || c->values[i] != c->values[i - 1]);
+    }
+    free(numbers);
+    if (!is_sound) {
+        free(c->values);
+        c->values = NULL;
+        import_warn(a->file->warnings,
+                    "The coordinates of the dimension %.60s do not rise or fall throughout; they "
+                    "were left out.",
+                    a->info.dims[d]);
+    }
+    return ok;
+}
+
+static enum role role_of(const char *name, const char *axis, const char *standard,
+                         const char *unit) {
+    static const char *const x[] = { "x", "lon", "longitude", "nlon", "projection_x_coordinate",
+                                     NULL };
+    static const char *const y[] = {
+        "y", "lat", "latitude", "nlat", "projection_y_coordinate", NULL
+    };
+    static const char *const z[] = { "z",      "lev",      "level",  "plev",         "depth",
+                                     "height", "altitude", "levels", "air_pressure", NULL };
+    static const char *const time[] = { "t",     "time", "times", "hour",   "day",
+                                        "month", "year", "date",  "season", NULL };
+    if (strcasecmp(axis, "T") == 0 || strstr(unit, " since ") || is_one_of(standard, time) ||
+        is_one_of(name, time))
+        return ROLE_TIME;
+    if (strcasecmp(axis, "X") == 0 || begins(unit, "degrees_e") || begins(unit, "degree_e") ||
+        is_one_of(standard, x) || is_one_of(name, x))
+        return ROLE_X;
+    if (strcasecmp(axis, "Y") == 0 || begins(unit, "degrees_n") || begins(unit, "degree_n") ||
+        is_one_of(standard, y) || is_one_of(name, y))
+        return ROLE_Y;
+    if (strcasecmp(axis, "Z") == 0 || is_one_of(standard, z) || is_one_of(name, z))
+        return ROLE_Z;
+    return ROLE_NONE;
+}
+
+static bool take_coordinates(const struct arrays *a, unsigned d, struct coordinates *c) {
+    static const char *const pressure[] = { "hPa", "Pa",  "millibar", "millibars",
+                                            "mb",  "bar", "dbar",     NULL };
+    char axis[8] = "", standard[64] = "", positive[16] = "";
+    const int n = find_array(a, d);
+    if (n >= 0) {
+        a->call->text(a->handle, (unsigned)n, "units", c->unit, sizeof c->unit);
+        a->call->text(a->handle, (unsigned)n, "axis", axis, sizeof axis);
+        a->call->text(a->handle, (unsigned)n, "standard_name", standard, sizeof standard);
+        a->call->text(a->handle, (unsigned)n, "positive", positive, sizeof positive);
+        if (!read_values(a, n, d, c))
+            return false;
+    }
+    c->is_down = strcasecmp(positive, "down") == 0 || is_one_of(c->unit, pressure);
+    c->role = role_of(a->info.dims[d], axis, standard, c->unit);
+    return true;
+}
+
+/* Assigns dimensions that play no part to x, y and z, the last ones first. One dimension may be
+ * left, whose places are fields, and others of length 1. */
+static bool assign(struct arrays *a, const struct coordinates *c, struct sp_error *err) {
+    struct import_axes *axes = &a->axes;
+    *axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
+    int rest[IMPORT_RANK_MAX];
+    unsigned count = 0;
+    for (unsigned i = a->info.rank; i-- > 0;) {
+        int *role = c[i].role == ROLE_TIME   ? &axes->time
+                    : c[i].role != ROLE_NONE ? &axes->space[c[i].role - ROLE_X]
+                                             : NULL;
+        if (role && *role < 0)
+            *role = (int)i;
+        else
+            rest[count++] = (int)i;
+    }
+    for (unsigned i = 0; i < count; i++) {
+        int *to = NULL;
+        for (int s = 0; s < 3 && !to; s++)
+            if (axes->space[s] < 0)
+                to = &axes->space[s];
+        if (to && a->info.shape[rest[i]] > 1)
+            *to = rest[i];
+        else if (a->info.shape[rest[i]] > 1 && axes->channel < 0)
+            axes->channel = rest[i];
+        else if (a->info.shape[rest[i]] > 1)
+            return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                               "has more dimensions than x, y, z, time and one of fields");
+    }
+    for (unsigned i = 0; i < count && axes->space[0] < 0; i++)
+        axes->space[0] = rest[i]; /* of length 1 */
+    return axes->space[0] >= 0 || axes->space[1] >= 0 || axes->space[2] >= 0 ||
+           arrays_fail(a, err, SP_ERR_UNSUPPORTED, "has no dimension of space");
+}
+
+/* The extent of a dimension, in its coordinates or else its indices. */
+static double extent_of(const struct arrays *a, const struct coordinates *c, int d) {
+    const uint64_t last = d < 0 ? 0 : a->info.shape[d] - 1;
+    return d < 0 ? 0 : c[d].values ? fabs(c[d].values[last] - c[d].values[0]) : (double)last;
+}
+
+static bool is_angle(const char *unit) {
+    return begins(unit, "degree") || begins(unit, "rad");
+}
+
+/* What the coordinates of an axis are multiplied by, so that all are in the unit of x. */
+static double factor_of(const struct arrays *a, const struct coordinates *c, int axis) {
+    const int d = a->axes.space[axis], of_x = a->axes.space[0];
+    if (axis == 0 || d < 0 || of_x < 0)
+        return 1;
+    const struct sp_unit *own = sp_unit_find(c[d].unit), *x = sp_unit_find(c[of_x].unit);
+    if (own && x)
+        return own->meters / x->meters;
+    const bool is_same =
+        strcasecmp(c[d].unit, c[of_x].unit) == 0 || (is_angle(c[d].unit) && is_angle(c[of_x].unit));
+    const double horizontal = fmax(extent_of(a, c, of_x), extent_of(a, c, a->axes.space[1]));
+    const double vertical = extent_of(a, c, d);
+    if (axis == 1 || is_same || !(vertical > 0) || !(horizontal > 0))
+        return 1;
+    import_warn(
+        a->file->warnings,
+        "The vertical axis has the unit \"%.30s\" and the horizontal ones \"%.30s\": it was "
+        "scaled to a quarter of their length.",
+        c[d].unit, c[of_x].unit);
+    return HEIGHT_SHARE * horizontal / vertical;
+}
+
+/* Gives an axis its coordinates, as even spacing if they are. */
+static void place_axis(struct arrays *a, struct coordinates *c, int axis, double factor,
+                       struct sp_grid *grid) {
+    const int d = a->axes.space[axis];
+    const uint32_t count = grid->dims[axis];
+    double *values = d < 0 ? NULL : c[d].values;
+    bool is_even = true;
+    grid->spacing[axis] = factor;
+    if (!values)
+        return;
+    if (axis == 2 && c[d].is_down)
+        factor = -factor;
+    for (uint32_t i = 0; i < count; i++)
+        values[i] *= factor;
+    const double step = count > 1 ? (values[count - 1] - values[0]) / (count - 1) : 1;
+    for (uint32_t i = 0; i < count; i++)
+        is_even &= fabs(values[i] - values[0] - i * step) <= EVEN_SHARE * fabs(step);
+    if (!is_even) {
+        a->positions[axis] = values;
+        c[d].values = NULL;
+        import_grid_place(grid, (unsigned)axis, values);
+        return;
+    }
+    grid->spacing[axis] = fabs(step);
+    grid->origin[axis] = values[0];
+    grid->direction[axis][axis] = step < 0 ? -1 : 1;
+}
+
+/* "hours since 1900-01-01": the unit before the date. */
+static void take_times(struct arrays *a, struct coordinates *c, struct import_header *header) {
+    static const char *const known[][2] = { { "second", "s" }, { "minute", "min" },
+                                            { "hour", "h" },   { "day", "d" },
+                                            { "msec", "ms" },  { "millisecond", "ms" } };
+    const char *since = strstr(c->unit, " since ");
+    char unit[64];
+    snprintf(unit, sizeof unit, "%.*s", since ? (int)(since - c->unit) : 63, c->unit);
+    a->times = c->values;
+    c->values = NULL;
+    header->steps.times = a->times;
+    snprintf(header->steps.unit, sizeof header->steps.unit, "%.31s", unit);
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (begins(unit, known[i][0]))
+            snprintf(header->steps.unit, sizeof header->steps.unit, "%s", known[i][1]);
+}
+
+static bool take_steps(struct arrays *a, struct coordinates *c, struct import_header *header,
+                       struct sp_error *err) {
+    const uint64_t steps = a->axes.time < 0 ? 1 : a->info.shape[a->axes.time];
+    if (!import_header_use_steps(header, a->file, steps, err))
+        return false;
+    if (steps > 1 && c[a->axes.time].values)
+        take_times(a, &c[a->axes.time], header);
+    return true;
+}
+
+static void take_unit(const struct arrays *a, const struct coordinates *c,
+                      struct import_header *header) {
+    const char *name = a->axes.space[0] < 0 ? "" : c[a->axes.space[0]].unit;
+    const struct sp_unit *unit = sp_unit_find(name);
+    snprintf(header->unit, sizeof header->unit, "%.31s",
+             unit                                       ? unit->shown
+             : is_angle(name) && begins(name, "degree") ? "degrees"
+                                                        : name);
+}
+
+/* Takes the size of a voxel from the attribute `element_size_um`, which ilastik and other programs
+ * write in the order z, y, x. */
+static void take_element_size(const struct arrays *a, struct import_header *header) {
+    double size[3];
+    if (a->call->numbers(a->handle, a->chosen, "element_size_um", size, 3) != 3)
+        return;
+    for (int axis = 0; axis < 3; axis++)
+        if (!(size[axis] > 0) || !isfinite(size[axis]))
+            return;
+    for (int axis = 0; axis < 3; axis++)
+        header->grid.spacing[axis] = size[2 - axis];
+    snprintf(header->unit, sizeof header->unit, "um");
+}
+
+static bool take_dims(const struct arrays *a, struct import_header *header, struct sp_error *err) {
+    for (int axis = 0; axis < 3; axis++) {
+        const int d = a->axes.space[axis];
+        const uint64_t size = d < 0 ? 1 : a->info.shape[d];
+        if (size > SP_DIM_MAX)
+            return arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                               "dimension %d has the length %" PRIu64 ", more than %u", d, size,
+                               SP_DIM_MAX);
+        header->grid.dims[axis] = (uint32_t)size;
+    }
+    return true;
+}
+
+static bool take_conventions(struct arrays *a, struct coordinates *c, struct import_header *header,
+                             struct sp_error *err) {
+    double factor[3];
+    for (unsigned d = 0; d < a->info.rank; d++)
+        if (!take_coordinates(a, d, &c[d]))
+            return sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory for coordinates");
+    if (!assign(a, c, err) || !take_dims(a, header, err) || !take_steps(a, c, header, err))
+        return false;
+    for (int axis = 0; axis < 3; axis++)
+        factor[axis] = factor_of(a, c, axis); /* before any axis changes its coordinates */
+    take_unit(a, c, header);
+    for (int axis = 0; axis < 3; axis++)
+        place_axis(a, c, axis, factor[axis], &header->grid);
+    return true;
+}
+
+bool arrays_take_axes(struct arrays *a, struct import_header *header, struct sp_error *err) {
+    struct coordinates c[IMPORT_RANK_MAX];
+    const char *names[IMPORT_RANK_MAX];
+    bool ok;
+    memset(c, 0, sizeof c);
+    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
+        names[d] = a->info.dims[d];
+    if (a->is_netcdf) {
+        ok = take_conventions(a, c, header, err);
+    } else {
+        ok = import_axes_guess(&a->axes, a->info.rank, a->info.shape, names,
+                               a->info.number.size == 1) ||
+             arrays_fail(a, err, SP_ERR_UNSUPPORTED,
+                         "has %u dimensions; supported are t, c, z, y and x", a->info.rank);
+        ok = ok && take_dims(a, header, err) && take_steps(a, c, header, err);
+        if (ok)
+            take_element_size(a, header);
+    }
+    for (unsigned d = 0; d < IMPORT_RANK_MAX; d++)
+        free(c[d].values);
+    return ok;
+}

@@ -1,0 +1,47 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The part of HDF5 and of NetCDF that arrays.c needs. Each library is a module of its own with the
+ * same table of functions. One file at a time, one thread.
+ */
+#ifndef SP_IMPORT_ARRAY_BRIDGE_H
+#define SP_IMPORT_ARRAY_BRIDGE_H
+
+#include "import/axes.h"
+
+enum { ARRAY_NAME_BYTES = 256, ARRAYS_MAX = 1024 };
+
+struct array_info {              /* one array of a file */
+    char name[ARRAY_NAME_BYTES]; /* of HDF5 the path: "/a/b" */
+    unsigned rank;               /* in [0, IMPORT_RANK_MAX] if is_number */
+    uint64_t shape[IMPORT_RANK_MAX];
+    uint64_t chunk[IMPORT_RANK_MAX];              /* 0 = not chunked */
+    char dims[IMPORT_RANK_MAX][ARRAY_NAME_BYTES]; /* names of dimensions; "" = none */
+    bool is_number;                               /* its numbers can be read */
+    char problem[128];                            /* if they cannot: why */
+    struct import_number number;                  /* as read() returns it */
+};
+
+struct array_functions {
+    /* NULL on failure, with the reason in `why` (`capacity` bytes). */
+    void *(*open)(const char *path, char *why, size_t capacity);
+    void (*close)(void *file);
+    /* Describes array n, from 0. False if there is none. */
+    bool (*describe)(void *file, unsigned n, struct array_info *info);
+    /* Reads a box of array n, the last dimension fastest, in native byte order. */
+    bool (*read)(void *file, unsigned n, const uint64_t *start, const uint64_t *count, void *out,
+                 char *why, size_t capacity);
+    /* Reads an attribute of array n as numbers, at most `most`; returns how many. */
+    size_t (*numbers)(void *file, unsigned n, const char *attribute, double *out, size_t most);
+    /* Reads an attribute as text, cut to `capacity` bytes with its 0; "" if there is none. */
+    void (*text)(void *file, unsigned n, const char *attribute, char *out, size_t capacity);
+};
+
+#define HDF5_BRIDGE_MODULE "splat-import-hdf5.so"
+#define HDF5_BRIDGE_SYMBOL "splat_hdf5_bridge"
+extern const struct array_functions splat_hdf5_bridge;
+
+#define NETCDF_BRIDGE_MODULE "splat-import-netcdf.so"
+#define NETCDF_BRIDGE_SYMBOL "splat_netcdf_bridge"
+extern const struct array_functions splat_netcdf_bridge;
+
+#endif

@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/axes.h"
+
+#include <string.h>
+#include <strings.h>
+
+enum { COLORS_MIN = 3, COLORS_MAX = 4 };
+
+void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
+                       const char *const *names) {
+    int named[3] = { -1, -1, -1 };
+    unsigned found = 0;
+    for (unsigned i = 0; i < count; i++)
+        for (int a = 0; a < 3; a++) {
+            const char *const letter = (const char *const[]){ "x", "y", "z" }[a];
+            if (named[a] < 0 && names[space[i]] && strcasecmp(names[space[i]], letter) == 0) {
+                named[a] = space[i];
+                found++;
+            }
+        }
+    for (unsigned i = 0; i < 3; i++)
+        axes->space[i] = found == count ? named[i] : i < count ? space[count - 1 - i] : -1;
+}
+
+static bool is_one_of(const char *name, const char *const *names) {
+    for (; *names; names++)
+        if (strcasecmp(name, *names) == 0)
+            return true;
+    return false;
+}
+
+static const char *const times[] = { "t", "time", "times", "step", NULL };
+static const char *const channels[] = { "c",         "ch",         "channel", "channels",
+                                        "component", "components", "band",    NULL };
+
+bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
+                       const char *const *names, bool are_bytes) {
+    int space[IMPORT_RANK_MAX];
+    unsigned count = 0;
+    bool has_names = true;
+    for (unsigned d = 0; d < rank; d++)
+        has_names &= names[d] && *names[d];
+    const unsigned last = rank - 1;
+    *axes = (struct import_axes){ .space = { -1, -1, -1 }, .channel = -1, .time = -1 };
+    axes->are_colors = !has_names && rank == 4 && are_bytes && shape[last] >= COLORS_MIN &&
+                       shape[last] <= COLORS_MAX;
+    for (unsigned d = 0; d < rank; d++) {
+        const unsigned behind = last - d; /* dimensions behind this one */
+        const bool is_time = has_names ? is_one_of(names[d], times) : behind == 4;
+        const bool is_channel = has_names          ? is_one_of(names[d], channels)
+                                : axes->are_colors ? d == last
+                                                   : behind == 3;
+        if (is_time && axes->time < 0)
+            axes->time = (int)d;
+        else if (is_channel && axes->channel < 0)
+            axes->channel = (int)d;
+        else
+            space[count++] = (int)d;
+    }
+    if (count < 1 || count > 3)
+        return false;
+    import_axes_place(axes, space, count, names);
+    return true;
+}

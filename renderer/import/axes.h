@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which dimensions of an array are x, y, z, channels and time.
+ */
+#ifndef SP_IMPORT_AXES_H
+#define SP_IMPORT_AXES_H
+
+#include "import/format.h"
+
+enum { IMPORT_RANK_MAX = 8 };
+
+struct import_axes {
+    int space[3];      /* the dimensions of x, y and z; −1 = none */
+    int channel, time; /* −1 = none */
+    bool are_colors;   /* the channels are red, green, blue and maybe alpha */
+};
+
+/* Guesses from the names of the dimensions: "c", "channel", … and "t", "time", …; others are space.
+ * Without a name for each (NULL or "") they are t, c, z, y, x, of which the first may be missing;
+ * an array of bytes with four dimensions, the last of length 3 or 4, has colours there. False if
+ * more than three dimensions are left for space; *axes is not valid then. */
+bool import_axes_guess(struct import_axes *axes, unsigned rank, const uint64_t *shape,
+                       const char *const *names, bool are_bytes);
+
+/* Assigns dimensions to z, y and x in this order, unless they are named so. `space` has `count` of
+ * them, in [1, 3]. */
+void import_axes_place(struct import_axes *axes, const int *space, unsigned count,
+                       const char *const *names);
+
+#endif

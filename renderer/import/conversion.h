@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Numbers of a file that memory holds in another way: of a type that volumes do not have, rescaled,
+ * or one of several components of each sample.
+ */
+#ifndef SP_IMPORT_CONVERSION_H
+#define SP_IMPORT_CONVERSION_H
+
+#include "import/number.h"
+
+/* sample = slope · number + offset */
+struct import_conversion {
+    struct import_number number;    /* in the file */
+    unsigned components, component; /* numbers per sample, and which of them is read */
+    double slope, offset;
+    enum sp_type type; /* in memory */
+};
+
+/* Reads numbers of this kind as they are: slope 1, offset 0, one component. */
+struct import_conversion import_conversion_of(struct import_number number);
+
+/* Chooses the type in memory for stored numbers in [low, high]. If all samples are whole, it is the
+ * smallest type that holds them exactly, at least as large as that of the file where that serves;
+ * otherwise float32 for numbers of at most 2 bytes, and float64 for larger integers. */
+void import_conversion_choose(struct import_conversion *conversion, double low, double high);
+
+/* True if memory holds what the file does, apart from the byte order. */
+bool import_conversion_is_copy(const struct import_conversion *conversion);
+
+/* Converts `count` samples in native byte order. Whole samples outside the type become its nearest
+ * one. */
+void import_conversion_put(const struct import_conversion *conversion, const void *numbers,
+                           size_t count, void *out);
+
+#endif

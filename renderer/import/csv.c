@@ -1,0 +1,238 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Points in a text table: a line with the names of columns, then a line of numbers per point.
+ * Fields are separated by what separates the names: a tab, a semicolon or a comma. They may be
+ * quoted. Lines without characters are skipped, and an empty field is NaN.
+ */
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+
+#include "import/points.h"
+#include "import/text.h"
+
+enum { COLUMNS_MAX = 256, FIELD_BYTES = 64 };
+
+struct csv {
+    const struct import_file *file;
+    struct import_text text;
+    uint64_t line; /* from 1 */
+    uint64_t rows; /* where they begin, in bytes */
+    uint64_t rows_line;
+    char separator;
+    unsigned count; /* columns */
+    char names[COLUMNS_MAX][FIELD_BYTES];
+    const char *name_of[COLUMNS_MAX];
+    struct import_columns columns;
+};
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    size_t n = strlen(shown);
+    (void)start;
+    (void)size;
+    return n > 4 && strcasecmp(shown + n - 4, ".csv") == 0;
+}
+
+/* Fails at a line, and at a column if it is not NULL. */
+__attribute__((format(printf, 4, 5))) static bool
+refuse(const struct csv *c, const char *column, struct sp_error *err, const char *format, ...) {
+    char place[SP_ERROR_PLACE], text[SP_ERROR_TEXT];
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    snprintf(place, sizeof place, "%.120s: line %" PRIu64 "%s%.63s", c->file->shown, c->line,
+             column ? ": column " : "", column ? column : "");
+    return sp_fail(err, SP_ERR_FORMAT, place, "%s", text);
+}
+
+static int next(struct csv *c, struct sp_error *err) {
+    int byte = import_text_peek(&c->text, err);
+    c->text.at += byte >= 0;
+    return byte;
+}
+
+static bool is_blank(const struct csv *c, int byte) {
+    return byte == ' ' || byte == '\r' || (byte == '\t' && c->separator != '\t');
+}
+
+/* Skips blank lines; false at the end of the file or, with *failed, on failure. */
+static bool find_line(struct csv *c, bool *failed, struct sp_error *err) {
+    int byte;
+    while ((byte = import_text_peek(&c->text, err)) == '\n' || is_blank(c, byte)) {
+        c->line += byte == '\n';
+        c->text.at++;
+    }
+    *failed = byte == -2;
+    return byte >= 0;
+}
+
+/* Reads the next field without the blanks around it. *last is set if it ends its line. */
+static bool take_field(struct csv *c, char field[FIELD_BYTES], bool *last, struct sp_error *err) {
+    size_t n = 0;
+    int byte;
+    enum { PLAIN, QUOTED, CLOSED } state = PLAIN;
+    while ((byte = next(c, err)) >= 0 && byte != '\n' &&
+           (byte != c->separator || state == QUOTED)) {
+        bool is_quote = byte == '"';
+        if (is_quote && state == QUOTED && import_text_peek(&c->text, err) == '"') {
+            c->text.at++; /* two quotes are one */
+        } else if (is_quote && (state == QUOTED || (state == PLAIN && n == 0))) {
+            state = state == QUOTED ? CLOSED : QUOTED;
+            continue;
+        } else if (is_blank(c, byte) && (state == CLOSED || (state == PLAIN && n == 0))) {
+            continue;
+        }
+        if (state == CLOSED)
+            return refuse(c, NULL, err, "text follows a closing quote");
+        if (n + 1 == FIELD_BYTES)
+            return refuse(c, NULL, err, "a field is longer than %d bytes", FIELD_BYTES - 1);
+        field[n++] = byte ? (char)byte : '?';
+    }
+    if (state == QUOTED && byte != -2)
+        return refuse(c, NULL, err, "a quote is not closed");
+    while (n > 0 && state == PLAIN && is_blank(c, field[n - 1]))
+        n--;
+    field[n] = 0;
+    *last = byte != c->separator;
+    return byte != -2;
+}
+
+/* The separator is the first of these that occurs in the line. */
+static bool find_separator(struct csv *c, struct sp_error *err) {
+    static const char separators[] = "\t;,";
+    size_t best = 2;
+    bool quoted = false;
+    int byte;
+    for (struct import_text *t = &c->text; (byte = import_text_peek(t, err)) >= 0 && byte != '\n';
+         t->at++) {
+        const char *found = byte ? strchr(separators, byte) : NULL;
+        quoted ^= byte == '"';
+        if (found && !quoted && (size_t)(found - separators) < best)
+            best = (size_t)(found - separators);
+    }
+    c->separator = separators[best];
+    return byte != -2;
+}
+
+static bool check_names(const struct csv *c, struct sp_error *err) {
+    for (unsigned i = 0; i < c->count; i++)
+        for (unsigned k = 0; k < i; k++)
+            if (c->names[i][0] && strcasecmp(c->names[i], c->names[k]) == 0)
+                return refuse(c, NULL, err,
+                              "\"%s\" is the name of the columns %u and %u; rename one",
+                              c->names[i], k + 1, i + 1);
+    return true;
+}
+
+static bool take_names(struct csv *c, struct sp_error *err) {
+    bool last = false, failed;
+    static const int mark[] = { 0xef, 0xbb, 0xbf }; /* of byte order, as UTF-8 */
+    for (int i = 0; i < 3 && import_text_peek(&c->text, err) == mark[i]; i++)
+        c->text.at++;
+    if (!find_line(c, &failed, err))
+        return failed ? false : refuse(c, NULL, err, "the file has no names of columns");
+    uint64_t start = c->text.at;
+    if (!find_separator(c, err))
+        return false;
+    for (c->text.at = start; !last; c->count++) {
+        if (c->count == COLUMNS_MAX)
+            return refuse(c, NULL, err, "more than %d columns", COLUMNS_MAX);
+        if (!take_field(c, c->names[c->count], &last, err))
+            return false;
+        c->name_of[c->count] = c->names[c->count];
+    }
+    if (!check_names(c, err))
+        return false;
+    if (!import_columns_find(c->name_of, c->count, c->file->field, &c->columns))
+        return refuse(c, NULL, err, "the first line must name columns x, y and z");
+    c->rows = c->text.at;
+    c->rows_line = ++c->line;
+    return true;
+}
+
+static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
+    bool failed;
+    for (*rows = 0; find_line(c, &failed, err); ++*rows) {
+        int byte;
+        while ((byte = next(c, err)) >= 0 && byte != '\n')
+            continue;
+        c->line++;
+    }
+    return !failed;
+}
+
+static void *open_csv(const struct import_file *file, struct import_header *header,
+                      struct sp_error *err) {
+    struct csv *c = calloc(1, sizeof *c);
+    uint64_t rows;
+    if (!c) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");
+        return NULL;
+    }
+    c->file = file;
+    c->line = 1;
+    import_text_init(&c->text, file, 0, file->size);
+    bool ok = take_names(c, err) && count_rows(c, &rows, err);
+    if (ok && rows > SP_ELEMENTS_MAX)
+        ok = refuse(c, NULL, err, "%" PRIu64 " points; a volume has at most %d", rows,
+                    SP_ELEMENTS_MAX);
+    if (ok) {
+        import_columns_use(&c->columns, c->name_of, c->count, (uint32_t)rows, header);
+        return c;
+    }
+    free(c);
+    return NULL;
+}
+
+/* Other columns may have any text. */
+static bool is_used(const struct import_columns *columns, int column) {
+    bool used = column == columns->scalar;
+    for (int a = 0; a < 3; a++)
+        used |= column == columns->position[a];
+    for (int k = 0; k < 6 && columns->variance[0] >= 0; k++)
+        used |= column == columns->variance[k] || column == columns->volume;
+    return used;
+}
+
+static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *err) {
+    char field[FIELD_BYTES], *end;
+    bool last = false;
+    for (unsigned i = 0; i < c->count; i++) {
+        if (last)
+            return refuse(c, NULL, err, "%u fields instead of %u", i, c->count);
+        if (!take_field(c, field, &last, err))
+            return false;
+        row[i] = field[0] ? strtod(field, &end) : NAN;
+        if (field[0] && *end && is_used(&c->columns, (int)i))
+            return refuse(c, c->names[i], err, "\"%s\" is not a number", field);
+    }
+    return last || refuse(c, NULL, err, "more than %u fields", c->count);
+}
+
+static bool read_elements(void *reader, const struct sp_elements *elements,
+                          const struct import_progress *progress, struct sp_error *err) {
+    struct csv *c = reader;
+    double row[COLUMNS_MAX];
+    bool failed;
+    c->text.at = c->rows;
+    c->line = c->rows_line;
+    for (uint32_t i = 0; i < elements->shape.count; i++, c->line++) {
+        if (!find_line(c, &failed, err))
+            return failed ? false : refuse(c, NULL, err, "the file ends early");
+        if (!take_row(c, row, err))
+            return false;
+        import_columns_take(&c->columns, row, elements, i);
+        if (i % 4096 == 0)
+            import_report(progress, (uint64_t)i * 4 * sizeof(float));
+    }
+    return true;
+}
+
+const struct import_format import_csv = {
+    .name = "CSV", .probe = probe, .open = open_csv, .read_elements = read_elements, .close = free
+};

@@ -1,0 +1,145 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/elements.h"
+
+#include <inttypes.h>
+#include <math.h>
+
+#include "import/neighbours.h"
+#include "volume/curvilinear.h"
+
+/* The normal of a triangle, as long as twice its area. */
+static void find_normal(const struct sp_elements *e, const uint32_t at[3], double normal[3]) {
+    double edge[2][3];
+    for (int a = 0; a < 3; a++) {
+        edge[0][a] = (double)e->positions[at[1]][a] - (double)e->positions[at[0]][a];
+        edge[1][a] = (double)e->positions[at[2]][a] - (double)e->positions[at[0]][a];
+    }
+    for (int a = 0; a < 3; a++)
+        normal[a] = edge[0][(a + 1) % 3] * edge[1][(a + 2) % 3] -
+                    edge[0][(a + 2) % 3] * edge[1][(a + 1) % 3];
+}
+
+static void find_normals(const struct sp_elements *e) {
+    for (uint32_t i = 0; i < e->shape.count; i++) {
+        const uint32_t *at = e->triangles[i];
+        double normal[3];
+        if (at[0] >= e->shape.vertex_count || at[1] >= e->shape.vertex_count ||
+            at[2] >= e->shape.vertex_count)
+            continue;
+        find_normal(e, at, normal);
+        for (int k = 0; k < 3; k++)
+            for (int a = 0; a < 3; a++)
+                e->normals[at[k]][a] += (float)normal[a];
+    }
+}
+
+static uint64_t finish_blocks(const struct import_header *header,
+                              const struct sp_elements *points) {
+    uint64_t first = 0, folded = 0;
+    for (uint32_t b = 0; b < header->block_count; b++) {
+        const uint32_t *dims = header->blocks[b];
+        folded += sp_curvilinear_finish(points, first, dims);
+        first += (uint64_t)dims[0] * dims[1] * dims[2];
+    }
+    return folded;
+}
+
+static bool is_finite(const float *numbers, unsigned count) {
+    for (unsigned i = 0; i < count; i++)
+        if (!isfinite(numbers[i]))
+            return false;
+    return true;
+}
+
+/* True if an element has a number that keeps it from being drawn. */
+static bool is_undrawn(const struct sp_elements *e, uint32_t i) {
+    if (e->triangles) {
+        for (int k = 0; k < 3; k++)
+            if (e->triangles[i][k] < e->shape.vertex_count &&
+                !is_finite(e->positions[e->triangles[i][k]], 3))
+                return true;
+        return false;
+    }
+    return !is_finite(e->positions[i], 3) || !is_finite(e->factors[i], 6) ||
+           (e->values && !is_finite(&e->values[i], 1)) ||
+           (e->opacities && !is_finite(&e->opacities[i], 1));
+}
+
+/* Gaussians whose colour is not finite are not drawn: light without a bound would hide the image.
+ */
+static void hide_colors(const struct sp_elements *e) {
+    const uint32_t numbers = 3 * sp_harmonics_count(e->shape.degree);
+    for (uint32_t i = 0; i < e->shape.count; i++)
+        if (!is_finite(e->harmonics + (size_t)i * numbers, numbers))
+            e->opacities[i] = NAN;
+}
+
+/* True if no triangle has an area. */
+static bool is_flat(const struct sp_elements *e) {
+    for (uint32_t i = 0; i < e->shape.count; i++) {
+        const uint32_t *at = e->triangles[i];
+        double normal[3];
+        if (at[0] >= e->shape.vertex_count || at[1] >= e->shape.vertex_count ||
+            at[2] >= e->shape.vertex_count)
+            continue;
+        find_normal(e, at, normal);
+        if (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2]) > 0)
+            return false;
+    }
+    return e->shape.count > 0;
+}
+
+/* Of the elements that are not drawn, folded ones are counted on their own, and so are those that
+ * the file hides. */
+static void warn(struct import_warnings *warnings, const struct sp_elements *e, uint64_t folded) {
+    static const struct {
+        const char *name, *reason;
+    } kinds[SP_KIND_COUNT] = { [SP_KIND_POINTS] = { "points", "their position, value or size" },
+                               [SP_KIND_GAUSSIANS] = { "Gaussians",
+                                                       "their position, size, opacity or colour" },
+                               [SP_KIND_MESH] = { "triangles", "the position of a corner" } };
+    const char *name = kinds[e->shape.kind].name, *reason = kinds[e->shape.kind].reason;
+    const uint32_t count = e->shape.count;
+    uint64_t undrawn = 0;
+    if (!warnings)
+        return;
+    if (count == 0)
+        import_warn(warnings, "The file has no %s, so nothing is drawn.", name);
+    for (uint32_t i = 0; i < count; i++)
+        undrawn += is_undrawn(e, i);
+    if (e->triangles && undrawn == 0 && is_flat(e))
+        import_warn(warnings, "No triangle of the file has an area, so nothing is drawn.");
+    if (folded)
+        import_warn(warnings,
+                    "%" PRIu64 " of the %" PRIu32 " nodes are not drawn, because their cells are "
+                    "flat or turned inside out.",
+                    folded, count);
+    if (warnings->hidden)
+        import_warn(warnings,
+                    "%" PRIu64 " of the %" PRIu32 " nodes are not drawn, because the file marks "
+                    "them as blank.",
+                    warnings->hidden, count);
+    if (undrawn > folded + warnings->hidden)
+        import_warn(warnings,
+                    "%" PRIu64 " of the %" PRIu32 " %s are not drawn, because %s is not a finite "
+                    "number.",
+                    undrawn - folded - warnings->hidden, count, name, reason);
+}
+
+bool import_elements_finish(const struct import_file *file, const struct import_header *header,
+                            const struct sp_elements *elements,
+                            const struct import_progress *progress, uint64_t *folded,
+                            struct sp_error *err) {
+    *folded = 0;
+    if (elements->shape.kind == SP_KIND_MESH && !header->has_normals)
+        find_normals(elements);
+    if (elements->shape.kind == SP_KIND_GAUSSIANS)
+        hide_colors(elements);
+    if (header->block_count)
+        *folded = finish_blocks(header, elements);
+    else if (elements->shape.kind == SP_KIND_POINTS && !header->has_factors &&
+             !import_neighbours_finish(elements, progress, err))
+        return false;
+    warn(file->warnings, elements, *folded);
+    return true;
+}

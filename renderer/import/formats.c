@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * All formats.
+ */
+#include "import/format.h"
+
+/* In the order in which they are asked. DICOM comes first, because such a file may begin as a TIFF.
+ */
+static const struct import_format *const formats[] = {
+    &import_zarr,       &import_dicom,     &import_tiff_stack, &import_image_stack, &import_nrrd,
+    &import_nifti,      &import_metaimage, &import_pvm,        &import_vdb,         &import_ply,
+    &import_collection, &import_vtk,       &import_vtk_xml,    &import_spz,         &import_csv,
+    &import_mesh,       &import_amira,     &import_vol,        &import_netcdf,      &import_hdf5,
+    &import_plot3d,     &import_raw
+};
+
+bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown) {
+    bool needed = false;
+    for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+        needed |= formats[i]->needs_module &&
+                  (formats[i]->probe(start, size, "") || formats[i]->probe(start, size, shown));
+    return needed;
+}
+
+const struct import_format *import_format_find(const uint8_t *start, size_t size, const char *shown,
+                                               struct sp_error *err) {
+    if (size == 0) {
+        import_fail(err, SP_ERR_FORMAT, shown, 0, NULL, "the file is empty");
+        return NULL;
+    }
+    const char *const names[] = { "", shown }; /* what a file has counts more than its name */
+    for (int n = 0; n < 2; n++)
+        for (size_t i = 0; i < sizeof formats / sizeof formats[0]; i++)
+            if (formats[i]->probe(start, size, names[n])) {
+                /* NetCDF-4 files are HDF5 files; their names tell. */
+                const bool is_netcdf =
+                    formats[i] == &import_hdf5 && import_netcdf.probe(start, size, shown);
+                return is_netcdf ? &import_netcdf : formats[i];
+            }
+    import_fail(
+        err, SP_ERR_UNSUPPORTED, shown, 0, NULL,
+        "unknown file format; supported are NRRD (.nrrd, .nhdr), DICOM (.dcm), NIfTI (.nii, "
+        ".nii.gz, .hdr), MetaImage (.mhd, .mha), PVM (.pvm), OpenVDB (.vdb), Zarr and OME-Zarr "
+        "(folders, .zarr), HDF5 (.h5), NetCDF (.nc), Amira (.am), .vol, .vgi, VTK (.vtk, .vti, "
+        ".vtr, .vts, .vtu, .vtp, .pvd, .series), raw samples with a JSON sidecar (.json), stacks "
+        "of images (.tif, .png, .jpg), points and Gaussians (.ply, .spz, .csv), PLOT3D (.xyz, "
+        ".p3d), and meshes (.ply, .stl, .obj, .gltf, .glb)");
+    return NULL;
+}

@@ -1,0 +1,295 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * HDF5 files. The library trusts what it reads, so it runs in the sandbox only. It opens no other
+ * file and loads no plugin here.
+ */
+#include "import/array_bridge.h"
+
+#include <hdf5.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+enum { CACHE_BYTES = 128 << 20, CACHE_SLOTS = 12421, FILTERS_MAX = 32 };
+
+struct hdf5 {
+    hid_t file;
+    char (*names)[ARRAY_NAME_BYTES]; /* owned: of the arrays */
+    unsigned count;
+    unsigned opened; /* the array that is open, + 1; 0 = none */
+    hid_t dataset;
+};
+
+/* Links to other files are not followed. */
+static herr_t refuse_link(const char *parent_file, const char *parent, const char *file,
+                          const char *object, unsigned *flags, hid_t access, void *user) {
+    (void)parent_file;
+    (void)parent;
+    (void)file;
+    (void)object;
+    (void)flags;
+    (void)access;
+    (void)user;
+    return -1;
+}
+
+static herr_t add_name(hid_t root, const char *name, const H5O_info_t *info, void *user) {
+    struct hdf5 *h = user;
+    (void)root;
+    if (info->type != H5O_TYPE_DATASET || strlen(name) + 2 > ARRAY_NAME_BYTES)
+        return 0;
+    if (h->count % 64 == 0) {
+        void *larger = realloc(h->names, (h->count + 64) * sizeof *h->names);
+        if (!larger)
+            return -1;
+        h->names = larger;
+    }
+    snprintf(h->names[h->count++], ARRAY_NAME_BYTES, "/%s", name);
+    return h->count == ARRAYS_MAX;
+}
+
+static void close_dataset(struct hdf5 *h) {
+    if (h->opened)
+        H5Dclose(h->dataset);
+    h->opened = 0;
+}
+
+static void close_file(void *file) {
+    struct hdf5 *h = file;
+    close_dataset(h);
+    if (h->file >= 0)
+        H5Fclose(h->file);
+    free(h->names);
+    free(h);
+    H5close();
+}
+
+static void *open_file(const char *path, char *why, size_t capacity) {
+    struct hdf5 *h = calloc(1, sizeof *h);
+    snprintf(why, capacity,
+             h ? "HDF5 cannot open the file: it is damaged or cut off" : "out of memory");
+    if (!h)
+        return NULL;
+    setenv("HDF5_USE_FILE_LOCKING", "FALSE", 1); /* the sandbox allows no locks */
+    H5Eset_auto2(H5E_DEFAULT, NULL, NULL);
+    H5PLset_loading_state(0);
+    h->file = H5Fopen(path, H5F_ACC_RDONLY, H5P_DEFAULT);
+    if (h->file >= 0 &&
+        H5Ovisit2(h->file, H5_INDEX_NAME, H5_ITER_NATIVE, add_name, h, H5O_INFO_BASIC) >= 0)
+        return h;
+    close_file(h);
+    return NULL;
+}
+
+/* Opens array n, which stays open until another one is. */
+static bool use(struct hdf5 *h, unsigned n) {
+    if (h->opened == n + 1)
+        return true;
+    close_dataset(h);
+    hid_t access = H5Pcreate(H5P_DATASET_ACCESS);
+    if (access < 0)
+        return false;
+    H5Pset_chunk_cache(access, CACHE_SLOTS, CACHE_BYTES, 1);
+    H5Pset_elink_cb(access, refuse_link, NULL);
+    h->dataset = H5Dopen2(h->file, h->names[n], access);
+    H5Pclose(access);
+    h->opened = h->dataset >= 0 ? n + 1 : 0;
+    return h->opened;
+}
+
+/* The native type that numbers are read as; −1 = these are no numbers. Names of numbers are the
+ * numbers themselves: h5py writes booleans so. */
+static hid_t native_type(hid_t type, struct import_number *number) {
+    if (H5Tget_class(type) == H5T_ENUM) {
+        hid_t base = H5Tget_super(type);
+        hid_t native = base >= 0 ? native_type(base, number) : -1;
+        if (base >= 0)
+            H5Tclose(base);
+        return native;
+    }
+    const size_t size = H5Tget_size(type);
+    const H5T_class_t kind = H5Tget_class(type);
+    const bool is_signed = kind == H5T_INTEGER && H5Tget_sign(type) == H5T_SGN_2;
+    number->size = kind == H5T_FLOAT ? (size <= 4 ? 4 : 8) : size <= 2 ? size : size <= 4 ? 4 : 8;
+    number->kind = kind == H5T_FLOAT ? IMPORT_FLOAT : is_signed ? IMPORT_SIGNED : IMPORT_UNSIGNED;
+    if ((kind != H5T_INTEGER && kind != H5T_FLOAT) || size < 1 || size > 8)
+        return -1;
+    if (kind == H5T_FLOAT)
+        return number->size == 4 ? H5T_NATIVE_FLOAT : H5T_NATIVE_DOUBLE;
+    switch (number->size) {
+    case 1:
+        return is_signed ? H5T_NATIVE_INT8 : H5T_NATIVE_UINT8;
+    case 2:
+        return is_signed ? H5T_NATIVE_INT16 : H5T_NATIVE_UINT16;
+    case 4:
+        return is_signed ? H5T_NATIVE_INT32 : H5T_NATIVE_UINT32;
+    default:
+        return is_signed ? H5T_NATIVE_INT64 : H5T_NATIVE_UINT64;
+    }
+}
+
+static const char *filter_name(H5Z_filter_t filter) {
+    static const struct {
+        int id;
+        const char *name;
+    } known[] = { { H5Z_FILTER_SZIP, "SZIP" },
+                  { 32000, "LZF" },
+                  { 32001, "Blosc" },
+                  { 32004, "LZ4" },
+                  { 307, "bzip2" },
+                  { 32008, "bitshuffle" },
+                  { 32013, "ZFP" },
+                  { 32015, "zstd" },
+                  { 32026, "Blosc2" } };
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (known[i].id == filter)
+            return known[i].name;
+    return "unknown";
+}
+
+/* Reads the chunks, and finds what cannot be read. */
+static void look_at_storage(hid_t dataset, struct array_info *info) {
+    hsize_t chunk[IMPORT_RANK_MAX];
+    hid_t list = H5Dget_create_plist(dataset);
+    if (list < 0)
+        return;
+    const H5D_layout_t layout = H5Pget_layout(list);
+    if (layout == H5D_CHUNKED && H5Pget_chunk(list, (int)info->rank, chunk) >= 0)
+        for (unsigned d = 0; d < info->rank; d++)
+            info->chunk[d] = chunk[d];
+    if (layout == H5D_VIRTUAL || H5Pget_external_count(list) > 0)
+        snprintf(info->problem, sizeof info->problem, "its numbers are in other files");
+    const int filters = H5Pget_nfilters(list);
+    for (int i = 0; i < filters && i < FILTERS_MAX; i++) {
+        unsigned flags = 0;
+        size_t count = 0;
+        const H5Z_filter_t filter =
+            H5Pget_filter2(list, (unsigned)i, &flags, &count, NULL, 0, NULL, NULL);
+        if (filter < 0 || H5Zfilter_avail(filter) <= 0)
+            snprintf(info->problem, sizeof info->problem,
+                     "the compression %s (filter %d) is not supported; write it with gzip",
+                     filter_name(filter), (int)filter);
+    }
+    H5Pclose(list);
+}
+
+static bool describe(void *file, unsigned n, struct array_info *info) {
+    struct hdf5 *h = file;
+    memset(info, 0, sizeof *info);
+    if (n >= h->count)
+        return false;
+    memcpy(info->name, h->names[n], sizeof info->name);
+    snprintf(info->problem, sizeof info->problem, "it cannot be opened");
+    if (!use(h, n))
+        return true;
+    hid_t type = H5Dget_type(h->dataset), space = H5Dget_space(h->dataset);
+    hsize_t shape[H5S_MAX_RANK];
+    const int rank = space >= 0 ? H5Sget_simple_extent_ndims(space) : -1;
+    info->problem[0] = 0;
+    if (type < 0 || rank < 0 || native_type(type, &info->number) < 0) {
+        snprintf(info->problem, sizeof info->problem, "it has no numbers");
+    } else if (rank > IMPORT_RANK_MAX || H5Sget_simple_extent_dims(space, shape, NULL) < 0) {
+        snprintf(info->problem, sizeof info->problem, "it has %d dimensions, more than %d", rank,
+                 IMPORT_RANK_MAX);
+    } else {
+        info->rank = (unsigned)rank;
+        for (int d = 0; d < rank; d++)
+            info->shape[d] = shape[d];
+        look_at_storage(h->dataset, info);
+    }
+    info->is_number = !info->problem[0];
+    if (space >= 0)
+        H5Sclose(space);
+    if (type >= 0)
+        H5Tclose(type);
+    return true;
+}
+
+static bool read_box(void *file, unsigned n, const uint64_t *start, const uint64_t *count,
+                     void *out, char *why, size_t capacity) {
+    struct hdf5 *h = file;
+    struct import_number number;
+    hsize_t first[IMPORT_RANK_MAX], size[IMPORT_RANK_MAX];
+    snprintf(why, capacity, "HDF5 cannot read the numbers: they are damaged or cut off");
+    if (!use(h, n))
+        return false;
+    hid_t type = H5Dget_type(h->dataset), space = H5Dget_space(h->dataset), memory = -1;
+    hid_t own = type >= 0 && H5Tget_class(type) == H5T_ENUM /* HDF5 does not convert these */
+                    ? H5Tget_native_type(type, H5T_DIR_ASCEND)
+                    : -1;
+    const int rank = space >= 0 ? H5Sget_simple_extent_ndims(space) : -1;
+    bool ok = type >= 0 && rank >= 1 && rank <= IMPORT_RANK_MAX;
+    for (int d = 0; ok && d < rank; d++) {
+        first[d] = start[d];
+        size[d] = count[d];
+    }
+    ok = ok && (memory = H5Screate_simple(rank, size, NULL)) >= 0 &&
+         H5Sselect_hyperslab(space, H5S_SELECT_SET, first, NULL, size, NULL) >= 0 &&
+         (own < 0 || (native_type(type, &number) >= 0 && H5Tget_size(own) == number.size)) &&
+         H5Dread(h->dataset, own >= 0 ? own : native_type(type, &number), memory, space,
+                 H5P_DEFAULT, out) >= 0;
+    if (own >= 0)
+        H5Tclose(own);
+    if (memory >= 0)
+        H5Sclose(memory);
+    if (space >= 0)
+        H5Sclose(space);
+    if (type >= 0)
+        H5Tclose(type);
+    return ok;
+}
+
+static hid_t open_attribute(struct hdf5 *h, unsigned n, const char *name) {
+    return use(h, n) && H5Aexists(h->dataset, name) > 0 ? H5Aopen(h->dataset, name, H5P_DEFAULT)
+                                                        : -1;
+}
+
+static size_t numbers(void *file, unsigned n, const char *name, double *out, size_t most) {
+    struct import_number number;
+    double values[64];
+    hid_t attribute = open_attribute(file, n, name);
+    if (attribute < 0)
+        return 0;
+    hid_t space = H5Aget_space(attribute), type = H5Aget_type(attribute);
+    const hssize_t count = space >= 0 ? H5Sget_simple_extent_npoints(space) : -1;
+    const bool ok = count >= 1 && count <= 64 && type >= 0 && native_type(type, &number) >= 0 &&
+                    H5Aread(attribute, H5T_NATIVE_DOUBLE, values) >= 0;
+    const size_t got = !ok ? 0 : (size_t)count < most ? (size_t)count : most;
+    memcpy(out, values, got * sizeof *out);
+    if (space >= 0)
+        H5Sclose(space);
+    if (type >= 0)
+        H5Tclose(type);
+    H5Aclose(attribute);
+    return got;
+}
+
+/* Reads a text of fixed length; of a variable one, the first. */
+static void text(void *file, unsigned n, const char *name, char *out, size_t capacity) {
+    char fixed[1024];
+    out[0] = 0;
+    hid_t attribute = open_attribute(file, n, name);
+    if (attribute < 0)
+        return;
+    hid_t type = H5Aget_type(attribute), space = H5Aget_space(attribute);
+    const size_t size = type >= 0 ? H5Tget_size(type) : 0;
+    const bool is_text = size > 0 && H5Tget_class(type) == H5T_STRING && space >= 0 &&
+                         H5Sget_simple_extent_npoints(space) == 1;
+    if (is_text && H5Tis_variable_str(type) > 0) {
+        char *one = NULL;
+        if (H5Aread(attribute, type, &one) >= 0 && one)
+            snprintf(out, capacity, "%s", one);
+        H5free_memory(one);
+    } else if (is_text && size <= sizeof fixed && H5Aread(attribute, type, fixed) >= 0) {
+        snprintf(out, capacity, "%.*s", (int)size, fixed);
+    }
+    if (space >= 0)
+        H5Sclose(space);
+    if (type >= 0)
+        H5Tclose(type);
+    H5Aclose(attribute);
+}
+
+__attribute__((visibility("default")))
+const struct array_functions splat_hdf5_bridge = { open_file, close_file, describe,
+                                                   read_box,  numbers,    text };

@@ -1,0 +1,428 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * MetaImage: lines "Key = value", then the samples (.mha), or the names of their files (.mhd). The
+ * header parser is our own: the library, MetaIO, comes with ITK or VTK alone, and opens any file
+ * that a header names.
+ *
+ *   lines ─► values by key ─► grid, type, data files ─► samples.c
+ */
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <unistd.h>
+
+#include "import/derived.h"
+#include "import/pattern.h"
+#include "import/samples.h"
+#include "volume/anatomy.h"
+#include "volume/volume.h"
+
+enum { TEXT_MAX = 1 << 20, FILES_MAX = 65536, CHANNELS_MAX = 256 };
+
+enum key {
+    OBJECT_TYPE,
+    DIMENSIONS,
+    DIM_SIZE,
+    ELEMENT_TYPE,
+    CHANNELS,
+    SPACING,
+    ELEMENT_SIZE,
+    OFFSET,
+    TRANSFORM,
+    ANATOMY,
+    BINARY,
+    BIG_ENDIAN_DATA,
+    COMPRESSED,
+    HEADER_SIZE,
+    UNIT,
+    DATA_FILE,
+    KEY_COUNT
+};
+
+/* Keys with one meaning may have several names. */
+static const struct {
+    const char *name;
+    enum key key;
+} keys[] = {
+    { "ObjectType", OBJECT_TYPE },
+    { "NDims", DIMENSIONS },
+    { "DimSize", DIM_SIZE },
+    { "ElementType", ELEMENT_TYPE },
+    { "ElementNumberOfChannels", CHANNELS },
+    { "ElementSpacing", SPACING },
+    { "ElementSize", ELEMENT_SIZE },
+    { "Offset", OFFSET },
+    { "Position", OFFSET },
+    { "Origin", OFFSET },
+    { "TransformMatrix", TRANSFORM },
+    { "Rotation", TRANSFORM },
+    { "Orientation", TRANSFORM },
+    { "AnatomicalOrientation", ANATOMY },
+    { "BinaryData", BINARY },
+    { "BinaryDataByteOrderMSB", BIG_ENDIAN_DATA },
+    { "ElementByteOrderMSB", BIG_ENDIAN_DATA },
+    { "CompressedData", COMPRESSED },
+    { "HeaderSize", HEADER_SIZE },
+    { "DistanceUnits", UNIT },
+    { "ElementDataFile", DATA_FILE },
+};
+
+struct metaimage {
+    struct import_samples samples;
+    struct import_conversion conversion;
+};
+
+struct parsing {
+    const struct import_file *file;
+    struct import_header *header;
+    struct import_samples *samples;
+    struct import_conversion *conversion;
+    struct sp_error *err;
+    char *text; /* the start of the file; ends with 0 */
+    size_t size;
+    char *values[KEY_COUNT]; /* in `text`; NULL = not given */
+    unsigned dimensions;     /* 2 or 3 */
+    char *list;              /* the lines after "ElementDataFile = LIST" */
+};
+
+__attribute__((format(printf, 4, 5))) static bool refuse(const struct parsing *p, enum sp_code code,
+                                                         enum key key, const char *format, ...) {
+    char text[SP_ERROR_TEXT];
+    const char *name = NULL;
+    va_list args;
+    va_start(args, format);
+    vsnprintf(text, sizeof text, format, args);
+    va_end(args);
+    for (size_t i = 0; !name && i < sizeof keys / sizeof *keys; i++)
+        if (keys[i].key == key)
+            name = keys[i].name;
+    return import_fail(p->err, code, p->file->shown,
+                       p->values[key] ? (uint64_t)(p->values[key] - p->text) : 0, name, "%s", text);
+}
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    static const char first[] = "ObjectType", other[] = "NDims";
+    const size_t n = strlen(shown);
+    if (n > 4 && (strcasecmp(shown + n - 4, ".mhd") == 0 || strcasecmp(shown + n - 4, ".mha") == 0))
+        return true;
+    return (size >= sizeof first && memcmp(start, first, sizeof first - 1) == 0) ||
+           (size >= sizeof other && memcmp(start, other, sizeof other - 1) == 0);
+}
+
+/* The header. */
+
+static bool read_text(struct parsing *p) {
+    p->size = p->file->size < TEXT_MAX ? p->file->size : TEXT_MAX;
+    p->text = malloc(p->size + 1);
+    if (!p->text)
+        return sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory");
+    const ssize_t got = pread(p->file->fd, p->text, p->size, 0);
+    if (got < 0)
+        return import_fail(p->err, SP_ERR_IO, p->file->shown, 0, NULL, "cannot read: %s",
+                           strerror(errno));
+    p->size = (size_t)got;
+    p->text[p->size] = 0;
+    return true;
+}
+
+static char *trim(char *text) {
+    size_t n;
+    text += strspn(text, " \t");
+    for (n = strlen(text); n > 0 && strchr(" \t\r", text[n - 1]);)
+        text[--n] = 0;
+    return text;
+}
+
+static void take_line(struct parsing *p, char *line) {
+    char *equals = strchr(line, '=');
+    if (!equals)
+        return;
+    *equals = 0;
+    const char *name = trim(line);
+    for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
+        if (strcasecmp(name, keys[i].name) == 0)
+            p->values[keys[i].key] = trim(equals + 1);
+}
+
+/* The header ends with ElementDataFile. Keys that are not known describe no samples. */
+static bool read_lines(struct parsing *p) {
+    char *line = p->text;
+    while (*line && !p->values[DATA_FILE]) {
+        const size_t length = strcspn(line, "\n");
+        char *next = line + length + (line[length] == '\n');
+        line[length] = 0;
+        take_line(p, line);
+        line = next;
+    }
+    p->samples->start = (uint64_t)(line - p->text);
+    p->list = line;
+    return p->values[DATA_FILE] || refuse(p, SP_ERR_FORMAT, DATA_FILE, "is missing");
+}
+
+/* Reads `count` numbers; a key that is missing changes nothing. */
+static bool take_numbers(const struct parsing *p, enum key key, unsigned count, double *out) {
+    char *at = p->values[key], *end;
+    for (unsigned i = 0; at && i < count; i++, at = end) {
+        out[i] = strtod(at, &end);
+        if (end == at || !isfinite(out[i]))
+            return refuse(p, SP_ERR_FORMAT, key, "\"%.60s\" is not %u numbers", p->values[key],
+                          count);
+    }
+    return !at || !at[strspn(at, " \t")] ||
+           refuse(p, SP_ERR_FORMAT, key, "has more than %u numbers", count);
+}
+
+static bool is_true(const struct parsing *p, enum key key) {
+    const char *value = p->values[key];
+    return value && (value[0] == 'T' || value[0] == 't' || value[0] == '1');
+}
+
+static bool take_dims(struct parsing *p) {
+    double dims[4] = { 1, 1, 1, 1 };
+    long long count;
+    if (p->values[OBJECT_TYPE] && strcasecmp(p->values[OBJECT_TYPE], "Image") != 0)
+        return refuse(p, SP_ERR_UNSUPPORTED, OBJECT_TYPE, "is \"%.40s\"; only images are supported",
+                      p->values[OBJECT_TYPE]);
+    if (!p->values[DIMENSIONS] || !import_integer(p->values[DIMENSIONS], 2, 4, &count))
+        return refuse(p, SP_ERR_FORMAT, DIMENSIONS, "must be 2, 3 or 4");
+    if (!p->values[DIM_SIZE])
+        return refuse(p, SP_ERR_FORMAT, DIM_SIZE, "is missing");
+    if (!take_numbers(p, DIM_SIZE, (unsigned)count, dims))
+        return false;
+    for (int axis = 0; axis < 4; axis++)
+        if (!(dims[axis] >= 1 && dims[axis] <= SP_DIM_MAX && trunc(dims[axis]) == dims[axis]))
+            return refuse(p, SP_ERR_FORMAT, DIM_SIZE,
+                          "axis %d has %g samples; it must be a whole number in [1, %u]", axis + 1,
+                          dims[axis], SP_DIM_MAX);
+    if (!import_header_use_steps(p->header, p->file, (uint64_t)dims[3], p->err))
+        return false;
+    for (int axis = 0; axis < 3; axis++)
+        p->header->grid.dims[axis] = (uint32_t)dims[axis];
+    p->dimensions = (unsigned)count;
+    return true;
+}
+
+/* The rows of the matrix are the directions of the axes. */
+static bool take_directions(const struct parsing *p) {
+    double matrix[16] = { 0 };
+    const unsigned n = p->dimensions;
+    if (!p->values[TRANSFORM])
+        return true;
+    if (!take_numbers(p, TRANSFORM, n * n, matrix))
+        return false;
+    for (unsigned axis = 0; axis < n && axis < 3; axis++) {
+        double length = 0;
+        for (unsigned row = 0; row < n && row < 3; row++)
+            length += matrix[n * axis + row] * matrix[n * axis + row];
+        if (!(length > 0))
+            return refuse(p, SP_ERR_FORMAT, TRANSFORM, "the direction of axis %u has length 0",
+                          axis + 1);
+        for (unsigned row = 0; row < n && row < 3; row++)
+            p->header->grid.direction[row][axis] = matrix[n * axis + row] / sqrt(length);
+    }
+    return true;
+}
+
+static bool take_geometry(const struct parsing *p) {
+    double spacing[4] = { 1, 1, 1, 1 }, origin[4] = { 0 };
+    const enum key key = p->values[SPACING] ? SPACING : ELEMENT_SIZE;
+    if (!take_numbers(p, key, p->dimensions, spacing) ||
+        !take_numbers(p, OFFSET, p->dimensions, origin) || !take_directions(p))
+        return false;
+    for (int axis = 0; axis < 3; axis++) {
+        p->header->grid.spacing[axis] = spacing[axis];
+        p->header->grid.origin[axis] = origin[axis];
+    }
+    if (p->header->steps.count > 1)
+        import_header_use_interval(p->header, origin[3], spacing[3], "");
+    snprintf(p->header->unit, sizeof p->header->unit, "%s", p->values[UNIT] ? p->values[UNIT] : "");
+    /* The letters name the axes of the samples. The world of a patient is always that of DICOM. */
+    if (p->values[ANATOMY] && strlen(p->values[ANATOMY]) == 3 &&
+        sp_anatomy_is_valid(p->values[ANATOMY]))
+        import_header_set_anatomy(p->header, "LPS");
+    return true;
+}
+
+/* The samples. */
+
+static bool find_number(const struct parsing *p, struct import_number *number) {
+    static const struct {
+        const char *name;
+        struct import_number number;
+    } types[] = {
+        { "MET_CHAR", { IMPORT_SIGNED, 1 } },      { "MET_UCHAR", { IMPORT_UNSIGNED, 1 } },
+        { "MET_SHORT", { IMPORT_SIGNED, 2 } },     { "MET_USHORT", { IMPORT_UNSIGNED, 2 } },
+        { "MET_INT", { IMPORT_SIGNED, 4 } },       { "MET_UINT", { IMPORT_UNSIGNED, 4 } },
+        { "MET_LONG", { IMPORT_SIGNED, 4 } },      { "MET_ULONG", { IMPORT_UNSIGNED, 4 } },
+        { "MET_LONG_LONG", { IMPORT_SIGNED, 8 } }, { "MET_ULONG_LONG", { IMPORT_UNSIGNED, 8 } },
+        { "MET_FLOAT", { IMPORT_FLOAT, 4 } },      { "MET_DOUBLE", { IMPORT_FLOAT, 8 } },
+    };
+    const char *value = p->values[ELEMENT_TYPE];
+    const size_t length = value ? strlen(value) : 0;
+    const bool is_array = length > 6 && strcmp(value + length - 6, "_ARRAY") == 0;
+    for (size_t i = 0; value && i < sizeof types / sizeof *types; i++)
+        if (strlen(types[i].name) == length - (is_array ? 6 : 0) &&
+            strncmp(value, types[i].name, strlen(types[i].name)) == 0) {
+            *number = types[i].number;
+            return true;
+        }
+    return refuse(p, value ? SP_ERR_UNSUPPORTED : SP_ERR_FORMAT, ELEMENT_TYPE,
+                  value ? "samples of type %.40s are not supported" : "is missing%.0s",
+                  value ? value : "");
+}
+
+/* Three floating-point numbers are a vector, three or four bytes a colour. */
+static bool take_type(const struct parsing *p) {
+    struct import_samples *s = p->samples;
+    struct import_conversion *c = p->conversion;
+    long long channels = 1;
+    if (!find_number(p, &s->number))
+        return false;
+    if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
+        return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
+    *c = import_conversion_of(s->number);
+    c->components = (unsigned)channels;
+    s->is_vectors = channels == 3 && s->number.kind == IMPORT_FLOAT;
+    if (s->is_vectors) {
+        import_header_add_vectors(p->header, "");
+        import_header_use_vectors(p->header, p->file->field);
+        return true;
+    }
+    if (channels > 1)
+        c->component = import_header_choose_component(p->header, p->file->field, c->components,
+                                                      s->number.size == 1 && channels <= 4);
+    s->conversion = import_conversion_is_copy(c) ? NULL : c;
+    p->header->type = c->type;
+    return true;
+}
+
+static bool add_file(const struct parsing *p, const char *name) {
+    if (p->samples->count >= FILES_MAX)
+        return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names more than %d files", FILES_MAX);
+    return import_samples_add(p->samples, name, strlen(name)) ||
+           sp_fail(p->err, SP_ERR_MEMORY, p->file->shown, "out of memory for file names");
+}
+
+static bool take_list(const struct parsing *p) {
+    char *rest = NULL;
+    for (char *line = strtok_r(p->list, "\n", &rest); line; line = strtok_r(NULL, "\n", &rest)) {
+        const char *name = trim(line);
+        if (*name && !add_file(p, name))
+            return false;
+    }
+    return true;
+}
+
+static bool take_pattern(const struct parsing *p, const struct import_pattern *f) {
+    if (!import_pattern_is_sound(f))
+        return refuse(p, SP_ERR_FORMAT, DATA_FILE, "counts from %lld to %lld by %lld", f->low,
+                      f->high, f->step);
+    for (long long i = f->low; f->step > 0 ? i <= f->high : i >= f->high; i += f->step) {
+        char name[IMPORT_PATTERN_NAME];
+        import_pattern_name(f, i, name);
+        if (!add_file(p, name))
+            return false;
+    }
+    return true;
+}
+
+static bool take_files(const struct parsing *p) {
+    const char *value = p->values[DATA_FILE];
+    struct import_pattern pattern;
+    if (!*value)
+        return refuse(p, SP_ERR_FORMAT, DATA_FILE, "names no file");
+    if (strcasecmp(value, "LOCAL") == 0)
+        return true;
+    const bool is_list = strncasecmp(value, "LIST", 4) == 0;
+    if (!is_list && !import_pattern_parse(value, &pattern))
+        return add_file(p, value);
+    if (!(is_list ? take_list(p) : take_pattern(p, &pattern)))
+        return false;
+    const uint32_t slices = p->header->grid.dims[2];
+    if (p->header->steps.count > 1)
+        return refuse(p, SP_ERR_UNSUPPORTED, DATA_FILE,
+                      "several files for a series of time steps are not supported");
+    return p->samples->count == slices ||
+           refuse(p, SP_ERR_FORMAT, DATA_FILE, "names %zu files for %" PRIu32 " slices",
+                  p->samples->count, slices);
+}
+
+static bool take_encoding(const struct parsing *p) {
+    struct import_samples *s = p->samples;
+    long long size = 0;
+    if (p->values[BINARY] && !is_true(p, BINARY))
+        return refuse(p, SP_ERR_UNSUPPORTED, BINARY,
+                      "samples as text are not supported; save them as binary data");
+    if (p->values[HEADER_SIZE] &&
+        !import_integer(p->values[HEADER_SIZE], -1, INT64_C(1) << 48, &size))
+        return refuse(p, SP_ERR_FORMAT, HEADER_SIZE, "must be in [-1, 2^48]");
+    s->big_endian = is_true(p, BIG_ENDIAN_DATA);
+    s->gzip = is_true(p, COMPRESSED);
+    if (s->gzip && size != 0)
+        return refuse(p, SP_ERR_UNSUPPORTED, HEADER_SIZE, "must be 0 for packed samples");
+    if (size > 0 && s->count == 0)
+        s->start = 0; /* it counts from the start of the file */
+    s->skip_bytes = size > 0 ? (uint64_t)size : 0;
+    s->from_end = size < 0;
+    s->rest_ignored = size > 0;
+    return true;
+}
+
+static bool take_all(struct parsing *p) {
+    struct import_samples *s = p->samples;
+    s->file = p->file;
+    s->field = "DimSize";
+    import_header_init(p->header);
+    if (!read_text(p) || !read_lines(p) || !take_dims(p) || !take_geometry(p) || !take_type(p) ||
+        !take_files(p) || !take_encoding(p) ||
+        !sp_grid_check(&p->header->grid, p->header->type, p->file->shown, &p->header->bytes,
+                       p->err))
+        return false;
+    s->bytes = p->header->bytes / sp_type_size(p->header->type) * p->conversion->components *
+               s->number.size;
+    import_samples_choose_step(s, p->header->steps.count, p->file->step);
+    return import_samples_check(s, p->err);
+}
+
+static void close_metaimage(void *reader) {
+    struct metaimage *m = reader;
+    import_samples_finish(&m->samples);
+    free(m);
+}
+
+static void *open_metaimage(const struct import_file *file, struct import_header *header,
+                            struct sp_error *err) {
+    struct metaimage *m = calloc(1, sizeof *m);
+    if (!m) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    struct parsing p = { .file = file,
+                         .header = header,
+                         .samples = &m->samples,
+                         .conversion = &m->conversion,
+                         .err = err };
+    bool ok = take_all(&p);
+    free(p.text);
+    if (ok)
+        return m;
+    close_metaimage(m);
+    return NULL;
+}
+
+static bool read_metaimage(void *reader, void *voxels, float (*vectors)[3],
+                           const struct import_progress *progress, struct sp_error *err) {
+    const struct metaimage *m = reader;
+    return import_samples_read(&m->samples, voxels, vectors, progress, err);
+}
+
+const struct import_format import_metaimage = { .name = "MetaImage",
+                                                .probe = probe,
+                                                .open = open_metaimage,
+                                                .read = read_metaimage,
+                                                .close = close_metaimage };

@@ -1,0 +1,34 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Files of a folder whose names differ in numbers only: the slices of a stack, the steps of a
+ * series. A pattern is such a name with '*' in place of each number: "t*.nrrd".
+ */
+#ifndef SP_IMPORT_NUMBERED_H
+#define SP_IMPORT_NUMBERED_H
+
+#include <limits.h>
+#include <stdbool.h>
+#include <stdint.h>
+
+#include "sp/status.h"
+
+struct sp_numbered {
+    char **names; /* owned; in the order of their numbers, of any length, from the first one on */
+    uint32_t count, capacity;
+};
+
+/* Writes the pattern of a name. False if the name has no number, or more than NAME_MAX bytes. */
+bool sp_numbered_pattern(const char *name, char pattern[NAME_MAX + 1]);
+
+/* True if a pattern has a '*', and each '*' stands for one or more digits of the name. Letters may
+ * be large or small. */
+bool sp_numbered_matches(const char *pattern, const char *name);
+
+/* Lists the names in a folder that match, at most `most` of them. SP_ERR_IO, SP_ERR_MEMORY at
+ * `place`. After a failure, too, the caller finishes *files. */
+bool sp_numbered_list(const char *folder, const char *pattern, uint32_t most,
+                      struct sp_numbered *files, const char *place, struct sp_error *err);
+
+void sp_numbered_finish(struct sp_numbered *files);
+
+#endif

@@ -1,0 +1,131 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/place.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "import/confine.h"
+#include "import/numbered.h"
+
+/* A folder outside of the root is not listed; opening it says so. `name`: the part of the path
+ * behind the folder; NULL = the path is that of the folder. */
+static bool may_list(const struct sp_import_place *p, const char *name) {
+    char path[PATH_MAX], real[PATH_MAX];
+    snprintf(path, sizeof path, "%.*s", name ? (int)(name - p->path) : (int)strlen(p->path),
+             p->path);
+    return !p->given_root || (realpath(path[0] ? path : ".", real) &&
+                              (strcmp(real, p->root) == 0 || sp_is_below(p->root, real)));
+}
+
+/* Finds the metadata of a Zarr hierarchy, which is a folder. */
+static bool find_metadata(int folder, char name[NAME_MAX + 1]) {
+    static const char *const names[] = { "zarr.json", ".zarray", ".zgroup", ".zattrs" };
+    for (size_t i = 0; i < sizeof names / sizeof *names && !*name; i++)
+        if (faccessat(folder, names[i], R_OK, 0) == 0)
+            strcpy(name, names[i]);
+    return *name;
+}
+
+/* The file that stands for a folder: metadata, or else the first file in the order of numbers in
+ * names, that of a series or a stack. */
+static bool pick_file(struct sp_import_place *p, struct sp_error *err) {
+    char first[NAME_MAX + 1] = "";
+    DIR *folder = opendir(p->path);
+    if (!folder)
+        return sp_fail(err, SP_ERR_IO, p->path, "cannot list the folder: %s", strerror(errno));
+    const bool is_zarr = find_metadata(dirfd(folder), first);
+    for (const struct dirent *entry; !is_zarr && (entry = readdir(folder));) {
+        struct stat st;
+        const bool is_file = entry->d_name[0] != '.' &&
+                             fstatat(dirfd(folder), entry->d_name, &st, 0) == 0 &&
+                             S_ISREG(st.st_mode);
+        if (is_file && (!first[0] || strverscmp(entry->d_name, first) < 0))
+            snprintf(first, sizeof first, "%s", entry->d_name);
+    }
+    closedir(folder);
+    const size_t length = strlen(p->path);
+    if (!first[0])
+        return sp_fail(err, SP_ERR_NOT_FOUND, p->path, "there is no file in this folder");
+    if (length + strlen(first) + 2 > sizeof p->path)
+        return sp_fail(err, SP_ERR_INVALID, p->path, "the path is too long");
+    snprintf(p->path + length, sizeof p->path - length, "/%s", first);
+    if (!sp_numbered_pattern(first, p->series))
+        p->series[0] = 0;
+    return true;
+}
+
+/* Replaces a path whose name has a '*' for each number by that of the first such file. */
+static bool pick_numbered(struct sp_import_place *p, char *name, struct sp_error *err) {
+    struct sp_numbered files = { .count = 0 };
+    char source[PATH_MAX];
+    snprintf(source, sizeof source, "%s", p->path);
+    snprintf(p->series, sizeof p->series, "%s", name);
+    *name = 0; /* leaves the folder and its slash */
+    const char *folder = p->path[0] ? p->path : ".";
+    bool ok = sp_numbered_list(folder, p->series, SP_STEPS_MAX + 1, &files, source, err);
+    if (ok && files.count == 0)
+        ok = sp_fail(err, SP_ERR_NOT_FOUND, source,
+                     "there is no such file with a number in place of '*'");
+    if (ok) {
+        const size_t left = sizeof p->path - (size_t)(name - p->path);
+        ok = (size_t)snprintf(name, left, "%s", files.names[0]) < left ||
+             sp_fail(err, SP_ERR_INVALID, source, "the path is too long");
+    }
+    sp_numbered_finish(&files);
+    return ok;
+}
+
+/* Names the volume after its file, without the extensions, or after its folder. */
+static bool find_file(struct sp_import_place *p, struct sp_error *err) {
+    struct stat st;
+    size_t length = strlen(p->path);
+    while (length > 1 && p->path[length - 1] == '/')
+        p->path[--length] = 0;
+    char *slash = strrchr(p->path, '/'), *base = slash ? slash + 1 : p->path;
+    const bool is_folder = stat(p->path, &st) == 0 && S_ISDIR(st.st_mode);
+    const char *dot = strrchr(base, '.'), *end = base + strlen(base);
+    const bool is_zarr = dot && strcasecmp(dot, ".zarr") == 0;
+    if ((!is_folder || is_zarr) && dot && dot > base) {
+        const char *before = is_zarr ? ".ome" : ".nii";
+        end = dot;
+        if (end - base > 4 && (is_zarr || strcasecmp(dot, ".gz") == 0) &&
+            strncasecmp(end - 4, before, 4) == 0)
+            end -= 4;
+    }
+    snprintf(p->name, sizeof p->name, "%.*s", (int)(end - base), base);
+    if (strchr(base, '*') && strlen(base) <= NAME_MAX && may_list(p, base))
+        return pick_numbered(p, base, err);
+    return !is_folder || !may_list(p, NULL) || pick_file(p, err);
+}
+
+static bool find_root(struct sp_import_place *p, struct sp_error *err) {
+    const char *root = p->given_root;
+    if (root) {
+        if (realpath(root, p->root))
+            return true;
+        return sp_fail(err, SP_ERR_IO, root, "cannot resolve this folder: %s", strerror(errno));
+    }
+    /* The folder of the file itself, after links are resolved. */
+    if (!realpath(p->path, p->root)) {
+        if (errno == ENOENT || errno == ENOTDIR)
+            return sp_fail(err, SP_ERR_NOT_FOUND, p->path, "there is no such file");
+        return sp_fail(err, SP_ERR_IO, p->path, "cannot resolve the path: %s", strerror(errno));
+    }
+    char *slash = strrchr(p->root, '/');
+    slash[slash == p->root] = 0;
+    return true;
+}
+
+bool sp_import_place_find(struct sp_import_place *p, const char *root, struct sp_error *err) {
+    p->given_root = root;
+    if (root)
+        return find_root(p, err) && find_file(p, err);
+    return find_file(p, err) && find_root(p, err);
+}

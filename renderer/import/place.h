@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The file that a source means: itself, the file that stands for a folder, or the first one of
+ * numbered files.
+ */
+#ifndef SP_IMPORT_PLACE_H
+#define SP_IMPORT_PLACE_H
+
+#include <limits.h>
+
+#include "sp/volume.h"
+
+struct sp_import_place {
+    char path[PATH_MAX];       /* of the source, then of its file; the name in errors */
+    char series[NAME_MAX + 1]; /* pattern of the files of a time series; "" = no series */
+    char name[SP_NAME_BYTES];  /* of the volume; cut if it is too long */
+    char root[PATH_MAX];       /* resolved; files are read only below it */
+    const char *given_root;    /* borrowed; NULL = none */
+};
+
+/* Fills in everything from `path`. Without `root`, it is the folder of the file. */
+bool sp_import_place_find(struct sp_import_place *place, const char *root, struct sp_error *err);
+
+#endif

@@ -1,0 +1,158 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Time series of files, each a step:
+ *
+ *   numbered files of a folder ──┐
+ *   .pvd, .series ───────────────┴─► the file of the step ─► its format
+ */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "import/collection.h"
+#include "import/confine.h"
+#include "import/numbered.h"
+
+struct series {
+    struct collection listed;    /* of a .pvd or .series file */
+    struct sp_numbered numbered; /* or files of the folder */
+    const struct import_format *inner;
+    struct import_file file; /* of the step; fd -1 = not open */
+    char real[PATH_MAX], folder[PATH_MAX];
+    char shown[NAME_MAX + 1]; /* its name in errors */
+    void *reader;             /* of `inner`; owned */
+};
+
+static void close_series(void *reader) {
+    struct series *s = reader;
+    if (s->reader)
+        s->inner->close(s->reader);
+    if (s->file.fd >= 0)
+        close(s->file.fd);
+    collection_finish(&s->listed);
+    sp_numbered_finish(&s->numbered);
+    free(s);
+}
+
+/* Opens the file of the step, whose name is relative to the folder of the source. */
+static bool open_file(struct series *s, const struct import_file *source, const char *name,
+                      struct sp_error *err) {
+    char path[2 * PATH_MAX];
+    const char *slash = strrchr(name, '/');
+    const int n = snprintf(path, sizeof path, "%s/%s", name[0] == '/' ? "" : source->folder, name);
+    if (n >= PATH_MAX)
+        return sp_fail(err, SP_ERR_INVALID, source->shown, "the name of a step is too long");
+    snprintf(s->shown, sizeof s->shown, "%s", slash ? slash + 1 : name);
+    s->file = *source;
+    s->file.fd = sp_open_confined(source->root, path, s->shown, s->real, &s->file.size, err);
+    if (s->file.fd < 0)
+        return false;
+    snprintf(s->folder, sizeof s->folder, "%s", s->real);
+    *strrchr(s->folder, '/') = 0;
+    s->file.shown = s->shown;
+    s->file.folder = s->folder[0] ? s->folder : "/";
+    s->file.series = "";
+    s->file.step = 0;
+    return true;
+}
+
+/* Opens the volume of the step. */
+static bool open_step(struct series *s, struct import_header *header, struct sp_error *err) {
+    uint8_t start[1024];
+    const ssize_t size = pread(s->file.fd, start, sizeof start, 0);
+    if (size < 0)
+        return sp_fail(err, SP_ERR_IO, s->shown, "cannot read the file");
+    s->inner = import_format_find(start, (size_t)size, s->shown, err);
+    if (s->inner == &import_collection)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown, "a step cannot be a series of its own");
+    s->reader = s->inner ? s->inner->open(&s->file, header, err) : NULL;
+    return s->reader != NULL;
+}
+
+/* The numbered files are the steps, unless the first of them has all of them as its slices, or is
+ * the only one. */
+static bool open_numbered(struct series *s, const struct import_file *file,
+                          struct import_header *header, struct sp_error *err) {
+    if (!sp_numbered_list(file->folder, file->series, SP_STEPS_MAX + 1, &s->numbered, file->shown,
+                          err))
+        return false;
+    const uint32_t count = s->numbered.count;
+    if (count == 0)
+        return sp_fail(err, SP_ERR_NOT_FOUND, file->shown, "the files of the series are gone");
+    const uint32_t step = file->step < count ? file->step : 0;
+    if (!open_file(s, file, s->numbered.names[step], err) || !open_step(s, header, err))
+        return false;
+    const uint32_t inner = header->steps.count;
+    if (header->took_folder || (count == 1 && inner <= 1))
+        return import_header_use_steps(header, file, 1, err);
+    if (inner > 1)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown,
+                       "%u time steps in one of several files; open one file alone", inner);
+    return import_header_use_steps(header, file, count, err);
+}
+
+static bool open_listed(struct series *s, const struct import_file *file,
+                        struct import_header *header, struct sp_error *err) {
+    struct import_header own = { .bytes = 0 };
+    if (!collection_read(file, &s->listed, err) ||
+        !import_header_use_steps(&own, file, s->listed.count, err) ||
+        !open_file(s, file, s->listed.files[file->step].name, err) || !open_step(s, header, err))
+        return false;
+    if (header->steps.count > 1)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, s->shown, "a step cannot be a series of its own");
+    header->steps = own.steps;
+    header->steps.times = s->listed.times;
+    return true;
+}
+
+static void *open_series(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err,
+                         bool (*open)(struct series *s, const struct import_file *file,
+                                      struct import_header *header, struct sp_error *err)) {
+    struct series *s = calloc(1, sizeof *s);
+    if (!s) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    s->file.fd = -1;
+    if (open(s, file, header, err))
+        return s;
+    close_series(s);
+    return NULL;
+}
+
+static void *open_of_folder(const struct import_file *file, struct import_header *header,
+                            struct sp_error *err) {
+    return open_series(file, header, err, open_numbered);
+}
+
+static void *open_of_list(const struct import_file *file, struct import_header *header,
+                          struct sp_error *err) {
+    return open_series(file, header, err, open_listed);
+}
+
+static bool read_grid(void *reader, void *voxels, float (*vectors)[3],
+                      const struct import_progress *progress, struct sp_error *err) {
+    const struct series *s = reader;
+    return s->inner->read(s->reader, voxels, vectors, progress, err);
+}
+
+static bool read_elements(void *reader, const struct sp_elements *elements,
+                          const struct import_progress *progress, struct sp_error *err) {
+    const struct series *s = reader;
+    return s->inner->read_elements(s->reader, elements, progress, err);
+}
+
+const struct import_format import_series = { .name = "series",
+                                             .open = open_of_folder,
+                                             .read = read_grid,
+                                             .read_elements = read_elements,
+                                             .close = close_series };
+const struct import_format import_collection = { .name = "series",
+                                                 .needs_module = true,
+                                                 .probe = collection_probe,
+                                                 .open = open_of_list,
+                                                 .read = read_grid,
+                                                 .read_elements = read_elements,
+                                                 .close = close_series };

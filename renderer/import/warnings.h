@@ -1,0 +1,27 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a reader left out or changed, as sentences for the user: the volume is still worth showing,
+ * but differs from what the file says. What prevents a volume is an error instead. The sentences
+ * pass to the parent with the end of the load and appear in the description of the volume.
+ */
+#ifndef SP_IMPORT_WARNINGS_H
+#define SP_IMPORT_WARNINGS_H
+
+#include "sp/volume.h"
+
+struct import_warnings {
+    char texts[SP_WARNINGS_MAX][SP_WARNING_BYTES]; /* as in struct sp_volume_info */
+    unsigned count; /* different sentences, also those that did not fit */
+    /* Elements whose value is NaN because the file hides them: they are no surprise. */
+    uint64_t hidden;
+};
+
+/* Adds one sentence: it begins with a capital letter, ends with a full stop, gives numbers and
+ * places, and says what was done. Files are named without their folder, which no client may learn.
+ * Text that is too long is cut; a sentence that is there is not
+ * repeated. If there are too many, the last one counts the others. NULL `warnings`: does nothing.
+ */
+__attribute__((format(printf, 2, 3))) void import_warn(struct import_warnings *warnings,
+                                                       const char *format, ...);
+
+#endif

@@ -1,0 +1,280 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Zarr v2 and v3, plain or OME-Zarr 0.4 and 0.5: a folder, of which the file that is open is one
+ * with metadata. Chunks are read one by one.
+ */
+#include "import/zarr.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "import/conversion.h"
+#include "import/zarr_chunk.h"
+#include "import/zarr_image.h"
+#include "volume/volume.h"
+
+struct zarr {
+    const struct zarr_store *store;
+    struct zarr_store *folder; /* owned; NULL = the caller's store */
+    const struct import_file *file;
+    struct zarr_image image;
+    const struct zarr_level *level; /* of the image */
+    uint32_t channel;
+    struct import_conversion conversion;
+};
+
+static bool probe(const uint8_t *start, size_t size, const char *shown) {
+    static const char *const names[] = { ".zattrs", ".zgroup", ".zarray", "zarr.json" };
+    const char *slash = strrchr(shown, '/'), *name = slash ? slash + 1 : shown;
+    (void)start;
+    (void)size;
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(name, names[i]) == 0)
+            return true;
+    return false;
+}
+
+/* The level that was asked for, or else the finest one that a volume can hold. */
+static bool choose_level(struct zarr *z, struct import_header *header, struct sp_error *err) {
+    const unsigned count = z->image.level_count;
+    const int wanted = z->file->level;
+    if (wanted >= (int)count)
+        return sp_fail(err, SP_ERR_NOT_FOUND, z->store->shown,
+                       "there is no level %d; the image has level 0, the finest, to %u", wanted,
+                       count - 1);
+    for (unsigned i = wanted < 0 ? 0 : (unsigned)wanted;; i++) {
+        z->level = &z->image.levels[i];
+        memcpy(header->grid.dims, z->level->dims, sizeof header->grid.dims);
+        memcpy(header->grid.spacing, z->level->spacing, sizeof header->grid.spacing);
+        memcpy(header->grid.origin, z->level->origin, sizeof header->grid.origin);
+        header->level = i;
+        header->level_count = count;
+        if (sp_grid_check(&header->grid, header->type, z->store->shown, &header->bytes, err))
+            return true;
+        if (wanted >= 0 || i + 1 == count)
+            return false;
+    }
+}
+
+static void choose_channel(struct zarr *z, struct import_header *header) {
+    const struct zarr_image *image = &z->image;
+    const unsigned count = image->name_count;
+    unsigned chosen = image->chosen;
+    if (image->axes.are_colors) {
+        z->channel = import_header_choose_component(header, z->file->field, image->channels, true);
+        return;
+    }
+    for (unsigned i = 0; i < count; i++)
+        if (*z->file->field && strcmp(image->names[i], z->file->field) == 0)
+            chosen = i;
+    import_name(header->value_name, image->names[chosen]);
+    for (unsigned i = 0; i < count; i++)
+        if (i != chosen)
+            import_header_add_other(header, image->names[i]);
+    z->channel = image->is_group ? 0 : chosen;
+}
+
+static bool take(struct zarr *z, struct import_header *header, struct sp_error *err) {
+    import_header_init(header);
+    if (!zarr_image_open(&z->image, z->store, z->file->field, err))
+        return false;
+    z->conversion = import_conversion_of(z->image.levels[0].array.number);
+    header->type = z->conversion.type;
+    snprintf(header->unit, sizeof header->unit, "%s", z->image.unit);
+    choose_channel(z, header);
+    if (!import_header_use_steps(header, z->file, z->image.steps, err))
+        return false;
+    if (z->image.steps > 1)
+        import_header_use_interval(header, z->image.first_time, z->image.interval,
+                                   z->image.time_unit);
+    if (!choose_level(z, header, err))
+        return false;
+    if (z->image.anatomy[0]) /* it may turn the axes */
+        import_header_set_anatomy(header, z->image.anatomy);
+    return true;
+}
+
+void *zarr_open(const struct zarr_store *store, const struct import_file *file,
+                struct import_header *header, struct sp_error *err) {
+    struct zarr *z = calloc(1, sizeof *z);
+    if (!z) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    z->store = store;
+    z->file = file;
+    if (take(z, header, err))
+        return z;
+    zarr_close(z);
+    return NULL;
+}
+
+void zarr_close(void *reader) {
+    struct zarr *z = reader;
+    zarr_image_close(&z->image);
+    zarr_folder_close(&z->folder);
+    free(z);
+}
+
+/* Reading. */
+
+struct box { /* of one chunk, along x, y and z */
+    uint32_t first[3], size[3];
+};
+
+struct reading {
+    const struct zarr *zarr;
+    const struct zarr_array *array;
+    size_t strides[3]; /* of x, y and z in a chunk [numbers] */
+    size_t base;       /* of the channel and the step in a chunk [numbers] */
+    char *chunk, *row; /* owned: a chunk, and numbers along x */
+    char *voxels;
+    uint64_t done;  /* samples */
+    uint64_t holes; /* chunks that are damaged */
+};
+
+static void begin(struct reading *r) {
+    const struct zarr_image *image = &r->zarr->image;
+    size_t step = 1;
+    for (unsigned d = r->array->rank; d-- > 0; step *= (size_t)r->array->chunk[d]) {
+        for (int a = 0; a < 3; a++)
+            if (image->axes.space[a] == (int)d)
+                r->strides[a] = step;
+        if (image->axes.channel == (int)d)
+            r->base += step * (size_t)(r->zarr->channel % r->array->chunk[d]);
+        if (image->axes.time == (int)d)
+            r->base += step * (size_t)(r->zarr->file->step % r->array->chunk[d]);
+    }
+}
+
+/* Copies the rows of a chunk into the volume. */
+static void put(struct reading *r, const struct box *box) {
+    const struct import_conversion *c = &r->zarr->conversion;
+    const uint32_t *dims = r->zarr->level->dims;
+    const size_t number = c->number.size, sample = sp_type_size(c->type);
+    const bool is_copy = import_conversion_is_copy(c);
+    for (uint32_t k = 0; k < box->size[2]; k++)
+        for (uint32_t j = 0; j < box->size[1]; j++) {
+            const char *from =
+                r->chunk + (r->base + k * r->strides[2] + j * r->strides[1]) * number;
+            const uint64_t at =
+                ((uint64_t)(box->first[2] + k) * dims[1] + box->first[1] + j) * dims[0] +
+                box->first[0];
+            char *to = r->voxels + at * sample;
+            if (r->strides[0] != 1) {
+                for (uint32_t i = 0; i < box->size[0]; i++)
+                    memcpy(r->row + i * number, from + i * r->strides[0] * number, number);
+                from = r->row;
+            }
+            if (is_copy)
+                memcpy(to, from, box->size[0] * sample);
+            else
+                import_conversion_put(c, from, box->size[0], to);
+        }
+    r->done += (uint64_t)box->size[0] * box->size[1] * box->size[2];
+}
+
+/* The chunk at a place of the grid of chunks, and its part of the volume. */
+static void find_chunk(const struct reading *r, const uint64_t place[3], uint64_t at[],
+                       struct box *box) {
+    const struct zarr_image *image = &r->zarr->image;
+    memset(at, 0, ZARR_RANK_MAX * sizeof *at);
+    if (image->axes.channel >= 0)
+        at[image->axes.channel] = r->zarr->channel / r->array->chunk[image->axes.channel];
+    if (image->axes.time >= 0)
+        at[image->axes.time] = r->zarr->file->step / r->array->chunk[image->axes.time];
+    for (int a = 0; a < 3; a++) {
+        const uint32_t dim = r->zarr->level->dims[a];
+        const uint64_t size = image->axes.space[a] < 0 ? 1 : r->array->chunk[image->axes.space[a]];
+        if (image->axes.space[a] >= 0)
+            at[image->axes.space[a]] = place[a];
+        box->first[a] = (uint32_t)(place[a] * size);
+        box->size[a] = size < dim - box->first[a] ? (uint32_t)size : dim - box->first[a];
+    }
+}
+
+/* A chunk that is damaged, or cannot be read, is a hole of NaN or of the fill value, with a
+ * warning. A library that is missing is an error. */
+static bool mark_hole(struct reading *r, const struct sp_error *why) {
+    const struct zarr_array *a = r->array;
+    const size_t size = a->number.size, count = a->chunk_bytes / size;
+    if (why->code != SP_ERR_FORMAT && why->code != SP_ERR_IO)
+        return false;
+    for (size_t i = 0; i < count; i++)
+        if (a->number.kind != IMPORT_FLOAT)
+            memcpy(r->chunk + i * size, a->fill, size);
+        else if (size == 4)
+            ((float *)(void *)r->chunk)[i] = NAN;
+        else
+            ((double *)(void *)r->chunk)[i] = NAN;
+    const char *place = strstr(why->place, ": ");
+    import_warn(r->zarr->file->warnings, "The chunk %.80s was left out: %.200s.",
+                place ? place + 2 : "", why->text);
+    r->holes++;
+    return true;
+}
+
+static bool read_chunks(struct reading *r, struct zarr_chunks *chunks,
+                        const struct import_progress *progress, struct sp_error *err) {
+    const struct zarr_image *image = &r->zarr->image;
+    uint64_t counts[3], place[3], at[ZARR_RANK_MAX];
+    struct box box;
+    for (int a = 0; a < 3; a++)
+        counts[a] = image->axes.space[a] < 0
+                        ? 1
+                        : zarr_array_chunks(r->array, (unsigned)image->axes.space[a]);
+    for (place[2] = 0; place[2] < counts[2]; place[2]++)
+        for (place[1] = 0; place[1] < counts[1]; place[1]++)
+            for (place[0] = 0; place[0] < counts[0]; place[0]++) {
+                find_chunk(r, place, at, &box);
+                if (zarr_chunk_read(chunks, r->array, at, r->chunk, err) == ZARR_FAILED &&
+                    !mark_hole(r, err))
+                    return false;
+                put(r, &box);
+                import_report(progress, r->done * sp_type_size(r->zarr->conversion.type));
+            }
+    return r->holes < counts[0] * counts[1] * counts[2]; /* *err tells about the last one */
+}
+
+bool zarr_read(void *reader, void *voxels, float (*vectors)[3],
+               const struct import_progress *progress, struct sp_error *err) {
+    const struct zarr *z = reader;
+    struct zarr_chunks chunks;
+    struct reading r = { .zarr = z, .array = &z->level->array, .voxels = voxels };
+    (void)vectors;
+    r.chunk = malloc(r.array->chunk_bytes);
+    r.row = malloc((size_t)z->level->dims[0] * r.array->number.size);
+    bool ok = (r.chunk && r.row) ||
+              sp_fail(err, SP_ERR_MEMORY, z->store->shown, "out of memory for a chunk");
+    zarr_chunks_init(&chunks, z->store, z->file);
+    begin(&r);
+    ok = ok && read_chunks(&r, &chunks, progress, err);
+    zarr_chunks_finish(&chunks);
+    free(r.chunk);
+    free(r.row);
+    return ok;
+}
+
+static void *open_folder(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err) {
+    struct zarr_store *store = zarr_folder_open(file);
+    if (!store) {
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory");
+        return NULL;
+    }
+    struct zarr *z = zarr_open(store, file, header, err);
+    if (z)
+        z->folder = store;
+    else
+        zarr_folder_close(&store);
+    return z;
+}
+
+const struct import_format import_zarr = { .name = "Zarr",
+                                           .probe = probe,
+                                           .needs_module = true,
+                                           .open = open_folder,
+                                           .read = zarr_read,
+                                           .close = zarr_close };

@@ -1,0 +1,31 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Brick files: volumes that are larger than memory. A brick file has the samples and coarser levels
+ * of them in compressed bricks, which are read when a frame needs them. sp_volume_load() opens it
+ * as any other file.
+ */
+#ifndef SP_BRICKS_H
+#define SP_BRICKS_H
+
+#include "sp/volume.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define SP_BRICKS_SUFFIX ".bricks"
+
+/* Converts what sp_volume_load() reads from `source` to the brick file `out`, which is written
+ * completely or not at all. Built-in volumes may have up to 4096 samples per axis here. The samples
+ * pass through a file without a name in the folder of `out`; memory holds a strip of 72 × 72 rows
+ * of them. Vectors are left out. Of `options`, which may be NULL, reserve() is not called. Blocks
+ * until it is done. Errors are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for volumes that
+ * are no grids with evenly spaced axes. */
+SP_API bool sp_bricks_convert(const char *source, const char *out,
+                              const struct sp_load_options *options, struct sp_error *err);
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Units of length.
+ */
+#ifndef SP_VOLUME_UNIT_H
+#define SP_VOLUME_UNIT_H
+
+struct sp_unit {
+    const char *name, *shown; /* in files; as volumes name it */
+    double meters;
+};
+
+/* A unit of length by its name or symbol; NULL = none of these. */
+const struct sp_unit *sp_unit_find(const char *name);
+
+/* Its name in English, as OME-Zarr has it: "millimeter". */
+const char *sp_unit_full_name(const struct sp_unit *unit);
+
+#endif

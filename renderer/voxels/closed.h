@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Splats that earlier ones hide: those that only touch tiles which are opaque already. For kernel
+ * sources only.
+ */
+#ifndef SP_VOXELS_CLOSED_H
+#define SP_VOXELS_CLOSED_H
+
+#include "splat/outline.h"
+#include "voxels/kernels.h"
+
+/* True if all tiles that the box of splat i touches are closed. */
+static inline bool sp_voxel_is_covered(const struct sp_voxel_frame *frame,
+                                       const struct sp_outlines *o, int i) {
+    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int left = (int)o->x0[i] / SP_VOXEL_TILE, right = ((int)o->x1[i] - 1) / SP_VOXEL_TILE;
+    for (int row = low; row <= high; row++)
+        for (int column = left; column <= right; column++)
+            if (!frame->closed[row * frame->columns + column])
+                return false;
+    return true;
+}
+
+/* Clears the bits of splats that cannot be seen. */
+static inline unsigned sp_voxel_drop_covered(const struct sp_voxel_frame *frame,
+                                             const struct sp_outlines *o, unsigned bits) {
+    unsigned seen = bits;
+    for (; bits; bits &= bits - 1) {
+        int i = __builtin_ctz(bits);
+        if (sp_voxel_is_covered(frame, o, i))
+            seen ^= 1u << i;
+    }
+    return seen;
+}
+
+#endif

@@ -1,0 +1,184 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which bricks of a level a view may show: by the range of their values, by what is clipped, and by
+ * what lies beside the image.
+ */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "classify/visible_ranges.h"
+#include "window/window.h"
+
+/* The image is taken to be wider by this factor, so that a small turn needs no other bricks. */
+static const double wider = 1.1;
+
+struct search {
+    const struct sp_brick_header *header;
+    const struct sp_brick_entry *entries;
+    const struct sp_view *view;
+    unsigned level;
+    bool is_whole; /* whatever the camera sees */
+    struct sp_visible_ranges visible;
+    bool shows_all; /* every value may matter */
+    double surfaces[SP_LAYERS_MAX];
+    uint32_t surface_count;
+    struct sp_camera_transform camera;
+};
+
+/* Finds by which values bricks may be left out. */
+static void find_values(struct search *s) {
+    const struct sp_view *view = s->view;
+    bool has_function = false;
+    s->shows_all = sp_compositing_is_projection(view->compositing.mode) || view->edit_count > 0 ||
+                   sp_view_draws_slices(view);
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i];
+        if (layer->visible && layer->type == SP_LAYER_SURFACE)
+            s->surfaces[s->surface_count++] = layer->value;
+        has_function |=
+            layer->visible && (layer->type == SP_LAYER_VOLUME || layer->type == SP_LAYER_SHELL);
+    }
+    if (has_function)
+        sp_visible_ranges_init(&s->visible, &view->transfer_function);
+}
+
+/* Interpolation may exceed the range of the samples by a quarter (resample/README.md). */
+static bool may_show(const struct search *s, const struct sp_brick_entry *entry) {
+    const double more = 0.25 * (entry->range[1] - entry->range[0]);
+    const double low = entry->range[0] - more, high = entry->range[1] + more;
+    if (entry->range[0] > entry->range[1])
+        return false; /* no sample is finite */
+    if (s->shows_all || sp_visible_ranges_overlap(&s->visible, low, high))
+        return true;
+    for (uint32_t i = 0; i < s->surface_count; i++)
+        if (s->surfaces[i] >= low && s->surfaces[i] <= high)
+            return true;
+    return false;
+}
+
+/* A brick in the world, with the samples next to it: its centre, and half of its edges. */
+struct block {
+    struct sp_vec3 centre, half[3];
+};
+
+static void find_block(const struct search *s, const uint32_t first[3], const uint32_t size[3],
+                       struct block *block) {
+    const struct sp_grid *grid = &s->header->info.grid;
+    const double step = ldexp(1, (int)s->level);
+    block->centre = sp_vec3_from(grid->origin);
+    for (int a = 0; a < 3; a++) {
+        const double middle = (first[a] + 0.5 * size[a]) * step - 0.5;
+        const double half = (0.5 * size[a] + 1) * step;
+        for (int r = 0; r < 3; r++) {
+            const double edge = grid->direction[r][a] * grid->spacing[a];
+            block->centre.v[r] += edge * middle;
+            block->half[a].v[r] = edge * half;
+        }
+    }
+}
+
+/* The largest normal·(world − point) of the block. */
+static double find_most(const struct block *block, struct sp_vec3 normal, struct sp_vec3 point) {
+    double most = sp_vec3_dot(normal, sp_vec3_sub(block->centre, point));
+    for (int a = 0; a < 3; a++)
+        most += fabs(sp_vec3_dot(normal, block->half[a]));
+    return most;
+}
+
+static bool is_in_image(const struct search *s, const struct block *block) {
+    const struct sp_camera_transform *c = &s->camera;
+    const struct sp_vec3 forward = sp_vec3_from(c->w.m[2]);
+    if (find_most(block, forward, c->eye) < c->near)
+        return false;
+    for (int i = 0; i < 4; i++) { /* the four sides */
+        const int axis = i >> 1;
+        struct sp_vec3 inwards = sp_vec3_scale(sp_vec3_from(c->w.m[axis]), i & 1 ? 1 : -1);
+        double least = -wider * c->centre[axis] / c->scale;
+        if (c->projection == SP_PERSPECTIVE) {
+            const double tangent = wider * c->tan_half[axis];
+            for (int r = 0; r < 3; r++)
+                inwards.v[r] += tangent * forward.v[r];
+            least = 0;
+        }
+        if (find_most(block, inwards, c->eye) < least)
+            return false;
+    }
+    return true;
+}
+
+static bool is_clipped(const struct search *s, const uint32_t first[3], const uint32_t size[3],
+                       const struct block *block) {
+    const struct sp_clip *clip = &s->view->clip;
+    const struct sp_vec3 zero = { { 0, 0, 0 } };
+    for (int a = 0; a < 3; a++) {
+        const double whole = ldexp(s->header->info.grid.dims[a], -(int)s->level);
+        if (first[a] + size[a] + 1.0 < clip->box[0][a] * whole ||
+            first[a] - 1.0 > clip->box[1][a] * whole)
+            return true;
+    }
+    for (uint32_t i = 0; i < clip->plane_count; i++)
+        if (find_most(block, sp_vec3_from(clip->planes[i].normal), zero) < clip->planes[i].offset)
+            return true;
+    return false;
+}
+
+static bool is_needed(const struct search *s, uint64_t number) {
+    uint32_t first[3], size[3];
+    struct block block;
+    if (!may_show(s, &s->entries[number]))
+        return false;
+    if (s->is_whole)
+        return true;
+    sp_brick_box(&s->header->level[s->level], number, first, size);
+    find_block(s, first, size, &block);
+    return is_in_image(s, &block) && !is_clipped(s, first, size, &block);
+}
+
+/* The box of the bricks that are marked; false = there are none. */
+static bool find_box(const struct sp_brick_level *level, const uint8_t *marks, uint32_t first[3],
+                     uint32_t count[3]) {
+    uint32_t last[3] = { 0, 0, 0 };
+    bool any = false;
+    for (int a = 0; a < 3; a++)
+        first[a] = level->bricks[a];
+    for (uint64_t i = 0; i < sp_brick_count(level); i++) {
+        const uint32_t at[3] = { (uint32_t)(i % level->bricks[0]),
+                                 (uint32_t)(i / level->bricks[0] % level->bricks[1]),
+                                 (uint32_t)(i / level->bricks[0] / level->bricks[1]) };
+        for (int a = 0; marks[i] && a < 3; a++) {
+            first[a] = at[a] < first[a] ? at[a] : first[a];
+            last[a] = at[a] > last[a] ? at[a] : last[a];
+        }
+        any |= marks[i] != 0;
+    }
+    for (int a = 0; a < 3; a++)
+        count[a] = any ? last[a] - first[a] + 1 : 0;
+    return any;
+}
+
+bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view, unsigned level,
+                    bool is_whole, struct sp_brick_need *need) {
+    struct search s = { .header = sp_brick_file_header(file),
+                        .entries = sp_brick_file_entries(file, level),
+                        .view = view,
+                        .level = level,
+                        .is_whole = is_whole };
+    const struct sp_brick_level *own = &s.header->level[level];
+    const uint64_t count = sp_brick_count(own);
+    uint8_t *marks = malloc(count);
+    *need = (struct sp_brick_need){ .level = level };
+    if (!marks)
+        return false;
+    find_values(&s);
+    sp_camera_transform_init(&s.camera, &view->camera, view->size);
+    for (uint64_t i = 0; i < count; i++)
+        marks[i] = is_needed(&s, i);
+    if (find_box(own, marks, need->first, need->count)) {
+        need->wanted = malloc(sp_brick_need_count(need));
+        for (uint64_t i = 0; need->wanted && i < sp_brick_need_count(need); i++)
+            need->wanted[i] = marks[sp_brick_need_at(need, own, i)];
+    }
+    free(marks);
+    return need->wanted || !need->count[0];
+}

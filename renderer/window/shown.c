@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "window/shown.h"
+
+#include <math.h>
+#include <stdatomic.h>
+
+#include "resample/resample.h"
+#include "window/window.h"
+
+static bool is_cancelled(void *user) {
+    const struct sp_render_options *options = user;
+    return options->cancel && atomic_load_explicit(options->cancel, memory_order_relaxed);
+}
+
+/* The finest level that the frame asks for. */
+static unsigned choose_level(const struct sp_brick_header *header, const struct sp_view *view,
+                             unsigned mip_level) {
+    struct sp_camera_transform camera;
+    if (view->level_of_detail == SP_LOD_OFF)
+        return mip_level;
+    sp_camera_transform_init(&camera, &view->camera, view->size);
+    const unsigned level = sp_resample_level(&header->info.grid, &camera);
+    return level > mip_level ? level : mip_level;
+}
+
+bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
+                   const struct sp_render_options *options, struct sp_shown *shown,
+                   struct sp_error *err) {
+    struct sp_brick_store *store = sp_brick_store_of(volume);
+    struct sp_window window;
+    struct sp_brick_window place;
+    *shown = (struct sp_shown){ .view = *view, .mip_level = options->mip_level };
+    if (!store) {
+        shown->volume = sp_volume_ref(volume);
+        return true;
+    }
+    const struct sp_brick_header *header = sp_brick_file_header(sp_brick_store_file(store));
+    const struct sp_window_job job = {
+        .store = store,
+        .view = view,
+        .level = choose_level(header, view, options->mip_level),
+        .wait_ms = options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0),
+        .is_cancelled = is_cancelled,
+        .user = (void *)options, /* only read */
+    };
+    const unsigned base = sp_brick_store_base(store);
+    if (!sp_window_find(&job, &window, &place, err))
+        return false;
+    sp_window_view(header, &place, view, &shown->view);
+    shown->volume = window.volume;
+    shown->mip_level = options->mip_level > window.level ? options->mip_level - window.level : 0;
+    uint64_t bricks, bytes;
+    sp_brick_store_usage(store, &bricks, &bytes);
+    shown->bricks =
+        (struct sp_frame_bricks){ .is_incomplete = !window.is_complete,
+                                  .level = window.level,
+                                  .asked = job.level < base ? job.level : base,
+                                  .wanted = window.wanted,
+                                  .resident = window.resident,
+                                  .memory_bytes = bytes + sp_volume_info(volume)->voxel_bytes };
+    return true;
+}

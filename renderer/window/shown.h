@@ -1,0 +1,22 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What a frame draws: the volume, or of a volume that is larger than memory, a window of it.
+ */
+#ifndef SP_WINDOW_SHOWN_H
+#define SP_WINDOW_SHOWN_H
+
+#include "sp/renderer.h"
+
+struct sp_shown {
+    struct sp_volume *volume; /* a reference */
+    struct sp_view view;      /* for this volume */
+    unsigned mip_level;       /* to draw it with */
+    struct sp_frame_bricks bricks;
+};
+
+/* Waits for bricks as the options say. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
+                   const struct sp_render_options *options, struct sp_shown *shown,
+                   struct sp_error *err);
+
+#endif

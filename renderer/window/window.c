@@ -1,0 +1,86 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "window/window.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* A fraction of the whole volume along axis a, as a fraction of the window. */
+static double convert(const struct sp_brick_header *header, const struct sp_brick_window *window,
+                      int a, double fraction) {
+    const double at = fraction * ldexp(header->info.grid.dims[a], -(int)window->level);
+    return (at - window->first[a]) / window->size[a];
+}
+
+void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
+                    const struct sp_view *view, struct sp_view *out) {
+    *out = *view;
+    for (int a = 0; a < 3; a++)
+        for (int side = 0; side < 2; side++) {
+            const double own = convert(header, window, a, view->clip.box[side][a]);
+            out->clip.box[side][a] = fmin(fmax(own, 0), 1);
+            for (uint32_t e = 0; e < view->edit_count; e++)
+                if (view->edits[e].type == SP_EDIT_BOX) {
+                    const double edge = convert(header, window, a, view->edits[e].box[side][a]);
+                    out->edits[e].box[side][a] = fmin(fmax(edge, 0), 1);
+                }
+        }
+}
+
+/* Light comes through what lies beside the image, and parts are connected there. */
+static bool needs_whole(const struct sp_view *view) {
+    return view->edit_count > 0 || (view->shading.mode != SP_SHADING_NONE &&
+                                    (view->shading.occlusion > 0 || view->shading.shadow > 0));
+}
+
+/* Finds the need of the finest level, from `level` on, that fits into a window. The bricks of all
+ * the volume are taken where they fit, so that turning it needs no others. False without memory. */
+static bool find_need(const struct sp_window_job *job, struct sp_brick_need *need) {
+    const struct sp_brick_file *file = sp_brick_store_file(job->store);
+    const uint64_t bytes_max = sp_brick_store_window_max(job->store);
+    const unsigned base = sp_brick_store_base(job->store);
+    for (unsigned level = job->level; level < base; level++)
+        for (int part = 0; part < 2; part++) {
+            if (part && needs_whole(job->view))
+                continue;
+            if (!sp_window_need(file, job->view, level, !part, need))
+                return false;
+            if (!need->count[0] || sp_brick_need_cost(file, need) <= bytes_max)
+                return true;
+            free(need->wanted);
+        }
+    *need = (struct sp_brick_need){ .level = base };
+    return true;
+}
+
+static uint64_t count_wanted(const struct sp_brick_need *need) {
+    uint64_t count = 0;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        count += need->wanted[i];
+    return count;
+}
+
+bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
+                    struct sp_brick_window *place, struct sp_error *err) {
+    struct sp_brick_need need;
+    *window = (struct sp_window){ .volume = NULL };
+    if (!find_need(job, &need))
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
+    window->asked = need.level;
+    if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
+        sp_brick_store_get_base(job->store, place);
+        place->is_wanted = true;
+    } else {
+        window->wanted = count_wanted(&need);
+        bool ok = sp_brick_store_get(job->store, &need, job->wait_ms, job->is_cancelled, job->user,
+                                     place, err);
+        free(need.wanted);
+        if (!ok)
+            return false;
+    }
+    window->volume = place->volume;
+    window->level = place->level;
+    window->is_complete = place->is_wanted && place->lost == 0;
+    window->resident = place->is_wanted ? window->wanted - place->lost : 0;
+    return true;
+}

@@ -1,0 +1,79 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * volume_dump SOURCE OUT [STEP]: loads a file and writes its samples to OUT, and what else it has
+ * as JSON to standard output. For formats_test.py, which compares them with those of independent
+ * readers.
+ */
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "sp/volume.h"
+
+static void print_numbers(const char *name, const double *numbers, int count) {
+    printf("\"%s\": [", name);
+    for (int i = 0; i < count; i++)
+        printf("%s%.17g", i ? ", " : "", numbers[i]);
+    printf("],\n");
+}
+
+static void print_text(const char *name, const char *text) {
+    printf("\"%s\": \"", name);
+    for (; *text; text++)
+        printf("%s%c", strchr("\"\\", *text) ? "\\" : "", *text);
+    printf("\",\n");
+}
+
+static void print_info(const struct sp_volume_info *info) {
+    const struct sp_grid *grid = &info->grid;
+    printf("{\n");
+    print_numbers("spacing", grid->spacing, 3);
+    print_numbers("origin", grid->origin, 3);
+    print_numbers("direction", grid->direction[0], 9);
+    for (int a = 0; a < 3; a++)
+        if (grid->coordinates[a]) {
+            char name[16];
+            snprintf(name, sizeof name, "coordinates%d", a);
+            print_numbers(name, grid->coordinates[a], (int)grid->dims[a]);
+        }
+    print_text("unit", info->unit);
+    print_text("value_unit", info->value_unit);
+    print_text("anatomy", info->anatomy);
+    print_text("name", info->value_name);
+    for (int i = 0; i < SP_OTHER_FIELDS_MAX && info->others[i][0]; i++) {
+        char name[16];
+        snprintf(name, sizeof name, "other%d", i);
+        print_text(name, info->others[i]);
+    }
+    printf("\"steps\": %" PRIu32 ",\n", info->steps.count);
+    if (info->steps.times)
+        print_numbers("times", info->steps.times, (int)info->steps.count);
+    print_text("time_unit", info->steps.unit);
+    print_text("type", sp_type_name(info->type));
+    printf("\"dims\": [%" PRIu32 ", %" PRIu32 ", %" PRIu32 "]\n}\n", grid->dims[0], grid->dims[1],
+           grid->dims[2]);
+}
+
+int main(int argc, char **argv) {
+    const struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import",
+                                             .step = argc > 3 ? (uint32_t)atoi(argv[3]) : 0 };
+    struct sp_error err = { .text = "" };
+    if (argc < 3) {
+        fprintf(stderr, "usage: volume_dump SOURCE OUT [STEP]\n");
+        return 2;
+    }
+    struct sp_volume *volume = sp_volume_load(argv[1], &options, &err);
+    if (!volume) {
+        printf("%s: %s: %s\n", sp_code_name(err.code), err.place, err.text);
+        return 1;
+    }
+    const struct sp_volume_info *info = sp_volume_info(volume);
+    FILE *out = fopen(argv[2], "wb");
+    bool ok =
+        out && fwrite(sp_volume_voxels(volume), 1, info->voxel_bytes, out) == info->voxel_bytes;
+    ok = out && fclose(out) == 0 && ok;
+    print_info(info);
+    sp_volume_unref(&volume);
+    return ok ? 0 : 2;
+}

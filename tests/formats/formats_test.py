@@ -1,0 +1,111 @@
+#!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
+"""Compares what the daemon reads with independent readers: samples, spacing, origin, direction and names.
+
+  formats_test.py DUMP PYTHON DATA
+
+DUMP is volume_dump, PYTHON an interpreter that has the readers (zarr, h5py, …; requirements.txt), DATA the folder of the
+real volumes. Where there is no sample, the independent library writes one. A missing reader or sample is a visible skip.
+"""
+import importlib.util
+import json
+import os
+import subprocess
+import sys
+import tempfile
+
+if len(sys.argv) == 4 and os.access(sys.argv[2], os.X_OK) and not os.environ.get('SPLATD_FORMATS_PYTHON'):
+    os.environ['SPLATD_FORMATS_PYTHON'] = '1'
+    os.execv(sys.argv[2], [sys.argv[2], *sys.argv])
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+PARTS = {'zarr_part': ['numpy', 'zarr', 'numcodecs'], 'arrays_part': ['numpy', 'h5py', 'netCDF4'],
+         'tiff_part': ['numpy', 'tifffile'], 'medical_part': ['numpy', 'nibabel', 'pydicom'],
+         'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
+
+
+class Tool:
+    """What the parts use: dump() loads a source, equal() compares."""
+
+    def __init__(self, dump, data, folder):
+        self.dump_program, self.data, self.folder = dump, data, folder
+        self.failed, self.checks, self.skipped = 0, 0, []
+
+    def path(self, name):
+        return os.path.join(self.folder, name)
+
+    def sample(self, *names):
+        """A file of DATA/formats; None, and a note, if it is missing."""
+        path = os.path.join(self.data, 'formats', *names)
+        if os.path.exists(path):
+            return path
+        self.skipped.append(f'{path} is missing')
+        return None
+
+    def run(self, source, step=0):
+        out = self.path('samples.raw')
+        done = subprocess.run([self.dump_program, source, out, str(step)], capture_output=True, text=True, check=False)
+        return done, out
+
+    def dump(self, source, step=0):
+        """(description, samples as z, y, x); None, and a failure, if the file cannot be loaded."""
+        import numpy
+        done, out = self.run(source, step)
+        if done.returncode != 0:
+            self.fail(source, done.stdout.strip() or f'exit status {done.returncode}')
+            return None, None
+        info = json.loads(done.stdout)
+        return info, numpy.fromfile(out, dtype=info['type']).reshape(info['dims'][::-1])
+
+    def refused(self, source, *words):
+        """The source is refused with an error that has these words."""
+        done, _ = self.run(source)
+        self.checks += 1
+        if done.returncode != 1 or not all(word in done.stdout for word in words):
+            self.fail(source, f'expected an error with {words}, got: {done.stdout.strip()}')
+
+    def fail(self, source, text):
+        self.failed += 1
+        print(f'{source}: {text}')
+
+    def equal(self, source, expected, step=0, **wanted):
+        """The samples are `expected` (z, y, x); spacing, origin, unit, name, … are `wanted`."""
+        import numpy
+        info, samples = self.dump(source, step)
+        if info is None:
+            return
+        self.checks += 1
+        expected = numpy.asarray(expected)
+        if samples.shape != expected.shape:
+            self.fail(source, f'dims {samples.shape[::-1]}, expected {expected.shape[::-1]}')
+            return
+        same = numpy.array_equal(samples, expected.astype(samples.dtype), equal_nan=samples.dtype.kind == 'f')
+        if not same:
+            self.fail(source, f'the samples differ: {samples.ravel()[:8]}, expected {expected.ravel()[:8]}')
+        for key, value in wanted.items():
+            got = info.get(key)
+            is_same = numpy.allclose(got, value, rtol=1e-6, atol=1e-9) if isinstance(got, list) else got == value
+            if not is_same:
+                self.fail(source, f'{key} is {got}, expected {value}')
+
+
+def main():
+    dump, _, data = sys.argv[-3:]
+    with tempfile.TemporaryDirectory(prefix='splat-formats-') as folder:
+        tool = Tool(dump, data, folder)
+        for part, modules in PARTS.items():
+            missing = [m for m in modules if importlib.util.find_spec(m) is None]
+            if missing:
+                tool.skipped.append(f'{part}: not installed: {", ".join(missing)} (deploy/test.sh installs them)')
+                continue
+            importlib.import_module(part).check(tool)
+    for reason in tool.skipped:
+        print(f'skipped: {reason}')
+    print(f'{tool.checks} checks, {tool.failed} failed')
+    if tool.failed:
+        return 1
+    return 0 if tool.checks else 77
+
+
+if __name__ == '__main__':
+    sys.exit(main())

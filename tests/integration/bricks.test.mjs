@@ -1,0 +1,114 @@
+// SPDX-License-Identifier: Apache-2.0
+// Volumes that are larger than the memory of the daemon: brick files, progressive frames, and images that say whether they are complete.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
+import { BIN, Daemon, FINAL } from './harness.mjs';
+
+const SIDE = 200;
+const MEMORY = 7 << 20; // bytes: less than the samples
+let daemon;
+let folder;
+let scene; // the description of the volume
+
+const convert = (source, name) => execFileSync(path.join(BIN, 'splatctl'), ['convert', source, path.join(folder, name)]);
+const image = (view, headers = {}) => daemon.fetch('/api/v1/render?format=png', {
+  method: 'POST', headers: { 'Content-Type': 'application/json', ...headers }, body: JSON.stringify(view) });
+
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-bricks-'));
+  convert(`demo:noise?size=${SIDE}`, 'large.bricks');
+  convert('demo:noise?size=70', 'damaged.bricks');
+  const bytes = readFileSync(path.join(folder, 'damaged.bricks'));
+  bytes[5000] ^= 1; // in the first brick
+  writeFileSync(path.join(folder, 'damaged.bricks'), bytes);
+  daemon = await Daemon.start(['--data', folder, '--memory', `${MEMORY}`], { backend: 'cpu' });
+  for (const name of ['large', 'damaged']) {
+    assert.equal((await daemon.post('/api/v1/volumes', { path: `${name}.bricks` })).status, 202);
+    assert.equal((await daemon.loaded(name)).state, 'ready');
+  }
+  scene = (await daemon.json('/api/v1/volumes/large')).json;
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  rmSync(folder, { recursive: true });
+});
+
+/** A view that few bricks fill. */
+function close() {
+  const target = [40, 40, 40];
+  return { volume: 'large', size: [160, 160], camera: { target, position: [40, 40, 180], up: [0, 1, 0], fov_y: 10 },
+    clip: { box: [[0, 0, 0], [0.3, 0.3, 0.3]] } };
+}
+
+test('a volume that is larger than memory opens, and tells its whole size', () => {
+  assert.deepEqual(scene.whole, { dims: [SIDE, SIDE, SIDE], spacing: [1, 1, 1], levels: 3, bytes: SIDE ** 3 });
+  compare(scene.bytes, '<', MEMORY, 'the part in memory');
+});
+
+test('brick files are listed with their size and type', async () => {
+  const { json } = await daemon.json('/api/v1/files');
+  const { format, dims, type, contents } = json.entries.find(({ name }) => name === 'large.bricks');
+  assert.deepEqual({ format, dims, type, contents }, { format: 'brick file', dims: [SIDE, SIDE, SIDE], type: 'uint8', contents: 'grid' });
+});
+
+test('an image waits until it is complete, and says so', async () => {
+  const first = await image(close());
+  assert.equal(first.status, 200);
+  assert.equal(first.headers.get('x-complete'), 'true');
+  const etag = first.headers.get('etag');
+  assert.ok(etag);
+  const again = await image(close());
+  assert.ok(Buffer.from(await first.arrayBuffer()).equals(Buffer.from(await again.arrayBuffer())));
+  assert.equal((await image(close(), { 'If-None-Match': etag })).status, 304);
+});
+
+test('an image with a damaged brick says that it is not complete, and is not cached', async () => {
+  const answer = await image({ volume: 'damaged', size: [64, 64] });
+  assert.equal(answer.status, 200);
+  assert.equal(answer.headers.get('x-complete'), 'false');
+  assert.equal(answer.headers.get('etag'), null);
+  assert.equal(answer.headers.get('cache-control'), 'no-store');
+  await daemon.untilLogged('damaged');
+});
+
+test('a stream shows something at once, then all of it, and tells its bricks', async () => {
+  const view = close();
+  view.camera.target = [150, 150, 150];
+  view.camera.position = [150, 150, 10];
+  view.clip = { box: [[0.7, 0.7, 0.7], [1, 1, 1]] };
+  const stream = await daemon.stream({ session: await daemon.session(view) });
+  await stream.final(0);
+  compare(stream.frames.length, '>', 1, 'frames');
+  assert.ok(stream.frames.slice(0, -1).every((frame) => !(frame.flags & FINAL)), 'a frame that is not complete is not final');
+  const { bricks, memory } = (await stream.note('stream.stats', (stats) => stats.bricks?.resident > 0)).params;
+  assert.equal(bricks.resident, bricks.wanted);
+  assert.equal(bricks.level, 0);
+  compare(memory, '<', MEMORY, 'memory');
+  await stream.end();
+});
+
+test('with --cache, a volume that does not fit is converted once', async () => {
+  const cache = mkdtempSync(path.join(folder, 'cache-'));
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const side = 210;
+  const header = `NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${side} ${side} ${side}\nencoding: raw\n\n`;
+  writeFileSync(path.join(data, 'big.nrrd'), Buffer.concat([Buffer.from(header), Buffer.alloc(side ** 3, 7)]));
+  let file;
+  for (let i = 0; i < 2; i++) {
+    const own = await Daemon.start(['--data', data, '--memory', `${MEMORY}`, '--cache', cache], { backend: 'cpu' });
+    await own.post('/api/v1/volumes', { path: 'big.nrrd' });
+    const { state, name, source, whole } = await own.loaded('big');
+    assert.deepEqual([state, name, source, whole.dims], ['ready', 'big', 'big.nrrd', [side, side, side]]);
+    const files = readdirSync(cache);
+    assert.equal(files.length, 1);
+    const { ino } = statSync(path.join(cache, files[0]));
+    assert.equal(file ??= ino, ino, 'it is converted once');
+    assert.equal(own.log.includes('is converted for the brick cache'), i === 0);
+    assert.equal(await own.stop(), 0);
+  }
+});

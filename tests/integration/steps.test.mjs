@@ -1,0 +1,153 @@
+// SPDX-License-Identifier: Apache-2.0
+// Time series: renders, slices, streams and camera paths of their steps, in bounded memory.
+import assert from 'node:assert/strict';
+import { spawn } from 'node:child_process';
+import { once } from 'node:events';
+import { mkdirSync, mkdtempSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import path from 'node:path';
+import { after, before, test } from 'node:test';
+import { compare } from '../support/compare.mjs';
+import { BIN, Daemon, FINAL } from './harness.mjs';
+
+const SIDE = 16;
+const STEPS = 6;
+const BUDGET = 4 * 1024 * 5; // bytes: for four of the six steps
+let folder;
+let daemon;
+
+/** A ball that grows from step to step. */
+function ball(step) {
+  const bytes = Buffer.alloc(SIDE ** 3);
+  for (let i = 0; i < bytes.length; i += 1) {
+    const [x, y, z] = [i % SIDE, Math.floor(i / SIDE) % SIDE, Math.floor(i / SIDE / SIDE)].map((c) => c - (SIDE - 1) / 2);
+    bytes[i] = Math.max(0, Math.min(255, 128 + 60 * (1 + step - Math.hypot(x, y, z))));
+  }
+  return bytes;
+}
+
+const header = (dims, more = '') => Buffer.from(`ObjectType = Image\nNDims = ${dims.length}\nDimSize = ${dims.join(' ')}\n${more}ElementType = MET_UCHAR\nElementDataFile = LOCAL\n`);
+
+before(async () => {
+  folder = mkdtempSync(path.join(tmpdir(), 'splatd-steps-'));
+  const steps = [...Array(STEPS).keys()].map(ball);
+  writeFileSync(path.join(folder, 'balls.mha'), Buffer.concat([header([SIDE, SIDE, SIDE, STEPS], 'ElementSpacing = 1 1 1 0.5\n'), ...steps]));
+  mkdirSync(path.join(folder, 'run'));
+  steps.forEach((bytes, i) => writeFileSync(path.join(folder, 'run', `t${i}.mha`), Buffer.concat([header([SIDE, SIDE, SIDE]), bytes])));
+  writeFileSync(path.join(folder, 'run', 't4.mha'), 'damaged');
+  daemon = await Daemon.start(['--data', folder, '--volume', path.join(folder, 'balls.mha'), '--memory', String(BUDGET)], { backend: 'cpu' });
+  await daemon.loaded('balls');
+});
+after(async () => {
+  assert.equal(await daemon.stop(), 0);
+  rmSync(folder, { recursive: true });
+});
+
+async function render(view) {
+  const answer = await daemon.fetch('/api/v1/render', { method: 'POST', body: JSON.stringify({ size: [48, 48], ...view }), headers: { 'Content-Type': 'application/json', Accept: 'image/png' } });
+  return { status: answer.status, bytes: Buffer.from(await answer.arrayBuffer()) };
+}
+
+test('a volume tells its steps, and an image shows the one that its view names', async () => {
+  const { json } = await daemon.json('/api/v1/volumes/balls');
+  assert.deepEqual(json.steps, { count: STEPS, unit: '', times: [0, 0.5, 1, 1.5, 2, 2.5] });
+  const images = [];
+  for (let step = 0; step < STEPS; step += 1) {
+    const { status, bytes } = await render({ volume: 'balls', time: { step } });
+    assert.equal(status, 200);
+    images.push(bytes);
+    const { json: now } = await daemon.json('/api/v1/volumes/balls');
+    compare(now.memory.voxels, '<=', BUDGET);
+  }
+  assert.equal(new Set(images.map((image) => image.toString('base64'))).size, STEPS, 'all steps differ');
+  assert.deepEqual((await render({ volume: 'balls', time: { step: 2 } })).bytes, images[2], 'a step that was evicted looks as before');
+  const beyond = await render({ volume: 'balls', time: { step: STEPS } });
+  assert.equal(beyond.status, 422);
+  assert.match(beyond.bytes.toString(), /6 is outside \[0, 5\]/);
+});
+
+test('a slice is that of a step', async () => {
+  const at = async (step) => {
+    for (;;) {
+      const answer = await daemon.fetch(`/api/v1/volumes/balls/slice?axis=2&index=8&format=raw&step=${step}`);
+      if (answer.status !== 409) return answer;
+      await answer.arrayBuffer();
+    }
+  };
+  for (const step of [5, 0]) {
+    const raw = Buffer.from(await (await at(step)).arrayBuffer());
+    assert.deepEqual(raw, ball(step).subarray(8 * SIDE * SIDE, 9 * SIDE * SIDE));
+  }
+  assert.equal((await at(9)).status, 422);
+  assert.equal((await at('x')).status, 400);
+});
+
+test('the stream plays all steps in their order, for all participants', async () => {
+  const session = await daemon.session({ volume: 'balls', size: [48, 48] });
+  const stream = await daemon.stream({ session });
+  const guest = await daemon.stream({ session });
+  await stream.final(0);
+  assert.equal((await stream.call('time.play', { steps: 30 })).steps, 30);
+  for (let step = 0; step < STEPS; step += 1) await guest.note('time.changed', (now) => now.step === step && !now.loading && now.steps === 30 && now.count === STEPS);
+  assert.equal((await stream.call('time.stop')).steps, 0);
+  await stream.update({ time: { step: 5 } }, 3);
+  const { view } = await stream.call('view.get');
+  assert.equal(view.time.step, 5);
+  const final = await stream.frame((f) => f.seq === 3 && f.flags & FINAL, 'a final frame of step 5');
+  assert.ok(final);
+  await assert.rejects(stream.update({ time: { step: 6 } }, 4), /6 is outside/);
+  await stream.end();
+  await guest.end();
+});
+
+test('numbered files are a series; a damaged one is an error of its own', async () => {
+  assert.equal((await daemon.post('/api/v1/volumes', { path: 'run/t*.mha' })).json.id, 't');
+  await daemon.loaded('t');
+  assert.equal((await daemon.json('/api/v1/volumes/t')).json.steps.count, STEPS);
+  assert.equal((await render({ volume: 't', time: { step: 1 } })).status, 200);
+  const broken = await render({ volume: 't', time: { step: 4 } });
+  assert.equal(broken.status, 409);
+  assert.match(broken.bytes.toString(), /t4\.mha/);
+  const stream = await daemon.stream({ session: await daemon.session({ volume: 't', size: [48, 48] }) });
+  await stream.final(0);
+  await stream.update({ time: { step: 4 } }, 1);
+  assert.match((await stream.note('render.error')).params.message, /time step 4 of the volume 't' cannot be loaded: t4\.mha/);
+  await stream.update({ time: { step: 5 } }, 2);
+  await stream.frame((f) => f.seq === 2 && f.flags & FINAL, 'the step after it');
+  await stream.end();
+  assert.equal((await daemon.fetch('/api/v1/volumes/t', { method: 'DELETE' })).status, 204);
+});
+
+test('splatctl chooses a step, with and without the daemon', async () => {
+  const splatctl = async (...args) => {
+    const child = spawn(path.join(BIN, 'splatctl'), args, { env: { ...process.env, SPLATD_URL: `${daemon.base}/?token=${daemon.token}` } });
+    const out = [];
+    child.stdout.on('data', (data) => out.push(data));
+    let err = '';
+    child.stderr.on('data', (data) => { err += data; });
+    const [status] = await once(child, 'close');
+    assert.deepEqual({ status, err }, { status: 0, err: '' });
+    return Buffer.concat(out);
+  };
+  const file = path.join(folder, 'balls.mha');
+  const [remote, local, first] = await Promise.all([
+    splatctl('render', '--volume', 'balls', '--step', '3', '--size', '48x48', '--out', '-'),
+    splatctl('render', '--local', '--backend', 'cpu', '--volume', file, '--step', '3', '--size', '48x48', '--out', '-'),
+    splatctl('render', '--volume', 'balls', '--size', '48x48', '--out', '-'),
+  ]);
+  assert.deepEqual(remote, local);
+  assert.notDeepEqual(remote, first);
+  assert.deepEqual(await splatctl('slice', '--volume', 'balls', '--axis', 'z', '--index', '8', '--step', '4', '--out', '-', '--format', 'raw'),
+    ball(4).subarray(8 * SIDE * SIDE, 9 * SIDE * SIDE));
+  assert.match(String(await splatctl('info', file)), /"count": 6/);
+});
+
+test('a camera path goes through the steps', async () => {
+  const made = await daemon.post('/api/v1/paths', { view: { volume: 'balls' }, size: [32, 32], frames: 6, format: 'png', keyframes: [{ frame: 5, view: { time: { step: 5 } } }] });
+  assert.equal(made.status, 202, JSON.stringify(made.json));
+  const answer = await daemon.fetch(`/api/v1/paths/${made.json.id}/events`); // ends with the path
+  assert.match(await answer.text(), /"state":"done"/);
+  const frames = [];
+  for (let i = 0; i < 6; i += 1) frames.push(Buffer.from(await (await daemon.fetch(`/api/v1/paths/${made.json.id}/frames/${i}`)).arrayBuffer()).toString('base64'));
+  assert.equal(new Set(frames).size, 6);
+});

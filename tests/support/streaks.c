@@ -1,0 +1,202 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "support/streaks.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "support/sample.h"
+#include "volume/grid.h"
+
+/* A sample in the image. */
+struct streak {
+    double depth, x, y, radius; /* px: no pixel farther away is covered */
+    double map[2][2];           /* px from the centre → standard deviations along and across */
+    double peak;                /* optical depth at the centre */
+    double periods, contrast, phase, shift;
+};
+
+struct test_streaks {
+    const struct sp_view *view;
+    const struct sp_layer *layer;
+    double color[3], w[3][3], scale;
+    struct streak *list;
+    unsigned count;
+};
+
+/* The finalizer of MurmurHash3: the upper 16 bits decide whether a sample is drawn, the lower ones
+ * are its phase. */
+static uint32_t hash_of(uint64_t n) {
+    n = (n ^ n >> 33) * 0xff51afd7ed558ccd;
+    n = (n ^ n >> 33) * 0xc4ceb9fe1a85ec53;
+    return (uint32_t)(n ^ n >> 33);
+}
+
+static double dot(const double a[3], const double b[3]) {
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* The first two rows of J·W; returns |det J|. */
+static double project(const struct test_streaks *s, const double u[3], double m[2][3]) {
+    const bool is_perspective = s->view->camera.projection == SP_PERSPECTIVE;
+    const double f = is_perspective ? s->scale / u[2] : s->scale;
+    for (int i = 0; i < 2; i++)
+        for (int a = 0; a < 3; a++)
+            m[i][a] = f * (s->w[i][a] - (is_perspective ? u[i] / u[2] * s->w[2][a] : 0));
+    return is_perspective ? f * f * sqrt(dot(u, u)) / u[2] : f * f;
+}
+
+/* The map from pixels to standard deviations, turned so that the vector lies along its first axis.
+ */
+static void orient(const double v[3], const double e[2], double length, struct streak *k) {
+    const double angle = 0.5 * atan2(2 * v[1], v[0] - v[2]), c = cos(angle), s = sin(angle);
+    const double first = sqrt(v[0] * c * c + 2 * v[1] * c * s + v[2] * s * s);
+    const double second = sqrt(v[0] * s * s - 2 * v[1] * c * s + v[2] * c * c);
+    const double root[2][2] = { { c / first, s / first }, { -s / second, c / second } };
+    const double at[2] = { root[0][0] * e[0] + root[0][1] * e[1],
+                           root[1][0] * e[0] + root[1][1] * e[1] };
+    const double size = hypot(at[0], at[1]);
+    const double cosine = size > 0 ? at[0] / size : 1, sine = size > 0 ? at[1] / size : 0;
+    for (int a = 0; a < 2; a++) {
+        k->map[0][a] = cosine * root[0][a] + sine * root[1][a];
+        k->map[1][a] = cosine * root[1][a] - sine * root[0][a];
+    }
+    k->periods = 1 / fmax(length * size, 0.33);
+    const double rows = size > 0 ? 1 / hypot(k->map[1][0], k->map[1][1]) - 1 : 0;
+    k->contrast = fmin(fmax(rows, 0), 1);
+}
+
+static bool init_streak(const struct test_streaks *s, const struct sp_grid *grid, uint64_t n,
+                        const float vector[3], double extinction, struct streak *k) {
+    const struct sp_filter *filter = &s->view->filter;
+    const double stretch = s->layer->stretch, r = filter->cutoff;
+    const double longest =
+        sqrt((double)vector[0] * (double)vector[0] + (double)vector[1] * (double)vector[1] +
+             (double)vector[2] * (double)vector[2]);
+    const uint32_t hash = hash_of(n), at[3] = { (uint32_t)(n % grid->dims[0]),
+                                                (uint32_t)(n / grid->dims[0] % grid->dims[1]),
+                                                (uint32_t)(n / grid->dims[0] / grid->dims[1]) };
+    double world[3], away[3], u[3], m[2][3], v[3] = { 0 }, e[2] = { 0 }, volume = 1;
+    for (int a = 0; a < 3; a++) {
+        const double share = (at[a] + 0.5) / grid->dims[a];
+        if (share < s->view->clip.box[0][a] || share > s->view->clip.box[1][a])
+            return false;
+        volume *= grid->spacing[a];
+    }
+    const bool has_direction = longest > 0;
+    if ((!has_direction && s->layer->style == SP_VECTORS_MODULATE) ||
+        (hash >> 16) / 65536.0 >= s->layer->density)
+        return false;
+    test_sample_place(grid, at, world);
+    for (int a = 0; a < 3; a++)
+        away[a] = world[a] - s->view->camera.position[a];
+    for (int i = 0; i < 3; i++)
+        u[i] = dot(s->w[i], away);
+    const double det_j = project(s, u, m), unit = cbrt(volume);
+    for (int a = 0; a < 3; a++) {
+        double column[2] = { 0, 0 };
+        for (int i = 0; i < 2; i++) {
+            for (int c = 0; c < 3; c++)
+                column[i] += m[i][c] * grid->direction[c][a] * grid->spacing[a] * filter->sigma;
+            e[i] += has_direction ? m[i][a] * (double)vector[a] / longest * unit : 0;
+        }
+        v[0] += column[0] * column[0];
+        v[1] += column[0] * column[1];
+        v[2] += column[1] * column[1];
+    }
+    const double widen = filter->sigma * filter->sigma * (stretch * stretch - 1);
+    v[0] += filter->lowpass * filter->lowpass + widen * e[0] * e[0];
+    v[1] += widen * e[0] * e[1];
+    v[2] += filter->lowpass * filter->lowpass + widen * e[1] * e[1];
+    *k = (struct streak){ .depth = u[2] };
+    k->x = 0.5 * s->view->size[0];
+    k->y = 0.5 * s->view->size[1];
+    k->x += s->scale * u[0] / (s->view->camera.projection == SP_PERSPECTIVE ? u[2] : 1);
+    k->y += s->scale * u[1] / (s->view->camera.projection == SP_PERSPECTIVE ? u[2] : 1);
+    k->radius = r * sqrt(v[0] + v[2]);
+    orient(v, e, 2 * filter->sigma * stretch, k);
+    k->peak = extinction * volume * det_j / (2 * M_PI * sqrt(v[0] * v[2] - v[1] * v[1])) /
+              -expm1(-0.5 * r * r);
+    k->phase = (hash & 0xffff) / 65536.0 + s->layer->phase;
+    k->shift = ((hash & 0xffff) * 40503u >> 8 & 255) / 256.0;
+    return true;
+}
+
+static int compare_depths(const void *a, const void *b) {
+    const double x = ((const struct streak *)a)->depth, y = ((const struct streak *)b)->depth;
+    return (x > y) - (x < y);
+}
+
+struct test_streaks *test_streaks_create(const struct sp_volume *volume, const struct sp_view *view,
+                                         const struct sp_layer *layer, double extinction,
+                                         const float color[3]) {
+    const struct sp_grid *grid = &sp_volume_info(volume)->grid;
+    const uint64_t count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    const float(*vectors)[3] = sp_volume_vectors(volume);
+    struct test_streaks *s = calloc(1, sizeof *s);
+    struct streak *list = malloc(count * sizeof *list);
+    if (!s || !list) {
+        free(s);
+        free(list);
+        return NULL;
+    }
+    *s = (struct test_streaks){
+        .view = view, .layer = layer, .scale = test_camera_scale(view), .list = list
+    };
+    test_camera_axes(&view->camera, s->w);
+    for (int c = 0; c < 3; c++)
+        s->color[c] = (double)color[c];
+    for (uint64_t n = 0; n < count; n++)
+        s->count += init_streak(s, grid, n, vectors[n], extinction, &list[s->count]);
+    qsort(list, s->count, sizeof *list, compare_depths);
+    return s;
+}
+
+void test_streaks_destroy(struct test_streaks **streaks) {
+    if (*streaks)
+        free((*streaks)->list);
+    free(*streaks);
+    *streaks = NULL;
+}
+
+unsigned test_streaks_count(const struct test_streaks *streaks) {
+    return streaks->count;
+}
+
+static double bump(double x, double width) {
+    const double y = 2 * x / width;
+    return fabs(y) < 1 ? (1 - y * y) * (1 - y * y) : 0;
+}
+
+/* The texture over its mean. */
+static double intensity_at(const struct streak *k, double along, double across) {
+    const double row = rint(across + k->shift), golden = 0.61803399;
+    const double u = along * k->periods - k->phase + row * golden;
+    return bump(u - rint(u), 0.7) * bump(across + k->shift - row, 0.8) / (0.56 * 64 / 225);
+}
+
+unsigned test_streaks_hits(const struct test_streaks *s, double x, double y,
+                           struct test_hit *hits) {
+    const double r = s->view->filter.cutoff, mean = 0.56 * 64 / 225;
+    unsigned found = 0;
+    for (unsigned i = 0; i < s->count; i++) {
+        const struct streak *k = &s->list[i];
+        const double dx = x - k->x, dy = y - k->y;
+        if (fabs(dx) > k->radius || fabs(dy) > k->radius)
+            continue;
+        const double along = k->map[0][0] * dx + k->map[0][1] * dy;
+        const double across = k->map[1][0] * dx + k->map[1][1] * dy;
+        const double square = along * along + across * across;
+        if (square > r * r)
+            continue;
+        struct test_hit *hit = &hits[found++];
+        const double texture = 1 + k->contrast * (intensity_at(k, along, across) - 1);
+        const bool blends = s->layer->style == SP_VECTORS_BLEND;
+        const double share = blends ? exp(-0.25 * square) * mean * texture : 0;
+        hit->depth = k->depth;
+        hit->alpha = -expm1(-k->peak * exp(-0.5 * square) * (blends ? 1 : texture));
+        for (int c = 0; c < 3; c++)
+            hit->color[c] = s->color[c] + share * ((double)s->layer->color[c] - s->color[c]);
+    }
+    return found;
+}

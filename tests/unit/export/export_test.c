@@ -1,0 +1,319 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Volumes that are written in the formats of other programs, and read again by the importer.
+ * tests/formats/convert_part.py compares with independent readers.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <dirent.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "export/job.h"
+#include "sp/convert.h"
+
+enum { NX = 131, NY = 70, NZ = 65, COUNT = NX * NY * NZ };
+
+static const struct sp_load_options options = { .importer = SPLATD_BIN_DIR "/splat-import" };
+
+/* A folder of its own for each test. */
+static int make_folder(void **state) {
+    char pattern[] = "/tmp/splat-export-XXXXXX";
+    *state = mkdtemp(pattern) ? strdup(pattern) : NULL;
+    return *state ? 0 : -1;
+}
+
+static int remove_folder(void **state) {
+    char command[256];
+    snprintf(command, sizeof command, "rm -rf '%s'", (char *)*state);
+    free(*state);
+    return system(command);
+}
+
+static const char *path_in(void *const *state, const char *name) {
+    static char paths[4][256];
+    static int next;
+    char *path = paths[next++ % 4];
+    snprintf(path, sizeof paths[0], "%s/%s", (const char *)*state, name);
+    return path;
+}
+
+static int count_entries(const char *path) {
+    int count = 0;
+    DIR *folder = opendir(path);
+    assert_non_null(folder);
+    for (const struct dirent *entry; (entry = readdir(folder));)
+        count += strcmp(entry->d_name, ".") != 0 && strcmp(entry->d_name, "..") != 0;
+    closedir(folder);
+    return count;
+}
+
+static struct sp_volume_info describe(void) {
+    return (struct sp_volume_info){ .grid = { .dims = { NX, NY, NZ },
+                                              .spacing = { 0.5, 1, 2 },
+                                              .origin = { 1, 2, 3 },
+                                              .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
+                                    .type = SP_UINT16,
+                                    .unit = "mm",
+                                    .value_name = "density",
+                                    .value_unit = "HU",
+                                    .anatomy = "LPS" };
+}
+
+static int memory_file(const void *bytes, size_t size) {
+    int fd = memfd_create("export", MFD_CLOEXEC);
+    assert_true(fd >= 0);
+    assert_int_equal(pwrite(fd, bytes, size, 0), (ssize_t)size);
+    return fd;
+}
+
+/* Samples that are 0 at the start, and vary elsewhere. */
+static int make_samples(void) {
+    static uint16_t samples[COUNT];
+    for (uint32_t i = 0; i < COUNT; i++)
+        samples[i] = (uint16_t)(i < COUNT / 2 ? 0 : i * 37 % 251);
+    return memory_file(samples, sizeof samples);
+}
+
+static void demos_come_back(void **state) {
+    static const struct {
+        const char *source, *out;
+    } cases[] = {
+        { "demo:engine?size=70", "a.nrrd" },     { "demo:turbulence?size=33", "b.nrrd" },
+        { "demo:engine?size=70", "a.nii" },      { "demo:turbulence?size=33", "b.nii.gz" },
+        { "demo:engine?size=70", "a.ome.zarr" }, { "demo:turbulence?size=33", "b.zarr" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct sp_error err;
+        const char *out = path_in(state, cases[i].out);
+        if (!sp_convert(cases[i].source, out, &options, &err))
+            fail_msg("%s: %s", err.place, err.text);
+        struct sp_volume *was = sp_volume_load(cases[i].source, &options, &err);
+        struct sp_volume *is = sp_volume_load(out, &options, &err);
+        if (!was || !is)
+            fail_msg("%s: %s", err.place, err.text);
+        const struct sp_volume_info *a = sp_volume_info(was), *b = sp_volume_info(is);
+        assert_int_equal(a->type, b->type);
+        assert_int_equal(a->voxel_bytes, b->voxel_bytes);
+        assert_memory_equal(sp_volume_voxels(was), sp_volume_voxels(is), a->voxel_bytes);
+        assert_memory_equal(a->grid.dims, b->grid.dims, sizeof a->grid.dims);
+        for (int axis = 0; axis < 3; axis++) {
+            assert_float_equal(a->grid.spacing[axis], b->grid.spacing[axis],
+                               a->grid.spacing[axis] * 1e-6);
+            assert_float_equal(a->grid.origin[axis], b->grid.origin[axis], 1e-6);
+        }
+        assert_string_equal(a->value_name, b->value_name);
+        assert_string_equal(a->unit, b->unit);
+        assert_int_equal(count_entries(*state), i + 1); /* nothing is left beside it */
+        sp_volume_unref(&was);
+        sp_volume_unref(&is);
+    }
+}
+
+/* A file of the samples of describe(). */
+static void write_nrrd(const char *path) {
+    struct sp_error err;
+    const struct sp_volume_info info = describe();
+    FILE *file = fopen(path, "w+");
+    assert_non_null(file);
+    const struct sp_export_job job = {
+        .info = &info, .samples = make_samples(), .out = fileno(file), .shown = path
+    };
+    if (!sp_export_nrrd(&job, &err))
+        fail_msg("%s", err.text);
+    close(job.samples);
+    fclose(file);
+}
+
+static void brick_files_are_converted(void **state) {
+    struct sp_error err;
+    static char bytes[2][2 * COUNT + 4096];
+    size_t sizes[2];
+    const char *first = path_in(state, "a.nrrd"), *bricks = path_in(state, "a.bricks"),
+               *again = path_in(state, "b.nrrd");
+    write_nrrd(first);
+    if (!sp_convert(first, bricks, &options, &err) || !sp_convert(bricks, again, &options, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    for (int i = 0; i < 2; i++) {
+        FILE *file = fopen(i ? again : first, "r");
+        assert_non_null(file);
+        sizes[i] = fread(bytes[i], 1, sizeof bytes[i], file);
+        fclose(file);
+    }
+    assert_int_equal(sizes[0], sizes[1]);
+    assert_memory_equal(bytes[0], bytes[1], sizes[0]);
+    assert_int_equal(truncate(bricks, 5000), 0);
+    assert_false(sp_convert(bricks, again, &options, &err));
+    assert_int_equal(err.code, SP_ERR_FORMAT);
+    assert_int_equal(count_entries(*state), 3);
+}
+
+static void a_unit_that_nifti_lacks_is_refused(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct sp_volume_info info = describe();
+    const struct sp_export_job job = {
+        .info = &info, .samples = make_samples(), .out = memory_file("", 0), .shown = "a.nii"
+    };
+    strcpy(info.unit, "degrees");
+    assert_false(sp_export_nifti(&job, &err));
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+    assert_non_null(strstr(err.text, "\"degrees\""));
+    assert_true(sp_export_nrrd(&job, &err));
+    close(job.samples);
+    close(job.out);
+}
+
+static void names_cannot_break_the_header(void **state) {
+    struct sp_error err;
+    struct sp_volume_info info = describe();
+    const char *path = path_in(state, "a.nrrd");
+    strcpy(info.value_name, "a\nencoding: gzip\r\n\n");
+    strcpy(info.unit, "\"\\\n");
+    FILE *file = fopen(path, "w+");
+    assert_non_null(file);
+    const struct sp_export_job job = {
+        .info = &info, .samples = make_samples(), .out = fileno(file), .shown = "a.nrrd"
+    };
+    if (!sp_export_nrrd(&job, &err))
+        fail_msg("%s", err.text);
+    fclose(file);
+    struct sp_volume *volume = sp_volume_load(path, &options, &err);
+    if (!volume)
+        fail_msg("%s: %s", err.place, err.text);
+    assert_string_equal(sp_volume_info(volume)->value_name, "a encoding: gzip");
+    assert_string_equal(sp_volume_info(volume)->unit, "\"\\ ");
+    sp_volume_unref(&volume);
+    close(job.samples);
+}
+
+static void a_wide_volume_is_nifti_2(void **state) {
+    (void)state;
+    struct sp_error err;
+    struct sp_volume_info info = describe();
+    const uint32_t dims[3] = { 32768, 1, 1 };
+    static const uint16_t samples[32768];
+    const struct sp_export_job job = { .info = &info,
+                                       .samples = memory_file(samples, sizeof samples),
+                                       .out = memory_file("", 0),
+                                       .shown = "a.nii" };
+    int32_t size;
+    struct stat st;
+    for (uint32_t less = 0; less < 2; less++) {
+        memcpy(info.grid.dims, dims, sizeof dims);
+        info.grid.dims[0] -= less;
+        assert_int_equal(ftruncate(job.out, 0), 0);
+        assert_true(sp_export_nifti(&job, &err));
+        assert_int_equal(pread(job.out, &size, sizeof size, 0), sizeof size);
+        assert_int_equal(size, less ? 348 : 540);
+        assert_int_equal(fstat(job.out, &st), 0);
+        assert_int_equal(st.st_size, (uint32_t)size + 4 + 2 * info.grid.dims[0]);
+    }
+    close(job.samples);
+    close(job.out);
+}
+
+static void a_folder_of_others_is_not_replaced(void **state) {
+    struct sp_error err;
+    const char *out = path_in(state, "a.zarr"), *file = path_in(state, "a.zarr/.zattrs");
+    assert_int_equal(mkdir(out, 0777), 0);
+    assert_false(sp_convert("demo:engine?size=16", out, &options, &err)); /* it is empty */
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    FILE *attributes = fopen(file, "w");
+    assert_non_null(attributes);
+    fputs("{}\n", attributes);
+    fclose(attributes);
+    assert_false(sp_convert("demo:engine?size=16", out, &options, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_int_equal(unlink(file), 0);
+    assert_int_equal(rmdir(out), 0);
+    assert_true(sp_convert("demo:engine?size=16", out, &options, &err));
+    assert_true(sp_convert("demo:engine?size=17", out, &options, &err));
+    struct sp_volume *volume = sp_volume_load(out, &options, &err);
+    assert_non_null(volume);
+    assert_int_equal(sp_volume_info(volume)->grid.dims[0], 17);
+    sp_volume_unref(&volume);
+    assert_int_equal(count_entries(*state), 1);
+    assert_int_equal(mkdir(path_in(state, "a.zarr/labels"), 0777), 0);
+    assert_false(sp_convert("demo:engine?size=16", out, &options, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+}
+
+static void turned_axes_are_refused(void **state) {
+    struct sp_error err;
+    struct sp_volume_info info = describe();
+    const struct sp_export_job job = {
+        .info = &info, .samples = make_samples(), .out = -1, .folder = *state, .shown = "a.zarr"
+    };
+    info.grid.direction[0][0] = info.grid.direction[1][1] = 0.8;
+    info.grid.direction[0][1] = -0.6;
+    info.grid.direction[1][0] = 0.6;
+    assert_false(sp_export_zarr(&job, &err));
+    assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+    assert_non_null(strstr(err.text, ".nii.gz"));
+    close(job.samples);
+}
+
+static bool cancel(void *user, double fraction) {
+    double *last = user;
+    assert_true(fraction >= *last);
+    *last = fraction;
+    return fraction < 0.7;
+}
+
+static void nothing_is_left_after_cancelling(void **state) {
+    static const char *const names[] = { "a.nrrd", "a.nii", "a.nii.gz", "a.bricks", "a.zarr" };
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        struct sp_error err;
+        double last = 0;
+        struct sp_load_options own = options;
+        own.progress = cancel;
+        own.user = &last;
+        assert_false(sp_convert("demo:turbulence?size=128", path_in(state, names[i]), &own, &err));
+        assert_int_equal(err.code, SP_ERR_CANCELLED);
+        assert_int_equal(count_entries(*state), 0);
+    }
+}
+
+static void the_name_states_the_format(void **state) {
+    (void)state;
+    static const char *const good[] = { "a.bricks", "x/a.nrrd", "a.b.nii", "a.nii.gz",
+                                        "a.ome.zarr/" };
+    static const char *const bad[] = { "a.vdb", "a.gz",      ".nrrd",   "x/.nii.gz",
+                                       "nrrd",  "a.nrrd.gz", "x/.zarr/" };
+    struct sp_error err;
+    for (size_t i = 0; i < sizeof good / sizeof *good; i++)
+        if (!sp_convert_check(good[i], &err))
+            fail_msg("%s: %s", good[i], err.text);
+    for (size_t i = 0; i < sizeof bad / sizeof *bad; i++) {
+        assert_false(sp_convert_check(bad[i], &err));
+        assert_int_equal(err.code, SP_ERR_UNSUPPORTED);
+        assert_non_null(strstr(err.text, ".nii.gz"));
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test_setup_teardown(demos_come_back, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(brick_files_are_converted, make_folder, remove_folder),
+        cmocka_unit_test(a_unit_that_nifti_lacks_is_refused),
+        cmocka_unit_test_setup_teardown(names_cannot_break_the_header, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(a_folder_of_others_is_not_replaced, make_folder,
+                                        remove_folder),
+        cmocka_unit_test_setup_teardown(turned_axes_are_refused, make_folder, remove_folder),
+        cmocka_unit_test(a_wide_volume_is_nifti_2),
+        cmocka_unit_test_setup_teardown(nothing_is_left_after_cancelling, make_folder,
+                                        remove_folder),
+        cmocka_unit_test(the_name_states_the_format),
+    };
+    return cmocka_run_group_tests(tests, NULL, NULL);
+}

@@ -1,0 +1,428 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Images of a brick file against images of the same volume in memory, with memory for all of its
+ * samples and for few of them.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <math.h>
+#include <pthread.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
+
+#include "bricks/store.h"
+#include "bricks/write.h"
+#include "sp/edit.h"
+#include "support/compare.h"
+#include "support/render.h"
+#include "window/window.h"
+
+enum { NX = 210, NY = 150, NZ = 133, COUNT = NX * NY * NZ, SIDE = 96 };
+
+/* Balls of several sizes in noise that a transfer function may leave out. */
+static uint8_t field_at(uint32_t x, uint32_t y, uint32_t z) {
+    static const double balls[][4] = { { 50, 40, 40, 26 },
+                                       { 120, 90, 60, 34 },
+                                       { 180, 40, 90, 20 },
+                                       { 30, 120, 100, 18 },
+                                       { 190, 130, 20, 9 } };
+    double value = 8 + (x * 7 + y * 13 + z * 29) % 5;
+    for (size_t i = 0; i < sizeof balls / sizeof *balls; i++) {
+        double dx = x - balls[i][0], dy = y - balls[i][1], dz = z - balls[i][2];
+        double inside = 0.5 + (balls[i][3] - sqrt(dx * dx + dy * dy + dz * dz)) / 4;
+        value = fmax(value, 200 * fmin(fmax(inside, 0), 1));
+    }
+    return (uint8_t)lrint(value);
+}
+
+struct rig {
+    struct test_renderer renderer;
+    uint8_t *samples;
+    struct sp_volume_info info;
+    struct sp_volume *whole;
+    int file; /* the brick file */
+};
+
+static int setup(void **state) {
+    static struct rig rig;
+    struct sp_error err;
+    const struct test_target target = { "cpu", "auto" };
+    rig.samples = malloc(COUNT);
+    assert_non_null(rig.samples);
+    for (uint32_t i = 0; i < COUNT; i++)
+        rig.samples[i] = field_at(i % NX, i / NX % NY, i / NX / NY);
+    rig.info = (struct sp_volume_info){ .grid = { .dims = { NX, NY, NZ },
+                                                  .spacing = { 1, 1, 1.5 },
+                                                  .origin = { -20, 5, 7 },
+                                                  .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
+                                        .type = SP_UINT8 };
+    if (!(rig.whole = sp_volume_create(&rig.info.grid, SP_UINT8, rig.samples, "whole", &err)))
+        fail_msg("%s", err.text);
+    if (!test_renderer_open(&rig.renderer, &target, 2, &err))
+        fail_msg("%s", err.text);
+    int from = memfd_create("samples", MFD_CLOEXEC);
+    rig.file = memfd_create("bricks", MFD_CLOEXEC);
+    assert_int_equal(write(from, rig.samples, COUNT), COUNT);
+    const struct sp_bricks_write_job job = {
+        .info = &rig.info, .samples = from, .out = rig.file, .folder = "/tmp", .shown = "test"
+    };
+    if (!sp_bricks_write(&job, &err))
+        fail_msg("%s", err.text);
+    close(from);
+    *state = &rig;
+    return 0;
+}
+
+static int teardown(void **state) {
+    struct rig *rig = *state;
+    sp_volume_unref(&rig->whole);
+    test_renderer_close(&rig->renderer);
+    free(rig->samples);
+    close(rig->file);
+    return 0;
+}
+
+/* Opens the brick file with memory for windows of that many bytes; 0 = for all. */
+static struct sp_volume *open_file(const struct rig *rig, uint64_t bytes) {
+    struct sp_error err;
+    const struct sp_load_options options = { .window_bytes = bytes };
+    struct sp_volume *volume =
+        sp_brick_store_open(dup(rig->file), "bricks", "bricks", &options, &err);
+    if (!volume)
+        fail_msg("%s", err.text);
+    return volume;
+}
+
+static struct sp_view make_view(const struct rig *rig) {
+    struct sp_view view;
+    sp_view_init(&view, sp_volume_info(rig->whole), "v");
+    view.size[0] = view.size[1] = SIDE;
+    view.transfer_function.point_count = 3;
+    memset(view.transfer_function.points, 0, sizeof view.transfer_function.points);
+    view.transfer_function.points[0].value = 40;
+    view.transfer_function.points[1] =
+        (struct sp_tf_point){ .value = 120, .color = { 0.9f, 0.5f, 0.2f }, .opacity = 0.1f };
+    view.transfer_function.points[2] =
+        (struct sp_tf_point){ .value = 200, .color = { 0.8f, 0.9f, 1 }, .opacity = 0.5f };
+    view.transfer_function.reference_length = 1;
+    view.transfer_function.order = SP_TF_POST;
+    return view;
+}
+
+/* Moves the camera towards its target. */
+static void zoom(struct sp_view *view, double by) {
+    struct sp_camera *c = &view->camera;
+    for (int a = 0; a < 3; a++)
+        c->position[a] = c->target[a] + (c->position[a] - c->target[a]) / by;
+}
+
+/* Fills the image with the third ball. */
+static void look_at_a_ball(struct sp_view *view) {
+    static const double centre[3] = { 160, 45, 142 };
+    memcpy(view->camera.target, centre, sizeof centre);
+    for (int a = 0; a < 3; a++)
+        view->camera.position[a] = centre[a] + (a == 2 ? 120 : 1);
+    memcpy(view->camera.up, (const double[3]){ 0, 1, 0 }, sizeof view->camera.up);
+    view->camera.fov_y = 8;
+}
+
+static struct sp_frame *render_level(const struct rig *rig, struct sp_volume *volume,
+                                     const struct sp_view *view, double wait_ms, unsigned level) {
+    struct sp_error err;
+    const struct sp_render_options options = { .format = SP_RGBAF32,
+                                               .wait_ms = wait_ms,
+                                               .mip_level = level };
+    struct sp_frame *frame = sp_renderer_render(rig->renderer.renderer, volume, view,
+                                                rig->renderer.pool, &options, &err);
+    if (!frame)
+        fail_msg("%s: %s", err.place, err.text);
+    return frame;
+}
+
+static struct sp_frame *render(const struct rig *rig, struct sp_volume *volume,
+                               const struct sp_view *view, double wait_ms) {
+    return render_level(rig, volume, view, wait_ms, 0);
+}
+
+/* PSNR [dB] of two frames; 200 = they are equal. */
+static double compare(const struct sp_frame *a, const struct sp_frame *b) {
+    double sum = 0;
+    assert_int_equal(a->width, b->width);
+    for (uint32_t y = 0; y < a->height; y++) {
+        const float *p = (const void *)((const char *)a->pixels + y * a->stride_bytes);
+        const float *q = (const void *)((const char *)b->pixels + y * b->stride_bytes);
+        for (uint32_t i = 0; i < 4 * a->width; i++)
+            sum += ((double)p[i] - (double)q[i]) * ((double)p[i] - (double)q[i]);
+    }
+    return sum > 0 ? -10 * log10(sum / (4.0 * a->width * a->height)) : 200;
+}
+
+static double mean_of(const struct sp_frame *frame) {
+    double sum = 0;
+    for (uint32_t y = 0; y < frame->height; y++)
+        for (uint32_t x = 0; x < frame->width; x++)
+            sum += (double)((const float *)(const void *)((const char *)frame->pixels +
+                                                          y * frame->stride_bytes))[4 * x];
+    return sum / frame->width / frame->height;
+}
+
+static void expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
+                   double floor_db, const char *what) {
+    struct sp_frame *got = render(rig, volume, view, 0);
+    struct sp_frame *truth = render_level(rig, rig->whole, view, 0, got->stats.bricks.level);
+    const double db = compare(truth, got);
+    assert_compare(mean_of(truth), >, 1e-4);
+    assert_false(got->stats.bricks.is_incomplete);
+    assert_int_equal(got->stats.bricks.resident, got->stats.bricks.wanted);
+    print_message("%s: %.1f dB, level %u, %u bricks\n", what, db, got->stats.bricks.level,
+                  (unsigned)got->stats.bricks.wanted);
+    if (db < floor_db)
+        fail_msg("%s: %.1f dB, floor %.1f", what, db, floor_db);
+    sp_frame_unref(&truth);
+    sp_frame_unref(&got);
+}
+
+static void images_equal_those_of_the_volume_in_memory(void **state) {
+    const struct rig *rig = *state;
+    /* With memory for all, and for windows of a quarter of the samples. */
+    for (int is_small = 0; is_small < 2; is_small++) {
+        struct sp_volume *volume = open_file(rig, is_small ? 2 << 20 : 0);
+        struct sp_view view = make_view(rig);
+        expect(rig, volume, &view, 200, "far");
+        zoom(&view, 2.5);
+        view.camera.target[0] += 20;
+        expect(rig, volume, &view, 200, "near");
+        view.shading.mode = SP_SHADING_NONE;
+        expect(rig, volume, &view, 200, "near, not lit");
+        view.camera.projection = SP_ORTHOGRAPHIC;
+        view.camera.height = 60;
+        expect(rig, volume, &view, 200, "orthographic");
+        view = make_view(rig);
+        zoom(&view, 2);
+        view.clip.box[0][0] = 0.21;
+        view.clip.box[1][1] = 0.73;
+        expect(rig, volume, &view, 200, "clip box");
+        view.clip.plane_count = 1;
+        view.clip.planes[0] = (struct sp_clip_plane){ .normal = { 1, 1, 0 }, .offset = 90 };
+        expect(rig, volume, &view, 200, "clip plane");
+        view = make_view(rig);
+        zoom(&view, 2);
+        view.layers[0] = sp_layer_default(SP_LAYER_SURFACE);
+        view.layers[0].value = 100;
+        expect(rig, volume, &view, is_small ? 40 : 200, "surface"); /* they have no coarse levels */
+        view = make_view(rig);
+        look_at_a_ball(&view);
+        expect(rig, volume, &view, 60, "close"); /* all of the frame lies in few bricks */
+        struct sp_frame *frame = render(rig, volume, &view, 0);
+        assert_int_equal(frame->stats.bricks.level, 0);
+        sp_frame_unref(&frame);
+        sp_volume_unref(&volume);
+    }
+}
+
+static void projections_and_edits_equal_those_of_the_volume(void **state) {
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_file(rig, 0);
+    static const enum sp_compositing modes[] = { SP_COMPOSITE_MAXIMUM, SP_COMPOSITE_MINIMUM,
+                                                 SP_COMPOSITE_MEAN, SP_COMPOSITE_SUM };
+    for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+        struct sp_view view = make_view(rig);
+        view.compositing.mode = modes[i];
+        zoom(&view, 3);
+        expect(rig, volume, &view, 200, "projection");
+    }
+    struct sp_view view = make_view(rig);
+    zoom(&view, 2);
+    view.edit_count = 2;
+    view.edits[0] = (struct sp_edit){ .type = SP_EDIT_BOX,
+                                      .keep = SP_KEEP_OUTSIDE,
+                                      .box = { { 0.1, 0.1, 0.1 }, { 0.6, 0.35, 0.9 } } };
+    view.edits[1] = (struct sp_edit){
+        .type = SP_EDIT_SPHERE, .keep = SP_KEEP_OUTSIDE, .center = { 100, 95, 97 }, .radius = 30
+    };
+    expect(rig, volume, &view, 200, "edits");
+    sp_volume_unref(&volume);
+}
+
+static void little_memory_gives_coarser_images(void **state) {
+    const struct rig *rig = *state;
+    struct sp_view view = make_view(rig);
+    view.level_of_detail = SP_LOD_OFF;
+    struct sp_frame *truth = render(rig, rig->whole, &view, 0);
+    double last = 300;
+    for (uint64_t bytes = 16 << 20; bytes >= 1 << 18; bytes /= 8) {
+        struct sp_volume *volume = open_file(rig, bytes);
+        struct sp_brick_store *store = sp_brick_store_of(volume);
+        struct sp_frame *frame = render(rig, volume, &view, 0);
+        uint64_t bricks, used;
+        sp_brick_store_usage(store, &bricks, &used);
+        assert_compare(used, <=, bytes);
+        assert_compare(sp_volume_info(volume)->voxel_bytes, <=, bytes);
+        assert_false(frame->stats.bricks.is_incomplete);
+        const double db = compare(truth, frame);
+        print_message("%u bytes: %.1f dB, level %u\n", (unsigned)bytes, db,
+                      frame->stats.bricks.level);
+        assert_compare(db, <, last);
+        assert_compare(db, >, 20);
+        last = db;
+        sp_frame_unref(&frame);
+        sp_volume_unref(&volume);
+    }
+    sp_frame_unref(&truth);
+}
+
+static void a_frame_that_does_not_wait_is_refined(void **state) {
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_file(rig, 3 << 19); /* which gives a coarse volume */
+    struct sp_view view = make_view(rig);
+    zoom(&view, 2.5);
+    struct sp_frame *first = render(rig, volume, &view, -1);
+    assert_true(first->stats.bricks.is_incomplete);
+    assert_int_equal(first->stats.bricks.resident, 0);
+    assert_compare(first->stats.bricks.wanted, >, 0);
+    assert_compare(mean_of(first), >, 1e-4);
+    struct sp_frame *last = render(rig, volume, &view, 0);
+    assert_false(last->stats.bricks.is_incomplete);
+    assert_compare(last->stats.bricks.level, <, first->stats.bricks.level);
+    struct sp_frame *again = render(rig, volume, &view, -1); /* the window stays */
+    assert_false(again->stats.bricks.is_incomplete);
+    assert_compare(compare(last, again), ==, 200);
+    sp_frame_unref(&first);
+    sp_frame_unref(&last);
+    sp_frame_unref(&again);
+    sp_volume_unref(&volume);
+}
+
+static void nothing_that_is_seen_needs_no_bricks(void **state) {
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_file(rig, 0);
+    struct sp_view view = make_view(rig);
+    for (uint32_t i = 0; i < view.transfer_function.point_count; i++)
+        view.transfer_function.points[i].value += 200;
+    struct sp_frame *frame = render(rig, volume, &view, -1);
+    assert_int_equal(frame->stats.bricks.wanted, 0);
+    assert_false(frame->stats.bricks.is_incomplete);
+    assert_compare(mean_of(frame), ==, 0);
+    sp_frame_unref(&frame);
+    sp_volume_unref(&volume);
+}
+
+static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
+    const struct rig *rig = *state;
+    struct sp_error err;
+    struct sp_view view = make_view(rig);
+    view.level_of_detail = SP_LOD_OFF;
+    struct sp_volume *sound = open_file(rig, 2 << 20);
+    const struct sp_brick_file *file = sp_brick_store_file(sp_brick_store_of(sound));
+    int copy = memfd_create("damaged", MFD_CLOEXEC);
+    const off_t size = lseek(rig->file, 0, SEEK_END);
+    char *bytes = malloc((size_t)size);
+    assert_non_null(bytes);
+    assert_int_equal(pread(rig->file, bytes, (size_t)size, 0), size);
+    for (uint64_t b = 0; b < 4; b++) {
+        const struct sp_brick_entry *entry = &sp_brick_file_entries(file, 1)[b];
+        bytes[entry->at + entry->bytes / 2] ^= 1;
+    }
+    assert_int_equal(write(copy, bytes, (size_t)size), size);
+    free(bytes);
+    const struct sp_load_options options = { .window_bytes = 2 << 20 };
+    struct sp_volume *volume = sp_brick_store_open(copy, "damaged", "damaged", &options, &err);
+    assert_non_null(volume);
+    struct sp_frame *truth = render(rig, sound, &view, 0), *frame = render(rig, volume, &view, 0);
+    assert_int_equal(truth->stats.bricks.level, 1);
+    assert_int_equal(frame->stats.bricks.level, 1);
+    assert_true(frame->stats.bricks.is_incomplete);
+    assert_int_equal(frame->stats.bricks.resident + 4, frame->stats.bricks.wanted);
+    assert_compare(compare(truth, frame), >, 20);
+    sp_frame_unref(&truth);
+    sp_frame_unref(&frame);
+    sp_volume_unref(&sound);
+    sp_volume_unref(&volume);
+}
+
+struct visitor {
+    const struct rig *rig;
+    struct sp_volume *volume;
+    double angle;
+};
+
+/* Needs that differ, asked for at the same time. */
+static void *visit(void *user) {
+    struct visitor *v = user;
+    const struct sp_brick_file *file = sp_brick_store_file(sp_brick_store_of(v->volume));
+    for (int i = 0; i < 8; i++) {
+        struct sp_view view = make_view(v->rig);
+        struct sp_brick_need need;
+        struct sp_brick_window window;
+        struct sp_error err;
+        zoom(&view, 3);
+        view.camera.target[0] += 30 * cos(v->angle + i);
+        view.camera.target[1] += 30 * sin(v->angle + i);
+        assert_true(sp_window_need(file, &view, 1, false, &need));
+        if (need.count[0]) {
+            if (!sp_brick_store_get(sp_brick_store_of(v->volume), &need, INFINITY, NULL, NULL,
+                                    &window, &err))
+                fail_msg("%s", err.text);
+            assert_true(window.is_wanted);
+            sp_volume_unref(&window.volume);
+        }
+        free(need.wanted);
+    }
+    return NULL;
+}
+
+static void threads_share_windows(void **state) {
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_file(rig, 2 << 20);
+    pthread_t threads[3];
+    struct visitor visitors[3];
+    for (int i = 0; i < 3; i++) {
+        visitors[i] = (struct visitor){ rig, volume, 2.1 * i };
+        assert_int_equal(pthread_create(&threads[i], NULL, visit, &visitors[i]), 0);
+    }
+    for (int i = 0; i < 3; i++)
+        pthread_join(threads[i], NULL);
+    sp_volume_unref(&volume);
+}
+
+static bool refuse(void *user, uint64_t bytes, struct sp_error *err) {
+    uint64_t *asked = user; /* the first and the last time */
+    asked[0] = asked[0] ? asked[0] : bytes;
+    asked[1] = bytes;
+    return sp_fail(err, SP_ERR_BUDGET, "", "refused");
+}
+
+static void opening_reserves_all_memory(void **state) {
+    const struct rig *rig = *state;
+    struct sp_error err;
+    uint64_t asked[2] = { 0 };
+    const struct sp_load_options options = { .window_bytes = 1 << 20,
+                                             .reserve = refuse,
+                                             .user = asked };
+    assert_null(sp_brick_store_open(dup(rig->file), "bricks", "bricks", &options, &err));
+    assert_int_equal(err.code, SP_ERR_BUDGET);
+    assert_compare(asked[0], >, 1 << 20);
+    assert_compare(asked[0], <, 2 << 20);
+    assert_compare(asked[1], <, asked[0] / 2); /* less memory is better than none */
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(images_equal_those_of_the_volume_in_memory),
+        cmocka_unit_test(projections_and_edits_equal_those_of_the_volume),
+        cmocka_unit_test(little_memory_gives_coarser_images),
+        cmocka_unit_test(a_frame_that_does_not_wait_is_refined),
+        cmocka_unit_test(nothing_that_is_seen_needs_no_bricks),
+        cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
+        cmocka_unit_test(threads_share_windows),
+        cmocka_unit_test(opening_reserves_all_memory),
+    };
+    return cmocka_run_group_tests(tests, setup, teardown);
+}
