@@ -252,9 +252,7 @@ static bool set_whole(proto_json *volume, const struct sp_volume_info *info) {
     struct sp_grid all = *grid;
     double bytes = (double)sp_type_size(info->type);
     for (int a = 0; a < 3; a++) {
-        /* Each level halves the number of samples, rounded up. */
-        for (uint32_t n = info->whole.dims[a]; n > grid->dims[a]; n = (n + 1) / 2)
-            all.spacing[a] /= 2;
+        all.spacing[a] = info->whole.spacing[a];
         all.dims[a] = info->whole.dims[a];
         bytes *= all.dims[a];
     }

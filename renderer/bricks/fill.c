@@ -161,20 +161,22 @@ static void put_constant(const struct fill *f, uint64_t number) {
 static void put_coarse(const struct fill *f, uint64_t number) {
     const struct sp_brick_header *header = sp_brick_file_header(f->job->file);
     const unsigned coarser = f->job->coarse.need->level;
-    const uint32_t *dims = header->level[coarser].dims;
-    const int shift = (int)coarser - (int)f->job->need->level;
-    uint32_t first[3], size[3];
+    const struct sp_brick_level *to = &header->level[coarser];
+    const uint32_t *dims = to->dims;
+    uint32_t first[3], size[3], nearest[3][BRICK_SIDE];
     struct place p = place_of(f, number);
     sp_brick_box(f->level, number, first, size);
+    for (int a = 0; a < 3; a++)
+        for (uint32_t i = 0; i < size[a]; i++) {
+            const double at = f->level->offset[a] + f->level->step[a] * (first[a] + i);
+            const double coarse = floor((at - to->offset[a]) / to->step[a] + 0.5);
+            nearest[a][i] = (uint32_t)fmin(fmax(coarse, 0), dims[a] - 1);
+        }
     for (uint32_t z = 0; z < size[2]; z++)
         for (uint32_t y = 0; y < size[1]; y++)
             for (uint32_t x = 0; x < size[0]; x++) {
-                const uint32_t at[3] = { first[0] + x, first[1] + y, first[2] + z };
-                size_t from = 0;
-                for (int a = 2; a >= 0; a--) {
-                    uint32_t i = shift >= 0 ? at[a] >> shift : at[a] << -shift;
-                    from = from * dims[a] + (i < dims[a] ? i : dims[a] - 1);
-                }
+                const size_t from =
+                    ((size_t)nearest[2][z] * dims[1] + nearest[1][y]) * dims[0] + nearest[0][x];
                 memcpy(p.samples + z * p.slice + y * p.row + x * f->sample,
                        (const char *)f->job->coarse.samples + from * f->sample, f->sample);
             }

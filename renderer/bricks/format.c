@@ -116,10 +116,41 @@ void sp_brick_header_init(struct sp_brick_header *h) {
         is_last = true;
         for (int a = 0; a < 3; a++) {
             level->dims[a] = h->levels ? (level[-1].dims[a] + 1) / 2 : h->info.grid.dims[a];
-            level->bricks[a] = (level->dims[a] + BRICK_SIDE - 1) / BRICK_SIDE;
-            is_last = is_last && level->bricks[a] == 1;
+            level->step[a] = ldexp(1, (int)h->levels);
+            level->offset[a] = 0.5 * (level->step[a] - 1);
         }
+        sp_brick_level_divide(level);
+        for (int a = 0; a < 3; a++)
+            is_last = is_last && level->bricks[a] == 1;
     }
+}
+
+void sp_brick_level_divide(struct sp_brick_level *level) {
+    for (int a = 0; a < 3; a++)
+        level->bricks[a] = level->dims[a] / BRICK_SIDE + (level->dims[a] % BRICK_SIDE != 0);
+}
+
+double sp_brick_level_width(const struct sp_brick_level *level) {
+    return (log2(level->step[0]) + log2(level->step[1]) + log2(level->step[2])) / 3;
+}
+
+/* The brick of a level that has a place on the axis of level 0. */
+static uint32_t brick_at(const struct sp_brick_level *level, int axis, double at) {
+    const double sample = (at - level->offset[axis]) / level->step[axis] + 0.5;
+    const double brick = floor(sample / BRICK_SIDE);
+    return (uint32_t)fmin(fmax(brick, 0), level->bricks[axis] - 1);
+}
+
+void sp_brick_level_map(const struct sp_brick_level *from, const struct sp_brick_level *to,
+                        int axis, uint32_t *first, uint32_t *count) {
+    /* Half of a sample within the ends, so that a boundary that both have belongs to one side. */
+    const double margin = 0.5 * fmin(1, to->step[axis] / from->step[axis]), step = from->step[axis];
+    const double low = (double)*first * BRICK_SIDE - 0.5 + margin;
+    const double high =
+        fmin((double)(*first + *count) * BRICK_SIDE, from->dims[axis]) - 0.5 - margin;
+    const uint32_t begin = brick_at(to, axis, from->offset[axis] + step * low);
+    *count = brick_at(to, axis, from->offset[axis] + step * fmax(low, high)) - begin + 1;
+    *first = begin;
 }
 
 void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t first[3],

@@ -26,8 +26,8 @@ enum {
 
 extern const char sp_brick_magic[BRICK_MAGIC_BYTES]; /* the first bytes of the file */
 
-/* Level n + 1 has the means of 2 × 2 × 2 samples of level n (resample/levels.h); the last one is
- * one brick. */
+/* In a file, level n + 1 has the means of 2 × 2 × 2 samples of level n (resample/levels.h); the
+ * last one is one brick. Levels from elsewhere (chunks.h) have any steps. */
 struct sp_brick_entry {
     uint64_t at;     /* of the packed samples in the file; constant: its sample, zero-extended */
     uint32_t bytes;  /* packed; 0 = all samples are equal */
@@ -38,8 +38,11 @@ struct sp_brick_entry {
 struct sp_brick_level {
     uint32_t dims[3];   /* samples */
     uint32_t bricks[3]; /* dims / BRICK_SIDE, rounded up */
-    uint64_t index_at;  /* in the file */
-    uint64_t checksum;  /* of the index, and so of the samples */
+    /* Sample i lies at offset + step·i along an axis [samples of level 0]: in a file, at the centre
+     * of the samples that it stands for. */
+    double step[3], offset[3];
+    uint64_t index_at; /* in the file */
+    uint64_t checksum; /* of the index, and so of the samples */
 };
 
 struct sp_brick_header {
@@ -60,6 +63,17 @@ void sp_brick_box(const struct sp_brick_level *level, uint64_t number, uint32_t 
 
 /* Fills levels and the sizes of each from the grid. */
 void sp_brick_header_init(struct sp_brick_header *header);
+
+/* Fills `bricks` from `dims`. */
+void sp_brick_level_divide(struct sp_brick_level *level);
+
+/* How much wider a sample of the level is than one of level 0: log2 of the mean over the axes. */
+double sp_brick_level_width(const struct sp_brick_level *level);
+
+/* Finds the bricks of the level `to` that cover bricks [first, first + count) of the level `from`:
+ * `first` and `count` along one axis. */
+void sp_brick_level_map(const struct sp_brick_level *from, const struct sp_brick_level *to,
+                        int axis, uint32_t *first, uint32_t *count);
 
 /* FNV-1a, 64 bits. */
 uint64_t sp_brick_checksum(const void *bytes, size_t size);

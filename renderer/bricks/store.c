@@ -48,14 +48,13 @@ void *sp_brick_store_map(size_t bytes, struct sp_error *err) {
 struct sp_grid sp_brick_store_grid(const struct sp_brick_store *store,
                                    const struct sp_brick_need *need) {
     struct sp_grid grid = sp_brick_file_header(store->file)->info.grid;
+    const struct sp_brick_level *level = level_of(store, need->level);
     uint32_t first[3];
     double offset[3];
-    sp_brick_need_box(need, level_of(store, need->level), first, grid.dims);
+    sp_brick_need_box(need, level, first, grid.dims);
     for (int a = 0; a < 3; a++) {
-        const double fine =
-            ldexp(first[a], (int)need->level) + 0.5 * (ldexp(1, (int)need->level) - 1);
-        offset[a] = fine * grid.spacing[a];
-        grid.spacing[a] = ldexp(grid.spacing[a], (int)need->level);
+        offset[a] = (level->offset[a] + level->step[a] * first[a]) * grid.spacing[a];
+        grid.spacing[a] *= level->step[a];
     }
     for (int r = 0; r < 3; r++)
         for (int a = 0; a < 3; a++)
@@ -84,6 +83,23 @@ static struct sp_brick_store_window *find_window(struct sp_brick_store *store,
     return NULL;
 }
 
+/* Wants the bricks of a coarser level that cover brick i. */
+static void mark_coarser(const struct sp_brick_level *from, const struct sp_brick_level *to,
+                         const struct sp_brick_need *need, uint64_t i, struct sp_brick_need *out) {
+    uint32_t first[3] = { need->first[0] + (uint32_t)(i % need->count[0]),
+                          need->first[1] + (uint32_t)(i / need->count[0] % need->count[1]),
+                          need->first[2] + (uint32_t)(i / need->count[0] / need->count[1]) };
+    uint32_t count[3] = { 1, 1, 1 };
+    for (int a = 0; a < 3; a++) {
+        sp_brick_level_map(from, to, a, &first[a], &count[a]);
+        first[a] -= out->first[a];
+    }
+    for (uint32_t z = first[2]; z < first[2] + count[2]; z++)
+        for (uint32_t y = first[1]; y < first[1] + count[1]; y++)
+            for (uint32_t x = first[0]; x < first[0] + count[0]; x++)
+                out->wanted[((uint64_t)z * out->count[1] + y) * out->count[0] + x] = 1;
+}
+
 /* The need for a coarser level of the same box. False without memory, or if there is none finer
  * than the base. */
 static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_need *need,
@@ -91,21 +107,17 @@ static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_ne
     out->level = need->level + steps;
     if (out->level >= store->base_level)
         return false;
-    for (int a = 0; a < 3; a++) {
-        uint32_t end = (need->first[a] + need->count[a] + (1u << steps) - 1) >> steps;
-        out->first[a] = need->first[a] >> steps;
-        out->count[a] = end - out->first[a];
-    }
+    const struct sp_brick_level *from = level_of(store, need->level),
+                                *to = level_of(store, out->level);
+    memcpy(out->first, need->first, sizeof out->first);
+    memcpy(out->count, need->count, sizeof out->count);
+    for (int a = 0; a < 3; a++)
+        sp_brick_level_map(from, to, a, &out->first[a], &out->count[a]);
     if (!(out->wanted = calloc(1, sp_brick_need_count(out))))
         return false;
-    for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
-        uint64_t at = 0;
-        const uint64_t place[3] = { i % need->count[0], i / need->count[0] % need->count[1],
-                                    i / need->count[0] / need->count[1] };
-        for (int a = 2; a >= 0; a--)
-            at = at * out->count[a] + (((need->first[a] + place[a]) >> steps) - out->first[a]);
-        out->wanted[at] |= need->wanted[i];
-    }
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        if (need->wanted[i])
+            mark_coarser(from, to, need, i, out);
     return true;
 }
 

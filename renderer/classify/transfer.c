@@ -178,6 +178,16 @@ static void fill_table(struct sp_transfer *t, const struct sp_transfer *like) {
     }
 }
 
+/* What samples may be: of a volume that is larger than memory, anything. Its range is that of the
+ * file, which is not trusted, or that of a coarse level. */
+static void find_limits(const struct sp_volume_info *info, double limits[2]) {
+    static const double ends[][2] = { [SP_UINT8] = { 0, UINT8_MAX },
+                                      [SP_INT8] = { INT8_MIN, INT8_MAX },
+                                      [SP_UINT16] = { 0, UINT16_MAX },
+                                      [SP_INT16] = { INT16_MIN, INT16_MAX } };
+    memcpy(limits, info->whole.dims[0] ? ends[info->type] : info->range, sizeof ends[0]);
+}
+
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, const struct sp_transfer *like,
                       struct sp_error *err) {
@@ -192,8 +202,10 @@ bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_fun
         sp_transfer_finish(transfer);
         return sp_fail(err, SP_ERR_MEMORY, "/transfer_function", "out of memory for its pieces");
     }
-    transfer->first = (int32_t)info->range[0];
-    transfer->count = (uint32_t)((int32_t)info->range[1] - transfer->first) + 1;
+    double limits[2];
+    find_limits(info, limits);
+    transfer->first = (int32_t)limits[0];
+    transfer->count = (uint32_t)((int32_t)limits[1] - transfer->first) + 1;
     transfer->table = malloc(transfer->count * sizeof *transfer->table);
     transfer->is_visible = malloc(transfer->count);
     if (!transfer->table || !transfer->is_visible) {

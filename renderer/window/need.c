@@ -65,11 +65,11 @@ struct block {
 static void find_block(const struct search *s, const uint32_t first[3], const uint32_t size[3],
                        struct block *block) {
     const struct sp_grid *grid = &s->header->info.grid;
-    const double step = ldexp(1, (int)s->level);
+    const struct sp_brick_level *level = &s->header->level[s->level];
     block->centre = sp_vec3_from(grid->origin);
     for (int a = 0; a < 3; a++) {
-        const double middle = (first[a] + 0.5 * size[a]) * step - 0.5;
-        const double half = (0.5 * size[a] + 1) * step;
+        const double middle = level->offset[a] + level->step[a] * (first[a] + 0.5 * size[a] - 0.5);
+        const double half = (0.5 * size[a] + 1) * level->step[a];
         for (int r = 0; r < 3; r++) {
             const double edge = grid->direction[r][a] * grid->spacing[a];
             block->centre.v[r] += edge * middle;
@@ -112,9 +112,11 @@ static bool is_clipped(const struct search *s, const uint32_t first[3], const ui
     const struct sp_clip *clip = &s->view->clip;
     const struct sp_vec3 zero = { { 0, 0, 0 } };
     for (int a = 0; a < 3; a++) {
-        const double whole = ldexp(s->header->info.grid.dims[a], -(int)s->level);
-        if (first[a] + size[a] + 1.0 < clip->box[0][a] * whole ||
-            first[a] - 1.0 > clip->box[1][a] * whole)
+        const struct sp_brick_level *level = &s->header->level[s->level];
+        const double whole = s->header->info.grid.dims[a], step = level->step[a];
+        const double low = level->offset[a] + step * (first[a] - 1.5) + 0.5;
+        const double high = low + step * (size[a] + 2.0);
+        if (high < clip->box[0][a] * whole || low > clip->box[1][a] * whole)
             return true;
     }
     for (uint32_t i = 0; i < clip->plane_count; i++)

@@ -12,15 +12,25 @@ static bool is_cancelled(void *user) {
     return options->cancel && atomic_load_explicit(options->cancel, memory_order_relaxed);
 }
 
+/* The coarsest level whose samples are at most as wide as those of a mip level. */
+static unsigned find_level(const struct sp_brick_header *header, unsigned mip_level) {
+    static const double tolerance = 0.1; /* dims that are odd make uneven steps */
+    unsigned level = 0;
+    while (level + 1 < header->levels &&
+           sp_brick_level_width(&header->level[level + 1]) <= mip_level + tolerance)
+        level++;
+    return level;
+}
+
 /* The finest level that the frame asks for. */
 static unsigned choose_level(const struct sp_brick_header *header, const struct sp_view *view,
                              unsigned mip_level) {
     struct sp_camera_transform camera;
     if (view->level_of_detail == SP_LOD_OFF)
-        return mip_level;
+        return find_level(header, mip_level);
     sp_camera_transform_init(&camera, &view->camera, view->size);
     const unsigned level = sp_resample_level(&header->info.grid, &camera);
-    return level > mip_level ? level : mip_level;
+    return find_level(header, level > mip_level ? level : mip_level);
 }
 
 bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
@@ -48,7 +58,8 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
         return false;
     sp_window_view(header, &place, view, &shown->view);
     shown->volume = window.volume;
-    shown->mip_level = options->mip_level > window.level ? options->mip_level - window.level : 0;
+    const double left = options->mip_level - sp_brick_level_width(&header->level[window.level]);
+    shown->mip_level = left > 0 ? (unsigned)lround(left) : 0;
     uint64_t bricks, bytes;
     sp_brick_store_usage(store, &bricks, &bytes);
     shown->bricks =

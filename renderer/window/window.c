@@ -8,7 +8,9 @@
 /* A fraction of the whole volume along axis a, as a fraction of the window. */
 static double convert(const struct sp_brick_header *header, const struct sp_brick_window *window,
                       int a, double fraction) {
-    const double at = fraction * ldexp(header->info.grid.dims[a], -(int)window->level);
+    const struct sp_brick_level *level = &header->level[window->level];
+    const double edge = fraction * header->info.grid.dims[a] - 0.5; /* in samples of level 0 */
+    const double at = (edge - level->offset[a]) / level->step[a] + 0.5;
     return (at - window->first[a]) / window->size[a];
 }
 

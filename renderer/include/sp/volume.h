@@ -90,9 +90,10 @@ struct sp_steps {
 /* A volume that is larger than memory (sp/bricks.h), of which struct sp_volume has a coarse level.
  */
 struct sp_whole {
-    uint32_t dims[3]; /* 0 = struct sp_volume has all samples */
-    uint32_t levels;  /* in the file */
-    uint64_t content; /* a hash of all samples */
+    uint32_t dims[3];  /* of the finest level; 0 = struct sp_volume has all samples */
+    double spacing[3]; /* the same */
+    uint32_t levels;   /* in the file */
+    uint64_t content;  /* a hash of all samples */
 };
 
 struct sp_volume_info {
