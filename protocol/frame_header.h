@@ -30,9 +30,11 @@ static inline bool proto_codec_is_video(uint8_t codec) {
 }
 
 enum proto_frame_flags {
-    PROTO_FRAME_KEY = 1,     /* decodes without earlier frames; always set on JPEG, PNG and WebP */
-    PROTO_FRAME_FINAL = 2,   /* final quality: no better image follows while the view rests */
-    PROTO_FRAME_LOSSLESS = 4 /* lossless: the pixels are as rendered */
+    PROTO_FRAME_KEY = 1,      /* decodes without earlier frames; always set on JPEG, PNG and WebP */
+    PROTO_FRAME_FINAL = 2,    /* final quality: no better image follows while the view rests */
+    PROTO_FRAME_LOSSLESS = 4, /* lossless: the pixels are as rendered */
+    PROTO_FRAME_INCOMPLETE = 8 /* of a volume that is larger than memory, it has coarser samples
+                                  than its pixels ask for (sp_frame_bricks_is_complete()) */
 };
 
 struct proto_frame_header {

@@ -46,7 +46,10 @@ struct image {
     const void *bytes;
     size_t size;
     char backend[64], render_time[32], splats[32];
-    bool is_incomplete; /* finer bricks of the volume could not be read */
+    bool is_incomplete; /* it shows coarser samples of the volume than its pixels ask for */
+    /* Of a volume that is larger than memory: the level of its samples, the one that pixels ask
+     * for, and bricks that cannot be read; NULL level = another volume. */
+    const char *level, *asked, *lost;
 };
 /* Writes the image to options->out. With --json, prints its figures. */
 bool write_image(const struct options *options, const struct image *image, const char *format,

@@ -185,6 +185,9 @@ static size_t receive_header(char *line, size_t one, size_t size, void *user) {
     keep_header(line, size, "Content-Type", response->type, sizeof response->type);
     keep_header(line, size, "X-Backend", response->backend, sizeof response->backend);
     keep_header(line, size, "X-Complete", response->complete, sizeof response->complete);
+    keep_header(line, size, "X-Level", response->level, sizeof response->level);
+    keep_header(line, size, "X-Level-Asked", response->asked, sizeof response->asked);
+    keep_header(line, size, "X-Bricks-Lost", response->lost, sizeof response->lost);
     keep_header(line, size, "Retry-After", response->retry_after, sizeof response->retry_after);
     keep_header(line, size, "X-Render-Time", response->render_time, sizeof response->render_time);
     keep_header(line, size, "X-Splats", response->splats, sizeof response->splats);

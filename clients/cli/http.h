@@ -31,6 +31,8 @@ struct http_response {
     size_t size, capacity;
     char type[96];                     /* Content-Type, without parameters */
     char complete[8];                  /* X-Complete; "" = not sent */
+    char level[8], asked[8];           /* X-Level, X-Level-Asked */
+    char lost[24];                     /* X-Bricks-Lost */
     char retry_after[8];               /* Retry-After, in seconds; "" = not sent */
     char backend[64], render_time[32]; /* X-Backend, X-Render-Time; "" = not sent */
     char splats[32];

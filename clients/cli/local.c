@@ -39,10 +39,22 @@ struct volumes {
     struct sp_error err; /* why the last one was not found */
 };
 
+/* Writes what write_image() tells of a volume that is larger than memory to `texts`. */
+static void describe_bricks(const struct sp_frame_bricks *bricks, char texts[3][24],
+                            struct image *image) {
+    snprintf(texts[0], sizeof texts[0], "%u", bricks->level);
+    snprintf(texts[1], sizeof texts[1], "%u", bricks->asked);
+    snprintf(texts[2], sizeof texts[2], "%" PRIu64, bricks->lost);
+    image->level = texts[0];
+    image->asked = texts[1];
+    image->lost = texts[2];
+}
+
 static bool encode_and_write(const struct options *options, const struct sp_frame *frame,
                              enum sp_image_format format, struct sp_error *err) {
     struct sp_encoder *encoder = sp_encoder_create(err);
     struct image image = { 0 };
+    char texts[3][24];
     const uint8_t *bytes;
     bool ok = encoder && sp_encode(encoder, frame, format,
                                    options->quality ? options->quality : QUALITY_DEFAULT, &bytes,
@@ -51,7 +63,9 @@ static bool encode_and_write(const struct options *options, const struct sp_fram
         image.bytes = bytes;
         snprintf(image.backend, sizeof image.backend, "%s%s%s", frame->stats.backend,
                  frame->stats.isa[0] ? " " : "", frame->stats.isa);
-        image.is_incomplete = frame->stats.bricks.is_incomplete;
+        image.is_incomplete = !sp_frame_bricks_is_complete(&frame->stats.bricks);
+        if (frame->stats.bricks.memory_bytes > 0)
+            describe_bricks(&frame->stats.bricks, texts, &image);
         snprintf(image.render_time, sizeof image.render_time, "%.3f", frame->stats.render_ms);
         snprintf(image.splats, sizeof image.splats, "%" PRIu64, frame->stats.splats);
         ok = write_image(options, &image, sp_image_format_info(format)->name, err);

@@ -7,15 +7,43 @@
 #include "cli/output.h"
 #include "protocol/view.h"
 
+/* Says why an image is coarser than it should be. */
+static void report_incomplete(const struct options *options, const struct image *image) {
+    const unsigned long level = image->level ? strtoul(image->level, NULL, 10) : 0;
+    const unsigned long asked = image->asked ? strtoul(image->asked, NULL, 10) : 0;
+    fprintf(stderr, "splatctl: %s: ", options->out);
+    if (image->lost && strtoul(image->lost, NULL, 10) > 0)
+        fprintf(stderr,
+                "%s bricks of the volume are damaged or cannot be read; the image is coarse "
+                "there\n",
+                image->lost);
+    else if (level > asked)
+        fprintf(stderr,
+                "the image is coarser than its pixels: level %lu of the volume instead of %lu, "
+                "because the memory does not suffice; give splatd a larger --memory, or show "
+                "less\n",
+                level, asked);
+    else
+        fprintf(stderr, "parts of the image are coarse, because finer samples of the volume were "
+                        "still being read; try again\n");
+}
+
+/* What --json tells of a volume that is larger than memory. */
+static bool report_level(const struct image *image, proto_json *report) {
+    if (!image->level || !image->level[0])
+        return true;
+    return proto_json_set_bool(report, "complete", !image->is_incomplete) &&
+           proto_json_set_integer(report, "level", strtol(image->level, NULL, 10)) &&
+           proto_json_set_integer(report, "asked", strtol(image->asked, NULL, 10)) &&
+           proto_json_set_integer(report, "lost", strtol(image->lost, NULL, 10));
+}
+
 bool write_image(const struct options *options, const struct image *image, const char *format,
                  struct sp_error *err) {
     if (!output_write(options->out, image->bytes, image->size, err))
         return false;
     if (image->is_incomplete)
-        fprintf(stderr,
-                "splatctl: %s: parts of the image are coarse, because finer samples of the "
-                "volume could not be read\n",
-                options->out);
+        report_incomplete(options, image);
     if (!options->json || strcmp(options->out, "-") == 0)
         return true;
     proto_json *report = proto_json_object();
@@ -29,6 +57,7 @@ bool write_image(const struct options *options, const struct image *image, const
         ok = proto_json_set_number(report, "render_ms", ms);
     if (ok && image->splats[0])
         ok = proto_json_set_number(report, "splats", splats);
+    ok = ok && report_level(image, report);
     char *text = ok ? proto_json_to_text(report, NULL) : NULL;
     ok = text && puts(text) >= 0 && fflush(stdout) == 0;
     free(text);
@@ -56,7 +85,11 @@ static bool render_remote(const struct options *options, struct http *http, cons
         ok = sp_fail(err, SP_ERR_FORMAT, "POST /render", "the answer is %s, not %s",
                      response.type[0] ? response.type : "of no type", info->mime);
     if (ok) {
-        struct image image = { .bytes = response.body, .size = response.size };
+        struct image image = { .bytes = response.body,
+                               .size = response.size,
+                               .level = response.level,
+                               .asked = response.asked,
+                               .lost = response.lost };
         memcpy(image.backend, response.backend, sizeof image.backend);
         image.is_incomplete = strcmp(response.complete, "false") == 0;
         memcpy(image.render_time, response.render_time, sizeof image.render_time);

@@ -69,17 +69,16 @@ uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_br
     return bytes / rows * used + bytes / sp_type_size(type) / RANGE_SAMPLES * RANGE_BYTES;
 }
 
-/* Place of a brick of one box in another one; false if it is not there. */
-static bool find_in(const struct sp_brick_need *from, uint64_t i, const struct sp_brick_need *to,
-                    uint64_t *at) {
-    const uint64_t place[3] = { i % from->count[0], i / from->count[0] % from->count[1],
-                                i / from->count[0] / from->count[1] };
+bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
+                        const struct sp_brick_need *in, uint64_t *at) {
+    const uint64_t place[3] = { i % need->count[0], i / need->count[0] % need->count[1],
+                                i / need->count[0] / need->count[1] };
     *at = 0;
     for (int a = 2; a >= 0; a--) {
-        uint64_t global = from->first[a] + place[a];
-        if (global < to->first[a] || global - to->first[a] >= to->count[a])
+        uint64_t global = need->first[a] + place[a];
+        if (global < in->first[a] || global - in->first[a] >= in->count[a])
             return false;
-        *at = *at * to->count[a] + (global - to->first[a]);
+        *at = *at * in->count[a] + (global - in->first[a]);
     }
     return true;
 }
@@ -89,7 +88,7 @@ bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick
     if (need->level != have->level)
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
-        if (need->wanted[i] && !(find_in(need, i, have, &at) && have->wanted[at]))
+        if (need->wanted[i] && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at]))
             return false;
     return true;
 }
@@ -189,8 +188,9 @@ static bool put_known(const struct fill *f, uint64_t i, uint64_t number) {
         const struct sp_brick_box_samples *known = &job->known[k];
         uint32_t first[3], size[3], own[3], extent[3];
         uint64_t at;
-        if (known->need->level != job->need->level || !find_in(job->need, i, known->need, &at) ||
-            !known->need->wanted[at] || known->lost[at])
+        if (known->need->level != job->need->level ||
+            !sp_brick_need_find(job->need, i, known->need, &at) || !known->need->wanted[at] ||
+            known->lost[at])
             continue;
         sp_brick_need_box(known->need, f->level, first, size);
         sp_brick_box(f->level, number, own, extent);

@@ -34,6 +34,11 @@ uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_b
  * bricks of which nothing is wanted and whose values are 0 take no memory. */
 uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
+/* Finds brick i of the box of `need` in the box of `in`, of the same level: its number there. False
+ * if it lies outside. */
+bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
+                        const struct sp_brick_need *in, uint64_t *at);
+
 /* True if each wanted brick of `need` is one of `have`, of the same level. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 

@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include "bricks/store_private.h"
-#include "sp/log.h"
 #include "volume/volume.h"
 
 #define BASE_BYTES_MAX ((uint64_t)16 << 20)
@@ -23,6 +22,7 @@ static void release(struct sp_brick_store *store) {
     sp_pool_destroy(&store->pool);
     free(store->base_need.wanted);
     free(store->base_lost);
+    free(store->damaged);
     free(store);
 }
 
@@ -110,12 +110,19 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
         return NULL;
     }
     if (why.code != SP_OK)
-        sp_log(SP_LOG_WARN, "%s: %s; it is left out", why.place, why.text);
+        sp_brick_store_note(store, &store->base_need, store->base_lost, &why);
     return sp_volume_adopt_measured(&info, samples, bytes, sp_brick_store_unmap, err);
 }
 
 static struct sp_volume *start(struct sp_brick_store *store, const char *name, const char *source,
                                const struct sp_load_options *options, struct sp_error *err) {
+    uint64_t bricks = 0;
+    for (unsigned l = 0; l < sp_brick_file_header(store->file)->levels; l++)
+        bricks += sp_brick_count(&sp_brick_file_header(store->file)->level[l]);
+    if (!(store->damaged = calloc(1, bricks))) {
+        sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
+        return NULL;
+    }
     choose_budget(store, options);
     if (!reserve(store, source, options, err) ||
         !(store->pool = sp_pool_create(sp_volume_threads(), err)))

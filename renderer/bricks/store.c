@@ -6,7 +6,6 @@
 
 #include "base/clock.h"
 #include "bricks/store_private.h"
-#include "sp/log.h"
 #include "volume/volume.h"
 
 enum { MANY_BRICKS = 64 }; /* from so many on, a coarser level is read first */
@@ -121,19 +120,35 @@ static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_ne
     return true;
 }
 
+/* Counts the bricks of a need that could not be read, and finds one of them. `lost` is by brick of
+ * the box `have`; `need` NULL = all of them count. */
+static void find_lost(const struct sp_brick_store *store, const struct sp_brick_need *have,
+                      const uint8_t *lost, const struct sp_brick_need *need,
+                      struct sp_brick_window *out) {
+    const struct sp_brick_level *level = level_of(store, have->level);
+    for (uint64_t i = 0; i < sp_brick_need_count(have); i++) {
+        uint64_t at;
+        const bool counts =
+            lost[i] && (!need || (sp_brick_need_find(have, i, need, &at) && need->wanted[at]));
+        if (counts && !out->lost++)
+            sp_brick_store_box(store, have->level, sp_brick_need_at(have, level, i), out->lost_box);
+    }
+}
+
+/* Describes a window for a need; NULL = for one of a finer level. */
 static void describe(const struct sp_brick_store *store, struct sp_brick_store_window *w,
-                     struct sp_brick_window *out) {
+                     const struct sp_brick_need *need, struct sp_brick_window *out) {
     out->volume = sp_volume_ref(w->volume);
     out->level = w->need.level;
-    out->lost = w->lost_count;
+    if (w->lost_count)
+        find_lost(store, &w->need, w->lost, need, out);
     sp_brick_need_box(&w->need, level_of(store, w->need.level), out->first, out->size);
 }
 
 void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *out) {
     *out = (struct sp_brick_window){ .volume = sp_volume_ref(store->base),
                                      .level = store->base_level };
-    for (uint64_t i = 0; i < sp_brick_need_count(&store->base_need); i++)
-        out->lost += store->base_lost[i];
+    find_lost(store, &store->base_need, store->base_lost, NULL, out);
     sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
 }
 
@@ -146,7 +161,7 @@ static void find_coarser(struct sp_brick_store *store, const struct sp_brick_nee
         free(coarse.wanted);
         if (w) {
             w->used = ++store->clock;
-            describe(store, w, out);
+            describe(store, w, NULL, out);
             return;
         }
     }
@@ -253,9 +268,10 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
     drop_known(&known);
     for (uint64_t i = 0; ok && i < bricks; i++)
         w->lost_count += w->lost[i];
-    if (why.code != SP_OK && !store->is_damage_logged) {
-        store->is_damage_logged = true;
-        sp_log(SP_LOG_WARN, "%s: %s; a coarser level is shown there", why.place, why.text);
+    if (why.code != SP_OK) {
+        pthread_mutex_lock(&store->mutex);
+        sp_brick_store_note(store, &w->need, w->lost, &why);
+        pthread_mutex_unlock(&store->mutex);
     }
     if (!ok) {
         munmap(samples, bytes);
@@ -415,7 +431,7 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
         const double left = deadline - sp_clock_ms();
         if (w) {
             w->used = ++store->clock;
-            describe(store, w, out);
+            describe(store, w, need, out);
             out->is_wanted = true;
         } else if (is_cancelled && is_cancelled(user)) {
             ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

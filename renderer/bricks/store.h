@@ -37,7 +37,8 @@ struct sp_brick_window {
     struct sp_volume *volume; /* a reference; NULL = none */
     unsigned level;
     uint32_t first[3], size[3]; /* samples of the level */
-    uint64_t lost;              /* bricks that could not be read */
+    uint64_t lost;              /* bricks of the need that could not be read */
+    uint32_t lost_box[2][3];    /* of one of them, voxels of level 0: first, and past the last */
     bool is_wanted; /* it has all wanted bricks; false: it is coarser, until these are read */
 };
 

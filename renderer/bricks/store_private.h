@@ -9,6 +9,7 @@
 #include <stdatomic.h>
 
 #include "bricks/store.h"
+#include "sp/bricks.h"
 
 enum {
     BRICK_WINDOWS_MAX = 8,
@@ -45,8 +46,17 @@ struct sp_brick_store {
     struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
     struct sp_brick_request queue[BRICK_QUEUE_MAX];
     uint64_t clock;
-    bool is_damage_logged;
+    uint8_t *damaged; /* by brick of all levels, the finest first: 1 = it could not be read */
+    struct sp_bricks_damage damage;
 };
+
+/* Notes the bricks of a need that could not be read, `lost` by brick of its box; `why` is the error
+ * of one of them. With the mutex held. (damage.c) */
+void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost, const struct sp_error *why);
+/* Voxels of the whole volume that a brick covers: the first one, and the one past the last. */
+void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
+                        uint32_t box[2][3]);
 
 void sp_brick_window_clear(struct sp_brick_store_window *window);
 void sp_brick_request_clear(struct sp_brick_request *request);

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdatomic.h>
+#include <string.h>
 
 #include "resample/resample.h"
 #include "window/window.h"
@@ -64,10 +65,12 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
     sp_brick_store_usage(store, &bricks, &bytes);
     shown->bricks =
         (struct sp_frame_bricks){ .is_incomplete = !window.is_complete,
-                                  .level = window.level,
+                                  .level = window.is_empty ? window.asked : window.level,
                                   .asked = job.level < base ? job.level : base,
                                   .wanted = window.wanted,
                                   .resident = window.resident,
+                                  .lost = place.lost,
                                   .memory_bytes = bytes + sp_volume_info(volume)->voxel_bytes };
+    memcpy(shown->bricks.lost_box, place.lost_box, sizeof place.lost_box);
     return true;
 }

@@ -69,9 +69,11 @@ bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
     if (!find_need(job, &need))
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
     window->asked = need.level;
+    window->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
     if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
         sp_brick_store_get_base(job->store, place);
         place->is_wanted = true;
+        place->lost = window->is_empty ? 0 : place->lost;
     } else {
         window->wanted = count_wanted(&need);
         bool ok = sp_brick_store_get(job->store, &need, job->wait_ms, job->is_cancelled, job->user,

@@ -26,6 +26,7 @@ struct sp_window {
     unsigned asked;            /* the finest level that fits into memory */
     bool is_complete;          /* nothing is missing on that level */
     uint64_t wanted, resident; /* bricks of it */
+    bool is_empty;             /* nothing is seen */
 };
 
 /* Finds what to draw, and its place in the whole volume. SP_ERR_CANCELLED, SP_ERR_MEMORY. */

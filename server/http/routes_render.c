@@ -174,6 +174,15 @@ static void reply_image(struct srv_request *request, const struct srv_snapshot_r
     srv_reply_chunked_body(request, &request->reply, result->size, &body);
 }
 
+/* Tells what an image shows of a volume that is larger than memory; 0 of others. */
+static void set_bricks(struct srv_reply *reply, const struct sp_frame_bricks *bricks) {
+    const bool is_complete = sp_frame_bricks_is_complete(bricks);
+    srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");
+    srv_reply_header(reply, "X-Level", "%u", bricks->level);
+    srv_reply_header(reply, "X-Level-Asked", "%u", bricks->asked);
+    srv_reply_header(reply, "X-Bricks-Lost", "%" PRIu64, bricks->lost);
+}
+
 static void on_done(void *user, const struct srv_snapshot_result *result) {
     struct render *render = user;
     struct srv_request *request = render->request;
@@ -194,12 +203,11 @@ static void on_done(void *user, const struct srv_snapshot_result *result) {
     if (reply->chunked_body) {
         reply->status = 200;
         reply->mime = sp_image_format_info(render->format)->mime;
-        const bool is_complete = !result->stats.bricks.is_incomplete;
-        if (is_complete)
+        if (sp_frame_bricks_is_complete(&result->stats.bricks))
             set_caching(reply, render->etag, render->caching);
         else
             srv_reply_header(reply, "Cache-Control", "no-store");
-        srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");
+        set_bricks(reply, &result->stats.bricks);
         srv_reply_header(reply, "X-Render-Time", "%.3f", result->stats.render_ms);
         srv_reply_header(reply, "X-Encode-Time", "%.3f", result->encode_ms);
         srv_reply_header(reply, "X-Backend", "%s%s%s", result->stats.backend,

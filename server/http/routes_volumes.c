@@ -1,4 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <inttypes.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,6 +12,7 @@
 #include "render/data_folder.h"
 #include "render/formats.h"
 #include "render/source.h"
+#include "sp/bricks.h"
 #include "uploads/uploads.h"
 
 enum {
@@ -69,13 +71,39 @@ static bool may_close(const struct srv_request *request, const struct srv_volume
            (!scope || strcmp(scope, status->owner) == 0);
 }
 
+/* Adds a warning about bricks of the volume that could not be read. */
+static void warn_of_damage(struct sp_volume *volume, struct sp_volume_info *info) {
+    struct sp_bricks_damage damage;
+    int at = 0;
+    while (at < SP_WARNINGS_MAX - 1 && info->warnings[at][0])
+        at++;
+    if (!sp_bricks_find_damage(volume, &damage))
+        return;
+    const uint32_t *from = damage.box[0], *end = damage.box[1];
+    snprintf(info->warnings[at], sizeof info->warnings[at],
+             "%" PRIu64 " bricks cannot be read, the first at voxels (%u, %u, %u) to (%u, %u, %u), "
+             "level %u: %.80s; coarser samples are shown there",
+             damage.count, from[0], from[1], from[2], end[0] - 1, end[1] - 1, end[2] - 1,
+             damage.level, damage.why.text);
+}
+
+/* The description of a loaded volume. NULL when out of memory. */
+static proto_json *describe_volume(const struct srv_volume_status *status, bool in_full) {
+    struct sp_volume_info *info = malloc(sizeof *info);
+    if (!info)
+        return NULL;
+    *info = *sp_volume_info(status->volume);
+    warn_of_damage(status->volume, info);
+    proto_json *json = proto_volume_encode(info, status->id, in_full);
+    free(info);
+    return json;
+}
+
 /* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
  * description. NULL when out of memory. */
 static proto_json *encode_volume(const struct srv_request *request,
                                  const struct srv_volume_status *status, bool in_full) {
-    proto_json *json =
-        status->volume ? proto_volume_encode(sp_volume_info(status->volume), status->id, in_full)
-                       : proto_json_object();
+    proto_json *json = status->volume ? describe_volume(status, in_full) : proto_json_object();
     bool ok = proto_json_set_string(json, "id", status->id);
     ok = proto_json_set_string(json, "name", status->name) && ok;
     ok = proto_json_set_string(json, "source", status->source) && ok;

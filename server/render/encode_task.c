@@ -109,7 +109,8 @@ static bool encode_group(struct srv_render_pool *pool, struct sp_encoder *encode
         srv_metrics_time(pool->options.metrics, SRV_TIME_ENCODE, took_ms);
     struct proto_frame_header header = {
         .codec = codec_of(like->format),
-        .flags = like->format == SP_IMAGE_PNG ? PROTO_FRAME_LOSSLESS : 0,
+        .flags = (like->format == SP_IMAGE_PNG ? PROTO_FRAME_LOSSLESS : 0) |
+                 (sp_frame_bricks_is_complete(&frame->stats.bricks) ? 0 : PROTO_FRAME_INCOMPLETE),
         .width = (uint16_t)frame->width,
         .height = (uint16_t)frame->height,
         .render_us = (uint32_t)(frame->stats.render_ms * 1000),

@@ -256,7 +256,8 @@ static bool encode(struct srv_video_encoders *encoders, struct srv_schedule *sch
     encoder->order = job->order;
     struct proto_frame_header header = {
         .codec = codec_number(encoder->codec),
-        .flags = packet.is_key ? PROTO_FRAME_KEY : 0,
+        .flags = (packet.is_key ? PROTO_FRAME_KEY : 0) |
+                 (sp_frame_bricks_is_complete(&frame->stats.bricks) ? 0 : PROTO_FRAME_INCOMPLETE),
         .width = (uint16_t)frame->width,
         .height = (uint16_t)frame->height,
         .render_us = (uint32_t)(frame->stats.render_ms * 1000),

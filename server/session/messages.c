@@ -27,6 +27,21 @@ static char *text_of_view(const struct srv_participant *to, size_t *size) {
     return proto_rpc_notification("view.changed", params, size);
 }
 
+/* Voxels: [[first], [past the last]]. */
+static proto_json *encode_box(const uint32_t box[2][3]) {
+    proto_json *json = proto_json_array();
+    bool ok = true;
+    for (int side = 0; side < 2; side++) {
+        proto_json *corner = proto_json_array();
+        for (int a = 0; a < 3; a++)
+            ok = proto_json_append_integer(corner, box[side][a]) && ok;
+        ok = proto_json_append(json, corner) && ok;
+    }
+    if (!ok)
+        proto_json_free(&json);
+    return json;
+}
+
 /* Of a volume that is larger than memory. */
 static bool set_bricks(proto_json *params, const struct sp_frame_bricks *bricks) {
     if (bricks->memory_bytes == 0)
@@ -36,6 +51,10 @@ static bool set_bricks(proto_json *params, const struct sp_frame_bricks *bricks)
     ok = proto_json_set_integer(numbers, "wanted", (int64_t)bricks->wanted) && ok;
     ok = proto_json_set_integer(numbers, "level", bricks->level) && ok;
     ok = proto_json_set_integer(numbers, "asked", bricks->asked) && ok;
+    ok = proto_json_set_integer(numbers, "lost", (int64_t)bricks->lost) && ok;
+    ok = proto_json_set_bool(numbers, "complete", sp_frame_bricks_is_complete(bricks)) && ok;
+    if (bricks->lost)
+        ok = proto_json_set(numbers, "lost_at", encode_box(bricks->lost_box)) && ok;
     ok = proto_json_set(params, "bricks", numbers) && ok;
     return proto_json_set_integer(params, "memory", (int64_t)bricks->memory_bytes) && ok;
 }

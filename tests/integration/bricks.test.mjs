@@ -7,7 +7,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { compare } from '../support/compare.mjs';
-import { BIN, Daemon, FINAL } from './harness.mjs';
+import { BIN, Daemon, FINAL, INCOMPLETE } from './harness.mjs';
 
 const SIDE = 200;
 const MEMORY = 7 << 20; // bytes: less than the samples
@@ -60,6 +60,7 @@ test('an image waits until it is complete, and says so', async () => {
   const first = await image(close());
   assert.equal(first.status, 200);
   assert.equal(first.headers.get('x-complete'), 'true');
+  assert.deepEqual(['x-level', 'x-level-asked', 'x-bricks-lost'].map((name) => first.headers.get(name)), ['0', '0', '0']);
   const etag = first.headers.get('etag');
   assert.ok(etag);
   const again = await image(close());
@@ -71,9 +72,28 @@ test('an image with a damaged brick says that it is not complete, and is not cac
   const answer = await image({ volume: 'damaged', size: [64, 64] });
   assert.equal(answer.status, 200);
   assert.equal(answer.headers.get('x-complete'), 'false');
+  assert.equal(answer.headers.get('x-bricks-lost'), '1');
   assert.equal(answer.headers.get('etag'), null);
   assert.equal(answer.headers.get('cache-control'), 'no-store');
   await daemon.untilLogged('damaged');
+  const { warnings } = (await daemon.json('/api/v1/volumes/damaged')).json;
+  assert.match(warnings[0], /^1 bricks cannot be read, the first at voxels \(0, 0, 0\) to \(63, 63, 63\), level 0: .*damaged/);
+});
+
+test('an image that memory makes coarser is not complete, nor is a final frame', async () => {
+  const view = { volume: 'large', size: [96, 96], quality: { level_of_detail: 'off' } };
+  const answer = await image(view);
+  assert.equal(answer.headers.get('x-complete'), 'false');
+  assert.equal(answer.headers.get('etag'), null);
+  const { level, asked } = { level: Number(answer.headers.get('x-level')), asked: Number(answer.headers.get('x-level-asked')) };
+  assert.equal(asked, 0);
+  compare(level, '>', asked, 'the level');
+  assert.equal(answer.headers.get('x-bricks-lost'), '0');
+  const stream = await daemon.stream({ session: await daemon.session(view) });
+  assert.ok((await stream.final(0)).flags & INCOMPLETE, 'the final frame says so');
+  const { bricks } = (await stream.note('stream.stats', (stats) => stats.bricks?.level === level)).params;
+  assert.deepEqual([bricks.complete, bricks.asked, bricks.lost], [false, 0, 0]);
+  await stream.end();
 });
 
 test('a stream shows something at once, then all of it, and tells its bricks', async () => {

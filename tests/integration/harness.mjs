@@ -166,6 +166,7 @@ export function decodeFrame(data) {
 
 export const FINAL = 2;
 export const LOSSLESS = 4;
+export const INCOMPLETE = 8;
 
 /** A WebSocket client of one stream. It acknowledges frames at once unless acks is false. */
 export class Stream {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The status line: figures of the last second.
-import { detailPercent } from '../core/detail.js';
+import { detailPercent, shortageOf } from '../core/detail.js';
 import { policyText } from '../core/policy.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
@@ -61,6 +61,8 @@ class StatusLine {
   get stats() { return this.#stats; }
   /** Of the newest picture in percent (core/detail.js); null without one. */
   get detail() { return this.#detail; }
+  /** Why the newest picture shows less of its volume than its pixels ask for (core/detail.js); null = it shows all of it. */
+  get shortage() { return shortageOf(this.#newest, this.#stats.bricks); }
   /** True while pictures of a moving view are shown. */
   get isMoving() { return this.#frames.length > 0 && !this.#newest?.isFinal; }
 
@@ -83,7 +85,7 @@ class StatusLine {
   }
 
   setStats(stats) {
-    this.#stats = { ...this.#stats, ...stats };
+    this.#stats = { ...this.#stats, bricks: undefined, ...stats };
   }
 
   /** Explains the detail of frames in the title of its field. */
@@ -113,7 +115,7 @@ class StatusLine {
     const isResting = this.#frames.length === 0 && frame?.isFinal;
     set('fps', !frame || !this.#isLive ? '' : isResting ? t('status.resting') : String(this.#frames.length));
     set('latency', this.#latency === null ? '' : `${Math.round(this.#latency)} ms`);
-    this.#detail = frame ? detailPercent(frame, this.#screen.size, this.#stats.coarse, this.#screen.pixels) : null;
+    this.#detail = frame ? detailPercent(frame, this.#screen.size, this.#stats.coarse, this.#screen.pixels, this.#stats.bricks) : null;
     set('detail', frame ? `${this.#detail} %` : '');
     set('size', frame ? `${frame.width} × ${frame.height}` : '');
     set('bytes', frame ? kilobytes(frame.bytes) : '');

@@ -6,6 +6,7 @@ import { policyText } from '../core/policy.js';
 import { Series, polylines, roundTop } from '../core/series.js';
 import { t } from '../core/text.js';
 import { byId, make, setText, svg } from './dom.js';
+import { shortBytes } from './status.js';
 
 const GRAPH = [232, 34]; // px
 const rate = (bytes) => (bytes >= 1e6 ? `${(bytes / 1e6).toFixed(1)} MB/s` : `${Math.round(bytes / 1e3)} kB/s`);
@@ -129,8 +130,8 @@ class StatusPanel {
   }
 
   get #overload() {
-    const { isMoving, detail } = this.#app.status;
-    return overloadOf({ isOnline: navigator.onLine, error: this.#error, latency: this.latency, policy: this.#policy, isMoving, detail });
+    const { isMoving, detail, shortage } = this.#app.status;
+    return overloadOf({ isOnline: navigator.onLine, error: this.#error, latency: this.latency, policy: this.#policy, isMoving, detail }) ?? shortage;
   }
 
   #refresh() {
@@ -163,6 +164,14 @@ class StatusPanel {
     if (stats.bandwidth > 0) {
       const key = isNetworkSlow(this.#policy, this.latency) ? 'stats.network' : 'stats.network.least'; // a fast link shows only what was sent
       lines.push(t(key, { rate: rate(stats.bandwidth), rtt: milliseconds(stats.rtt_ms), window: stats.window }));
+    }
+    if (stats.bricks) {
+      const { bricks } = stats;
+      lines.push(t('stats.bricks', { ...bricks, memory: shortBytes(stats.memory) }));
+      if (bricks.lost > 0) {
+        const [from, end] = bricks.lost_at;
+        lines.push(t('stats.bricks.lost', { count: bricks.lost, from: from.join(', '), to: end.map((side) => side - 1).join(', ') }));
+      }
     }
     if (stats.backend) lines.push(t('stats.backend', { backend: stats.backend, device: stats.device || '–' }));
     return lines.filter(Boolean).join('\n');

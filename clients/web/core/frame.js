@@ -5,6 +5,7 @@ const HEADER_BYTES = 36;
 const FLAG_KEY = 1;
 const FLAG_FINAL = 2;
 const FLAG_LOSSLESS = 4;
+const FLAG_INCOMPLETE = 8;
 
 /** MIME types. A browser decodes images directly and video with a stateful decoder (video.js). */
 const CODECS = new Map([[1, 'image/jpeg'], [2, 'image/png'], [3, 'image/webp'],
@@ -16,7 +17,7 @@ export class FrameError extends Error {
 }
 
 /**
- * Decodes one binary message (ArrayBuffer). Returns {codec, type, isVideo, flags, isKey, isFinal, isLossless, frame, seq,
+ * Decodes one binary message (ArrayBuffer). Returns {codec, type, isVideo, flags, isKey, isFinal, isLossless, isIncomplete, frame, seq,
  * width, height, bytes, renderUs, encodeUs, queueUs, payload}; `payload` is a view into the message. Throws FrameError.
  */
 export function decodeFrame(buffer) {
@@ -48,6 +49,7 @@ export function decodeFrame(buffer) {
     isKey: (flags & FLAG_KEY) !== 0,
     isFinal: (flags & FLAG_FINAL) !== 0,
     isLossless: (flags & FLAG_LOSSLESS) !== 0,
+    isIncomplete: (flags & FLAG_INCOMPLETE) !== 0,
     frame: view.getUint32(8, true),
     seq: view.getUint32(12, true),
     width, height,

@@ -24,6 +24,16 @@ extern "C" {
 SP_API bool sp_bricks_convert(const char *source, const char *out,
                               const struct sp_load_options *options, struct sp_error *err);
 
+/* Bricks that could not be read so far, because the file is damaged or its disk fails. */
+struct sp_bricks_damage {
+    uint64_t count;      /* of all levels */
+    uint32_t box[2][3];  /* of the first one, voxels of the whole volume: from, and past the last */
+    uint32_t level;      /* its level */
+    struct sp_error why; /* of the first one */
+};
+/* Returns false if there are none, or if the volume is no brick file. Thread-safe. */
+SP_API bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage);
+
 #ifdef __cplusplus
 }
 #endif

@@ -36,11 +36,18 @@ struct sp_stage_time {
 struct sp_frame_bricks {
     bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
     uint32_t level;     /* of the samples: 2^n × 2^n × 2^n voxels in one */
-    uint32_t asked; /* the level that the pixels ask for; a complete frame has a coarser one if the
-                       memory does not suffice */
+    uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
+                       suffice */
     uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
-    uint64_t memory_bytes;     /* of the volume's samples that are in memory, for all frames */
+    uint64_t lost; /* of those: bricks that cannot be read; coarser samples are in their place */
+    uint32_t lost_box[2][3]; /* of one of them, voxels: the first one, and the one past the last */
+    uint64_t memory_bytes;   /* of the volume's samples that are in memory, for all frames */
 };
+
+/* True if the frame shows all that its pixels ask for. */
+static inline bool sp_frame_bricks_is_complete(const struct sp_frame_bricks *bricks) {
+    return !bricks->is_incomplete && bricks->level <= bricks->asked;
+}
 
 /* How a frame was drawn. All fields are set by the renderer. */
 struct sp_frame_stats {

@@ -353,11 +353,17 @@ class Remote(RemoteCase):
         self.assertEqual(self.run_at('render', '--volume', 'head', '--out', '-').stdout, PIXELS)
 
     def test_an_image_that_is_not_complete(self):
-        for complete, note in (('true', ''), ('false', f'splatctl: {self.out}: parts of the image are coarse')):
-            self.reply_image(**{'X-Complete': complete})
-            result = self.run_at('render', '--volume', 'head', '--out', self.out)
+        for complete, level, lost, note in (
+                ('true', 1, 0, ''),
+                ('false', 1, 0, f'splatctl: {self.out}: parts of the image are coarse'),
+                ('false', 3, 0, f'splatctl: {self.out}: the image is coarser than its pixels: level 3 of the volume instead of 1'),
+                ('false', 3, 2, f'splatctl: {self.out}: 2 bricks of the volume are damaged')):
+            self.reply_image(**{'X-Complete': complete, 'X-Level': str(level), 'X-Level-Asked': '1', 'X-Bricks-Lost': str(lost)})
+            result = self.run_at('render', '--volume', 'head', '--out', self.out, '--json')
             self.assertEqual(result.returncode, 0)
             self.assertEqual(result.stderr.decode()[:len(note) or None], note)
+            report = json.loads(result.stdout)
+            self.assertEqual([report[key] for key in ('complete', 'level', 'asked', 'lost')], [complete == 'true', level, 1, lost])
 
     def test_render_with_a_preset(self):
         self.reply_image()

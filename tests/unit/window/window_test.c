@@ -19,6 +19,7 @@
 
 #include "bricks/store.h"
 #include "bricks/write.h"
+#include "sp/bricks.h"
 #include "sp/edit.h"
 #include "support/compare.h"
 #include "support/render.h"
@@ -266,6 +267,9 @@ static void little_memory_gives_coarser_images(void **state) {
         assert_compare(used, <=, bytes);
         assert_compare(sp_volume_info(volume)->voxel_bytes, <=, bytes);
         assert_false(frame->stats.bricks.is_incomplete);
+        assert_int_equal(frame->stats.bricks.asked, 0);
+        assert_int_equal(sp_frame_bricks_is_complete(&frame->stats.bricks),
+                         frame->stats.bricks.level == 0);
         const double db = compare(truth, frame);
         print_message("%u bytes: %.1f dB, level %u\n", (unsigned)bytes, db,
                       frame->stats.bricks.level);
@@ -308,7 +312,7 @@ static void nothing_that_is_seen_needs_no_bricks(void **state) {
         view.transfer_function.points[i].value += 200;
     struct sp_frame *frame = render(rig, volume, &view, -1);
     assert_int_equal(frame->stats.bricks.wanted, 0);
-    assert_false(frame->stats.bricks.is_incomplete);
+    assert_true(sp_frame_bricks_is_complete(&frame->stats.bricks));
     assert_compare(mean_of(frame), ==, 0);
     sp_frame_unref(&frame);
     sp_volume_unref(&volume);
@@ -340,6 +344,16 @@ static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     assert_int_equal(frame->stats.bricks.level, 1);
     assert_true(frame->stats.bricks.is_incomplete);
     assert_int_equal(frame->stats.bricks.resident + 4, frame->stats.bricks.wanted);
+    assert_int_equal(frame->stats.bricks.lost, 4);
+    static const uint32_t first[2][3] = { { 0, 0, 0 }, { 128, 128, 128 } };
+    assert_memory_equal(frame->stats.bricks.lost_box, first, sizeof first);
+    struct sp_bricks_damage damage;
+    assert_false(sp_bricks_find_damage(sound, &damage));
+    assert_true(sp_bricks_find_damage(volume, &damage));
+    assert_int_equal(damage.count, 4);
+    assert_int_equal(damage.level, 1);
+    assert_memory_equal(damage.box, first, sizeof first);
+    assert_int_equal(damage.why.code, SP_ERR_FORMAT);
     assert_compare(compare(truth, frame), >, 20);
     sp_frame_unref(&truth);
     sp_frame_unref(&frame);

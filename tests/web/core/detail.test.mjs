@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
-import { detailPercent } from '../../../clients/web/core/detail.js';
+import { detailPercent, shortageOf } from '../../../clients/web/core/detail.js';
 
 const frame = (width, height, isFinal = false) => ({ width, height, isFinal });
 
@@ -25,4 +25,16 @@ test('a frame larger than the current request has at most 100 %', () => {
 test('a screen with more pixels than the page requests never has full detail', () => {
   assert.equal(detailPercent(frame(2048, 1152, true), [2048, 1152], 0, [3840, 2160]), 53);
   assert.equal(detailPercent(frame(1024, 576), [2048, 1152], 1, [3840, 2160]), 13);
+});
+
+test('a frame of coarse bricks has less detail, and says why', () => {
+  const bricks = { level: 3, asked: 1, lost: 0 };
+  const coarse = { ...frame(800, 600, true), isIncomplete: true };
+  assert.equal(detailPercent(coarse, [800, 600], 0, [800, 600], bricks), 25);
+  assert.equal(detailPercent(frame(800, 600, true), [800, 600], 0, [800, 600], bricks), 100, 'the numbers are of an older frame');
+  assert.equal(shortageOf(coarse, bricks), 'memory');
+  assert.equal(shortageOf({ ...coarse, isFinal: false }, bricks), 'reading');
+  assert.equal(shortageOf(coarse, { ...bricks, lost: 2 }), 'holes');
+  assert.equal(shortageOf(frame(800, 600, true), bricks), null);
+  assert.equal(shortageOf(coarse, undefined), null);
 });

@@ -25,7 +25,7 @@ const message = (changes = {}, bytes = EXAMPLE) => {
 test('every field of the header is read', () => {
   const { payload, ...frame } = decodeFrame(message());
   assert.deepEqual(frame, {
-    codec: 1, type: 'image/jpeg', isVideo: false, flags: 3, isKey: true, isFinal: true, isLossless: false,
+    codec: 1, type: 'image/jpeg', isVideo: false, flags: 3, isKey: true, isFinal: true, isLossless: false, isIncomplete: false,
     frame: 0x12345678, seq: 0x01020304, width: 512, height: 384, bytes: 3, renderUs: 10000, encodeUs: 1000, queueUs: 2000,
   });
   assert.deepEqual([...payload], [0xff, 0xd8, 0xff]);
@@ -40,6 +40,7 @@ test('numbers are unsigned', () => {
 test('PNG, WebP and lossless frames are recognised', () => {
   assert.equal(decodeFrame(message({ 4: 2, 5: 7 })).type, 'image/png');
   assert.ok(decodeFrame(message({ 4: 2, 5: 7 })).isLossless);
+  assert.ok(decodeFrame(message({ 5: 11 })).isIncomplete);
   assert.equal(decodeFrame(message({ 4: 3 })).type, 'image/webp');
 });
 

@@ -75,6 +75,27 @@ test('"daemon busy" while the daemon refuses, and the picture after it', async (
   await page.locator('#status-load').waitFor({ state: 'hidden' });
 });
 
+test('a picture that memory makes coarser says so, and a damaged file says where', async (context) => {
+  const { page, daemon: mock, said } = await visitMock(context, browser);
+  await firstFrame(page);
+  const put = (lost) => {
+    const bricks = { complete: false, resident: 8, wanted: 8 + lost, level: 2, asked: 1, lost, lost_at: [[0, 64, 128], [64, 128, 192]] };
+    mock.notifyAll('stream.stats', { backend: 'mock', memory: 5e7, bricks });
+    const [stream] = mock.streams;
+    const [width, height] = stream.size;
+    stream.frame += 1;
+    stream.socket.send(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, flags: 11 }));
+  };
+  put(0);
+  await page.locator('#status-load', { hasText: 'short of memory' }).waitFor();
+  await page.locator('#status [data-key="detail"] dd', { hasText: '50 %' }).waitFor();
+  put(3);
+  await page.locator('#status-load', { hasText: 'parts missing' }).waitFor();
+  await page.locator('#stats-toggle').click();
+  await page.locator('#stats .about', { hasText: '3 blocks cannot be read: one at voxels 0, 64, 128 to 63, 127, 191' }).waitFor();
+  assert.deepEqual(said, []);
+});
+
 test('"reduced detail" goes with the moving picture, and never stands beside "detail 100 %"', async (context) => {
   const { page, daemon: mock, said } = await visitMock(context, browser);
   mock.notifyAll('stream.policy', { why: ['time'], moving: { format: 'jpeg', quality: 80 }, final: { format: 'jpeg', quality: 90 } });

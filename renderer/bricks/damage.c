@@ -1,0 +1,49 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Which bricks of a store could not be read.
+ */
+#include "bricks/store_private.h"
+#include "sp/log.h"
+
+void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
+                        uint32_t box[2][3]) {
+    const struct sp_brick_header *header = sp_brick_file_header(store->file);
+    uint32_t first[3], size[3];
+    sp_brick_box(&header->level[level], number, first, size);
+    for (int a = 0; a < 3; a++) {
+        const uint64_t end = (uint64_t)(first[a] + size[a]) << level;
+        const uint32_t dim = header->level[0].dims[a];
+        box[0][a] = first[a] << level;
+        box[1][a] = end < dim ? (uint32_t)end : dim;
+    }
+}
+
+void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost, const struct sp_error *why) {
+    const struct sp_brick_header *header = sp_brick_file_header(store->file);
+    uint64_t begin = 0;
+    for (unsigned l = 0; l < need->level; l++)
+        begin += sp_brick_count(&header->level[l]);
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
+        const uint64_t number = sp_brick_need_at(need, &header->level[need->level], i);
+        if (!lost[i] || store->damaged[begin + number])
+            continue;
+        store->damaged[begin + number] = 1;
+        if (store->damage.count++)
+            continue;
+        store->damage.level = need->level;
+        store->damage.why = *why;
+        sp_brick_store_box(store, need->level, number, store->damage.box);
+        sp_log(SP_LOG_WARN, "%s: %s; a coarser level is shown there", why->place, why->text);
+    }
+}
+
+bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage) {
+    struct sp_brick_store *store = sp_brick_store_of(volume);
+    if (!store)
+        return false;
+    pthread_mutex_lock(&store->mutex);
+    *damage = store->damage;
+    pthread_mutex_unlock(&store->mutex);
+    return damage->count > 0;
+}
