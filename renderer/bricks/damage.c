@@ -2,19 +2,22 @@
  *
  * Which bricks of a store could not be read.
  */
+#include <math.h>
+
 #include "bricks/store_private.h"
 #include "sp/log.h"
 
 void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
                         uint32_t box[2][3]) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
+    const struct sp_brick_level *own = &header->level[level];
     uint32_t first[3], size[3];
-    sp_brick_box(&header->level[level], number, first, size);
+    sp_brick_box(own, number, first, size);
     for (int a = 0; a < 3; a++) {
-        const uint64_t end = (uint64_t)(first[a] + size[a]) << level;
-        const uint32_t dim = header->level[0].dims[a];
-        box[0][a] = first[a] << level;
-        box[1][a] = end < dim ? (uint32_t)end : dim;
+        const double begin = own->offset[a] + own->step[a] * (first[a] - 0.5) + 0.5;
+        const double dim = header->level[0].dims[a];
+        box[0][a] = (uint32_t)fmin(fmax(floor(begin), 0), dim - 1);
+        box[1][a] = (uint32_t)fmin(fmax(ceil(begin + own->step[a] * size[a]), 1), dim);
     }
 }
 
