@@ -4,6 +4,8 @@
 #include <endian.h>
 #include <errno.h>
 #include <inttypes.h>
+#include <math.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,8 +14,11 @@
 #include <zstd.h>
 
 struct sp_brick_file {
-    int fd;
-    uint64_t bytes; /* of the file when it was opened */
+    int fd; /* −1 = it is made of chunks */
+    struct sp_chunk_source chunks;
+    struct sp_brick_learned *learned[BRICK_LEVELS_MAX]; /* owned; NULL = of a file */
+    pthread_rwlock_t *lock;                             /* owned: of the entries; the same */
+    uint64_t bytes;                                     /* of the file when it was opened */
     char shown[SP_ERROR_PLACE];
     struct sp_brick_header header;
     struct sp_brick_entry *entries[BRICK_LEVELS_MAX];
@@ -97,14 +102,87 @@ struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_er
     return file;
 }
 
+/* Nothing is known of the bricks yet. */
+static bool init_level(struct sp_brick_file *file, unsigned l, struct sp_error *err) {
+    const struct sp_chunk_level *from = &file->chunks.level[l];
+    struct sp_brick_level *level = &file->header.level[l];
+    memcpy(level->dims, from->dims, sizeof level->dims);
+    memcpy(level->step, from->step, sizeof level->step);
+    memcpy(level->offset, from->offset, sizeof level->offset);
+    sp_brick_level_divide(level);
+    const uint64_t count = sp_brick_count(level);
+    file->entries[l] = malloc(count * sizeof *file->entries[l]);
+    file->learned[l] = sp_brick_learned_create(level);
+    if (!file->entries[l] || !file->learned[l])
+        return sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the index");
+    for (uint64_t i = 0; i < count; i++)
+        file->entries[l][i] = (struct sp_brick_entry){ .range = { -INFINITY, INFINITY } };
+    return true;
+}
+
+struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *source,
+                                              const char *shown, struct sp_error *err) {
+    struct sp_brick_file *file = calloc(1, sizeof *file);
+    pthread_rwlock_t *lock = malloc(sizeof *lock);
+    if (!file || !lock || pthread_rwlock_init(lock, NULL) != 0) {
+        free(file);
+        free(lock);
+        source->close(source->user);
+        sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for its chunks");
+        return NULL;
+    }
+    file->fd = -1;
+    file->lock = lock;
+    file->chunks = *source;
+    file->header.info = source->info;
+    file->header.levels = source->levels;
+    snprintf(file->shown, sizeof file->shown, "%s", shown);
+    for (unsigned l = 0; l < source->levels; l++)
+        if (!init_level(file, l, err)) {
+            sp_brick_file_close(&file);
+            return NULL;
+        }
+    return file;
+}
+
+const struct sp_chunk_source *sp_brick_file_chunks(const struct sp_brick_file *file) {
+    return file->lock ? &file->chunks : NULL;
+}
+
+void sp_brick_file_begin(const struct sp_brick_file *file) {
+    if (file->lock)
+        pthread_rwlock_rdlock(file->lock);
+}
+
+void sp_brick_file_end(const struct sp_brick_file *file) {
+    if (file->lock)
+        pthread_rwlock_unlock(file->lock);
+}
+
+void sp_brick_file_learn(struct sp_brick_file *file, unsigned level, uint64_t number,
+                         const struct sp_brick_ranges *ranges) {
+    pthread_rwlock_wrlock(file->lock);
+    sp_brick_learned_add(file->learned[level], &file->header.level[level], number, ranges,
+                         file->entries[level]);
+    pthread_rwlock_unlock(file->lock);
+}
+
 void sp_brick_file_close(struct sp_brick_file **pointer) {
     struct sp_brick_file *file = *pointer;
     *pointer = NULL;
     if (!file)
         return;
-    close(file->fd);
-    for (int l = 0; l < BRICK_LEVELS_MAX; l++)
+    if (file->fd >= 0)
+        close(file->fd);
+    if (file->lock) {
+        file->chunks.close(file->chunks.user);
+        pthread_rwlock_destroy(file->lock);
+        free(file->lock);
+    }
+    for (int l = 0; l < BRICK_LEVELS_MAX; l++) {
         free(file->entries[l]);
+        sp_brick_learned_destroy(&file->learned[l]);
+    }
     free(file);
 }
 
@@ -119,9 +197,11 @@ const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *f
 
 uint64_t sp_brick_file_bytes(const struct sp_brick_file *file) {
     uint64_t bytes = sizeof *file;
-    for (unsigned l = 0; l < file->header.levels; l++)
+    for (unsigned l = 0; l < file->header.levels; l++) {
         bytes += sp_brick_count(&file->header.level[l]) * sizeof *file->entries[l];
-    return bytes;
+        bytes += file->lock ? sp_brick_learned_bytes(&file->header.level[l]) : 0;
+    }
+    return bytes + (file->lock ? file->chunks.bytes : 0);
 }
 
 struct sp_brick_scratch *sp_brick_scratch_create(struct sp_error *err) {

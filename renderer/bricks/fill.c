@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bricks/gather.h"
 #include "volume/sample.h"
 
 enum { THREADS_MAX = 256 };
@@ -59,6 +60,7 @@ uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_br
     const uint64_t rows = (uint64_t)need->count[1] * need->count[2], width = need->count[0];
     const uint64_t bytes = sp_brick_need_bytes(file, need);
     uint64_t used = 0;
+    sp_brick_file_begin(file);
     for (uint64_t row = 0; row < rows; row++) {
         bool is_used = false;
         for (uint64_t i = row * width; i < (row + 1) * width; i++)
@@ -66,6 +68,7 @@ uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_br
                       value_of(&entries[sp_brick_need_at(need, level, i)], type) != 0;
         used += is_used;
     }
+    sp_brick_file_end(file);
     return bytes / rows * used + bytes / sp_type_size(type) / RANGE_SAMPLES * RANGE_BYTES;
 }
 
@@ -110,8 +113,9 @@ struct fill {
         struct sp_brick_scratch *scratch;
         void *brick;
     } workers[THREADS_MAX];
-    atomic_bool ended;     /* cancelled, or out of memory */
-    pthread_mutex_t mutex; /* guards why */
+    uint8_t *missing, *failed; /* owned: of bricks that are cut from chunks; NULL = of a file */
+    atomic_bool ended;         /* cancelled, or out of memory */
+    pthread_mutex_t mutex;     /* guards why */
     struct sp_error *why;
 };
 
@@ -147,7 +151,9 @@ static void put_constant(const struct fill *f, uint64_t number) {
     const struct sp_brick_entry *entry =
         &sp_brick_file_entries(f->job->file, f->job->need->level)[number];
     const struct sp_volume_info *info = &sp_brick_file_header(f->job->file)->info;
+    sp_brick_file_begin(f->job->file);
     const double value = value_of(entry, info->type);
+    sp_brick_file_end(f->job->file);
     if (value == 0)
         return;
     struct place p = place_of(f, number);
@@ -209,9 +215,21 @@ static void end(struct fill *f) {
     atomic_store_explicit(&f->ended, true, memory_order_relaxed);
 }
 
+static void put_lost(const struct fill *f, uint64_t i, uint64_t number) {
+    if (f->job->coarse.samples)
+        put_coarse(f, number);
+    else
+        put_constant(f, number);
+    f->job->lost[i] = 1;
+}
+
 static void put_read(struct fill *f, uint64_t i, uint64_t number, unsigned worker) {
     const struct sp_brick_fill_job *job = f->job;
     struct sp_error err;
+    if (f->missing) { /* it is cut from chunks */
+        f->missing[i] = 1;
+        return;
+    }
     struct place p = place_of(f, number);
     const size_t row = p.size[0] * f->sample;
     if (sp_brick_file_read(job->file, job->need->level, number, f->workers[worker].scratch,
@@ -219,11 +237,7 @@ static void put_read(struct fill *f, uint64_t i, uint64_t number, unsigned worke
         put(f, &p, f->workers[worker].brick, row, row * p.size[1]);
         return;
     }
-    if (job->coarse.samples)
-        put_coarse(f, number);
-    else
-        put_constant(f, number);
-    job->lost[i] = 1;
+    put_lost(f, i, number);
     pthread_mutex_lock(&f->mutex);
     *f->why = err;
     pthread_mutex_unlock(&f->mutex);
@@ -244,12 +258,47 @@ static void fill_bricks(void *user, size_t begin, size_t end_, unsigned worker) 
     }
 }
 
+/* Cuts the missing bricks from chunks. */
+static bool gather(struct fill *f, struct sp_error *err) {
+    const struct sp_brick_fill_job *job = f->job;
+    const struct sp_gather_job own = { .file = job->file,
+                                       .need = job->need,
+                                       .missing = f->missing,
+                                       .failed = f->failed,
+                                       .pool = job->pool,
+                                       .is_cancelled = job->is_cancelled,
+                                       .user = job->user,
+                                       .samples = job->samples };
+    if (!sp_gather(&own, f->why, err))
+        return false;
+    for (uint64_t i = 0; i < sp_brick_need_count(job->need); i++)
+        if (f->failed[i])
+            put_lost(f, i, sp_brick_need_at(job->need, f->level, i));
+    return true;
+}
+
+static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
+    const bool has_chunks = sp_brick_file_chunks(f->job->file) != NULL;
+    const uint64_t count = sp_brick_need_count(f->job->need);
+    bool ok = true;
+    if (has_chunks) {
+        f->missing = calloc(1, count);
+        f->failed = calloc(1, count);
+        ok = f->missing && f->failed;
+    }
+    for (unsigned t = 0; ok && !has_chunks && t < threads; t++)
+        ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
+             (f->workers[t].brick =
+                  malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * f->sample));
+    return ok || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
+}
+
 bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
                    struct sp_error *err) {
     const struct sp_brick_header *header = sp_brick_file_header(job->file);
     struct fill *f = calloc(1, sizeof *f);
     const unsigned threads = sp_pool_threads(job->pool);
-    bool ok = f != NULL;
+    bool ok;
     why->code = SP_OK;
     if (!f)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
@@ -260,21 +309,20 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
     atomic_init(&f->ended, false);
     pthread_mutex_init(&f->mutex, NULL);
     sp_brick_need_box(job->need, f->level, f->first, f->size);
-    for (unsigned t = 0; ok && t < threads; t++)
-        ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
-             (f->workers[t].brick =
-                  malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * f->sample));
-    if (!ok)
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
-    else
+    ok = allocate(f, threads, err);
+    if (ok)
         sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_bricks, f);
     if (ok && atomic_load(&f->ended))
         ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    if (ok && f->missing)
+        ok = gather(f, err);
     for (unsigned t = 0; t < threads; t++) {
         sp_brick_scratch_destroy(&f->workers[t].scratch);
         free(f->workers[t].brick);
     }
     pthread_mutex_destroy(&f->mutex);
+    free(f->missing);
+    free(f->failed);
     free(f);
     return ok;
 }

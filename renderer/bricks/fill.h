@@ -53,7 +53,7 @@ struct sp_brick_box_samples {
 };
 
 struct sp_brick_fill_job {
-    const struct sp_brick_file *file;
+    struct sp_brick_file *file;
     const struct sp_brick_need *need;
     /* The whole level `coarse.need->level`, in place of damaged bricks; samples NULL = there is
      * none, and they get one value. */

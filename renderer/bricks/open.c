@@ -1,13 +1,18 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <float.h>
+#include <inttypes.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
+#include "bricks/samples.h"
 #include "bricks/store_private.h"
 #include "volume/volume.h"
 
 #define BASE_BYTES_MAX ((uint64_t)16 << 20)
+#define REMOTE_BASE_BYTES_MAX ((uint64_t)2 << 20)
 #define BUDGET_MIN ((uint64_t)1 << 16)
 
 static void release(struct sp_brick_store *store) {
@@ -40,8 +45,9 @@ static void destroy(void *source) {
 static bool choose_base(struct sp_brick_store *store) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
     struct sp_brick_need *need = &store->base_need;
-    const uint64_t bytes_max =
-        store->budget / 4 < BASE_BYTES_MAX ? store->budget / 4 : BASE_BYTES_MAX;
+    const struct sp_chunk_source *chunks = sp_brick_file_chunks(store->file);
+    const uint64_t most = chunks && chunks->is_remote ? REMOTE_BASE_BYTES_MAX : BASE_BYTES_MAX;
+    const uint64_t bytes_max = store->budget / 4 < most ? store->budget / 4 : most;
     for (need->level = 0;; need->level++) {
         memcpy(need->count, header->level[need->level].bricks, sizeof need->count);
         if (need->level + 1 == header->levels ||
@@ -66,6 +72,19 @@ static void choose_budget(struct sp_brick_store *store, const struct sp_load_opt
     store->budget = store->budget < all ? store->budget : all;
 }
 
+/* Without a small level nothing can be shown before most is read. */
+static bool check_base(const struct sp_brick_store *store, const char *source,
+                       struct sp_error *err) {
+    const uint64_t bytes = sp_brick_need_bytes(store->file, &store->base_need);
+    const uint64_t most = store->budget / 2 < BASE_BYTES_MAX ? store->budget / 2 : BASE_BYTES_MAX;
+    return !sp_brick_file_chunks(store->file) || bytes <= most ||
+           sp_fail(err, SP_ERR_BUDGET, source,
+                   "its coarsest level of detail has %" PRIu64 " bytes; of at most %" PRIu64
+                   " it could be shown from its chunks. Write coarser levels, or convert it: "
+                   "splatctl convert",
+                   bytes, most);
+}
+
 /* Chooses the base, and halves the budget until it is granted. */
 static bool reserve(struct sp_brick_store *store, const char *source,
                     const struct sp_load_options *options, struct sp_error *err) {
@@ -73,6 +92,8 @@ static bool reserve(struct sp_brick_store *store, const char *source,
         struct sp_error why;
         if (!choose_base(store))
             return sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
+        if (!check_base(store, source, err))
+            return false;
         const uint64_t needed = store->budget +
                                 sp_brick_need_bytes(store->file, &store->base_need) +
                                 sp_brick_file_bytes(store->file);
@@ -85,11 +106,72 @@ static bool reserve(struct sp_brick_store *store, const char *source,
     }
 }
 
+/* The load that may be cancelled: progress() belongs to the thread that loads. */
+struct loading {
+    const struct sp_load_options *options;
+    pthread_t thread;
+    atomic_bool is_cancelled;
+};
+
+static bool is_cancelled(void *user) {
+    struct loading *l = user;
+    if (l->options && l->options->progress && pthread_equal(pthread_self(), l->thread) &&
+        !l->options->progress(l->options->user, 0.5))
+        atomic_store(&l->is_cancelled, true);
+    return atomic_load(&l->is_cancelled);
+}
+
+static bool has_lost_all(const struct sp_brick_store *store) {
+    const uint64_t count = sp_brick_need_count(&store->base_need);
+    uint64_t lost = 0;
+    for (uint64_t i = 0; i < count; i++)
+        lost += store->base_lost[i];
+    return lost == count;
+}
+
+/* Of chunks, finer levels may have any value of the type. Real numbers are expected to exceed the
+ * coarse ones by a few spans at most; what is beyond looks like the ends. */
+static void find_limits(struct sp_volume_info *info, const void *samples) {
+    static const double ends[SP_TYPE_COUNT][2] = { { 0, UINT8_MAX },
+                                                   { INT8_MIN, INT8_MAX },
+                                                   { 0, UINT16_MAX },
+                                                   { INT16_MIN, INT16_MAX },
+                                                   { INT32_MIN, INT32_MAX } };
+    const struct sp_brick_view view = { .samples = samples,
+                                        .type = info->type,
+                                        .width = info->grid.dims[0],
+                                        .height = info->grid.dims[1],
+                                        .size = { info->grid.dims[0], info->grid.dims[1],
+                                                  info->grid.dims[2] } };
+    const struct sp_brick_range range = sp_brick_find_range(&view);
+    const double beyond = 8 * (range.most / 2 - range.least / 2);
+    memcpy(info->whole.limits, ends[info->type], sizeof ends[0]);
+    if (info->type < SP_FLOAT32 || range.least > range.most)
+        return;
+    info->whole.limits[0] = fmax(range.least - beyond, -DBL_MAX);
+    info->whole.limits[1] = fmin(range.most + beyond, DBL_MAX);
+}
+
+/* A file knows its range and content; of chunks they are those of the volume that is opened. */
+static struct sp_volume *adopt(const struct sp_brick_store *store, struct sp_volume_info *info,
+                               void *samples, uint64_t bytes, struct sp_error *err) {
+    if (!sp_brick_file_chunks(store->file)) {
+        memcpy(info->whole.limits, info->range, sizeof info->range);
+        return sp_volume_adopt_measured(info, samples, bytes, sp_brick_store_unmap, err);
+    }
+    find_limits(info, samples);
+    info->whole.content = sp_brick_checksum(samples, bytes);
+    return sp_volume_adopt(info, samples, NULL, bytes, sp_brick_store_unmap, err);
+}
+
 static struct sp_volume *make_base(struct sp_brick_store *store, const char *name,
-                                   const char *source, struct sp_error *err) {
+                                   const char *source, const struct sp_load_options *options,
+                                   struct sp_error *err) {
     struct sp_volume_info info = sp_brick_file_header(store->file)->info;
     const uint64_t bytes = sp_brick_need_bytes(store->file, &store->base_need);
+    struct loading loading = { .options = options, .thread = pthread_self() };
     struct sp_error why;
+    atomic_init(&loading.is_cancelled, false);
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.source, sizeof info.source, "%s", source);
     memcpy(info.whole.dims, info.grid.dims, sizeof info.whole.dims);
@@ -101,21 +183,27 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     const struct sp_brick_fill_job job = { .file = store->file,
                                            .need = &store->base_need,
                                            .pool = store->pool,
+                                           .is_cancelled = is_cancelled,
+                                           .user = &loading,
                                            .samples = samples,
                                            .lost = store->base_lost };
     if (!samples)
         return NULL;
-    if (!sp_brick_fill(&job, &why, err)) {
+    bool ok = sp_brick_fill(&job, &why, err);
+    if (ok && why.code != SP_OK && has_lost_all(store))
+        ok = sp_fail(err, why.code, why.place, "%s", why.text);
+    if (!ok) {
         sp_brick_store_unmap(samples, bytes);
         return NULL;
     }
     if (why.code != SP_OK)
         sp_brick_store_note(store, &store->base_need, store->base_lost, &why);
-    return sp_volume_adopt_measured(&info, samples, bytes, sp_brick_store_unmap, err);
+    return adopt(store, &info, samples, bytes, err);
 }
 
 static struct sp_volume *start(struct sp_brick_store *store, const char *name, const char *source,
                                const struct sp_load_options *options, struct sp_error *err) {
+    const struct sp_chunk_source *chunks = sp_brick_file_chunks(store->file);
     uint64_t bricks = 0;
     for (unsigned l = 0; l < sp_brick_file_header(store->file)->levels; l++)
         bricks += sp_brick_count(&sp_brick_file_header(store->file)->level[l]);
@@ -125,9 +213,9 @@ static struct sp_volume *start(struct sp_brick_store *store, const char *name, c
     }
     choose_budget(store, options);
     if (!reserve(store, source, options, err) ||
-        !(store->pool = sp_pool_create(sp_volume_threads(), err)))
+        !(store->pool = sp_pool_create(chunks ? chunks->readers : sp_volume_threads(), err)))
         return NULL;
-    struct sp_volume *base = make_base(store, name, source, err);
+    struct sp_volume *base = make_base(store, name, source, options, err);
     store->base = base;
     if (base && pthread_create(&store->thread, NULL, sp_brick_store_read, store) != 0) {
         sp_fail(err, SP_ERR_MEMORY, source, "cannot start a thread for reading bricks");
@@ -138,12 +226,15 @@ static struct sp_volume *start(struct sp_brick_store *store, const char *name, c
     return base;
 }
 
-struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
-                                      const struct sp_load_options *options, struct sp_error *err) {
-    struct sp_brick_store *store = calloc(1, sizeof *store);
-    struct sp_volume *base = NULL;
+/* Takes over the file; NULL = it could not be opened, and *err says why. */
+static struct sp_volume *open_store(struct sp_brick_file *file, const char *name,
+                                    const char *source, const struct sp_load_options *options,
+                                    struct sp_error *err) {
+    struct sp_brick_store *store = file ? calloc(1, sizeof *store) : NULL;
+    if (!file)
+        return NULL;
     if (!store) {
-        close(fd);
+        sp_brick_file_close(&file);
         sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
         return NULL;
     }
@@ -154,11 +245,21 @@ struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *sour
     pthread_cond_init(&store->asked, NULL);
     pthread_cond_init(&store->done, &monotonic);
     pthread_condattr_destroy(&monotonic);
-    store->file = sp_brick_file_open(fd, source, err);
-    if (store->file)
-        base = start(store, name, source, options, err);
-    if (base)
-        return base;
-    release(store);
-    return NULL;
+    store->file = file;
+    struct sp_volume *base = start(store, name, source, options, err);
+    if (!base)
+        release(store);
+    return base;
+}
+
+struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
+                                      const struct sp_load_options *options, struct sp_error *err) {
+    return open_store(sp_brick_file_open(fd, source, err), name, source, options, err);
+}
+
+struct sp_volume *sp_brick_store_open_chunks(const struct sp_chunk_source *chunks, const char *name,
+                                             const char *source,
+                                             const struct sp_load_options *options,
+                                             struct sp_error *err) {
+    return open_store(sp_brick_file_of_chunks(chunks, source, err), name, source, options, err);
 }

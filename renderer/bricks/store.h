@@ -23,7 +23,14 @@ struct sp_brick_store;
 struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
                                       const struct sp_load_options *options, struct sp_error *err);
 
-/* The store of a volume; NULL = it is no brick file. Valid as long as the volume. */
+/* The same for chunks, whose source it takes over, also on failure. While it reads the volume that
+ * it returns, it calls options->progress(). SP_ERR_BUDGET: the coarsest level is too large. */
+struct sp_volume *sp_brick_store_open_chunks(const struct sp_chunk_source *chunks, const char *name,
+                                             const char *source,
+                                             const struct sp_load_options *options,
+                                             struct sp_error *err);
+
+/* The store of a volume; NULL = all of it is in memory. Valid as long as the volume. */
 struct sp_brick_store *sp_brick_store_of(const struct sp_volume *volume);
 
 const struct sp_brick_file *sp_brick_store_file(const struct sp_brick_store *store);

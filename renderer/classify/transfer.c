@@ -188,6 +188,12 @@ static void find_limits(const struct sp_volume_info *info, double limits[2]) {
     memcpy(limits, info->whole.dims[0] ? ends[info->type] : info->range, sizeof ends[0]);
 }
 
+int32_t sp_transfer_first(const struct sp_volume_info *info) {
+    double limits[2];
+    find_limits(info, limits);
+    return (int32_t)limits[0];
+}
+
 bool sp_transfer_init(struct sp_transfer *transfer, const struct sp_transfer_function *tf,
                       const struct sp_volume_info *info, const struct sp_transfer *like,
                       struct sp_error *err) {

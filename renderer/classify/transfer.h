@@ -41,13 +41,17 @@ struct sp_transfer {
     enum sp_type type;
     struct sp_class *table;   /* [value − first], owned; NULL for types without a table */
     uint8_t *is_visible;      /* parallel to the table, owned: 1 = depth > 0 */
-    int32_t first;            /* value of table[0]: the volume's smallest */
+    int32_t first;            /* value of table[0]: sp_transfer_first() */
     uint32_t count;           /* entries */
     double base;              /* value of key 0.0f; types without a table */
     struct sp_pieces *pieces; /* owned; NULL for types with a table */
     float *scale; /* of the opacity, by packed magnitude (gradient.h), owned; NULL = no gradient
                      axis */
 };
+
+/* The first value of the table: the volume's smallest; of a volume that is larger than memory, the
+ * smallest of its type. Types with a table. */
+int32_t sp_transfer_first(const struct sp_volume_info *info);
 
 /* Computes the table for the values of the volume. Pieces that equal those of `like`, a transfer of
  * the same volume, are copied from it; NULL = nothing is copied. SP_ERR_MEMORY; *transfer is then

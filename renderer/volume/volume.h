@@ -80,6 +80,11 @@ bool sp_volume_measure_vectors(const float (*vectors)[3], uint64_t count, double
 /* The lengths of `count` vectors: samples that are called "magnitude". */
 void sp_volume_lengths(const float (*vectors)[3], uint64_t count, float *lengths);
 
+/* Between which all finite samples of the volume and of windows of it lie. */
+static inline const double *sp_volume_limits(const struct sp_volume_info *info) {
+    return info->whole.dims[0] ? info->whole.limits : info->range;
+}
+
 /* Range, histogram and count of non-finite samples of `count` samples, into *info (whose type is
  * set). Subnormal numbers count as zero. The result does not depend on the number of threads. False
  * with *err set when threads cannot be started. */

@@ -174,8 +174,10 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
         return false;
     find_values(&s);
     sp_camera_transform_init(&s.camera, &view->camera, view->size);
+    sp_brick_file_begin(file);
     for (uint64_t i = 0; i < count; i++)
         marks[i] = is_needed(&s, i);
+    sp_brick_file_end(file);
     if (find_box(own, marks, need->first, need->count)) {
         need->wanted = malloc(sp_brick_need_count(need));
         for (uint64_t i = 0; need->wanted && i < sp_brick_need_count(need); i++)

@@ -41,11 +41,14 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const uint64_t bytes_max = sp_brick_store_window_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
+    /* Of chunks, what is not seen is not read: it costs more, and nothing is known of it. */
+    const bool prefers_whole = !sp_brick_file_chunks(file);
     for (unsigned level = job->level; level < base; level++)
-        for (int part = 0; part < 2; part++) {
-            if (part && needs_whole(job->view))
+        for (int turn = 0; turn < 2; turn++) {
+            const bool is_whole = (turn == 0) == prefers_whole;
+            if (!is_whole && needs_whole(job->view))
                 continue;
-            if (!sp_window_need(file, job->view, level, !part, need))
+            if (!sp_window_need(file, job->view, level, is_whole, need))
                 return false;
             if (!need->count[0] || sp_brick_need_cost(file, need) <= bytes_max)
                 return true;

@@ -9,6 +9,7 @@
 #include "tile/insert.h"
 #include "tile/order.h"
 #include "tile/post.h"
+#include "volume/volume.h"
 
 enum {
     BLOCK = SP_BRICK_VOXELS, /* voxels that are set up together: at least those of one run */
@@ -393,7 +394,7 @@ static bool choose_shading(struct draw *d, struct sp_arena *arena, struct sp_err
     for (int r = 0; r < 3; r++)
         for (int k = 0; k < 3; k++)
             d->post.to_camera[r][k] = (float)d->frame->camera.w.m[r][k];
-    sp_post_curve_init(&d->post.curve, &view->transfer_function, info->range,
+    sp_post_curve_init(&d->post.curve, &view->transfer_function, sp_volume_limits(info),
                        sp_transfer_base(&d->frame->level->transfer), gradient.unit, integral);
     d->shading = NULL; /* pixels are shaded, not voxels */
     return true;

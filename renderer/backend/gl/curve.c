@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "tile/post.h"
+#include "volume/volume.h"
 
 enum {
     NODES = SP_POST_NODES + 1,
@@ -61,7 +62,8 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
     struct sp_gradient_grid gradient;
     sp_gradient_units_init(&gradient, info);
     float half = (float)(0.5 * thickness * gradient.unit);
-    const double made_for[4] = { info->range[0], info->range[1], base, gradient.unit };
+    const double *range = sp_volume_limits(info);
+    const double made_for[4] = { range[0], range[1], base, gradient.unit };
     if (curve->buffer.name && memcmp(curve->made_for, made_for, sizeof made_for) == 0 &&
         curve->half == half && sp_transfer_function_equal(&curve->tf, tf))
         return true;
@@ -69,7 +71,7 @@ bool gl_curve_update(struct gl_curve *curve, const struct sp_volume *volume, dou
     if (!r)
         return sp_fail(err, SP_ERR_MEMORY, "",
                        "out of memory for the transfer function's integral");
-    sp_post_curve_init(&r->curve, tf, info->range, base, gradient.unit, r->integral);
+    sp_post_curve_init(&r->curve, tf, range, base, gradient.unit, r->integral);
     size_t rows = write_rows(r, half);
     bool ok =
         gl_buffer_reserve(&curve->buffer, "transfer function", sizeof r->out, 0, GL_USE_KEPT, err);

@@ -4,6 +4,7 @@
 #include <epoxy/gl.h>
 
 #include "backend/gl/readback.h"
+#include "classify/transfer.h"
 #include "volume/grid.h"
 
 enum {
@@ -28,7 +29,7 @@ void gl_pass_use(unsigned program, const struct gl_voxels *voxels, uint32_t norm
                                                                    : SIGNED;
     glUseProgram(program);
     glUniform3ui(1, info->grid.dims[0], info->grid.dims[1], info->grid.dims[2]);
-    glUniform4i(2, (GLint)sp_type_size(info->type), kind, has_keys ? (GLint)info->range[0] : 0,
+    glUniform4i(2, (GLint)sp_type_size(info->type), kind, has_keys ? sp_transfer_first(info) : 0,
                 (GLint)normal_bytes);
     gl_buffer_bind(&voxels->samples, 0);
     gl_buffer_bind(&voxels->ranges, 1);

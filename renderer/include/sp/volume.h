@@ -92,6 +92,8 @@ struct sp_steps {
 struct sp_whole {
     uint32_t dims[3];  /* of the finest level; 0 = struct sp_volume has all samples */
     double spacing[3]; /* the same */
+    double limits[2];  /* no finite sample of any level lies outside; the range of struct
+                          sp_volume_info may be that of a coarse level */
     uint32_t levels;   /* in the file */
     uint64_t content;  /* a hash of all samples */
 };

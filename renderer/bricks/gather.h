@@ -1,0 +1,25 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Cuts bricks from chunks: each chunk is read once, by all readers of the source.
+ */
+#ifndef SP_BRICKS_GATHER_H
+#define SP_BRICKS_GATHER_H
+
+#include "bricks/fill.h"
+
+struct sp_gather_job {
+    struct sp_brick_file *file; /* of chunks */
+    const struct sp_brick_need *need;
+    const uint8_t *missing; /* [bricks of the box]: 1 = is read */
+    uint8_t *failed;        /* the same, all 0: set to 1 where a chunk could not be read */
+    struct sp_pool *pool;   /* of at most as many threads as the source has readers */
+    bool (*is_cancelled)(void *user); /* from any thread; NULL = never */
+    void *user;
+    void *samples; /* of the box */
+};
+
+/* Writes the samples of missing bricks and notes their ranges. *why is the error of a chunk; SP_OK
+ * = all were read. False if it was cancelled, or out of memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_error *err);
+
+#endif
