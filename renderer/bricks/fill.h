@@ -7,43 +7,7 @@
 
 #include "base/parallel_for.h"
 #include "bricks/file.h"
-
-/* Which bricks of a level a frame needs. */
-struct sp_brick_need {
-    unsigned level;
-    uint32_t first[3], count[3]; /* bricks of a box, which is not empty */
-    uint8_t *wanted;             /* malloc'ed [count]: 1 = may show something; i0 fastest */
-};
-
-static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
-    return (uint64_t)need->count[0] * need->count[1] * need->count[2];
-}
-
-/* Number, in its level, of brick i of the box. */
-uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_brick_level *level,
-                          uint64_t i);
-
-/* The samples of the box: the first one, and how many. */
-void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
-                       uint32_t first[3], uint32_t size[3]);
-
-/* Bytes of the samples of the box. */
-uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
-
-/* Bytes of memory that a window of the need takes, with the ranges that frames find of it: rows of
- * bricks of which nothing is wanted and whose values are 0 take no memory. */
-uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);
-
-/* Finds brick i of the box of `need` in the box of `in`, of the same level: its number there. False
- * if it lies outside. */
-bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
-                        const struct sp_brick_need *in, uint64_t *at);
-
-/* True if each wanted brick of `need` is one of `have`, of the same level. */
-bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
-
-/* Copies, also `wanted`. False without memory. */
-bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy);
+#include "bricks/need.h"
 
 /* The samples of a box in memory. */
 struct sp_brick_box_samples {

@@ -5,7 +5,8 @@
 #ifndef SP_BRICKS_GATHER_H
 #define SP_BRICKS_GATHER_H
 
-#include "bricks/fill.h"
+#include "base/parallel_for.h"
+#include "bricks/need.h"
 
 struct sp_gather_job {
     struct sp_brick_file *file; /* of chunks */

@@ -1,0 +1,97 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "bricks/need.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_brick_level *level,
+                          uint64_t i) {
+    const uint64_t x = need->first[0] + i % need->count[0];
+    const uint64_t y = need->first[1] + i / need->count[0] % need->count[1];
+    const uint64_t z = need->first[2] + i / need->count[0] / need->count[1];
+    return (z * level->bricks[1] + y) * level->bricks[0] + x;
+}
+
+void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
+                       uint32_t first[3], uint32_t size[3]) {
+    for (int a = 0; a < 3; a++) {
+        uint32_t end = (need->first[a] + need->count[a]) * BRICK_SIDE;
+        first[a] = need->first[a] * BRICK_SIDE;
+        size[a] = (end < level->dims[a] ? end : level->dims[a]) - first[a];
+    }
+}
+
+uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need) {
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    uint32_t first[3], size[3];
+    sp_brick_need_box(need, &header->level[need->level], first, size);
+    return (uint64_t)size[0] * size[1] * size[2] * sp_type_size(header->info.type);
+}
+
+double sp_brick_value(const struct sp_brick_entry *entry, enum sp_type type) {
+    static const double ends[SP_TYPE_COUNT][2] = {
+        { 0, UINT8_MAX },         { INT8_MIN, INT8_MAX },   { 0, UINT16_MAX },
+        { INT16_MIN, INT16_MAX }, { INT32_MIN, INT32_MAX }, { -INFINITY, INFINITY },
+        { -INFINITY, INFINITY }
+    };
+    const double low = entry->range[0], high = entry->range[1];
+    if (low > high)
+        return type < SP_FLOAT32 ? 0 : (double)NAN;
+    if (low <= 0 && high >= 0)
+        return 0;
+    return fmin(fmax(low, ends[type][0]), ends[type][1]); /* the file may say anything */
+}
+
+uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need) {
+    enum { RANGE_SAMPLES = 64, RANGE_BYTES = 9 }; /* of a region: its range, and what is visible */
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    const struct sp_brick_level *level = &header->level[need->level];
+    const struct sp_brick_entry *entries = sp_brick_file_entries(file, need->level);
+    const enum sp_type type = header->info.type;
+    const uint64_t rows = (uint64_t)need->count[1] * need->count[2], width = need->count[0];
+    const uint64_t bytes = sp_brick_need_bytes(file, need);
+    uint64_t used = 0;
+    sp_brick_file_begin(file);
+    for (uint64_t row = 0; row < rows; row++) {
+        bool is_used = false;
+        for (uint64_t i = row * width; i < (row + 1) * width; i++)
+            is_used = is_used || need->wanted[i] ||
+                      sp_brick_value(&entries[sp_brick_need_at(need, level, i)], type) != 0;
+        used += is_used;
+    }
+    sp_brick_file_end(file);
+    return bytes / rows * used + bytes / sp_type_size(type) / RANGE_SAMPLES * RANGE_BYTES;
+}
+
+bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
+                        const struct sp_brick_need *in, uint64_t *at) {
+    const uint64_t place[3] = { i % need->count[0], i / need->count[0] % need->count[1],
+                                i / need->count[0] / need->count[1] };
+    *at = 0;
+    for (int a = 2; a >= 0; a--) {
+        uint64_t global = need->first[a] + place[a];
+        if (global < in->first[a] || global - in->first[a] >= in->count[a])
+            return false;
+        *at = *at * in->count[a] + (global - in->first[a]);
+    }
+    return true;
+}
+
+bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+    uint64_t at;
+    if (need->level != have->level)
+        return false;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        if (need->wanted[i] && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at]))
+            return false;
+    return true;
+}
+
+bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy) {
+    *copy = *need;
+    copy->wanted = malloc(sp_brick_need_count(need));
+    if (copy->wanted)
+        memcpy(copy->wanted, need->wanted, sp_brick_need_count(need));
+    return copy->wanted != NULL;
+}
