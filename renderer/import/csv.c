@@ -6,28 +6,35 @@
  */
 #include <inttypes.h>
 #include <math.h>
+#include <pthread.h>
 #include <stdarg.h>
+#include <stdatomic.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
+#include "base/parallel_for.h"
 #include "import/points.h"
 #include "import/text.h"
+#include "volume/volume.h"
 
-enum { COLUMNS_MAX = 256, FIELD_BYTES = 64 };
+enum { COLUMNS_MAX = 256, FIELD_BYTES = 64, PART = 1 << 16 };
 
 struct csv {
     const struct import_file *file;
     struct import_text text;
     uint64_t line; /* from 1 */
-    uint64_t rows; /* where they begin, in bytes */
-    uint64_t rows_line;
     char separator;
     unsigned count; /* columns */
     char names[COLUMNS_MAX][FIELD_BYTES];
     const char *name_of[COLUMNS_MAX];
     struct import_columns columns;
+    /* Where every PART rows begin, so that threads can read them; freed with it. */
+    struct part {
+        uint64_t at, line;
+    } * parts;
+    size_t part_count;
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
@@ -150,8 +157,20 @@ static bool take_names(struct csv *c, struct sp_error *err) {
         return false;
     if (!import_columns_find(c->name_of, c->count, c->file->field, &c->columns))
         return refuse(c, NULL, err, "the first line must name columns x, y and z");
-    c->rows = c->text.at;
-    c->rows_line = ++c->line;
+    c->line++;
+    return true;
+}
+
+/* Notes that a part begins at the next row. */
+static bool add_part(struct csv *c, struct sp_error *err) {
+    if ((c->part_count & (c->part_count - 1)) == 0) { /* a power of two, or none */
+        const size_t capacity = 2 * c->part_count + 1;
+        void *parts = realloc(c->parts, capacity * sizeof *c->parts);
+        if (!parts)
+            return sp_fail(err, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
+        c->parts = parts;
+    }
+    c->parts[c->part_count++] = (struct part){ c->text.at, c->line };
     return true;
 }
 
@@ -159,11 +178,19 @@ static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
     bool failed;
     for (*rows = 0; find_line(c, &failed, err); ++*rows) {
         int byte;
+        if (*rows % PART == 0 && !add_part(c, err))
+            return false;
         while ((byte = next(c, err)) >= 0 && byte != '\n')
             continue;
         c->line++;
     }
     return !failed;
+}
+
+static void close_csv(void *reader) {
+    struct csv *c = reader;
+    free(c->parts);
+    free(c);
 }
 
 static void *open_csv(const struct import_file *file, struct import_header *header,
@@ -185,7 +212,7 @@ static void *open_csv(const struct import_file *file, struct import_header *head
         import_columns_use(&c->columns, c->name_of, c->count, (uint32_t)rows, header);
         return c;
     }
-    free(c);
+    close_csv(c);
     return NULL;
 }
 
@@ -214,25 +241,81 @@ static bool take_row(struct csv *c, double row[COLUMNS_MAX], struct sp_error *er
     return last || refuse(c, NULL, err, "more than %u fields", c->count);
 }
 
-static bool read_elements(void *reader, const struct sp_elements *elements,
-                          const struct import_progress *progress, struct sp_error *err) {
-    struct csv *c = reader;
+struct reading {
+    const struct sp_elements *elements;
+    const struct import_progress *progress;
+    struct csv *copies; /* by thread: each has a window of its own */
+    atomic_size_t rows; /* that are read */
+    atomic_size_t ends; /* the first part that failed; parts behind it are left */
+    pthread_mutex_t mutex;
+    struct sp_error *err; /* of that part; with the mutex */
+};
+
+static bool read_part(struct csv *c, const struct sp_elements *e, size_t part,
+                      struct sp_error *err) {
     double row[COLUMNS_MAX];
     bool failed;
-    c->text.at = c->rows;
-    c->line = c->rows_line;
-    for (uint32_t i = 0; i < elements->shape.count; i++, c->line++) {
+    const size_t end = (part + 1) * PART;
+    import_text_init(&c->text, c->file, c->parts[part].at, c->file->size);
+    c->line = c->parts[part].line;
+    for (size_t i = part * PART; i < end && i < e->shape.count; i++, c->line++) {
         if (!find_line(c, &failed, err))
             return failed ? false : refuse(c, NULL, err, "the file ends early");
         if (!take_row(c, row, err))
             return false;
-        import_columns_take(&c->columns, row, elements, i);
-        if (i % 4096 == 0)
-            import_report(progress, (uint64_t)i * 4 * sizeof(float));
+        import_columns_take(&c->columns, row, e, (uint32_t)i);
     }
     return true;
 }
 
-const struct import_format import_csv = {
-    .name = "CSV", .probe = probe, .open = open_csv, .read_elements = read_elements, .close = free
-};
+static void read_parts(void *user, size_t begin, size_t end, unsigned worker) {
+    struct reading *r = user;
+    struct csv *c = &r->copies[worker];
+    for (size_t part = begin; part < end && part < r->ends; part++) {
+        struct sp_error err;
+        if (!read_part(c, r->elements, part, &err)) {
+            pthread_mutex_lock(&r->mutex);
+            if (part < r->ends) {
+                r->ends = part;
+                *r->err = err;
+            }
+            pthread_mutex_unlock(&r->mutex);
+        }
+        const size_t rows = PART + atomic_fetch_add(&r->rows, PART);
+        if (worker == 0) /* the thread that may report */
+            import_report(r->progress, (uint64_t)rows * 4 * sizeof(float));
+    }
+}
+
+/* Threads read parts. The error is that of the first line that has one. */
+static bool read_elements(void *reader, const struct sp_elements *elements,
+                          const struct import_progress *progress, struct sp_error *err) {
+    const struct csv *c = reader;
+    struct sp_pool *pool = sp_pool_create(c->part_count > 1 ? sp_volume_threads() : 1, err);
+    if (!pool)
+        return false;
+    struct sp_error why = { .code = SP_OK };
+    struct reading r = { .elements = elements,
+                         .progress = progress,
+                         .copies = malloc(sp_pool_threads(pool) * sizeof *r.copies),
+                         .ends = c->part_count,
+                         .mutex = PTHREAD_MUTEX_INITIALIZER,
+                         .err = &why };
+    for (unsigned i = 0; r.copies && i < sp_pool_threads(pool); i++)
+        r.copies[i] = *c;
+    if (r.copies)
+        sp_parallel_for(pool, c->part_count, 1, read_parts, &r);
+    else
+        sp_fail(&why, SP_ERR_MEMORY, c->file->shown, "out of memory for the rows");
+    sp_pool_destroy(&pool);
+    free(r.copies);
+    if (why.code != SP_OK && err)
+        *err = why;
+    return why.code == SP_OK;
+}
+
+const struct import_format import_csv = { .name = "CSV",
+                                          .probe = probe,
+                                          .open = open_csv,
+                                          .read_elements = read_elements,
+                                          .close = close_csv };

@@ -7,15 +7,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "base/parallel_for.h"
+#include "import/nearest.h"
 #include "volume/curvilinear.h"
 #include "volume/volume.h"
 
 enum {
-    NEIGHBOURS = 18,
     SHAPED = 6,      /* neighbours that tell the shape of the space around a point */
-    LEAF = 12,       /* points of a range that is not divided */
-    SUBTREES = 64,   /* that threads build on their own */
     GRAIN = 1 << 12, /* points */
 };
 
@@ -25,202 +22,74 @@ static const double lattice_variance = 10.0 / 19;
 
 static const double thinnest = 0.1; /* of a kernel, in mean widths */
 
-struct tree {
-    float (*positions)[3];
-    float *values;
-    uint8_t *axes; /* axes[m] divides the range whose middle is m; owned */
-    size_t count;  /* of finite points, which come first */
-    double least;  /* spacing of points that coincide */
+/* Of the work after reading, what the tree takes; its neighbours take the rest. */
+static const double tree_share = 0.3;
+
+struct sizes {
+    struct import_nearest_tree tree; /* of finite points, one per place */
     const struct sp_elements *points;
+    double least;       /* spacing of points that have no neighbours */
+    atomic_bool shares; /* some have a neighbour at their place */
+    bool is_separate;   /* these have left the tree */
+    /* Points behind those of the tree that are at the place of one of them. */
+    size_t twin_count;
+    uint32_t *places; /* [twin_count] the point of the tree; owned */
+    uint32_t *copies; /* [tree.count] points at its place besides; owned */
+    struct sp_pool *pool;
     const struct import_progress *progress;
-    uint64_t filled; /* bytes that the reader has filled */
-    atomic_size_t done;
-    struct range {
-        size_t begin, end;
-        float low[3], high[3];
-    } subtrees[SUBTREES];
+    uint64_t begin, end; /* bytes to report at the begin and the end of the search */
+    atomic_size_t done;  /* points */
 };
 
-static void swap_points(struct tree *t, size_t a, size_t b) {
-    float position[3], value = t->values[a];
-    memcpy(position, t->positions[a], sizeof position);
-    memcpy(t->positions[a], t->positions[b], sizeof position);
-    memcpy(t->positions[b], position, sizeof position);
-    t->values[a] = t->values[b];
-    t->values[b] = value;
+static void swap_points(const struct sp_elements *e, size_t a, size_t b) {
+    float position[3], value = e->values[a];
+    memcpy(position, e->positions[a], sizeof position);
+    memcpy(e->positions[a], e->positions[b], sizeof position);
+    memcpy(e->positions[b], position, sizeof position);
+    e->values[a] = e->values[b];
+    e->values[b] = value;
 }
 
 static bool is_finite(const float p[3]) {
     return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]);
 }
 
-/* Moves points that are not finite behind the others and finds the box of all others. */
-static void sort_out(struct tree *t, struct range *all) {
-    *all = (struct range){ .begin = 0 };
+/* Moves points that are not finite behind the others. Returns the diagonal of the box of all
+ * others. */
+static double sort_out(struct sizes *s) {
+    const struct sp_elements *e = s->points;
+    double diagonal = 0;
+    float low[3], high[3];
+    size_t count = e->shape.count;
     for (int a = 0; a < 3; a++) {
-        all->low[a] = INFINITY;
-        all->high[a] = -INFINITY;
+        low[a] = INFINITY;
+        high[a] = -INFINITY;
     }
-    for (size_t i = 0; i < t->count;) {
-        if (!is_finite(t->positions[i])) {
-            swap_points(t, i, --t->count);
+    for (size_t i = 0; i < count;) {
+        if (!is_finite(e->positions[i])) {
+            swap_points(e, i, --count);
             continue;
         }
         for (int a = 0; a < 3; a++) {
-            all->low[a] = fminf(all->low[a], t->positions[i][a]);
-            all->high[a] = fmaxf(all->high[a], t->positions[i][a]);
+            low[a] = fminf(low[a], e->positions[i][a]);
+            high[a] = fmaxf(high[a], e->positions[i][a]);
         }
         i++;
     }
-    all->end = t->count;
-}
-
-/* Orders the range so that its middle is not less than those before and not greater than those
- * behind: quickselect (Hoare). The pivots look random, so that no file can make it slow. */
-static void divide(struct tree *t, size_t begin, size_t end, int axis) {
-    const int64_t middle = (int64_t)(begin + (end - begin) / 2);
-    int64_t low = (int64_t)begin, high = (int64_t)end - 1;
-    uint64_t seed = begin * UINT64_C(0x9e3779b97f4a7c15) + end;
-    while (low < high) {
-        seed = seed * UINT64_C(6364136223846793005) + UINT64_C(1442695040888963407);
-        const float pivot =
-            t->positions[low + (int64_t)((seed >> 33) % (uint64_t)(high - low + 1))][axis];
-        int64_t i = low, j = high;
-        while (i <= j) {
-            while (t->positions[i][axis] < pivot)
-                i++;
-            while (t->positions[j][axis] > pivot)
-                j--;
-            if (i <= j)
-                swap_points(t, (size_t)i++, (size_t)j--);
-        }
-        if (middle <= j)
-            high = j;
-        else if (middle >= i)
-            low = i;
-        else
-            return; /* between both parts: equal to the pivot */
-    }
-}
-
-/* Divides a range of more than LEAF points across the longest side of its box. */
-static void split(struct tree *t, const struct range *all, struct range parts[2]) {
-    const size_t middle = all->begin + (all->end - all->begin) / 2;
-    int axis = 0;
-    for (int a = 1; a < 3; a++)
-        if (all->high[a] - all->low[a] > all->high[axis] - all->low[axis])
-            axis = a;
-    divide(t, all->begin, all->end, axis);
-    t->axes[middle] = (uint8_t)axis;
-    parts[0] = parts[1] = *all;
-    parts[0].end = middle;
-    parts[1].begin = middle + 1;
-    parts[0].high[axis] = parts[1].low[axis] = t->positions[middle][axis];
-}
-
-static void build(struct tree *t, const struct range *all) {
-    struct range parts[2];
-    if (all->end - all->begin <= LEAF)
-        return;
-    split(t, all, parts);
-    build(t, &parts[0]);
-    build(t, &parts[1]);
-}
-
-static void build_subtrees(void *user, size_t begin, size_t end, unsigned worker) {
-    struct tree *t = user;
-    (void)worker;
-    for (size_t i = begin; i < end; i++)
-        build(t, &t->subtrees[i]);
-}
-
-/* One thread divides the first levels. */
-static void build_all(struct tree *t, struct sp_pool *pool) {
-    struct range parts[2];
-    size_t n = 1;
-    while (n < SUBTREES) {
-        for (size_t i = n; i-- > 0;) {
-            if (t->subtrees[i].end - t->subtrees[i].begin > LEAF)
-                split(t, &t->subtrees[i], parts);
-            else {
-                parts[0] = parts[1] = t->subtrees[i];
-                parts[1].begin = parts[1].end;
-            }
-            t->subtrees[2 * i + 1] = parts[1];
-            t->subtrees[2 * i] = parts[0];
-        }
-        n *= 2;
-    }
-    sp_parallel_for(pool, SUBTREES, 1, build_subtrees, t);
-}
-
-struct search { /* for the neighbours of one point */
-    const float (*positions)[3];
-    const uint8_t *axes;
-    const float *point;
-    float offset[3]; /* from the point to the range that is visited, along each axis */
-    unsigned found;
-    float distances[NEIGHBOURS]; /* squared; they rise */
-    const float *neighbours[NEIGHBOURS];
-};
-
-static void consider(struct search *s, const float *other) {
-    float square = 0;
-    for (int a = 0; a < 3; a++)
-        square += (other[a] - s->point[a]) * (other[a] - s->point[a]);
-    unsigned i = s->found;
-    if (i == NEIGHBOURS) {
-        if (!(square < s->distances[NEIGHBOURS - 1]))
-            return;
-        i--;
-    } else {
-        s->found++;
-    }
-    for (; i > 0 && s->distances[i - 1] > square; i--) {
-        s->distances[i] = s->distances[i - 1];
-        s->neighbours[i] = s->neighbours[i - 1];
-    }
-    s->distances[i] = square;
-    s->neighbours[i] = other;
-}
-
-/* Visits the points of a range at the given squared distance, the nearer half first. */
-static void visit(struct search *s, size_t begin, size_t end, float square) {
-    if (end - begin <= LEAF) {
-        for (size_t i = begin; i < end; i++)
-            if (s->positions[i] != s->point)
-                consider(s, s->positions[i]);
-        return;
-    }
-    const size_t middle = begin + (end - begin) / 2;
-    const int axis = s->axes[middle];
-    const float beyond = s->positions[middle][axis] - s->point[axis], before = s->offset[axis];
-    const bool low_first = beyond > 0;
-    if (low_first)
-        visit(s, begin, middle, square);
-    else
-        visit(s, middle + 1, end, square);
-    square += beyond * beyond - before * before;
-    if (s->found == NEIGHBOURS && square >= s->distances[NEIGHBOURS - 1])
-        return;
-    if (s->positions[middle] != s->point)
-        consider(s, s->positions[middle]);
-    s->offset[axis] = beyond;
-    if (low_first)
-        visit(s, middle + 1, end, square);
-    else
-        visit(s, begin, middle, square);
-    s->offset[axis] = before;
+    s->tree.count = count;
+    for (int a = 0; a < 3 && count; a++)
+        diagonal = hypot(diagonal, (double)high[a] - (double)low[a]);
+    return diagonal;
 }
 
 /* The covariance of the point and its neighbours around their centre; returns the mean variance. */
-static double covariance(const struct search *s, double c[3][3]) {
-    double sum[3] = { 0 }, n = s->found + 1.0;
+static double covariance(const float point[3], const struct import_nearest *near, double c[3][3]) {
+    double sum[3] = { 0 }, n = near->found + 1.0;
     memset(c, 0, 9 * sizeof c[0][0]);
-    for (unsigned k = 0; k < s->found; k++) {
+    for (unsigned k = 0; k < near->found; k++) {
         double d[3];
         for (int a = 0; a < 3; a++) {
-            d[a] = (double)s->neighbours[k][a] - (double)s->point[a];
+            d[a] = (double)near->neighbours[k][a] - (double)point[a];
             sum[a] += d[a];
         }
         for (int i = 0; i < 3; i++)
@@ -246,67 +115,168 @@ static void factor(const double c[3][3], double least, float out[6]) {
         }
 }
 
-static void set_size(const struct tree *t, size_t i, const struct search *s) {
-    const struct sp_elements *points = t->points;
-    double c[3][3], mean = covariance(s, c) / lattice_variance;
-    double nearest = s->found ? fmin((double)s->distances[0], mean) : mean;
+static void set_size(void *user, size_t i, const struct import_nearest *near) {
+    struct sizes *s = user;
+    const struct sp_elements *points = s->points;
+    double c[3][3], mean = covariance(points->positions[i], near, c) / lattice_variance;
+    double nearest = fmin((double)near->square, mean);
     double spacing = sqrt(mean + 0.1 * (mean - nearest));
-    if (!(spacing > t->least) || !isfinite(spacing))
-        spacing = t->least;
-    for (int row = 0; row < 3 && s->found < SHAPED; row++)
+    if (!(spacing > s->least) || !isfinite(spacing))
+        spacing = s->least;
+    for (int row = 0; row < 3 && near->found < SHAPED; row++)
         for (int column = 0; column <= row; column++)
             c[row][column] = row == column ? mean * lattice_variance : 0;
     for (int row = 0; row < 3; row++)
         for (int column = 0; column <= row; column++)
             c[row][column] *= SP_CURVILINEAR_SIGMA * SP_CURVILINEAR_SIGMA / lattice_variance;
     const double width = SP_CURVILINEAR_SIGMA * spacing;
-    factor((const double(*)[3])c, s->found ? thinnest * width : width, points->factors[i]);
+    factor((const double(*)[3])c, near->found ? thinnest * width : width, points->factors[i]);
     const double volume = spacing * spacing * spacing;
     points->volumes[i] = (float)fmin(fmax(volume, (double)FLT_MIN), (double)FLT_MAX);
+    if (near->square == 0 && !s->is_separate) {
+        points->volumes[i] = 0; /* separate_twins() looks for it */
+        atomic_store_explicit(&s->shares, true, memory_order_relaxed);
+    }
 }
 
-static void set_sizes(void *user, size_t begin, size_t end, unsigned worker) {
-    struct tree *t = user;
-    for (size_t i = begin; i < end; i++) {
-        struct search s = { .positions = (const float(*)[3])t->positions,
-                            .axes = t->axes,
-                            .point = t->positions[i] };
-        if (i < t->count)
-            visit(&s, 0, t->count, 0);
-        set_size(t, i, &s);
-    }
-    size_t done = atomic_fetch_add_explicit(&t->done, end - begin, memory_order_relaxed);
+static void report(void *user, size_t points, unsigned worker) {
+    struct sizes *s = user;
+    const size_t done = points + atomic_fetch_add_explicit(&s->done, points, memory_order_relaxed);
     if (worker == 0) /* the thread that may report */
-        import_report(t->progress, t->filled + done * 7 * sizeof(float));
+        import_report(s->progress, s->begin + (uint64_t)((double)(s->end - s->begin) *
+                                                         (double)done / (double)s->tree.count));
+}
+
+/* Finds the sizes of the points of the tree. Reports until `end`. */
+static bool find_sizes(struct sizes *s, uint64_t end) {
+    const struct import_nearest_visitor visitor = { set_size, report, s };
+    s->begin = s->end + (uint64_t)(tree_share * (double)(end - s->end));
+    s->end = end;
+    s->done = 0;
+    if (!import_nearest_build(&s->tree, s->pool))
+        return false;
+    import_report(s->progress, s->begin);
+    import_nearest_each(&s->tree, s->pool, &visitor);
+    return true;
+}
+
+/* A point and its value, as separate_twins() sorts them. */
+struct placed {
+    float position[3], value;
+};
+
+static int compare_places(const void *a, const void *b) {
+    const struct placed *p = a, *q = b;
+    for (int k = 0; k < 4; k++) {
+        const float x = k < 3 ? p->position[k] : p->value, y = k < 3 ? q->position[k] : q->value;
+        if (x < y || x > y)
+            return x < y ? -1 : 1;
+    }
+    return 0;
+}
+
+/* Zeros of both signs are the same. */
+static bool is_same(const float a[3], const float b[3]) {
+    return a[0] == b[0] && a[1] == b[1] && a[2] == b[2];
+}
+
+/* Moves the points that share their place behind the others, but for one of each place. */
+static void separate_twins(struct sizes *s) {
+    const struct sp_elements *e = s->points;
+    size_t alone = s->tree.count, kept;
+    for (size_t i = 0; i < alone;)
+        if (e->volumes[i] > 0)
+            i++;
+        else {
+            alone--;
+            e->volumes[i] = e->volumes[alone];
+            swap_points(e, i, alone);
+        }
+    const size_t count = s->tree.count - alone;
+    struct placed *sorted = (void *)e->factors[alone]; /* which are found again */
+    for (size_t i = 0; i < count; i++) {
+        memcpy(sorted[i].position, e->positions[alone + i], sizeof sorted[i].position);
+        sorted[i].value = e->values[alone + i];
+    }
+    qsort(sorted, count, sizeof *sorted, compare_places);
+    kept = alone;
+    for (size_t i = 0, last = alone + count; i < count; i++) {
+        const bool is_first = i == 0 || !is_same(sorted[i].position, sorted[i - 1].position);
+        const size_t to = is_first ? kept++ : --last;
+        memcpy(e->positions[to], sorted[i].position, sizeof sorted[i].position);
+        e->values[to] = sorted[i].value;
+    }
+    s->twin_count = s->tree.count - kept;
+    s->tree.count = kept;
+    s->is_separate = true;
+}
+
+static void find_places(void *user, size_t begin, size_t end, unsigned worker) {
+    struct sizes *s = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++)
+        s->places[i] =
+            (uint32_t)import_nearest_at(&s->tree, s->points->positions[s->tree.count + i]);
+}
+
+/* Points at one place share the space around it. */
+static void share(struct sizes *s) {
+    const struct sp_elements *e = s->points;
+    sp_parallel_for(s->pool, s->twin_count, GRAIN, find_places, s);
+    for (size_t i = 0; i < s->twin_count; i++)
+        s->copies[s->places[i]]++;
+    for (size_t i = 0; i < s->tree.count; i++)
+        if (s->copies[i])
+            e->volumes[i] = fmaxf(e->volumes[i] / (float)(s->copies[i] + 1), FLT_MIN);
+    for (size_t i = 0; i < s->twin_count; i++) {
+        const size_t twin = s->tree.count + i;
+        e->volumes[twin] = e->volumes[s->places[i]];
+        memcpy(e->factors[twin], e->factors[s->places[i]], sizeof e->factors[twin]);
+    }
+}
+
+/* Sizes of the finite points, and of the others. */
+static bool find_all(struct sizes *s) {
+    const struct sp_elements *e = s->points;
+    const uint64_t count = e->shape.count, all = 11 * sizeof(float) * count;
+    const struct import_nearest none = { .square = INFINITY };
+    bool ok = find_sizes(s, all);
+    if (ok && s->shares) {
+        s->end = 4 * sizeof(float) * count;
+        import_nearest_finish(&s->tree);
+        separate_twins(s);
+        ok = find_sizes(s, all);
+        s->places = malloc((s->twin_count + 1) * sizeof *s->places);
+        s->copies = calloc(s->tree.count + 1, sizeof *s->copies);
+        ok = ok && s->places && s->copies;
+        if (ok)
+            share(s);
+        free(s->places);
+        free(s->copies);
+    }
+    for (size_t i = s->tree.count + s->twin_count; i < count; i++)
+        set_size(s, i, &none);
+    return ok;
 }
 
 bool import_neighbours_finish(const struct sp_elements *points,
                               const struct import_progress *progress, struct sp_error *err) {
-    struct tree *t = calloc(1, sizeof *t);
-    uint8_t *axes = malloc((size_t)points->shape.count + 1);
-    struct sp_pool *pool = t && axes ? sp_pool_create(sp_volume_threads(), err) : NULL;
-    if (pool) {
-        *t = (struct tree){ .positions = points->positions,
-                            .values = points->values,
-                            .axes = axes,
-                            .count = points->shape.count,
-                            .points = points,
-                            .progress = progress,
-                            .filled = 4 * sizeof(float) * (uint64_t)points->shape.count };
-        sort_out(t, &t->subtrees[0]);
-        double diagonal = 0;
-        for (int a = 0; a < 3 && t->count; a++)
-            diagonal =
-                hypot(diagonal, (double)t->subtrees[0].high[a] - (double)t->subtrees[0].low[a]);
-        t->least = diagonal > 0 ? 1e-6 * diagonal : 1;
-        build_all(t, pool);
-        sp_parallel_for(pool, points->shape.count, GRAIN, set_sizes, t);
-    } else if (!t || !axes) {
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the neighbours of points");
+    struct sizes s = { .points = points,
+                       .progress = progress,
+                       .end = 4 * sizeof(float) * (uint64_t)points->shape.count };
+    s.pool = sp_pool_create(sp_volume_threads(), err);
+    bool ok = s.pool != NULL;
+    if (ok) {
+        const double diagonal = sort_out(&s);
+        s.tree = (struct import_nearest_tree){ .positions = points->positions,
+                                               .values = points->values,
+                                               .count = s.tree.count };
+        s.least = diagonal > 0 ? 1e-6 * diagonal : 1;
+        ok = find_all(&s);
     }
-    bool ok = pool != NULL;
-    sp_pool_destroy(&pool);
-    free(axes);
-    free(t);
+    if (s.pool && !ok)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the neighbours of points");
+    sp_pool_destroy(&s.pool);
+    import_nearest_finish(&s.tree);
     return ok;
 }

@@ -9,20 +9,20 @@
  *
  * 18 neighbours are the two nearest shells of a cubic lattice, without a choice among equal ones.
  * The term with n² is 0 there. It makes the volumes of points at random add up to the space that
- * they fill: without it they give 9 % less. The points lie in the memory of the elements as a k-d
- * tree without pointers: the middle point of each range divides the others.
+ * they fill: without it they give 9 % less. Points at one place share its space: neighbours are
+ * those of other places, and k points there have a k-th of the volume each. nearest.h searches.
  */
 #ifndef SP_IMPORT_NEIGHBOURS_H
 #define SP_IMPORT_NEIGHBOURS_H
 
 #include "import/format.h"
 
-/* Finds factors and volumes; changes the order of the points. Needs one byte per point. Defined for
- * all input:
+/* Finds factors and volumes; changes the order of the points. Needs three bytes per point, and up
+ * to 16 more where many share their place. Defined for all input:
  *   - fewer than 19 points: of those that there are; fewer than 7: spheres of their mean width;
  *   - points on a plane or line: the thickness of a kernel is at least a tenth of its mean width;
- *   - points whose neighbours all coincide with them: a millionth of the diagonal of all points is
- *     the spacing, or 1 if that is 0;
+ *   - all points at one place: the spacing is 1; otherwise it is at least a millionth of the
+ * diagonal of all points;
  *   - points that are not finite: the same, and no point's neighbours.
  * Volumes are in the range of normal floats. SP_ERR_MEMORY. */
 bool import_neighbours_finish(const struct sp_elements *points,

@@ -19,7 +19,7 @@ static bool is_space(int c) {
     return c == ' ' || (c >= '\t' && c <= '\r');
 }
 
-int import_text_peek(struct import_text *t, struct sp_error *err) {
+int import_text_fill(struct import_text *t, struct sp_error *err) {
     if (t->at >= t->end)
         return -1;
     if (t->at < t->window_at || t->at - t->window_at >= t->window_size) {

@@ -20,9 +20,16 @@ struct import_text {
 void import_text_init(struct import_text *text, const struct import_file *file, uint64_t begin,
                       uint64_t end);
 
+/* import_text_peek() of a byte outside of the window. */
+int import_text_fill(struct import_text *text, struct sp_error *err);
+
 /* Returns the next byte without consuming it, in [0, 255]; -1 at the end of the range; -2 with *err
  * set if the file cannot be read. */
-int import_text_peek(struct import_text *text, struct sp_error *err);
+static inline int import_text_peek(struct import_text *text, struct sp_error *err) {
+    const uint64_t at = text->at - text->window_at; /* large before the window */
+    return text->at < text->end && at < text->window_size ? text->window[at]
+                                                          : import_text_fill(text, err);
+}
 
 /* Reads the next word between white space, "" at the end; *byte is its offset. False with *err set
  * if it is longer than IMPORT_WORD_MAX or cannot be read. */

@@ -164,7 +164,8 @@ static void flat_sets_have_a_thickness(void **state) {
                                                                                  : i % 10);
             finish(&e);
             for (uint32_t i = 0; i < 100; i++) {
-                const double edge = cbrt((double)e.volumes[i]);
+                const double share = dimensions ? 1 : 100; /* at one place */
+                const double edge = cbrt(share * (double)e.volumes[i]);
                 assert_compare(edge, >, dimensions ? 0.5 : 0.99);
                 assert_compare(edge, <, dimensions ? 12 : 1.01);
                 for (int k = 0; k < 6; k++)
@@ -188,6 +189,46 @@ static void few_points_have_a_size(void **state) {
             assert_float_equal(e.volumes[0], 1, 0);
             assert_float_equal(e.factors[0][0], 0.7, 1e-6);
         }
+        free_points(&e);
+    }
+}
+
+/* Points at one place have the kernel of that place, and share its volume. */
+static void coincident_points_share_their_space(void **state) {
+    enum { N = 7, SITES = N * N * N };
+    (void)state;
+    for (uint32_t most = 1; most <= 64; most *= 4) {
+        struct sp_elements once = make_lattice(N, 2);
+        struct sp_elements e = make_points(SITES * most);
+        double volumes[SITES] = { 0 }, expected[SITES];
+        uint32_t count = 0, copies[SITES] = { 0 };
+        for (uint32_t i = 0; i < SITES; i++)
+            for (uint32_t k = 0; k <= i * 7 % most; k++, count++) { /* some of them are alone */
+                memcpy(e.positions[count], once.positions[i], sizeof e.positions[count]);
+                for (int a = 0; a < 3; a++) /* zeros have both signs */
+                    e.positions[count][a] *= e.positions[count][a] == 0 && k % 3 ? -1 : 1;
+                e.values[count] = (float)(once.values[i] + 0.5f * (float)(k % 2));
+                copies[i]++;
+            }
+        e.shape.count = count;
+        finish(&once);
+        finish(&e);
+        for (uint32_t i = 0; i < SITES; i++)
+            expected[(uint32_t)once.values[i]] = (double)once.volumes[i];
+        for (uint32_t i = 0; i < count; i++) {
+            const uint32_t site = (uint32_t)e.values[i];
+            volumes[site] += (double)e.volumes[i];
+            assert_float_equal((double)e.volumes[i] * copies[site], expected[site],
+                               0.2 * expected[site]); /* neighbours at equal distances differ */
+        }
+        double sum = 0, all = 0;
+        for (uint32_t i = 0; i < SITES; i++) {
+            sum += volumes[i];
+            all += expected[i];
+        }
+        assert_float_equal(sum / all, 1, 0.01);
+        free_points(&once);
+        e.shape.count = SITES * most;
         free_points(&e);
     }
 }
@@ -225,6 +266,7 @@ int main(void) {
         cmocka_unit_test(volumes_of_random_points_fill_their_box),
         cmocka_unit_test(flat_sets_have_a_thickness),
         cmocka_unit_test(few_points_have_a_size),
+        cmocka_unit_test(coincident_points_share_their_space),
         cmocka_unit_test(coincident_and_infinite_points_have_a_size),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
