@@ -162,7 +162,8 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     }
     struct sp_cloud_choice choice = { .count = cloud->elements->shape.count };
     const struct sp_cloud_tree *tree;
-    if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, &in->interrupt, &tree, err))
+    if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
+                            err))
         return false;
     if (tree) {
         source->mip_level = in->mip_level;

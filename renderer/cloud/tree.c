@@ -3,114 +3,10 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "volume/volume.h"
 
-enum {
-    LEAF_POINTS = 8,
-    LEVELS = 20 /* points that are closer than the box / 2^LEVELS stay together */
-};
-
-struct build {
-    const struct sp_elements *points;
-    struct sp_cloud_tree *tree;
-    const struct sp_interrupt *interrupt;
-    uint32_t *moved;   /* [points] */
-    uint32_t capacity; /* of cells */
-};
-
-/* True if the point can be drawn. */
-static bool is_drawn(const struct sp_elements *e, uint32_t i) {
-    const float *p = e->positions[i];
-    return isfinite(p[0]) && isfinite(p[1]) && isfinite(p[2]) && isfinite(e->values[i]) &&
-           e->volumes[i] > 0 && isfinite(e->volumes[i]);
-}
-
-/* Appends cells; returns the first one's number. UINT32_MAX: out of memory. */
-static uint32_t add_cells(struct build *b, uint32_t count) {
-    uint32_t *used = &b->tree->merged.shape.count, first = *used;
-    if (first + count > b->capacity) {
-        uint32_t capacity = 2 * b->capacity + 64;
-        void *cells = realloc(b->tree->cells, capacity * sizeof *b->tree->cells);
-        if (!cells)
-            return UINT32_MAX;
-        b->tree->cells = cells;
-        b->capacity = capacity;
-    }
-    *used += count;
-    return first;
-}
-
-/* Sorts the points [first, first + count) of the order by octant around the centre; starts[9]. */
-static void sort_octants(struct build *b, uint32_t first, uint32_t count, const float centre[3],
-                         uint32_t starts[9]) {
-    uint32_t *order = b->tree->order + first, next[8] = { 0 };
-    const float(*p)[3] = (const float(*)[3])b->points->positions;
-#define OCTANT(i)                                                                                  \
-    ((p[i][0] >= centre[0]) | (p[i][1] >= centre[1]) << 1 | (p[i][2] >= centre[2]) << 2)
-    for (uint32_t i = 0; i < count; i++)
-        next[OCTANT(order[i])]++;
-    starts[0] = 0;
-    for (int o = 0; o < 8; o++) {
-        starts[o + 1] = starts[o] + next[o];
-        next[o] = starts[o];
-    }
-    for (uint32_t i = 0; i < count; i++)
-        b->moved[next[OCTANT(order[i])]++] = order[i];
-#undef OCTANT
-    memcpy(order, b->moved, count * sizeof *order);
-}
-
-/* Divides a cell of points around `centre`. Recurses at most LEVELS deep. False: out of memory. */
-static bool divide(struct build *b, uint32_t cell, const float centre[3], const float half[3],
-                   int level) {
-    const struct sp_cloud_cell own = b->tree->cells[cell];
-    uint32_t starts[9], used = 0;
-    if (own.count <= LEAF_POINTS || level == LEVELS || sp_interrupt_is_cancelled(b->interrupt))
-        return true;
-    sort_octants(b, own.first, own.count, centre, starts);
-    for (int o = 0; o < 8; o++)
-        used += starts[o + 1] > starts[o];
-    uint32_t inside = add_cells(b, used);
-    if (inside == UINT32_MAX)
-        return false;
-    b->tree->cells[cell] = (struct sp_cloud_cell){ inside, used, own.side, false };
-    const float next[3] = { 0.5f * half[0], 0.5f * half[1], 0.5f * half[2] };
-    for (uint32_t o = 0, to = inside; o < 8; o++) {
-        if (starts[o + 1] == starts[o])
-            continue;
-        b->tree->cells[to] =
-            (struct sp_cloud_cell){ own.first + starts[o], starts[o + 1] - starts[o],
-                                    0.5f * own.side, true };
-        float at[3];
-        for (unsigned a = 0; a < 3; a++)
-            at[a] = centre[a] + (o >> a & 1 ? next[a] : -next[a]);
-        if (!divide(b, to++, at, next, level + 1))
-            return false;
-    }
-    return true;
-}
-
-static bool make_cells(struct build *b, const struct sp_grid *grid) {
-    const uint32_t n = b->points->shape.count;
-    uint32_t count = 0;
-    float centre[3], half[3];
-    b->tree->order = malloc((n + (size_t)1) * sizeof *b->tree->order);
-    b->moved = malloc((n + (size_t)1) * sizeof *b->moved);
-    if (!b->tree->order || !b->moved || add_cells(b, 1) != 0)
-        return false;
-    for (uint32_t i = 0; i < n; i++)
-        if (is_drawn(b->points, i))
-            b->tree->order[count++] = i;
-    for (int a = 0; a < 3; a++) {
-        centre[a] = (float)grid->origin[a];
-        half[a] = 0.5f * (float)grid->spacing[a];
-    }
-    b->tree->cells[0] =
-        (struct sp_cloud_cell){ 0, count, 2 * fmaxf(half[0], fmaxf(half[1], half[2])), true };
-    return divide(b, 0, centre, half, 0);
-}
+enum { AHEAD = 32 }; /* points that are read in advance: they may lie apart in memory */
 
 /* Sums over the children of a cell. */
 struct sums {
@@ -131,13 +27,15 @@ static void add_child(const struct sp_elements *e, uint32_t i, const float from[
         p[a] = (double)e->positions[i][a] - (double)from[a];
         sums->place[a] += weight * p[a];
     }
-    for (int k = 0; k < 6; k++) {
-        int r = row_of[k], c = column_of[k];
-        double product = p[r] * p[c];
-        for (int m = 0; m <= c; m++)
-            product += (double)l[r * (r + 1) / 2 + m] * (double)l[c * (c + 1) / 2 + m];
-        sums->square[k] += weight * product;
-    }
+    const double l0 = (double)l[0], l1 = (double)l[1], l2 = (double)l[2], l3 = (double)l[3],
+                 l4 = (double)l[4], l5 = (double)l[5];
+    const double square[6] = {
+        l0 * l0 + p[0] * p[0],           l1 * l0 + p[1] * p[0],
+        l1 * l1 + l2 * l2 + p[1] * p[1], l3 * l0 + p[2] * p[0],
+        l3 * l1 + l4 * l2 + p[2] * p[1], l3 * l3 + l4 * l4 + l5 * l5 + p[2] * p[2]
+    };
+    for (int k = 0; k < 6; k++)
+        sums->square[k] += weight * square[k];
 }
 
 /* The triangular factor of a symmetric matrix that is not negative. */
@@ -183,36 +81,82 @@ static void merge(const struct sp_cloud_tree *tree, const struct sp_elements *po
     to->volumes[cell] = (float)sums.volume;
 }
 
+struct merging {
+    const struct sp_cloud_tree *tree;
+    const struct sp_elements *points;
+    const struct sp_cloud_cells *cells;
+    const struct sp_interrupt *interrupt;
+};
+
+/* The points of the leaf that come AHEAD earlier in the order: cells are merged from the last one
+ * on. */
+static void prefetch(const struct merging *m, const struct sp_cloud_cell *leaf) {
+    const struct sp_elements *e = m->points;
+    const uint32_t begin = leaf->first > AHEAD ? leaf->first - AHEAD : 0;
+    for (uint32_t k = begin; k < begin + leaf->count; k++) {
+        const uint32_t i = m->tree->order[k];
+        __builtin_prefetch(e->positions[i]);
+        __builtin_prefetch(e->factors[i]);
+        __builtin_prefetch(&e->values[i]);
+        __builtin_prefetch(&e->volumes[i]);
+    }
+}
+
 /* Cells come after those that they are inside of. */
-static bool merge_cells(const struct build *b) {
-    struct sp_elements *m = &b->tree->merged;
-    const size_t n = m->shape.count;
-    m->shape.kind = SP_KIND_POINTS;
-    m->positions = calloc(n, sizeof *m->positions);
-    m->factors = calloc(n, sizeof *m->factors);
-    m->values = calloc(n, sizeof *m->values);
-    m->volumes = calloc(n, sizeof *m->volumes);
-    if (!m->positions || !m->factors || !m->values || !m->volumes)
+static void merge_parts(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct merging *m = user;
+    (void)worker;
+    for (size_t p = begin; p < end; p++) {
+        const struct sp_cloud_part *part = &m->cells->parts[p];
+        if (sp_interrupt_is_cancelled(m->interrupt))
+            return;
+        for (uint32_t i = part->first + part->count; i-- > part->first;) {
+            if (m->tree->cells[i].is_leaf)
+                prefetch(m, &m->tree->cells[i]);
+            merge(m->tree, m->points, i);
+        }
+    }
+}
+
+static bool merge_cells(const struct merging *m, struct sp_pool *pool, struct sp_cloud_tree *tree) {
+    struct sp_elements *to = &tree->merged;
+    const size_t n = to->shape.count;
+    to->shape.kind = SP_KIND_POINTS;
+    to->positions = malloc(n * sizeof *to->positions);
+    to->factors = malloc(n * sizeof *to->factors);
+    to->values = malloc(n * sizeof *to->values);
+    to->volumes = malloc(n * sizeof *to->volumes);
+    if (!to->positions || !to->factors || !to->values || !to->volumes)
         return false;
-    for (size_t i = n; i-- > 0 && !sp_interrupt_is_cancelled(b->interrupt);)
-        merge(b->tree, b->points, (uint32_t)i);
-    b->tree->bytes = n * (sizeof *b->tree->cells + sizeof *m->positions + sizeof *m->factors +
-                          2 * sizeof(float)) +
-                     b->points->shape.count * sizeof *b->tree->order;
+    sp_parallel_for(pool, m->cells->part_count, 1, merge_parts, (void *)m);
+    for (uint32_t i = m->cells->top_count; i-- > 0;)
+        merge(tree, m->points, i);
+    tree->bytes = n * (sizeof *tree->cells + sizeof *to->positions + sizeof *to->factors +
+                       2 * sizeof(float)) +
+                  m->points->shape.count * sizeof *tree->order;
     return true;
 }
 
-bool sp_cloud_tree_build(const struct sp_volume *volume, const struct sp_interrupt *interrupt,
-                         struct sp_cloud_tree *tree, struct sp_error *err) {
-    struct build b = { .points = sp_volume_elements(volume), .tree = tree, .interrupt = interrupt };
+bool sp_cloud_tree_build(const struct sp_volume *volume, struct sp_pool *pool,
+                         const struct sp_interrupt *interrupt, struct sp_cloud_tree *tree,
+                         struct sp_error *err) {
+    struct sp_cloud_cells cells;
+    struct merging m = {
+        .tree = tree, .points = sp_volume_elements(volume), .cells = &cells, .interrupt = interrupt
+    };
     *tree = (struct sp_cloud_tree){ 0 };
-    bool ok = make_cells(&b, &sp_volume_info(volume)->grid) && merge_cells(&b);
-    free(b.moved);
-    if (ok && !sp_interrupt_is_cancelled(interrupt))
-        return true;
-    sp_cloud_tree_finish(tree);
-    return ok ? sp_fail(err, SP_ERR_CANCELLED, "", "cancelled")
-              : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the levels of points");
+    bool ok = sp_cloud_cells_make(volume, pool, interrupt, &cells, err);
+    tree->cells = cells.cells;
+    tree->order = cells.order;
+    tree->merged.shape.count = cells.count;
+    if (ok && !sp_interrupt_is_cancelled(interrupt) && !merge_cells(&m, pool, tree))
+        ok = sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the levels of points");
+    if (ok && sp_interrupt_is_cancelled(interrupt))
+        ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    free(cells.parts);
+    if (!ok)
+        sp_cloud_tree_finish(tree);
+    return ok;
 }
 
 void sp_cloud_tree_finish(struct sp_cloud_tree *tree) {
@@ -245,14 +189,15 @@ uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volu
     return bytes;
 }
 
-/* About what a tree takes while it is made: two orders, and a cell of 60 bytes per three points. */
+/* About what a tree takes while it is made: an order, places of 16 bytes, and a cell of 60 bytes
+ * per three points. */
 static uint64_t expected_bytes(uint32_t points) {
-    return (uint64_t)points * (8 + 60 / 3);
+    return (uint64_t)points * (4 + 16 + 60 / 3);
 }
 
 bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, uint64_t bytes_max,
-                        const struct sp_interrupt *interrupt, const struct sp_cloud_tree **tree,
-                        struct sp_error *err) {
+                        struct sp_pool *pool, const struct sp_interrupt *interrupt,
+                        const struct sp_cloud_tree **tree, struct sp_error *err) {
     const struct sp_elements_shape *shape = &sp_volume_elements(volume)->shape;
     struct sp_cloud_slot *slot = &cache->slots[0];
     *tree = NULL;
@@ -269,7 +214,7 @@ bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, 
             slot = &cache->slots[i];
     }
     empty_slot(slot);
-    if (!sp_cloud_tree_build(volume, interrupt, &slot->tree, err))
+    if (!sp_cloud_tree_build(volume, pool, interrupt, &slot->tree, err))
         return false;
     slot->volume = sp_volume_ref(volume);
     slot->used = ++cache->clock;

@@ -12,16 +12,8 @@
 #ifndef SP_CLOUD_TREE_H
 #define SP_CLOUD_TREE_H
 
-#include "base/interrupt.h"
+#include "cloud/tree_cells.h"
 #include "sp/view.h"
-#include "sp/volume.h"
-
-/* A cell with points. Cells that are no leaves have cells inside, side by side. */
-struct sp_cloud_cell {
-    uint32_t first, count; /* cells inside; of a leaf: into the order of points */
-    float side;            /* world units */
-    bool is_leaf;
-};
 
 struct sp_cloud_tree {
     struct sp_cloud_cell *cells; /* [merged.shape.count], owned; the first one has all points */
@@ -33,10 +25,11 @@ struct sp_cloud_tree {
 /* Volumes with fewer points have no tree. */
 #define SP_CLOUD_TREE_MIN 100000u
 
-/* Builds the tree of a volume of points. SP_ERR_MEMORY, SP_ERR_CANCELLED; the tree is then empty.
- */
-bool sp_cloud_tree_build(const struct sp_volume *volume, const struct sp_interrupt *interrupt,
-                         struct sp_cloud_tree *tree, struct sp_error *err);
+/* Builds the tree of a volume of points, the same for any number of threads. SP_ERR_MEMORY,
+ * SP_ERR_CANCELLED; the tree is then empty. */
+bool sp_cloud_tree_build(const struct sp_volume *volume, struct sp_pool *pool,
+                         const struct sp_interrupt *interrupt, struct sp_cloud_tree *tree,
+                         struct sp_error *err);
 void sp_cloud_tree_finish(struct sp_cloud_tree *tree);
 
 /* The trees that a backend caches; the least recently used is replaced first. */
@@ -51,11 +44,11 @@ struct sp_cloud_cache {
 };
 
 /* Returns the volume's tree, valid until SP_CLOUD_SLOTS other volumes were asked for, or until it
- * is evicted. * *tree is NULL if the volume needs none, or if it would not fit into `bytes_max`.
+ * is evicted. *tree is NULL if the volume needs none, or if it would not fit into `bytes_max`.
  * False with *err set: errors as above. */
 bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, uint64_t bytes_max,
-                        const struct sp_interrupt *interrupt, const struct sp_cloud_tree **tree,
-                        struct sp_error *err);
+                        struct sp_pool *pool, const struct sp_interrupt *interrupt,
+                        const struct sp_cloud_tree **tree, struct sp_error *err);
 /* Drops what is cached of the volume; NULL = of all volumes. */
 void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume);
 uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume);

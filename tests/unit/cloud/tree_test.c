@@ -46,6 +46,12 @@ static struct sp_volume *make_points(void) {
     return volume;
 }
 
+static void build_tree(struct sp_volume *volume, unsigned threads, struct sp_cloud_tree *tree) {
+    struct sp_pool *pool = sp_pool_create(threads, NULL);
+    assert_true(sp_cloud_tree_build(volume, pool, &never, tree, NULL));
+    sp_pool_destroy(&pool);
+}
+
 /* Sums over the points of a cell. */
 static void add_points(const struct sp_cloud_tree *tree, const struct sp_elements *e, uint32_t cell,
                        double sums[5]) {
@@ -71,7 +77,7 @@ static void merged_points_stand_for_all_inside(void **state) {
     const struct sp_elements *e = sp_volume_elements(volume);
     struct sp_cloud_tree tree;
     (void)state;
-    assert_true(sp_cloud_tree_build(volume, &never, &tree, NULL));
+    build_tree(volume, 2, &tree);
     const struct sp_elements *m = &tree.merged;
     for (uint32_t cell = 0; cell < m->shape.count; cell += cell < 100 ? 1 : 97) {
         double sums[5] = { 0 };
@@ -139,7 +145,7 @@ static void a_cut_has_each_point_once(void **state) {
     struct sp_arena arena;
     (void)state;
     sp_arena_init(&arena);
-    assert_true(sp_cloud_tree_build(volume, &never, &tree, NULL));
+    build_tree(volume, 2, &tree);
     assert_int_equal(cut_at(&tree, e, 0, 1, &arena).count, COUNT - 2);
     assert_int_equal(cut_at(&tree, e, 1e6f, 1, &arena).count, 1);
     uint32_t before = COUNT;
@@ -152,6 +158,55 @@ static void a_cut_has_each_point_once(void **state) {
     sp_arena_finish(&arena);
     sp_cloud_tree_finish(&tree);
     sp_volume_unref(&volume);
+}
+
+/* A cluster with more points than one thread divides, far from the rest, and a heap at one place.
+ */
+static void a_crowded_corner_gives_the_same_tree_on_all_threads(void **state) {
+    enum { MANY = 300000 };
+    struct sp_elements e = { .shape = { .kind = SP_KIND_POINTS, .count = MANY } };
+    e.positions = calloc(MANY, sizeof *e.positions);
+    e.factors = calloc(MANY, sizeof *e.factors);
+    e.values = calloc(MANY, sizeof *e.values);
+    e.volumes = malloc(MANY * sizeof *e.volumes);
+    uint32_t seed = 7;
+    (void)state;
+    for (uint32_t i = 0; i < MANY; i++) {
+        for (int a = 0; a < 3 && i % 8; a++) {
+            seed = seed * 1664525u + 1013904223u;
+            e.positions[i][a] = (float)(seed >> 8) / (1 << 24) * (i % 1000 ? 1 : 500);
+        }
+        e.volumes[i] = 1;
+    }
+    struct sp_volume *volume = sp_volume_create_elements(&e, "points", NULL);
+    struct sp_cloud_tree one, three;
+    build_tree(volume, 1, &one);
+    build_tree(volume, 3, &three);
+    const uint32_t count = one.merged.shape.count;
+    assert_int_equal(three.merged.shape.count, count);
+    for (uint32_t cell = 0; cell < count; cell++) {
+        assert_int_equal(three.cells[cell].first, one.cells[cell].first);
+        assert_int_equal(three.cells[cell].count, one.cells[cell].count);
+        assert_int_equal(three.cells[cell].is_leaf, one.cells[cell].is_leaf);
+    }
+    assert_memory_equal(three.order, one.order, MANY * sizeof *one.order);
+    assert_memory_equal(three.merged.factors, one.merged.factors,
+                        count * sizeof *one.merged.factors);
+    assert_float_equal(one.merged.volumes[0], MANY, 0);
+    for (uint32_t cell = 0; cell < count; cell += 101) {
+        double sums[5] = { 0 };
+        add_points(&one, sp_volume_elements(volume), cell, sums);
+        assert_float_equal(one.merged.volumes[cell], sums[0], 0);
+        if (one.cells[cell].is_leaf) /* or a heap at one place */
+            assert_true(one.cells[cell].count <= 8 || one.cells[cell].side < 0.01f);
+    }
+    sp_cloud_tree_finish(&one);
+    sp_cloud_tree_finish(&three);
+    sp_volume_unref(&volume);
+    free(e.positions);
+    free(e.factors);
+    free(e.values);
+    free(e.volumes);
 }
 
 static void points_without_a_place_have_a_tree(void **state) {
@@ -167,7 +222,7 @@ static void points_without_a_place_have_a_tree(void **state) {
     struct sp_arena arena;
     (void)state;
     sp_arena_init(&arena);
-    assert_true(sp_cloud_tree_build(volume, &never, &tree, NULL));
+    build_tree(volume, 2, &tree);
     assert_int_equal(cut_at(&tree, sp_volume_elements(volume), 8, 2, &arena).count, 0);
     sp_arena_finish(&arena);
     sp_cloud_tree_finish(&tree);
@@ -178,6 +233,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(merged_points_stand_for_all_inside),
         cmocka_unit_test(a_cut_has_each_point_once),
+        cmocka_unit_test(a_crowded_corner_gives_the_same_tree_on_all_threads),
         cmocka_unit_test(points_without_a_place_have_a_tree),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);

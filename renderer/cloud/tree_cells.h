@@ -1,0 +1,46 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The cells of a tree, on all threads: one pass sorts the points by the first four levels, and each
+ * thread divides some of the cells there; a cell with too many points for one thread is sorted by
+ * four more levels first.
+ *
+ *   cells ─► top (all above the parts) │ inside part 0 │ inside part 1 │ …
+ */
+#ifndef SP_CLOUD_TREE_CELLS_H
+#define SP_CLOUD_TREE_CELLS_H
+
+#include "base/interrupt.h"
+#include "base/parallel_for.h"
+#include "sp/volume.h"
+
+/* A cell with points. Cells that are no leaves have cells inside, side by side. */
+struct sp_cloud_cell {
+    uint32_t first, count; /* cells inside; of a leaf: into the order of points */
+    float side;            /* world units */
+    bool is_leaf;
+};
+
+/* A subtree that one thread makes. */
+struct sp_cloud_part {
+    uint32_t root;         /* its cell, among the top */
+    uint32_t first, count; /* the cells inside */
+    uint32_t level;
+    uint32_t made;   /* where they are in the list of the thread; */
+    unsigned worker; /* its number */
+};
+
+struct sp_cloud_cells {
+    struct sp_cloud_cell *cells; /* [count]; the first one has all points */
+    uint32_t *order;             /* points, leaf by leaf, without those that cannot be drawn */
+    struct sp_cloud_part *parts;
+    uint32_t count, part_count;
+    uint32_t top_count; /* cells above the parts and their roots, which come first */
+};
+
+/* Makes the cells of a volume of points, the same for any number of threads; the caller frees the
+ * three arrays. SP_ERR_MEMORY; after a cancellation, true and incomplete. */
+bool sp_cloud_cells_make(const struct sp_volume *volume, struct sp_pool *pool,
+                         const struct sp_interrupt *interrupt, struct sp_cloud_cells *cells,
+                         struct sp_error *err);
+
+#endif
