@@ -1,12 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
 // Animation frames of the display.
 
+let planned = 0;
+
+/** How many calls of nextFrame() have not run yet. */
+export const plannedFrames = () => planned;
+
 /** Runs `then` at the next animation frame, or soon in a hidden tab, which has no animation frames. */
 export function nextFrame(then) {
   let isDone = false;
+  planned += 1;
   const once = () => {
     if (isDone) return;
     isDone = true;
+    planned -= 1;
     then();
   };
   requestAnimationFrame(once);

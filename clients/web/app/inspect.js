@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 // window.splatd for tests and the console: read-only and not an interface. frame, seq: of the last drawn frame; count: frames drawn since
 // the page opened; videos: how many of them were video; sent: seq of the newest update;
-// compared: the second picture of a comparison.
+// compared: the second picture of a comparison; isDrawn: nothing (labels, scale bar, controls) waits for the next animation frame.
+import { plannedFrames } from './animation.js';
+
 export function install({ connection, frames, screen, viewer, warp, participants, status, errors, modes, layout, measures, compare, statusPanel }) {
   const { drawn } = frames;
   Object.defineProperty(window, 'splatd', {
@@ -19,6 +21,7 @@ export function install({ connection, frames, screen, viewer, warp, participants
       get isLossless() { return drawn.isLossless; },
       get sent() { return viewer.updates.sent; },
       get isIdle() { return viewer.updates.isIdle; },
+      get isDrawn() { return plannedFrames() === 0; },
       get isWarped() { return warp.isVisible; },
       get camera() { return structuredClone(viewer.camera); },
       get view() { return structuredClone(viewer.view); },

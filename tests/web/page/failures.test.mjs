@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, firstFrame, openPage, pixels, share, shot, until } from '../support/browser.mjs';
+import { boxOf, firstFrame, openPage, pixels, resize, share, shot, until } from '../support/browser.mjs';
 import { MockDaemon, frameMessage, volume } from '../support/mock-daemon.mjs';
 
 const { browser } = await share();
@@ -279,7 +279,7 @@ test('volumes of the same name are told apart, and long names stay inside of the
   assert.doesNotMatch(await entries.nth(2).innerText(), /engine.*engine/s);
   assert.equal(await entries.nth(1).locator('.name').getAttribute('title'), 'head (2025)');
   for (const viewport of [{ width: 900, height: 600 }, { width: 390, height: 844 }]) {
-    await page.setViewportSize(viewport);
+    await resize(page, viewport);
     const wide = await page.evaluate(() => [...document.querySelectorAll('#panel *')].filter((element) => element.scrollWidth > element.clientWidth + 1
       && getComputedStyle(element).overflowX === 'visible' && element.clientWidth > 0).map((element) => element.id || element.className));
     assert.deepEqual(wide, []);

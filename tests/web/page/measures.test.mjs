@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, checkAxe, drag, NEEDS_AXE, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, drag, NEEDS_AXE, resize, rest, settle, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const SIDE = 20;
@@ -251,30 +251,32 @@ test('twelve measurements in one place: no label covers another, and what has no
     assert.equal(response.status, 201, await response.text());
   }
   await all(12);
-  const boxes = () => page.evaluate(() => [...document.querySelectorAll('#overlay .measure-box')].map((box) => {
-    const { left, right, top, bottom } = box.getBoundingClientRect();
-    return { left, right, top, bottom };
-  }));
+  /** The labels, and what lies above the picture, when both have their places. */
+  const places = async () => {
+    await rest(page);
+    await settle(page);
+    return page.evaluate(() => {
+      const boxOf_ = (element) => (({ left, right, top, bottom }) => ({ left, right, top, bottom }))(element.getBoundingClientRect());
+      return {
+        labels: [...document.querySelectorAll('#overlay .measure-box')].map(boxOf_),
+        above: ['panel', 'toolbar', 'status', 'cube', 'scale-bar'].map((id) => boxOf_(document.getElementById(id))),
+      };
+    });
+  };
   const overlaps = (list) => list.flatMap((a, i) => list.slice(i + 1)
     .filter((b) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom).map((b) => [a, b]));
   await page.locator('#overlay .measure-box').nth(11).waitFor();
-  assert.deepEqual(overlaps(await boxes()), []);
-  const covers = () => page.evaluate(() => ['panel', 'toolbar', 'status', 'cube', 'scale-bar'].map((id) => {
-    const { left, right, top, bottom } = document.getElementById(id).getBoundingClientRect();
-    return { left, right, top, bottom };
-  }));
-  const covered = async () => {
-    const above = await covers();
-    return (await boxes()).filter((box) => overlaps([box, ...above]).some(([first]) => first === box));
-  };
-  assert.deepEqual(await covered(), [], 'below the panel and others');
+  const covered = ({ labels, above }) => labels.filter((box) => overlaps([box, ...above]).some(([first]) => first === box));
+  const dense = await places();
+  assert.deepEqual(overlaps(dense.labels), []);
+  assert.deepEqual(covered(dense), [], 'below the panel and others');
   compare(await page.locator('#overlay .measure-leader').count(), '>', 4, 'lines lead to labels that moved');
   await shot(page, 'measures-labels');
-  await page.setViewportSize({ width: 520, height: 380 });
+  await resize(page, { width: 520, height: 380 });
   await until(page, 'labels are left out', () => document.querySelectorAll('#overlay .measure-box').length < 12);
-  const some = await boxes();
-  assert.deepEqual(overlaps(some), []);
-  assert.deepEqual(await covered(), [], 'below the panel and others');
+  const some = await places();
+  assert.deepEqual(overlaps(some.labels), []);
+  assert.deepEqual(covered(some), [], 'below the panel and others');
   await shot(page, 'measures-labels-small');
   // A text without a place shows while the pointer is on its measurement.
   const hidden = await page.evaluate(() => {
@@ -285,7 +287,7 @@ test('twelve measurements in one place: no label covers another, and what has no
   const dot = page.locator(`#overlay [data-item="${hidden.id}"]`).first();
   await dot.dispatchEvent('pointerover');
   await text.waitFor();
-  assert.equal((await boxes()).length, some.length + 1);
+  assert.equal(await page.locator('#overlay .measure-box').count(), some.labels.length + 1);
   await page.locator('#overlay .measures').dispatchEvent('pointerleave');
   await text.waitFor({ state: 'detached' });
   assert.deepEqual(said, []);

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { BLOCK, lit, writeBlock } from '../support/block.mjs';
-import { boxOf, camera, drag, pixels, rest, share, shot, touch, until, visit } from '../support/browser.mjs';
+import { boxOf, camera, drag, pixels, resize, rest, settle, share, shot, touch, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { close } from '../support/numbers.mjs';
 
@@ -245,7 +245,7 @@ test('walk through: keys move, dragging looks around, the wheel sets the speed, 
   const speed = () => page.locator('#mode-text').textContent();
   const slow = await speed();
   for (const width of [1280, 900]) {
-    await page.setViewportSize({ width, height: 600 });
+    await resize(page, { width, height: 600 });
     const [bar, cube] = await page.evaluate(() => ['mode-bar', 'cube'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
     assert.ok(bar.right <= cube.left || bar.bottom <= cube.top, `the bar covers the cube of a window of ${width} px`);
   }
@@ -266,6 +266,7 @@ test('walk through by touch: a held button moves, a finger looks around', async 
   const { x, y, width, height } = await boxOf(page.locator('#walk-pad button').first());
   compare(Math.min(width, height), '>=', 44);
   assert.match(await page.textContent('#mode-hint'), /hold the arrows/);
+  await settle(page);
   const [bar, scale] = await page.evaluate(() => ['mode-bar', 'scale-bar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
   compare(scale.bottom, '<=', bar.top, 'the bar does not cover the scale');
   const cdp = await page.context().newCDPSession(page);

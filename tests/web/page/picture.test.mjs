@@ -3,7 +3,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, share, shot, unfold, until, visitMock } from '../support/browser.mjs';
+import { boxOf, settle, share, shot, unfold, until, visitMock } from '../support/browser.mjs';
 
 const PHONE = { viewport: { width: 360, height: 700 }, deviceScaleFactor: 2, isMobile: true, hasTouch: true };
 const { browser } = await share();
@@ -127,6 +127,7 @@ test('the colour bar follows every change, covers nothing and is switched off', 
     return [...canvas.getContext('2d').getImageData(0, canvas.height / 2, 1, 1).data];
   });
   assert.deepEqual(middle, [0, 0, 255, 255]);
+  await settle(page);
   const boxes = await Promise.all(['#cube', '#color-bar', '#scale-bar'].map((name) => boxOf(page.locator(name))));
   for (const [i, { y, height }] of boxes.slice(0, 2).entries()) compare(y + height, '<=', boxes[i + 1].y);
   it.share({ compositing: { mode: 'maximum', window: { center: 100, width: 50 } } });

@@ -6,7 +6,7 @@ import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, rest, share, shot, until, visit } from '../support/browser.mjs';
+import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, resize, rest, share, shot, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
@@ -236,7 +236,7 @@ test('the buttons of the planes stand in the order of the fields of the position
   await page.selectOption('#slices-mode', 'oblique');
   await page.click('#slices-align');
   for (const [width, height] of [[1200, 800], [900, 560], [390, 844], [320, 568], [740, 360]]) {
-    await page.setViewportSize({ width, height });
+    await resize(page, { width, height });
     await settled(page);
     const covered = await page.evaluate(() => {
       const shown = (selector) => [...document.querySelectorAll(selector)].filter((element) => element.checkVisibility() && element.getBoundingClientRect().width > 0);

@@ -4,7 +4,7 @@
 import assert from 'node:assert/strict';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { drag, firstFrame, share, shot, touch, until, visitMock } from '../support/browser.mjs';
+import { drag, firstFrame, resize, settle, share, shot, touch, until, visitMock } from '../support/browser.mjs';
 
 const PROBE = `
 import { ORDER } from './panel.js';
@@ -130,6 +130,7 @@ test('beside other panes, neither the bar of a mode nor the cube covers a slice 
   for (const options of screens) {
     const { page, context: closing } = await setUp(context, options);
     await page.evaluate(() => { for (const id of ['layout-four', 'tool-crosshair']) document.getElementById(id).click(); });
+    await settle(page);
     const { bar, tools, panes, cube, picture } = await page.evaluate(() => {
       const box = (element) => (({ left, right, top, bottom, width, height }) => ({ left, right, top, bottom, width, height }))(element.getBoundingClientRect());
       return {
@@ -171,10 +172,10 @@ test('the toolbar is one stop of Tab with arrow keys; groups that do not fit are
   await shot(page, 'toolbar-menu');
   await page.keyboard.press('Escape');
   await page.locator('#toolbar-menu').waitFor({ state: 'hidden' });
-  await page.setViewportSize({ width: 1900, height: 800 });
+  await resize(page, { width: 1900, height: 800 });
   await page.locator('#toolbar-more').waitFor({ state: 'hidden' });
   assert.equal(await shown(), all);
-  await page.setViewportSize({ width: 390, height: 844 });
+  await resize(page, { width: 390, height: 844 });
   await page.locator('#toolbar-more').waitFor();
   assert.equal(await shown(), 0);
   await page.click('#panel-toggle');
@@ -191,6 +192,7 @@ test('the toolbar leaves the head of the closed panel free, at each size and wit
     const { page } = await setUp(context, options);
     if (await page.locator('#panel-toggle').getAttribute('aria-expanded') === 'true') await page.click('#panel-toggle');
     await page.locator('#panel-toggle[aria-expanded="false"]').waitFor();
+    await settle(page);
     const [panel, toolbar] = await page.evaluate(() => ['panel', 'toolbar'].map((id) => document.getElementById(id).getBoundingClientRect().toJSON()));
     assert.ok(toolbar.left >= panel.right + 4 || toolbar.bottom + 4 <= panel.top, JSON.stringify({ toolbar, panel }));
     compare(toolbar.right, '<=', options.viewport.width);
