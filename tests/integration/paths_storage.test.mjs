@@ -9,6 +9,9 @@ import { compare } from '../support/compare.mjs';
 import { Daemon, nrrd } from './harness.mjs';
 import { API, bytes, end, event, frame, gone, LONG, make, newFolder, pathOf, VOLUME } from './paths_helper.mjs';
 
+/** So many frames that a daemon dies before the last one. */
+const MANY = 100;
+
 test('a movie over --video-pixels is refused, and partial files of a crash are removed', async () => {
   const folder = newFolder();
   const args = [...VOLUME, '--state', folder, '--video-pixels', '512x512'];
@@ -17,7 +20,8 @@ test('a movie over --video-pixels is refused, and partial files of a crash are r
   const { status, json } = await own.post(API, pathOf({ format: 'webm', size: [513, 512] }));
   assert.deepEqual([status, json.pointer], [422, '/size']);
   assert.match(json.detail, /513 x 512 has 262656 px and --video-pixels allows 262144/);
-  const [movie, images] = [await make(pathOf({ format: 'webm', size: [512, 512] }), own), await make(pathOf(), own)];
+  const largest = pathOf({ format: 'webm', size: [512, 512], frames: 5, keyframes: [{ frame: 0, view: {} }] });
+  const [movie, images] = [await make(largest, own), await make(pathOf(), own)];
   for (const id of [movie, images]) assert.equal((await end(id, { of: own })).event, 'done');
   assert.equal(await own.stop(), 0);
   for (const file of [`${movie}/000003.vp9`, `${movie}/000004.vp9.part`, `${images}/000003.png.part`, `${images}/movie.part`])
@@ -35,21 +39,21 @@ test('after kill -9 a path resumes after the frames that exist', async () => {
   const args = [...VOLUME, '--state', folder];
   let own = await Daemon.start(args, { backend: 'cpu' });
   await own.loaded('engine');
-  const whole = await make(pathOf({ frames: 40 }), own);
+  const whole = await make(pathOf(), own);
   await end(whole, { of: own });
-  const id = await make(pathOf({ frames: 40, view: { volume: 'engine', shading: { mode: 'none' } }, size: [500, 350] }), own);
+  const id = await make(pathOf({ frames: MANY, view: { volume: 'engine', shading: { mode: 'none' } }, size: [200, 150] }), own);
   const movie = await make(pathOf({ format: 'webm' }), own);
   const { data } = await event(id, (e) => e.data.done >= 3, { of: own });
   own.kill('SIGKILL');
   await own.ended;
   const drawn = fs.readdirSync(path.join(folder, 'paths', id)).filter((name) => name.endsWith('.png'));
   compare(drawn.length, '>=', data.done, `${drawn.length} frames`);
-  compare(drawn.length, '<', 40, `${drawn.length} frames`);
+  compare(drawn.length, '<', MANY, `${drawn.length} frames`);
   const before = fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs;
   own = await Daemon.start(args, { backend: 'cpu' });
   const first = await event(id, () => true, { of: own });
   compare(first.data.done, '>=', drawn.length, 'existing frames are not rendered again');
-  assert.equal((await end(id, { of: own })).data.done, 40);
+  assert.equal((await end(id, { of: own })).data.done, MANY);
   assert.equal(fs.statSync(path.join(folder, 'paths', id, '000001.png')).mtimeMs, before);
   assert.equal((await own.json(`${API}/${whole}`)).json.state, 'done');
   assert.equal((await end(movie, { of: own })).event, 'done');
@@ -122,7 +126,7 @@ test('after a restart a path resumes only with the volume for which it was creat
   let own = await start();
   await own.post('/api/v1/volumes', { path: 'cube.nrrd' });
   await own.loaded('cube');
-  const body = pathOf({ view: { volume: 'cube' }, size: [600, 400], frames: 40 });
+  const body = pathOf({ view: { volume: 'cube' }, size: [200, 150], frames: MANY });
   const [id, other] = [await make(body, own), await make(body, own)];
   await event(id, ({ data }) => data.done >= 2, { of: own });
   await kill(own);
@@ -142,9 +146,9 @@ test('after a restart a path resumes only with the volume for which it was creat
 
   fs.writeFileSync(file, nrrd(Buffer.alloc(64, 7)));
   fs.rmSync(path.join(folder, 'state', 'paths', other), { recursive: true, force: true }); // delete all its frames
-  fs.rmSync(path.join(folder, 'state', 'paths', id, '000039.png')); // and the last frame of the first path
+  fs.rmSync(path.join(folder, 'state', 'paths', id, `0000${MANY - 1}.png`)); // and the last frame of the first path
   own = await start();
-  for (const [one, done] of [[id, 39], [other, 0]]) {
+  for (const [one, done] of [[id, MANY - 1], [other, 0]]) {
     const last = await end(one, { of: own });
     assert.deepEqual([last.event, last.data.done], ['failed', done]);
     assert.match(last.data.reason, /the volume 'cube' is not the one that the path was created for/);
