@@ -32,6 +32,7 @@ export class Divider {
   set(percent) {
     this.#percent = Math.min(100, Math.max(0, percent));
     this.element.style.left = `${this.#percent}%`;
+    this.element.style.setProperty('--at', String(this.#percent));
     this.element.setAttribute('aria-valuenow', String(Math.round(this.#percent)));
     this.#moved(this.#percent);
   }

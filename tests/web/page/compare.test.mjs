@@ -87,17 +87,23 @@ test('B follows the camera of A, and differs by its settings alone', async (cont
 });
 
 test('the divider moves by keys and by the pointer', async (context) => {
-  const { page } = await open(context);
+  const { page } = await open(context, { viewport: { width: 900, height: 600 } });
   await begin(page);
   await until(page, 'the second picture', (s) => s.compared?.isAtRest);
   const divider = page.locator('#compare-divider');
   const value = async () => Number(await divider.getAttribute('aria-valuenow'));
   assert.equal(await value(), 50);
   await divider.focus();
-  for (const [key, wanted] of [['ArrowLeft', 48], ['PageUp', 58], ['Home', 0], ['End', 100], ['ArrowLeft', 98]]) {
-    await page.keyboard.press(key);
-    assert.equal(await value(), wanted, key);
-  }
+  const press = async (...keys) => {
+    for (const [key, wanted] of keys) {
+      await page.keyboard.press(key);
+      assert.equal(await value(), wanted, key);
+    }
+  };
+  await press(['ArrowLeft', 48], ['ArrowLeft', 46], ['ArrowLeft', 44], ['ArrowLeft', 42]);
+  const [panel, name] = await Promise.all(['#panel', '.compare-badge[data-side="a"]'].map((part) => boxOf(page.locator(part))));
+  assert.ok(name.x >= panel.x + panel.width, `the name of A at ${name.x} px is covered by the panel`);
+  await press(['PageUp', 52], ['Home', 0], ['End', 100], ['ArrowLeft', 98]);
   const clip = () => page.locator('#screen-b').evaluate((canvas) => canvas.style.clipPath);
   assert.match(await clip(), / 98%/);
   const stage = await boxOf(page.locator('#pane-3d'));
