@@ -11,7 +11,7 @@
 // `allowed_ms` is the goal for p95 of a drag: 60 ms and the time to render and encode (p95 of the same pictures).
 import fs from 'node:fs';
 import { parseArgs } from 'node:util';
-import { launch, openPage, until } from '../web/support/browser.mjs';
+import { launch, openPage, until, WHOLE } from '../web/support/browser.mjs';
 import { startDaemon } from '../web/support/daemon.mjs';
 
 const COLUMNS = ['what', 'volume', 'px', 'count', 'fps', 'p50_ms', 'p95_ms', 'render_p50_ms', 'render_p95_ms', 'allowed_ms'];
@@ -135,7 +135,7 @@ if (options.help) {
   process.stdout.write(`${head.map((line) => line.slice(3)).join('\n')}\n`);
 } else {
   if (options.bin) process.env.SPLATD_BIN_DIR = options.bin;
-  const browser = await launch();
+  const browser = await launch(WHOLE);
   for (const volume of options.volumes.split(',')) {
     const daemon = await startDaemon(['--volume', volume]);
     const name = volume.split('/').at(-1);
