@@ -20,6 +20,7 @@
 #include "http/snapshot_memory.h"
 #include "http/streams.h"
 #include "paths/paths.h"
+#include "render/brick_cache.h"
 #include "render/catalog.h"
 #include "render/persistence.h"
 #include "render/render_pool.h"
@@ -32,6 +33,7 @@ enum { REFUSALS_MAX = 8, REFUSAL_BYTES = 512 };
 struct srv_daemon {
     const struct srv_config *config;
     struct srv_log *log;
+    struct srv_brick_cache *cache; /* NULL = none */
     struct srv_catalog *catalog;
     struct srv_render_pool *render_pool;
     struct srv_snapshot_memory *snapshot_memory;
@@ -234,16 +236,6 @@ static void on_backend_refused(void *user, const char *backend, const struct sp_
     d->refusal_list[d->refusal_count++] = text;
 }
 
-/* Creates the folder of the brick cache unless it is there. */
-static bool prepare_cache(const struct srv_daemon *d, struct sp_error *err) {
-    const char *folder = d->config->cache;
-    if (!folder ||
-        ((mkdir(folder, 0700) == 0 || errno == EEXIST) && access(folder, R_OK | W_OK | X_OK) == 0))
-        return true;
-    return sp_fail(err, SP_ERR_IO, "--cache", "cannot use the folder %s: %s", folder,
-                   strerror(errno));
-}
-
 static bool start_renderer(struct srv_daemon *d, struct sp_error *err) {
     const struct srv_config *c = d->config;
     uint64_t budget = c->memory ? (uint64_t)c->memory : half_of_memory();
@@ -363,6 +355,7 @@ static bool start_http(struct srv_daemon *d, struct sp_error *err) {
     o->config = c;
     o->hub = d->hub;
     o->catalog = d->catalog;
+    o->cache = d->cache;
     o->render_pool = d->render_pool;
     o->streams = d->streams;
     o->snapshot_memory = d->snapshot_memory;
@@ -442,10 +435,15 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     atomic_init(&d->http, NULL);
     atomic_init(&d->paths, NULL);
     atomic_init(&d->alive_ms, srv_clock_ms());
+    if (config->cache &&
+        !(d->cache = srv_brick_cache_create(config->cache, (uint64_t)config->cache_size, err))) {
+        srv_daemon_stop(&d);
+        return NULL;
+    }
     struct srv_catalog_options catalog = {
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
         .data = config->data,
-        .cache = config->cache,
+        .cache = d->cache,
         .user = d,
         .progress = on_progress,
         .persist = on_volume,
@@ -457,10 +455,10 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
     if ((d->disk = srv_work_queue_create(NULL, err)) &&
         (d->measuring = srv_work_queue_create("the measuring thread", err)) &&
         (d->snapshot_memory = srv_snapshot_memory_create((uint64_t)config->render_bytes, err)) &&
-        prepare_cache(d, err) && open_store(d, err) && start_tokens(d, err) &&
-        start_uploads(d, err) && (d->catalog = srv_catalog_create(&catalog, err)) &&
-        start_renderer(d, err) && start_sessions(d, err) && start_volumes(d, err) &&
-        start_paths(d, err) && start_http(d, err))
+        open_store(d, err) && start_tokens(d, err) && start_uploads(d, err) &&
+        (d->catalog = srv_catalog_create(&catalog, err)) && start_renderer(d, err) &&
+        start_sessions(d, err) && start_volumes(d, err) && start_paths(d, err) &&
+        start_http(d, err))
         return d;
     srv_daemon_stop(&d);
     return NULL;
@@ -542,6 +540,7 @@ void srv_daemon_stop(struct srv_daemon **daemon) {
     srv_tokens_destroy(&d->tokens);
     srv_render_pool_destroy(&d->render_pool);
     srv_catalog_destroy(&d->catalog);
+    srv_brick_cache_destroy(&d->cache);
     srv_store_destroy(&d->store);
     srv_work_queue_destroy(&d->disk);
     srv_work_queue_destroy(&d->measuring);

@@ -22,6 +22,7 @@ struct sp_brick_file {
     char shown[SP_ERROR_PLACE];
     struct sp_brick_header header;
     struct sp_brick_entry *entries[BRICK_LEVELS_MAX];
+    double *times; /* of the steps; NULL = unknown */
 };
 
 struct sp_brick_scratch {
@@ -73,6 +74,24 @@ static bool read_index(struct sp_brick_file *file, unsigned l, struct sp_error *
     return ok;
 }
 
+static bool read_notes(struct sp_brick_file *file, struct sp_error *err) {
+    const size_t size = file->header.notes_bytes;
+    unsigned char *bytes = size ? malloc(size) : NULL;
+    if (!size)
+        return true;
+    bool ok = (file->times = malloc(size)) && bytes;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the notes");
+    ok = ok && read_at(file, bytes, size, file->header.notes_at, err);
+    if (ok && sp_brick_checksum(bytes, size) != file->header.notes_checksum)
+        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
+                     "the brick file is damaged: the checksum of its notes");
+    ok =
+        ok && sp_brick_notes_decode(bytes, size, file->shown, &file->header.info, file->times, err);
+    free(bytes);
+    return ok;
+}
+
 static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
     unsigned char bytes[BRICK_HEADER_BYTES];
     struct stat st;
@@ -85,7 +104,7 @@ static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
     for (unsigned l = 0; l < file->header.levels; l++)
         if (!read_index(file, l, err))
             return false;
-    return true;
+    return read_notes(file, err);
 }
 
 struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err) {
@@ -183,6 +202,7 @@ void sp_brick_file_close(struct sp_brick_file **pointer) {
         free(file->entries[l]);
         sp_brick_learned_destroy(&file->learned[l]);
     }
+    free(file->times);
     free(file);
 }
 

@@ -82,6 +82,9 @@ static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constan
         field_u64(c, &h->level[l].index_at);
         field_u64(c, &h->level[l].checksum);
     }
+    field_u64(c, &h->notes_at);
+    field_u64(c, &h->notes_bytes);
+    field_u64(c, &h->notes_checksum);
     info->type = (enum sp_type)type;
     h->levels = levels;
 }
@@ -230,7 +233,62 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
     h->info.components = 1;
     if (!is_anatomy(h->info.anatomy))
         memset(h->info.anatomy, 0, sizeof h->info.anatomy);
+    if (h->notes_bytes && (h->notes_bytes < BRICK_NOTES_BYTES ||
+                           h->notes_bytes > BRICK_NOTES_BYTES + SP_STEPS_MAX * sizeof(double) ||
+                           h->notes_at > file_bytes || h->notes_bytes > file_bytes - h->notes_at))
+        return fail(shown, "its notes lie beyond its end", err);
     return check_levels(h, h->levels, file_bytes, shown, err);
+}
+
+size_t sp_brick_notes_bytes(const struct sp_volume_info *info) {
+    return BRICK_NOTES_BYTES + (info->steps.times ? info->steps.count * sizeof(double) : 0);
+}
+
+static void notes_fields(struct cursor *c, struct sp_volume_info *info, uint32_t *has_times) {
+    field_u32(c, &info->steps.count);
+    field_u32(c, &info->steps.index);
+    field_u32(c, has_times);
+    field_text(c, info->steps.unit, sizeof info->steps.unit);
+    for (int i = 0; i < SP_OTHER_FIELDS_MAX; i++)
+        field_text(c, info->others[i], sizeof info->others[i]);
+    for (int i = 0; i < SP_OTHER_VECTORS_MAX; i++)
+        field_text(c, info->other_vectors[i], sizeof info->other_vectors[i]);
+    for (int i = 0; i < SP_WARNINGS_MAX; i++)
+        field_text(c, info->warnings[i], sizeof info->warnings[i]);
+}
+
+void sp_brick_notes_encode(const struct sp_volume_info *info, unsigned char *out) {
+    struct sp_volume_info copy = *info;
+    struct cursor c = { .bytes = out, .writes = true };
+    uint32_t has_times = info->steps.times != NULL;
+    copy.steps.count += copy.steps.count == 0; /* no series */
+    notes_fields(&c, &copy, &has_times);
+    for (uint32_t i = 0; has_times && i < info->steps.count; i++) {
+        double time = info->steps.times[i];
+        field_doubles(&c, &time, 1);
+    }
+}
+
+bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *shown,
+                           struct sp_volume_info *info, double *times, struct sp_error *err) {
+    struct cursor c = { .bytes = bytes };
+    uint32_t has_times;
+    if (size < BRICK_NOTES_BYTES)
+        return fail(shown, "its notes", err);
+    notes_fields(&c, info, &has_times);
+    const size_t count = has_times ? info->steps.count : 0;
+    info->steps.times = NULL;
+    if (info->steps.count < 1 || info->steps.count > SP_STEPS_MAX ||
+        info->steps.index >= info->steps.count || has_times > 1 ||
+        (size - BRICK_NOTES_BYTES) / sizeof(double) < count)
+        return fail(shown, "its time steps", err);
+    for (size_t i = 0; i < count; i++) {
+        field_doubles(&c, &times[i], 1);
+        if (!isfinite(times[i]))
+            return fail(shown, "its times", err);
+    }
+    info->steps.times = count ? times : NULL;
+    return true;
 }
 
 static void entry_fields(struct cursor *c, struct sp_brick_entry *entry) {

@@ -4,6 +4,7 @@
  *
  *   header      BRICK_HEADER_BYTES: grid, type, statistics, places and checksums of the indices
  *   bricks      packed by zstd, each with its own checksum; constant ones have no bytes
+ *   notes       what the source has besides these samples, and warnings; may be missing
  *   indices     per level, an entry per brick, i0 fastest
  */
 #ifndef SP_BRICKS_FORMAT_H
@@ -47,8 +48,10 @@ struct sp_brick_level {
 
 struct sp_brick_header {
     /* Of level 0: grid, type, unit, names, anatomy, range, nonfinite, histogram, projected,
-     * components and voxel_bytes; everything else is 0. */
+     * components and voxel_bytes; of the notes: others, other_vectors, steps and warnings;
+     * everything else is 0. */
     struct sp_volume_info info;
+    uint64_t notes_at, notes_bytes, notes_checksum; /* in the file; 0 = there are none */
     unsigned levels;
     struct sp_brick_level level[BRICK_LEVELS_MAX];
 };
@@ -87,6 +90,20 @@ void sp_brick_header_encode(const struct sp_brick_header *header,
 bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
                             const char *shown, struct sp_brick_header *header,
                             struct sp_error *err);
+
+enum {
+    BRICK_NOTES_BYTES = 3 * 4 + SP_UNIT_BYTES +
+                        (SP_OTHER_FIELDS_MAX + SP_OTHER_VECTORS_MAX) * SP_FIELD_BYTES +
+                        SP_WARNINGS_MAX * SP_WARNING_BYTES /* and 8 per time step */
+};
+/* Size of the notes of a volume. */
+size_t sp_brick_notes_bytes(const struct sp_volume_info *info);
+/* Encodes them, with the times if they are known. */
+void sp_brick_notes_encode(const struct sp_volume_info *info, unsigned char *out);
+/* Decodes them into *info; the bytes stay. The times go to `times`, for which there is space for
+ * one number per 8 bytes, and which info->steps names if they are known. SP_ERR_FORMAT. */
+bool sp_brick_notes_decode(unsigned char *bytes, size_t size, const char *shown,
+                           struct sp_volume_info *info, double *times, struct sp_error *err);
 
 void sp_brick_entry_encode(const struct sp_brick_entry *entry,
                            unsigned char out[BRICK_ENTRY_BYTES]);

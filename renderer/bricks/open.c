@@ -5,6 +5,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/file.h>
 #include <unistd.h>
 
 #include "bricks/samples.h"
@@ -254,6 +255,7 @@ static struct sp_volume *open_store(struct sp_brick_file *file, const char *name
 
 struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
                                       const struct sp_load_options *options, struct sp_error *err) {
+    flock(fd, LOCK_SH | LOCK_NB); /* for store.h; goes with the descriptor */
     return open_store(sp_brick_file_open(fd, source, err), name, source, options, err);
 }
 

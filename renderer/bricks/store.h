@@ -19,7 +19,8 @@ struct sp_brick_store;
 
 /* Opens a brick file, of which it takes over the descriptor, also on failure: a volume of its
  * finest small level, whose source is a store. Calls options->reserve() for the budget of windows
- * and the index. The name and the source are written to the description. */
+ * and the index. The name and the source are written to the description. The file has a shared lock
+ * (flock()) as long as the volume lives, so that a cache of files knows which ones are open. */
 struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
                                       const struct sp_load_options *options, struct sp_error *err);
 

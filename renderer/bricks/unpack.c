@@ -88,6 +88,7 @@ int sp_bricks_unpack(int file, const char *shown, const char *folder,
     if (!u.file)
         return -1;
     *info = sp_brick_file_header(u.file)->info;
+    info->steps.times = NULL; /* the file has them */
     u.level = &sp_brick_file_header(u.file)->level[0];
     const bool ok = start(&u, info, folder, err) && unpack(&u, options, err);
     if (!ok && u.out >= 0) {

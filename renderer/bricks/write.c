@@ -382,6 +382,21 @@ static bool write_levels(struct writer *w, struct sp_error *err) {
     return true;
 }
 
+static bool write_notes(struct writer *w, struct sp_error *err) {
+    const size_t size = sp_brick_notes_bytes(w->job->info);
+    unsigned char *bytes = calloc(1, size);
+    if (!bytes)
+        return fail_memory(w, err);
+    sp_brick_notes_encode(w->job->info, bytes);
+    w->header.notes_at = w->at;
+    w->header.notes_bytes = size;
+    w->header.notes_checksum = sp_brick_checksum(bytes, size);
+    bool ok = write_at(w, w->job->out, bytes, size, w->at, err);
+    w->at += size;
+    free(bytes);
+    return ok;
+}
+
 /* The header comes last: a file that is not complete has none. */
 static bool write_header(struct writer *w, struct sp_error *err) {
     unsigned char bytes[BRICK_HEADER_BYTES];
@@ -418,7 +433,8 @@ bool sp_bricks_write(const struct sp_bricks_write_job *job, struct sp_error *err
     describe(job->info, &w->header.info);
     sp_brick_header_init(&w->header);
     bool ok = (w->pool = sp_pool_create(sp_volume_threads(), err)) && allocate(w, err) &&
-              write_levels(w, err) && write_header(w, err) && report(w, 1, err);
+              write_levels(w, err) && write_notes(w, err) && write_header(w, err) &&
+              report(w, 1, err);
     release(w);
     free(w);
     return ok;

@@ -10,7 +10,8 @@
 #include "bricks/format.h"
 
 struct sp_bricks_write_job {
-    /* Grid, type, unit, names and anatomy; range and histogram are measured. Even axes only. */
+    /* Grid, type, unit, names, anatomy, and for the notes others, other_vectors, steps and
+     * warnings; range and histogram are measured. Even axes only. */
     const struct sp_volume_info *info;
     int samples;        /* descriptor: the samples from byte 0 on, native order, i0 fastest */
     int out;            /* descriptor of an empty file */

@@ -66,8 +66,9 @@ static bool name_file(int file, const char *out, struct sp_error *err) {
     return ok || sp_fail(err, SP_ERR_IO, out, "cannot name the file: %s", strerror(errno));
 }
 
-static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) {
-    const struct sp_bricks_write_job own = { .info = job->info,
+static bool write_all(const struct sp_export_job *job, const struct sp_volume_info *info,
+                      struct sp_error *err) {
+    const struct sp_bricks_write_job own = { .info = info,
                                              .samples = job->samples,
                                              .out = job->out,
                                              .folder = job->folder,
@@ -75,6 +76,27 @@ static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) 
                                              .progress = job->progress,
                                              .user = job->user };
     return sp_bricks_write(&own, err);
+}
+
+/* For the brick cache: the file stands for the source, so it names its other fields and steps. */
+static bool write_cached(const struct sp_export_job *job, struct sp_error *err) {
+    struct sp_volume_info info = *job->info;
+    int at = 0;
+    while (at < SP_WARNINGS_MAX - 1 && info.warnings[at][0])
+        at++;
+    if (info.vector_bytes)
+        snprintf(info.warnings[at], sizeof info.warnings[at],
+                 "The vectors \"%s\" are left out: the volume does not fit into memory, and bricks "
+                 "have samples only.",
+                 info.vector_name);
+    return write_all(job, &info, err);
+}
+
+static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) {
+    struct sp_volume_info info = *job->info;
+    info.others[0][0] = info.other_vectors[0][0] = 0;
+    info.steps = (struct sp_steps){ .count = 1 };
+    return write_all(job, &info, err);
 }
 
 /* A file that has its name when it is complete. */
@@ -130,13 +152,16 @@ static bool convert(const char *source, const char *out, const struct format *fo
     bool ok = format->is_folder ? sp_export_folder(&job, format->write, err)
                                 : write_file(&job, format->write, err);
     close(samples);
+    free((double *)info->steps.times); /* that read_samples() has allocated */
+    info->steps.times = NULL;
     return ok;
 }
 
 bool sp_bricks_convert(const char *source, const char *out, const struct sp_load_options *options,
                        struct sp_error *err) {
+    static const struct format cached = { SP_BRICKS_SUFFIX, write_cached, false };
     struct sp_volume_info info;
-    return convert(source, out, &formats[0], options, &info, err);
+    return convert(source, out, &cached, options, &info, err);
 }
 
 static bool has_suffix(const char *path, const struct format *format) {
@@ -168,6 +193,8 @@ static void warn(const char *source, const struct sp_volume_info *info) {
     if (info->steps.count > 1)
         sp_log(SP_LOG_WARN, "%s: of %u time steps only number %u is written", source,
                info->steps.count, info->steps.index);
+    if (info->vector_bytes)
+        sp_log(SP_LOG_WARN, "%s: the vectors \"%s\" are left out", source, info->vector_name);
     if (info->others[0][0])
         sp_log(SP_LOG_WARN,
                "%s: only \"%s\" is written; SOURCE?field=NAME chooses another, such as \"%s\"",

@@ -23,6 +23,7 @@
 #include "base/clock.h"
 #include "base/locate.h"
 #include "bricks/store.h"
+#include "bricks/transfer.h"
 #include "bricks/unpack.h"
 #include "import/confine.h"
 #include "import/handover.h"
@@ -521,6 +522,24 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
     return volume;
 }
 
+/* Copies the times of the series from the file of samples; the caller frees them. */
+static bool take_times(const struct import *im, struct sp_volume_info *info, struct sp_error *err) {
+    const size_t size = info->steps.count * sizeof(double);
+    if (!im->layout.times_at)
+        return true;
+    double *times = malloc(size);
+    if (!times)
+        return sp_fail(err, SP_ERR_MEMORY, im->place.path, "out of memory for the times");
+    if (sp_read_at(im->memory, times, size, im->layout.times_at) &&
+        are_finite(times, info->steps.count)) {
+        info->steps.times = times;
+        return true;
+    }
+    free(times);
+    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                   "the import process sent times that are no numbers");
+}
+
 /* Describes the samples in the file. The child has ended, so the size does not change any more. */
 static bool take_samples(const struct import *im, struct sp_volume_info *info,
                          struct sp_error *err) {
@@ -536,7 +555,9 @@ static bool take_samples(const struct import *im, struct sp_volume_info *info,
                        "the import process sent a bad grid: %s", why.text);
     if (fstat(im->memory, &st) != 0 || (uint64_t)st.st_size < samples)
         return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
-    return true;
+    if (im->layout.vectors_at)
+        info->vector_bytes = samples / sp_type_size(info->type) * 3 * sizeof(float);
+    return take_times(im, info, err);
 }
 
 int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,

@@ -212,6 +212,8 @@ struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, vo
         volume->info.components = 1;
         volume->info.voxel_bytes = count_voxels(&info->grid) * sp_type_size(info->type);
         assert(volume->info.voxel_bytes <= bytes);
+        if (!keep_numbers(volume, err))
+            sp_volume_unref(&volume);
     }
     return volume;
 }

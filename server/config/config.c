@@ -50,6 +50,9 @@ static const struct setting settings[] = {
     { "cache", TEXT, AT(cache), NULL, 0, 0, "DIR",
       "Folder for brick files of volumes that do not fit into --memory: such a volume is converted "
       "once, and then shown from bricks that are read on demand. Not set = loading it fails." },
+    { "cache-size", SIZE, AT(cache_size), "64G", 0, 64 * TIB, "SIZE",
+      "Size of all brick files in --cache: the least recently used ones that are not open are "
+      "removed. 0 = no limit." },
     { "memory", SIZE, AT(memory), "0", 0, 64 * TIB, "SIZE",
       "Memory for volumes. 0 = half of the machine's memory." },
     { "video-memory", SIZE, AT(video_memory), "0", 0, 64 * TIB, "SIZE",

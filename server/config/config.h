@@ -28,7 +28,7 @@ struct srv_config {
         *log_level, *log_format, *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
-    int64_t threads, memory, video_memory;
+    int64_t threads, memory, video_memory, cache_size;
     int64_t connections, connections_per_address, connection_requests, handshakes, handshake_rate;
     int64_t sessions, participants, views;
     char *upload_dir;

@@ -33,6 +33,7 @@ struct srv_http_options {
     const struct srv_config *config;
     struct srv_hub *hub;
     struct srv_catalog *catalog;
+    struct srv_brick_cache *cache; /* NULL = there is none */
     struct srv_render_pool *render_pool;
     struct srv_snapshot_memory *snapshot_memory;
     struct srv_tokens *tokens;

@@ -12,6 +12,7 @@
 
 #include "http/routes.h"
 #include "ops/metrics.h"
+#include "render/brick_cache.h"
 
 /* Volumes with a series of their own. The other volumes are added up under the name "*". */
 enum { VOLUMES_MAX = 64 };
@@ -94,6 +95,21 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     srv_metrics_family(out, "splatd_derived_bytes", "gauge",
                        "Cached data of a renderer, per volume, backend and worker");
     print_volumes(request, false, info, out);
+}
+
+static void print_cache(const struct srv_request *request, FILE *out) {
+    struct srv_brick_cache_stats n;
+    if (!request->app->cache)
+        return;
+    srv_brick_cache_stats(request->app->cache, &n);
+    gauge(out, "splatd_cache_files", "Brick files in --cache", (double)n.files);
+    gauge(out, "splatd_cache_bytes", "Size of the brick files in --cache", (double)n.bytes);
+    gauge(out, "splatd_cache_bytes_limit", "Limit of splatd_cache_bytes (--cache-size); 0 = none",
+          (double)n.bytes_max);
+    counter(out, "splatd_cache_conversions_total", "Volumes converted for --cache",
+            (double)n.conversions);
+    counter(out, "splatd_cache_removals_total", "Brick files removed from --cache",
+            (double)n.removals);
 }
 
 static void print_store(const struct srv_request *request, FILE *out) {
@@ -230,6 +246,7 @@ void srv_get_metrics(struct srv_request *request, struct srv_reply *reply) {
         print_sessions(request, out);
         srv_metrics_print(request->app->metrics, out);
         print_memory(request, out);
+        print_cache(request, out);
         print_store(request, out);
         print_paths(request, out);
         ok = print_process(out) && !ferror(out);

@@ -25,6 +25,7 @@
 #include "sp/view.h"
 #include "sp/volume.h"
 
+struct srv_brick_cache;
 struct srv_catalog;
 struct srv_volume;
 
@@ -51,10 +52,10 @@ struct srv_volume_request {
 };
 
 struct srv_catalog_options {
-    uint64_t memory_bytes; /* budget for voxels */
-    const char *data;      /* folder for loads over HTTP; NULL = none */
-    const char *cache;     /* folder of the brick cache (render/brick_cache.h); NULL = none */
-    const char *importer;  /* splat-import; NULL = the one beside the program */
+    uint64_t memory_bytes;         /* budget for voxels */
+    const char *data;              /* folder for loads over HTTP; NULL = none */
+    struct srv_brick_cache *cache; /* owned by the caller; NULL = none */
+    const char *importer;          /* splat-import; NULL = the one beside the program */
     void *user;
     /* Reports the state of a volume, with the progress in [0, 1] and the reason of a failure (""
      * otherwise). Called from a load thread, and from srv_catalog_remove() with

@@ -186,6 +186,22 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     pthread_mutex_unlock(&catalog->notify_mutex);
 }
 
+/* Loads what does not fit into memory from the brick cache. What has no bricks fails as before. */
+static struct sp_volume *load_cached(struct srv_catalog *catalog, const char *file,
+                                     const struct sp_load_options *options, struct sp_error *err) {
+    struct sp_error why;
+    struct sp_volume *volume = srv_brick_cache_load(catalog->options.cache, file, options, &why);
+    if (volume)
+        return volume;
+    if (why.code == SP_ERR_UNSUPPORTED) {
+        const size_t used = strlen(err->text);
+        snprintf(err->text + used, sizeof err->text - used, "; %.200s", why.text);
+    } else {
+        *err = why;
+    }
+    return NULL;
+}
+
 static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     struct sp_error err = { .code = SP_OK };
     struct load own = { catalog, v };
@@ -207,8 +223,8 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
     }
     const char *file = entry->file ? entry->file : entry->source;
     struct sp_volume *volume = sp_volume_load(file, &options, &err);
-    if (!volume && !v->parent && err.code == SP_ERR_BUDGET && catalog->options.cache)
-        volume = srv_brick_cache_load(catalog->options.cache, file, &options, &err);
+    if (!volume && err.code == SP_ERR_BUDGET && catalog->options.cache)
+        volume = load_cached(catalog, file, &options, &err);
     if (volume)
         v->fingerprint = srv_fingerprint_volume(volume);
     if (volume && !v->parent)

@@ -41,6 +41,10 @@ static void seal(uint8_t *bytes, size_t size) {
                 put_number(bytes + at + 8,
                            sp_brick_checksum(bytes + header.level[l].index_at, index));
     }
+    const size_t notes = (size_t)header.notes_bytes;
+    for (size_t at = 8; notes && at + 24 <= BRICK_HEADER_BYTES - 8; at += 8)
+        if (number_at(bytes + at) == header.notes_at && number_at(bytes + at + 8) == notes)
+            put_number(bytes + at + 16, sp_brick_checksum(bytes + header.notes_at, notes));
     put_number(bytes + BRICK_HEADER_BYTES - 8, sp_brick_checksum(bytes, BRICK_HEADER_BYTES - 8));
 }
 

@@ -112,6 +112,69 @@ test('a stream shows something at once, then all of it, and tells its bricks', a
   await stream.end();
 });
 
+/** Starts a daemon with a cache in a folder, for the files of another one. */
+const withCache = (data, cache, ...more) => Daemon.start(['--data', data, '--memory', `${MEMORY}`, '--cache', cache, ...more], { backend: 'cpu' });
+
+test('with --cache, fields, vectors and time steps stay known, and each field and step has bricks of its own', async () => {
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const cache = mkdtempSync(path.join(folder, 'cache-'));
+  const side = 100;
+  const vtk = `# vtk DataFile Version 3.0\nfields\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS ${side} ${side} ${side}\nORIGIN 0 0 0\nSPACING 1 1 1\nPOINT_DATA ${side ** 3}\n`;
+  const scalars = (name, value) => [Buffer.from(`SCALARS ${name} unsigned_char 1\nLOOKUP_TABLE default\n`), Buffer.alloc(side ** 3, value), Buffer.from('\n')];
+  writeFileSync(path.join(data, 'fields.vtk'), Buffer.concat([Buffer.from(vtk), ...scalars('a', 7), ...scalars('b', 9),
+    Buffer.from('VECTORS flow float\n'), Buffer.alloc(12 * side ** 3), Buffer.from('\n')]));
+  const dims = [SIDE, SIDE, SIDE, 2];
+  const mha = `ObjectType = Image\nNDims = 4\nDimSize = ${dims.join(' ')}\nElementSpacing = 1 1 1 0.5\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n`;
+  writeFileSync(path.join(data, 'series.mha'), Buffer.concat([Buffer.from(mha), Buffer.alloc(SIDE ** 3, 20), Buffer.alloc(SIDE ** 3, 60)]));
+  const own = await withCache(data, cache);
+  const open = async (file, id) => {
+    assert.equal((await own.post('/api/v1/volumes', { path: file, id })).status, 202);
+    const volume = await own.loaded(id);
+    assert.equal(volume.state, 'ready', volume.reason);
+    assert.ok(volume.whole, 'it is shown from bricks');
+    return (await own.json(`/api/v1/volumes/${id}`)).json;
+  };
+  const a = await open('fields.vtk', 'a');
+  assert.deepEqual([a.value_name ?? a.fields[0].name, a.other_fields, a.range], ['a', ['b', 'magnitude', 'flow x', 'flow y', 'flow z'], [7, 7]]);
+  assert.ok(a.warnings.some((text) => text.startsWith('The vectors "flow" are left out')), a.warnings.join('\n'));
+  assert.deepEqual((await open('fields.vtk?field=b', 'b')).range, [9, 9]);
+  const series = await open('series.mha', 'series');
+  assert.deepEqual([series.steps, series.range], [{ count: 2, unit: '', times: [0, 0.5] }, [20, 20]]);
+  const sums = [];
+  for (const step of [0, 1]) {
+    const answer = await own.fetch('/api/v1/render?format=png', { method: 'POST', headers: { 'Content-Type': 'application/json' },
+      body: JSON.stringify({ volume: 'series', size: [32, 32], time: { step }, transfer_function: { points: [0, 60].map((value) => ({ value, color: [1, 1, 1], opacity: value / 80 })) } }) });
+    assert.equal(answer.status, 200, answer.status === 200 ? '' : await answer.text());
+    sums.push(Buffer.from(await answer.arrayBuffer()));
+  }
+  assert.ok(!sums[0].equals(sums[1]), 'the second step is another image');
+  assert.equal(readdirSync(cache).length, 4);
+  assert.equal(await own.stop(), 0);
+});
+
+test('--cache-size removes the files that were used longest ago, and none that is open', async () => {
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const cache = mkdtempSync(path.join(folder, 'cache-'));
+  const header = `NRRD0004\ntype: uint8\ndimension: 3\nsizes: ${SIDE} ${SIDE} ${SIDE}\nencoding: raw\n\n`;
+  for (const name of ['one', 'two']) writeFileSync(path.join(data, `${name}.nrrd`), Buffer.concat([Buffer.from(header), Buffer.alloc(SIDE ** 3, 3)]));
+  const own = await withCache(data, cache, '--cache-size', '1');
+  const metric = async (name) => Number(new RegExp(`^splatd_cache_${name} (.*)`, 'm').exec(await (await own.fetch('/metrics')).text())[1]);
+  const open = async (name) => {
+    await own.post('/api/v1/volumes', { path: `${name}.nrrd` });
+    assert.equal((await own.loaded(name)).state, 'ready');
+  };
+  await open('one');
+  const [first] = readdirSync(cache);
+  assert.deepEqual([await metric('files'), await metric('removals_total')], [1, 0], 'it is open');
+  await own.fetch('/api/v1/volumes/one', { method: 'DELETE' });
+  await open('two');
+  assert.deepEqual([await metric('files'), await metric('removals_total'), await metric('conversions_total')], [1, 1, 2]);
+  const [second, ...others] = readdirSync(cache);
+  assert.deepEqual(others, []);
+  assert.notEqual(second, first);
+  assert.equal(await own.stop(), 0);
+});
+
 test('with --cache, a volume that does not fit is converted once', async () => {
   const cache = mkdtempSync(path.join(folder, 'cache-'));
   const data = mkdtempSync(path.join(folder, 'data-'));

@@ -64,6 +64,8 @@ static void *make_samples(enum sp_type type) {
     return samples;
 }
 
+static const double times[3] = { 0, 0.5, 2 };
+
 static struct sp_volume_info describe(enum sp_type type) {
     return (struct sp_volume_info){ .grid = { .dims = { NX, NY, NZ },
                                               .spacing = { 0.5, 1, 2 },
@@ -72,7 +74,11 @@ static struct sp_volume_info describe(enum sp_type type) {
                                     .type = type,
                                     .unit = "mm",
                                     .value_unit = "HU",
-                                    .anatomy = "LPS" };
+                                    .anatomy = "LPS",
+                                    .steps = { 3, 2, "s", times },
+                                    .others = { "density", "speed" },
+                                    .other_vectors = { "flow" },
+                                    .warnings = { "Something is missing." } };
 }
 
 static int memory_file(const void *bytes, size_t size) {
@@ -281,6 +287,7 @@ static void a_damaged_file_does_not_open(void **state) {
     struct stat st;
     void *samples = make_samples(SP_UINT8);
     int fd = write_file(samples, SP_UINT8);
+    const struct sp_volume_info info = describe(SP_UINT8);
     assert_int_equal(fstat(fd, &st), 0);
     const struct {
         size_t at, size;
@@ -290,7 +297,9 @@ static void a_damaged_file_does_not_open(void **state) {
         { 0, 0, SP_ERR_FORMAT, "no brick file" },
         { 8, 0, SP_ERR_UNSUPPORTED, "version" },
         { 100, 0, SP_ERR_FORMAT, "the checksum of its header" },
-        { (size_t)st.st_size - 1, 0, SP_ERR_FORMAT, "the checksum of the index of level 2" },
+        { (size_t)st.st_size - 1, 0, SP_ERR_FORMAT, "the checksum of its notes" },
+        { (size_t)st.st_size - 1 - sp_brick_notes_bytes(&info), 0, SP_ERR_FORMAT,
+          "the checksum of the index of level 2" },
         { BRICK_HEADER_BYTES, (size_t)st.st_size - 1, SP_ERR_FORMAT, "beyond its end" },
         { 0, 100, SP_ERR_FORMAT, "the file ends at byte 100" },
         { BRICK_HEADER_BYTES, BRICK_HEADER_BYTES + 1, SP_ERR_FORMAT, "beyond its end" },
@@ -312,6 +321,22 @@ static bool cancel(void *user, double fraction) {
     assert_true(fraction >= *last);
     *last = fraction;
     return fraction < 0.3;
+}
+
+static void notes_come_back(void **state) {
+    (void)state;
+    void *samples = make_samples(SP_UINT8);
+    struct sp_brick_file *file = open_file(write_file(samples, SP_UINT8));
+    const struct sp_volume_info want = describe(SP_UINT8), *got = &sp_brick_file_header(file)->info;
+    assert_int_equal(got->steps.count, 3);
+    assert_int_equal(got->steps.index, 2);
+    assert_string_equal(got->steps.unit, "s");
+    assert_memory_equal(got->steps.times, times, sizeof times);
+    assert_memory_equal(got->others, want.others, sizeof want.others);
+    assert_memory_equal(got->other_vectors, want.other_vectors, sizeof want.other_vectors);
+    assert_memory_equal(got->warnings, want.warnings, sizeof want.warnings);
+    sp_brick_file_close(&file);
+    free(samples);
 }
 
 static void writing_is_cancelled(void **state) {
@@ -341,6 +366,7 @@ int main(void) {
         cmocka_unit_test(ranges_include_the_margin),
         cmocka_unit_test(a_damaged_brick_is_an_error_of_its_own),
         cmocka_unit_test(a_damaged_file_does_not_open),
+        cmocka_unit_test(notes_come_back),
         cmocka_unit_test(writing_is_cancelled),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
