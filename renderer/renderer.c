@@ -478,14 +478,13 @@ static bool find_others(const struct sp_view *view, const struct sp_render_optio
 
 /* Drops hidden layers, and says which volume each of the others shows. */
 static void choose_layers(struct inflight *f) {
+    const bool has_elements = sp_volume_elements(f->original);
     uint32_t kept = 0;
     for (uint32_t i = 0; i < f->view.layer_count; i++) {
         const struct sp_layer *layer = &f->view.layers[i];
         if (!layer->visible)
             continue;
-        f->job.shown[kept] = f->others[i]                     ? f->others[i]
-                             : layer->type >= SP_LAYER_POINTS ? f->original
-                                                              : NULL;
+        f->job.shown[kept] = f->others[i] ? f->others[i] : has_elements ? f->original : NULL;
         f->view.layers[kept++] = *layer;
     }
     f->view.layer_count = kept;

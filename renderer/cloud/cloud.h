@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Clouds: points and trained Gaussians, which have positions and variances of their own instead of
- * a grid. They are drawn as lists of voxels are (voxels/draw.h), front to back.
+ * Clouds: points, with streaks along their vectors or without, and trained Gaussians, which have
+ * positions and variances of their own instead of a grid. They are drawn as lists of voxels are
+ * (voxels/draw.h), front to back.
  *
  *   elements ─► sp_cloud_prepare(): placed, culled, sorted by depth ─► set_up ─► voxels/
  *
@@ -18,7 +19,8 @@
 /* All pointers are borrowed until the frame is drawn. */
 struct sp_cloud_input {
     const struct sp_view *view;
-    const struct sp_layer *layer;  /* of type SP_LAYER_POINTS or SP_LAYER_GAUSSIANS */
+    const struct sp_layer *layer;  /* of type SP_LAYER_POINTS, SP_LAYER_GAUSSIANS, or of
+                                      SP_LAYER_VECTORS for points with vectors */
     struct sp_volume *shown;       /* with the elements of the layer */
     const struct sp_grid *clipped; /* of the frame's volume: what the clip box is a fraction of */
     const struct sp_camera_transform *camera;

@@ -4,6 +4,7 @@
 #include "cloud/cloud.h"
 #include "cloud/cut.h"
 #include "cloud/order.h"
+#include "voxels/phase.h"
 
 enum { PARTS_MAX = 1 << 25 }; /* of a frame; the more points, the fewer parts each has */
 
@@ -52,6 +53,8 @@ static void init_frame(const struct sp_cloud_input *in, struct sp_grid *grid,
     frame->ewa.near = (float)fmax(in->camera->near / frame->ewa.unit, 1e-6);
     for (int i = 0; i < 2 && frame->is_trained; i++)
         frame->ewa.ratio_max[i] = 1.3f * (float)in->camera->tan_half[i]; /* Kerbl et al. 2023 */
+    if (in->layer->type == SP_LAYER_VECTORS)
+        sp_voxel_init_streaks(in->layer, in->camera, frame);
     sp_clip_frame_init(&frame->ewa.clip, in->camera, in->clipped, &in->view->clip, frame->ewa.unit);
 }
 
@@ -138,6 +141,38 @@ static float pixels_of(const struct sp_cloud_input *in) {
     return in->mip_level ? (float)(1u << in->mip_level) : is_exact ? 0 : 0.5f;
 }
 
+/* Chooses the share of the points that a layer of vectors draws. False: out of memory. */
+static bool choose_streaks(const struct sp_cloud_input *in, struct sp_cloud_choice *choice) {
+    const uint32_t count = choice->count;
+    choice->elements =
+        sp_arena_alloc(in->arena, "vectors", count + (size_t)1, sizeof *choice->elements);
+    choice->count = 0;
+    for (uint32_t i = 0; choice->elements && i < count; i++) {
+        choice->elements[choice->count] = i;
+        choice->count += sp_streak_is_drawn(sp_streak_hash(i), in->layer->density);
+    }
+    return choice->elements;
+}
+
+/* Chooses what is drawn: all elements, some of them, or of many points levels of detail. */
+static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
+                   struct sp_voxel_source *source, struct sp_cloud_choice *choice,
+                   struct sp_error *err) {
+    const struct sp_cloud_tree *tree = NULL;
+    *choice = (struct sp_cloud_choice){ .count = cloud->elements->shape.count };
+    if (source->frame.has_streaks)
+        return choose_streaks(in, choice) || fail_memory(in, err);
+    if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
+                            err))
+        return false;
+    if (!tree)
+        return true;
+    source->mip_level = in->mip_level;
+    cloud->merged = &tree->merged;
+    return sp_cloud_cut(tree, cloud, &source->frame, pixels_of(in), in->pool, in->arena, choice) ||
+           fail_memory(in, err);
+}
+
 bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                       struct sp_voxel_source *source, struct sp_error *err) {
     *cloud =
@@ -160,23 +195,15 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
         if (!classify(in, cloud, err))
             return false;
     }
-    struct sp_cloud_choice choice = { .count = cloud->elements->shape.count };
-    const struct sp_cloud_tree *tree;
-    if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
-                            err))
+    struct sp_cloud_choice choice;
+    if (!choose(in, cloud, source, &choice, err))
         return false;
-    if (tree) {
-        source->mip_level = in->mip_level;
-        cloud->merged = &tree->merged;
-        if (!sp_cloud_cut(tree, cloud, &source->frame, pixels_of(in), in->pool, in->arena, &choice))
-            return fail_memory(in, err);
-    }
-    if (!source->frame.is_trained)
+    if (!source->frame.is_trained && !source->frame.has_streaks)
         choose_parts(&in->view->compositing, choice.count, cloud);
     if (!in->set_up) /* the caller sorts */
         source->order = (struct sp_voxel_order){ choice.elements, choice.count };
-    else if (!sp_cloud_sort(cloud, tree ? &choice : NULL, &source->frame, in->pool, in->arena,
-                            &in->interrupt, &source->order))
+    else if (!sp_cloud_sort(cloud, choice.elements ? &choice : NULL, &source->frame, in->pool,
+                            in->arena, &in->interrupt, &source->order))
         return fail_memory(in, err);
     return !sp_interrupt_is_cancelled(&in->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

@@ -5,7 +5,9 @@
 #include "splat/outline.h"
 #include "splat/pieces.h"
 #include "voxels/closed.h"
+#include "voxels/phase.h"
 #include "voxels/record.h"
+#include "voxels/streak.h"
 
 enum { AHEAD = 32 }; /* elements that are read in advance: they lie apart in memory */
 
@@ -15,6 +17,9 @@ struct lanes {
     float value[SP_WIDE]; /* of points; opacity of Gaussians */
     float volume[SP_WIDE];
     float part[SP_WIDE]; /* with parts: depth of this one [deviations] */
+    /* Of a layer of vectors: */
+    float vector[3][SP_WIDE];
+    uint16_t phase[SP_WIDE];
 };
 
 static inline void prefetch(const struct sp_cloud *cloud, uint32_t number) {
@@ -43,6 +48,16 @@ static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *e
             to->factor[k][i] = e->factors[at][k];
         to->value[i] = values[at];
         to->volume[i] = e->volumes ? e->volumes[at] : 0;
+    }
+}
+
+static inline void read_vectors(const struct sp_cloud *cloud, const uint32_t *elements, int count,
+                                struct lanes *to) {
+    for (int i = 0; i < SP_WIDE; i++) {
+        const uint32_t at = elements[i < count ? i : 0];
+        for (int k = 0; k < 3; k++)
+            to->vector[k][i] = cloud->elements->vectors[at][k];
+        to->phase[i] = (uint16_t)sp_streak_hash(at);
     }
 }
 
@@ -79,6 +94,53 @@ static inline void take_parts(const struct sp_cloud *cloud, const struct lanes *
         for (int a = 0; a < 3; a++)
             p->kernel[r][a] -= (1 - cloud->part_deviation) * along * n[a];
     }
+}
+
+/* The standard deviation of kernels along unit vectors d of the world of the data: |L⁻¹·d|⁻¹, so
+ * that streaks are as long in cells whatever the shape of a cell is. Flat kernels have 0. */
+static inline sp_wide deviation_along(const struct lanes *lanes, const sp_wide d[3]) {
+    const sp_wide tiny = sp_wide_all(1e-20f);
+    sp_wide l[6], y[3];
+    for (int k = 0; k < 6; k++)
+        l[k] = sp_wide_load(lanes->factor[k]);
+    y[0] = d[0] / sp_wide_max(l[0], tiny);
+    y[1] = (d[1] - l[1] * y[0]) / sp_wide_max(l[2], tiny);
+    y[2] = (d[2] - l[3] * y[0] - l[4] * y[1]) / sp_wide_max(l[5], tiny);
+    sp_wide deviation = 1 / sp_wide_sqrt(y[0] * y[0] + y[1] * y[1] + y[2] * y[2]);
+    return sp_wide_keep(sp_wide_lt(deviation, sp_wide_all(INFINITY)), deviation);
+}
+
+/* Places the splats of a layer of vectors. */
+static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
+                                         const struct sp_cloud *cloud, const struct lanes *lanes,
+                                         struct sp_places *p, struct sp_outlines *o,
+                                         struct sp_streak_places *s) {
+    sp_wide d[3], seen_d[3], sum = sp_wide_all(0), square = sp_wide_all(0);
+    for (int a = 0; a < 3; a++)
+        sum += sp_wide_abs(d[a] = sp_wide_load(lanes->vector[a]));
+    const sp_wide_mask moves =
+        sp_wide_lt(sp_wide_all(0), sum) & sp_wide_lt(sum, sp_wide_all(INFINITY));
+    for (int a = 0; a < 3; a++) {
+        d[a] = sp_wide_keep(moves, d[a] / sum);
+        square += d[a] * d[a];
+    }
+    sp_wide inverse = sp_wide_keep(moves, 1 / sp_wide_sqrt(square));
+    for (int a = 0; a < 3; a++)
+        d[a] *= inverse;
+    square = sp_wide_all(0);
+    for (int r = 0; r < 3; r++) {
+        seen_d[r] =
+            cloud->place[r][0] * d[0] + cloud->place[r][1] * d[1] + cloud->place[r][2] * d[2];
+        square += seen_d[r] * seen_d[r];
+    }
+    const sp_wide size = sp_wide_sqrt(square); /* of a world unit there [cells] */
+    inverse = sp_wide_keep(moves, 1 / size);
+    for (int r = 0; r < 3; r++)
+        seen_d[r] *= inverse;
+    const sp_wide sigma = cloud->size * size * deviation_along(lanes, d);
+    return sp_streak_keep_moving(
+        &frame->streaks, sp_streak_place(&frame->ewa, &frame->streaks, p, seen_d, sigma, o, s),
+        moves, s);
 }
 
 /* Outlines of trained Gaussians, which end where their opacity does. `opacity` becomes that of the
@@ -171,6 +233,7 @@ static inline void find_color(const struct sp_elements *e, uint32_t element,
 /* Splats while they are set up. */
 struct splats {
     struct sp_outlines outline;
+    struct sp_streak_places streaks; /* of a layer of vectors */
     sp_wide u2, depth, color[3];
 };
 
@@ -178,7 +241,9 @@ static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
                                          const struct sp_cloud *cloud, const struct lanes *lanes,
                                          struct sp_places *p, struct splats *s) {
     sp_wide planes[4], value = sp_wide_load(lanes->value) - cloud->base;
-    sp_wide_mask seen = sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
+    sp_wide_mask seen = frame->has_streaks
+                            ? place_streaks(frame, cloud, lanes, p, &s->outline, &s->streaks)
+                            : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
     sp_pieces_planes(cloud->pieces, value, planes);
     for (int k = 0; k < 3; k++)
         s->color[k] = planes[k];
@@ -221,6 +286,8 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         struct splats s;
         sp_wide_mask seen;
         read_elements(cloud, elements + n, (int)(count - n), &lanes);
+        if (frame->has_streaks)
+            read_vectors(cloud, elements + n, (int)(count - n), &lanes);
         locate(cloud, &lanes, &p);
         if (frame->is_trained) {
             s.depth = sp_wide_load(lanes.value);
@@ -235,6 +302,8 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         if (frame->closed)
             bits = sp_voxel_drop_covered(frame, &s.outline, bits);
         write_records(cloud, &lanes, &s, elements + n, bits, out + written);
+        if (frame->has_streaks)
+            sp_streak_write(&frame->streaks, lanes.phase, &s.streaks, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);
     }
     return written;

@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "import/neighbours.h"
+#include "import/vectors.h"
 #include "volume/curvilinear.h"
 
 /* The normal of a triangle, as long as twice its area. */
@@ -141,5 +142,7 @@ bool import_elements_finish(const struct import_file *file, const struct import_
              !import_neighbours_finish(elements, progress, err))
         return false;
     warn(file->warnings, elements, *folded);
+    if (elements->vectors && elements->shape.count > 0)
+        import_vectors_warn(file, (const float(*)[3])elements->vectors, elements->shape.count);
     return true;
 }

@@ -64,6 +64,7 @@ void import_header_use_elements(struct import_header *header,
     for (int axis = 0; axis < 3; axis++)
         header->grid.dims[axis] = 1;
     header->elements = *shape;
+    header->has_vectors = shape->has_vectors;
     header->type = SP_FLOAT32;
     header->bytes = sizeof(float);
 }

@@ -150,7 +150,7 @@ void import_header_use_interval(struct import_header *header, double first, doub
  * keeps everything else. */
 void import_header_init(struct import_header *header);
 
-/* Sets the grid, type and size of a file that has elements. */
+/* Sets the grid, type and size of a file that has elements, and whether it has vectors. */
 void import_header_use_elements(struct import_header *header,
                                 const struct sp_elements_shape *shape);
 

@@ -35,7 +35,9 @@ struct sp_elements_shape sp_handover_shape(const struct sp_handover_header *head
     return (struct sp_elements_shape){ .kind = (enum sp_kind)header->kind,
                                        .count = header->count,
                                        .vertex_count = header->vertex_count,
-                                       .degree = header->degree };
+                                       .degree = header->degree,
+                                       .has_vectors =
+                                           header->kind != SP_KIND_GRID && header->has_vectors };
 }
 
 /* The samples, vectors and coordinates. */
@@ -105,7 +107,7 @@ static bool check_elements(const struct sp_handover_header *header, const char *
     const char *problem = header->kind >= SP_KIND_COUNT ? "elements of an unknown kind"
                                                         : sp_elements_shape_problem(&shape);
     if (!problem && shape.kind != SP_KIND_GRID &&
-        (header->bytes != sizeof(float) || header->rectilinear || header->has_vectors))
+        (header->bytes != sizeof(float) || header->rectilinear))
         problem = "elements on a grid";
     return !problem || sp_fail(err, SP_ERR_CRASHED, place, "the import process sent %s", problem);
 }

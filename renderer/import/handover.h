@@ -23,7 +23,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 11,
+    SP_HANDOVER_VERSION = 12,
 };
 
 enum sp_handover_kind {
@@ -38,7 +38,8 @@ struct sp_handover_header {
     uint32_t type; /* enum sp_type */
     uint32_t dims[3];
     uint32_t rectilinear;        /* bit a: dims[a] coordinates of axis a follow the samples */
-    uint32_t has_vectors;        /* 0 or 1: three float32 per sample follow the samples */
+    uint32_t has_vectors;        /* 0 or 1: three float32 per sample follow the samples; of points
+                                    they are elements */
     uint32_t level, level_count; /* of detail: the one that is read, and how many there are; 0 and 0
                                     if there is one only */
     char anatomy[4];             /* as in struct sp_volume_info */

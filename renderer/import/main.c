@@ -191,8 +191,10 @@ static bool read_all(struct job *job, void *reader, char *memory, struct sp_erro
     if (!job->format->read(reader, memory, vectors, &progress, err))
         return false;
     if (vectors) {
+        const uint32_t *dims = job->header.grid.dims;
         import_vectors_finish(&job->header, vectors, memory);
-        import_vectors_warn(&job->file, &job->header.grid, (const float(*)[3])vectors);
+        import_vectors_warn(&job->file, (const float(*)[3])vectors,
+                            (uint64_t)dims[0] * dims[1] * dims[2]);
     }
     return true;
 }
@@ -216,7 +218,7 @@ static bool check_field(const struct job *job, struct sp_error *err) {
         list_names((const char(*)[SP_FIELD_BYTES])h->other_vectors, SP_OTHER_VECTORS_MAX, list,
                    sizeof list);
         return sp_fail(err, SP_ERR_NOT_FOUND, job->file.shown,
-                       "there are no vectors \"%.60s\" on a grid; the file has %.60s%s", vectors,
+                       "there are no vectors \"%.60s\"; the file has %.60s%s", vectors,
                        h->vector_name[0] ? h->vector_name : "none of a name", list);
     }
     list_names((const char(*)[SP_FIELD_BYTES])h->others, SP_OTHER_FIELDS_MAX, list, sizeof list);

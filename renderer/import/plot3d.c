@@ -194,8 +194,7 @@ static void choose_field(struct plot3d *p, struct import_header *header) {
     for (int i = 0; i < FIELDS; i++)
         if (i != p->field)
             import_header_add_other(header, names[i]);
-    import_warn(p->file->warnings, "The momentum is not drawn as streaks: these need a regular or "
-                                   "rectilinear grid. Its length and components are fields.");
+    import_name(header->vector_name, "momentum");
 }
 
 static void *open_plot3d(const struct import_file *file, struct import_header *header,
@@ -222,8 +221,10 @@ static void *open_plot3d(const struct import_file *file, struct import_header *h
         close_plot3d(p);
         return NULL;
     }
-    import_header_use_elements(
-        header, &(struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = (uint32_t)count });
+    import_header_use_elements(header,
+                               &(struct sp_elements_shape){ .kind = SP_KIND_POINTS,
+                                                            .count = (uint32_t)count,
+                                                            .has_vectors = p->flow.fd >= 0 });
     header->blocks = (const uint32_t(*)[3])p->grid.dims;
     header->block_count = p->grid.blocks;
     if (p->flow.fd >= 0)
@@ -272,26 +273,25 @@ static bool read_blanks(const struct plot3d *reader, uint64_t at, const struct s
     return true;
 }
 
-/* Reads the values of a block from its flow at `at`. Vectors wait in the place of the factors. */
-static bool read_values(const struct plot3d *p, uint64_t at, const struct sp_elements *e,
-                        uint64_t first, uint64_t count, struct sp_error *err) {
-    const bool is_length = p->field == MOMENTUM_LENGTH;
+/* Reads the values and the momentum of a block from its flow at `at`. */
+static bool read_flow(const struct plot3d *p, uint64_t at, const struct sp_elements *e,
+                      uint64_t first, uint64_t count, struct sp_error *err) {
     const uint64_t column = count * p->flow.form.real;
     float *values = e->values + first;
-    float(*momentum)[3] = (float(*)[3])(void *)e->factors[first];
     const struct import_vectors out = { .number = { IMPORT_FLOAT, p->flow.form.real },
-                                        .count = count,
-                                        .planar = is_length,
-                                        .out = is_length ? momentum : (float(*)[3])(void *)values };
+                                        .out = (float(*)[3])(void *)values };
     for (uint64_t i = 0; p->flow.fd < 0 && i < count; i++)
         values[i] = 1;
     if (p->flow.fd < 0)
         return true;
-    if (!is_length)
-        return read_numbers(&p->flow, at + (uint64_t)p->field * column, count, &out, err);
-    if (!read_numbers(&p->flow, at + MOMENTUM_X * column, 3 * count, &out, err))
+    const struct import_vectors momentum = {
+        .number = out.number, .count = count, .planar = true, .out = e->vectors + first
+    };
+    if (!read_numbers(&p->flow, at + MOMENTUM_X * column, 3 * count, &momentum, err))
         return false;
-    import_derive(IMPORT_LENGTH, (const float(*)[3])momentum, count, values);
+    if (p->field != MOMENTUM_LENGTH)
+        return read_numbers(&p->flow, at + (uint64_t)p->field * column, count, &out, err);
+    import_derive(IMPORT_LENGTH, (const float(*)[3])momentum.out, count, values);
     return true;
 }
 
@@ -309,7 +309,7 @@ static bool read_elements(void *reader, const struct sp_elements *e,
         const uint64_t start = at + grid->marker;
         flow_at += 3 * flow->marker + 4 * flow->real;
         if (!read_numbers(&p->grid, start, 3 * n, &out, err) ||
-            !read_values(p, flow_at, e, first, n, err) ||
+            !read_flow(p, flow_at, e, first, n, err) ||
             !read_blanks(p, start + 3 * n * grid->real, e, first, n, err))
             return false;
         at += 2 * grid->marker + block_bytes(&p->grid, b);

@@ -76,9 +76,8 @@ void import_vectors_finish(const struct import_header *header, float (*vectors)[
     import_derive(header->derived, (const float(*)[3])vectors, count, voxels);
 }
 
-void import_vectors_warn(const struct import_file *file, const struct sp_grid *grid,
-                         const float (*vectors)[3]) {
-    const uint64_t count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+void import_vectors_warn(const struct import_file *file, const float (*vectors)[3],
+                         uint64_t count) {
     for (uint64_t i = 0; i < count; i++) {
         const float length = fabsf(vectors[i][0]) + fabsf(vectors[i][1]) + fabsf(vectors[i][2]);
         if (length > 0 && isfinite(length))

@@ -25,8 +25,7 @@ void import_vectors_put(const struct import_vectors *vectors, uint64_t first, co
  * if they come from them. */
 void import_vectors_finish(const struct import_header *header, float (*vectors)[3], void *voxels);
 
-/* Warns if no vector has a direction. */
-void import_vectors_warn(const struct import_file *file, const struct sp_grid *grid,
-                         const float (*vectors)[3]);
+/* Warns if none of `count` vectors has a direction. */
+void import_vectors_warn(const struct import_file *file, const float (*vectors)[3], uint64_t count);
 
 #endif

@@ -48,6 +48,16 @@ static bool use_derived(struct vtk_volume *v, struct import_header *header) {
     return true;
 }
 
+/* Lists what comes from the vectors as fields, and makes it the samples if use_derived(). */
+static bool use_vectors(struct vtk_volume *v, struct import_header *header) {
+    const bool is_derived = use_derived(v, header);
+    if (is_derived)
+        import_header_use_vectors(header, v->file->field);
+    else if (v->vectors.type)
+        import_header_list_derived(header, header->vector_name, "magnitude");
+    return is_derived;
+}
+
 bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t byte,
                   const char *field, struct sp_error *err) {
     const struct import_file *file = v->file;
@@ -57,18 +67,14 @@ bool vtk_complete(struct vtk_volume *v, struct import_header *header, uint64_t b
     uint64_t points = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
     if (v->vectors.type)
         header->has_vectors = true;
-    const bool is_derived = use_derived(v, header);
-    if (v->vectors.type && !is_derived)
-        import_header_list_derived(header, header->vector_name, "magnitude");
-    if (is_derived)
-        import_header_use_vectors(header, file->field);
-    else if (v->samples.type->sample < 0)
+    const bool is_derived = use_vectors(v, header);
+    if (!is_derived && v->samples.type->sample < 0)
         return import_fail(
             err, SP_ERR_UNSUPPORTED, file->shown, v->samples.begin, v->samples.name,
             "samples of type %s are not supported; supported are 8 and 16 bits, int, float "
             "and double",
             v->samples.type->legacy);
-    else
+    if (!is_derived)
         header->type = (enum sp_type)v->samples.type->sample;
     place_samples(v, grid);
     v->samples.count = points;
@@ -88,30 +94,6 @@ bool vtk_read(void *volume, void *voxels, float (*vectors)[3],
     return !vectors || vtk_array_read_floats(v->file, &v->vectors, vectors[0], &rest, err);
 }
 
-/* The vectors of points give scalars alone, those of all arrays. */
-static void use_vectors_of_points(struct vtk_volume *v, struct import_header *header) {
-    char lengths[SP_FIELD_BYTES + 16];
-    const bool is_derived = use_derived(v, header);
-    if (is_derived)
-        import_header_derive(header, v->file->field);
-    v->derived = header->derived;
-    import_warn(v->file->warnings,
-                "The vectors \"%.60s\" are not drawn as streaks: these need a regular or "
-                "rectilinear grid. Their lengths and components are fields.",
-                header->vector_name);
-    snprintf(lengths, sizeof lengths, "%s magnitude", header->vector_name);
-    import_header_list_derived(header, header->vector_name,
-                               v->derived == IMPORT_LENGTH        ? header->value_name
-                               : header->other_vectors[0][0] == 0 ? "magnitude"
-                                                                  : lengths);
-    for (int i = 0; i < SP_OTHER_VECTORS_MAX && header->other_vectors[i][0]; i++) {
-        snprintf(lengths, sizeof lengths, "%s magnitude", header->other_vectors[i]);
-        import_header_list_derived(header, header->other_vectors[i], lengths);
-    }
-    memset(header->other_vectors, 0, sizeof header->other_vectors);
-    header->vector_name[0] = 0;
-}
-
 bool vtk_complete_points(struct vtk_volume *v, struct import_header *header, uint64_t count,
                          enum vtk_set set, uint64_t byte, const char *field, struct sp_error *err) {
     const struct import_file *file = v->file;
@@ -120,20 +102,21 @@ bool vtk_complete_points(struct vtk_volume *v, struct import_header *header, uin
                            "%" PRIu64 " points are more than the %d that a volume may have", count,
                            SP_ELEMENTS_MAX);
     memcpy(v->dims, header->grid.dims, sizeof v->dims);
-    import_header_use_elements(
-        header, &(struct sp_elements_shape){ .kind = SP_KIND_POINTS, .count = (uint32_t)count });
-    if (v->vectors.type)
-        use_vectors_of_points(v, header);
+    import_header_use_elements(header,
+                               &(struct sp_elements_shape){ .kind = SP_KIND_POINTS,
+                                                            .count = (uint32_t)count,
+                                                            .has_vectors = v->vectors.type });
+    use_vectors(v, header);
+    v->derived = header->derived;
     if (set == VTK_STRUCTURED) {
         header->blocks = (const uint32_t(*)[3]) & v->dims;
         header->block_count = 1;
     }
     v->points.count = v->vectors.count = 3 * count;
     v->samples.count = count;
-    return count == 0 ||
-           (vtk_array_check(file, &v->points, err) &&
-            (!v->samples.type || vtk_array_check(file, &v->samples, err)) &&
-            (v->samples.type || !v->vectors.type || vtk_array_check(file, &v->vectors, err)));
+    return count == 0 || (vtk_array_check(file, &v->points, err) &&
+                          (!v->samples.type || vtk_array_check(file, &v->samples, err)) &&
+                          (!v->vectors.type || vtk_array_check(file, &v->vectors, err)));
 }
 
 bool vtk_read_elements(void *volume, const struct sp_elements *e,
@@ -146,16 +129,15 @@ bool vtk_read_elements(void *volume, const struct sp_elements *e,
     if (!vtk_array_read_floats(v->file, &v->points, e->positions[0], progress, err))
         return false;
     rest.before += 3 * sizeof(float) * (uint64_t)count;
+    if (v->vectors.type) {
+        if (!vtk_array_read_floats(v->file, &v->vectors, e->vectors[0], &rest, err))
+            return false;
+        rest.before += 3 * sizeof(float) * (uint64_t)count;
+    }
     if (v->samples.type)
         return vtk_array_read_floats(v->file, &v->samples, e->values, &rest, err);
-    if (v->vectors.type) { /* they wait in the place of the factors */
-        float(*vectors)[3] = (float(*)[3])(void *)e->factors;
-        if (!vtk_array_read_floats(v->file, &v->vectors, vectors[0], &rest, err))
-            return false;
-        import_derive(v->derived, (const float(*)[3])vectors, count, e->values);
-        return true;
-    }
-    for (uint32_t i = 0; i < count; i++)
+    import_derive(v->derived, (const float(*)[3])e->vectors, count, e->values);
+    for (uint32_t i = 0; i < count && !v->vectors.type; i++)
         e->values[i] = 1;
     return true;
 }

@@ -147,6 +147,12 @@ bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct 
     return sp_cloud_prepare(&input, &to->cloud, &to->source, err);
 }
 
+bool sp_layers_is_cloud(const struct sp_layers_input *from, uint32_t layer) {
+    const enum sp_layer_type type = from->view->layers[layer].type;
+    return type == SP_LAYER_POINTS || type == SP_LAYER_GAUSSIANS ||
+           (type == SP_LAYER_VECTORS && from->shown[layer]);
+}
+
 static bool prepare_cloud(struct sp_layers *l, uint32_t layer, struct sp_error *err) {
     struct sp_layers_cloud *to = &l->clouds[l->cloud_count++];
     return sp_layers_cloud(l->input, layer, to, err) &&
@@ -177,6 +183,8 @@ static bool prepare_mesh(struct sp_layers *l, uint32_t number, struct sp_error *
 
 static bool prepare_layer(struct sp_layers *l, uint32_t number, struct sp_error *err) {
     const struct sp_layer *layer = &l->input->view->layers[number];
+    if (sp_layers_is_cloud(l->input, number))
+        return prepare_cloud(l, number, err);
     switch (layer->type) {
     case SP_LAYER_SURFACE:
         return layer->opacity <= 0 || prepare_surface(l, layer, err);
@@ -184,11 +192,10 @@ static bool prepare_layer(struct sp_layers *l, uint32_t number, struct sp_error 
         return prepare_voxels(l->input, layer, &l->shell, err);
     case SP_LAYER_VECTORS:
         return prepare_voxels(l->input, layer, &l->vectors, err);
-    case SP_LAYER_POINTS:
-    case SP_LAYER_GAUSSIANS:
-        return prepare_cloud(l, number, err);
     case SP_LAYER_GEOMETRY:
         return prepare_mesh(l, number, err);
+    case SP_LAYER_POINTS:
+    case SP_LAYER_GAUSSIANS:
     case SP_LAYER_VOLUME:
         break;
     }

@@ -21,7 +21,7 @@
 struct sp_layers_input {
     const struct sp_view *view;
     struct sp_volume *volume;
-    struct sp_volume *const *shown; /* by layer: the volume whose elements it shows */
+    struct sp_volume *const *shown; /* by layer: the volume whose elements it shows; NULL = none */
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */
     struct sp_surface_cache *surfaces;
@@ -79,7 +79,10 @@ const struct sp_layer *sp_layers_volume(const struct sp_view *view);
 bool sp_layers_voxels(const struct sp_layers_input *input, const struct sp_layer *layer,
                       struct sp_voxel_input *voxels, struct sp_error *err);
 
-/* Fills what layer number `layer` of points or Gaussians is drawn from. SP_ERR_MEMORY,
+/* True for a layer of points or Gaussians, or of vectors of points. */
+bool sp_layers_is_cloud(const struct sp_layers_input *input, uint32_t layer);
+
+/* Fills what such a layer, number `layer`, is drawn from. SP_ERR_MEMORY,
  * SP_ERR_CANCELLED. */
 bool sp_layers_cloud(const struct sp_layers_input *input, uint32_t layer,
                      struct sp_layers_cloud *cloud, struct sp_error *err);

@@ -8,6 +8,7 @@
 #include "classify/transfer.h"
 #include "volume/sample.h"
 #include "voxels/clip.h"
+#include "voxels/phase.h"
 
 struct work {
     const struct sp_vectors_job *job;
@@ -19,16 +20,7 @@ struct work {
     const void *voxels;
     const float (*vectors)[3];
     enum sp_type type;
-    uint64_t drawn; /* of 2^16 samples */
 };
-
-/* A random number of a sample: the upper half decides whether it is drawn, the lower half is its
- * phase. (The finalizer of MurmurHash3, by Appleby, of the sample's number.) */
-static uint32_t hash_of(uint64_t n) {
-    n = (n ^ n >> 33) * UINT64_C(0xff51afd7ed558ccd);
-    n = (n ^ n >> 33) * UINT64_C(0xc4ceb9fe1a85ec53);
-    return (uint32_t)(n ^ n >> 33);
-}
 
 static struct sp_class class_at(const struct work *work, uint64_t at, const uint32_t i[3]) {
     const struct sp_transfer *transfer = &work->transfer;
@@ -61,8 +53,8 @@ static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struc
     uint32_t count = 0;
     for (uint32_t x = left.begin; x < left.end; x++) {
         const uint64_t at = row * dims[0] + x;
-        const uint32_t i[3] = { x, y, z }, hash = hash_of(at);
-        if (hash >> 16 >= work->drawn)
+        const uint32_t i[3] = { x, y, z }, hash = sp_streak_hash(at);
+        if (!sp_streak_is_drawn(hash, work->job->density))
             continue;
         struct sp_class c = class_at(work, at, i);
         if (!(c.depth > 0))
@@ -127,8 +119,7 @@ bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *
                          .packing = { .bound = info->longest > 0 ? info->longest : 1 },
                          .voxels = sp_volume_voxels(job->volume),
                          .vectors = sp_volume_vectors(job->volume),
-                         .type = info->type,
-                         .drawn = (uint64_t)(job->density * 65536) };
+                         .type = info->type };
     struct sp_voxel_interval *rows = NULL;
     *list = (struct sp_voxel_list){ .dims = { dims[0], dims[1], dims[2] } };
     if (sp_voxel_clips(job->clip)) {

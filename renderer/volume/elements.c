@@ -17,13 +17,17 @@ const char *sp_elements_shape_problem(const struct sp_elements_shape *shape) {
     if (shape->kind >= SP_KIND_COUNT)
         return "unknown kind of elements";
     if (shape->kind == SP_KIND_GRID)
-        return shape->count || shape->vertex_count || shape->degree ? "a grid with elements" : NULL;
+        return shape->count || shape->vertex_count || shape->degree || shape->has_vectors
+                   ? "a grid with elements"
+                   : NULL;
     if (shape->count > SP_ELEMENTS_MAX || shape->vertex_count > SP_ELEMENTS_MAX)
         return "too many elements";
     if (shape->kind != SP_KIND_MESH && shape->vertex_count)
         return "vertices without a mesh";
     if (shape->kind == SP_KIND_MESH && shape->count && !shape->vertex_count)
         return "triangles without vertices";
+    if (shape->has_vectors && shape->kind != SP_KIND_POINTS)
+        return "vectors without points";
     if (shape->degree > (shape->kind == SP_KIND_GAUSSIANS ? SP_HARMONICS_DEGREE_MAX : 0))
         return "spherical harmonics of an unknown degree";
     return NULL;
@@ -55,6 +59,8 @@ static struct sp_elements lay_out(const struct sp_elements_shape *shape, char *m
     if (shape->kind == SP_KIND_POINTS) {
         e.values = take(memory, at, n, sizeof *e.values);
         e.volumes = take(memory, at, n, sizeof *e.volumes);
+        if (shape->has_vectors)
+            e.vectors = take(memory, at, n, sizeof *e.vectors);
     } else {
         e.opacities = take(memory, at, n, sizeof *e.opacities);
         e.harmonics = take(memory, at, n, 3 * sizeof(float) * sp_harmonics_count(shape->degree));

@@ -164,13 +164,16 @@ struct sp_volume *sp_volume_adopt_elements(const struct sp_volume_info *info, vo
     own->type = SP_FLOAT32;
     own->components = 1;
     own->voxel_bytes = sizeof(float);
-    own->element_bytes = sp_elements_bytes(&info->elements);
+    own->vector_bytes = e->vectors ? e->shape.count * sizeof *e->vectors : 0;
+    own->element_bytes = sp_elements_bytes(&info->elements) - own->vector_bytes;
     sp_elements_grid(e, &own->grid);
     own->element_spacing = sp_elements_spacing(e, &own->grid);
     if (!sp_elements_are_sound(e))
         sp_fail(err, SP_ERR_FORMAT, info->source, "a triangle names a vertex that does not exist");
     else if (keep_numbers(volume, err) &&
-             (!e->values || sp_volume_measure(own, e->values, e->shape.count, err)))
+             (!e->values || sp_volume_measure(own, e->values, e->shape.count, err)) &&
+             (!e->vectors || sp_volume_measure_vectors((const float(*)[3])e->vectors,
+                                                       e->shape.count, &own->longest, err)))
         return volume;
     sp_volume_unref(&volume);
     return NULL;
@@ -304,6 +307,8 @@ static void copy_elements(const struct sp_elements *from, const struct sp_elemen
         memcpy(to->values, from->values, n * sizeof *to->values);
         memcpy(to->volumes, from->volumes, n * sizeof *to->volumes);
     }
+    if (to->vectors)
+        memcpy(to->vectors, from->vectors, n * sizeof *to->vectors);
     if (to->opacities) {
         memcpy(to->opacities, from->opacities, n * sizeof *to->opacities);
         memcpy(to->harmonics, from->harmonics,
@@ -375,7 +380,7 @@ const void *sp_volume_voxels(const struct sp_volume *volume) {
 }
 
 const float (*sp_volume_vectors(const struct sp_volume *volume))[3] {
-    return volume->vectors;
+    return volume->elements.vectors ? (const float(*)[3])volume->elements.vectors : volume->vectors;
 }
 
 const struct sp_elements *sp_volume_elements(const struct sp_volume *volume) {

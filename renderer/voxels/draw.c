@@ -275,17 +275,18 @@ static bool init_places(struct sp_voxel_frame *frame, const struct sp_grid *grid
     return true;
 }
 
-static void init_streaks(const struct sp_voxel_input *input, struct sp_voxel_frame *frame) {
-    const struct sp_layer *layer = input->layer;
-    struct sp_streaks *s = &frame->streaks;
+void sp_voxel_init_streaks(const struct sp_layer *layer, const struct sp_camera_transform *camera,
+                           struct sp_voxel_frame *frame) {
     const float stretch = (float)layer->stretch;
+    struct sp_streaks *s = &frame->streaks;
+    frame->has_streaks = true;
     for (int r = 0; r < 3; r++) {
         for (int a = 0; a < 3; a++)
-            s->to_camera[r][a] = (float)input->camera->w.m[r][a];
+            s->to_camera[r][a] = (float)camera->w.m[r][a];
         s->color[r] = layer->color[r];
     }
-    s->widen = frame->ewa.sigma * frame->ewa.sigma * (stretch * stretch - 1);
-    s->length = SP_STREAK_PERIOD * frame->ewa.sigma * stretch;
+    s->widen = stretch * stretch - 1;
+    s->length = SP_STREAK_PERIOD * stretch;
     s->phase = (float)(layer->phase - floor(layer->phase));
     s->blends = layer->style == SP_VECTORS_BLEND;
 }
@@ -305,9 +306,8 @@ static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame
     view.transfer_function.order = SP_TF_PRE;
     view.filter.kernel = SP_KERNEL_GAUSSIAN;
     sp_ewa_frame_init(&frame->ewa, input->camera, grid, &view);
-    frame->has_streaks = has_streaks;
     if (has_streaks)
-        init_streaks(input, frame);
+        sp_voxel_init_streaks(input->layer, input->camera, frame);
     return init_places(frame, grid, input->arena);
 }
 

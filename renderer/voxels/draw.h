@@ -53,6 +53,10 @@ struct sp_voxel_layer {
     double area;                     /* of their footprints, px */
 };
 
+/* Makes the splats of a frame those of a layer of vectors. */
+void sp_voxel_init_streaks(const struct sp_layer *layer, const struct sp_camera_transform *camera,
+                           struct sp_voxel_frame *frame);
+
 /* Draws a frame that shows nothing but the layer: every pixel, and the stats (visible_voxels: of
  * the list; splats: without hidden ones and those outside of the image). Memory of the frame does
  * not depend on the number of voxels but for 4 bytes each. SP_ERR_MEMORY, SP_ERR_CANCELLED. */

@@ -94,7 +94,7 @@ static inline void shade(const struct sp_voxel_frame *frame, const struct sp_pla
         sp_wide_store(lanes->color[k], color[k]);
 }
 
-/* Places the splats of a layer of vectors. Style modulate has none where there is no vector. */
+/* Places the splats of a layer of vectors. */
 static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
                                          const struct lanes *lanes, struct sp_places *p,
                                          struct sp_outlines *o, struct sp_streak_places *s) {
@@ -105,28 +105,10 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
     for (int r = 0; r < 3; r++)
         direction[r] = streaks->to_camera[r][0] * world[0] + streaks->to_camera[r][1] * world[1] +
                        streaks->to_camera[r][2] * world[2];
-    sp_wide_mask seen = sp_streak_place(&frame->ewa, streaks, p, direction, o, s);
-    sp_wide_mask is_still = ~sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023);
-    s->contrast = sp_wide_select(is_still, sp_wide_all(0), s->contrast);
-    return streaks->blends ? seen : seen & ~is_still;
-}
-
-/* Completes the records of the splats in `bits`. */
-static inline void write_streaks(const struct sp_voxel_frame *frame, const struct lanes *lanes,
-                                 const struct sp_streak_places *s, unsigned bits,
-                                 struct sp_voxel_record *r) {
-    const unsigned moved = (unsigned)(frame->streaks.phase * 65536);
-    for (; bits; bits &= bits - 1, r++) {
-        int i = __builtin_ctz(bits);
-        r->a = s->place[0][i];
-        r->b = s->place[1][i];
-        r->c = s->place[2][i];
-        r->d = s->place[3][i];
-        r->periods = s->periods[i];
-        r->contrast = (uint8_t)(s->contrast[i] * 255 + 0.5f);
-        r->shift = (uint8_t)(lanes->phase[i] * 40503u >> 8);
-        r->phase = (uint16_t)(lanes->phase[i] + moved);
-    }
+    sp_wide_mask seen =
+        sp_streak_place(&frame->ewa, streaks, p, direction, sp_wide_all(frame->ewa.sigma), o, s);
+    return sp_streak_keep_moving(streaks, seen,
+                                 sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023), s);
 }
 
 uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
@@ -153,7 +135,7 @@ uint32_t sp_voxel_set_up(const struct sp_voxel_frame *frame, const void *from,
             shade(frame, &p, &lanes);
         write_records(&o, &lanes, p.u[2], depth, bits, out, written);
         if (frame->has_streaks)
-            write_streaks(frame, &lanes, &streaks, bits, out + written);
+            sp_streak_write(&frame->streaks, lanes.phase, &streaks, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);
     }
     return written;

@@ -51,7 +51,7 @@ static inline void sp_streak_project(const struct sp_ewa_frame *f, const struct 
 
 /* Turns the footprint of variance v and its vector e into the map from pixels to the pattern:
  * v = L·Lᵀ, and the map is L⁻¹, turned so that the vector lies along its first axis. */
-static inline void sp_streak_orient(const sp_wide v[3], const sp_wide e[2], float length,
+static inline void sp_streak_orient(const sp_wide v[3], const sp_wide e[2], sp_wide length,
                                     struct sp_streak_places *s) {
     const sp_wide tiny = sp_wide_all(1e-12f);
     sp_wide l00 = 1 / sp_wide_sqrt(v[0]), l10 = v[1] * l00;
@@ -75,23 +75,50 @@ static inline void sp_streak_orient(const sp_wide v[3], const sp_wide e[2], floa
 }
 
 /* Like sp_place_splats() of filter mode EWA, for kernels that are stretched along a direction in
- * camera space, which is a unit vector or 0. */
+ * camera space, which is a unit vector or 0. sigma: standard deviation along it [cells]. */
 static inline sp_wide_mask sp_streak_place(const struct sp_ewa_frame *f,
                                            const struct sp_streaks *streaks, struct sp_places *p,
-                                           const sp_wide direction[3], struct sp_outlines *o,
-                                           struct sp_streak_places *s) {
-    sp_wide v[3], e[2];
+                                           const sp_wide direction[3], sp_wide sigma,
+                                           struct sp_outlines *o, struct sp_streak_places *s) {
+    sp_wide v[3], e[2], widen = streaks->widen * sigma * sigma;
     sp_wide_mask seen = sp_place_centres(f, p, o);
     sp_wide det = sp_place_filter(f, SP_FILTER_EWA, p, v);
     sp_streak_project(f, p, direction, e);
     /* det(V + t·e·eᵀ) = det V + t·(V11·e0² − 2·V01·e0·e1 + V00·e1²) */
-    det += streaks->widen * (v[2] * e[0] * e[0] - 2 * v[1] * e[0] * e[1] + v[0] * e[1] * e[1]);
-    v[0] += streaks->widen * e[0] * e[0];
-    v[1] += streaks->widen * e[0] * e[1];
-    v[2] += streaks->widen * e[1] * e[1];
-    sp_streak_orient(v, e, streaks->length, s);
+    det += widen * (v[2] * e[0] * e[0] - 2 * v[1] * e[0] * e[1] + v[0] * e[1] * e[1]);
+    v[0] += widen * e[0] * e[0];
+    v[1] += widen * e[0] * e[1];
+    v[2] += widen * e[1] * e[1];
+    sp_streak_orient(v, e, streaks->length * sigma, s);
     seen &= sp_wide_lt(det, sp_wide_all(1e36f)) & sp_outline_ellipse(f, v, det, o);
     return seen & sp_wide_lt(sp_wide_all(0), o->gain);
+}
+
+/* Samples without a direction have no pattern, and in style modulate no splat. Returns which of the
+ * splats are left. */
+static inline sp_wide_mask sp_streak_keep_moving(const struct sp_streaks *streaks,
+                                                 sp_wide_mask seen, sp_wide_mask moves,
+                                                 struct sp_streak_places *s) {
+    s->contrast = sp_wide_keep(moves, s->contrast);
+    return streaks->blends ? seen : seen & moves;
+}
+
+/* Completes the records of the splats in `bits`. phases: of the samples, in 65536ths. */
+static inline void sp_streak_write(const struct sp_streaks *streaks, const uint16_t phases[SP_WIDE],
+                                   const struct sp_streak_places *s, unsigned bits,
+                                   struct sp_voxel_record *r) {
+    const unsigned moved = (unsigned)(streaks->phase * 65536);
+    for (; bits; bits &= bits - 1, r++) {
+        int i = __builtin_ctz(bits);
+        r->a = s->place[0][i];
+        r->b = s->place[1][i];
+        r->c = s->place[2][i];
+        r->d = s->place[3][i];
+        r->periods = s->periods[i];
+        r->contrast = (uint8_t)(s->contrast[i] * 255 + 0.5f);
+        r->shift = (uint8_t)(phases[i] * 40503u >> 8);
+        r->phase = (uint16_t)(phases[i] + moved);
+    }
 }
 
 /* x minus the nearest whole number, for |x| below 2^22; *whole: that number. */

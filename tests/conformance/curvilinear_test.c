@@ -2,7 +2,9 @@
  *
  * Curvilinear grids, as points with the kernels of the grid (volume/curvilinear.h): a field sampled
  * on a warped grid gives the image of the same field on a regular one, and a ring of constant
- * extinction the opacity that the length of the ray gives.
+ * extinction the opacity that the length of the ray gives. Streaks along the vectors of such a grid
+ * are those of its definition (support/streaks.h), and those of a regular grid but for their
+ * places.
  */
 #include <math.h>
 #include <setjmp.h>
@@ -10,11 +12,13 @@
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include <cmocka.h>
 
 #include "support/compare.h"
 #include "support/render.h"
+#include "support/streaks.h"
 #include "volume/curvilinear.h"
 
 enum { SIDE = 48 };
@@ -48,13 +52,25 @@ static void warp(const double i[3], double most, double p[3]) {
     }
 }
 
+/* A vortex about the middle that rises; no vectors along its axis. */
+static void vector_at(const double p[3], float v[3]) {
+    const double x = p[0] - 0.5 * (SIDE - 1), y = p[1] - 0.5 * (SIDE - 1);
+    const bool is_still = hypot(x, y) < 2;
+    v[0] = is_still ? 0 : (float)-y;
+    v[1] = is_still ? 0 : (float)x;
+    v[2] = is_still ? 0 : 8;
+}
+
 static struct sp_elements allocate(uint32_t count) {
-    struct sp_elements e = { .shape = { .kind = SP_KIND_POINTS, .count = count },
-                             .positions = calloc(count, sizeof *e.positions),
-                             .factors = calloc(count, sizeof *e.factors),
-                             .values = calloc(count, sizeof *e.values),
-                             .volumes = calloc(count, sizeof *e.volumes) };
-    assert_true(e.positions && e.factors && e.values && e.volumes);
+    struct sp_elements e = {
+        .shape = { .kind = SP_KIND_POINTS, .count = count, .has_vectors = true },
+        .positions = calloc(count, sizeof *e.positions),
+        .factors = calloc(count, sizeof *e.factors),
+        .values = calloc(count, sizeof *e.values),
+        .volumes = calloc(count, sizeof *e.volumes),
+        .vectors = calloc(count, sizeof *e.vectors)
+    };
+    assert_true(e.positions && e.factors && e.values && e.volumes && e.vectors);
     return e;
 }
 
@@ -66,6 +82,7 @@ static struct sp_volume *finish(struct sp_elements *e, const uint32_t dims[3]) {
     free(e->factors);
     free(e->values);
     free(e->volumes);
+    free(e->vectors);
     return volume;
 }
 
@@ -80,6 +97,7 @@ static struct sp_volume *make_warped(double most) {
         for (int a = 0; a < 3; a++)
             e.positions[n][a] = (float)(p[a] - 0.5 * (SIDE - 1));
         e.values[n] = (float)field(p);
+        vector_at(p, e.vectors[n]);
     }
     return finish(&e, dims);
 }
@@ -143,6 +161,162 @@ static void check_warps(const struct test_renderer *renderer, const char *name) 
     }
     test_image_finish(&wanted);
     test_scene_finish(&scene);
+}
+
+/* The regular volume with the same vectors; or turned ones, which lead away from the axis. */
+static struct sp_volume *add_vectors(const struct test_scene *regular, bool is_turned) {
+    float(*vectors)[3] = calloc(SIDE * SIDE * SIDE, sizeof *vectors);
+    assert_non_null(vectors);
+    for (uint32_t n = 0; n < SIDE * SIDE * SIDE; n++) {
+        float *v = vectors[n], x;
+        vector_at((const double[3]){ n % SIDE, n / SIDE % SIDE, n / SIDE / SIDE }, v);
+        x = v[0];
+        v[0] = is_turned ? v[1] : x;
+        v[1] = is_turned ? -x : v[1];
+    }
+    struct sp_volume *volume =
+        sp_volume_create_vectors(&regular->info.grid, SP_FLOAT32, regular->voxels,
+                                 (const float(*)[3])(const void *)vectors, "field", NULL);
+    assert_non_null(volume);
+    free(vectors);
+    return volume;
+}
+
+/* The same for streaks. Where nodes lie elsewhere, so do the streaks; but those along other vectors
+ * agree less. The definition of streaks is checked below, on all instruction sets. */
+static const struct { double most, floor; } streak_warps[] = { { 0, 62.3 }, { 3, 32.8 } };
+
+static double compare_streaks(const struct test_renderer *renderer, const struct sp_view *view,
+                              struct sp_volume *a, struct sp_volume *b) {
+    struct test_image images[2];
+    assert_true(test_render(renderer, a, view, &images[0], NULL));
+    assert_true(test_render(renderer, b, view, &images[1], NULL));
+    const double psnr = test_image_psnr(&images[0], &images[1]);
+    test_image_finish(&images[0]);
+    test_image_finish(&images[1]);
+    return psnr;
+}
+
+static void check_streaks(const struct test_renderer *renderer, const char *name) {
+    struct test_scene scene;
+    if (strcmp(name, "scalar") != 0 && strcmp(name, "auto") != 0)
+        return;
+    make_regular(&scene);
+    struct sp_view view = scene.view;
+    view.layers[0] = sp_layer_default(SP_LAYER_VECTORS);
+    view.layers[0].density = 0.5;
+    struct sp_volume *regular = add_vectors(&scene, false), *turned = add_vectors(&scene, true);
+    for (size_t i = 0; i < 2 && draws(renderer, &view); i++) {
+        struct sp_volume *volume = make_warped(streak_warps[i].most);
+        const double same = compare_streaks(renderer, &view, volume, regular);
+        const double other = compare_streaks(renderer, &view, volume, turned);
+        printf("%-8s streaks, warped by %g cells: %.2f dB; other vectors %.2f dB\n", name,
+               streak_warps[i].most, same, other);
+        assert_compare(same, >=, streak_warps[i].floor);
+        assert_compare(other, <=, same - 1.5);
+        sp_volume_unref(&volume);
+    }
+    sp_volume_unref(&regular);
+    sp_volume_unref(&turned);
+    test_scene_finish(&scene);
+}
+
+static void streaks_of_a_warped_grid_look_the_same(void **state) {
+    (void)state;
+    for_each_renderer(check_streaks);
+}
+
+/* A stretched polar grid of one value: cells of many shapes, and of all directions. */
+static struct sp_volume *make_fan(void) {
+    enum { RADII = 14, ANGLES = 16, HEIGHTS = 9 };
+    const uint32_t dims[3] = { RADII, ANGLES, HEIGHTS };
+    struct sp_elements e = allocate(RADII * ANGLES * HEIGHTS);
+    for (uint32_t n = 0; n < e.shape.count; n++) {
+        const double height = n / (RADII * ANGLES), i = n % RADII;
+        const double radius = 4 + 0.5 * i + 0.08 * i * i, angle = 0.25 * (n / RADII % ANGLES);
+        const double p[3] = { radius * cos(angle), radius * sin(angle),
+                              1.5 * height - 6 + 0.2 * radius };
+        for (int a = 0; a < 3; a++)
+            e.positions[n][a] = (float)p[a];
+        e.values[n] = 1;
+        e.vectors[n][0] = n % 19 ? (float)-p[1] : 0;
+        e.vectors[n][1] = n % 19 ? (float)(p[0] + 2) : 0;
+        e.vectors[n][2] = n % 19 ? (float)p[2] : 0;
+    }
+    return finish(&e, dims);
+}
+
+static const float fan_color[3] = { 0.3f, 0.8f, 0.5f };
+static const double fan_extinction = 0.12;
+
+static void make_fan_view(struct sp_view *view, int n) {
+    test_view_init(view);
+    view->size[0] = view->size[1] = 80;
+    view->camera.position[0] = 12;
+    view->camera.position[2] = -45;
+    view->camera.projection = n & 1 ? SP_ORTHOGRAPHIC : SP_PERSPECTIVE;
+    view->camera.height = 26;
+    view->transfer_function.point_count = 1;
+    view->transfer_function.points[0] = (struct sp_tf_point){
+        1, { fan_color[0], fan_color[1], fan_color[2] }, (float)-expm1(-fan_extinction)
+    };
+    view->layers[0] = sp_layer_default(SP_LAYER_VECTORS);
+    view->layers[0].style = n & 1 ? SP_VECTORS_BLEND : SP_VECTORS_MODULATE;
+    view->layers[0].stretch = 2.5;
+    view->layers[0].density = 0.8;
+    view->layers[0].phase = 0.3;
+}
+
+/* Draws the streaks by their definition. */
+static void draw_truth(const struct sp_volume *volume, const struct sp_view *view,
+                       struct test_image *image) {
+    struct test_streaks *streaks =
+        test_streaks_create(volume, view, &view->layers[0], fan_extinction, fan_color);
+    assert_non_null(streaks);
+    struct test_hit *hits = calloc(test_streaks_count(streaks), sizeof *hits);
+    assert_true(hits && test_image_init(image, view->size[0], view->size[1]));
+    for (unsigned y = 0; y < image->height; y++)
+        for (unsigned x = 0; x < image->width; x++) {
+            double *rgba = test_image_at(image, x, y);
+            const unsigned count = test_streaks_hits(streaks, x + 0.5, y + 0.5, hits);
+            for (unsigned i = 0; i < count; i++) {
+                const double part = (1 - rgba[3]) * hits[i].alpha;
+                for (int c = 0; c < 3; c++)
+                    rgba[c] += part * hits[i].color[c];
+                rgba[3] += part;
+            }
+        }
+    free(hits);
+    test_streaks_destroy(&streaks);
+}
+
+/* By style; half a decibel below what was measured. */
+static const double truth_floors[2] = { 96.7, 101.7 };
+
+static void check_truth(const struct test_renderer *renderer, const char *name) {
+    struct sp_volume *volume = make_fan();
+    for (int n = 0; n < 2; n++) {
+        struct test_image got, wanted;
+        struct sp_view view;
+        make_fan_view(&view, n);
+        if (!draws(renderer, &view))
+            continue;
+        draw_truth(volume, &view, &wanted);
+        assert_true(test_render(renderer, volume, &view, &got, NULL));
+        const double psnr = test_image_psnr(&got, &wanted);
+        printf("%-8s streaks, choice %d: %.2f dB\n", name, n, psnr);
+        if (psnr < truth_floors[n])
+            test_image_dump("curvilinear-streaks", &got, &wanted, 10);
+        assert_compare(psnr, >=, truth_floors[n]);
+        test_image_finish(&got);
+        test_image_finish(&wanted);
+    }
+    sp_volume_unref(&volume);
+}
+
+static void streaks_are_those_of_their_definition(void **state) {
+    (void)state;
+    for_each_renderer(check_truth);
 }
 
 static void a_warped_grid_shows_the_same_field(void **state) {
@@ -211,6 +385,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(a_warped_grid_shows_the_same_field),
         cmocka_unit_test(a_ring_has_the_opacity_of_its_height),
+        cmocka_unit_test(streaks_of_a_warped_grid_look_the_same),
+        cmocka_unit_test(streaks_are_those_of_their_definition),
     };
     return cmocka_run_group_tests(tests, NULL, NULL);
 }

@@ -218,14 +218,14 @@ static void volumes_are_encoded(void **state) {
     assert_int_equal(bytes, 13 * 131072);
     free(text);
     proto_json_free(&volume);
-    info.elements = (struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 2 };
+    info.elements = (struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 2, false };
     info.element_spacing = 0.5;
     volume = proto_volume_encode(&info, "an id", false);
     text = proto_json_to_text(proto_json_get(volume, "elements"), NULL);
     assert_string_equal(text, "{\"count\":7,\"spacing\":0.5,\"degree\":2}");
     free(text);
     proto_json_free(&volume);
-    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0 };
+    info.elements = (struct sp_elements_shape){ SP_KIND_POINTS, 9, 0, 0, false };
     info.folded = 4;
     strcpy(info.warnings[0], "One.");
     strcpy(info.warnings[1], "Two.");
@@ -240,7 +240,7 @@ static void volumes_are_encoded(void **state) {
     proto_json_free(&volume);
     info.folded = 0;
     info.warnings[0][0] = 0;
-    info.elements = (struct sp_elements_shape){ SP_KIND_GRID, 0, 0, 0 };
+    info.elements = (struct sp_elements_shape){ SP_KIND_GRID, 0, 0, 0, false };
     const double x[3] = { 0, 1, 4 }, z[2] = { 0, 2.5 };
     info.grid = (struct sp_grid){ .dims = { 3, 64, 2 }, .coordinates = { x, NULL, z } };
     volume = proto_volume_encode(&info, "an id", false);

@@ -66,45 +66,50 @@ static void orient(const double v[3], const double e[2], double length, struct s
     k->contrast = fmin(fmax(rows, 0), 1);
 }
 
-static bool init_streak(const struct test_streaks *s, const struct sp_grid *grid, uint64_t n,
-                        const float vector[3], double extinction, struct streak *k) {
+/* A sample of a grid, or a point. */
+struct sample {
+    uint64_t number;
+    double place[3];     /* world */
+    double kernel[3][3]; /* rows of a matrix whose product with its transpose is the variance */
+    double volume;       /* of the cell */
+    double sigma;        /* of the kernel along the vector, world units */
+    const float *vector;
+};
+
+static double length_of(const float v[3]) {
+    return sqrt((double)v[0] * (double)v[0] + (double)v[1] * (double)v[1] +
+                (double)v[2] * (double)v[2]);
+}
+
+static bool init_streak(const struct test_streaks *s, const struct sample *sample,
+                        double extinction, struct streak *k) {
     const struct sp_filter *filter = &s->view->filter;
     const double stretch = s->layer->stretch, r = filter->cutoff;
-    const double longest =
-        sqrt((double)vector[0] * (double)vector[0] + (double)vector[1] * (double)vector[1] +
-             (double)vector[2] * (double)vector[2]);
-    const uint32_t hash = hash_of(n), at[3] = { (uint32_t)(n % grid->dims[0]),
-                                                (uint32_t)(n / grid->dims[0] % grid->dims[1]),
-                                                (uint32_t)(n / grid->dims[0] / grid->dims[1]) };
-    double world[3], away[3], u[3], m[2][3], v[3] = { 0 }, e[2] = { 0 }, volume = 1;
-    for (int a = 0; a < 3; a++) {
-        const double share = (at[a] + 0.5) / grid->dims[a];
-        if (share < s->view->clip.box[0][a] || share > s->view->clip.box[1][a])
-            return false;
-        volume *= grid->spacing[a];
-    }
+    const double longest = length_of(sample->vector);
+    const uint32_t hash = hash_of(sample->number);
+    double away[3], u[3], m[2][3], v[3] = { 0 }, e[2] = { 0 };
     const bool has_direction = longest > 0;
     if ((!has_direction && s->layer->style == SP_VECTORS_MODULATE) ||
         (hash >> 16) / 65536.0 >= s->layer->density)
         return false;
-    test_sample_place(grid, at, world);
     for (int a = 0; a < 3; a++)
-        away[a] = world[a] - s->view->camera.position[a];
+        away[a] = sample->place[a] - s->view->camera.position[a];
     for (int i = 0; i < 3; i++)
         u[i] = dot(s->w[i], away);
-    const double det_j = project(s, u, m), unit = cbrt(volume);
+    const double det_j = project(s, u, m);
     for (int a = 0; a < 3; a++) {
         double column[2] = { 0, 0 };
         for (int i = 0; i < 2; i++) {
             for (int c = 0; c < 3; c++)
-                column[i] += m[i][c] * grid->direction[c][a] * grid->spacing[a] * filter->sigma;
-            e[i] += has_direction ? m[i][a] * (double)vector[a] / longest * unit : 0;
+                column[i] += m[i][c] * sample->kernel[c][a];
+            e[i] +=
+                has_direction ? m[i][a] * (double)sample->vector[a] / longest * sample->sigma : 0;
         }
         v[0] += column[0] * column[0];
         v[1] += column[0] * column[1];
         v[2] += column[1] * column[1];
     }
-    const double widen = filter->sigma * filter->sigma * (stretch * stretch - 1);
+    const double widen = stretch * stretch - 1;
     v[0] += filter->lowpass * filter->lowpass + widen * e[0] * e[0];
     v[1] += widen * e[0] * e[1];
     v[2] += filter->lowpass * filter->lowpass + widen * e[1] * e[1];
@@ -114,12 +119,63 @@ static bool init_streak(const struct test_streaks *s, const struct sp_grid *grid
     k->x += s->scale * u[0] / (s->view->camera.projection == SP_PERSPECTIVE ? u[2] : 1);
     k->y += s->scale * u[1] / (s->view->camera.projection == SP_PERSPECTIVE ? u[2] : 1);
     k->radius = r * sqrt(v[0] + v[2]);
-    orient(v, e, 2 * filter->sigma * stretch, k);
-    k->peak = extinction * volume * det_j / (2 * M_PI * sqrt(v[0] * v[2] - v[1] * v[1])) /
+    orient(v, e, 2 * stretch, k);
+    k->peak = extinction * sample->volume * det_j / (2 * M_PI * sqrt(v[0] * v[2] - v[1] * v[1])) /
               -expm1(-0.5 * r * r);
     k->phase = (hash & 0xffff) / 65536.0 + s->layer->phase;
     k->shift = ((hash & 0xffff) * 40503u >> 8 & 255) / 256.0;
     return true;
+}
+
+/* False if the sample is clipped. */
+static bool read_sample(const struct test_streaks *s, const struct sp_grid *grid, uint64_t n,
+                        struct sample *sample) {
+    const double sigma = s->view->filter.sigma;
+    const uint32_t at[3] = { (uint32_t)(n % grid->dims[0]),
+                             (uint32_t)(n / grid->dims[0] % grid->dims[1]),
+                             (uint32_t)(n / grid->dims[0] / grid->dims[1]) };
+    sample->volume = 1;
+    for (int a = 0; a < 3; a++) {
+        const double share = (at[a] + 0.5) / grid->dims[a];
+        if (share < s->view->clip.box[0][a] || share > s->view->clip.box[1][a])
+            return false;
+        sample->volume *= grid->spacing[a];
+        for (int c = 0; c < 3; c++)
+            sample->kernel[c][a] = grid->direction[c][a] * grid->spacing[a] * sigma;
+    }
+    test_sample_place(grid, at, sample->place);
+    sample->sigma = sigma * cbrt(sample->volume);
+    return true;
+}
+
+/* The deviation along a direction of the normal distribution that a line through its middle meets:
+ * (dᵀ·V⁻¹·d)^(−1/2), by the cofactors of V. */
+static double deviation_along(const double kernel[3][3], const float vector[3]) {
+    double v[3][3] = { { 0 } }, form = 0, det = 0;
+    const double length = length_of(vector);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++)
+            v[r][c] = dot(kernel[r], kernel[c]);
+    for (int r = 0; r < 3; r++)
+        for (int c = 0; c < 3; c++) {
+            const int r1 = (r + 1) % 3, r2 = (r + 2) % 3, c1 = (c + 1) % 3, c2 = (c + 2) % 3;
+            const double cofactor = v[r1][c1] * v[r2][c2] - v[r1][c2] * v[r2][c1];
+            form += cofactor * (double)vector[r] * (double)vector[c];
+            det += r == 0 ? v[0][c] * cofactor : 0;
+        }
+    return length > 0 ? length * sqrt(det / form) : 0;
+}
+
+static void read_point(const struct sp_elements *points, uint64_t n, struct sample *sample) {
+    const float *l = points->factors[n];
+    const double kernel[3][3] = { { (double)l[0], 0, 0 },
+                                  { (double)l[1], (double)l[2], 0 },
+                                  { (double)l[3], (double)l[4], (double)l[5] } };
+    for (int a = 0; a < 3; a++)
+        sample->place[a] = (double)points->positions[n][a];
+    memcpy(sample->kernel, kernel, sizeof kernel);
+    sample->volume = (double)points->volumes[n];
+    sample->sigma = deviation_along(kernel, sample->vector);
 }
 
 static int compare_depths(const void *a, const void *b) {
@@ -131,7 +187,9 @@ struct test_streaks *test_streaks_create(const struct sp_volume *volume, const s
                                          const struct sp_layer *layer, double extinction,
                                          const float color[3]) {
     const struct sp_grid *grid = &sp_volume_info(volume)->grid;
-    const uint64_t count = (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
+    const struct sp_elements *points = sp_volume_elements(volume);
+    const uint64_t count =
+        points ? points->shape.count : (uint64_t)grid->dims[0] * grid->dims[1] * grid->dims[2];
     const float(*vectors)[3] = sp_volume_vectors(volume);
     struct test_streaks *s = calloc(1, sizeof *s);
     struct streak *list = malloc(count * sizeof *list);
@@ -146,8 +204,14 @@ struct test_streaks *test_streaks_create(const struct sp_volume *volume, const s
     test_camera_axes(&view->camera, s->w);
     for (int c = 0; c < 3; c++)
         s->color[c] = (double)color[c];
-    for (uint64_t n = 0; n < count; n++)
-        s->count += init_streak(s, grid, n, vectors[n], extinction, &list[s->count]);
+    for (uint64_t n = 0; n < count; n++) {
+        struct sample sample = { .number = n, .vector = vectors[n] };
+        if (points)
+            read_point(points, n, &sample);
+        else if (!read_sample(s, grid, n, &sample))
+            continue;
+        s->count += init_streak(s, &sample, extinction, &list[s->count]);
+    }
     qsort(list, s->count, sizeof *list, compare_depths);
     return s;
 }

@@ -12,8 +12,9 @@
 
 struct test_streaks;
 
-/* The samples of `volume` that the layer shows; all have the extinction [1/world unit] and colour.
- * Only samples inside the view's clip box are drawn. NULL when out of memory. */
+/* The samples of `volume`, a grid or points, that the layer shows; all have the extinction [1/world
+ * unit] and colour. Only samples inside the view's clip box are drawn; points are not clipped. NULL
+ * when out of memory. */
 struct test_streaks *test_streaks_create(const struct sp_volume *volume, const struct sp_view *view,
                                          const struct sp_layer *layer, double extinction,
                                          const float color[3]);

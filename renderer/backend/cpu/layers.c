@@ -86,7 +86,7 @@ static bool draw_alone(const struct drawing *l, struct sp_error *err) {
     struct sp_layers_cloud cloud;
     struct sp_voxel_input voxels, *input = &voxels;
     double begin = sp_job_clock_ms(l->job);
-    if (layer->type == SP_LAYER_POINTS || layer->type == SP_LAYER_GAUSSIANS) {
+    if (sp_layers_is_cloud(&l->input, 0)) {
         input = &cloud.voxels.input;
         if (!sp_layers_cloud(&l->input, 0, &cloud, err))
             return false;

@@ -10,9 +10,11 @@ static void add_list(struct gl_layers_made *made, enum gl_splat_kind kind,
 
 static void add_cloud(struct gl_layers_made *made, const struct sp_layers_cloud *from,
                       const struct sp_backend_job *job) {
-    const bool is_trained = from->source.frame.is_trained;
+    const struct sp_voxel_frame *frame = &from->source.frame;
     made->splats[made->splat_count++] =
-        (struct gl_splats_made){ .kind = is_trained ? GL_SPLAT_GAUSSIANS : GL_SPLAT_POINTS,
+        (struct gl_splats_made){ .kind = frame->is_trained    ? GL_SPLAT_GAUSSIANS
+                                         : frame->has_streaks ? GL_SPLAT_POINT_VECTORS
+                                                              : GL_SPLAT_POINTS,
                                  .source = from->source,
                                  .cloud = from->cloud,
                                  .volume = job->shown[from->number] };

@@ -30,6 +30,7 @@ enum gl_splat_kind {
     GL_SPLAT_SHELL,
     GL_SPLAT_VECTORS,
     GL_SPLAT_POINTS,
+    GL_SPLAT_POINT_VECTORS, /* a layer of vectors of points */
     GL_SPLAT_GAUSSIANS,
     GL_SPLAT_KINDS
 };

@@ -33,7 +33,11 @@ struct constants {
 _Static_assert(sizeof(struct sp_voxel) == 6 * sizeof(uint32_t), "six words in the shader");
 
 static bool is_cloud(enum gl_splat_kind kind) {
-    return kind == GL_SPLAT_POINTS || kind == GL_SPLAT_GAUSSIANS;
+    return kind == GL_SPLAT_POINTS || kind == GL_SPLAT_POINT_VECTORS || kind == GL_SPLAT_GAUSSIANS;
+}
+
+static bool has_streaks(enum gl_splat_kind kind) {
+    return kind == GL_SPLAT_VECTORS || kind == GL_SPLAT_POINT_VECTORS;
 }
 
 static void write_common(struct constants *c, const struct sp_voxel_frame *frame) {
@@ -47,9 +51,20 @@ static void write_common(struct constants *c, const struct sp_voxel_frame *frame
     };
 }
 
+/* sigma: of all kernels, or 1 where each has its own. */
+static void write_streaks(struct constants *c, const struct sp_streaks *streaks, float sigma) {
+    for (int r = 0; r < 3; r++) {
+        memcpy(c->streak_axes[r], streaks->to_camera[r], sizeof streaks->to_camera[r]);
+        c->streak_color[r] = streaks->color[r];
+    }
+    c->streaks[0] = streaks->widen * sigma * sigma;
+    c->streaks[1] = streaks->length * sigma;
+    c->streaks[2] = streaks->phase;
+    c->streaks[3] = streaks->blends;
+}
+
 static void write_voxels(struct constants *c, const struct sp_voxel_frame *frame) {
     const struct sp_ewa_frame *f = &frame->ewa;
-    const struct sp_streaks *streaks = &frame->streaks;
     for (int r = 0; r < 3; r++) {
         memcpy(c->steps[r], f->step[r], sizeof f->step[r]);
         memcpy(c->kernel[r], f->kernel[r], sizeof f->kernel[r]);
@@ -57,20 +72,15 @@ static void write_voxels(struct constants *c, const struct sp_voxel_frame *frame
     }
     for (unsigned a = 0, row = 0; a < 3; row += f->grid->dims[a++])
         c->rows[a] = row;
-    for (int r = 0; r < 3 && frame->has_streaks; r++) {
-        memcpy(c->streak_axes[r], streaks->to_camera[r], sizeof streaks->to_camera[r]);
-        c->streak_color[r] = streaks->color[r];
-    }
-    c->streaks[0] = streaks->widen;
-    c->streaks[1] = streaks->length;
-    c->streaks[2] = streaks->phase;
-    c->streaks[3] = streaks->blends;
+    if (frame->has_streaks)
+        write_streaks(c, &frame->streaks, f->sigma);
 }
 
 _Static_assert(SP_CLOUD_PARTS_MAX * sizeof(float) == sizeof((struct constants *)0)->kernel,
                "kernel holds the depths of parts");
 
-static void write_cloud(struct constants *c, const struct sp_cloud *cloud, bool is_trained) {
+static void write_cloud(struct constants *c, const struct sp_cloud *cloud,
+                        const struct sp_voxel_frame *frame) {
     for (int r = 0; r < 3; r++) {
         memcpy(c->steps[r], cloud->place[r], sizeof cloud->place[r]);
         c->steps[r][3] = cloud->offset[r];
@@ -78,7 +88,7 @@ static void write_cloud(struct constants *c, const struct sp_cloud *cloud, bool 
     }
     c->cell[3] = cloud->size;
     c->cloud[0] = gl_cloud_elements(cloud);
-    if (is_trained) {
+    if (frame->is_trained) {
         c->eye[3] = cloud->opacity;
         c->cloud[1] = sp_harmonics_count(cloud->elements->shape.degree);
         c->cloud[2] = cloud->is_normalised;
@@ -90,6 +100,8 @@ static void write_cloud(struct constants *c, const struct sp_cloud *cloud, bool 
         c->streaks[0] = cloud->part_deviation;
         c->rows[0] = cloud->parts;
     }
+    if (frame->has_streaks)
+        write_streaks(c, &frame->streaks, 1);
 }
 
 /* Coordinates of a rectilinear grid; returns how many words there are. to: NULL = they are only
@@ -118,7 +130,7 @@ static uint32_t write_pieces(float *to, const struct sp_pieces *pieces) {
 
 /* The same for the words of a layer. */
 static uint32_t write_words(float *to, const struct gl_splats_made *made) {
-    if (made->kind == GL_SPLAT_POINTS)
+    if (made->kind == GL_SPLAT_POINTS || made->kind == GL_SPLAT_POINT_VECTORS)
         return write_pieces(to, made->cloud.pieces);
     return made->source.frame.is_rectilinear ? write_coordinates(to, &made->source.frame) : 0;
 }
@@ -130,7 +142,7 @@ static bool send_constants(const struct gl_buffer **to, struct gl_buffer *buffer
     struct constants c;
     write_common(&c, &made->source.frame);
     if (is_cloud(made->kind))
-        write_cloud(&c, &made->cloud, made->kind == GL_SPLAT_GAUSSIANS);
+        write_cloud(&c, &made->cloud, &made->source.frame);
     else
         write_voxels(&c, &made->source.frame);
     if (!gl_buffer_reserve(buffer, "constants of splats", bytes, s->block_bytes, GL_USE_STREAM,
@@ -214,7 +226,8 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
     const struct sp_cloud *cloud = &to->made->cloud;
     const struct sp_elements *e = cloud->elements, *m = cloud->merged ? cloud->merged : e;
     const bool is_trained = to->made->kind == GL_SPLAT_GAUSSIANS;
-    struct gl_elements_array arrays[8];
+    const bool has_vectors = to->made->kind == GL_SPLAT_POINT_VECTORS;
+    struct gl_elements_array arrays[9];
     int count = 0;
     add_array(arrays, &count, e->positions, m->positions, cloud, sizeof *e->positions);
     add_array(arrays, &count, e->factors, m->factors, cloud, sizeof *e->factors);
@@ -224,9 +237,12 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
         add_array(arrays, &count, e->values, m->values, cloud, sizeof *e->values);
     if (!is_trained)
         add_array(arrays, &count, e->volumes, m->volumes, cloud, sizeof *e->volumes);
-    struct gl_resident *item =
-        gl_elements_load(band, to->made->volume, GL_RESIDENT_ELEMENTS, cloud->merged != NULL,
-                         arrays, count, "points or Gaussians", err);
+    if (has_vectors)
+        arrays[count++] =
+            (struct gl_elements_array){ e->vectors, e->shape.count * sizeof *e->vectors };
+    struct gl_resident *item = gl_elements_load(band, to->made->volume, GL_RESIDENT_ELEMENTS,
+                                                has_vectors ? 2 : cloud->merged != NULL, arrays,
+                                                count, "points or Gaussians", err);
     if (!item)
         return false;
     to->elements = to->harmonics = &item->buffer;
@@ -245,7 +261,7 @@ static bool open_programs(struct gl_state *s, enum gl_splat_kind kind, bool is_a
     char defines[120];
     const int used = snprintf(defines, sizeof defines,
                               "#define STREAKS %d\n#define TRAINED %d\n#define ALONE %d\n",
-                              kind == GL_SPLAT_VECTORS, kind == GL_SPLAT_GAUSSIANS, is_alone);
+                              has_streaks(kind), kind == GL_SPLAT_GAUSSIANS, is_alone);
     if (!is_alone)
         snprintf(defines + used, sizeof defines - (size_t)used, "#define FRAGMENTS_ACCESS\n");
     if (!gl_program_late(&s->splats.blend[kind][is_alone],
@@ -256,9 +272,9 @@ static bool open_programs(struct gl_state *s, enum gl_splat_kind kind, bool is_a
     snprintf(defines + used, sizeof defines - (size_t)used, "#define RECORDS_ACCESS\n");
     return gl_program_late(
         &s->splats.set_up[kind],
-        is_cloud(kind) ? "frame bins records counts splats footprints cloud 24_splats"
-                       : "frame bins records counts gradient shade splats footprints voxels "
-                         "24_splats",
+        is_cloud(kind) ? "frame bins records counts splats footprints streaks cloud 24_splats"
+                       : "frame bins records counts gradient shade splats footprints streaks "
+                         "voxels 24_splats",
         defines, s->device, "layers of splats", err);
 }
 
@@ -322,7 +338,7 @@ static struct batch make_batch(const struct gl_band *band, uint32_t first, uint3
 }
 
 static uint32_t record_bytes(const struct gl_splats *splats) {
-    return splats->made->kind == GL_SPLAT_VECTORS ? GL_SPLAT_RECORD_BYTES : PLAIN_RECORD_BYTES;
+    return has_streaks(splats->made->kind) ? GL_SPLAT_RECORD_BYTES : PLAIN_RECORD_BYTES;
 }
 
 bool gl_splat_layers_reserve(const struct gl_splat_layers *layers, const struct gl_band *band,

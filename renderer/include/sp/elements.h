@@ -2,7 +2,8 @@
  *
  * What a volume consists of if it has no grid: points, Gaussians or triangles, in no order.
  *
- *   points      a scalar each; drawn like voxels, through the transfer function
+ *   points      a scalar each, and perhaps a vector; drawn like voxels, through the transfer
+ *               function
  *   gaussians   a trained scene (Kerbl et al. 2023): opacity and colour each, by direction
  *   mesh        triangles with colours and normals per vertex
  *
@@ -33,6 +34,7 @@ struct sp_elements_shape {
     uint32_t count;        /* points, Gaussians or triangles, [0, SP_ELEMENTS_MAX]; grid: 0 */
     uint32_t vertex_count; /* mesh: [0, SP_ELEMENTS_MAX] */
     uint32_t degree;       /* gaussians: of the spherical harmonics, [0, SP_HARMONICS_DEGREE_MAX] */
+    bool has_vectors;      /* points: one each */
 };
 
 /* Arrays that the kind does not have are NULL. Numbers may be anything, unless a comment says
@@ -43,8 +45,10 @@ struct sp_elements {
     /* points, gaussians: L00, L10, L11, L20, L21, L22 of a triangular matrix L: L·Lᵀ is the
      * variance [world unit²]. May be singular, or 0. */
     float (*factors)[6];
-    float *values;    /* points: scalars, data unit */
-    float *volumes;   /* points: of the space around each, > 0 [world unit³] */
+    float *values;  /* points: scalars, data unit */
+    float *volumes; /* points: of the space around each, > 0 [world unit³] */
+    /* points with vectors: along the axes of the world of the data [data unit] */
+    float (*vectors)[3];
     float *opacities; /* gaussians: at the centre, [0, 1] */
     /* gaussians: [count][(degree + 1)²][3] coefficients of red, green and blue. The colour is
      * 0.5 + Σ coefficient · harmonic(direction from the eye), at least 0. */

@@ -103,7 +103,7 @@ struct sp_volume_info {
     struct sp_whole whole;
     struct sp_steps steps;
     struct sp_elements_shape elements; /* kind SP_KIND_GRID: samples on the grid */
-    uint64_t element_bytes;            /* of all elements; 0 = none */
+    uint64_t element_bytes;            /* of all elements, without vectors; 0 = none */
     double element_spacing; /* typical size of an element, world units; 0 = there is none */
     uint64_t folded; /* points of a curvilinear grid that are not drawn, because their cells are
                         flat or turned inside out; their values are NaN */
@@ -223,8 +223,9 @@ SP_API void sp_volume_unref(struct sp_volume **volume);
 SP_API const struct sp_volume_info *sp_volume_info(const struct sp_volume *volume);
 /* The samples, 64-byte aligned; valid as long as the caller's reference. */
 SP_API const void *sp_volume_voxels(const struct sp_volume *volume);
-/* The vectors, one per sample in the same order, along the axes of the world [data unit]; NULL =
- * the volume has none. Components may be NaN or infinite. Valid as long as the caller's reference.
+/* The vectors, one per sample or point in the same order, along the axes of the world [data unit];
+ * NULL = the volume has none. Components may be NaN or infinite. Valid as long as the caller's
+ * reference.
  */
 SP_API const float (*sp_volume_vectors(const struct sp_volume *volume))[3];
 

@@ -130,6 +130,8 @@ static void assert_is_read(const struct sp_volume *volume, int blocks, bool has_
                 assert_true(isnan(e->values[at]));
             else
                 assert_float_equal(e->values[at], has_flow ? 100 * b + i : 1, 0);
+            for (int c = 0; c < 3 && has_flow; c++)
+                assert_float_equal(e->vectors[at][c], 1000 * (c + 1) + 100 * b + i, 0);
         }
     assert_int_equal(e->shape.count, at);
     assert_int_equal(sp_volume_info(volume)->folded, 0);
@@ -138,8 +140,9 @@ static void assert_is_read(const struct sp_volume *volume, int blocks, bool has_
         snprintf(warning, sizeof warning,
                  "%d of the %u nodes are not drawn, because the file marks them as blank.", blocks,
                  at);
-    assert_string_equal(sp_volume_info(volume)->warnings[has_flow], warning);
-    assert_string_equal(sp_volume_info(volume)->warnings[has_flow + 1], "");
+    assert_string_equal(sp_volume_info(volume)->warnings[0], warning);
+    assert_string_equal(sp_volume_info(volume)->warnings[1], "");
+    assert_string_equal(sp_volume_info(volume)->vector_name, has_flow ? "momentum" : "");
     assert_string_equal(sp_volume_info(volume)->value_name, has_flow ? "density" : "");
 }
 

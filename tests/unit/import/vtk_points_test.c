@@ -124,7 +124,11 @@ static void points_need_no_scalars(void **state) {
     assert_float_equal(e->values[0] + e->values[1], 18, 0);
     assert_compare(e->factors[0][0], >, 0);
     assert_string_equal(sp_volume_info(volume)->value_name, "magnitude");
-    assert_string_equal(sp_volume_info(volume)->vector_name, "");
+    assert_string_equal(sp_volume_info(volume)->vector_name, "v");
+    assert_float_equal(e->vectors[1][1], 12, 0);
+    assert_ptr_equal(sp_volume_vectors(volume), e->vectors);
+    assert_int_equal(sp_volume_info(volume)->vector_bytes, 2 * 3 * sizeof(float));
+    assert_float_equal(sp_volume_info(volume)->longest, 13, 1e-6);
     sp_volume_unref(&volume);
     write_text("v.vtk", "# vtk DataFile Version 3.0\n\nASCII\nDATASET POLYDATA\nPOINTS 2 int\n"
                         "0 0 0 1 1 1\n");

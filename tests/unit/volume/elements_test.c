@@ -20,6 +20,31 @@ static float positions[4][3] = { { 0, 0, 0 }, { 2, 0, 0 }, { NAN, 1, 1 }, { 0, 4
 static float factors[4][6] = { { 1, 0, 1, 0, 0, 1 }, { 2, 0, 2, 0, 0, 2 } };
 static float values[4] = { 3, -1, INFINITY, 7 };
 static float volumes[4] = { 8, 8, 8, 8 };
+static float vectors[4][3] = { { 1, 2, 2 }, { NAN, 9, 9 }, { 0, 0, 0 }, { 0, 0, -4 } };
+
+static void points_may_have_vectors(void **state) {
+    struct sp_elements points = { .shape = { .kind = SP_KIND_POINTS, .count = 4 },
+                                  .positions = positions,
+                                  .factors = factors,
+                                  .values = values,
+                                  .volumes = volumes,
+                                  .vectors = vectors };
+    struct sp_volume *plain = sp_volume_create_elements(&points, "plain", NULL);
+    points.shape.has_vectors = true;
+    struct sp_volume *volume = sp_volume_create_elements(&points, "points", NULL);
+    (void)state;
+    assert_non_null(volume);
+    assert_non_null(plain);
+    const struct sp_volume_info *info = sp_volume_info(volume), *other = sp_volume_info(plain);
+    assert_memory_equal(sp_volume_vectors(volume), vectors, sizeof vectors);
+    assert_float_equal(info->longest, 4, 0);
+    assert_int_equal(info->vector_bytes, sizeof vectors);
+    assert_int_equal(sp_volume_bytes(info), sp_volume_bytes(other) + 64); /* a cache line */
+    assert_null(sp_volume_vectors(plain));
+    assert_int_equal(other->vector_bytes, 0);
+    sp_volume_unref(&plain);
+    sp_volume_unref(&volume);
+}
 
 static void points_have_a_box_and_statistics(void **state) {
     const struct sp_elements points = { .shape = { .kind = SP_KIND_POINTS, .count = 4 },
@@ -91,22 +116,30 @@ static void elements_that_coincide_have_a_box(void **state) {
 
 static void bad_shapes_are_refused(void **state) {
     static const struct sp_elements_shape shapes[] = {
-        { SP_KIND_COUNT, 1, 0, 0 },     { SP_KIND_GRID, 1, 0, 0 },
-        { SP_KIND_POINTS, 1, 1, 0 },    { SP_KIND_POINTS, 1, 0, 1 },
-        { SP_KIND_GAUSSIANS, 1, 0, 4 }, { SP_KIND_GAUSSIANS, SP_ELEMENTS_MAX + 1u, 0, 0 },
-        { SP_KIND_MESH, 1, 0, 0 },      { SP_KIND_MESH, 1, SP_ELEMENTS_MAX + 1u, 0 },
+        { SP_KIND_COUNT, 1, 0, 0, false },
+        { SP_KIND_GRID, 1, 0, 0, false },
+        { SP_KIND_POINTS, 1, 1, 0, false },
+        { SP_KIND_POINTS, 1, 0, 1, false },
+        { SP_KIND_GAUSSIANS, 1, 0, 4, false },
+        { SP_KIND_GAUSSIANS, SP_ELEMENTS_MAX + 1u, 0, 0, false },
+        { SP_KIND_MESH, 1, 0, 0, false },
+        { SP_KIND_MESH, 1, SP_ELEMENTS_MAX + 1u, 0, false },
+        { SP_KIND_GRID, 0, 0, 0, true },
+        { SP_KIND_GAUSSIANS, 1, 0, 0, true },
+        { SP_KIND_MESH, 1, 3, 0, true },
     };
     (void)state;
     for (size_t i = 0; i < sizeof shapes / sizeof shapes[0]; i++)
         if (!sp_elements_shape_problem(&shapes[i]))
             fail_msg("shape %zu is accepted", i);
-    assert_null(
-        sp_elements_shape_problem(&(struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 3 }));
+    assert_null(sp_elements_shape_problem(
+        &(struct sp_elements_shape){ SP_KIND_GAUSSIANS, 7, 0, 3, false }));
 }
 
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(points_have_a_box_and_statistics),
+        cmocka_unit_test(points_may_have_vectors),
         cmocka_unit_test(triangles_must_have_their_vertices),
         cmocka_unit_test(elements_that_coincide_have_a_box),
         cmocka_unit_test(bad_shapes_are_refused),

@@ -3,7 +3,7 @@
 
 layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements, front to back; UNSEEN: none is seen any more
 // Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
-// of each point.
+// of each point, then three numbers of the vector of each.
 layout(std430, binding = 3) readonly buffer Elements { float elements[]; };
 layout(std430, binding = 4) readonly buffer Harmonics { float harmonics[]; }; // by element and coefficient: red, green, blue
 
@@ -98,6 +98,50 @@ void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
     }
 }
 
+#if STREAKS
+// The phase of a point, in 65536ths: the lower 16 bits of sp_streak_hash() (voxels/phase.h).
+uint find_phase(uint e) {
+    const uvec2 FIRST = uvec2(0xed558ccdu, 0xff51afd7u), SECOND = uvec2(0x1a85ec53u, 0xc4ceb9feu); // low words first
+    uint low, high;
+    umulExtended(e, FIRST.x, high, low);
+    high += e * FIRST.y;
+    low ^= high >> 1;
+    uint product_low, product_high;
+    umulExtended(low, SECOND.x, product_high, product_low);
+    product_high += low * SECOND.y + high * SECOND.x;
+    return (product_low ^ product_high >> 1) & 0xffffu;
+}
+
+// The standard deviation of a kernel along a unit vector of the world of the data (cloud/set_up.c).
+float find_deviation(uint e, vec3 d) {
+    const float TINY = 1e-20;
+    uint l = 3u * cloud.x + 6u * e;
+    float x = d.x / max(elements[l], TINY), y = (d.y - elements[l + 1u] * x) / max(elements[l + 2u], TINY);
+    float z = (d.z - elements[l + 3u] * x - elements[l + 4u] * y) / max(elements[l + 5u], TINY);
+    float deviation = inversesqrt(x * x + y * y + z * z);
+    return deviation < 1e30 ? deviation : 0.0;
+}
+
+// Stretches a kernel along the vector of its point. False if nothing is drawn, because there is none.
+bool stretch_along_vector(uint e, vec3 u, inout Footprint f, inout Splat s) {
+    uint v = 11u * cloud.x + 3u * e;
+    vec3 d = vec3(elements[v], elements[v + 1u], elements[v + 2u]), direction = vec3(0);
+    float sum = dot(abs(d), vec3(1)), sigma = 0.0;
+    bool moves = sum > 0.0 && sum < 3e38; // and is a number
+    if (moves) {
+        d = normalize(d / sum);
+        for (int r = 0; r < 3; r++)
+            direction[r] = dot(steps[r].xyz, d);
+        float size = length(direction);
+        direction /= size;
+        sigma = cell.w * size * find_deviation(e, d);
+    }
+    stretch(u, direction, sigma, f, s);
+    set_phase(find_phase(e), s);
+    return moves || streaks.w != 0.0;
+}
+#endif
+
 bool set_up(uint i, out Splat s, out vec4 box) {
     uint number = order[i], e = number / rows.x, n = cloud.x;
     if (number == UNSEEN)
@@ -106,6 +150,10 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (rows.x > 1u)
         take_part(number % rows.x, u, k);
     Footprint f = find_footprint(u, k, filter_of.x);
+#if STREAKS
+    if (!stretch_along_vector(e, u, f, s))
+        return false;
+#endif
     if (!(f.det < 1e36))
         return false;
     vec4 own = classify(elements[9u * n + e] - eye.x);

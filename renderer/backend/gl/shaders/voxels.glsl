@@ -18,32 +18,11 @@ void locate(uvec3 i, out vec3 u, out vec3 size) {
         u[r] = steps[r].w + dot(steps[r].xyz, at);
 }
 
-#if STREAKS
-// The outline of a kernel that is stretched along a direction, which may be 0, and its pattern (voxels/streak.h).
-void stretch(vec3 u, vec3 direction, inout Footprint f, inout Splat s) {
-    const float TINY = 1e-12, SHORTEST = 0.33;
-    vec3 v = f.variance;
-    vec2 e = view.x * (is_perspective ? 1.0 / u.z : 1.0) * (direction.xy - f.ratio * direction.z);
-    f.det += streaks.x * (v.z * e.x * e.x - 2.0 * v.y * e.x * e.y + v.x * e.y * e.y);
-    v += streaks.x * vec3(e.x * e.x, e.x * e.y, e.y * e.y);
-    f.variance = v;
-    float l00 = inversesqrt(v.x), l10 = v.y * l00, l11 = inversesqrt(max(v.z - l10 * l10, TINY));
-    l10 *= -l00 * l11;
-    vec2 w = vec2(l00 * e.x, l10 * e.x + l11 * e.y);
-    float size = length(w);
-    w = size > TINY ? w / size : vec2(1.0, 0.0);
-    s.turn = vec4(w.x * l00 + w.y * l10, w.y * l11, w.x * l10 - w.y * l00, w.x * l11);
-    float rows_apart = 1.0 / max(length(s.turn.zw), TINY) - 1.0;
-    bool is_still = dot(direction, direction) < 0.5;
-    s.wave.xy = vec2(1.0 / max(streaks.y * size, SHORTEST), is_still ? 0.0 : clamp(rows_apart, 0.0, 1.0));
-}
-#endif
-
 // Writes the outline and its box; returns |det J| times the footprint's value at its centre, or 0 if it is not drawn.
 float outline(vec3 u, vec3 k[3], vec3 direction, inout Splat s, out vec4 box) {
     Footprint f = find_footprint(u, k, kind.x != 0u ? VARIANCE_MIN : filter_of.x);
 #if STREAKS
-    stretch(u, direction, f, s);
+    stretch(u, direction, 1.0, f, s);
 #endif
     if (!(f.det < 1e36))
         return 0.0;
@@ -84,8 +63,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     s.shape.y = find_depth(uintBitsToFloat(voxels[w + 5u]), (w1 >> 16 & OPAQUE) != 0u, gain * size.x * size.y * size.z);
     vec3 color = vec3(w3 & 0xffffu, w3 >> 16, voxels[w + 4u] & 0xffffu) / 65535.0;
 #if STREAKS
-    uint phase = voxels[w + 4u] >> 16;
-    s.wave.zw = vec2(float(phase * 40503u >> 8 & 255u) / 256.0, float(phase) / 65536.0 + streaks.z);
+    set_phase(voxels[w + 4u] >> 16, s);
 #else
     if (choice.y != 0u)
         color = shade_normal(color, unpack_gradient(voxels[w + 2u]), is_perspective ? -normalize(u) : vec3(0.0, 0.0, -1.0));

@@ -59,11 +59,13 @@ static struct sp_volume *make_cloud(int kind, uint32_t count, float size) {
                              .factors = calloc(count, 6 * sizeof(float)),
                              .values = calloc(count, sizeof(float)),
                              .volumes = calloc(count, sizeof(float)),
+                             .vectors = calloc(count, 3 * sizeof(float)),
                              .harmonics = calloc(count, NUMBERS * sizeof(float)) };
-    assert_true(e.positions && e.factors && e.values && e.volumes && e.harmonics);
+    assert_true(e.positions && e.factors && e.values && e.volumes && e.vectors && e.harmonics);
     e.shape.count = count;
     e.shape.kind = kind == POINTS ? SP_KIND_POINTS : SP_KIND_GAUSSIANS;
     e.shape.degree = kind == POINTS ? 0 : DEGREE;
+    e.shape.has_vectors = kind == POINTS;
     for (uint32_t i = 0; i < count; i++) {
         for (int a = 0; a < 3; a++)
             e.positions[i][a] = i % 97 ? random_in(&seed, -8, 8) : NAN;
@@ -73,6 +75,8 @@ static struct sp_volume *make_cloud(int kind, uint32_t count, float size) {
             e.harmonics[NUMBERS * i + (uint32_t)k] = random_in(&seed, -1, 1);
         e.values[i] = random_in(&seed, 0, kind == POINTS ? 255 : 1);
         e.volumes[i] = size * size * size;
+        for (int a = 0; a < 3; a++) /* some are 0, and some no numbers */
+            e.vectors[i][a] = i % 11 ? (i % 13 ? random_in(&seed, -1, 1) : NAN) : 0;
     }
     e.opacities = e.values;
     struct sp_volume *volume = finish_volume(&e);
@@ -80,6 +84,7 @@ static struct sp_volume *make_cloud(int kind, uint32_t count, float size) {
     free(e.factors);
     free(e.values);
     free(e.volumes);
+    free(e.vectors);
     free(e.harmonics);
     return volume;
 }
@@ -206,6 +211,28 @@ static void clouds_look_the_same(void **state) {
     for (int k = 0; k < MESH; k++)
         sp_volume_unref(&(struct sp_volume *){ shown[k] });
     sp_volume_unref(&ball);
+    resample_report(rig);
+}
+
+/* Points of a volume of its own, which has streaks along their vectors. */
+static void vectors_of_points_look_the_same(void **state) {
+    struct resample_rig *rig = *state;
+    struct sp_volume *cloud = make_cloud(POINTS, 500, 1.2f);
+    struct sp_volume *const shown[KINDS] = { cloud, cloud };
+    for (int n = 0; n < (TEST_SANITIZED ? 2 : 8); n++) {
+        struct sp_view view;
+        char what[60];
+        make_view(&view, cloud, ALONE, n);
+        struct sp_layer *layer = add_layer(&view, SP_LAYER_VECTORS);
+        layer->style = n & 2 ? SP_VECTORS_BLEND : SP_VECTORS_MODULATE;
+        layer->density = n & 1 ? 1 : 0.7;
+        layer->phase = 0.4;
+        if (n & 4)
+            add_layer(&view, SP_LAYER_POINTS)->size = 0.3;
+        snprintf(what, sizeof what, "vectors of points, choice %d", n);
+        resample_check(rig, what, &(struct resample_shot){ &view, cloud, 0, NULL, shown });
+    }
+    sp_volume_unref(&cloud);
     resample_report(rig);
 }
 
@@ -401,9 +428,11 @@ int main(void) {
 #define ON(test)                                                                                   \
     { #test, test, NULL, NULL, &rig }
     const struct CMUnitTest tests[] = {
-        ON(meshes_look_the_same),   ON(pieces_of_meshes_add_up),  ON(clouds_look_the_same),
-        ON(elements_come_in_order), ON(pieces_of_clouds_add_up),  ON(points_have_levels_of_detail),
-        ON(all_layers_mix),         ON(elements_stay_on_the_gpu), ON(too_little_memory_is_an_error)
+        ON(meshes_look_the_same),         ON(pieces_of_meshes_add_up),
+        ON(clouds_look_the_same),         ON(vectors_of_points_look_the_same),
+        ON(elements_come_in_order),       ON(pieces_of_clouds_add_up),
+        ON(points_have_levels_of_detail), ON(all_layers_mix),
+        ON(elements_stay_on_the_gpu),     ON(too_little_memory_is_an_error)
     };
     int failed = cmocka_run_group_tests(tests, NULL, NULL);
     resample_rig_close(&rig);
