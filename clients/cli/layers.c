@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The layers of a view from the command line: --surface, --shell, --vectors and
- * --no-volume.
+ * --no-volume. Streaks take the place of the volume, which would hide them.
  */
 #include <math.h>
 #include <stdio.h>
@@ -165,7 +165,7 @@ static bool copy_layers(const struct layer_options *options, const proto_json *o
         if (!is_dropped)
             ok = proto_json_append(list, proto_json_ref((proto_json *)layer)) && ok; /* only read */
     }
-    if (!old && !options->no_volume) {
+    if (!old && !options->no_volume && !options->style) {
         proto_json *volume = proto_json_object();
         ok = proto_json_set_string(volume, "type", "volume") && ok;
         ok = proto_json_append(list, volume) && ok;

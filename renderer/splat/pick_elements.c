@@ -217,7 +217,8 @@ static bool pick_mesh(const struct picking *p) {
 static bool pick_layer(const struct sp_pick_input *input, const struct sp_ray *ray,
                        const struct sp_layer *layer, const struct sp_volume *volume,
                        struct sp_pick_events *events) {
-    static const enum sp_kind kinds[SP_LAYER_TYPES] = { [SP_LAYER_POINTS] = SP_KIND_POINTS,
+    static const enum sp_kind kinds[SP_LAYER_TYPES] = { [SP_LAYER_VECTORS] = SP_KIND_POINTS,
+                                                        [SP_LAYER_POINTS] = SP_KIND_POINTS,
                                                         [SP_LAYER_GAUSSIANS] = SP_KIND_GAUSSIANS,
                                                         [SP_LAYER_GEOMETRY] = SP_KIND_MESH };
     struct picking p = { .input = input,
@@ -248,7 +249,7 @@ bool sp_pick_elements(const struct sp_pick_input *input, const struct sp_ray *ra
     *events = (struct sp_pick_events){ 0 };
     for (uint32_t i = 0; i < input->view->layer_count && ray->begin < ray->end; i++) {
         const struct sp_layer *layer = &input->view->layers[i];
-        if (!layer->visible || layer->type < SP_LAYER_POINTS)
+        if (!layer->visible || layer->type < SP_LAYER_VECTORS)
             continue;
         struct sp_volume *other =
             layer->id[0] && input->find ? input->find(input->user, layer->id) : NULL;

@@ -4,10 +4,11 @@
 // redo. The marks of surfaces in the histogram are in layers_markers.js.
 import { sphereAround, volumeBox } from '../core/camera.js';
 import { isSamePlace } from '../core/compare.js';
+import { hidesStreaks } from '../core/hiding.js';
 import { countText, kindOf, layerTypeOf } from '../core/kinds.js';
 import {
   FLATNESS_MAX, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, layersOf, moveThreshold, numberOf,
-  removeLayer, showVolume, showsOthers, showsVolume, surfaceValue,
+  removeLayer, showOwn, showVolume, showsOthers, showsVolume, surfaceValue,
 } from '../core/layers.js';
 import { numberText, roundValue } from '../core/lengths.js';
 import { SHEETS, isProjection } from '../core/projection.js';
@@ -124,6 +125,9 @@ export class Layers {
 
   showVolume(visible, time) { this.#edit(showVolume(this.list, visible), time); }
 
+  /** Hides the volume, or the elements of it. */
+  hideOwn(time) { this.#edit(showOwn(showVolume(this.list, false), false), time); }
+
   /** Adds a surface; without a value, where it shows the object. */
   addSurface(time, value = this.round(surfaceValue(this.list, this.#app.transfer.points, this.#app.transfer.histogram, this.range))) {
     if (!this.isEditable || !canAdd(this.list, 'surface')) return;
@@ -191,6 +195,7 @@ class LayersSection {
   #details;
   #key = '';
   #offered = new Set(); // volumes whose vectors were offered
+  #isHidingTold = false;
 
   constructor(app, layers) {
     this.#app = app;
@@ -269,6 +274,20 @@ class LayersSection {
     this.#redo.disabled = !this.#app.transfer.canRedo;
     this.#offerVectors();
     this.#tellClosed();
+    this.#tellHidden();
+  }
+
+  /** Says that the volume hides the streaks inside of it. */
+  #tellHidden() {
+    const { prompts, transfer, viewer } = this.#app;
+    const layers = this.#layers;
+    if (!layers.isEditable || !hidesStreaks(viewer.view ?? {}, transfer.histogram, viewer.volume)) {
+      prompts.hide('streaks');
+      this.#isHidingTold = false;
+    } else if (!this.#isHidingTold) {
+      this.#isHidingTold = true;
+      prompts.show('streaks', { text: t('layers.vectors.inside'), actions: [{ label: t('layers.vectors.alone'), press: () => layers.hideOwn(performance.now()) }], ms: OFFER_MS });
+    }
   }
 
   /** Says that the volume of a visible layer is not loaded, because then there is no picture. */

@@ -81,7 +81,7 @@ export function orbit(rig, yaw, pitch, roll = 0) {
 }
 
 /** Start and end of a volume along an axis: half a gap beyond its samples, measured from the first sample. */
-function extent({ dims, spacing, coordinates }, axis) {
+export function extent({ dims, spacing, coordinates }, axis) {
   const at = coordinates?.[axis];
   if (!at || at.length < 2) return [-spacing[axis] / 2, (dims[axis] - 0.5) * spacing[axis]];
   return [(at[0] - at[1]) / 2, at.at(-1) + (at.at(-1) - at.at(-2)) / 2];

@@ -64,10 +64,15 @@ export const showVolumeAlone = (layers) => showVolume(layers, true).map((layer) 
 /** Changes fields of a layer. */
 export const changeLayer = (layers, index, change) => layers.map((layer, i) => (i === index ? { ...layer, ...change } : layer));
 
+const showsAny = (layers) => layers.some(({ visible = true }) => visible);
+
+/** Shows or hides the elements of the view's volume. */
+export const showOwn = (layers, visible) => layers.map((layer) => (isOfElements(layer) && !layer.id ? { ...layer, visible } : layer));
+
 /** Removes a layer. A view has at least one; without any other the volume becomes visible. own: the type of the layer that shows it. */
 export function removeLayer(layers, index, own = VOLUME.type) {
   const left = layers.filter((_, i) => i !== index);
-  if (own !== VOLUME.type) return left.length > 0 ? left : addElements([], own);
+  if (own !== VOLUME.type) return left.length === 0 ? addElements([], own) : showsAny(left) ? left : showOwn(left, true);
   return left.some(({ type }) => type !== 'volume') ? left : [VOLUME];
 }
 
@@ -120,10 +125,11 @@ export function addShell(layers, points) {
   return [...makeRoom(layers), { ...SHELL, low: round(Math.min(SHELL.low, most / 4)), high: most < OPAQUE_LEAST ? SHELL.high : round(Math.min(SHELL.high, most * OPAQUE_SHARE)) }];
 }
 
-/** Adds streaks along the vectors of a volume: as many that single ones can be told apart, whatever the size of the grid. */
-export function addVectors(layers, { dims }) {
-  const density = Number(Math.min(DENSITY_MOST, SAMPLES_DEEP / Math.max(...dims)).toPrecision(2));
-  return [...makeRoom(layers), { ...VECTORS, density }];
+/** Adds streaks along the vectors of a volume: as many that single ones can be told apart, whatever the size of the grid or the number of points. */
+export function addVectors(layers, { dims, elements }) {
+  const deep = elements?.count ? Math.cbrt(elements.count) : Math.max(...dims);
+  const density = Number(Math.min(DENSITY_MOST, SAMPLES_DEEP / deep).toPrecision(2));
+  return [...makeRoom(showOwn(layers, false)), { ...VECTORS, density }];
 }
 
 /** Adds a layer of elements: of the volume with this id, or of the view's volume. What the picture shows stays. */

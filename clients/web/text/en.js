@@ -563,6 +563,8 @@ export default {
   'layers.value': 'Value',
   'layers.value.title': 'Also by the mark above the histogram',
   'layers.vectors': 'Vectors',
+  'layers.vectors.alone': 'Hide the volume',
+  'layers.vectors.inside': 'The volume is opaque around the streaks and hides them.',
   'layers.vectors.offer': 'This volume has vectors. Streaks show where they point to.',
   'layers.volume': 'Volume',
   // Compare.

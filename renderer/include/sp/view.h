@@ -167,7 +167,8 @@ enum sp_layer_type {
     SP_LAYER_VOLUME,  /* the whole volume through transfer function, filter and compositing */
     SP_LAYER_SURFACE, /* an iso-surface, by surface splatting (Zwicker et al. 2001, section 5) */
     SP_LAYER_SHELL,   /* voxels at borders of opacity (Botha and Post 2003) */
-    SP_LAYER_VECTORS, /* streaks along the volume's vectors (Crawfis and Max 1993) */
+    SP_LAYER_VECTORS, /* streaks along the vectors of the volume's samples or points (Crawfis and
+                         Max 1993) */
     /* Elements of a volume without a grid (sp/elements.h): */
     SP_LAYER_POINTS,    /* through the transfer function, each composited on its own */
     SP_LAYER_GAUSSIANS, /* a trained scene (Kerbl et al. 2023) */
@@ -207,8 +208,8 @@ struct sp_layer { /* "/layers/0" */
      * is below `high`. [0.05, 0.95] */
     double low, high;
     enum sp_shell_detail detail; /* shell [high] */
-    /* vectors: samples are coloured by the transfer function, and streaks lie along their vectors.
-     * Samples whose vector is 0 or not finite have no streaks. */
+    /* vectors: samples, or points, are coloured by the transfer function, and streaks lie along
+     * their vectors. Samples whose vector is 0 or not finite have no streaks. */
     enum sp_vectors_style style; /* [modulate] */
     double phase;   /* vectors: how far streaks have moved, in streaks, [-1e6, 1e6]; 1 is like 0
                        [0] */

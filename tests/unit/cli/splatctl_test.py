@@ -397,7 +397,9 @@ class Remote(RemoteCase):
             (['--surface', '120'], {'layers': [own, {'type': 'shell'}]}, [own, {'type': 'shell'}, surface]),
             (['--shell', '0.05,0.9'], {'layers': [own, {'type': 'shell'}]}, [own, shell]),
             (['--no-volume'], {'layers': [{**volume, 'visible': False}, own]}, [own]),
-            (['--vectors', 'blend'], None, [volume, {**vectors, 'style': 'blend'}]),
+            (['--vectors', 'blend'], None, [{**vectors, 'style': 'blend'}]),
+            (['--vectors', 'blend'], {'layers': [volume]}, [volume, {**vectors, 'style': 'blend'}]),
+            (['--vectors', 'blend', '--surface', '120'], None, [surface, {**vectors, 'style': 'blend'}]),
             (['--vectors', 'modulate,3'], {'layers': [own, {**vectors, 'phase': 0.5}]}, [own, {**vectors, 'stretch': 3}]),
             (['--no-volume', '--vectors', 'modulate,1,0.25', '--shell', '0.05,0.9'], None, [shell, {**vectors, 'stretch': 1, 'density': 0.25}]),
         )

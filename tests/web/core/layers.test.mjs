@@ -100,6 +100,9 @@ test('there is one layer of vectors, as dense as suits the grid', () => {
   assert.equal(volume.visible, false);
   assert.deepEqual(vectors, { type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4, density: 0.2 });
   assert.deepEqual([32, 500].map((n) => addVectors(VOLUME, { dims: [2, n, 8] })[1].density), [0.2, 0.04]);
+  const [points, streaks] = addVectors(addElements([], 'points'), { dims: [1, 1, 1], elements: { count: 1e9 } });
+  assert.deepEqual([points.visible, streaks.density], [false, 0.02], 'they replace points, too');
+  assert.equal(removeLayer([points, streaks], 1, 'points')[0].visible, true);
   assert.equal(canAdd([volume, vectors], 'vectors'), false);
   assert.deepEqual([{ fields: [{ components: 1 }, { components: 3 }] }, { fields: [{ components: 1 }] }, {}, null].map(hasVectors), [true, false, false, false]);
   const moved = changeLayer([volume, vectors], 1, { phase: 0.5 });

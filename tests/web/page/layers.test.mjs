@@ -248,6 +248,20 @@ test('changes of others appear, and without control nothing can be changed', asy
   assert.deepEqual(await it.patches(() => markOf(page, 0).press('ArrowRight')), []);
 });
 
+test('streaks take the place of the volume, and a message says when it hides them', async (context) => {
+  const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
+  const it = await setUp(context, LARGE, { volumes: [volume('phantom', { fields })] });
+  const { page } = it;
+  const added = await it.patch(() => page.locator('.prompt[data-id="vectors"]').getByRole('button', { name: 'Add vectors' }).click());
+  assert.deepEqual(added.map(({ type, visible }) => [type, visible]), [['volume', false], ['vectors', true]]);
+  assert.equal(await page.locator('.prompt[data-id="streaks"]').count(), 0);
+  await it.patch(() => eye(page, 'Volume').click());
+  const alone = page.locator('.prompt[data-id="streaks"]').getByRole('button', { name: 'Hide the volume' });
+  await alone.waitFor();
+  assert.deepEqual((await it.patch(() => alone.click()))[0], { type: 'volume', visible: false });
+  await page.locator('.prompt[data-id="streaks"]').waitFor({ state: 'detached' });
+});
+
 test('axe finds nothing in the section and in the marks, dark and light', NEEDS_AXE, async (context) => {
   const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
   const options = { viewport: { width: 1000, height: 1200 }, colorScheme: 'dark', bypassCSP: true };
