@@ -154,6 +154,9 @@ struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *sour
     file->lock = lock;
     file->chunks = *source;
     file->header.info = source->info;
+    file->header.info.voxel_bytes = sp_type_size(source->info.type);
+    for (int a = 0; a < 3; a++)
+        file->header.info.voxel_bytes *= source->info.grid.dims[a];
     file->header.levels = source->levels;
     snprintf(file->shown, sizeof file->shown, "%s", shown);
     for (unsigned l = 0; l < source->levels; l++)

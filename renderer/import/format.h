@@ -14,6 +14,7 @@
 
 #include <limits.h>
 
+#include "bricks/chunks.h"
 #include "import/warnings.h"
 
 struct import_file {
@@ -106,6 +107,13 @@ struct import_format {
      * import_elements_finish(). */
     bool (*read_elements)(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err);
+    /* Of a grid in levels of detail: describes the level of the header and up to `most` − 1 coarser
+     * ones, whose chunks can be read one by one, and returns how many. Level 0 here is that of the
+     * header. NULL = all must be read. */
+    unsigned (*levels)(void *reader, struct sp_chunk_level *levels, unsigned most);
+    /* Reads one chunk of a level as in bricks/chunks.h. */
+    bool (*read_chunk)(void *reader, unsigned level, const uint32_t place[3], void *out,
+                       struct sp_error *err);
     void (*close)(void *reader);
 };
 

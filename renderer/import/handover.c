@@ -2,6 +2,7 @@
 #include "import/handover.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <string.h>
 
 #include "volume/anatomy.h"
@@ -20,6 +21,11 @@ size_t sp_handover_size(enum sp_handover_kind kind) {
         return head + sizeof(struct sp_handover_done);
     case SP_HANDOVER_ERROR:
         return head + sizeof(struct sp_handover_error);
+    case SP_HANDOVER_LEVELS:
+        return head + sizeof(struct sp_handover_levels);
+    case SP_HANDOVER_READ:
+    case SP_HANDOVER_CHUNK:
+        return head + sizeof(struct sp_handover_read);
     }
     return 0;
 }
@@ -205,6 +211,27 @@ static bool check_done(struct sp_handover_done *done, const char *place, struct 
     return true;
 }
 
+static bool check_levels(const struct sp_handover_levels *levels, const char *place,
+                         struct sp_error *err) {
+    if (levels->count < 1 || levels->count > BRICK_LEVELS_MAX)
+        return sp_fail(err, SP_ERR_CRASHED, place, "the import process sent %" PRIu32 " levels",
+                       levels->count);
+    for (uint32_t l = 0; l < levels->count; l++)
+        for (int a = 0; a < 3; a++) {
+            const struct sp_chunk_level *own = &levels->level[l];
+            const uint32_t most = l ? own[-1].dims[a] : SP_DIM_MAX;
+            if (own->dims[a] < 1 || own->dims[a] > most || own->chunk[a] < 1 ||
+                own->chunk[a] > own->dims[a])
+                return sp_fail(err, SP_ERR_CRASHED, place,
+                               "the import process sent a bad size of level %" PRIu32, l);
+            if (!(own->step[a] >= 0.5 && own->step[a] <= SP_DIM_MAX) ||
+                !(fabs(own->offset[a]) <= own->step[a]))
+                return sp_fail(err, SP_ERR_CRASHED, place,
+                               "the import process sent a bad place of level %" PRIu32, l);
+        }
+    return true;
+}
+
 bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *message,
                         const char *place, struct sp_error *err) {
     memset(message, 0, sizeof *message);
@@ -228,6 +255,8 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
         return check_header(&message->header, place, err);
     if (message->kind == SP_HANDOVER_ERROR)
         return check_error(&message->error, place, err);
+    if (message->kind == SP_HANDOVER_LEVELS)
+        return check_levels(&message->levels, place, err);
     if (message->kind == SP_HANDOVER_DONE)
         return check_done(&message->done, place, err);
     return true;

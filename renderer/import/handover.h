@@ -13,12 +13,21 @@
  *     waits for its end, maps,        ◄────  DONE     (or ERROR)
  *     checks coordinates
  *
+ * For a volume that is shown from its chunks (pyramid.h), the memfd holds one chunk at a time:
+ *
+ *     checks every field              ◄────  HEADER, LEVELS   (or ERROR)
+ *     sizes and seals the memfd      GO ───►  maps it
+ *     asks for a chunk             READ ───►  reads it into the memfd
+ *     copies the samples              ◄────  CHUNK    (or ERROR, of this chunk alone)
+ *     …
+ *
  * A closed socket tells the child to stop. The parent trusts no message, because a hostile file may
  * have taken control of the child.
  */
 #ifndef SP_IMPORT_HANDOVER_H
 #define SP_IMPORT_HANDOVER_H
 
+#include "bricks/chunks.h"
 #include "sp/volume.h"
 
 enum {
@@ -32,6 +41,20 @@ enum sp_handover_kind {
     SP_HANDOVER_DONE,
     SP_HANDOVER_ERROR,
     SP_HANDOVER_GO,
+    SP_HANDOVER_LEVELS,
+    SP_HANDOVER_READ,
+    SP_HANDOVER_CHUNK,
+};
+
+/* Levels of detail in chunks: level 0 of these is the one of HEADER. */
+struct sp_handover_levels {
+    uint32_t count;
+    struct sp_chunk_level level[BRICK_LEVELS_MAX];
+};
+
+/* The chunk that the parent asks for. */
+struct sp_handover_read {
+    uint32_t level, place[3];
 };
 
 struct sp_handover_header {
@@ -77,6 +100,8 @@ struct sp_handover {
         uint64_t bytes; /* PROGRESS: of the memfd, read so far; GO: size of the memfd */
         struct sp_handover_done done;
         struct sp_handover_error error;
+        struct sp_handover_levels levels;
+        struct sp_handover_read read; /* READ; CHUNK: the same that was asked for */
     };
 };
 

@@ -2,36 +2,31 @@
 #include "import/launch.h"
 
 #include <assert.h>
-#include <dirent.h>
 #include <errno.h>
 #include <fcntl.h>
 #include <inttypes.h>
 #include <math.h>
-#include <poll.h>
-#include <signal.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 #include <sys/mman.h>
-#include <sys/socket.h>
 #include <sys/stat.h>
-#include <sys/wait.h>
 #include <unistd.h>
 
 #include "base/clock.h"
-#include "base/locate.h"
 #include "bricks/store.h"
 #include "bricks/transfer.h"
 #include "bricks/unpack.h"
+#include "import/child.h"
 #include "import/confine.h"
 #include "import/handover.h"
 #include "import/numbered.h"
 #include "import/place.h"
+#include "import/pyramid.h"
 #include "volume/volume.h"
 
-enum { TIMEOUT_DEFAULT_MS = 300000, POLL_MS = 50 };
+enum { TIMEOUT_DEFAULT_MS = 300000 };
 
 struct import {
     const char *source, *field;   /* as the caller gave them; "" = the reader chooses the field */
@@ -41,9 +36,9 @@ struct import {
     struct sp_import_place place;
     const struct sp_load_options *options;
     char real[PATH_MAX], importer[PATH_MAX];
-    const char *scratch;      /* folder of a file that takes the place of memory; NULL = none */
-    int file, memory, socket; /* -1 = not open */
-    pid_t child;              /* 0 = none */
+    const char *scratch; /* folder of a file that takes the place of memory; NULL = none */
+    int file;            /* -1 = not open */
+    struct sp_import_child child;
     int timeout_ms;
     double deadline_ms;
     struct sp_handover_header header;
@@ -55,102 +50,11 @@ struct import {
 /* Before the child starts. */
 
 static bool find_importer(struct import *im, struct sp_error *err) {
-    struct sp_error why;
-    if (im->options->importer)
-        snprintf(im->importer, sizeof im->importer, "%s", im->options->importer);
-    else if (!sp_locate("splat-import", im->importer, &why) && why.code == SP_ERR_IO)
-        return sp_fail(err, SP_ERR_IO, why.place, "%s", why.text);
-    if (access(im->importer, X_OK) != 0)
-        return sp_fail(err, SP_ERR_IO, im->importer, "cannot run the importer: %s",
-                       strerror(errno));
-    return true;
-}
-
-/* Moves a descriptor above those of the child, so that placing one does not overwrite another. */
-static int raise_fd(int fd) {
-    int high = fcntl(fd, F_DUPFD_CLOEXEC, 10);
-    int error = errno;
-    close(fd);
-    errno = error;
-    return high;
-}
-
-static bool open_channels(struct import *im, int *child_socket, struct sp_error *err) {
-    int pair[2];
-    im->memory = im->scratch ? open(im->scratch, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600)
-                             : memfd_create("splat-voxels", MFD_CLOEXEC | MFD_ALLOW_SEALING);
-    if (im->memory >= 0)
-        im->memory = raise_fd(im->memory);
-    if (im->memory < 0)
-        return sp_fail(err, SP_ERR_IO, im->scratch ? im->scratch : im->place.path,
-                       "cannot create shared memory: %s", strerror(errno));
-    if (socketpair(AF_UNIX, SOCK_SEQPACKET | SOCK_CLOEXEC, 0, pair) != 0)
-        return sp_fail(err, SP_ERR_IO, im->place.path, "cannot create a socket: %s",
-                       strerror(errno));
-    im->socket = raise_fd(pair[0]);
-    *child_socket = raise_fd(pair[1]);
-    im->file = raise_fd(im->file);
-    if (im->socket >= 0 && *child_socket >= 0 && im->file >= 0)
-        return true;
-    int error = errno;
-    if (*child_socket >= 0)
-        close(*child_socket);
-    return sp_fail(err, SP_ERR_IO, im->place.path, "cannot pass descriptors: %s", strerror(error));
-}
-
-/* The variables that the loader and the sanitizers need; none that a format library reads. */
-static void child_environment(char *out[8]) {
-    static const char *const kept[] = { "LD_LIBRARY_PATH", "ASAN_OPTIONS", "UBSAN_OPTIONS",
-                                        "TSAN_OPTIONS", "LSAN_OPTIONS" };
-    int n = 0;
-    for (size_t i = 0; i < sizeof kept / sizeof kept[0]; i++) {
-        const char *value = getenv(kept[i]);
-        char *line;
-        if (value && asprintf(&line, "%s=%s", kept[i], value) > 0)
-            out[n++] = line;
-    }
-    out[n] = NULL;
-}
-
-/* posix_spawn() runs none of our code in the child. The child gets default signals, an empty mask,
- * three descriptors, and the null device as standard input and output. */
-static int spawn(const struct import *im, int child_socket, char *const argv[], char *const envp[],
-                 pid_t *child) {
-    posix_spawn_file_actions_t actions;
-    posix_spawnattr_t attributes;
-    sigset_t none, all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    int error = posix_spawn_file_actions_init(&actions);
-    if (error)
-        return error;
-    error = posix_spawnattr_init(&attributes);
-    if (error) {
-        posix_spawn_file_actions_destroy(&actions);
-        return error;
-    }
-    if ((error = posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDWR, 0)) == 0 &&
-        (error = posix_spawn_file_actions_adddup2(&actions, 0, 1)) == 0 &&
-        (error = posix_spawn_file_actions_adddup2(&actions, child_socket, SP_IMPORT_SOCKET)) == 0 &&
-        (error = posix_spawn_file_actions_adddup2(&actions, im->memory, SP_IMPORT_MEMORY)) == 0 &&
-        (error = posix_spawn_file_actions_adddup2(&actions, im->file, SP_IMPORT_FILE)) == 0 &&
-        (error = posix_spawnattr_setsigmask(&attributes, &none)) == 0 &&
-        (error = posix_spawnattr_setsigdefault(&attributes, &all)) == 0 &&
-        (error =
-             posix_spawnattr_setflags(&attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF |
-                                                       POSIX_SPAWN_SETPGROUP)) == 0)
-        error = posix_spawn(child, im->importer, &actions, &attributes, argv, envp);
-    posix_spawnattr_destroy(&attributes);
-    posix_spawn_file_actions_destroy(&actions);
-    return error;
+    return sp_import_find_program("splat-import", im->options->importer, im->importer, err);
 }
 
 static bool start_child(struct import *im, struct sp_error *err) {
-    int child_socket = -1;
-    if (!open_channels(im, &child_socket, err))
-        return false;
-    char name[] = "splat-import", folder[PATH_MAX], seconds[16], step[16], level[16],
-         *environment[8];
+    char name[] = "splat-import", folder[PATH_MAX], seconds[16], step[16], level[16], mode[] = "";
     snprintf(folder, sizeof folder, "%s", im->real);
     char *slash = strrchr(folder, '/');
     slash[slash == folder] = 0;
@@ -159,70 +63,23 @@ static bool start_child(struct import *im, struct sp_error *err) {
     snprintf(level, sizeof level, "%d", im->level);
     char *argv[] = {
         name, im->place.path, im->place.root, folder, seconds, (char *)im->field, im->place.series,
-        step, level,          im->vectors,    NULL
+        step, level,          im->vectors,    mode,   NULL
     };
-    child_environment(environment);
-    int error = spawn(im, child_socket, argv, environment, &im->child);
-    for (char **line = environment; *line; line++)
-        free(*line);
-    close(child_socket);
-    if (error) {
-        im->child = 0;
-        return sp_fail(err, SP_ERR_IO, im->importer, "cannot start the importer: %s",
-                       strerror(error));
-    }
-    return true;
-}
-
-/* The end of the child. */
-
-/* Kills the child if it still runs, and returns its exit status. */
-static int reap(struct import *im) {
-    int status = 0;
-    if (im->child == 0)
-        return 0;
-    kill(-im->child, SIGKILL); /* the child leads a group: its own children die as well */
-    kill(im->child, SIGKILL);
-    pid_t got;
-    do
-        got = waitpid(im->child, &status, 0);
-    while (got < 0 && errno == EINTR);
-    im->child = 0;
-    /* If this process ignores SIGCHLD, the status is lost; the messages must suffice. */
-    return got < 0 ? 0 : status;
-}
-
-static bool fail_ended(struct import *im, struct sp_error *err) {
-    int status = reap(im);
-    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGXCPU)
-        return sp_fail(err, SP_ERR_TIMEOUT, im->place.path,
-                       "the import process took more than %d s of CPU time",
-                       im->timeout_ms / 1000 + 1);
-    if (WIFSIGNALED(status)) {
-        const char *name = sigabbrev_np(WTERMSIG(status));
-        return sp_fail(
-            err, SP_ERR_CRASHED, im->place.path,
-            "the import process was killed by signal %d (SIG%s): the file is damaged, or the "
-            "reader has a bug",
-            WTERMSIG(status), name ? name : "?");
-    }
-    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
-                   "the import process exited with status %d and without a result",
-                   WEXITSTATUS(status));
+    im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };
+    return sp_import_child_start(&im->child, im->importer, argv, im->scratch, &im->file, 1, err);
 }
 
 /* Cancellation comes before the timeout: callers rely on it. */
-static bool check_in(const struct import *im, double *next_call_ms, struct sp_error *err) {
-    double now = sp_clock_ms();
-    if (im->options->progress && now >= *next_call_ms) {
-        *next_call_ms = now + POLL_MS / 2.0;
+static bool check_in(void *user, struct sp_error *err) {
+    const struct import *im = user;
+    if (im->options->progress) {
         /* The rest of the progress belongs to range and histogram. */
         uint64_t bytes = im->layout.bytes;
         double fraction = bytes ? 0.95 * (double)im->done / (double)bytes : 0;
         if (!im->options->progress(im->options->user, fraction))
             return sp_fail(err, SP_ERR_CANCELLED, im->place.path, "loading was cancelled");
     }
-    if (now >= im->deadline_ms)
+    if (sp_clock_ms() >= im->deadline_ms)
         return sp_fail(err, SP_ERR_TIMEOUT, im->place.path,
                        "the import process took longer than the timeout of %d ms", im->timeout_ms);
     return true;
@@ -232,40 +89,7 @@ static bool check_in(const struct import *im, double *next_call_ms, struct sp_er
  * child closed its end. */
 static bool receive(struct import *im, struct sp_handover *message, bool *ended,
                     struct sp_error *err) {
-    double next_call_ms = 0;
-    *ended = false;
-    for (;;) {
-        if (!check_in(im, &next_call_ms, err))
-            return false;
-        struct pollfd wait = { .fd = im->socket, .events = POLLIN };
-        double left = im->deadline_ms - sp_clock_ms();
-        int ready = poll(&wait, 1, left < POLL_MS ? (int)left + 1 : POLL_MS);
-        if (ready == 0 || (ready < 0 && errno == EINTR))
-            continue;
-        /* One byte more than any message, so that a longer message is recognized. */
-        unsigned char bytes[sizeof *message + 1];
-        ssize_t n = recv(im->socket, bytes, sizeof bytes, MSG_DONTWAIT);
-        if (n < 0 && (errno == EAGAIN || errno == EINTR))
-            continue;
-        if (n <= 0) {
-            *ended = true;
-            return false;
-        }
-        return sp_handover_decode(bytes, (size_t)n, message, im->place.path, err);
-    }
-}
-
-static bool unexpected(const struct import *im, const struct sp_handover *message,
-                       struct sp_error *err) {
-    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
-                   "the import process sent message %u out of order", message->kind);
-}
-
-static bool pass_error_on(const struct import *im, const struct sp_handover *message,
-                          struct sp_error *err) {
-    const struct sp_handover_error *e = &message->error;
-    return sp_fail(err, (enum sp_code)e->code, e->place[0] ? e->place : im->place.path, "%s",
-                   e->text);
+    return sp_import_child_receive(&im->child, message, check_in, im, ended, err);
 }
 
 /* The two phases. */
@@ -274,38 +98,18 @@ static bool receive_header(struct import *im, struct sp_error *err) {
     struct sp_handover message;
     bool ended;
     if (!receive(im, &message, &ended, err))
-        return ended ? fail_ended(im, err) : false;
-    if (message.kind == SP_HANDOVER_ERROR)
-        return pass_error_on(im, &message, err);
+        return ended ? sp_import_child_fail_ended(&im->child, err) : false;
     if (message.kind != SP_HANDOVER_HEADER)
-        return unexpected(im, &message, err);
+        return sp_import_child_refuse(&im->child, &message, err);
     im->header = message.header;
     im->layout = sp_handover_layout(&im->header);
     return true;
 }
 
-/* Allocates the memory now: a lack of memory is an error here and would be a signal later. */
 static bool provide_memory(struct import *im, struct sp_error *err) {
-    uint64_t bytes = im->layout.bytes;
-    if (im->options->reserve && !im->options->reserve(im->options->user, bytes, err))
-        return false;
-    int failed;
-    do
-        failed = posix_fallocate(im->memory, 0, (off_t)bytes);
-    while (failed == EINTR);
-    if (failed)
-        return sp_fail(err, SP_ERR_MEMORY, im->place.path,
-                       "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
-                       strerror(failed));
-    if (!im->scratch && fcntl(im->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
-        return sp_fail(err, SP_ERR_IO, im->place.path, "cannot seal shared memory: %s",
-                       strerror(errno));
-    struct sp_handover go;
-    sp_handover_init(&go, SP_HANDOVER_GO);
-    go.bytes = bytes;
-    if (send(im->socket, &go, sp_handover_size(SP_HANDOVER_GO), MSG_NOSIGNAL) < 0)
-        return fail_ended(im, err);
-    return true;
+    const uint64_t bytes = im->layout.bytes;
+    return (!im->options->reserve || im->options->reserve(im->options->user, bytes, err)) &&
+           sp_import_child_provide(&im->child, bytes, im->scratch != NULL, err);
 }
 
 static bool await_samples(struct import *im, struct sp_error *err) {
@@ -316,14 +120,14 @@ static bool await_samples(struct import *im, struct sp_error *err) {
             if (!ended)
                 return false;
             if (!done)
-                return fail_ended(im, err);
-            int status = reap(im);
+                return sp_import_child_fail_ended(&im->child, err);
+            int status = sp_import_child_reap(&im->child);
             return status == 0 ||
                    sp_fail(err, SP_ERR_CRASHED, im->place.path,
                            "the import process failed after its last message (status %d)", status);
         }
         if (done)
-            return unexpected(im, &message, err);
+            return sp_import_child_refuse(&im->child, &message, err);
         switch (message.kind) {
         case SP_HANDOVER_PROGRESS:
             im->done = message.bytes < im->layout.bytes ? message.bytes : im->layout.bytes;
@@ -335,10 +139,8 @@ static bool await_samples(struct import *im, struct sp_error *err) {
             im->end = message.done;
             done = true;
             break;
-        case SP_HANDOVER_ERROR:
-            return pass_error_on(im, &message, err);
         default:
-            return unexpected(im, &message, err);
+            return sp_import_child_refuse(&im->child, &message, err);
         }
     }
 }
@@ -382,13 +184,13 @@ static bool are_finite(const double *numbers, uint32_t count) {
 /* Seals the memory against writing, so that checked coordinates cannot change. Sealing fails while
  * a process still maps the memory for writing. */
 static struct sp_volume *take_over(const struct import *im, struct sp_error *err) {
-    if (fcntl(im->memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
+    if (fcntl(im->child.memory, F_ADD_SEALS, F_SEAL_WRITE | F_SEAL_SEAL) != 0) {
         sp_fail(err, SP_ERR_CRASHED, im->place.path,
                 "the import process still maps the samples: %s", strerror(errno));
         return NULL;
     }
     size_t bytes = (size_t)im->layout.bytes;
-    void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->memory, 0);
+    void *voxels = mmap(NULL, bytes, PROT_READ, MAP_SHARED, im->child.memory, 0);
     if (voxels == MAP_FAILED) {
         sp_fail(err, SP_ERR_MEMORY, im->place.path, "cannot map %zu bytes of samples: %s", bytes,
                 strerror(errno));
@@ -423,11 +225,10 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
 }
 
 static void finish(struct import *im) {
-    const int fds[] = { im->file, im->memory, im->socket };
-    reap(im);
-    for (size_t i = 0; i < sizeof fds / sizeof fds[0]; i++)
-        if (fds[i] >= 0)
-            close(fds[i]);
+    sp_import_child_close(&im->child);
+    if (im->file >= 0)
+        close(im->file);
+    im->file = -1;
 }
 
 static struct import *create(const char *source, const struct sp_load_options *options,
@@ -451,7 +252,7 @@ static struct import *create(const char *source, const struct sp_load_options *o
     im->level = parts.level;
     memcpy(im->vectors, parts.vectors, sizeof im->vectors);
     im->options = options ? options : &none;
-    im->file = im->memory = im->socket = -1;
+    im->file = im->child.memory = im->child.socket = -1;
     assert(im->options->timeout_ms >= 0);
     im->timeout_ms = im->options->timeout_ms ? im->options->timeout_ms : TIMEOUT_DEFAULT_MS;
     im->deadline_ms = sp_clock_ms() + im->timeout_ms;
@@ -463,27 +264,25 @@ static struct import *create(const char *source, const struct sp_load_options *o
 static bool attempt(struct import *im, struct sp_error *err) {
     uint64_t size;
     im->header.level_count = 0;
-    im->memory = im->socket = -1;
+    im->child.memory = im->child.socket = -1;
     im->file =
         sp_open_confined(im->place.root, im->place.path, im->place.path, im->real, &size, err);
     return im->file >= 0 && start_child(im, err) && receive_header(im, err) &&
            provide_memory(im, err) && await_samples(im, err);
 }
 
-/* If the caller leaves the level open, the finest one that gets its memory is loaded. */
-static bool run(struct import *im, struct sp_error *err) {
+/* If the caller leaves the level open, the finest one that gets its memory is loaded. *why: why a
+ * finer one was not read. */
+static bool read_coarser(struct import *im, struct sp_error *why) {
     const bool is_open = im->level < 0 && !im->options->is_finest;
-    struct sp_error why = { .code = SP_OK };
-    bool ok = attempt(im, &why);
-    while (!ok && is_open && why.code == SP_ERR_BUDGET &&
+    bool ok = false;
+    while (!ok && is_open && why->code == SP_ERR_BUDGET &&
            im->header.level + 1 < im->header.level_count) {
         im->level = (int)im->header.level + 1;
         im->is_coarser = true;
         finish(im);
-        ok = attempt(im, &why);
+        ok = attempt(im, why);
     }
-    if (!ok && err)
-        *err = why;
     return ok;
 }
 
@@ -503,6 +302,47 @@ static int open_bricks(const struct import *im) {
     return file;
 }
 
+/* Shows the volume from its chunks (pyramid.h), if there are levels, the caller leaves them open
+ * and has no memory for all. NULL with *err set: SP_ERR_BUDGET and SP_ERR_UNSUPPORTED = that cannot
+ * be, so that other ways are left. */
+static struct sp_volume *open_chunks(struct import *im, const struct sp_error *why,
+                                     struct sp_error *err) {
+    struct sp_chunk_source chunks;
+    *err = *why;
+    if (im->level >= 0 || im->scratch || why->code != SP_ERR_BUDGET || im->header.level_count < 2)
+        return NULL;
+    const struct sp_pyramid_job job = { .place = &im->place,
+                                        .importer = im->importer,
+                                        .field = im->field,
+                                        .options = im->options,
+                                        .timeout_ms = im->timeout_ms };
+    finish(im);
+    if (!sp_pyramid_open(&job, &im->header, &chunks, err))
+        return NULL;
+    describe(im, &chunks.info);
+    return sp_brick_store_open_chunks(&chunks, chunks.info.name, im->source, im->options, err);
+}
+
+/* Reads all samples, or else opens the volume for reading its chunks. */
+static struct sp_volume *read_or_open(struct import *im, struct sp_error *err) {
+    struct sp_error why = { .code = SP_OK }, other;
+    if (attempt(im, &why))
+        return take_over(im, err);
+    struct sp_volume *volume = open_chunks(im, &why, &other);
+    if (volume)
+        return volume;
+    if (why.code == SP_ERR_BUDGET &&
+        (other.code == SP_ERR_BUDGET || other.code == SP_ERR_UNSUPPORTED)) {
+        if (read_coarser(im, &why))
+            return take_over(im, err);
+    } else {
+        why = other;
+    }
+    if (err)
+        *err = why;
+    return NULL;
+}
+
 struct sp_volume *sp_import(const char *source, const struct sp_load_options *options,
                             struct sp_error *err) {
     struct sp_volume *volume = NULL;
@@ -513,8 +353,8 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
     const int bricks = is_found ? open_bricks(im) : -1;
     if (bricks >= 0)
         volume = sp_brick_store_open(bricks, im->place.name, im->source, im->options, err);
-    else if (is_found && run(im, err))
-        volume = take_over(im, err);
+    else if (is_found)
+        volume = read_or_open(im, err);
     if (volume && im->options->progress)
         im->options->progress(im->options->user, 1);
     finish(im);
@@ -553,7 +393,7 @@ static bool take_samples(const struct import *im, struct sp_volume_info *info,
     if (!sp_grid_check(&info->grid, info->type, im->place.path, &samples, &why))
         return sp_fail(err, SP_ERR_CRASHED, im->place.path,
                        "the import process sent a bad grid: %s", why.text);
-    if (fstat(im->memory, &st) != 0 || (uint64_t)st.st_size < samples)
+    if (fstat(im->child.memory, &st) != 0 || (uint64_t)st.st_size < samples)
         return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
     if (im->layout.vectors_at)
         info->vector_bytes = samples / sp_type_size(info->type) * 3 * sizeof(float);
@@ -572,9 +412,9 @@ int sp_import_samples(const char *source, const struct sp_load_options *options,
         samples = sp_bricks_unpack(bricks, im->place.path, folder, im->options, info, err);
         if (samples >= 0)
             snprintf(info->name, sizeof info->name, "%s", im->place.name);
-    } else if (is_found && run(im, err) && take_samples(im, info, err)) {
-        samples = im->memory;
-        im->memory = -1;
+    } else if (is_found && attempt(im, err) && take_samples(im, info, err)) {
+        samples = im->child.memory;
+        im->child.memory = -1;
     }
     finish(im);
     free(im);

@@ -10,9 +10,6 @@
 
 #include "sp/volume.h"
 
-/* The open descriptors of the child, beside the standard ones. */
-enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
-
 /* Implements sp_volume_load() for the source of a file. */
 struct sp_volume *sp_import(const char *source, const struct sp_load_options *options,
                             struct sp_error *err);

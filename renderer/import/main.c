@@ -13,10 +13,10 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "import/child.h"
 #include "import/elements.h"
 #include "import/format.h"
 #include "import/handover.h"
-#include "import/launch.h"
 #include "import/sandbox.h"
 #include "import/vectors.h"
 #include "volume/elements.h"
@@ -39,6 +39,7 @@ struct job {
     uint64_t reported;                /* bytes in the last progress message */
     uint64_t folded;                  /* as in struct sp_volume_info */
     struct import_warnings warnings;
+    bool serves; /* chunks, as they are asked for */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -228,6 +229,70 @@ static bool check_field(const struct job *job, struct sp_error *err) {
                    h->value_name[0] ? h->value_name : "one without a name", list);
 }
 
+/* The chunk that was asked for; false if the parent closed the socket. */
+static bool await_read(struct sp_handover *read) {
+    ssize_t n;
+    do
+        n = recv(SP_IMPORT_SOCKET, read, sizeof *read, 0);
+    while (n < 0 && errno == EINTR);
+    return n == (ssize_t)sp_handover_size(SP_HANDOVER_READ) && read->magic == SP_HANDOVER_MAGIC &&
+           read->kind == SP_HANDOVER_READ;
+}
+
+/* Reads chunks into the shared memory, as they are asked for, until the parent closes the socket.
+ */
+static int read_chunks(struct job *job, void *reader, const struct sp_handover_levels *levels) {
+    const size_t capacity = job->layout.bytes;
+    struct sp_handover message;
+    struct sp_error err;
+    void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
+    if (memory == MAP_FAILED) {
+        sp_fail(&err, SP_ERR_MEMORY, job->file.shown, "cannot map the shared memory: %s",
+                strerror(errno));
+        return say_error(&err);
+    }
+    while (await_read(&message)) {
+        const struct sp_handover_read read = message.read;
+        if (read.level >= levels->count)
+            break;
+        if (!job->format->read_chunk(reader, read.level, read.place, memory, &err)) {
+            say_error(&err);
+            continue;
+        }
+        sp_handover_init(&message, SP_HANDOVER_CHUNK);
+        message.read = read;
+        say(&message);
+    }
+    munmap(memory, capacity);
+    return 0;
+}
+
+/* The other way: the volume is shown from its chunks. */
+static int serve(struct job *job, void *reader) {
+    struct sp_handover message;
+    struct sp_error err;
+    sp_handover_init(&message, SP_HANDOVER_LEVELS);
+    struct sp_handover_levels *levels = &message.levels;
+    if (job->format->levels)
+        levels->count = job->format->levels(reader, levels->level, BRICK_LEVELS_MAX);
+    if (!levels->count) {
+        sp_fail(&err, SP_ERR_UNSUPPORTED, job->file.shown, "it is not stored in chunks");
+        return say_error(&err);
+    }
+    struct sp_chunk_source source = { .levels = levels->count,
+                                      .info = { .type = job->header.type } };
+    memcpy(source.level, levels->level, sizeof source.level);
+    const struct sp_handover_levels copy = *levels;
+    if (!say_header(job) || !say(&message))
+        return 0;
+    job->layout.bytes = sp_chunk_bytes_max(&source);
+    if (!await_go(job))
+        return 0;
+    if (!import_sandbox_allow_samples(job->layout.bytes, job->file.shown, &err))
+        return say_error(&err);
+    return read_chunks(job, reader, &copy);
+}
+
 static int run(struct job *job) {
     struct sp_error err;
     struct import_header *header = &job->header;
@@ -240,6 +305,11 @@ static int run(struct job *job) {
     if (!has_step || !check_field(job, &err)) {
         job->format->close(reader);
         return say_error(&err);
+    }
+    if (job->serves) {
+        const int status = serve(job, reader);
+        job->format->close(reader);
+        return status;
     }
     if (!say_header(job) || !await_go(job)) {
         job->format->close(reader);
@@ -271,7 +341,7 @@ static int run(struct job *job) {
 
 int main(int argc, char **argv) {
     struct stat st;
-    if (argc != 10 || fstat(SP_IMPORT_FILE, &st) != 0) {
+    if (argc != 11 || fstat(SP_IMPORT_FILE, &st) != 0) {
         fprintf(stderr,
                 "splat-import is started by splatd and splatctl; it has no use on its own\n");
         return 2;
@@ -285,7 +355,8 @@ int main(int argc, char **argv) {
                                  .series = argv[6],
                                  .step = (uint32_t)strtoul(argv[7], NULL, 10),
                                  .level = atoi(argv[8]),
-                                 .vectors = argv[9] } };
+                                 .vectors = argv[9] },
+                       .serves = strcmp(argv[10], SP_IMPORT_CHUNKS) == 0 };
     struct sp_error err;
     job.file.warnings = &job.warnings;
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);

@@ -15,6 +15,8 @@
 #include "import/zarr_image.h"
 #include "volume/volume.h"
 
+struct reading;
+
 struct zarr {
     const struct zarr_store *store;
     struct zarr_store *folder; /* owned; NULL = the caller's store */
@@ -23,6 +25,8 @@ struct zarr {
     const struct zarr_level *level; /* of the image */
     uint32_t channel;
     struct import_conversion conversion;
+    struct zarr_chunks chunks;                  /* of zarr_read_chunk() */
+    struct reading *chunk_of[BRICK_LEVELS_MAX]; /* owned: the same, by level; NULL = not used yet */
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
@@ -111,8 +115,13 @@ void *zarr_open(const struct zarr_store *store, const struct import_file *file,
     return NULL;
 }
 
+static void free_reading(struct reading *r);
+
 void zarr_close(void *reader) {
     struct zarr *z = reader;
+    for (int l = 0; l < BRICK_LEVELS_MAX; l++)
+        free_reading(z->chunk_of[l]);
+    zarr_chunks_finish(&z->chunks);
     zarr_image_close(&z->image);
     zarr_folder_close(&z->folder);
     free(z);
@@ -126,17 +135,23 @@ struct box { /* of one chunk, along x, y and z */
 
 struct reading {
     const struct zarr *zarr;
-    const struct zarr_array *array;
-    size_t strides[3]; /* of x, y and z in a chunk [numbers] */
-    size_t base;       /* of the channel and the step in a chunk [numbers] */
-    char *chunk, *row; /* owned: a chunk, and numbers along x */
+    const struct zarr_level *level;
+    const struct zarr_array *array; /* of the level */
+    struct box out;                 /* the samples that `voxels` holds */
+    size_t strides[3];              /* of x, y and z in a chunk [numbers] */
+    size_t base;                    /* of the channel and the step in a chunk [numbers] */
+    char *chunk, *row;              /* owned: a chunk, and numbers along x */
     char *voxels;
     uint64_t done;  /* samples */
     uint64_t holes; /* chunks that are damaged */
 };
 
-static void begin(struct reading *r) {
+static bool begin(struct reading *r, struct sp_error *err) {
     const struct zarr_image *image = &r->zarr->image;
+    r->chunk = malloc(r->array->chunk_bytes);
+    r->row = malloc((size_t)r->level->dims[0] * r->array->number.size);
+    if (!r->chunk || !r->row)
+        return sp_fail(err, SP_ERR_MEMORY, r->zarr->store->shown, "out of memory for a chunk");
     size_t step = 1;
     for (unsigned d = r->array->rank; d-- > 0; step *= (size_t)r->array->chunk[d]) {
         for (int a = 0; a < 3; a++)
@@ -147,21 +162,23 @@ static void begin(struct reading *r) {
         if (image->axes.time == (int)d)
             r->base += step * (size_t)(r->zarr->file->step % r->array->chunk[d]);
     }
+    return true;
 }
 
 /* Copies the rows of a chunk into the volume. */
 static void put(struct reading *r, const struct box *box) {
     const struct import_conversion *c = &r->zarr->conversion;
-    const uint32_t *dims = r->zarr->level->dims;
+    const uint32_t *dims = r->out.size, *first = r->out.first;
     const size_t number = c->number.size, sample = sp_type_size(c->type);
     const bool is_copy = import_conversion_is_copy(c);
     for (uint32_t k = 0; k < box->size[2]; k++)
         for (uint32_t j = 0; j < box->size[1]; j++) {
             const char *from =
                 r->chunk + (r->base + k * r->strides[2] + j * r->strides[1]) * number;
-            const uint64_t at =
-                ((uint64_t)(box->first[2] + k) * dims[1] + box->first[1] + j) * dims[0] +
-                box->first[0];
+            const uint64_t at = ((uint64_t)(box->first[2] - first[2] + k) * dims[1] +
+                                 box->first[1] - first[1] + j) *
+                                    dims[0] +
+                                box->first[0] - first[0];
             char *to = r->voxels + at * sample;
             if (r->strides[0] != 1) {
                 for (uint32_t i = 0; i < box->size[0]; i++)
@@ -186,7 +203,7 @@ static void find_chunk(const struct reading *r, const uint64_t place[3], uint64_
     if (image->axes.time >= 0)
         at[image->axes.time] = r->zarr->file->step / r->array->chunk[image->axes.time];
     for (int a = 0; a < 3; a++) {
-        const uint32_t dim = r->zarr->level->dims[a];
+        const uint32_t dim = r->level->dims[a];
         const uint64_t size = image->axes.space[a] < 0 ? 1 : r->array->chunk[image->axes.space[a]];
         if (image->axes.space[a] >= 0)
             at[image->axes.space[a]] = place[a];
@@ -242,19 +259,102 @@ bool zarr_read(void *reader, void *voxels, float (*vectors)[3],
                const struct import_progress *progress, struct sp_error *err) {
     const struct zarr *z = reader;
     struct zarr_chunks chunks;
-    struct reading r = { .zarr = z, .array = &z->level->array, .voxels = voxels };
+    struct reading r = {
+        .zarr = z, .level = z->level, .array = &z->level->array, .voxels = voxels
+    };
     (void)vectors;
-    r.chunk = malloc(r.array->chunk_bytes);
-    r.row = malloc((size_t)z->level->dims[0] * r.array->number.size);
-    bool ok = (r.chunk && r.row) ||
-              sp_fail(err, SP_ERR_MEMORY, z->store->shown, "out of memory for a chunk");
+    memcpy(r.out.size, z->level->dims, sizeof r.out.size);
+    bool ok = begin(&r, err);
     zarr_chunks_init(&chunks, z->store, z->file);
-    begin(&r);
     ok = ok && read_chunks(&r, &chunks, progress, err);
     zarr_chunks_finish(&chunks);
     free(r.chunk);
     free(r.row);
     return ok;
+}
+
+/* Chunk by chunk. */
+
+/* Where a level lies on the samples of the finest one. The metadata of many files has the same
+ * scale for all levels, or no translation; then the samples stand for boxes that fill the volume.
+ */
+static void place_on(const struct zarr_level *finest, const struct zarr_level *level,
+                     struct sp_chunk_level *out) {
+    static const double tolerance = 0.4;
+    for (int a = 0; a < 3; a++) {
+        const double ratio = (double)finest->dims[a] / level->dims[a];
+        const double scale = level->spacing[a] / finest->spacing[a];
+        const double shift = (level->origin[a] - finest->origin[a]) / finest->spacing[a];
+        out->step[a] = fabs(scale / ratio - 1) <= tolerance ? scale : ratio;
+        const bool is_shifted = fabs(shift) > 1e-6 && fabs(shift) <= out->step[a];
+        out->offset[a] = is_shifted ? shift : 0.5 * (out->step[a] - 1);
+    }
+}
+
+/* Levels that are not coarser than the one before them end the list. */
+static unsigned list_levels(void *reader, struct sp_chunk_level *levels, unsigned most) {
+    const struct zarr *z = reader;
+    const struct zarr_level *finest = z->level;
+    const size_t left = z->image.level_count - (size_t)(finest - z->image.levels);
+    unsigned count = 0;
+    for (; count < most && count < left; count++) {
+        const struct zarr_level *level = finest + count;
+        bool is_coarser = count == 0;
+        for (int a = 0; a < 3; a++) {
+            const int d = z->image.axes.space[a];
+            const uint64_t chunk = d < 0 ? 1 : level->array.chunk[d];
+            if (count && level->dims[a] > level[-1].dims[a])
+                return count;
+            is_coarser = is_coarser || level->dims[a] < level[-1].dims[a];
+            levels[count].dims[a] = level->dims[a];
+            levels[count].chunk[a] = chunk < level->dims[a] ? (uint32_t)chunk : level->dims[a];
+        }
+        if (!is_coarser)
+            break;
+        place_on(finest, level, &levels[count]);
+    }
+    return count;
+}
+
+static void free_reading(struct reading *r) {
+    if (!r)
+        return;
+    free(r->chunk);
+    free(r->row);
+    free(r);
+}
+
+static bool read_chunk(void *reader, unsigned l, const uint32_t place[3], void *out,
+                       struct sp_error *err) {
+    struct zarr *z = reader;
+    struct reading *r = z->chunk_of[l];
+    uint64_t at[ZARR_RANK_MAX];
+    if (!r) {
+        if (!(r = calloc(1, sizeof *r)))
+            return sp_fail(err, SP_ERR_MEMORY, z->store->shown, "out of memory for a chunk");
+        r->zarr = z;
+        r->level = z->level + l;
+        r->array = &r->level->array;
+        if (!begin(r, err)) {
+            free_reading(r);
+            return false;
+        }
+        z->chunk_of[l] = r;
+    }
+    if (!z->chunks.store)
+        zarr_chunks_init(&z->chunks, z->store, z->file);
+    for (int a = 0; a < 3; a++) {
+        const int d = z->image.axes.space[a];
+        if (place[a] >= (d < 0 ? 1 : zarr_array_chunks(r->array, (unsigned)d)))
+            return sp_fail(err, SP_ERR_INVALID, z->store->shown, "there is no such chunk");
+    }
+    const uint64_t wide[3] = { place[0], place[1], place[2] };
+    find_chunk(r, wide, at, &r->out);
+    r->voxels = out;
+    if (zarr_chunk_read(&z->chunks, r->array, at, r->chunk, err) == ZARR_FAILED)
+        return false;
+    put(r, &r->out);
+    return true;
 }
 
 static void *open_folder(const struct import_file *file, struct import_header *header,
@@ -277,4 +377,6 @@ const struct import_format import_zarr = { .name = "Zarr",
                                            .needs_module = true,
                                            .open = open_folder,
                                            .read = zarr_read,
+                                           .levels = list_levels,
+                                           .read_chunk = read_chunk,
                                            .close = zarr_close };

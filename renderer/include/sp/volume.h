@@ -162,8 +162,8 @@ SP_API struct sp_source_parts sp_source_split(const char *source);
 struct sp_load_options {
     /* Called after the header was read and before `bytes` are allocated. Returns false and fills
      * *err to refuse (SP_ERR_BUDGET, with the bytes needed and the bytes available). A file with
-     * several levels of detail, of which the source names none, then asks again for a coarser one.
-     * NULL = accept every size. */
+     * several levels of detail, of which the source names none, then asks again: for showing it
+     * from its chunks within window_bytes, and for a coarser level. NULL = accept every size. */
     bool (*reserve)(void *user, uint64_t bytes, struct sp_error *err);
     /* Called a few times per second by the loading thread, with the finished fraction in [0, 1].
      * Returns false to cancel (SP_ERR_CANCELLED). NULL = none. */
@@ -175,11 +175,10 @@ struct sp_load_options {
                              program, then beside the library, then the installation's prefix */
     int timeout_ms;       /* limit for the whole import, >= 0; 0 = 300,000 */
     uint32_t step;        /* of a time series, from 0 */
-    bool is_finest;       /* fail if the finest level does not fit (reserve()) */
-    /* Of a brick file (sp/bricks.h): bytes of the samples that are kept in memory for all frames;
-     * reserve() is asked for them at once, and for
-     * half of them if it refuses, and so on. 0 = a quarter of the machine's memory; never more than
-     * four times the samples. */
+    bool is_finest;       /* do not read a coarser level if the finest does not fit (reserve()) */
+    /* Of a brick file (sp/bricks.h) and of chunks: bytes of the samples that are kept in memory for
+     * all frames; reserve() is asked for them at once, and for half of them if it refuses, and so
+     * on. 0 = a quarter of the machine's memory; never more than four times the samples. */
     uint64_t window_bytes;
 };
 

@@ -12,8 +12,8 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include "import/child.h"
 #include "import/handover.h"
-#include "import/launch.h"
 
 enum { BYTES = 8 * 8 * 8 };
 
@@ -239,9 +239,41 @@ static void misbehave_after_go(const char *what) {
     _exit(strcmp(what, "status") == 0 ? 4 : 0);
 }
 
+/* As the reader of a volume that is shown from its chunks. */
+static void misbehave_with_chunks(const char *what) {
+    struct sp_handover m;
+    sp_handover_init(&m, SP_HANDOVER_LEVELS);
+    m.levels.count = strcmp(what, "levels-none") == 0   ? 0
+                     : strcmp(what, "levels-many") == 0 ? 77
+                                                        : 2;
+    for (unsigned l = 0; l < 2; l++)
+        for (int a = 0; a < 3; a++) {
+            m.levels.level[l].dims[a] = m.levels.level[l].chunk[a] = 8 >> l;
+            m.levels.level[l].step[a] = 1 << l;
+        }
+    if (strcmp(what, "levels-size") == 0)
+        m.levels.level[1].dims[1] = 9;
+    if (strcmp(what, "levels-chunk") == 0)
+        m.levels.level[0].chunk[2] = 0;
+    if (strcmp(what, "levels-step") == 0)
+        m.levels.level[1].step[0] = NAN;
+    if (strcmp(what, "levels-other") == 0)
+        m.levels.level[0].dims[0] = m.levels.level[0].chunk[0] = 7;
+    send_message(&m);
+    await_go();
+    while (recv(SP_IMPORT_SOCKET, &m, sizeof m, 0) > 0) {
+        if (strcmp(what, "chunk-dies") == 0)
+            _exit(6);
+        m.kind = SP_HANDOVER_CHUNK;
+        m.read.place[0]++;
+        send_message(&m);
+    }
+    _exit(0);
+}
+
 int main(int argc, char **argv) {
     char what[64];
-    if (argc != 10)
+    if (argc != 11)
         return 2;
     const char *slash = strrchr(argv[1], '/');
     snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[1]);
@@ -253,7 +285,11 @@ int main(int argc, char **argv) {
         send_message(&m);
         wait_for_ever();
     }
+    if (strncmp(what, "levels-", 7) == 0 || strncmp(what, "chunk-", 6) == 0)
+        m.header.level_count = 2;
     send_message(&m);
+    if (strcmp(argv[10], SP_IMPORT_CHUNKS) == 0)
+        misbehave_with_chunks(what);
     await_go();
     misbehave_after_go(what);
 }

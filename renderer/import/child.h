@@ -1,0 +1,64 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A child process that reads for this one: how it is started, heard and ended. Safe in a process
+ * with many threads: only system calls run between fork and exec, descriptors close on exec, and
+ * the parent waits for the child by its process id.
+ */
+#ifndef SP_IMPORT_CHILD_H
+#define SP_IMPORT_CHILD_H
+
+#include <limits.h>
+#include <sys/types.h>
+
+#include "import/handover.h"
+
+/* The open descriptors of the child, beside the standard ones. What it reads from comes last. */
+enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
+
+/* The last argument of splat-import: chunks are read as they are asked for; otherwise "". */
+#define SP_IMPORT_CHUNKS "chunks"
+
+struct sp_import_child {
+    const char *shown;  /* the name in errors, owned by the caller */
+    int timeout_ms;     /* its limit of CPU time, for errors */
+    pid_t pid;          /* 0 = none */
+    int socket, memory; /* this end; −1 = not open */
+};
+
+/* Finds a program: `given`, or else the one of that name beside this program, the library, or in
+ * the installation. SP_ERR_IO. */
+bool sp_import_find_program(const char *name, const char *given, char path[PATH_MAX],
+                            struct sp_error *err);
+
+/* Starts the program with memory, which is a file without a name in the folder `scratch` (NULL = in
+ * memory), a socket, and `count` descriptors from SP_IMPORT_FILE on, at most 2. They are replaced
+ * by others, which stay the caller's. SP_ERR_IO. */
+bool sp_import_child_start(struct sp_import_child *child, const char *program, char *const argv[],
+                           const char *scratch, int fds[], unsigned count, struct sp_error *err);
+
+/* Receives and checks the next message. Calls check() every 50 ms, which returns false with *err
+ * set to give up. False with *err set, or with *ended if the child closed its end. */
+bool sp_import_child_receive(struct sp_import_child *child, struct sp_handover *message,
+                             bool (*check)(void *user, struct sp_error *err), void *user,
+                             bool *ended, struct sp_error *err);
+
+/* Sends a message; false if the child is gone. */
+bool sp_import_child_send(struct sp_import_child *child, const struct sp_handover *message);
+
+/* Allocates the memory now, so that a lack of it is an error here and not a signal later, and says
+ * GO. */
+bool sp_import_child_provide(struct sp_import_child *child, uint64_t bytes, bool is_scratch,
+                             struct sp_error *err);
+
+/* Fails with the error of an ERROR message, or because another message came out of order. */
+bool sp_import_child_refuse(const struct sp_import_child *child, const struct sp_handover *message,
+                            struct sp_error *err);
+
+/* Kills the child if it still runs, and returns its exit status. */
+int sp_import_child_reap(struct sp_import_child *child);
+/* The same, and fails with how it ended. */
+bool sp_import_child_fail_ended(struct sp_import_child *child, struct sp_error *err);
+/* Kills it and closes everything. May be called twice. */
+void sp_import_child_close(struct sp_import_child *child);
+
+#endif
