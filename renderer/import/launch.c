@@ -370,7 +370,7 @@ static bool take_times(const struct import *im, struct sp_volume_info *info, str
     double *times = malloc(size);
     if (!times)
         return sp_fail(err, SP_ERR_MEMORY, im->place.path, "out of memory for the times");
-    if (sp_read_at(im->memory, times, size, im->layout.times_at) &&
+    if (sp_read_at(im->child.memory, times, size, im->layout.times_at) &&
         are_finite(times, info->steps.count)) {
         info->steps.times = times;
         return true;
