@@ -2,9 +2,12 @@
 // The foundation for features: toolbar, modes, overlay, panes, sections of the panel, and texts. A feature of this test uses them in
 // the page.
 import assert from 'node:assert/strict';
+import { readFileSync } from 'node:fs';
+import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { drag, firstFrame, resize, settle, share, shot, touch, until, visitMock } from '../support/browser.mjs';
+import { SOURCES } from '../support/mock-daemon.mjs';
 
 const PROBE = `
 import { ORDER } from './panel.js';
@@ -39,16 +42,11 @@ export function install(app) {
 
 const { browser } = await share();
 
+const MAIN = readFileSync(path.join(SOURCES, 'app/main.js'), 'utf8')
+  .replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
+
 async function setUp(context, options) {
-  const prepare = async (page) => {
-    await page.route('**/app/probe.js', (route) => route.fulfill({ contentType: 'text/javascript', body: PROBE }));
-    await page.route('**/app/main.js', async (route) => {
-      const response = await route.fetch();
-      const body = (await response.text()).replace('inspect,\n];', 'inspect, probe,\n];').replace('import * as clip', "import * as probe from './probe.js';\nimport * as clip");
-      await route.fulfill({ response, body });
-    });
-  };
-  const opened = await visitMock(context, browser, { options, prepare });
+  const opened = await visitMock(context, browser, { options, change: { page: SOURCES, files: { '/app/main.js': MAIN, '/app/probe.js': PROBE } } });
   return { ...opened, told: () => opened.page.evaluate(() => window.probe.splice(0)) };
 }
 
