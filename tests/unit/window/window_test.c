@@ -23,6 +23,7 @@
 #include "sp/edit.h"
 #include "support/compare.h"
 #include "support/render.h"
+#include "support/sanitized.h"
 #include "window/window.h"
 
 enum { NX = 210, NY = 150, NZ = 133, COUNT = NX * NY * NZ, SIDE = 96 };
@@ -192,8 +193,10 @@ static void expect(const struct rig *rig, struct sp_volume *volume, const struct
 
 static void images_equal_those_of_the_volume_in_memory(void **state) {
     const struct rig *rig = *state;
+    if (TEST_SANITIZED)
+        print_message("reduced: windows of a quarter of the samples, and two projections\n");
     /* With memory for all, and for windows of a quarter of the samples. */
-    for (int is_small = 0; is_small < 2; is_small++) {
+    for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
         struct sp_volume *volume = open_file(rig, is_small ? 2 << 20 : 0);
         struct sp_view view = make_view(rig);
         expect(rig, volume, &view, 200, "far");
@@ -233,7 +236,7 @@ static void projections_and_edits_equal_those_of_the_volume(void **state) {
     struct sp_volume *volume = open_file(rig, 0);
     static const enum sp_compositing modes[] = { SP_COMPOSITE_MAXIMUM, SP_COMPOSITE_MINIMUM,
                                                  SP_COMPOSITE_MEAN, SP_COMPOSITE_SUM };
-    for (size_t i = 0; i < sizeof modes / sizeof *modes; i++) {
+    for (size_t i = 0; i < sizeof modes / sizeof *modes; i += TEST_SANITIZED ? 3 : 1) {
         struct sp_view view = make_view(rig);
         view.compositing.mode = modes[i];
         zoom(&view, 3);
