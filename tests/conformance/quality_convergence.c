@@ -15,6 +15,7 @@
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "conformance/quality.h"
 
@@ -83,10 +84,15 @@ static void expect_rising_psnr(struct quality *q, const struct test_scene *scene
                        slabs[SLABS - 1], t->slab[c][SLABS - 1], t->sheet[c]);
 }
 
+/* A GPU computes exp2 to about two units in the last place: nothing but rounding is left here [dB].
+ */
+#define GPU_ROUNDING_DB 105.0
+
 static void expect_second_order(struct quality *q, const struct table *t) {
     const double *row = t->slab[CUTOFFS - 1];
+    bool is_gpu = strcmp(q->target.backend, "cpu") != 0;
     for (int s = 1; s < SLABS; s++)
-        quality_expect(q, row[s] > row[s - 1] + 10,
+        quality_expect(q, row[s] > row[s - 1] + 10 || (is_gpu && row[s] > GPU_ROUNDING_DB),
                        "slab %g has %.2f dB, slab %g has %.2f dB; expected a gain of 10 dB",
                        slabs[s], row[s], slabs[s - 1], row[s - 1]);
 }

@@ -17,6 +17,7 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 #include "support/compare.h"
+#include "support/gl.h"
 #include "support/sanitized.h"
 #include "unit/backend/rig.h"
 
@@ -52,7 +53,7 @@ static void the_startup_check_compares_images(void **state) {
     assert_non_null(strstr(err.text, "it draws wrong images"));
     cpu->destroy(other);
     null->destroy(card);
-    const struct sp_backend *gl = sp_registry_start("gl-software", &options, &other, &err);
+    const struct sp_backend *gl = sp_registry_start(test_gl(), &options, &other, &err);
     if (!gl) {
         print_message("skipped: %s\n", err.text);
         return;

@@ -15,6 +15,7 @@
 #include <string.h>
 
 #include "support/compare.h"
+#include "support/gl.h"
 #include "unit/backend/rig.h"
 
 /* The filter adaptive may merge thin sheets. That must be invisible with either attenuation. */
@@ -93,7 +94,7 @@ static void one_voxel_has_its_analytic_depth(void **state) {
 /* The statistics count the points of surfaces, and leave out those outside of the image. */
 static void points_of_surfaces_are_counted(void **state) {
     (void)state;
-    static const char *const backends[] = { "cpu", "gl-software" };
+    const char *const backends[] = { "cpu", test_gl() };
     struct sp_error err;
     for (int b = 0; b < 2; b++) {
         const struct sp_renderer_options options = { .backend = backends[b], .threads = 2 };

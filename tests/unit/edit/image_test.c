@@ -16,15 +16,11 @@
 
 #include "sp/log.h"
 #include "support/compare.h"
+#include "support/gl.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 
 enum { N = 32, LEAST = 40, MOST = 200 };
-
-static const struct test_target targets[] = { { "cpu", "scalar" },
-                                              { "cpu", "auto" },
-                                              { "gl-software", "auto" } };
-enum { TARGETS = sizeof targets / sizeof targets[0] };
 
 /* Waves from LEAST to MOST. */
 static double waves(const void *user, double x, double y, double z) {
@@ -148,8 +144,11 @@ static void check_kind(const struct test_renderer *renderer, const struct test_t
 
 static void removed_matter_is_invisible(void **state) {
     static const enum sp_type types[] = { SP_UINT8, SP_INT16, SP_FLOAT32, SP_INT32 };
+    const struct test_target targets[] = { { "cpu", "scalar" },
+                                           { "cpu", "auto" },
+                                           { test_gl(), "auto" } };
     (void)state;
-    for (int b = 0; b < TARGETS; b++) {
+    for (int b = 0; b < 3; b++) {
         struct test_renderer renderer;
         struct sp_error err;
         if (!test_renderer_open(&renderer, &targets[b], 1, &err)) {

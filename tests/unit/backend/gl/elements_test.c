@@ -343,6 +343,7 @@ static void all_layers_mix(void **state) {
     struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
     struct sp_volume *const shown[KINDS] = { make_cloud(POINTS, 60, 1),
                                              make_cloud(GAUSSIANS, 40, 0.8f), make_mesh(12) };
+    rig->edge_pixels = 2;
     for (int path = 0; path < PATHS; path++) {
         struct sp_view view;
         char what[60];
@@ -357,6 +358,7 @@ static void all_layers_mix(void **state) {
     for (int k = 0; k < KINDS; k++)
         sp_volume_unref(&(struct sp_volume *){ shown[k] });
     sp_volume_unref(&ball);
+    rig->edge_pixels = 0;
     resample_report(rig);
 }
 

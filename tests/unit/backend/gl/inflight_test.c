@@ -18,6 +18,7 @@
 #include "backend/gl/state.h"
 #include "sp/log.h"
 #include "support/data.h"
+#include "support/gl.h"
 #include "support/image.h"
 
 enum { SIZE = 40, SHOTS = 10 };
@@ -38,13 +39,6 @@ struct rig {
     struct shot shots[SHOTS];
     bool stays_mapped; /* the memory into which pixels are read back */
 };
-
-static const struct sp_backend *find_backend(const char *name) {
-    for (unsigned i = 0; sp_registry_at(i); i++)
-        if (strcmp(sp_registry_at(i)->entry.name, name) == 0)
-            return sp_registry_at(i);
-    return NULL;
-}
 
 static struct sp_backend_job make_job(struct rig *rig, const struct shot *shot,
                                       const atomic_bool *cancel) {
@@ -262,7 +256,7 @@ static bool open_rig(struct rig *rig, struct sp_error *err) {
     const struct sp_backend_options options = {
         .threads = 2, .memory_bytes = (uint64_t)1 << 30, .isa = "auto", .gpu = -1
     };
-    *rig = (struct rig){ .backend = find_backend("gl-software") };
+    *rig = (struct rig){ .backend = test_backend(test_gl()) };
     rig->state = rig->backend->create(&options, err);
     if (!rig->state)
         return false;

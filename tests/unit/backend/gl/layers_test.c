@@ -19,6 +19,7 @@
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
+#include "support/gl.h"
 #include "support/render.h"
 #include "support/sanitized.h"
 #include "unit/backend/gl/resample_rig.h"
@@ -315,8 +316,7 @@ static void points_stay_on_the_gpu(void **state) {
 /* The renderer draws parts of the volume between slices, each with its part of the layers. */
 static void slices_cut_layers(void **state) {
     (void)state;
-    static const struct test_target targets[BACKENDS] = { { "cpu", "scalar" },
-                                                          { "gl-software", "auto" } };
+    const struct test_target targets[BACKENDS] = { { "cpu", "scalar" }, { test_gl(), "auto" } };
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
     for (int which = SURFACE; which < LAYERS; which++) {
         struct test_image images[BACKENDS];

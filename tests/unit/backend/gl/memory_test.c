@@ -20,6 +20,7 @@
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
+#include "support/gl.h"
 #include "support/image.h"
 #include "support/sanitized.h"
 
@@ -39,10 +40,7 @@ static bool open_rig(struct rig *rig, uint64_t video_bytes, struct sp_error *err
                                                 .video_bytes = video_bytes,
                                                 .isa = "auto",
                                                 .gpu = -1 };
-    *rig = (struct rig){ .backend = NULL };
-    for (unsigned i = 0; sp_registry_at(i); i++)
-        if (strcmp(sp_registry_at(i)->entry.name, "gl-software") == 0)
-            rig->backend = sp_registry_at(i);
+    *rig = (struct rig){ .backend = test_backend(test_gl()) };
     rig->state = rig->backend->create(&options, err);
     if (!rig->state)
         return false;

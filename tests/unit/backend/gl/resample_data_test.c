@@ -17,6 +17,7 @@
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
+#include "support/gl.h"
 #include "support/render.h"
 #include "support/scene.h"
 #include "unit/backend/gl/resample_rig.h"
@@ -176,7 +177,7 @@ static void a_cancelled_frame_leaves_nothing_behind(void **state) {
 
 static void auto_chooses_interpolated_values(void **state) {
     struct resample_rig *rig = *state;
-    struct sp_renderer_options options = { .backend = "gl-software", .threads = 1 };
+    struct sp_renderer_options options = { .backend = test_gl(), .threads = 1 };
     struct sp_error err;
     struct sp_renderer *renderer = sp_renderer_create(&options, &err);
     struct sp_volume *volume = resample_make_ball(SP_UINT8, 0, 255, false, false);
@@ -211,7 +212,7 @@ static double small_ball(const void *user, double x, double y, double z) {
 /* The samples take more video memory than there is, the visible voxels much less. */
 static void auto_is_pre_if_the_samples_do_not_fit(void **state) {
     struct resample_rig *rig = *state;
-    struct sp_renderer_options options = { .backend = "gl-software",
+    struct sp_renderer_options options = { .backend = test_gl(),
                                            .threads = 1,
                                            .video_bytes = (uint64_t)7 << 18 };
     struct sp_error err;

@@ -17,7 +17,8 @@ struct resample_rig {
     void *states[BACKENDS];
     struct sp_frame_pool *pool;
     unsigned drawn;
-    double worst; /* dB */
+    unsigned edge_pixels; /* that may differ: a sample of a mesh lies on an edge there */
+    double worst;         /* dB */
 };
 
 struct resample_shot {

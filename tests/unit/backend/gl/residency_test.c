@@ -15,6 +15,7 @@
 
 #include "sp/renderer.h"
 #include "support/compare.h"
+#include "support/gl.h"
 #include "support/image.h"
 
 enum { SIDE = 24, SIZE = 64, SKIPPED = 77 };
@@ -111,8 +112,8 @@ static void a_curve_is_not_reused_for_another_range(void **state) {
 int main(void) {
     static struct rig rig;
     struct sp_error err;
-    rig.gl = sp_renderer_create(
-        &(struct sp_renderer_options){ .backend = "gl-software", .threads = 1 }, &err);
+    rig.gl = sp_renderer_create(&(struct sp_renderer_options){ .backend = test_gl(), .threads = 1 },
+                                &err);
     if (!rig.gl) {
         printf("skipped: %s\n", err.text);
         return SKIPPED;

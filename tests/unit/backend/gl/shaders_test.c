@@ -18,6 +18,7 @@
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
+#include "support/gl.h"
 
 static struct {
     const char *broken; /* what the sources of a shader that does not compile contain */
@@ -144,9 +145,7 @@ static void a_shader_that_all_views_need_fails_the_start(void **state) {
 }
 
 static bool open_rig(struct rig *rig, struct sp_error *err) {
-    for (unsigned i = 0; sp_registry_at(i); i++)
-        if (strcmp(sp_registry_at(i)->entry.name, "gl-software") == 0)
-            rig->backend = sp_registry_at(i);
+    rig->backend = test_backend(test_gl());
     if (!(rig->state = rig->backend->create(&options, err)))
         return false;
     rig->pool = sp_frame_pool_create(0, err);

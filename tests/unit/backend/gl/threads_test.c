@@ -18,9 +18,14 @@
 
 #include "sp/log.h"
 #include "sp/renderer.h"
+#include "support/gl.h"
 
 enum { SIZE = 40, FRAMES = 4, WORKERS = 3, ROUNDS = 2, SKIPPED = 77 };
-static const struct sp_renderer_options gl = { .backend = "gl-software", .threads = 1 };
+
+static struct sp_renderer *create_renderer(struct sp_error *err) {
+    const struct sp_renderer_options options = { .backend = test_gl(), .threads = 1 };
+    return sp_renderer_create(&options, err);
+}
 
 /* A frame that fails is drawn again with another context: the image is the same, and the log
  * reports the failure. */
@@ -71,7 +76,7 @@ static void *run_worker(void *user) {
     struct images *got = malloc(sizeof *got);
     for (int i = 0; got && i < ROUNDS; i++) {
         if (!worker->first)
-            worker->first = sp_renderer_create(&gl, NULL);
+            worker->first = create_renderer(NULL);
         if (worker->first && draw(worker->first, worker->volume, got))
             worker->right += memcmp(got, worker->wanted, sizeof *got) == 0;
         sp_renderer_destroy(&worker->first);
@@ -88,7 +93,7 @@ static void threads_draw_the_same_images_as_one_thread(void **state) {
     struct worker workers[WORKERS] = { { 0 } };
     for (int i = 0; i < WORKERS; i++) {
         workers[i].volume = sp_volume_load(sources[i], NULL, NULL);
-        workers[i].first = sp_renderer_create(&gl, NULL);
+        workers[i].first = create_renderer(NULL);
         workers[i].wanted = &wanted[i];
         assert_non_null(workers[i].first);
         assert_true(draw(workers[i].first, workers[i].volume, &wanted[i]));
@@ -113,7 +118,7 @@ int main(void) {
         threads_draw_the_same_images_as_one_thread, &warnings) };
     struct sp_error err;
     sp_log_init(count_warning, &warnings, SP_LOG_WARN);
-    struct sp_renderer *renderer = sp_renderer_create(&gl, &err);
+    struct sp_renderer *renderer = create_renderer(&err);
     if (!renderer) {
         printf("skipped: %s\n", err.text);
         return SKIPPED;
