@@ -9,6 +9,13 @@ static const GLenum usages[] = { [GL_USE_KEPT] = GL_STATIC_DRAW,
                                  [GL_USE_SCRATCH] = GL_DYNAMIC_COPY,
                                  [GL_USE_READ] = GL_STREAM_READ };
 
+/* Waits until the GPU has ended all commands. A driver must let the processor change a buffer, or
+ * give its memory to another one, only when no command uses it. NVIDIA's (580) does not notice that
+ * compute shaders do. */
+static void await(void) {
+    glFinish();
+}
+
 bool gl_buffer_stays_mapped(enum gl_usage usage) {
     return usage == GL_USE_READ &&
            (epoxy_gl_version() >= 44 || epoxy_has_gl_extension("GL_ARB_buffer_storage"));
@@ -53,15 +60,17 @@ bool gl_buffer_reserve(struct gl_buffer *buffer, const char *what, uint64_t byte
 }
 
 void gl_buffer_finish(struct gl_buffer *buffer) {
-    if (buffer->name)
+    if (buffer->name) {
+        await();
         glDeleteBuffers(1, &buffer->name);
+    }
     *buffer = (struct gl_buffer){ 0 };
 }
 
 void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes) {
     assert(bytes <= buffer->bytes);
+    await();
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
-    glInvalidateBufferData(buffer->name);
     glBufferSubData(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes, data);
 }
 
@@ -76,8 +85,13 @@ void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding) {
     glBindBufferBase(GL_SHADER_STORAGE_BUFFER, binding, buffer->name);
 }
 
+void gl_buffer_bind_constants(const struct gl_buffer *buffer, unsigned binding) {
+    glBindBufferBase(GL_UNIFORM_BUFFER, binding, buffer->name);
+}
+
 void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_error *err) {
     assert(bytes <= buffer->bytes);
+    await();
     glBindBuffer(GL_SHADER_STORAGE_BUFFER, buffer->name);
     void *data = glMapBufferRange(GL_SHADER_STORAGE_BUFFER, 0, (GLsizeiptr)bytes,
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);

@@ -36,17 +36,23 @@ void gl_buffer_finish(struct gl_buffer *buffer);
 /* True if a buffer of this usage may stay mapped while the GPU uses it. */
 bool gl_buffer_stays_mapped(enum gl_usage usage);
 
-/* Writes the first `bytes`; the rest becomes undefined. The buffer must be large enough. */
+/* Writes the first `bytes`; the rest becomes undefined. The buffer must be large enough. Waits for
+ * the GPU. */
 void gl_buffer_write(const struct gl_buffer *buffer, const void *data, uint64_t bytes);
 
-/* Writes `bytes` from byte `at` on; the rest stays as it is. */
+/* Writes `bytes` from byte `at` on; the rest stays as it is. Does not wait: no command of a frame
+ * in flight may use these bytes. */
 void gl_buffer_update(const struct gl_buffer *buffer, uint64_t at, const void *data,
                       uint64_t bytes);
 
 /* Binds the buffer as the storage block `binding` of shaders. */
 void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding);
 
-/* Maps the first `bytes` of the buffer for writing, or returns NULL with SP_ERR_MEMORY.
+/* The same as the uniform block `binding`, which GPUs read faster where all threads need the same.
+ */
+void gl_buffer_bind_constants(const struct gl_buffer *buffer, unsigned binding);
+
+/* Waits for the GPU and maps the first `bytes` for writing, or returns NULL with SP_ERR_MEMORY.
  * gl_buffer_unmap() hands them to the GPU; false with SP_ERR_BACKEND if the contents were lost. */
 void *gl_buffer_map(const struct gl_buffer *buffer, uint64_t bytes, struct sp_error *err);
 bool gl_buffer_unmap(const struct gl_buffer *buffer, struct sp_error *err);

@@ -21,6 +21,8 @@ struct gl_context {
 };
 
 bool gl_context_bind(struct gl_context *context, struct sp_error *err) {
+    if (eglGetCurrentContext() == context->context && context->context != EGL_NO_CONTEXT)
+        return true;
     if (!eglBindAPI(EGL_OPENGL_API) ||
         !eglMakeCurrent(context->display, context->surface, context->surface, context->context))
         return gl_egl_fail(err, "eglMakeCurrent");

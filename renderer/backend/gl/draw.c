@@ -13,7 +13,6 @@
 #include "base/clock.h"
 #include "light/light.h"
 #include "resample/resample.h"
-#include "sp/log.h"
 
 enum {
     GROUPS_MOST = 65535, /* along an axis of a dispatch; every GPU supports this many */
@@ -51,7 +50,7 @@ static void project(struct draw *d, const struct gl_batch *batch) {
     struct gl_state *s = d->band.state;
     use(d, s->project, batch);
     glUniform2ui(4, (GLuint)s->workload.pairs, d->band.slot->pieces.splat_rounds);
-    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
     gl_buffer_bind(&s->upload.chunks, 1);
     gl_buffer_bind(&s->buffers.records, 5);
     gl_buffer_bind(&s->buffers.spans, 6);
@@ -97,7 +96,7 @@ static bool composite(struct draw *d, const struct gl_batch *batch, struct sp_er
     glUniform1f(3, gl_frame_ewa(f)->cut);
     glUniform2ui(4, gl_frame_ewa(f)->clip.count, f->stride);
     glUniform2f(5, (float)batch->first, (float)f->thickness);
-    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
     gl_buffer_bind(&s->buffers.records, 1);
     gl_buffer_bind(&s->bins.totals, 2);
     gl_buffer_bind(&s->bins.pairs, 3);
@@ -519,6 +518,8 @@ bool gl_draw_begin(struct gl_state *s, const struct sp_backend_job *job, struct 
         return sp_fail(err, SP_ERR_UNSUPPORTED, "/shading",
                        "this backend draws neither ambient occlusion nor shadows");
     gl_memory_begin(s);
+    gl_upload_next(&s->upload);
+    gl_resample_next(&s->resample);
     bool ok = draw(s, slot, job, s->begun == 0, err);
     s->begun += ok;
     return ok;
@@ -528,8 +529,15 @@ bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp
     assert(s->begun > 0);
     struct gl_slot *slot = &s->slots[s->oldest];
     bool ok = true;
-    while (ok && slot->y < job->frame->height)
-        ok = (slot->y < slot->end || draw(s, slot, job, true, err)) && take_band(s, slot, job, err);
+    while (ok && slot->y < job->frame->height) {
+        if (slot->y == slot->end) {
+            /* What is uploaded now would change what the next frame reads. */
+            if (s->begun > 1)
+                glFinish();
+            ok = draw(s, slot, job, true, err);
+        }
+        ok = ok && take_band(s, slot, job, err);
+    }
     gl_fence_drop(&slot->readback.fence);
     s->oldest = (s->oldest + 1) % GL_IN_FLIGHT;
     s->begun--;
@@ -541,56 +549,5 @@ bool gl_draw_end(struct gl_state *s, const struct sp_backend_job *job, struct sp
 void gl_draw_drop(struct gl_state *s) {
     for (int i = 0; i < GL_IN_FLIGHT; i++)
         gl_fence_drop(&s->slots[i].readback.fence);
-    s->begun = 0;
-}
-
-/* Compiles all programs except the compositors that few views need. */
-static bool open_programs(struct gl_state *s, struct sp_error *err) {
-    const struct gl_compositor_choices plain = { .mode = SP_COMPOSITE_SHEET };
-    const struct gl_compositor_choices clipped = { .mode = SP_COMPOSITE_SHEET, .is_clipped = true };
-    bool is_software = gl_context_info(s->context)->software;
-    double start_ms = sp_clock_ms();
-    if (!(s->project =
-              gl_program_open("frame bins records gradient shade counts 10_project", "", err)) ||
-        !(s->resolve = gl_program_open("40_resolve", "", err)) || !gl_bins_init(&s->bins, err) ||
-        !gl_residency_init(&s->residency, is_software, s->block_bytes, err) ||
-        !gl_compositor_open(s, &plain, err) || !gl_compositor_open(s, &clipped, err))
-        return false;
-    sp_log(SP_LOG_INFO, "shaders for %s compiled in %.0f ms", gl_context_info(s->context)->renderer,
-           sp_clock_ms() - start_ms);
-    return true;
-}
-
-bool gl_draw_init(struct gl_state *s, struct sp_error *err) {
-    s->block_bytes = gl_context_info(s->context)->limits.storage_block_bytes;
-    gl_memory_limit(s);
-    gl_workload_init(&s->workload);
-    gl_resample_init(&s->resample);
-    for (int i = 0; i < GL_IN_FLIGHT; i++)
-        gl_timer_init(&s->slots[i].timer);
-    return open_programs(s, err) && gl_compositor_init(s, err);
-}
-
-void gl_draw_finish(struct gl_state *s) {
-    struct gl_buffer *buffers = (struct gl_buffer *)&s->buffers;
-    gl_residency_finish(&s->residency);
-    for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
-        gl_buffer_finish(&buffers[i]);
-    gl_compositor_finish(s);
-    glDeleteProgram(s->project);
-    gl_fragments_close(s);
-    gl_surfaces_finish(s);
-    gl_meshes_finish(s);
-    gl_splat_layers_finish(s);
-    gl_depth_order_finish(s);
-    glDeleteProgram(s->resolve);
-    gl_bins_finish(&s->bins);
-    gl_upload_finish(&s->upload);
-    gl_resample_finish(&s->resample);
-    gl_buffer_finish(&s->curve.buffer);
-    for (int i = 0; i < GL_IN_FLIGHT; i++) {
-        gl_readback_finish(&s->slots[i].readback);
-        gl_timer_finish(&s->slots[i].timer);
-    }
     s->begun = 0;
 }

@@ -87,11 +87,16 @@ static const char *missing_of(const char *client, const char *const *extensions)
 }
 
 static void list_devices(struct gl_places *places, const char *client) {
-    static const char *const wanted[] = { "EGL_EXT_platform_base", "EGL_EXT_device_enumeration",
-                                          "EGL_EXT_device_query", "EGL_EXT_platform_device", NULL };
+    static const char *const wanted[] = { "EGL_EXT_platform_base", "EGL_EXT_platform_device",
+                                          "EGL_EXT_device_enumeration", "EGL_EXT_device_query",
+                                          NULL };
+    static const char *const wanted_with_base[] = { "EGL_EXT_platform_base",
+                                                    "EGL_EXT_platform_device", NULL };
     EGLDeviceEXT devices[GL_DEVICES_MAX];
     EGLint count = 0;
-    const char *missing = missing_of(client, wanted);
+    /* EGL_EXT_device_base is the last two in one; the drivers of NVIDIA have only this one. */
+    bool has_base = has_extension(client, "EGL_EXT_device_base");
+    const char *missing = missing_of(client, has_base ? wanted_with_base : wanted);
     if (!missing && !eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))
         count = 0;
     for (; places->devices < (unsigned)count; places->devices++)

@@ -149,6 +149,12 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
+/* Unbinds the context, unless frames are in flight: to unbind it, drivers wait for them. */
+static void unbind(struct gl_state *state) {
+    if (state->begun == 0)
+        gl_context_unbind(state->context);
+}
+
 /* Unbinds the context and reports the result. If the context is lost, all frames in flight fail and
  * the next frame creates a new context. The processor keeps its cached lists, which are uploaded
  * again. */
@@ -160,7 +166,7 @@ static bool leave(struct gl_state *state, bool ok, struct sp_error *why, struct 
     if (state->context && !ok && why->code == SP_ERR_BACKEND)
         gl_draw_drop(state);
     if (state->context)
-        gl_context_unbind(state->context);
+        unbind(state);
     return ok || sp_fail(err, why->code, why->place, "%s", why->text);
 }
 
@@ -197,7 +203,7 @@ static void gl_evict(void *pointer, const struct sp_volume *volume) {
     /* The lists of a lost context are already gone. */
     if (state->context && gl_context_bind(state->context, NULL)) {
         gl_residency_evict(&state->residency, volume);
-        gl_context_unbind(state->context);
+        unbind(state);
     }
     sp_classify_cache_evict(&state->cache, volume);
     sp_samples_evict(&state->samples, volume);

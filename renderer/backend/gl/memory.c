@@ -55,17 +55,16 @@ static uint64_t of_slots(const struct gl_state *s) {
 
 uint64_t gl_draw_bytes(const struct gl_state *s) {
     const struct gl_buffer *buffers = (const struct gl_buffer *)&s->buffers;
-    uint64_t bytes = s->resample.colors.bytes;
+    uint64_t bytes = gl_resample_bytes(&s->resample);
     for (size_t i = 0; i < sizeof s->buffers / sizeof *buffers; i++)
         bytes += buffers[i].bytes;
-    for (int a = 0; a < 3; a++)
-        bytes += s->resample.constants[a].bytes;
     for (int i = 0; i < SP_LAYERS_MAX; i++)
         bytes += s->surfaces.constants[i].bytes + s->meshes.constants[i].bytes +
                  s->splats.constants[i].bytes + s->splats.order[i].bytes +
                  s->splats.choice[i].bytes;
     return bytes + s->bins.counts.bytes + s->bins.totals.bytes + s->bins.pairs.bytes +
-           s->curve.buffer.bytes + s->upload.constants.bytes + s->upload.chunks.bytes +
+           s->curve.buffer.bytes + s->upload.constants.buffer.bytes +
+           s->upload.before.buffer.bytes + s->upload.chunks.bytes +
            s->residency.classify.listed.bytes + s->residency.classify.counts.bytes +
            s->residency.classify.firsts.bytes + s->residency.classify.points.bytes +
            s->residency.classify.cell_bounds.ends.bytes + of_slots(s);

@@ -152,7 +152,7 @@ static bool sort_batch(const struct gl_mesh *mesh, struct gl_band *band, uint32_
     const struct gl_bins_space space = gl_elements_space(band, 1);
     glUseProgram(s->meshes.triangles.program);
     glUniform4ui(1, first, count, band->job->frame->width, sheet == 0);
-    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
     gl_buffer_bind(mesh->constants, 1);
     gl_buffer_bind(mesh->vertices, 2);
     gl_buffer_bind(mesh->triangles, 5);
@@ -170,7 +170,7 @@ static bool draw_batch(const struct gl_meshes *meshes, const struct gl_mesh *mes
     gl_bins_set_space(&space);
     glUniform4ui(1, band->job->frame->width, (GLuint)pieces->pairs, pieces->element_pairs, first);
     glUniform2ui(3, band->slot->fragments_most, band->fragments->insert.planes);
-    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
     gl_buffer_bind(mesh->constants, 1);
     gl_buffer_bind(mesh->vertices, 2);
     gl_buffer_bind(&s->bins.pairs, 3);

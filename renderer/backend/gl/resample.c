@@ -22,10 +22,10 @@ static bool upload_colors(const struct gl_resample_frame *f, struct gl_state *s,
     const uint64_t bytes = (REDUCTION_COLORS + 1) * sizeof f->resample.colors[0];
     if (!f->resample.reduction.is_on)
         return true;
-    if (!gl_buffer_reserve(&s->resample.colors, "colours", bytes, s->block_bytes, GL_USE_STREAM,
-                           err))
+    if (!gl_buffer_reserve(&s->resample.uploads.colors, "colours", bytes, s->block_bytes,
+                           GL_USE_STREAM, err))
         return false;
-    gl_buffer_update(&s->resample.colors, 0, f->resample.colors, bytes);
+    gl_buffer_update(&s->resample.uploads.colors, 0, f->resample.colors, bytes);
     s->upload.bytes += bytes;
     return true;
 }
@@ -35,21 +35,25 @@ static bool add_passes(struct gl_resample_frame *f, struct gl_state *s,
                        const struct gl_buffer *visible, struct sp_error *err) {
     struct gl_resample_constants constants;
     struct gl_resample_squares squares;
-    struct gl_buffer *buffer = &s->resample.constants[f->resample.axis];
+    struct gl_buffer *buffer = &s->resample.uploads.constants[f->resample.axis];
+    struct gl_buffer *of_squares = &s->resample.uploads.squares[f->resample.axis];
     gl_resample_constants_init(&constants, &f->resample);
     if (!gl_resample_squares_init(&squares, &f->resample, &s->arena))
         return fail_memory(&s->arena, err);
     uint64_t bytes = squares.count * sizeof squares.squares[0];
-    if (!gl_buffer_reserve(buffer, "constants", sizeof constants + bytes, s->block_bytes,
-                           GL_USE_STREAM, err))
+    if (!gl_buffer_reserve(buffer, "constants", sizeof constants, s->block_bytes, GL_USE_STREAM,
+                           err) ||
+        !gl_buffer_reserve(of_squares, "squares of pixels", bytes, s->block_bytes, GL_USE_STREAM,
+                           err))
         return false;
     gl_buffer_update(buffer, 0, &constants, sizeof constants);
-    gl_buffer_update(buffer, sizeof constants, squares.squares, bytes);
+    gl_buffer_update(of_squares, 0, squares.squares, bytes);
     s->upload.bytes += sizeof constants + bytes;
     for (int sheets = RESAMPLE_WHOLE; sheets <= RESAMPLE_HALVES; sheets++)
         if (squares.sheets & sheets)
             f->passes[f->pass_count++] =
                 (struct gl_resample_pass){ .constants = buffer,
+                                           .squares = of_squares,
                                            .visible = visible,
                                            .share = (float)f->resample.share[f->resample.axis],
                                            .sheets = sheets,
@@ -121,8 +125,8 @@ bool gl_resample_begin(struct gl_resample_frame *f, const struct gl_band *band,
     use = f->resample.reduction.is_on  ? GL_RESAMPLE_PROJECTION
           : f->resample.needs_gradient ? GL_RESAMPLE_GRADIENTS
                                        : GL_RESAMPLE_PLAIN;
-    f->program =
-        gl_resample_open(&s->resample, f->data.kind, use, band->fragments != NULL, s->device, err);
+    f->program = gl_resample_open(&s->resample, f->data.kind, use, band->fragments != NULL,
+                                  !f->data.places, s->device, err);
     if (!f->program)
         return false;
     band->slot->mip_level = job->frame->stats.mip_level;
@@ -162,13 +166,14 @@ bool gl_resample_plan(struct gl_resample_frame *f, struct gl_band *band, struct 
 static void bind(const struct gl_resample_frame *f, const struct gl_resample_pass *pass,
                  const struct gl_band *band) {
     const struct gl_state *s = band->state;
-    gl_buffer_bind(&s->upload.constants, 0);
-    gl_buffer_bind(pass->constants, 1);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
+    gl_buffer_bind_constants(pass->constants, 1);
+    gl_buffer_bind(pass->squares, 1);
     gl_buffer_bind(f->data.samples, 2);
     gl_buffer_bind(pass->visible, 3);
     gl_buffer_bind(&s->buffers.image, 4);
-    gl_buffer_bind(f->resample.reduction.is_on ? &s->resample.colors : f->data.integral, 5);
-    gl_buffer_bind(f->data.places ? f->data.places : pass->constants, 6);
+    gl_buffer_bind(f->resample.reduction.is_on ? &s->resample.uploads.colors : f->data.integral, 5);
+    gl_buffer_bind(f->data.places ? f->data.places : pass->squares, 6);
     gl_buffer_bind(&s->bins.counts, 7);
     if (band->fragments)
         gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);

@@ -18,7 +18,7 @@
 /* A pass: the image of the slices of one axis, with one or two sheets per slice. Most frames have
  * one. The pixels of several are added with their shares (resample/axes.h, resample/rays.h). */
 struct gl_resample_pass {
-    const struct gl_buffer *constants, *visible;
+    const struct gl_buffer *constants, *squares, *visible;
     float share;   /* of the axis */
     int sheets;    /* per slice */
     int intervals; /* the most between sheets of a square */

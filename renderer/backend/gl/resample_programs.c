@@ -7,14 +7,14 @@
 #include "backend/gl/program.h"
 #include "resample/resample.h"
 
-enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 22 };
+enum { WORK_FIRST = 1 << 17, WORK_LEAST = 1 << 12, WORK_MOST = 1 << 24 };
 
 /* Short: below 1/5 of the limit, so that twice as much is not long. */
 static const double shortness = 5;
 
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          enum gl_resample_use use, bool has_layers, const char *device,
-                          struct sp_error *err) {
+                          enum gl_resample_use use, bool has_layers, bool is_even,
+                          const char *device, struct sp_error *err) {
     static const struct {
         int samples, bytes, is_signed; /* samples: 0 integer, 1 real, 2 levels */
     } kinds[GL_SAMPLES_KINDS] = {
@@ -23,17 +23,18 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
         [GL_SAMPLES_INT32] = { 0, 4, 1 },  [GL_SAMPLES_FLOAT32] = { 1, 4, 0 },
         [GL_SAMPLES_LEVELS] = { 2, 4, 0 },
     };
-    struct gl_resample_program *own = &resample->programs[kind][use][has_layers];
+    struct gl_resample_program *own = &resample->programs[kind][use][has_layers][is_even];
     struct sp_error why = { .text = "it failed before; the log has the reason" };
     char defines[320];
     snprintf(defines, sizeof defines,
              "#define SAMPLES_INTEGER 0\n#define SAMPLES_REAL 1\n#define SAMPLES %d\n"
              "#define BYTES %du\n#define SIGNED %d\n#define GRADIENT %d\n#define PROJECTION %d\n"
              "#define SQUARE %du\n#define HALVES %d\n#define MAGNITUDES %d\n#define INTERVALS %d\n"
-             "#define LAYERS %d\n",
+             "#define LAYERS %d\n#define EVEN %d\n",
              kinds[kind].samples, kinds[kind].bytes, kinds[kind].is_signed,
              use == GL_RESAMPLE_GRADIENTS, use == GL_RESAMPLE_PROJECTION, (unsigned)RESAMPLE_TILE,
-             RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers);
+             RESAMPLE_HALVES_MAX, SP_GRADIENT_POINTS_MAX, GL_RESAMPLE_INTERVALS, has_layers,
+             is_even);
     if (!own->program && !own->is_refused)
         own->program = gl_program_open(has_layers ? "frame shade resample fragments 30_resample"
                                                   : "frame shade resample 30_resample",
@@ -54,16 +55,33 @@ void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double l
     resample->work = work < WORK_LEAST ? WORK_LEAST : work < WORK_MOST ? work : WORK_MOST;
 }
 
+void gl_resample_next(struct gl_resample *resample) {
+    const struct gl_resample_uploads before = resample->before;
+    resample->before = resample->uploads;
+    resample->uploads = before;
+}
+
+/* Buffers in `uploads` and `before`. */
+#define UPLOADS (2 * sizeof(struct gl_resample_uploads) / sizeof(struct gl_buffer))
+
+uint64_t gl_resample_bytes(const struct gl_resample *resample) {
+    const struct gl_buffer *buffers = (const struct gl_buffer *)&resample->uploads;
+    uint64_t bytes = 0;
+    for (size_t i = 0; i < UPLOADS; i++)
+        bytes += buffers[i].bytes;
+    return bytes;
+}
+
 void gl_resample_init(struct gl_resample *resample) {
     resample->work = WORK_FIRST;
 }
 
 void gl_resample_finish(struct gl_resample *resample) {
-    struct gl_resample_program *programs = &resample->programs[0][0][0];
+    struct gl_resample_program *programs = &resample->programs[0][0][0][0];
     for (size_t i = 0; i < sizeof resample->programs / sizeof *programs; i++)
         glDeleteProgram(programs[i].program);
-    for (int a = 0; a < 3; a++)
-        gl_buffer_finish(&resample->constants[a]);
-    gl_buffer_finish(&resample->colors);
+    struct gl_buffer *buffers = (struct gl_buffer *)&resample->uploads;
+    for (size_t i = 0; i < UPLOADS; i++)
+        gl_buffer_finish(&buffers[i]);
     *resample = (struct gl_resample){ .work = resample->work };
 }

@@ -20,8 +20,8 @@ enum gl_samples_kind {
     GL_SAMPLES_KINDS
 };
 
-/* Intervals per dispatch, at most: a thread per slab of four slices looks for what is visible. */
-enum { GL_RESAMPLE_INTERVALS = 200 };
+/* Intervals per dispatch, at most: shared memory has a bit for each. */
+enum { GL_RESAMPLE_INTERVALS = 512 };
 
 enum gl_resample_use {
     GL_RESAMPLE_PLAIN,
@@ -32,23 +32,32 @@ enum gl_resample_use {
 
 struct gl_resample {
     struct gl_resample_program {
-        unsigned program;                              /* 0 = not compiled */
-        bool is_refused;                               /* by the driver: not compiled again */
-    } programs[GL_SAMPLES_KINDS][GL_RESAMPLE_USES][2]; /* by kind, use, with other layers */
-    struct gl_buffer constants[3];                     /* by axis of the slices */
-    struct gl_buffer colors;                           /* of the last projection */
-    uint32_t work;                                     /* blocks times intervals per dispatch */
+        unsigned program;                                 /* 0 = not compiled */
+        bool is_refused;                                  /* by the driver: not compiled again */
+    } programs[GL_SAMPLES_KINDS][GL_RESAMPLE_USES][2][2]; /* by kind, use, with other layers, evenly
+                                                            spaced */
+    struct gl_resample_uploads {
+        struct gl_buffer constants[3], squares[3]; /* by axis of the slices */
+        struct gl_buffer colors;                   /* of the last projection */
+    } uploads, before; /* of this frame; of the one before, which may still read them */
+    uint32_t work;     /* blocks times intervals per dispatch */
 };
 
 /* Returns the program, and compiles it at the first use; 0 with *err set (SP_ERR_UNSUPPORTED). A
  * context must be current, here and below. */
 unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kind,
-                          enum gl_resample_use use, bool has_layers, const char *device,
-                          struct sp_error *err);
+                          enum gl_resample_use use, bool has_layers, bool is_even,
+                          const char *device, struct sp_error *err);
 
 /* Adapts the size of dispatches to the longest one of a band. limit_ms: a longer one is too long;
  * INFINITY = none is. */
 void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms);
+
+/* A new frame begins: what it uploads does not change what the frame before may still read. */
+void gl_resample_next(struct gl_resample *resample);
+
+/* Returns the bytes of what frames upload. */
+uint64_t gl_resample_bytes(const struct gl_resample *resample);
 
 void gl_resample_init(struct gl_resample *resample);
 void gl_resample_finish(struct gl_resample *resample);

@@ -362,7 +362,7 @@ static bool sort_batch(const struct gl_splats *splats, struct gl_band *band,
     const struct gl_bins_space space = gl_elements_space(band, batch->layers);
     glUseProgram(s->splats.set_up[splats->made->kind].program);
     glUniform4ui(1, batch->first, batch->count, batch->block, band->job->frame->width);
-    gl_buffer_bind(&s->upload.constants, 0);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
     gl_buffer_bind(splats->constants, 1);
     gl_buffer_bind(splats->order, 2);
     if (splats->elements)

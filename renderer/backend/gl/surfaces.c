@@ -294,8 +294,8 @@ bool gl_surfaces_draw(const struct gl_surfaces *surfaces, struct gl_band *band,
     if (!surfaces->count)
         return true;
     glUseProgram(s->surfaces.program.program);
-    gl_buffer_bind(&s->upload.constants, 0);
-    gl_buffer_bind(surfaces->sheet_words ? &s->buffers.sheets : &s->upload.constants, 3);
+    gl_buffer_bind(&s->upload.constants.buffer, 0);
+    gl_buffer_bind(surfaces->sheet_words ? &s->buffers.sheets : &s->upload.constants.buffer, 3);
     gl_buffer_bind(&s->bins.counts, 7);
     gl_buffer_bind(&s->buffers.fragments, GL_FRAGMENTS);
     for (unsigned i = 0; i < surfaces->count; i++)

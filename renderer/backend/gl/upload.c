@@ -17,16 +17,22 @@ static void send(struct gl_upload *upload, const struct gl_buffer *to, uint64_t 
     upload->bytes += bytes;
 }
 
+void gl_upload_next(struct gl_upload *upload) {
+    const struct gl_frame_constants before = upload->before;
+    upload->before = upload->constants;
+    upload->constants = before;
+}
+
 static void send_shading(struct gl_upload *upload, const struct gl_constants *c) {
-    send(upload, &upload->constants, 0, c,
+    send(upload, &upload->constants.buffer, 0, c,
          offsetof(struct gl_constants, lights) + c->choice[2] * sizeof c->lights[0]);
 }
 
 bool gl_upload_shading(struct gl_upload *upload, const struct sp_camera_transform *camera,
                        const struct sp_view *view, uint64_t most, struct sp_error *err) {
     struct gl_constants constants = { .choice = { 0 } };
-    if (!reserve(&upload->constants, "constants", sizeof constants, most, &upload->sheets_made,
-                 err))
+    if (!reserve(&upload->constants.buffer, "constants", sizeof constants, most,
+                 &upload->constants.sheets_made, err))
         return false;
     gl_frame_write_shading(&constants, camera, view);
     send_shading(upload, &constants);
@@ -37,23 +43,23 @@ bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *f,
                      const struct gl_partition *partition, uint64_t most, struct sp_error *err) {
     const struct gl_constants *c = &f->constants;
     uint64_t sheets = partition->sheet_count * sizeof *partition->sheets;
-    if (!reserve(&upload->constants, "constants", sizeof *c + sheets, most, &upload->sheets_made,
-                 err))
+    if (!reserve(&upload->constants.buffer, "constants", sizeof *c + sheets, most,
+                 &upload->constants.sheets_made, err))
         return false;
     uint32_t planes = c->image_info[3];
     send_shading(upload, c);
     for (unsigned part = 0; f->parts >> part; part++) {
         if (!(f->parts >> part & 1))
             continue;
-        send(upload, &upload->constants, offsetof(struct gl_constants, parts[part]),
+        send(upload, &upload->constants.buffer, offsetof(struct gl_constants, parts[part]),
              &c->parts[part], sizeof c->parts[part]);
         if (planes)
-            send(upload, &upload->constants, offsetof(struct gl_constants, planes[part]),
+            send(upload, &upload->constants.buffer, offsetof(struct gl_constants, planes[part]),
                  c->planes[part], planes * sizeof c->planes[part][0]);
     }
-    if (sheets && upload->sheets_made != partition->sheets_made)
-        send(upload, &upload->constants, sizeof *c, partition->sheets, sheets);
-    upload->sheets_made = partition->sheets_made;
+    if (sheets && upload->constants.sheets_made != partition->sheets_made)
+        send(upload, &upload->constants.buffer, sizeof *c, partition->sheets, sheets);
+    upload->constants.sheets_made = partition->sheets_made;
     return true;
 }
 
@@ -93,13 +99,15 @@ void gl_upload_batch(struct gl_upload *upload, const struct gl_partition *partit
         return;
     uint32_t left = partition->chunk_count - first;
     uint32_t n = left < upload->chunk_capacity ? left : upload->chunk_capacity;
-    send(upload, &upload->chunks, 0, partition->chunks + first, n * sizeof *partition->chunks);
+    gl_buffer_write(&upload->chunks, partition->chunks + first, n * sizeof *partition->chunks);
+    upload->bytes += n * sizeof *partition->chunks;
     upload->chunk_first = first;
     upload->chunk_end = first + n;
 }
 
 void gl_upload_finish(struct gl_upload *upload) {
-    gl_buffer_finish(&upload->constants);
+    gl_buffer_finish(&upload->constants.buffer);
+    gl_buffer_finish(&upload->before.buffer);
     gl_buffer_finish(&upload->chunks);
-    upload->sheets_made = upload->chunks_made = 0;
+    upload->constants.sheets_made = upload->before.sheets_made = upload->chunks_made = 0;
 }

@@ -10,14 +10,23 @@
 #include "backend/gl/frame.h"
 #include "backend/gl/partition.h"
 
-struct gl_upload {
-    struct gl_buffer constants; /* struct gl_constants, then the order of sheets */
-    struct gl_buffer chunks;
-    uint64_t sheets_made, chunks_made; /* generations of the partition that are uploaded */
-    uint32_t chunk_first, chunk_end;   /* the chunks that are uploaded */
-    uint32_t chunk_capacity;           /* capacity of the buffer */
-    uint64_t bytes;                    /* sent since the start */
+/* Constants of a frame; a frame in flight may still read those of the one before. */
+struct gl_frame_constants {
+    struct gl_buffer buffer; /* struct gl_constants, then the order of sheets */
+    uint64_t sheets_made;    /* generation of the partition whose sheets are uploaded */
 };
+
+struct gl_upload {
+    struct gl_frame_constants constants, before; /* of this frame; of the one before */
+    struct gl_buffer chunks;
+    uint64_t chunks_made;            /* generation of the partition that is uploaded */
+    uint32_t chunk_first, chunk_end; /* the chunks that are uploaded */
+    uint32_t chunk_capacity;         /* capacity of the buffer */
+    uint64_t bytes;                  /* sent since the start */
+};
+
+/* A new frame begins: what it uploads does not change what the frame before may still read. */
+void gl_upload_next(struct gl_upload *upload);
 
 /* `most` as in gl_buffer_reserve(). A context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET. */
 bool gl_upload_frame(struct gl_upload *upload, const struct gl_frame *frame,

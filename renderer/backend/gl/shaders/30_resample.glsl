@@ -24,8 +24,9 @@ layout(location = 2) uniform ivec3 part;  // sheets per slice of the pass; 1 = i
 layout(location = 3) uniform float axis_share; // share of the image that slices along the pass's axis have
 
 const uint PIXELS = TILE * TILE;
-const int RAW = 512, REFINED = 640; // samples around those that are refined; words of these
-const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1;
+// Samples around those that are refined; words of these. Less shared memory lets a GPU run more groups at the same time.
+const int RAW = 320, REFINED = 340;
+const int BINS = 4096, ACTIVE = INTERVALS / 32 + 1, SLABS = INTERVALS / REGION + 2;
 const uint REGIONS_MOST = 4096u; // a block that sees more regions of a slab counts as seeing something
 const float TRANSMITTANCE_MIN = 1.0 / 512.0, LOG2E = 1.44269504, TINY = 1e-20;
 const float NONE_BELOW = 512.0; // levels below it are those of samples that are not finite
@@ -36,7 +37,7 @@ shared vec4 rays[PIXELS];      // u, v, du, dv
 shared float raw[RAW];         // (width + 5) × (height + 5)
 shared float between_rows[RAW]; // (width + 5) × height
 shared uint refined[REFINED];   // width × 2·height: two 16-bit levels per word
-shared uint seen[PIXELS];      // by slab of regions: the intervals in which the block may see something
+shared uint seen[SLABS];       // by slab of regions: the intervals in which the block may see something
 shared uint intervals[ACTIVE];    // the same by interval between sheets, from the first one of the dispatch on
 shared int span[2];            // s between which some ray is inside, as integers that rise with it
 shared int live_at;            // the newest sheet at which some pixel was not opaque
@@ -167,8 +168,8 @@ void find_active() {
     int slabs = max(interval_at(first), interval_at(stop - 1)) / REGION - first_slab + 1;
     if (int(thread) < ACTIVE)
         intervals[thread] = 0u;
-    if (int(thread) < slabs)
-        seen[thread] = find_seen(uint(first_slab) + thread);
+    for (int slab = int(thread); slab < slabs; slab += int(PIXELS))
+        seen[slab] = find_seen(uint(first_slab + slab));
     barrier();
     for (int n = first + int(thread); n < stop; n += int(PIXELS)) {
         int i = interval_at(n), bit = n - range.x;
@@ -200,25 +201,18 @@ float between(float a, float b, float c, float d, float e, float f) {
     return (c + d) * TAP0 + (b + e) * TAP1 + (a + f) * TAP2;
 }
 
-// The level of a slice, or half way between two slices.
-float read(ivec2 p, float z) {
-    const float share[6] = float[6](TAP2, TAP1, TAP0, TAP0, TAP1, TAP2);
-    float own[6];
-    int whole = int(floor(z));
-    bool is_between = z > float(whole);
+// The level of a slice at sample p.
+float read(ivec2 p, int z) {
     p = clamp(p, ivec2(0), last.xy);
-    uint line = uint(p.x) * strides.x + uint(p.y) * strides.y;
-    float sum = 0.0;
-    for (int k = is_between ? -2 : 0; k <= (is_between ? 3 : 0); k++) {
-        float level = level_of(line + uint(clamp(whole + k, 0, last.z)) * strides.z);
-        sum += is_between ? share[k + 2] * level : level;
-        own[k + 2] = level;
-    }
-#if PROJECTION
-    if (is_between && choices.z != 0)
-        return between(own[0], own[1], own[2], own[3], own[4], own[5]);
-#endif
-    return sum;
+    return level_of(uint(p.x) * strides.x + uint(p.y) * strides.y + uint(clamp(z, 0, last.z)) * strides.z);
+}
+
+// The level half way between slices z and z + 1.
+float read_between(ivec2 p, int z) {
+    float own[6];
+    for (int k = 0; k < 6; k++)
+        own[k] = read(p, z + k - 2);
+    return between(own[0], own[1], own[2], own[3], own[4], own[5]);
 }
 
 uint to_word(float even, float odd) {
@@ -230,9 +224,12 @@ uint to_word(float even, float odd) {
 void refine(ivec2 first, ivec2 count, int n) {
     int width = count.x + 5, size = width * (count.y + 5), i = int(thread) % width, j = int(thread) / width;
     ivec2 skip = ivec2(int(PIXELS) % width, int(PIXELS) / width);
-    float z = slice_of(n);
+    float slice = slice_of(n);
+    int whole = int(floor(slice));
+    bool is_between = slice > float(whole);
     for (int k = int(thread); k < size; k += int(PIXELS)) {
-        raw[k] = read(first - 2 + ivec2(i, j), z);
+        ivec2 p = first - 2 + ivec2(i, j);
+        raw[k] = is_between ? read_between(p, whole) : read(p, whole);
         i += skip.x;
         j += skip.y + (i >= width ? 1 : 0);
         i -= i >= width ? width : 0;

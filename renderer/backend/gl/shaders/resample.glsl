@@ -2,7 +2,7 @@
 // Constants of resampled sheets (struct gl_resample_constants in resample_constants.h), coordinates, and the samples of a
 // mip level as 16-bit levels (resample/curve.h). u, v and w are the axes of a tile: w is that of its slices.
 
-// Samples of an axis, and rows of Places if they are not evenly spaced.
+// Samples of an axis, and rows of Places if they are not evenly spaced. EVEN: all axes are.
 struct Axis {
     vec4 scale; // coordinate of the first row, rows per coordinate, largest distance of samples, coordinate at s = 0
     uvec4 rows; // samples, rows of the index (0 = evenly spaced), first row of coordinates, of the index
@@ -17,7 +17,7 @@ struct Square {
     vec4 centre; // px
 };
 
-layout(std430, binding = 1) readonly buffer Resample {
+layout(std140, binding = 1) uniform Resample {
     vec4 to_world[3]; // rows
     vec4 metric[2];   // xx, yy, zz, rounding of gradients; yz, xz, xy, a depth inside the volume
     vec4 depths[3];   // by axis w: s at that depth of the centre's ray, forwards; its change by depth, to the right, down
@@ -34,8 +34,8 @@ layout(std430, binding = 1) readonly buffer Resample {
     vec4 halves[HALVES]; // normal
     vec4 gaps[HALVES];   // by axis w: offset at s = 0
     vec4 magnitudes[MAGNITUDES]; // gradient axis: magnitude, scale
-    Square squares[];
 };
+layout(std430, binding = 1) readonly buffer Squares { Square squares[]; };
 layout(std430, binding = 2) readonly buffer Samples { uint samples[]; };
 layout(std430, binding = 3) readonly buffer Visible { uint visible[]; }; // four regions per word
 layout(std430, binding = 6) readonly buffer Places { float places[]; };
@@ -81,8 +81,9 @@ float slice_of(int sheet) {
 
 // s of a slice: along the rays.
 float s_of(float z) {
-    Axis map = axes[slices];
     float place = z;
+#if !EVEN
+    Axis map = axes[slices];
     if (map.rows.y != 0u) {
         float step = max(map.scale.z, 1.0);
         int i = int(floor(z));
@@ -93,18 +94,21 @@ float s_of(float z) {
         else
             place = mix(places[map.rows.z + uint(i)], places[map.rows.z + uint(i) + 1u], z - float(i));
     }
-    float s = place - map.scale.w;
+#endif
+    float s = place - axes[slices].scale.w;
     return is_backwards ? -s : s;
 }
 
 // The sample index at a coordinate along u or v, kept inside the slice.
 float index_of(int a, float x) {
+#if !EVEN
     Axis map = axes[axis_of(a)];
     if (map.rows.y != 0u) {
         x = clamp((x - map.scale.x) * map.scale.y, 0.0, float(map.rows.y));
         uint i = min(uint(x), map.rows.y - 1u), row = map.rows.w + i;
         x = places[row] + (x - float(i)) * (places[row + 1u] - places[row]);
     }
+#endif
     return clamp(x, 0.0, float(last[a]));
 }
 
@@ -114,11 +118,15 @@ vec2 index_of(vec2 x) {
 
 // The distance of the samples beside an index.
 float spacing_at(int a, float index) {
+#if EVEN
+    return 1.0;
+#else
     Axis map = axes[axis_of(a)];
     if (map.rows.y == 0u || last[a] == 0)
         return 1.0;
     uint row = map.rows.z + uint(min(int(index), last[a] - 1));
     return places[row + 1u] - places[row];
+#endif
 }
 
 #if SAMPLES == SAMPLES_INTEGER
