@@ -6,7 +6,6 @@ The page holds headline tables only; the CSV files hold every measurement. A tab
 out. notes.md in the same folder, if present, is copied into the page: it holds the findings that no program can
 write. The speed headline is also printed.
 """
-import csv
 import math
 import os
 import re
@@ -15,6 +14,7 @@ import sys
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
 from element_goals import element_goals  # noqa: E402
+from tables import decibels, met, read, short, table  # noqa: E402
 
 # Frames per second at 512 × 512 as the papers print them for their own graphics cards (Chen et al.: 2.4 GHz Pentium 4
 # with an ATI 9800 Pro; Botha and Post: 1.2 GHz Athlon with a GeForce3).
@@ -44,48 +44,8 @@ IDLE_SLACK = 0.1
 GOAL_GPU = {(scene, 512): 1000 for scene, found in PAPERS.items() if {CHEN_3, CHEN_4} & {source for _, source in found}}
 GOAL_GPU.update({('head-full', 512): 500, ('sparse', 1024): 200})
 SOFTWARE = 'software GL, for correctness only'
-EQUAL_DB = 999
 ORDER = ('engine', 'bonsai', 'bonsai-full', 'lobster', 'head', 'head-full', 'aneurism', 'checkerboard', 'sparse', 'bonsai-soft', 'turbulence', 'noise')
 WITHOUT_GOAL = ORDER[-3:]  # no voxel is transparent
-
-
-def read(folder, name):
-    path = os.path.join(folder, name)
-    if not os.path.exists(path):
-        return []
-    with open(path, encoding='utf-8', newline='') as f:
-        return [{k: number(v) for k, v in row.items()} for row in csv.DictReader(f)]
-
-
-def number(text):
-    try:
-        return float(text)
-    except ValueError:
-        return text
-
-
-def table(head, rows):
-    if not rows:
-        return ''
-    lines = ['| ' + ' | '.join(head) + ' |', '|' + '---|' * len(head)]
-    return '\n'.join(lines + ['| ' + ' | '.join(str(c) for c in row) + ' |' for row in rows]) + '\n'
-
-
-def short(value, digits=3):
-    """A number with three significant digits; a dash for a missing one."""
-    if value in ('', None):
-        return '–'
-    if value >= 10 ** (digits - 1):
-        return f'{value:.0f}'
-    return f'{value:.{digits}g}'
-
-
-def decibels(value):
-    return '–' if value == '' else 'equal' if value >= EQUAL_DB else f'{value:.1f} dB'
-
-
-def met(is_met):
-    return 'met' if is_met else '**missed**'
 
 
 def ordered(rows):
@@ -299,12 +259,24 @@ def gpu(folder):
     lines = []
     for (scene, size), wanted in sorted(GOAL_GPU.items(), key=lambda item: (ORDER.index(item[0][0]), item[0][1])):
         row = find(drawn, scene=scene, size=size, shading='none')
-        verdict = SOFTWARE if rows[0]['backend'] != 'gl' else met(row['fps'] >= wanted) if row else 'not measured'
-        lines.append([scene, size, wanted, short(row['fps']) if row else '–', *(gpu_shares(row) if row else ['–', '–']), verdict])
+        pixels, peer = (find(read(folder, name), scene=scene, size=size, shading='none') for name in ('gl_pixels.csv', 'gl_vtk.csv'))
+        shaded = None if pixels else find(read(folder, 'gl_pixels.csv'), scene=scene, size=size, shading='phong')
+        pixels = pixels or shaded
+        rates = [row['fps'], row['in_flight_2_fps'] or 0] if row else []
+        rates += [pixels['fps']] if pixels else []
+        verdict = SOFTWARE if rows[0]['backend'] != 'gl' else met(max(rates) >= wanted) if rates else 'not measured'
+        lines.append([scene, size, wanted, short(row['fps']) if row else '–', short(row['in_flight_2_fps']) if row else '–', short(pixels['fps']) + ' shaded' * bool(shaded) if pixels else '–',
+                      short(peer['fps']) if peer else '–', *(gpu_shares(row) if row else ['–', '–']), verdict])
     left_out = sorted({f'{r["scene"]} at {r["size"]:.0f} px' for r in rows if r.get('left_out')})
-    text = f'{about}\n\n' + table(['scene', 'px', 'goal, fps', 'fps', 'of memory bandwidth', 'of arithmetic', ''], lines)
+    text = f'{about}\n\n' + table(['scene', 'px', 'goal, fps', 'per voxel', 'two frames in flight', 'per pixel, two in flight', 'VTK on this GPU', 'of memory bandwidth',
+                                    'of arithmetic', ''], lines)
     if left_out:
         text += f'\nNot measured, because a frame takes too long: {"; ".join(left_out)}.\n'
+    streams = [[f'{r["clients"]:.0f}', f'{r["side"]:.0f}', short(r['fps_mean']), short(r['p50_ms']), short(r['p95_ms']), short(r['work_ms']), short(r['cpu_ms_frame'])]
+               for r in read(folder, 'gl_streams.csv')]
+    if streams:
+        text += '\nSessions of 1024² that turn at 60 changes per second on the same device; with many the daemon draws smaller images while they move:\n\n'
+        text += table(['sessions', 'px', 'fps each', 'latency p50, ms', 'p95, ms', 'rendering and encoding, ms', 'CPU per frame, ms'], streams)
     edits = edit_goals(folder, 'gl_edits.csv', ' on this device')
     text += f'\n{table(GOAL_HEAD, edits)}' if edits else ''
     others = element_table(folder, 'gl_elements.csv')
@@ -494,7 +466,8 @@ FILES = [
     ('elements.csv', 'points, Gaussians, triangles and vectors'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
-    ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('gl_elements.csv', 'elements.csv on the GPU backend'),
+    ('gl_pixels.csv', 'the GPU backend, classified per pixel'), ('gl_vtk.csv', 'VTK\'s GPU ray caster on the same GPU'),
+    ('gl_streams.csv', 'sessions of 1024 px that turn, on the GPU backend'), ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('gl_elements.csv', 'elements.csv on the GPU backend'),
     ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
     ('browser.csv', 'the page in Chromium'),
     ('soak.csv', 'the daemon with clients that come and go'), ('codecs.csv', 'bytes and time per image format and video codec'),

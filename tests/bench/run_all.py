@@ -20,6 +20,7 @@ import sys
 import tempfile
 import time
 
+from gpu import Gpu, gl_rows, GL_COLUMNS, measure_gl_edits, measure_gl_peer, measure_gl_pixels
 from pairs import flat, measure_edits, measure_layers, measure_pairs, pair, PAIR_COLUMNS, zooms
 from peer import Peer, chosen, demos, describe, find
 
@@ -316,38 +317,6 @@ def measure_scaling(run, sides):
             run.write('scaling.csv', SCALING_COLUMNS, rows)
 
 
-GL_COLUMNS = ['scene', 'backend', 'device', 'size', 'shading', 'views', 'visible_voxels', 'splats', 'fragments', 'median_ms', 'p95_ms',
-              'mean_ms', 'fps', 'in_flight_2_fps', 'splats_per_second', 'classify_ms', 'splat_ms', 'bin_ms', 'tile_ms', 'resolve_ms', 'read_ms',
-              'rest_ms', 'cpu_fps', 'derived_bytes', 'peak_gb_s', 'peak_tflop_s', 'left_out']
-GL_EDIT_COLUMNS = ['backend'] + PAIR_COLUMNS + ['left_out']
-
-
-class Gpu:
-    """Measures the GPU backend: in full on hardware; on software GL, whose times mean nothing, only two views, which show
-    that a scene renders. Scenes that take more than `limit` seconds are omitted."""
-
-    def __init__(self, run):
-        self.backend, self.device, self.why = '', '', []
-        for backend in ('gl', 'gl-software'):
-            done = subprocess.run([os.path.join(run.o.bin, 'splat-bench'), '--backend', backend, '--views', '1', '--warm', '0', '--size', '8',
-                                   '--volume', 'demo:sparse?size=8'], capture_output=True, text=True, check=False)
-            if done.returncode == 0:
-                self.backend, self.device = backend, json.loads(done.stdout)['device']
-                break
-            self.why += done.stderr.strip().splitlines()[-1:] or [f'{backend}: exit status {done.returncode}']
-        hardware = self.backend == 'gl'
-        self.corners = [(size, shading) for shading in (('none', 'phong') if hardware else ('none',)) for size in (512, 1024, 2048)]
-        if run.o.quick:
-            self.corners = self.corners[:1]
-        self.views, self.warm, self.limit = (run.o.views, 2, 600) if hardware else (2, 0, run.o.software_limit)
-        self.edited = list(run.scenes) if hardware else [name for name in run.scenes if name == 'lobster'] or list(run.scenes)[:1]
-        steps = len(self.corners) * (1 + 2 * len(run.scenes)) + 3 * len(self.edited) + len(element_runs(run))
-        self.steps = steps if self.backend else 0
-
-    def description(self):
-        return self.device or 'not measured: ' + '; '.join(self.why)
-
-
 def measure_gl(run):
     gpu, rows, slow = run.gpu, [], {}
     if not gpu.backend:
@@ -360,41 +329,13 @@ def measure_gl(run):
         for name in run.scenes:
             rows += gl_rows(run, name, shading, label, common, fps.get(name, ''), slow)
             run.write('gl.csv', GL_COLUMNS, rows)
+    if gpu.backend == 'gl':
+        measure_gl_pixels(run)
+        measure_gl_peer(run)
     measure_gl_edits(run)
+    if gpu.backend == 'gl':
+        measure_serve(run, 'gl_streams.csv', f'streams, {gpu.backend}', '--only', 'streams', '--backend', 'gl', *(('--seconds', '2') if run.o.quick else ()))
     run.write('gl_elements.csv', ELEMENT_COLUMNS, element_rows(run, max(2, gpu.views // 3), '--warm', gpu.warm, backend=gpu.backend, limit=gpu.limit))
-
-
-def gl_rows(run, name, shading, label, common, cpu_fps, slow):
-    """Returns the row of a scene with one and with two frames in flight, or [] if it failed. slow: (scene, shading) → why it
-    was omitted at a smaller size, and so is at larger ones."""
-    gpu, known = run.gpu, (name, shading)
-    own = {'scene': name, 'backend': gpu.backend, 'device': gpu.device, 'size': common[1], 'shading': shading, 'views': gpu.views}
-    if known in slow:
-        run.skip(2, f'{name}, {gpu.backend}, {label}; {slow[known]}')
-        return [flat(own, left_out=slow[known])]
-    one, = run.files(gpu.views, [name])
-    drawn = run.bench(f'{name}, {gpu.backend}, {label}', *common, one, backend=gpu.backend, limit=gpu.limit)
-    if drawn is None:
-        slow[known] = f'more than {gpu.limit} s at {common[1]} px'
-    if not drawn:
-        run.done += 1
-        return [] if drawn == [] else [flat(own, left_out=slow[known])]
-    both = run.bench(f'{name}, {gpu.backend}, {label}, two in flight', *common, '--in-flight', 2, one, backend=gpu.backend, limit=gpu.limit)
-    return [flat(drawn[0], cpu_fps=cpu_fps, in_flight_2_fps=both[0]['fps'] if both else '', peak_gb_s=run.o.gpu_peak[0],
-                 peak_tflop_s=run.o.gpu_peak[1], **{stage + '_ms': ms for stage, ms in drawn[0]['stages'].items()})]
-
-
-def measure_gl_edits(run):
-    """Compares a transfer function that changes at every frame with a fixed one, at 512 px."""
-    gpu, rows = run.gpu, []
-    for edit in ('colour', 'opacity', 'range'):
-        for name in gpu.edited:
-            found = run.bench(f'{name}, {gpu.backend}, transfer function changing ({edit}) against fixed', '--size', 512, '--warm', 1, '--edit', edit,
-                              '--against', 'edit=none', *run.files(gpu.views, [name]), backend=gpu.backend, limit=gpu.limit)
-            if found is None:
-                rows.append({'scene': name, 'backend': gpu.backend, 'setting': 'edit=' + edit, 'left_out': f'more than {gpu.limit} s'})
-            rows += [pair(row, 'edit=' + edit) for row in found or []]
-    run.write('gl_edits.csv', GL_EDIT_COLUMNS, rows)
 
 
 def missing(*needs):
@@ -523,7 +464,7 @@ def main():
     try:
         run.isas = known_isas(run)
         run.load_scenes()
-        run.gpu = Gpu(run) if 'gl' in options.only else None
+        run.gpu = Gpu(run, len(element_runs(run))) if 'gl' in options.only else None
         corners, sides = CORNERS, (64, 128, 256, 512, 1024)
         if options.quick:
             corners, sides = CORNERS[:1], (64, 128)

@@ -4,7 +4,7 @@
 // rendering, hostile client behaviours, idle connections, and hours of clients that connect and disconnect.
 //
 //   node tests/bench/serve.mjs [--bin DIR] [--only PARTS] [--seconds N] [--rounds N] [--minutes N] [--volume V]
-//     [--large V --large V] [--behaviour TEXT] [--out FILE.csv]
+//     [--backend NAME] [--large V --large V] [--behaviour TEXT] [--out FILE.csv]
 //
 // The clients share the machine with the daemon, so every figure includes their work. Prints one line per measurement; COLUMNS
 // and SOAK_COLUMNS are the columns of the file. `soak` is measured alone because it has other columns.
@@ -19,8 +19,8 @@ import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 import { soak } from './serve/soak.mjs';
 
-const PARTS = ['overhead', 'motion', 'edits', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
-const NAMED = ['motion', 'edits', 'loop', 'soak']; // measured only if they are named: they have files of their own
+const PARTS = ['overhead', 'motion', 'edits', 'streams', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const NAMED = ['motion', 'edits', 'streams', 'loop', 'soak']; // measured only if they are named: they have files of their own
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'work_ms', 'wait_p50_ms', 'wait_p95_ms', 'kbytes_frame',
   'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
@@ -32,6 +32,7 @@ const { values: options } = parseArgs({
     seconds: { type: 'string', default: '4' },
     rounds: { type: 'string', default: '3' },
     minutes: { type: 'string', default: '20' },
+    backend: { type: 'string', default: 'cpu' }, // of the part streams
     volume: { type: 'string', default: 'demo:engine?size=128' },
     behaviour: { type: 'string', default: '' }, // only behaviours whose names contain it
     large: { type: 'string', multiple: true, default: ['demo:phantom?size=256', 'demo:vessels?size=256'] }, // volumes of the hostile clients
@@ -100,6 +101,22 @@ async function edits() {
     }
   client.end();
   await daemon.stop();
+}
+
+/** Sessions of 1024 px that all turn at the same time, with one backend. */
+async function streams() {
+  for (const n of [1, 8, 32]) {
+    const daemon = await start(options.backend);
+    const clients = [];
+    while (clients.length < n) clients.push(await Client.open(daemon, await daemon.session(1024)));
+    for (const client of clients) {
+      client.configure({ max_fps: 60 });
+      client.drive(1000 / 60);
+    }
+    measured('streams', `${options.backend}, 60 changes per second, max_fps 60`, await watch(daemon, clients, seconds), { px: 1024 });
+    clients.forEach((client) => client.end());
+    await daemon.stop();
+  }
 }
 
 /** Measures scripts that request one image after the other. */
@@ -320,7 +337,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, motion, edits, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
+    await { overhead, motion, edits, streams, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
     if (options.out) save();
   }
 }

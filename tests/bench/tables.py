@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CSV files → numbers → tables of Markdown."""
+import csv
+import os
+
+EQUAL_DB = 999  # of a PSNR: from here on the images are equal
+
+
+def read(folder, name):
+    path = os.path.join(folder, name)
+    if not os.path.exists(path):
+        return []
+    with open(path, encoding='utf-8', newline='') as f:
+        return [{k: number(v) for k, v in row.items()} for row in csv.DictReader(f)]
+
+
+def number(text):
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def table(head, rows):
+    if not rows:
+        return ''
+    lines = ['| ' + ' | '.join(head) + ' |', '|' + '---|' * len(head)]
+    return '\n'.join(lines + ['| ' + ' | '.join(str(c) for c in row) + ' |' for row in rows]) + '\n'
+
+
+def short(value, digits=3):
+    """A number with three significant digits; a dash for a missing one."""
+    if value in ('', None):
+        return '–'
+    if value >= 10 ** (digits - 1):
+        return f'{value:.0f}'
+    return f'{value:.{digits}g}'
+
+
+def decibels(value):
+    return '–' if value == '' else 'equal' if value >= EQUAL_DB else f'{value:.1f} dB'
+
+
+def met(is_met):
+    return 'met' if is_met else '**missed**'
