@@ -5,6 +5,10 @@
  * another renderer.
  *
  *   begin A ─ begin B ─ finish A ─ begin C ─ finish B ─ finish C      oldest first
+ *
+ * While frames are in flight, the renderer belongs to the thread that began them: no other thread
+ * may call a function that takes a renderer that is not const, because a GPU's context is bound to
+ * it.
  */
 #ifndef SP_INFLIGHT_H
 #define SP_INFLIGHT_H
