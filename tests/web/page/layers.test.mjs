@@ -437,6 +437,7 @@ test('vectors move for all until they pause, keep their phase, and playing is no
   const { count } = await page.evaluate(() => window.splatd);
   await until(page, 'frames without a change of this client', `(s) => s.count > ${count + 3}`);
   await page.selectOption('#vectors-style', 'modulate');
+  await until(page, 'the style at the daemon', (s) => s.isIdle && s.view.layers.at(-1).style === 'modulate');
   await page.getByRole('button', { name: 'Pause', exact: true }).click();
   await page.getByRole('button', { name: 'Play', exact: true }).waitFor();
   await until(page, 'the phase of the daemon', (s) => s.view.layers.at(-1).phase < 1);
