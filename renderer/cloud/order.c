@@ -9,7 +9,10 @@
 
 #include "voxels/radix.h"
 
-enum { BLOCK = 1 << 14 };
+enum {
+    BLOCK = 1 << 14,
+    AHEAD = 32 /* elements that are read in advance: chosen ones lie apart in memory */
+};
 
 struct block {
     float low, high; /* depths of the seen ones */
@@ -74,6 +77,15 @@ static float find_depth(const struct sort *s, uint32_t i) {
     return u[2] + c->part_at[part] * find_deviation(c, e->factors[i]);
 }
 
+static void prefetch(const struct sort *s, size_t i) {
+    uint32_t at = choose(s, i) / s->cloud->parts;
+    const struct sp_elements *e = sp_cloud_part(s->cloud, &at);
+    __builtin_prefetch(&e->positions[at]);
+    __builtin_prefetch(e->values ? &e->values[at] : &e->opacities[at]);
+    if (e->volumes)
+        __builtin_prefetch(&e->volumes[at]);
+}
+
 static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
     struct block *b = &s->blocks[begin / BLOCK];
@@ -82,6 +94,8 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     if (sp_interrupt_is_cancelled(s->interrupt))
         return;
     for (size_t i = begin; i < end; i++) {
+        if (s->choice && i + AHEAD < end)
+            prefetch(s, i + AHEAD);
         float depth = find_depth(s, choose(s, i));
         s->depths[i] = depth;
         if (!(depth < INFINITY))

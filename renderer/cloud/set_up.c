@@ -27,6 +27,9 @@ static inline void prefetch(const struct sp_cloud *cloud, uint32_t number) {
     const struct sp_elements *e = sp_cloud_part(cloud, &at);
     __builtin_prefetch(&e->positions[at]);
     __builtin_prefetch(&e->factors[at]);
+    __builtin_prefetch(e->values ? &e->values[at] : &e->opacities[at]);
+    if (e->volumes)
+        __builtin_prefetch(&e->volumes[at]);
     const uint32_t numbers = e->harmonics ? 3 * sp_harmonics_count(e->shape.degree) : 0;
     for (uint32_t i = 0; i < numbers; i += 16) /* a cache line */
         __builtin_prefetch(e->harmonics + (size_t)at * numbers + i);

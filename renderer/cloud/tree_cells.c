@@ -39,9 +39,9 @@ struct build {
     const struct sp_elements *points;
     const struct sp_interrupt *interrupt;
     struct sp_pool *pool;
-    float low[3], scale[3]; /* a place is (position − low)·scale */
-    float side;             /* of the box */
-    struct item *items;     /* of the points that are drawn, cell by cell */
+    float low[3], scale; /* a place is (position − low)·scale */
+    float side;          /* of the box */
+    struct item *items;  /* of the points that are drawn, cell by cell */
     struct list top;
     struct sp_cloud_cells *cells;
     uint32_t part_capacity;
@@ -84,7 +84,7 @@ static inline bool take(const struct build *b, uint32_t i, struct item *item) {
         return false;
     item->point = i;
     for (int a = 0; a < 3; a++) {
-        const float at = (b->points->positions[i][a] - b->low[a]) * b->scale[a];
+        const float at = (b->points->positions[i][a] - b->low[a]) * b->scale;
         const float most = (float)((1 << LEVELS) - 1);
         item->at[a] = (uint32_t)(at > 0 ? at < most ? at : most : 0);
     }
@@ -345,12 +345,13 @@ static bool join(struct build *b) {
     return true;
 }
 
+/* Cells are cubes, so that a flat cloud has no more of them than its image needs. */
 static void find_box(struct build *b, const struct sp_grid *grid) {
     for (int a = 0; a < 3; a++) {
         b->low[a] = (float)(grid->origin[a] - 0.5 * grid->spacing[a]);
-        b->scale[a] = (float)((1 << LEVELS) / grid->spacing[a]);
         b->side = fmaxf(b->side, (float)grid->spacing[a]);
     }
+    b->scale = (float)(1 << LEVELS) / b->side;
 }
 
 bool sp_cloud_cells_make(const struct sp_volume *volume, struct sp_pool *pool,

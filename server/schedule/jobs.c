@@ -89,12 +89,21 @@ static void correct_charge(struct srv_session *s, struct srv_render_job *job, do
 
 /* Making a job. */
 
+/* True if the view shows points alone. */
+static bool shows_points(const struct sp_view *view) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].visible && view->layers[i].type != SP_LAYER_POINTS)
+            return false;
+    return true;
+}
+
 /* Chooses the detail. The job's view has the full size and gets the size to render. */
 static void choose_detail(const struct srv_schedule *schedule, struct srv_session *s,
                           struct srv_render_job *job, const struct srv_participant *first,
                           int max_fps, double now_ms) {
     struct srv_quality *quality = &s->schedule->quality;
     const uint32_t *full = job->full;
+    quality->prefers_levels = shows_points(&s->shared.view);
     struct srv_detail detail = { .mip_level = 0, .size = { full[0], full[1] } };
     job->budget_ms = srv_moving_budget_ms(schedule, s, max_fps, now_ms);
     if (srv_play_moves(s)) /* small images lose the streaks */

@@ -11,6 +11,7 @@
 #define GUESS 9.0     /* load_log of a guess from another view */
 #define DOUBT_STEP 0.02
 #define DOUBT_MAX 0.5
+#define NEXT_LEVEL 0.25 /* of the time, where mip levels come first */
 enum { SIDES = 8, SIDE_MIN = 2, FAILURES_MAX = 5 };
 
 struct model { /* time = fixed + slope · megapixels, ms; both >= 0 */
@@ -88,8 +89,8 @@ static struct model model_of_drawn(const struct srv_quality *quality, unsigned m
     return model;
 }
 
-/* A level that was never drawn takes an eighth of the next finer one's fixed time. All 0: unknown.
- */
+/* A level that was never drawn takes an eighth of the next finer one's fixed time, or a quarter of
+ * all its time where mip levels come first. All 0: unknown. */
 static struct model model_of(const struct srv_quality *quality, unsigned mip_level) {
     struct model model = { 0, 0 };
     unsigned known = mip_level + 1;
@@ -98,7 +99,10 @@ static struct model model_of(const struct srv_quality *quality, unsigned mip_lev
     if (known == 0)
         return model;
     model = model_of_drawn(quality, known - 1);
-    model.fixed = ldexp(model.fixed, -3 * (int)(mip_level - (known - 1)));
+    for (; known - 1 < mip_level; known++) {
+        model.fixed *= quality->prefers_levels ? NEXT_LEVEL : 1 / 8.0;
+        model.slope *= quality->prefers_levels ? NEXT_LEVEL : 1;
+    }
     return model;
 }
 
@@ -138,13 +142,14 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
         struct model model = model_of(quality, mip_level);
         double confidence = confidence_of(quality, mip_level, doubted);
         double useful = model.slope > 0 ? model.fixed / model.slope / 4 : INFINITY;
+        const unsigned least = quality->prefers_levels && !last ? SIDES : SIDE_MIN;
         unsigned side = SIDES;
         for (;; side--) {
             uint32_t size[2];
             scale(full, side, size);
             if (time_of(&model, megapixels(size)) * confidence <= limit_ms)
                 return (struct choice){ mip_level, side };
-            if (side == SIDE_MIN || megapixels(size) <= useful)
+            if (side == least || megapixels(size) <= useful)
                 break;
         }
         if (last)
@@ -155,6 +160,8 @@ static struct choice finest(const struct srv_quality *quality, const uint32_t fu
 void srv_quality_moving(struct srv_quality *quality, const uint32_t full[2], double budget_ms,
                         struct srv_detail *detail) {
     struct choice now = { quality->mip_level, quality->side }, best = { 0, SIDES / 2 };
+    if (quality->prefers_levels)
+        best = (struct choice){ SP_MIP_LEVEL_MAX, SIDES };
     if (quality->fits[0].weight > 0)
         best = finest(quality, full, budget_ms * RAISE, now.side ? now.mip_level : 0);
     if (now.side) {
@@ -291,7 +298,7 @@ void srv_quality_rest(struct srv_quality *quality, const uint32_t full[2]) {
         struct srv_quality_fit *fit = &quality->fits[mip_level];
         struct srv_detail whole = { .mip_level = mip_level, .size = { full[0], full[1] } };
         fit->failures = 0;
-        if (mip_level > 0 &&
+        if (mip_level > 0 && !quality->prefers_levels &&
             srv_quality_expected_ms(quality, &whole) > SRV_QUALITY_BUDGET_MS * RAISE)
             *fit = (struct srv_quality_fit){ .ratio = fit->ratio };
     }

@@ -59,6 +59,10 @@ struct srv_quality {
     struct srv_quality_fit fits[SP_MIP_LEVEL_MAX + 1];
     unsigned mip_level,
         side; /* in use while moving; side in eighths of the full one, 0 = none yet */
+    /* Set by the caller: mip levels come before smaller frames, from the first frame on. They merge
+     * points in the image, so that one of full size is sharper than a smaller frame of as many
+     * points, and takes as long. */
+    bool prefers_levels;
 };
 
 void srv_quality_init(struct srv_quality *quality);

@@ -201,7 +201,11 @@ static bool fill_scene(struct bench_scene *scene, const proto_json *json,
         return false;
     if (scene->skipped[0])
         return true;
-    sp_view_init(&scene->view, sp_volume_info(scene->volume), scene->name);
+    /* The box of elements is that of the farthest ones; the first view shows what a person sees. */
+    if (sp_volume_info(scene->volume)->elements.kind == SP_KIND_GRID)
+        sp_view_init(&scene->view, sp_volume_info(scene->volume), scene->name);
+    else
+        sp_view_choose(&scene->view, scene->volume, scene->name);
     if (patch && !proto_view_apply(patch, &scene->view, &scene->view, err))
         return false;
     if (!bench_view_override(&scene->view, o, err))

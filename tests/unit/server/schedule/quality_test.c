@@ -161,6 +161,42 @@ static void pixels_are_reduced_before_voxels(void **state) {
 
 /* The first frame has the detail that another view's frames had in the end. If that was wrong, the
  * view's own first frame corrects it at once. */
+/* Ten million points: each level takes a small part of the time of the one before. */
+static void points_are_merged_before_frames_get_smaller(void **state) {
+    static const double times[SP_MIP_LEVEL_MAX + 1] = { 1000, 100, 30 };
+    struct srv_quality quality;
+    struct srv_detail detail;
+    (void)state;
+    srv_quality_init(&quality);
+    quality.prefers_levels = true;
+    for (int motion = 0; motion < 3; motion++) {
+        for (int i = 0; i < 20; i++) {
+            srv_quality_moving(&quality, full, BUDGET, &detail);
+            assert_int_equal(detail.mip_level, SP_MIP_LEVEL_MAX);
+            assert_int_equal(detail.size[0], full[0]);
+            srv_quality_done(&quality, &detail, true, BUDGET, times[detail.mip_level]);
+        }
+        if (motion > 0) { /* the sharp time is known */
+            const struct srv_detail shown = detail;
+            assert_true(srv_quality_intermediate(&quality, full, &shown, &detail));
+            assert_int_equal(detail.mip_level, 1);
+            assert_int_equal(detail.size[0], full[0]);
+            srv_quality_done(&quality, &detail, false, BUDGET, times[1]);
+        }
+        detail = (struct srv_detail){ .size = { full[0], full[1] } };
+        srv_quality_done(&quality, &detail, false, BUDGET, times[0]);
+        srv_quality_rest(&quality, full);
+    }
+    /* Too slow even so: then frames get smaller. */
+    for (int i = 0; i < 20; i++) {
+        srv_quality_moving(&quality, full, BUDGET, &detail);
+        srv_quality_done(&quality, &detail, true, BUDGET,
+                         300.0 * detail.size[0] / full[0] * detail.size[1] / full[1]);
+    }
+    assert_int_equal(detail.mip_level, SP_MIP_LEVEL_MAX);
+    assert_compare(detail.size[0], <, full[0] * 3 / 5);
+}
+
 static void times_of_another_view_are_the_first_guess(void **state) {
     (void)state;
     struct srv_detail detail;
@@ -350,6 +386,7 @@ int main(void) {
         cmocka_unit_test(detail_settles_on_any_machine),
         cmocka_unit_test(jitter_does_not_flicker),
         cmocka_unit_test(pixels_are_reduced_before_voxels),
+        cmocka_unit_test(points_are_merged_before_frames_get_smaller),
         cmocka_unit_test(times_of_another_view_are_the_first_guess),
         cmocka_unit_test(detail_comes_back_when_the_load_falls),
         cmocka_unit_test(keeping_and_raising_detail_have_different_thresholds),
