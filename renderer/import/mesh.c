@@ -5,7 +5,6 @@
  * as mesh_builder.c. Lines become tubes.
  */
 #include <errno.h>
-#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,10 +16,9 @@
 #include "import/confine.h"
 #include "import/format.h"
 #include "import/mesh_bridge.h"
-#include "import/mesh_builder.h"
 #include "import/mesh_check.h"
+#include "import/mesh_parts.h"
 #include "import/module.h"
-#include "import/tubes.h"
 
 enum { FILES_MAX = 32 }; /* the file itself and those that it names */
 
@@ -30,15 +28,9 @@ struct mesh {
     struct mesh_bridge *bridge;
     int files;
     struct mesh_bytes bytes[FILES_MAX];
-    struct import_mesh_builder built;
+    struct import_mesh_parts parts;
     struct mesh_bridge_part part; /* that is being read */
     uint32_t *numbers;            /* of its vertices in `built`; UINT32_MAX = none yet */
-    struct points {
-        uint64_t count, lines;
-        float (*positions)[3];
-        float (*colors)[4];
-        uint32_t *counts; /* by line */
-    } points;             /* of lines */
 };
 
 static bool fail(struct sp_error *err, enum sp_code code, const struct mesh *m, const char *text) {
@@ -105,12 +97,12 @@ static bool add_triangle(void *user, const uint32_t vertices[3]) {
             if (m->part.normals)
                 memcpy(v.normal, m->part.normals[vertices[k]], sizeof v.normal);
             set_color(&m->part, vertices[k], v.color);
-            if (!import_mesh_vertex(&m->built, &v, number))
+            if (!import_mesh_vertex(&m->parts.built, &v, number))
                 return false;
         }
         numbers[k] = *number;
     }
-    return import_mesh_triangle(&m->built, numbers);
+    return import_mesh_triangle(&m->parts.built, numbers);
 }
 
 static bool read_triangles(struct mesh *m, struct sp_error *err) {
@@ -131,14 +123,14 @@ static bool read_triangles(struct mesh *m, struct sp_error *err) {
 static bool count_point(void *user, uint32_t vertex, bool begins) {
     struct mesh *m = user;
     (void)vertex;
-    m->points.count++;
-    m->points.lines += begins;
-    return m->points.count <= SP_ELEMENTS_MAX;
+    m->parts.points.count++;
+    m->parts.points.lines += begins;
+    return m->parts.points.count <= SP_ELEMENTS_MAX;
 }
 
 static bool add_point(void *user, uint32_t vertex, bool begins) {
     struct mesh *m = user;
-    struct points *p = &m->points;
+    struct import_line_points *p = &m->parts.points;
     p->lines += begins;
     p->counts[p->lines - 1]++;
     memcpy(p->positions[p->count], m->part.positions[vertex], sizeof p->positions[0]);
@@ -149,28 +141,19 @@ static bool add_point(void *user, uint32_t vertex, bool begins) {
 
 static bool walk_lines(struct mesh *m, bool (*add)(void *user, uint32_t vertex, bool begins)) {
     bool ok = true;
-    m->points.count = m->points.lines = 0;
+    m->parts.points.count = m->parts.points.lines = 0;
     for (unsigned n = 0; ok && m->call->part(m->bridge, n, &m->part); n++)
         ok = m->call->lines(m->bridge, n, add, m);
     return ok;
 }
 
 static bool read_lines(struct mesh *m, struct sp_error *err) {
-    struct points *p = &m->points;
+    struct import_line_points *p = &m->parts.points;
     if (!walk_lines(m, count_point))
         return fail(err, SP_ERR_UNSUPPORTED, m, "too many points of lines");
-    p->positions = malloc((p->count + 1) * sizeof *p->positions);
-    p->colors = malloc((p->count + 1) * sizeof *p->colors);
-    p->counts = calloc(p->lines + 1, sizeof *p->counts);
-    if (!p->positions || !p->colors || !p->counts)
+    if (!import_mesh_parts_alloc_lines(&m->parts, p->count, p->lines))
         return fail(err, SP_ERR_MEMORY, m, "out of memory");
     return walk_lines(m, add_point);
-}
-
-static struct import_lines lines_of(const struct mesh *m) {
-    return (struct import_lines){ (uint32_t)m->points.lines, m->points.counts,
-                                  (const float(*)[3])m->points.positions,
-                                  (const float(*)[4])m->points.colors };
 }
 
 /* Copies what assimp has read, and lets it free its memory. */
@@ -179,7 +162,7 @@ static bool take_all(struct mesh *m, struct sp_error *err) {
         return false;
     m->call->close(m->bridge);
     m->bridge = NULL;
-    return import_mesh_finish(&m->built) ||
+    return import_mesh_finish(&m->parts.built) ||
            fail(err, SP_ERR_MEMORY, m, "out of memory for normals");
 }
 
@@ -212,19 +195,7 @@ static bool open_bytes(struct mesh *m, struct import_header *header, struct sp_e
         return false;
     if (!is_empty && !read_all(m, extension, &bytes, err))
         return false;
-    const struct import_lines lines = lines_of(m);
-    uint64_t vertices = m->built.vertex_count, triangles = m->built.triangle_count;
-    import_tubes_count(&lines, &vertices, &triangles);
-    if (vertices > SP_ELEMENTS_MAX || triangles > SP_ELEMENTS_MAX)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->shown,
-                       "%" PRIu64 " vertices and %" PRIu64 " triangles are more than %d", vertices,
-                       triangles, SP_ELEMENTS_MAX);
-    const struct sp_elements_shape shape = { .kind = SP_KIND_MESH,
-                                             .count = (uint32_t)triangles,
-                                             .vertex_count = (uint32_t)vertices };
-    import_header_use_elements(header, &shape);
-    header->has_normals = true;
-    return true;
+    return import_mesh_parts_describe(&m->parts, m->file, header, err);
 }
 
 static void close_mesh(void *reader) {
@@ -233,10 +204,7 @@ static void close_mesh(void *reader) {
         m->call->close(m->bridge);
     for (int i = 0; i < m->files; i++)
         munmap((void *)(uintptr_t)m->bytes[i].start, m->bytes[i].size);
-    import_mesh_free(&m->built);
-    free(m->points.positions);
-    free(m->points.colors);
-    free(m->points.counts);
+    import_mesh_parts_free(&m->parts);
     free(m);
 }
 
@@ -254,41 +222,12 @@ static void *open_mesh(const struct import_file *file, struct import_header *hea
     return NULL;
 }
 
-/* The diagonal of the box around all vertices and points. */
-static double find_diameter(const struct mesh *m) {
-    const struct import_mesh_builder *b = &m->built;
-    double square = 0;
-    for (int a = 0; a < 3; a++) {
-        double low = INFINITY, high = -INFINITY;
-        for (uint64_t i = 0; i < b->vertex_count + m->points.count; i++) {
-            const double at = i < b->vertex_count
-                                  ? (double)b->vertices[i].position[a]
-                                  : (double)m->points.positions[i - b->vertex_count][a];
-            low = at < low ? at : low;
-            high = at > high && isfinite(at) ? at : high;
-        }
-        if (high > low && isfinite(low))
-            square += (high - low) * (high - low);
-    }
-    return sqrt(square);
-}
-
 static bool read_elements(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err) {
     const struct mesh *m = reader;
-    const struct import_mesh_builder *b = &m->built;
-    const struct import_lines lines = lines_of(m);
     (void)progress; /* it takes no time */
     (void)err;
-    for (uint32_t i = 0; i < b->vertex_count; i++) {
-        memcpy(elements->positions[i], b->vertices[i].position, sizeof elements->positions[i]);
-        memcpy(elements->normals[i], b->vertices[i].normal, sizeof elements->normals[i]);
-        memcpy(elements->colors[i], b->vertices[i].color, sizeof elements->colors[i]);
-    }
-    if (b->triangle_count)
-        memcpy(elements->triangles, b->triangles, b->triangle_count * sizeof *b->triangles);
-    import_tubes_fill(&lines, IMPORT_TUBE_RADIUS * find_diameter(m), elements, b->vertex_count,
-                      b->triangle_count);
+    import_mesh_parts_read(&m->parts, elements);
     return true;
 }
 

@@ -28,6 +28,28 @@ static void place_samples(struct vtk_volume *v, struct sp_grid *grid) {
             grid->spacing[axis] = thickness(grid);
 }
 
+bool vtk_place_image(const struct import_file *file, const struct vtk_image *image,
+                     struct import_header *header, uint64_t byte, struct sp_error *err) {
+    struct sp_grid *grid = &header->grid;
+    const double *d = image->direction;
+    for (int axis = 0; axis < 3; axis++) {
+        const double length = hypot(hypot(d[axis], d[3 + axis]), d[6 + axis]);
+        if (!(fabs(length - 1) < 1e-2))
+            return import_fail(err, SP_ERR_FORMAT, file->shown, byte, "Direction",
+                               "axis %d has length %g instead of 1", axis, length);
+        grid->spacing[axis] = image->spacing[axis];
+        for (int row = 0; row < 3; row++) /* removes the rounding of the written digits */
+            grid->direction[row][axis] = d[3 * row + axis] / length;
+    }
+    for (int row = 0; row < 3; row++) {
+        grid->origin[row] = image->origin[row];
+        for (int axis = 0; axis < 3; axis++)
+            grid->origin[row] +=
+                grid->direction[row][axis] * grid->spacing[axis] * image->first[axis];
+    }
+    return true;
+}
+
 unsigned vtk_rank_vectors(const struct import_file *file, const char *name, bool is_usual) {
     const bool is_named =
         *file->vectors ? strcmp(file->vectors, name) == 0 : import_derived_names(file->field, name);
@@ -101,6 +123,9 @@ bool vtk_complete_points(struct vtk_volume *v, struct import_header *header, uin
         return import_fail(err, SP_ERR_UNSUPPORTED, file->shown, byte, field,
                            "%" PRIu64 " points are more than the %d that a volume may have", count,
                            SP_ELEMENTS_MAX);
+    if (set == VTK_POLY && count > 0 && vtk_mesh_is_there(&v->mesh) && !*file->field &&
+        !*file->vectors)
+        return vtk_mesh_open(&v->mesh, file, &v->points, count, header, err);
     memcpy(v->dims, header->grid.dims, sizeof v->dims);
     import_header_use_elements(header,
                                &(struct sp_elements_shape){ .kind = SP_KIND_POINTS,
@@ -119,11 +144,22 @@ bool vtk_complete_points(struct vtk_volume *v, struct import_header *header, uin
                           (!v->vectors.type || vtk_array_check(file, &v->vectors, err)));
 }
 
+void vtk_warn_of_cells(const struct import_file *file, uint64_t count) {
+    import_warn(file->warnings,
+                "The %" PRIu64
+                " cells of the unstructured grid are not read; its points are drawn.",
+                count);
+}
+
 bool vtk_read_elements(void *volume, const struct sp_elements *e,
                        const struct import_progress *progress, struct sp_error *err) {
     struct vtk_volume *v = volume;
     struct import_progress rest = *progress;
     const uint32_t count = e->shape.count;
+    if (e->shape.kind == SP_KIND_MESH) {
+        import_mesh_parts_read(&v->mesh.parts, e);
+        return true;
+    }
     if (count == 0)
         return true;
     if (!vtk_array_read_floats(v->file, &v->points, e->positions[0], progress, err))
@@ -146,6 +182,7 @@ void vtk_close(void *volume) {
     struct vtk_volume *v = volume;
     for (int axis = 0; axis < 3; axis++)
         free(v->positions[axis]);
+    import_mesh_parts_free(&v->mesh.parts);
     free(v);
 }
 

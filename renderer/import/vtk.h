@@ -7,7 +7,7 @@
 #ifndef SP_IMPORT_VTK_H
 #define SP_IMPORT_VTK_H
 
-#include "import/vtk_array.h"
+#include "import/vtk_mesh.h"
 
 /* The data sets that a file may have. */
 enum vtk_set { VTK_NO_SET, VTK_IMAGE, VTK_RECTILINEAR, VTK_STRUCTURED, VTK_UNSTRUCTURED, VTK_POLY };
@@ -24,7 +24,18 @@ struct vtk_volume { /* a reader of either format */
     struct vtk_array points;           /* positions of points; without a type if there are none */
     uint32_t dims[3];                  /* of a structured grid */
     enum import_derived derived;       /* how values of points come from the vectors */
+    struct vtk_mesh mesh;              /* of a data set of polygons */
 };
+
+/* The place of an image. */
+struct vtk_image {
+    double origin[3], spacing[3], direction[9];
+    int32_t first[3]; /* index of the first sample; an extent may start at any */
+};
+
+/* Sets the grid's place; the axes of `direction` must have unit length. */
+bool vtk_place_image(const struct import_file *file, const struct vtk_image *image,
+                     struct import_header *header, uint64_t byte, struct sp_error *err);
 
 /* How well the vectors of this name suit: 3 if the caller names them or a field that comes from
  * them, 2 if they are what the reader looks for (`is_usual`), 1 otherwise. The first of the best is
@@ -38,9 +49,13 @@ unsigned vtk_rank_vectors(const struct import_file *file, const char *name, bool
 bool vtk_complete(struct vtk_volume *volume, struct import_header *header, uint64_t byte,
                   const char *field, struct sp_error *err);
 
-/* The same for a data set with `count` points, whose positions are in `points`. */
+/* The same for a data set with `count` points, whose positions are in `points`. Polygons, strips
+ * and lines are a mesh, unless the source names a field, which points show. */
 bool vtk_complete_points(struct vtk_volume *volume, struct import_header *header, uint64_t count,
                          enum vtk_set set, uint64_t byte, const char *field, struct sp_error *err);
+
+/* Says that an unstructured grid has cells that are not drawn. */
+void vtk_warn_of_cells(const struct import_file *file, uint64_t count);
 
 /* read(), read_elements() and close() of struct import_format. */
 bool vtk_read_elements(void *volume, const struct sp_elements *elements,

@@ -6,47 +6,14 @@
  */
 #include <ctype.h>
 #include <inttypes.h>
-#include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <strings.h>
 
-#include "import/text.h"
-#include "import/vtk.h"
-
-/* Tuples of an array; the product with the components fits into 64 bits. */
-#define COUNT_MAX (UINT64_C(1) << 40)
+#include "import/vtk_legacy_words.h"
 
 enum { COMPONENTS_MAX = 1 << 16 };
-
-struct legacy { /* state while the file is read */
-    const struct import_file *file;
-    struct import_header *header;
-    struct vtk_volume *volume;
-    struct sp_error *err;
-    struct import_text text;
-    uint64_t byte;    /* offset of the keyword */
-    uint64_t grid_at; /* offset of DIMENSIONS, or of POINTS without a grid; 0 = not seen */
-    bool words;       /* ASCII */
-    enum vtk_set set;
-    bool new_cells; /* two arrays with a type each, since version 5 */
-    enum { NOWHERE, POINTS, CELLS } section;
-    bool has_scalars;        /* the first SCALARS are found, which are better than other arrays */
-    unsigned vector_rank;    /* of the vectors that are found; 0 = none */
-    uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
-    char others[160];        /* other data in the file, for errors */
-};
-
-__attribute__((format(printf, 4, 5))) static bool
-refuse(const struct legacy *l, enum sp_code code, const char *field, const char *format, ...) {
-    char text[SP_ERROR_TEXT];
-    va_list args;
-    va_start(args, format);
-    vsnprintf(text, sizeof text, format, args);
-    va_end(args);
-    return import_fail(l->err, code, l->file->shown, l->byte, field, "%s", text);
-}
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
     static const char magic[] = "# vtk DataFile";
@@ -56,15 +23,11 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
     return n > 4 && strcasecmp(shown + n - 4, ".vtk") == 0 && start[0] != '<';
 }
 
-static bool next_word(struct legacy *l, char word[IMPORT_WORD_MAX + 1]) {
-    return import_text_word(&l->text, word, &l->byte, l->err);
-}
-
 /* Reads the next keyword or array name. VTK may write METADATA after any array; it ends with an
  * empty line, says nothing about samples, and is skipped. */
-static bool next_keyword(struct legacy *l, char word[IMPORT_WORD_MAX + 1]) {
+static bool next_keyword(struct vtk_legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     for (;;) {
-        if (!next_word(l, word))
+        if (!vtk_legacy_word(l, word))
             return false;
         if (strcasecmp(word, "METADATA") != 0)
             return true;
@@ -78,61 +41,9 @@ static bool next_keyword(struct legacy *l, char word[IMPORT_WORD_MAX + 1]) {
     }
 }
 
-static bool next_count(struct legacy *l, const char *field, uint64_t limit, uint64_t *count) {
-    char word[IMPORT_WORD_MAX + 1], *end;
-    if (!next_word(l, word))
-        return false;
-    *count = strtoull(word, &end, 10);
-    if (word[0] >= '0' && word[0] <= '9' && !*end && *count <= limit)
-        return true;
-    return refuse(l, SP_ERR_FORMAT, field, "\"%.40s\" is not a whole number up to %" PRIu64, word,
-                  limit);
-}
-
-static bool next_type(struct legacy *l, const char *field, const struct vtk_type **type) {
-    char word[IMPORT_WORD_MAX + 1];
-    if (!next_word(l, word))
-        return false;
-    *type = vtk_find_type(word, false);
-    return *type ||
-           refuse(l, SP_ERR_UNSUPPORTED, field, "values of type \"%.40s\" are not supported", word);
-}
-
-/* BINARY data begins on the next line. */
-static bool end_line(struct legacy *l) {
-    char line[2];
-    return l->words || import_text_line(&l->text, line, sizeof line, l->err);
-}
-
-/* Describes the array that begins here. */
-static struct vtk_array array_here(const struct legacy *l, const char *keyword, const char *name,
-                                   const struct vtk_type *type, uint64_t count) {
-    struct vtk_array a = { .type = type,
-                           .count = count,
-                           .form = l->words ? VTK_WORDS : VTK_BYTES,
-                           .big_endian = true,
-                           .begin = l->text.at,
-                           .end = l->file->size };
-    snprintf(a.name, sizeof a.name, "%s %.60s", keyword, name);
-    return a;
-}
-
-static bool skip_values(struct legacy *l, const char *field, uint64_t count, size_t size) {
-    if (l->words)
-        return import_text_skip(&l->text, count, field, l->err);
-    uint64_t left = l->text.end - l->text.at;
-    if (count > left / size)
-        return refuse(l, SP_ERR_FORMAT, field,
-                      "%" PRIu64 " values of %zu bytes do not fit into the rest of the file: it is "
-                      "cut off or a count is wrong",
-                      count, size);
-    l->text.at += count * size;
-    return true;
-}
-
 /* The structure. */
 
-static bool take_dataset(struct legacy *l, const char *keyword) {
+static bool take_dataset(struct vtk_legacy *l, const char *keyword) {
     static const struct {
         const char *name;
         enum vtk_set set;
@@ -143,168 +54,149 @@ static bool take_dataset(struct legacy *l, const char *keyword) {
                  { "POLYDATA", VTK_POLY } };
     char kind[IMPORT_WORD_MAX + 1];
     if (l->set)
-        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
-    if (!next_word(l, kind))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+    if (!vtk_legacy_word(l, kind))
         return false;
     for (size_t i = 0; i < sizeof sets / sizeof *sets; i++)
         if (strcasecmp(kind, sets[i].name) == 0)
             l->set = sets[i].set;
-    return l->set || refuse(l, SP_ERR_UNSUPPORTED, keyword,
-                            "data set %.40s is not supported; supported are STRUCTURED_POINTS, "
-                            "RECTILINEAR_GRID, STRUCTURED_GRID, UNSTRUCTURED_GRID and POLYDATA",
-                            kind);
+    return l->set ||
+           vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, keyword,
+                             "data set %.40s is not supported; supported are STRUCTURED_POINTS, "
+                             "RECTILINEAR_GRID, STRUCTURED_GRID, UNSTRUCTURED_GRID and POLYDATA",
+                             kind);
 }
 
-static bool take_dimensions(struct legacy *l, const char *keyword) {
+static bool take_dimensions(struct vtk_legacy *l, const char *keyword) {
     if (l->set > VTK_STRUCTURED)
-        return refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occur twice");
     l->grid_at = l->byte;
     l->points = 1;
     for (int axis = 0; axis < 3; axis++) {
         uint64_t n;
-        if (!next_count(l, keyword, SP_DIM_MAX, &n))
+        if (!vtk_legacy_count(l, keyword, SP_DIM_MAX, &n))
             return false;
         l->header->grid.dims[axis] = (uint32_t)n;
         l->points *= n;
     }
-    return l->points > 0 || refuse(l, SP_ERR_FORMAT, keyword, "the grid is empty");
+    return l->points > 0 || vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "the grid is empty");
 }
 
-static bool take_triple(struct legacy *l, const char *keyword, double out[3]) {
+static bool take_triple(struct vtk_legacy *l, const char *keyword, double out[3]) {
     if (l->set != VTK_IMAGE)
-        return refuse(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "belongs to STRUCTURED_POINTS only");
     for (int axis = 0; axis < 3; axis++) {
         char word[IMPORT_WORD_MAX + 1], *end;
-        if (!next_word(l, word))
+        if (!vtk_legacy_word(l, word))
             return false;
         out[axis] = strtod(word, &end);
         if (end == word || *end)
-            return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" is not a number", word);
+            return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" is not a number", word);
     }
     return true;
 }
 
-static bool take_origin(struct legacy *l, const char *keyword) {
+static bool take_origin(struct vtk_legacy *l, const char *keyword) {
     return take_triple(l, keyword, l->header->grid.origin);
 }
 
-static bool take_spacing(struct legacy *l, const char *keyword) {
+static bool take_spacing(struct vtk_legacy *l, const char *keyword) {
     return take_triple(l, keyword, l->header->grid.spacing);
 }
 
-static bool take_coordinates(struct legacy *l, const char *keyword) {
+static bool take_coordinates(struct vtk_legacy *l, const char *keyword) {
     int axis = (keyword[0] & ~0x20) - 'X';
     uint64_t count;
     const struct vtk_type *type;
     if (!l->grid_at || l->set != VTK_RECTILINEAR)
-        return refuse(l, SP_ERR_FORMAT, keyword,
-                      "must follow the DIMENSIONS of a "
-                      "RECTILINEAR_GRID");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+                                 "must follow the DIMENSIONS of a "
+                                 "RECTILINEAR_GRID");
     if (l->volume->positions[axis])
-        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
-    if (!next_count(l, keyword, COUNT_MAX, &count))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+    if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count))
         return false;
     if (count != l->header->grid.dims[axis])
-        return refuse(l, SP_ERR_FORMAT, keyword,
-                      "%" PRIu64 " coordinates for the %" PRIu32 " samples of DIMENSIONS", count,
-                      l->header->grid.dims[axis]);
-    if (!next_type(l, keyword, &type) || !end_line(l))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+                                 "%" PRIu64 " coordinates for the %" PRIu32
+                                 " samples of DIMENSIONS",
+                                 count, l->header->grid.dims[axis]);
+    if (!vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
-    struct vtk_array a = array_here(l, keyword, type->legacy, type, count);
+    struct vtk_array a = vtk_legacy_array(l, keyword, type->legacy, type, count);
     l->volume->positions[axis] =
         vtk_array_check(l->file, &a, l->err) ? vtk_array_read_numbers(l->file, &a, l->err) : NULL;
-    return l->volume->positions[axis] && skip_values(l, keyword, count, type->number.size);
+    return l->volume->positions[axis] && vtk_legacy_skip(l, keyword, count, type->number.size);
 }
 
 /* The positions of points. */
-static bool take_positions(struct legacy *l, const char *keyword) {
+static bool take_positions(struct vtk_legacy *l, const char *keyword) {
     uint64_t count, byte = l->byte;
     const struct vtk_type *type;
     if (!vtk_has_points(l->set))
-        return refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "do not belong to this data set");
     if (l->volume->points.type)
-        return refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "occurs twice");
     if (l->set == VTK_STRUCTURED && !l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
-    if (!next_count(l, keyword, COUNT_MAX, &count))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before DIMENSIONS");
+    if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count))
         return false;
     if (l->set == VTK_STRUCTURED && count != l->points)
-        return refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but DIMENSIONS give %" PRIu64,
-                      count, l->points);
-    if (!next_type(l, keyword, &type) || !end_line(l))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+                                 "%" PRIu64 " points, but DIMENSIONS give %" PRIu64, count,
+                                 l->points);
+    if (!vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
     if (l->set != VTK_STRUCTURED)
         l->grid_at = byte;
     l->points = count;
-    l->volume->points = array_here(l, keyword, type->legacy, type, 3 * count);
-    return skip_values(l, keyword, 3 * count, type->number.size);
+    l->volume->points = vtk_legacy_array(l, keyword, type->legacy, type, 3 * count);
+    return vtk_legacy_skip(l, keyword, 3 * count, type->number.size);
 }
 
-/* Cells of any shape: COUNT and the number of integers. Since version 5 these are the lengths of
- * two arrays, OFFSETS and CONNECTIVITY, each with its type. */
-static bool skip_cells(struct legacy *l, const char *keyword) {
-    static const char *const arrays[] = { "OFFSETS", "CONNECTIVITY" };
-    uint64_t counts[2];
-    char word[IMPORT_WORD_MAX + 1];
-    const struct vtk_type *type;
-    if (!next_count(l, keyword, COUNT_MAX, &counts[0]) ||
-        !next_count(l, keyword, COUNT_MAX, &counts[1]) || !end_line(l))
-        return false;
-    if (!l->new_cells)
-        return skip_values(l, keyword, counts[1], 4);
-    for (int i = 0; i < 2; i++) {
-        if (!next_word(l, word))
-            return false;
-        if (strcasecmp(word, arrays[i]) != 0)
-            return refuse(l, SP_ERR_FORMAT, keyword, "\"%.40s\" instead of %s", word, arrays[i]);
-        if (!next_type(l, arrays[i], &type) || !end_line(l) ||
-            !skip_values(l, arrays[i], counts[i], type->number.size))
-            return false;
-    }
-    return true;
-}
-
-static bool skip_cell_types(struct legacy *l, const char *keyword) {
+static bool skip_cell_types(struct vtk_legacy *l, const char *keyword) {
     uint64_t count;
-    return next_count(l, keyword, COUNT_MAX, &count) && end_line(l) &&
-           skip_values(l, keyword, count, 4);
+    return vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) && vtk_legacy_end_line(l) &&
+           vtk_legacy_skip(l, keyword, count, 4);
 }
 
 /* The attributes. */
 
-static bool begin_section(struct legacy *l, const char *keyword, int section) {
+static bool begin_section(struct vtk_legacy *l, const char *keyword, int section) {
     l->section = section;
     if (!l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, keyword, "comes before %s",
-                      l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS");
-    if (!next_count(l, keyword, COUNT_MAX, &l->tuples))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before %s",
+                                 l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS");
+    if (!vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &l->tuples))
         return false;
     return l->points <= SP_VOXELS_MAX ||
            import_fail(l->err, SP_ERR_FORMAT, l->file->shown, l->grid_at, "DIMENSIONS",
                        "more than %" PRIu64 " voxels", SP_VOXELS_MAX);
 }
 
-static bool take_points(struct legacy *l, const char *keyword) {
+static bool take_points(struct vtk_legacy *l, const char *keyword) {
     if (!begin_section(l, keyword, POINTS))
         return false;
     return l->tuples == l->points ||
-           refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but %s give %" PRIu64, l->tuples,
-                  l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS", l->points);
+           vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%" PRIu64 " points, but %s give %" PRIu64,
+                             l->tuples, l->set > VTK_STRUCTURED ? "POINTS" : "DIMENSIONS",
+                             l->points);
 }
 
-static bool take_cells(struct legacy *l, const char *keyword) {
+static bool take_cells(struct vtk_legacy *l, const char *keyword) {
     vtk_list(l->others, "cell data");
+    l->volume->mesh.has_cell_data = true;
     return begin_section(l, keyword, CELLS);
 }
 
-static bool check_section(const struct legacy *l, const char *keyword) {
+static bool check_section(const struct vtk_legacy *l, const char *keyword) {
     return l->section != NOWHERE ||
-           refuse(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
+           vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "comes before POINT_DATA and CELL_DATA");
 }
 
-static void list_other(struct legacy *l, const char *keyword, const char *name) {
+static void list_other(struct vtk_legacy *l, const char *keyword, const char *name) {
     char text[96];
     snprintf(text, sizeof text, "%s %.60s", keyword, name);
     if (l->section == POINTS)
@@ -328,7 +220,7 @@ static void take_name(char out[SP_FIELD_BYTES], const char *name) {
 
 /* Takes the array of points that begins here as samples or vectors, unless there is one that is not
  * worse. */
-static void take_samples(struct legacy *l, const char *keyword, const char *name,
+static void take_samples(struct vtk_legacy *l, const char *keyword, const char *name,
                          const struct vtk_type *type) {
     const char *wanted = l->volume->file->field;
     char own[SP_FIELD_BYTES];
@@ -340,11 +232,11 @@ static void take_samples(struct legacy *l, const char *keyword, const char *name
     }
     import_header_add_other(l->header, l->header->value_name);
     l->has_scalars = is_best;
-    l->volume->samples = array_here(l, keyword, name, type, l->points);
+    l->volume->samples = vtk_legacy_array(l, keyword, name, type, l->points);
     memcpy(l->header->value_name, own, sizeof own);
 }
 
-static void take_vectors(struct legacy *l, const char *keyword, const char *name,
+static void take_vectors(struct vtk_legacy *l, const char *keyword, const char *name,
                          const struct vtk_type *type) {
     char own[SP_FIELD_BYTES];
     take_name(own, name);
@@ -354,11 +246,21 @@ static void take_vectors(struct legacy *l, const char *keyword, const char *name
     if (other == own)
         return;
     l->vector_rank = rank;
-    l->volume->vectors = array_here(l, keyword, name, type, 3 * l->points);
+    l->volume->vectors = vtk_legacy_array(l, keyword, name, type, 3 * l->points);
     memcpy(l->header->vector_name, own, sizeof own);
 }
 
-static bool take_scalars(struct legacy *l, const char *keyword) {
+/* Takes the first array of points that has colours. */
+static void take_colors(struct vtk_legacy *l, const char *keyword, const char *name,
+                        const struct vtk_type *type, uint64_t components) {
+    struct vtk_mesh *mesh = &l->volume->mesh;
+    if (l->section != POINTS || mesh->colors.type || (components != 3 && components != 4))
+        return;
+    mesh->colors = vtk_legacy_array(l, keyword, name, type, components * l->points);
+    mesh->color_components = (unsigned)components;
+}
+
+static bool take_scalars(struct vtk_legacy *l, const char *keyword) {
     char line[512], name[256] = "", kind[64] = "", word[IMPORT_WORD_MAX + 1];
     int components = 1;
     if (!check_section(l, keyword) || !import_text_line(&l->text, line, sizeof line, l->err))
@@ -366,25 +268,28 @@ static bool take_scalars(struct legacy *l, const char *keyword) {
     sscanf(line, "%255s %63s %d", name, kind, &components);
     const struct vtk_type *type = vtk_find_type(kind, false);
     if (!type)
-        return refuse(l, SP_ERR_UNSUPPORTED, keyword, "values of type \"%s\" are not supported",
-                      kind);
+        return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, keyword,
+                                 "values of type \"%s\" are not supported", kind);
     if (components < 1 || components > 4)
-        return refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, 4]", components);
-    if (!next_word(l, word))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword, "%d components, outside [1, 4]",
+                                 components);
+    if (!vtk_legacy_word(l, word))
         return false;
     if (strcasecmp(word, "LOOKUP_TABLE") != 0)
-        return refuse(l, SP_ERR_FORMAT, keyword,
-                      "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
-    if (!next_word(l, word) || !end_line(l))
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+                                 "is followed by \"%.40s\"; its LOOKUP_TABLE must follow", word);
+    if (!vtk_legacy_word(l, word) || !vtk_legacy_end_line(l))
         return false;
     list_other(l, keyword, name);
     if (l->section == POINTS && components == 1)
         take_samples(l, keyword, name, type);
-    return skip_values(l, keyword, l->tuples * (unsigned)components, type->number.size);
+    if (type->sample == SP_UINT8)
+        take_colors(l, keyword, name, type, (unsigned)components);
+    return vtk_legacy_skip(l, keyword, l->tuples * (unsigned)components, type->number.size);
 }
 
 /* Attributes with NAME, TYPE and a fixed number of components. */
-static bool take_attribute(struct legacy *l, const char *keyword) {
+static bool take_attribute(struct vtk_legacy *l, const char *keyword) {
     static const struct {
         const char *keyword;
         unsigned components;
@@ -392,8 +297,8 @@ static bool take_attribute(struct legacy *l, const char *keyword) {
                   { "GLOBAL_IDS", 1 }, { "PEDIGREE_IDS", 1 }, { "EDGE_FLAGS", 1 } };
     char name[IMPORT_WORD_MAX + 1];
     const struct vtk_type *type;
-    if (!check_section(l, keyword) || !next_word(l, name) || !next_type(l, keyword, &type) ||
-        !end_line(l))
+    if (!check_section(l, keyword) || !vtk_legacy_word(l, name) ||
+        !vtk_legacy_type(l, keyword, &type) || !vtk_legacy_end_line(l))
         return false;
     list_other(l, keyword, name);
     unsigned components = 0;
@@ -402,69 +307,78 @@ static bool take_attribute(struct legacy *l, const char *keyword) {
             components = known[i].components;
     if (l->section == POINTS && components == 3)
         take_vectors(l, keyword, name, type);
-    return skip_values(l, keyword, l->tuples * components, type->number.size);
+    if (l->section == POINTS && strcasecmp(keyword, "NORMALS") == 0)
+        l->volume->mesh.normals = vtk_legacy_array(l, keyword, name, type, 3 * l->points);
+    return vtk_legacy_skip(l, keyword, l->tuples * components, type->number.size);
 }
 
-static bool skip_texture(struct legacy *l, const char *keyword) {
+static bool skip_texture(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
     const struct vtk_type *type;
-    return check_section(l, keyword) && next_word(l, name) &&
-           next_count(l, keyword, 3, &components) && next_type(l, keyword, &type) && end_line(l) &&
-           skip_values(l, keyword, l->tuples * components, type->number.size);
+    return check_section(l, keyword) && vtk_legacy_word(l, name) &&
+           vtk_legacy_count(l, keyword, 3, &components) && vtk_legacy_type(l, keyword, &type) &&
+           vtk_legacy_end_line(l) &&
+           vtk_legacy_skip(l, keyword, l->tuples * components, type->number.size);
 }
 
-static bool skip_colors(struct legacy *l, const char *keyword) {
+/* Bytes, or words in [0, 1]. */
+static bool take_color_scalars(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t components;
-    if (!check_section(l, keyword) || !next_word(l, name) ||
-        !next_count(l, keyword, COMPONENTS_MAX, &components) || !end_line(l))
+    if (!check_section(l, keyword) || !vtk_legacy_word(l, name) ||
+        !vtk_legacy_count(l, keyword, COMPONENTS_MAX, &components) || !vtk_legacy_end_line(l))
         return false;
     list_other(l, keyword, name);
-    return skip_values(l, keyword, l->tuples * components, 1);
+    take_colors(l, keyword, name, vtk_find_type(l->words ? "float" : "unsigned_char", false),
+                components);
+    return vtk_legacy_skip(l, keyword, l->tuples * components, 1);
 }
 
-static bool skip_table(struct legacy *l, const char *keyword) {
+static bool skip_table(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t count;
-    return next_word(l, name) && next_count(l, keyword, COUNT_MAX, &count) && end_line(l) &&
-           skip_values(l, keyword, 4 * count, 1);
+    return vtk_legacy_word(l, name) && vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &count) &&
+           vtk_legacy_end_line(l) && vtk_legacy_skip(l, keyword, 4 * count, 1);
 }
 
 /* Named arrays. Outside of a section they belong to anything. */
-static bool take_field(struct legacy *l, const char *keyword) {
+static bool take_field(struct vtk_legacy *l, const char *keyword) {
     char name[IMPORT_WORD_MAX + 1];
     uint64_t arrays, components, tuples;
     const struct vtk_type *type;
-    if (!next_word(l, name) || !next_count(l, keyword, COUNT_MAX, &arrays))
+    if (!vtk_legacy_word(l, name) || !vtk_legacy_count(l, keyword, VTK_COUNT_MAX, &arrays))
         return false;
     for (uint64_t i = 0; i < arrays; i++) {
         if (!next_keyword(l, name))
             return false;
         if (!name[0])
-            return refuse(l, SP_ERR_FORMAT, keyword,
-                          "the file ends %" PRIu64 " arrays before its end", arrays - i);
+            return vtk_legacy_refuse(l, SP_ERR_FORMAT, keyword,
+                                     "the file ends %" PRIu64 " arrays before its end", arrays - i);
         if (strcmp(name, "NULL_ARRAY") == 0)
             continue;
-        if (!next_count(l, name, COMPONENTS_MAX, &components) ||
-            !next_count(l, name, COUNT_MAX, &tuples) || !next_type(l, name, &type) || !end_line(l))
+        if (!vtk_legacy_count(l, name, COMPONENTS_MAX, &components) ||
+            !vtk_legacy_count(l, name, VTK_COUNT_MAX, &tuples) ||
+            !vtk_legacy_type(l, name, &type) || !vtk_legacy_end_line(l))
             return false;
         list_other(l, keyword, name);
         bool is_of_points = l->section == POINTS && tuples == l->points;
         if (is_of_points && components == 1 && (type->sample >= 0 || vtk_has_points(l->set)))
             take_samples(l, keyword, name, type);
-        if (is_of_points && components == 3 && type->sample != SP_UINT8) /* not colours */
+        if (is_of_points && type->sample == SP_UINT8)
+            take_colors(l, keyword, name, type, components);
+        else if (is_of_points && components == 3)
             take_vectors(l, keyword, name, type);
-        if (!skip_values(l, name, tuples * components, type->number.size))
+        if (!vtk_legacy_skip(l, name, tuples * components, type->number.size))
             return false;
     }
     return true;
 }
 
-static bool take_keyword(struct legacy *l, const char *word) {
+static bool take_keyword(struct vtk_legacy *l, const char *word) {
     static const struct {
         const char *keyword;
-        bool (*take)(struct legacy *l, const char *keyword);
+        bool (*take)(struct vtk_legacy *l, const char *keyword);
     } known[] = { { "DATASET", take_dataset },
                   { "DIMENSIONS", take_dimensions },
                   { "ORIGIN", take_origin },
@@ -474,11 +388,11 @@ static bool take_keyword(struct legacy *l, const char *word) {
                   { "Y_COORDINATES", take_coordinates },
                   { "Z_COORDINATES", take_coordinates },
                   { "POINTS", take_positions },
-                  { "CELLS", skip_cells },
-                  { "VERTICES", skip_cells },
-                  { "LINES", skip_cells },
-                  { "POLYGONS", skip_cells },
-                  { "TRIANGLE_STRIPS", skip_cells },
+                  { "CELLS", vtk_legacy_cells },
+                  { "VERTICES", vtk_legacy_cells },
+                  { "LINES", vtk_legacy_cells },
+                  { "POLYGONS", vtk_legacy_cells },
+                  { "TRIANGLE_STRIPS", vtk_legacy_cells },
                   { "CELL_TYPES", skip_cell_types },
                   { "POINT_DATA", take_points },
                   { "CELL_DATA", take_cells },
@@ -492,62 +406,66 @@ static bool take_keyword(struct legacy *l, const char *word) {
                   { "PEDIGREE_IDS", take_attribute },
                   { "EDGE_FLAGS", take_attribute },
                   { "TEXTURE_COORDINATES", skip_texture },
-                  { "COLOR_SCALARS", skip_colors },
+                  { "COLOR_SCALARS", take_color_scalars },
                   { "LOOKUP_TABLE", skip_table } };
     for (size_t i = 0; i < sizeof known / sizeof known[0]; i++)
         if (strcasecmp(word, known[i].keyword) == 0) {
             if (i > 0 && !l->set && known[i].take != take_field)
-                return refuse(l, SP_ERR_FORMAT, known[i].keyword, "comes before DATASET");
+                return vtk_legacy_refuse(l, SP_ERR_FORMAT, known[i].keyword,
+                                         "comes before DATASET");
             return known[i].take(l, known[i].keyword);
         }
-    return refuse(l, SP_ERR_FORMAT, NULL,
-                  "\"%.40s\" is not a keyword of a VTK file, or a count before it is wrong", word);
+    return vtk_legacy_refuse(
+        l, SP_ERR_FORMAT, NULL,
+        "\"%.40s\" is not a keyword of a VTK file, or a count before it is wrong", word);
 }
 
-static bool take_preamble(struct legacy *l) {
+static bool take_preamble(struct vtk_legacy *l) {
     char line[300], word[IMPORT_WORD_MAX + 1];
     int major = 0;
     if (!import_text_line(&l->text, line, sizeof line, l->err))
         return false;
     if (strncasecmp(line, "# vtk DataFile Version ", 23) != 0 ||
         sscanf(line + 23, "%d", &major) != 1)
-        return refuse(l, SP_ERR_FORMAT, NULL,
-                      "a legacy VTK file starts with the line # vtk DataFile Version 3.0");
+        return vtk_legacy_refuse(
+            l, SP_ERR_FORMAT, NULL,
+            "a legacy VTK file starts with the line # vtk DataFile Version 3.0");
     if (major < 1 || major > 5)
-        return refuse(l, SP_ERR_UNSUPPORTED, NULL,
-                      "version %d of legacy VTK files is not supported; supported are 1 to 5",
-                      major);
+        return vtk_legacy_refuse(
+            l, SP_ERR_UNSUPPORTED, NULL,
+            "version %d of legacy VTK files is not supported; supported are 1 to 5", major);
     l->new_cells = major == 5;
-    if (!import_text_line(&l->text, line, sizeof line, l->err) || !next_word(l, word))
+    if (!import_text_line(&l->text, line, sizeof line, l->err) || !vtk_legacy_word(l, word))
         return false;
     l->words = strcasecmp(word, "ASCII") == 0;
     return l->words || strcasecmp(word, "BINARY") == 0 ||
-           refuse(l, SP_ERR_FORMAT, NULL, "the third line is \"%.40s\"; it must be ASCII or BINARY",
-                  word);
+           vtk_legacy_refuse(l, SP_ERR_FORMAT, NULL,
+                             "the third line is \"%.40s\"; it must be ASCII or BINARY", word);
 }
 
-static bool check_found(struct legacy *l) {
+static bool check_found(struct vtk_legacy *l) {
     if (!l->set)
-        return refuse(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, "DATASET", "is missing at the end of the file");
     if (l->set < VTK_UNSTRUCTURED && !l->grid_at)
-        return refuse(l, SP_ERR_FORMAT, "DIMENSIONS", "are missing at the end of the file");
+        return vtk_legacy_refuse(l, SP_ERR_FORMAT, "DIMENSIONS",
+                                 "are missing at the end of the file");
     if (vtk_has_points(l->set))
         return l->volume->points.type ||
-               refuse(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
+               vtk_legacy_refuse(l, SP_ERR_FORMAT, "POINTS", "are missing at the end of the file");
     for (int axis = 0; l->set == VTK_RECTILINEAR && axis < 3; axis++)
         if (!l->volume->positions[axis])
-            return refuse(
+            return vtk_legacy_refuse(
                 l, SP_ERR_FORMAT,
                 (const char *[]){ "X_COORDINATES", "Y_COORDINATES", "Z_COORDINATES" }[axis],
                 "are missing");
     if (l->volume->samples.type || l->volume->vectors.type)
         return true;
-    return refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
-                  "the points have neither scalars nor vectors; the file has %s",
-                  l->others[0] ? l->others : "no data");
+    return vtk_legacy_refuse(l, SP_ERR_UNSUPPORTED, "POINT_DATA",
+                             "the points have neither scalars nor vectors; the file has %s",
+                             l->others[0] ? l->others : "no data");
 }
 
-static bool take_all(struct legacy *l) {
+static bool take_all(struct vtk_legacy *l) {
     char word[IMPORT_WORD_MAX + 1];
     import_header_init(l->header);
     if (!take_preamble(l))
@@ -571,7 +489,7 @@ static bool take_all(struct legacy *l) {
 static void *open_legacy(const struct import_file *file, struct import_header *header,
                          struct sp_error *err) {
     struct vtk_volume *volume = calloc(1, sizeof *volume);
-    struct legacy *l = calloc(1, sizeof *l);
+    struct vtk_legacy *l = calloc(1, sizeof *l);
     bool ok = volume && l;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the header");

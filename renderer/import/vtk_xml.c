@@ -1,9 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * VTK XML files of images (.vti), rectilinear grids (.vtr), structured grids (.vts), unstructured
- * grids (.vtu) and polygons (.vtp) with one piece; of the last three, the points. expat parses the
- * part before the appended data. The reader remembers the place of arrays, never their text. A
- * document type, and with it every entity, is refused.
+ * VTK XML files with one piece: images (.vti), rectilinear (.vtr), structured (.vts) and
+ * unstructured grids (.vtu), and polygons (.vtp). expat parses the part before the appended data.
+ * The reader remembers the place of arrays, never their text. A document type is refused.
  *
  *   VTKFile ─► ImageData | … ─► Piece ─► PointData, Coordinates, Points ─► DataArray
  *           └► AppendedData: here parsing stops
@@ -20,6 +19,7 @@
 #include <unistd.h>
 
 #include "import/vtk.h"
+#include "import/vtk_xml_probe.h"
 
 enum { CHUNK = 1 << 16, TAG_MAX = 1 << 20 }; /* bytes */
 enum { DEPTH_MAX = 32 };
@@ -45,8 +45,10 @@ struct xml { /* state while the file is read */
     int pieces;
     uint64_t grid_at; /* offset of the grid's element; 0 = not seen */
     bool in_grid, in_points, in_coordinates, in_positions;
-    double origin[3], spacing[3], direction[9];
-    int32_t first[3];           /* first sample of the extent */
+    int cells;                                 /* enum vtk_cell_kind of the part; −1 = none */
+    struct data_array corners[VTK_CELL_KINDS], /* of cells, and their ends */
+        ends[VTK_CELL_KINDS], normals, colors;
+    struct vtk_image image;
     char selected[2][96];       /* the Scalars and Vectors that PointData selects */
     struct data_array found[2]; /* samples and vectors */
     unsigned rank[2];           /* how well they suit; 0 = none is found */
@@ -73,32 +75,6 @@ refuse(struct xml *x, enum sp_code code, const char *field, const char *format, 
     import_fail(x->err, code, x->file->shown, (uint64_t)XML_GetCurrentByteIndex(x->parser), field,
                 "%s", text);
     XML_StopParser(x->parser, XML_FALSE);
-}
-
-/* True if the start of a file says which data set it has. */
-static bool is_data_set(const uint8_t *start, size_t size) {
-    static const char *const types[] = { "\"ImageData\"", "\"RectilinearGrid\"",
-                                         "\"StructuredGrid\"", "\"UnstructuredGrid\"",
-                                         "\"PolyData\"" };
-    bool has_type = false;
-    for (size_t i = 0; i < sizeof types / sizeof *types; i++)
-        has_type = has_type || memmem(start, size, types[i], strlen(types[i]));
-    return has_type && memmem(start, size, "<VTKFile", 8);
-}
-
-static bool probe(const uint8_t *start, size_t size, const char *shown) {
-    static const uint8_t mark[] = { 0xef, 0xbb, 0xbf }; /* byte order, as UTF-8 */
-    size_t n = strlen(shown), i = size >= 3 && memcmp(start, mark, 3) == 0 ? 3 : 0;
-    if (n == 0)
-        return is_data_set(start, size);
-    while (i < size && (start[i] == ' ' || (start[i] >= '\t' && start[i] <= '\r')))
-        i++;
-    const char *ending = n > 4 ? shown + n - 4 : "";
-    static const char *const endings[] = { ".vti", ".vtr", ".vts", ".vtu", ".vtp" };
-    bool is_named = false;
-    for (size_t k = 0; k < sizeof endings / sizeof *endings; k++)
-        is_named |= strcasecmp(ending, endings[k]) == 0;
-    return (i < size && start[i] == '<') || is_named;
 }
 
 /* Attributes. */
@@ -187,10 +163,14 @@ static void take_grid(struct xml *x, const char *name, const char **attributes) 
     x->grid_at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
     if (x->set != VTK_IMAGE)
         return;
-    take_numbers(x, attributes, "Origin", x->origin, 3);
-    take_numbers(x, attributes, "Spacing", x->spacing, 3);
-    take_numbers(x, attributes, "Direction", x->direction, 9);
+    take_numbers(x, attributes, "Origin", x->image.origin, 3);
+    take_numbers(x, attributes, "Spacing", x->image.spacing, 3);
+    take_numbers(x, attributes, "Direction", x->image.direction, 9);
 }
+
+static const char *const cell_names[VTK_CELL_KINDS] = {
+    [VTK_VERTS] = "Verts", [VTK_LINES] = "Lines", [VTK_POLYS] = "Polys", [VTK_STRIPS] = "Strips"
+};
 
 static void take_piece(struct xml *x, const char *name, const char **attributes) {
     if (strcmp(name, "Piece") != 0)
@@ -205,6 +185,15 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
         if (!find(attributes, "NumberOfPoints"))
             refuse(x, SP_ERR_FORMAT, "NumberOfPoints", "is missing");
         take_whole(x, attributes, "NumberOfPoints", 0, UINT32_MAX, &x->count);
+        uint64_t cells = 0;
+        take_whole(x, attributes, "NumberOfCells", 0, UINT64_MAX, &cells);
+        if (x->set == VTK_UNSTRUCTURED && cells > 0 && cells != x->count)
+            vtk_warn_of_cells(x->file, cells);
+        for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++) {
+            char number[32];
+            snprintf(number, sizeof number, "NumberOf%s", cell_names[kind]);
+            take_whole(x, attributes, number, 0, UINT32_MAX, &x->volume->mesh.cells[kind].count);
+        }
         return;
     }
     if (!find(attributes, "Extent"))
@@ -219,7 +208,7 @@ static void take_piece(struct xml *x, const char *name, const char **attributes)
             refuse(x, SP_ERR_FORMAT, "Extent", "%g to %g does not hold 1 to %u samples", low, high,
                    SP_DIM_MAX);
         else {
-            x->first[axis] = (int32_t)low;
+            x->image.first[axis] = (int32_t)low;
             x->header->grid.dims[axis] = (uint32_t)(high - low) + 1;
         }
     }
@@ -229,6 +218,13 @@ static void take_part(struct xml *x, const char *name, const char **attributes) 
     x->in_points = strcmp(name, "PointData") == 0;
     x->in_coordinates = x->set == VTK_RECTILINEAR && strcmp(name, "Coordinates") == 0;
     x->in_positions = vtk_has_points(x->set) && strcmp(name, "Points") == 0;
+    x->cells = -1;
+    for (int kind = 0; kind < VTK_CELL_KINDS && x->set == VTK_POLY; kind++)
+        if (strcmp(name, cell_names[kind]) == 0) {
+            x->cells = kind;
+            x->volume->mesh.cells[kind].at = (uint64_t)XML_GetCurrentByteIndex(x->parser);
+        }
+    x->volume->mesh.has_cell_data |= x->set == VTK_POLY && strcmp(name, "CellData") == 0;
     static const char *const selections[] = { [SAMPLES] = "Scalars", [VECTORS] = "Vectors" };
     for (int kind = SAMPLES; kind <= VECTORS && x->in_points; kind++) {
         const char *array = find(attributes, selections[kind]);
@@ -268,6 +264,23 @@ static bool describe_array(struct xml *x, const char **attributes, const char *n
         return false;
     }
     return true;
+}
+
+/* Arrays of a data set of polygons that only a mesh has; NULL = it is none. */
+static struct data_array *choose_of_mesh(struct xml *x, const char *name, bool is_byte,
+                                         uint64_t components) {
+    const bool is_color = is_byte && (components == 3 || components == 4);
+    if (x->cells >= 0)
+        return strcmp(name, "connectivity") == 0 ? &x->corners[x->cells]
+               : strcmp(name, "offsets") == 0    ? &x->ends[x->cells]
+                                                 : NULL;
+    if (x->set != VTK_POLY || !x->in_points || x->file->field[0] || x->file->vectors[0])
+        return NULL;
+    if (is_color && !x->colors.used) {
+        x->volume->mesh.color_components = (unsigned)components;
+        return &x->colors;
+    }
+    return components == 3 && strcasecmp(name, "Normals") == 0 ? &x->normals : NULL;
 }
 
 /* Takes the array that PointData selects as scalars or vectors, or else the first array with one or
@@ -316,11 +329,15 @@ static void take_array(struct xml *x, const char *element, const char **attribut
     uint64_t components;
     const char *name = find(attributes, "Name");
     name = name ? name : "";
-    if ((!x->in_points && !x->in_coordinates && !x->in_positions) ||
+    if ((!x->in_points && !x->in_coordinates && !x->in_positions && x->cells < 0) ||
         strcmp(element, "DataArray") != 0 ||
         !take_whole(x, attributes, "NumberOfComponents", 1, 1 << 16, &components))
         return;
-    struct data_array *slot = choose_slot(x, name, find(attributes, "type"), components);
+    const char *type = find(attributes, "type");
+    struct data_array *slot =
+        choose_of_mesh(x, name, type && strcmp(type, "UInt8") == 0, components);
+    if (!slot && x->cells < 0)
+        slot = choose_slot(x, name, type, components);
     if (!slot || !describe_array(x, attributes, name, slot) || slot->appended)
         return;
     x->inside = slot;
@@ -479,25 +496,25 @@ static bool take_coordinates(struct xml *x) {
     return true;
 }
 
-/* An extent may start at any index; the origin of the grid is its first sample. */
-static bool take_image(struct xml *x) {
-    struct sp_grid *grid = &x->header->grid;
-    for (int axis = 0; axis < 3; axis++) {
-        double length =
-            hypot(hypot(x->direction[axis], x->direction[3 + axis]), x->direction[6 + axis]);
-        if (!(fabs(length - 1) < 1e-2))
-            return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Direction",
-                               "axis %d has length %g instead of 1", axis, length);
-        grid->spacing[axis] = x->spacing[axis];
-        for (int row = 0; row < 3; row++) /* removes the rounding of the written digits */
-            grid->direction[row][axis] = x->direction[3 * row + axis] / length;
+static bool take_mesh(struct xml *x) {
+    struct vtk_mesh *mesh = &x->volume->mesh;
+    bool ok =
+        (!x->normals.used || locate(x, &x->normals)) && (!x->colors.used || locate(x, &x->colors));
+    for (int kind = 0; kind < VTK_CELL_KINDS && ok; kind++) {
+        struct vtk_cells *cells = &mesh->cells[kind];
+        ok = (!x->corners[kind].used || locate(x, &x->corners[kind])) &&
+             (!x->ends[kind].used || locate(x, &x->ends[kind]));
+        cells->points = x->corners[kind].array;
+        cells->ends = x->ends[kind].array;
+        cells->ends.count = cells->count;
+        if (ok && cells->count && kind != VTK_VERTS && !(cells->points.type && cells->ends.type))
+            ok = import_fail(x->err, SP_ERR_FORMAT, x->file->shown, cells->at, cell_names[kind],
+                             "%" PRIu64 " cells without the arrays connectivity and offsets",
+                             cells->count);
     }
-    for (int row = 0; row < 3; row++) {
-        grid->origin[row] = x->origin[row];
-        for (int axis = 0; axis < 3; axis++)
-            grid->origin[row] += grid->direction[row][axis] * grid->spacing[axis] * x->first[axis];
-    }
-    return true;
+    mesh->normals = x->normals.array;
+    mesh->colors = x->colors.array;
+    return ok;
 }
 
 /* The points of an unstructured grid, polygons, or a structured grid. */
@@ -511,6 +528,8 @@ static bool take_points(struct xml *x) {
     if (!locate(x, &x->positions))
         return false;
     x->volume->points = x->positions.array;
+    if (x->set == VTK_POLY && !take_mesh(x))
+        return false;
     return vtk_complete_points(x->volume, x->header, x->count, x->set, x->grid_at, sets[x->set],
                                x->err);
 }
@@ -533,7 +552,9 @@ static bool take_all(struct xml *x) {
     x->volume->vectors = x->found[VECTORS].array;
     if (vtk_has_points(x->set))
         return take_points(x);
-    if (!(x->set == VTK_RECTILINEAR ? take_coordinates(x) : take_image(x)))
+    if (!(x->set == VTK_RECTILINEAR
+              ? take_coordinates(x)
+              : vtk_place_image(x->file, &x->image, x->header, x->grid_at, x->err)))
         return false;
     return vtk_complete(x->volume, x->header, x->grid_at, sets[x->set], x->err);
 }
@@ -551,8 +572,9 @@ static void *open_xml(const struct import_file *file, struct import_header *head
                            .volume = volume,
                            .err = err,
                            .parser = parser,
-                           .spacing = { 1, 1, 1 },
-                           .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } };
+                           .cells = -1,
+                           .image = { .spacing = { 1, 1, 1 },
+                                      .direction = { 1, 0, 0, 0, 1, 0, 0, 0, 1 } } };
         XML_SetUserData(parser, x);
         XML_SetElementHandler(parser, start_element, end_element);
         XML_SetStartDoctypeDeclHandler(parser, start_doctype);
@@ -571,7 +593,7 @@ static void *open_xml(const struct import_file *file, struct import_header *head
 }
 
 const struct import_format import_vtk_xml = { .name = "VTK XML",
-                                              .probe = probe,
+                                              .probe = vtk_xml_probe,
                                               .open = open_xml,
                                               .read = vtk_read,
                                               .read_elements = vtk_read_elements,

@@ -1,0 +1,37 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A mesh that a reader has in memory: triangles, and lines that become tubes behind them.
+ */
+#ifndef SP_IMPORT_MESH_PARTS_H
+#define SP_IMPORT_MESH_PARTS_H
+
+#include "import/format.h"
+#include "import/mesh_builder.h"
+
+/* All memory is owned; all zero is empty. */
+struct import_mesh_parts {
+    struct import_mesh_builder built;
+    struct import_line_points {
+        uint64_t count, lines;
+        float (*positions)[3];
+        float (*colors)[4];
+        uint32_t *counts; /* by line */
+    } points;             /* of lines, one after another */
+};
+
+/* Allocates the points of lines; counts are 0. False if there is no memory. */
+bool import_mesh_parts_alloc_lines(struct import_mesh_parts *parts, uint64_t points,
+                                   uint64_t lines);
+
+/* Calls import_header_use_elements(), with normals. Refuses more than a volume may have. */
+bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
+                                const struct import_file *file, struct import_header *header,
+                                struct sp_error *err);
+
+/* Fills elements of that shape. */
+void import_mesh_parts_read(const struct import_mesh_parts *parts,
+                            const struct sp_elements *elements);
+
+void import_mesh_parts_free(struct import_mesh_parts *parts);
+
+#endif
