@@ -36,19 +36,39 @@ bool sp_curve_shows_all(const struct sp_transfer_function *tf, double low, doubl
     return true;
 }
 
-/* Adds the mean of the class over bin i, times its depth, to the integral. */
-static void add_bin(struct sp_curve *curve, uint32_t i, double low, double step) {
+struct bins {
+    const struct sp_curve *curve;
+    double low, step; /* value where bin 0 begins; width of a bin */
+};
+
+/* Writes the mean of the class over bin i, times its depth, to integral[i + 2]. */
+static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     enum { PARTS = 8 };
-    double sum[4] = { 0 };
-    for (int k = 0; k < PARTS; k++) {
-        struct sp_class class;
-        sp_transfer_function_eval(curve->tf, low + (i + (k + 0.5) / PARTS) * step, &class);
-        for (int c = 0; c < 3; c++)
-            sum[c] += (double)class.color[c] * (double)class.depth / PARTS;
-        sum[3] += (double)class.depth / PARTS;
+    const struct bins *bins = user;
+    (void)worker;
+    for (size_t i = begin; i < end; i++) {
+        double sum[4] = { 0 };
+        for (int k = 0; k < PARTS; k++) {
+            struct sp_class class;
+            double value = bins->low + ((double)i + (k + 0.5) / PARTS) * bins->step;
+            sp_transfer_function_eval(bins->curve->tf, value, &class);
+            for (int c = 0; c < 3; c++)
+                sum[c] += (double)class.color[c] * (double)class.depth / PARTS;
+            sum[3] += (double)class.depth / PARTS;
+        }
+        for (int c = 0; c < 4; c++)
+            bins->curve->integral[i + 2][c] = (float)sum[c];
     }
-    for (int c = 0; c < 4; c++)
-        curve->integral[i + 2][c] = curve->integral[i + 1][c] + (float)sum[c];
+}
+
+/* Fills the integral. Optical depths take most of the time, so they are found on all threads. */
+static void integrate(const struct sp_curve *curve, double low, double step, struct sp_pool *pool) {
+    struct bins bins = { curve, low, step };
+    memset(curve->integral[0], 0, 2 * sizeof curve->integral[0]);
+    sp_parallel_for(pool, CURVE_BINS, CURVE_BINS / 32, fill_bins, &bins);
+    for (uint32_t i = 2; i < CURVE_BINS + 2; i++)
+        for (int c = 0; c < 4; c++)
+            curve->integral[i][c] += curve->integral[i - 1][c];
 }
 
 /* The values between which the transfer function may show something different. Where its first
@@ -68,7 +88,7 @@ static void find_visible(const struct sp_transfer_function *tf, double low, doub
 }
 
 void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf,
-                   const double range[2], float (*integral)[4]) {
+                   const double range[2], float (*integral)[4], struct sp_pool *pool) {
     const double most = 8e307; /* so that differences do not overflow */
     double low = fmax(range[0], -most), high = fmin(range[1], most), visible[2];
     find_visible(tf, low, high, visible);
@@ -94,9 +114,7 @@ void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf
     double from = is_lowest ? low - CURVE_LEVEL_MIN / 2 / curve->levels_per_unit : visible[0];
     double to = visible[1] > from ? visible[1] : from + (high - low) / CURVE_BINS;
     double step = (to - from) / (CURVE_BINS - 1);
-    memset(integral[0], 0, 2 * sizeof integral[0]);
-    for (uint32_t i = 0; i < CURVE_BINS; i++)
-        add_bin(curve, i, from, step);
+    integrate(curve, from, step, pool);
     double per_level = 1 / (step * curve->levels_per_unit);
     double level = CURVE_LEVEL_MIN + (from - low) * curve->levels_per_unit;
     curve->bins_per_level = (float)per_level;

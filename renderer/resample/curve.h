@@ -10,6 +10,7 @@
 #ifndef SP_RESAMPLE_CURVE_H
 #define SP_RESAMPLE_CURVE_H
 
+#include "base/parallel_for.h"
 #include "classify/transfer.h"
 
 enum {
@@ -36,7 +37,7 @@ enum { CURVE_BYTES = (CURVE_BINS + 2) * 4 * (int)sizeof(float) };
 /* Fills the curve for a volume with values in `range`. `integral`: CURVE_BYTES of memory, 16-byte
  * aligned, which must live as long as the curve; so must tf. */
 void sp_curve_init(struct sp_curve *curve, const struct sp_transfer_function *tf,
-                   const double range[2], float (*integral)[4]);
+                   const double range[2], float (*integral)[4], struct sp_pool *pool);
 
 /* True if the transfer function shows any value of [low, high], which may be empty. */
 bool sp_curve_shows(const struct sp_transfer_function *tf, double low, double high);

@@ -347,7 +347,7 @@ static bool fill_class(struct sp_samples_class *class, struct sp_samples *s,
     class->axis = job->axis;
     class->made = ++cache->clock;
     sp_curve_init(&class->curve, &class->tf, sp_volume_limits(sp_volume_info(job->volume)),
-                  class->curve.integral);
+                  class->curve.integral, job->pool);
     return sp_visible_find(s, class, job->pool, &job->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
 }
