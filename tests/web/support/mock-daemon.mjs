@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // A fake daemon that misbehaves on demand. It implements the protocol and serves the page, but draws one colour per volume.
 // Tests use it for what the real daemon does not do on request: wrong orders, broken frames, silence and failures.
-import { createReadStream, existsSync, statSync } from 'node:fs';
+import { createReadStream, existsSync, readdirSync, statSync } from 'node:fs';
 import { createServer } from 'node:http';
 import path from 'node:path';
 import { fileURLToPath } from 'node:url';
@@ -14,6 +14,15 @@ import { encodePng } from './png.mjs';
 export const SOURCES = fileURLToPath(new URL('../../../clients/web/', import.meta.url));
 const BUILT = fileURLToPath(new URL('../../../build/release/bin', import.meta.url));
 const PACKED = path.join(process.env.SPLATD_BIN_DIR ?? BUILT, '../clients/web/packed/');
+
+/** The packed page, or the source files if one of them changed after the build. */
+function newestPage() {
+  const packed = statSync(path.join(PACKED, 'app/main.js'), { throwIfNoEntry: false });
+  if (!packed) return SOURCES;
+  const files = ['.', 'app', 'core', 'text'].flatMap((folder) => readdirSync(path.join(SOURCES, folder)).map((name) => path.join(SOURCES, folder, name)));
+  return files.some((file) => /\.(js|css|html)$/.test(file) && statSync(file).mtimeMs > packed.mtimeMs) ? SOURCES : PACKED;
+}
+const PAGE = newestPage();
 const TYPES = { '.html': 'text/html', '.js': 'text/javascript', '.css': 'text/css', '.svg': 'image/svg+xml' };
 const CSP = "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; connect-src 'self'; "
   + "base-uri 'none'; form-action 'none'; frame-ancestors 'none'";
@@ -87,7 +96,7 @@ export class MockDaemon {
   /** The refusal of POST /paths: {status, detail, pointer}, or null to accept. */
   refusal = null;
   /** The folder of the page. */
-  page = existsSync(path.join(PACKED, 'index.html')) ? PACKED : SOURCES;
+  page = PAGE;
   /** Files that replace those of the page or come with them: path → text. */
   files = {};
   /** The path prefix of all routes, as behind a reverse proxy. */
