@@ -144,6 +144,12 @@ static const struct proto_field layer_fields[] = {
     { "phase", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(phase) },
     { "stretch", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(stretch) },
     { "density", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_VECTORS, LAYER(density) },
+    { "color_by", PROTO_FIELD_NAME, .optional = true, .only = ONLY_VECTORS | ONLY_POINTS,
+      LAYER(color_by) },
+    { "color_low", PROTO_FIELD_AUTO, .optional = true, .only = ONLY_VECTORS | ONLY_POINTS,
+      LAYER(color_low) },
+    { "color_high", PROTO_FIELD_AUTO, .optional = true, .only = ONLY_VECTORS | ONLY_POINTS,
+      LAYER(color_high) },
     { "id", PROTO_FIELD_NAME, .optional = true, .only = ONLY_ELEMENTS, LAYER(id) },
     { "transform", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_ELEMENTS, .columns = 16,
       LAYER(transform) },
@@ -165,7 +171,9 @@ static const struct sp_layer layer_default = {
     .stretch = 4,
     .density = 0.2,
     .transform = { [0] = 1, [5] = 1, [10] = 1, [15] = 1 },
-    .size = 1
+    .size = 1,
+    .color_low = NAN,
+    .color_high = NAN
 };
 static const struct proto_group layer = { layer_fields, COUNT_OF(layer_fields), &layer_default };
 

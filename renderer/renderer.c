@@ -12,6 +12,7 @@
 #include "backend/support.h"
 #include "base/clock.h"
 #include "compose/compose.h"
+#include "layers/others.h"
 #include "light/light.h"
 #include "resample/resample.h"
 #include "sp/edit.h"
@@ -23,9 +24,9 @@
 
 /* A frame in flight. */
 struct inflight {
-    struct sp_backend_job job;               /* with references to volume and frame */
-    struct sp_volume *original;              /* a reference: the volume without the view's edits */
-    struct sp_volume *others[SP_LAYERS_MAX]; /* references: of layers that name a volume */
+    struct sp_backend_job job;  /* with references to volume and frame */
+    struct sp_volume *original; /* a reference: the volume without the view's edits */
+    struct sp_others others;    /* with references */
     struct sp_view view;
     struct sp_frame_bricks bricks;
     bool is_begun;       /* the backend works on it */
@@ -141,17 +142,12 @@ static struct inflight *inflight_at(struct sp_renderer *r, unsigned i) {
     return &r->queue[(r->oldest + i) % SP_IN_FLIGHT_MAX];
 }
 
-static void unref_all(struct sp_volume *volumes[SP_LAYERS_MAX]) {
-    for (int i = 0; i < SP_LAYERS_MAX; i++)
-        sp_volume_unref(&volumes[i]);
-}
-
 /* Removes the oldest frame from the queue. */
 static void pop_oldest(struct sp_renderer *r) {
     struct inflight *f = inflight_at(r, 0);
     sp_volume_unref(&f->job.volume);
     sp_volume_unref(&f->original);
-    unref_all(f->others);
+    sp_others_finish(&f->others);
     sp_frame_unref(&f->job.frame);
     r->oldest = (r->oldest + 1) % SP_IN_FLIGHT_MAX;
     r->begun--;
@@ -457,25 +453,6 @@ static void set_edited(struct sp_renderer *r, struct sp_volume *edited) {
     r->edited = sp_volume_ref(edited);
 }
 
-/* Finds the volumes that the visible layers name. */
-static bool find_others(const struct sp_view *view, const struct sp_render_options *o,
-                        struct sp_volume *others[SP_LAYERS_MAX], struct sp_error *err) {
-    for (uint32_t i = 0; i < view->layer_count; i++) {
-        const struct sp_layer *layer = &view->layers[i];
-        char place[32];
-        snprintf(place, sizeof place, "/layers/%u/id", i);
-        if (layer->type < SP_LAYER_POINTS || !layer->visible || !layer->id[0])
-            continue;
-        others[i] = o->find ? o->find(o->user, layer->id) : NULL;
-        if (!others[i])
-            return sp_fail(err, SP_ERR_VOLUME_UNKNOWN, place,
-                           "no volume \"%s\" is loaded: load it, or remove the layer", layer->id);
-        if (!sp_view_layer_fits(view, i, sp_volume_info(others[i]), err))
-            return false;
-    }
-    return true;
-}
-
 /* Drops hidden layers, and says which volume each of the others shows. */
 static void choose_layers(struct inflight *f) {
     const bool has_elements = sp_volume_elements(f->original);
@@ -484,7 +461,10 @@ static void choose_layers(struct inflight *f) {
         const struct sp_layer *layer = &f->view.layers[i];
         if (!layer->visible)
             continue;
-        f->job.shown[kept] = f->others[i] ? f->others[i] : has_elements ? f->original : NULL;
+        f->job.shown[kept] = f->others.shown[i] ? f->others.shown[i]
+                             : has_elements     ? f->original
+                                                : NULL;
+        f->job.colors[kept] = f->others.colors[i];
         f->view.layers[kept++] = *layer;
     }
     f->view.layer_count = kept;
@@ -504,14 +484,15 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct sp_volume *edited = NULL;
     struct sp_frame *frame = NULL;
     struct sp_shown shown = { .volume = NULL };
-    if (find_others(view, o, f->others, err) && sp_shown_find(volume, view, o, &shown, err))
+    if (sp_others_find(view, volume, o, &f->others, err) &&
+        sp_shown_find(volume, view, o, &shown, err))
         edited = sp_edit_volume(shown.volume, &shown.view, err);
     sp_volume_unref(&shown.volume);
     if (edited)
         frame = sp_frame_create(pool, view->size[0], view->size[1], o->format, err);
     if (!frame) {
         sp_volume_unref(&edited);
-        unref_all(f->others);
+        sp_others_finish(&f->others);
         return false;
     }
     if (edited != volume)

@@ -173,6 +173,7 @@ struct sp_layer sp_layer_default(enum sp_layer_type type) {
     for (int i = 0; i < 4; i++)
         layer.transform[5 * i] = 1;
     layer.size = 1;
+    layer.color_low = layer.color_high = NAN;
     return layer;
 }
 

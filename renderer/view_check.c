@@ -236,11 +236,26 @@ static bool check_shell(const struct sp_layer *layer, const char *place, struct 
     return check_choice(layer->detail, SP_SHELL_FAST, pointer, err);
 }
 
+static bool check_coloring(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    const double low = layer->color_low, high = layer->color_high;
+    char pointer[48];
+    snprintf(pointer, sizeof pointer, "%s/color_by", place);
+    if (!memchr(layer->color_by, 0, sizeof layer->color_by))
+        return sp_fail(err, SP_ERR_INVALID, pointer, "the id is longer than %d bytes",
+                       SP_NAME_BYTES - 1);
+    if ((!isnan(low) && !check_range(low, -DBL_MAX, DBL_MAX, err, "%s/color_low", place)) ||
+        (!isnan(high) && !check_range(high, -DBL_MAX, DBL_MAX, err, "%s/color_high", place)))
+        return false;
+    snprintf(pointer, sizeof pointer, "%s/color_high", place);
+    return !(low >= high) ||
+           sp_fail(err, SP_ERR_INVALID, pointer, "%g is not above color_low, %g", high, low);
+}
+
 static bool check_vectors(const struct sp_layer *layer, const char *place, struct sp_error *err) {
     char pointer[48];
     snprintf(pointer, sizeof pointer, "%s/style", place);
     return check_choice(layer->style, SP_VECTORS_BLEND, pointer, err) &&
-           check_color(layer, place, err) &&
+           check_color(layer, place, err) && check_coloring(layer, place, err) &&
            check_range(layer->phase, -1e6, 1e6, err, "%s/phase", place) &&
            check_range(layer->stretch, 1, 8, err, "%s/stretch", place) &&
            check_range(layer->density, 0, 1, err, "%s/density", place);
@@ -281,7 +296,7 @@ static bool check_layer(const struct sp_layer *layer, const char *place, struct 
     case SP_LAYER_VECTORS:
         return check_vectors(layer, place, err);
     case SP_LAYER_POINTS:
-        return check_elements(layer, place, err) &&
+        return check_elements(layer, place, err) && check_coloring(layer, place, err) &&
                check_range(layer->size, 0.1, 10, err, "%s/size", place);
     case SP_LAYER_GAUSSIANS:
         snprintf(pointer, sizeof pointer, "%s/convention", place);
@@ -482,9 +497,15 @@ static const char *find_missing(const struct sp_layer *layer, const struct sp_vo
 bool sp_view_layer_fits(const struct sp_view *view, uint32_t layer,
                         const struct sp_volume_info *info, struct sp_error *err) {
     char place[32];
-    const char *missing = find_missing(&view->layers[layer], info);
-    snprintf(place, sizeof place, "/layers/%u/%s", layer,
-             view->layers[layer].id[0] ? "id" : "type");
+    const struct sp_layer *own = &view->layers[layer];
+    const char *missing = find_missing(own, info);
+    if ((own->type == SP_LAYER_VECTORS || own->type == SP_LAYER_POINTS) && !missing &&
+        strcmp(own->color_by, SP_COLOR_BY_LENGTH) == 0 && !info->vector_bytes) {
+        snprintf(place, sizeof place, "/layers/%u/color_by", layer);
+        return sp_fail(err, SP_ERR_INVALID, place,
+                       "this volume has no vectors whose length gives the colours");
+    }
+    snprintf(place, sizeof place, "/layers/%u/%s", layer, own->id[0] ? "id" : "type");
     return !missing ||
            sp_fail(err, SP_ERR_INVALID, place,
                    "this volume has no %s: remove or hide the layer, or load another volume",

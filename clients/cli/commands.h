@@ -35,7 +35,8 @@ char *collection_path(struct http *http, const char *collection, const char *nam
                       struct sp_error *err);
 /* Adds the layers of the options to those of the view (layers.c). False with *err set on failure.
  */
-bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err);
+bool layers_apply(const struct options *options, struct http *http, proto_json *view,
+                  struct sp_error *err);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
  * camera, the projection and the layers (patch.c). `http` is used for --preset alone. NULL with
  * *err set on failure. */

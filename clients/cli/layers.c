@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The layers of a view from the command line: --surface, --shell, --vectors and
+ * The layers of a view from the command line: --surface, --shell, --vectors, --color-by and
  * --no-volume. Streaks take the place of the volume, which would hide them.
  */
 #include <math.h>
@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "cli/commands.h"
+#include "sp/view.h"
 
 /* Reads a finite number; *text then points behind it. */
 static bool take_number(const char **text, double *out) {
@@ -173,7 +174,33 @@ static bool copy_layers(const struct layer_options *options, const proto_json *o
     return ok;
 }
 
-bool layers_apply(const struct layer_options *options, proto_json *view, struct sp_error *err) {
+/* Sets what gives the colours of the layers that have them: the volume is loaded if necessary. */
+static bool set_color_by(const struct options *options, struct http *http, proto_json *view,
+                         struct sp_error *err) {
+    const char *wanted = options->layers.color_by;
+    const proto_json *layers = proto_json_get(view, "layers");
+    const bool is_loaded = options->local || strcmp(wanted, SP_COLOR_BY_LENGTH) == 0;
+    bool is_found = false, ok = true;
+    char *id = is_loaded ? strdup(wanted) : resolve_volume(http, options, wanted, false, true, err);
+    for (size_t i = 0; id && i < proto_json_size(layers); i++) {
+        proto_json *layer = (proto_json *)proto_json_at(layers, i);
+        if (!is_type(layer, "vectors") && !is_type(layer, "points"))
+            continue;
+        is_found = true;
+        ok = proto_json_set_string(layer, "color_by", id) && ok;
+    }
+    if (id && !ok)
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    if (id && !is_found)
+        ok = sp_fail(err, SP_ERR_INVALID, "--color-by",
+                     "needs --vectors, or a view with layers of vectors or points");
+    ok = ok && id;
+    free(id);
+    return ok;
+}
+
+static bool add_layers(const struct layer_options *options, proto_json *view,
+                       struct sp_error *err) {
     const proto_json *old = proto_json_get(view, "layers");
     if (!options->surface_count && isnan(options->low) && !options->style && !options->no_volume)
         return true;
@@ -197,4 +224,10 @@ bool layers_apply(const struct layer_options *options, proto_json *view, struct 
     }
     return (proto_json_set(view, "layers", list) && ok) ||
            sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+}
+
+bool layers_apply(const struct options *options, struct http *http, proto_json *view,
+                  struct sp_error *err) {
+    return add_layers(&options->layers, view, err) &&
+           (!options->layers.color_by || set_color_by(options, http, view, err));
 }

@@ -48,6 +48,7 @@ enum option_id {
     OPT_SURFACE,
     OPT_SHELL,
     OPT_VECTORS,
+    OPT_COLOR_BY,
     OPT_NO_VOLUME,
     OPT_HELP,
     OPT_VERSION
@@ -89,6 +90,7 @@ static const struct option known[] = {
     { "surface", required_argument, NULL, OPT_SURFACE },
     { "shell", required_argument, NULL, OPT_SHELL },
     { "vectors", required_argument, NULL, OPT_VECTORS },
+    { "color-by", required_argument, NULL, OPT_COLOR_BY },
     { "no-volume", no_argument, NULL, OPT_NO_VOLUME },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
@@ -253,6 +255,9 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
         return layers_parse_surface(&o->layers, value);
     case OPT_SHELL:
         return layers_parse_shell(&o->layers, value);
+    case OPT_COLOR_BY:
+        o->layers.color_by = value;
+        return true;
     case OPT_VECTORS:
         return layers_parse_vectors(&o->layers, value);
     default:

@@ -43,6 +43,7 @@ struct layer_options {
     const char *style;       /* of vectors; NULL = no vectors */
     double stretch, density; /* of vectors; NAN = the default */
     bool no_volume;
+    const char *color_by; /* of vectors and points: "magnitude", an id or a source; NULL = values */
 };
 
 struct options {

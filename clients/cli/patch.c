@@ -140,7 +140,7 @@ proto_json *read_view(const struct options *options, struct http *http, struct s
     }
     if (view && !check_window(options, view, err))
         proto_json_free(&view);
-    if (view && !layers_apply(&options->layers, view, err))
+    if (view && !layers_apply(options, http, view, err))
         proto_json_free(&view);
     return view;
 }

@@ -65,6 +65,8 @@ struct sp_backend_job {
     /* By layer of the view: the volume whose elements it shows, the caller's reference or `volume`;
      * NULL for layers of other types. */
     struct sp_volume *shown[SP_LAYERS_MAX];
+    /* The same: the volume that layer->color_by names, the caller's reference. */
+    struct sp_volume *colors[SP_LAYERS_MAX];
     /* If the frame shows a part of the volume, the clip of the whole one, which casts its shadows;
      * NULL = the view's. */
     const struct sp_clip *light_clip;

@@ -22,6 +22,7 @@ struct sp_cloud_input {
     const struct sp_layer *layer;  /* of type SP_LAYER_POINTS, SP_LAYER_GAUSSIANS, or of
                                       SP_LAYER_VECTORS for points with vectors */
     struct sp_volume *shown;       /* with the elements of the layer */
+    struct sp_volume *colors;      /* that layer->color_by names; NULL = none */
     const struct sp_grid *clipped; /* of the frame's volume: what the clip box is a fraction of */
     const struct sp_camera_transform *camera;
     sp_voxel_set_up_fn *set_up; /* sp_cloud_set_up(); NULL = elements are chosen and not sorted */

@@ -30,6 +30,12 @@ struct sp_cloud {
     float eye[3]; /* in the world of the data; orthographic: direction of view there, unit length */
     const struct sp_pieces *pieces; /* points: the transfer function, relative to `base` */
     float base;
+    /* Points: what gives colours in place of values, one number, or the length of a vector, by
+     * element. A number n has the colour of the value (n − color_low)·color_scale + color_first,
+     * relative to `base`. Both NULL = values do. */
+    const float *color_values;
+    const float (*color_vectors)[3];
+    float color_low, color_scale, color_first;
     float per_volume; /* points: from a volume [world unit³ of the data] to cells */
     /* Points: each kernel is drawn in that many parts of equal weight, one behind the other.
      * Elements are then numbered `parts` times their number plus the part. */

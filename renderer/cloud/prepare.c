@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
+#include "classify/coloring.h"
 #include "cloud/cloud.h"
 #include "cloud/cut.h"
 #include "cloud/order.h"
@@ -112,6 +113,21 @@ static bool classify(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     return pieces || fail_memory(in, err);
 }
 
+/* Finds what gives the colours. */
+static void set_coloring(const struct sp_cloud_input *in, struct sp_cloud *cloud) {
+    struct sp_coloring coloring;
+    sp_coloring_init(&coloring, in->layer, &in->view->transfer_function, in->shown, in->colors);
+    if (!coloring.volume)
+        return;
+    if (coloring.by_length)
+        cloud->color_vectors = sp_volume_vectors(coloring.volume);
+    else
+        cloud->color_values = sp_volume_elements(coloring.volume)->values;
+    cloud->color_low = (float)coloring.low;
+    cloud->color_scale = (float)coloring.scale;
+    cloud->color_first = (float)(coloring.first - (double)cloud->base);
+}
+
 /* Where the view composites slabs, kernels are divided in depth: one is four times as thick as the
  * size of its point. */
 static void choose_parts(const struct sp_compositing_options *compositing, uint32_t points,
@@ -162,6 +178,8 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     *choice = (struct sp_cloud_choice){ .count = cloud->elements->shape.count };
     if (source->frame.has_streaks)
         return choose_streaks(in, choice) || fail_memory(in, err);
+    if (cloud->color_values || cloud->color_vectors)
+        return true; /* merged points have no such number */
     if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
                             err))
         return false;
@@ -194,6 +212,7 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
         cloud->size = (float)in->layer->size;
         if (!classify(in, cloud, err))
             return false;
+        set_coloring(in, cloud);
     }
     struct sp_cloud_choice choice;
     if (!choose(in, cloud, source, &choice, err))

@@ -15,6 +15,7 @@ enum { AHEAD = 32 }; /* elements that are read in advance: they lie apart in mem
 struct lanes {
     float position[3][SP_WIDE], factor[6][SP_WIDE];
     float value[SP_WIDE]; /* of points; opacity of Gaussians */
+    float color[SP_WIDE]; /* of points with other numbers for their colours */
     float volume[SP_WIDE];
     float part[SP_WIDE]; /* with parts: depth of this one [deviations] */
     /* Of a layer of vectors: */
@@ -51,6 +52,23 @@ static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *e
             to->factor[k][i] = e->factors[at][k];
         to->value[i] = values[at];
         to->volume[i] = e->volumes ? e->volumes[at] : 0;
+    }
+}
+
+static inline void read_colors(const struct sp_cloud *cloud, const uint32_t *elements, int count,
+                               struct lanes *to) {
+    for (int i = 0; i < SP_WIDE; i++) {
+        const uint32_t at = elements[i < count ? i : 0] / cloud->parts;
+        float number;
+        if (cloud->color_values) {
+            number = cloud->color_values[at];
+        } else {
+            const float *v = cloud->color_vectors[at];
+            number = sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+        }
+        const bool is_number = number - number == 0;
+        to->color[i] =
+            cloud->color_first + (is_number ? (number - cloud->color_low) * cloud->color_scale : 0);
     }
 }
 
@@ -248,9 +266,12 @@ static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
                             ? place_streaks(frame, cloud, lanes, p, &s->outline, &s->streaks)
                             : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
     sp_pieces_planes(cloud->pieces, value, planes);
+    const sp_wide opacity = planes[3];
+    if (cloud->color_values || cloud->color_vectors)
+        sp_pieces_planes(cloud->pieces, sp_wide_load(lanes->color), planes);
     for (int k = 0; k < 3; k++)
         s->color[k] = planes[k];
-    s->depth = planes[3] * frame->ewa.gain * (sp_wide_load(lanes->volume) * cloud->per_volume) *
+    s->depth = opacity * frame->ewa.gain * (sp_wide_load(lanes->volume) * cloud->per_volume) *
                s->outline.gain;
     s->depth = sp_wide_min(s->depth, sp_wide_all(SP_DEPTH_MAX));
     return seen & sp_wide_lt(sp_wide_all(0), s->depth);
@@ -289,6 +310,8 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         struct splats s;
         sp_wide_mask seen;
         read_elements(cloud, elements + n, (int)(count - n), &lanes);
+        if (cloud->color_values || cloud->color_vectors)
+            read_colors(cloud, elements + n, (int)(count - n), &lanes);
         if (frame->has_streaks)
             read_vectors(cloud, elements + n, (int)(count - n), &lanes);
         locate(cloud, &lanes, &p);

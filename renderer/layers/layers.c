@@ -79,27 +79,29 @@ static const struct sp_voxel_list *find_shell(const struct sp_layers_input *from
     return sp_shell_cache_get(from->shells, &job, err);
 }
 
-static const struct sp_voxel_list *find_vectors(const struct sp_layers_input *from,
-                                                const struct sp_layer *layer,
+static const struct sp_voxel_list *find_vectors(const struct sp_layers_input *from, uint32_t number,
                                                 struct sp_error *err) {
-    const struct sp_vectors_job job = { .volume = from->volume,
-                                        .tf = &from->view->transfer_function,
-                                        .clip = &from->view->clip,
-                                        .density = layer->density,
-                                        .bytes_max = bytes_for(from, SP_LAYER_VECTORS),
-                                        .pool = from->pool,
-                                        .interrupt = from->interrupt };
+    const struct sp_layer *layer = &from->view->layers[number];
+    struct sp_vectors_job job = { .volume = from->volume,
+                                  .tf = &from->view->transfer_function,
+                                  .clip = &from->view->clip,
+                                  .density = layer->density,
+                                  .bytes_max = bytes_for(from, SP_LAYER_VECTORS),
+                                  .pool = from->pool,
+                                  .interrupt = from->interrupt };
+    sp_coloring_init(&job.coloring, layer, job.tf, from->volume, from->colors[number]);
     return sp_vectors_cache_get(from->vectors, from->volume, &job, err);
 }
 
-bool sp_layers_voxels(const struct sp_layers_input *from, const struct sp_layer *layer,
+bool sp_layers_voxels(const struct sp_layers_input *from, uint32_t number,
                       struct sp_voxel_input *input, struct sp_error *err) {
+    const struct sp_layer *layer = &from->view->layers[number];
     bool is_shell = layer->type == SP_LAYER_SHELL;
     *input = (struct sp_voxel_input){ .view = from->view,
                                       .layer = layer,
                                       .grid = &sp_volume_info(from->volume)->grid,
                                       .list = is_shell ? find_shell(from, layer, err)
-                                                       : find_vectors(from, layer, err),
+                                                       : find_vectors(from, number, err),
                                       .camera = from->camera,
                                       .shade = from->shade,
                                       .kernels = from->voxel_kernels,
@@ -111,7 +113,7 @@ bool sp_layers_voxels(const struct sp_layers_input *from, const struct sp_layer 
 }
 
 /* Prepares a shell or a layer of vectors. */
-static bool prepare_voxels(const struct sp_layers_input *from, const struct sp_layer *layer,
+static bool prepare_voxels(const struct sp_layers_input *from, uint32_t layer,
                            struct sp_layers_voxels *to, struct sp_error *err) {
     to->is_there = true;
     if (!sp_layers_voxels(from, layer, &to->input, err))
@@ -125,6 +127,7 @@ bool sp_layers_cloud(const struct sp_layers_input *from, uint32_t layer, struct 
     const struct sp_cloud_input input = { .view = from->view,
                                           .layer = &from->view->layers[layer],
                                           .shown = from->shown[layer],
+                                          .colors = from->colors[layer],
                                           .clipped = &sp_volume_info(from->volume)->grid,
                                           .camera = from->camera,
                                           .set_up = from->cloud_set_up,
@@ -189,9 +192,9 @@ static bool prepare_layer(struct sp_layers *l, uint32_t number, struct sp_error 
     case SP_LAYER_SURFACE:
         return layer->opacity <= 0 || prepare_surface(l, layer, err);
     case SP_LAYER_SHELL:
-        return prepare_voxels(l->input, layer, &l->shell, err);
+        return prepare_voxels(l->input, number, &l->shell, err);
     case SP_LAYER_VECTORS:
-        return prepare_voxels(l->input, layer, &l->vectors, err);
+        return prepare_voxels(l->input, number, &l->vectors, err);
     case SP_LAYER_GEOMETRY:
         return prepare_mesh(l, number, err);
     case SP_LAYER_POINTS:

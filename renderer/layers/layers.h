@@ -21,7 +21,8 @@
 struct sp_layers_input {
     const struct sp_view *view;
     struct sp_volume *volume;
-    struct sp_volume *const *shown; /* by layer: the volume whose elements it shows; NULL = none */
+    struct sp_volume *const *shown;  /* by layer: the volume whose elements it shows; NULL = none */
+    struct sp_volume *const *colors; /* by layer: the volume that its color_by names; NULL = none */
     const struct sp_camera_transform *camera;
     const struct sp_shade *shade; /* NULL = not lit */
     struct sp_surface_cache *surfaces;
@@ -74,9 +75,9 @@ bool sp_layers_are_wanted(const struct sp_view *view);
 /* The view's volume layer; NULL = none. */
 const struct sp_layer *sp_layers_volume(const struct sp_view *view);
 
-/* Fills what a shell or a layer of vectors is drawn from. SP_ERR_MEMORY, SP_ERR_BUDGET,
- * SP_ERR_CANCELLED. */
-bool sp_layers_voxels(const struct sp_layers_input *input, const struct sp_layer *layer,
+/* Fills what layer number `layer`, a shell or one of vectors, is drawn from. SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+bool sp_layers_voxels(const struct sp_layers_input *input, uint32_t layer,
                       struct sp_voxel_input *voxels, struct sp_error *err);
 
 /* True for a layer of points or Gaussians, or of vectors of points. */

@@ -8,12 +8,18 @@
 static void empty_slot(struct sp_vectors_slot *slot) {
     sp_voxel_list_finish(&slot->list);
     sp_volume_unref(&slot->volume);
+    sp_volume_unref(&slot->colors);
     slot->used = 0;
+}
+
+static bool is_made_of(const struct sp_vectors_slot *slot, const struct sp_volume *volume) {
+    return slot->volume && (sp_volume_is_of(slot->volume, volume) ||
+                            (slot->colors && sp_volume_is_of(slot->colors, volume)));
 }
 
 void sp_vectors_evict(struct sp_vectors_cache *cache, const struct sp_volume *volume) {
     for (int i = 0; i < SP_VECTORS_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
+        if (is_made_of(&cache->slots[i], volume))
             empty_slot(&cache->slots[i]);
 }
 
@@ -29,6 +35,7 @@ uint64_t sp_vectors_bytes(const struct sp_vectors_cache *cache, const struct sp_
 static bool is_wanted(const struct sp_vectors_slot *slot, const struct sp_volume *volume,
                       const struct sp_vectors_job *job) {
     if (slot->volume != volume || slot->density != job->density ||
+        !sp_coloring_equal(&slot->coloring, &job->coloring) ||
         !sp_voxel_clip_equal(&slot->clip, job->clip))
         return false;
     struct sp_transfer_function wanted = *job->tf;
@@ -54,6 +61,8 @@ const struct sp_voxel_list *sp_vectors_cache_get(struct sp_vectors_cache *cache,
     if (!sp_vectors_extract(job, &slot->list, err))
         return NULL;
     slot->volume = sp_volume_ref(volume);
+    slot->colors = job->coloring.volume ? sp_volume_ref(job->coloring.volume) : NULL;
+    slot->coloring = job->coloring;
     slot->tf = *job->tf;
     slot->clip = *job->clip;
     slot->density = job->density;

@@ -14,6 +14,8 @@ enum { SP_VECTORS_SLOTS = 2 };
 struct sp_vectors_cache {
     struct sp_vectors_slot {
         struct sp_volume *volume; /* one reference; NULL = empty */
+        struct sp_volume *colors; /* the same, of the colouring; NULL = none */
+        struct sp_coloring coloring;
         struct sp_transfer_function tf;
         struct sp_clip clip;
         double density;

@@ -3,6 +3,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 
 #include "classify/gradient.h"
 #include "classify/transfer.h"
@@ -38,6 +39,13 @@ static struct sp_class class_at(const struct work *work, uint64_t at, const uint
     return c;
 }
 
+static void set_color(const struct work *work, uint64_t at, struct sp_class *c) {
+    struct sp_class other;
+    sp_transfer_function_eval(&work->transfer.tf, sp_coloring_value(&work->job->coloring, at),
+                              &other);
+    memcpy(c->color, other.color, sizeof c->color);
+}
+
 static uint32_t pack_vector(const struct work *work, uint64_t at) {
     double vector[3];
     for (int c = 0; c < 3; c++)
@@ -60,6 +68,8 @@ static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struc
         if (!(c.depth > 0))
             continue;
         if (to) {
+            if (work->job->coloring.volume)
+                set_color(work, at, &c);
             struct sp_voxel *v = &to[count];
             *v = (struct sp_voxel){ .at = { (uint16_t)x, (uint16_t)y, (uint16_t)z },
                                     .normal = pack_vector(work, at),

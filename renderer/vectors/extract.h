@@ -12,6 +12,7 @@
 
 #include "base/interrupt.h"
 #include "base/parallel_for.h"
+#include "classify/coloring.h"
 #include "sp/view.h"
 #include "sp/volume.h"
 #include "voxels/list.h"
@@ -19,6 +20,7 @@
 struct sp_vectors_job {
     const struct sp_volume *volume; /* with vectors */
     const struct sp_transfer_function *tf;
+    struct sp_coloring coloring;
     const struct sp_clip *clip; /* voxels are clipped by their centres */
     double density;             /* as in struct sp_layer */
     uint64_t bytes_max;         /* of the list */

@@ -288,12 +288,13 @@ struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
 struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
                                                const struct srv_volume *volume,
                                                const struct sp_view *view) {
-    struct srv_fingerprint own[SP_LAYERS_MAX + 1] = { volume->fingerprint };
-    struct srv_part parts[SP_LAYERS_MAX + 1] = { { &own[0], sizeof own[0] } };
+    struct srv_fingerprint own[2 * SP_LAYERS_MAX + 1] = { volume->fingerprint };
+    struct srv_part parts[2 * SP_LAYERS_MAX + 1] = { { &own[0], sizeof own[0] } };
     unsigned count = 1;
     pthread_mutex_lock(&catalog->mutex);
-    for (uint32_t i = 0; i < view->layer_count; i++) {
-        const char *id = view->layers[i].id;
+    for (uint32_t i = 0; i < 2 * view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i / 2];
+        const char *id = i % 2 ? layer->color_by : layer->id;
         const struct srv_volume *v = *id ? srv_catalog_entry(catalog, id) : NULL;
         if (!*id)
             continue;

@@ -260,7 +260,8 @@ void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason) {
 
 static bool has_layer_of(const struct sp_view *view, const char *id) {
     for (uint32_t i = 0; i < view->layer_count; i++)
-        if (view->layers[i].visible && strcmp(view->layers[i].id, id) == 0)
+        if (view->layers[i].visible &&
+            (strcmp(view->layers[i].id, id) == 0 || strcmp(view->layers[i].color_by, id) == 0))
             return true;
     return false;
 }

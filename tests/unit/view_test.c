@@ -382,6 +382,18 @@ static void what_needs_a_grid_does_not_fit_elements(void **state) {
         view.layers[1].visible = false;
         assert_true(sp_view_fits(&view, &info, &err));
     }
+    view.layers[1] = sp_layer_default(SP_LAYER_VECTORS);
+    assert_false(sp_view_fits(&view, &info, &err));
+    assert_string_equal(err.place, "/layers/1/type");
+    view.layers[1] = sp_layer_default(SP_LAYER_POINTS);
+    strcpy(view.layers[1].color_by, SP_COLOR_BY_LENGTH);
+    assert_false(sp_view_fits(&view, &info, &err));
+    assert_string_equal(err.place, "/layers/1/color_by");
+    info.vector_bytes = 36;
+    assert_true(sp_view_fits(&view, &info, &err));
+    view.layers[1].type = SP_LAYER_VECTORS;
+    assert_true(sp_view_fits(&view, &info, &err));
+    view.layers[1].visible = false;
     view.edit_count = 1;
     assert_false(sp_view_fits(&view, &info, &err));
     assert_string_equal(err.place, "/edits");

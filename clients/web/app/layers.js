@@ -7,7 +7,7 @@ import { isSamePlace } from '../core/compare.js';
 import { hidesStreaks } from '../core/hiding.js';
 import { countText, kindOf, layerTypeOf } from '../core/kinds.js';
 import {
-  FLATNESS_MAX, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, layersOf, moveThreshold, numberOf,
+  FLATNESS_MAX, MAGNITUDE, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, layersOf, moveThreshold, numberOf,
   removeLayer, showOwn, showVolume, showsOthers, showsVolume, surfaceValue,
 } from '../core/layers.js';
 import { numberText, roundValue } from '../core/lengths.js';
@@ -76,10 +76,32 @@ export class Layers {
     return volume ? fullNameOf(volume, volumes) : id;
   }
 
-  /** True if a layer shows another volume that is not loaded. A guest does not know. */
-  isClosed(layer) {
-    if (!layer.id || this.#app.connection.session?.isJoined) return false;
-    return !['ready', 'loading'].includes(this.volumeOf(layer)?.state);
+  /** The id of a volume that the layer needs and that is not loaded; '' = there is none. A guest does not know. */
+  closedOf({ id, color_by: colors = '' }) {
+    if (this.#app.connection.session?.isJoined) return '';
+    const isOpen = (needed) => ['ready', 'loading'].includes(this.volumeOf({ id: needed })?.state);
+    return [id, colors === MAGNITUDE ? '' : colors].find((needed) => needed && !isOpen(needed)) ?? '';
+  }
+
+  isClosed(layer) { return Boolean(layer.id) && this.closedOf(layer) === layer.id; }
+
+  get mayOpen() { return this.#app.mayOpen; }
+
+  /** The name of the values of a volume, or of the volume. */
+  fieldName(id) { return this.volumeOf({ id })?.fields?.[0]?.name || this.volumeName(id); }
+
+  /** Loads another field of the volume that a layer shows; use(id) gets the volume of the field as soon as it is ready. */
+  async loadField(index, field, use) {
+    const { api, notice, openVolume, viewer } = this.#app;
+    const { id } = this.list[index];
+    const shown = viewer.view.volume;
+    try {
+      openVolume(await api.openVolume({ volume: id || shown, field }), (volume) => {
+        if (viewer.view?.volume === shown && this.isEditable) use(volume.id);
+      });
+    } catch (error) {
+      notice.show(t('volumes.field.failed', { field, reason: error.message }), 'error', 'open');
+    }
   }
 
   /** The sphere around the elements of a layer, or around the view's volume; null = not known. */
@@ -294,9 +316,16 @@ class LayersSection {
   #tellClosed() {
     const { prompts } = this.#app;
     const layers = this.#layers;
-    const index = layers.isEditable ? layers.list.findIndex((layer) => layer.visible && layers.isClosed(layer)) : -1;
+    const index = layers.isEditable ? layers.list.findIndex((layer) => layer.visible && layers.closedOf(layer)) : -1;
     if (index < 0) {
       prompts.hide('closed');
+      return;
+    }
+    if (!layers.isClosed(layers.list[index])) {
+      prompts.show('closed', {
+        text: t('layers.color_by.closed', { name: layers.nameOf(index), id: layers.closedOf(layers.list[index]) }),
+        actions: [{ label: t('layers.color_by.reset'), press: () => layers.change(index, { color_by: '' }, performance.now()) }],
+      });
       return;
     }
     prompts.show('closed', {

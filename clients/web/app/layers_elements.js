@@ -6,6 +6,7 @@ import { logarithmic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { make, setText } from './dom.js';
 import { showNumber, showValue } from './fields.js';
+import { ColorByRow } from './layers_color_by.js';
 import { digits, hexOf, onColor, onSlide, sliderRow } from './layers_rows.js';
 
 const sizeScale = logarithmic(0.1, 10);
@@ -128,13 +129,14 @@ function addOpacity(details, id) {
 }
 
 export class PointsDetails extends ElementsDetails {
-  #size;
+  #size; #colorBy;
 
   constructor(layers, choose) {
     super(layers, choose);
     this.#size = make('input', { id: 'points-size', type: 'range', min: 0, max: 1, step: 0.01 });
     onSlide(layers, this.#size, (share, time) => this.set({ size: sizeScale.at(share) }, time));
-    this.add(sliderRow({ id: 'points-size', label: t('layers.size'), title: t('layers.size.title'), slider: this.#size }));
+    this.#colorBy = new ColorByRow(layers, 'points-color-by');
+    this.add(sliderRow({ id: 'points-size', label: t('layers.size'), title: t('layers.size.title'), slider: this.#size }), this.#colorBy.root);
   }
 
   show(index) {
@@ -142,6 +144,7 @@ export class PointsDetails extends ElementsDetails {
     const { size } = this.layer;
     this.#size.value = String(sizeScale.of(size));
     showValue(this.#size, t('layers.times', { factor: showNumber(size) }));
+    this.#colorBy.show(index);
   }
 }
 

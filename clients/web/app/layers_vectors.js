@@ -4,6 +4,7 @@ import { Playing, speedScale } from '../core/playing.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { icon, make, setAttribute } from './dom.js';
+import { ColorByRow } from './layers_color_by.js';
 import { showNumber, showValue } from './fields.js';
 import { digits, hexOf, onColor, onSlide, sliderRow } from './layers_rows.js';
 
@@ -34,7 +35,7 @@ export function createPlaying({ connection, viewer, notice }) {
 export class VectorsDetails {
   #layers; #playing;
   #index = -1;
-  #style; #color; #colorRow; #stretch; #density; #play; #speed; #phase; #number;
+  #colorBy; #style; #color; #colorRow; #stretch; #density; #play; #speed; #phase; #number;
 
   constructor(layers, playing) {
     this.#layers = layers;
@@ -47,11 +48,12 @@ export class VectorsDetails {
     this.#speed = make('input', { id: 'vectors-speed', type: 'range', min: -1, max: 1, step: 0.02, 'aria-label': t('layers.speed') });
     this.#phase = make('input', { id: 'vectors-phase', type: 'range', min: 0, max: 1, step: 0.01 });
     this.#number = make('input', { id: 'vectors-phase-value', type: 'number', step: 'any', 'aria-label': t('layers.phase') });
+    this.#colorBy = new ColorByRow(layers, 'vectors-color-by');
     this.#listen();
     this.#colorRow = make('div', { class: 'row' }, make('label', { for: 'vectors-color', text: t('layers.color') }), this.#color);
     this.root = make('div', { class: 'layer-details' },
       make('div', { class: 'row', title: t('layers.style.title') }, make('label', { for: 'vectors-style', text: t('layers.style') }), this.#style),
-      this.#colorRow,
+      this.#colorRow, this.#colorBy.root,
       sliderRow({ id: 'vectors-stretch', label: t('layers.stretch'), title: t('layers.stretch.title'), slider: this.#stretch }),
       sliderRow({ id: 'vectors-density', label: t('layers.density'), title: t('layers.density.title'), slider: this.#density }),
       make('div', { class: 'row', title: t('layers.speed.title') }, this.#play, this.#speed, make('output', { for: 'vectors-speed' })),
@@ -80,6 +82,7 @@ export class VectorsDetails {
     this.#style.value = layer.style;
     this.#colorRow.hidden = layer.style !== 'blend';
     this.#color.value = hexOf(layer.color);
+    this.#colorBy.show(index);
     this.#stretch.value = String(layer.stretch);
     showValue(this.#stretch, t('layers.times', { factor: showNumber(layer.stretch) }));
     this.#density.value = String(densityScale.of(layer.density));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the colour bar of a view says: which colour stands for which value in the picture.
-import { layersOf, showsVolume } from './layers.js';
+import { MAGNITUDE, layersOf, showsVolume } from './layers.js';
 import { numberText, roundLength, roundValue, valueUnit } from './lengths.js';
 import { isGrey, isProjection, projectionWindow } from './projection.js';
 import { colorAt, opacityAt } from './transfer.js';
@@ -39,9 +39,28 @@ function ticksBetween([low, high]) {
   return ticks;
 }
 
+/** The layer whose values the picture shows in colours. */
+const coloredLayer = (view) => layersOf(view).find(({ type, visible = true }) => visible && COLORED.includes(type));
+
+/** The bar of a layer whose colours come from other numbers: all colours, from the first point to the last one. */
+function otherBar({ id, color_by: chosen, color_low: low, color_high: high }, view, volumes) {
+  const find = (wanted) => volumes.find((volume) => volume.id === wanted);
+  const own = find(id || view.volume);
+  const isLength = chosen === MAGNITUDE;
+  const field = isLength ? own?.fields?.find(({ components }) => components === 3) : find(chosen)?.fields?.[0];
+  const points = view.transfer_function?.points;
+  if (!field || !points?.length) return null;
+  const range = [low ?? field.range[0], high ?? field.range[1]];
+  if (!(range[1] > range[0])) return null;
+  const ends = [points[0].value, points.at(-1).value];
+  const colors = ends[1] > ends[0] ? colorsOf(points, ends) : [{ at: 0, color: points[0].color }, { at: 1, color: points[0].color }];
+  const volume = { ...(isLength ? own : find(chosen)), fields: [field] };
+  return { ...bar(colors.map((stop) => ({ ...stop, isHidden: false })), range, volume), name: isLength ? `${field.name} ${MAGNITUDE}`.trim() : field.name };
+}
+
 /** The description of the volume whose values the picture shows in colours; undefined without one, null if it is not known. */
 function shownVolume(view, volumes) {
-  const layer = layersOf(view).find(({ type, visible = true }) => visible && COLORED.includes(type));
+  const layer = coloredLayer(view);
   return layer && (volumes.find(({ id }) => id === (layer.id || view.volume)) ?? null);
 }
 
@@ -62,6 +81,7 @@ function bar(colors, range, volume, projection = null) {
 export function colorBarOf(view, { volumes = [], histogram = null } = {}) {
   const volume = shownVolume(view, volumes);
   if (volume === undefined) return null;
+  if (coloredLayer(view).color_by) return otherBar(coloredLayer(view), view, volumes);
   const mode = isProjection(view) && showsVolume(layersOf(view)) ? view.compositing.mode : null;
   if (mode && isGrey(view)) {
     const window = projectionWindow(view, histogram);

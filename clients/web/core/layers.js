@@ -14,7 +14,10 @@ const VOLUME = Object.freeze({ type: 'volume', visible: true });
 const SHELL = Object.freeze({ type: 'shell', visible: true, low: 0.05, high: 0.95, detail: 'high' });
 const OPAQUE_SHARE = 0.9; // of the largest opacity
 const OPAQUE_LEAST = 0.4; // of a transfer function that shows opaque matter
-const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4 });
+/** color_by of a layer: the lengths of the vectors give the colours. */
+export const MAGNITUDE = 'magnitude';
+const OWN_COLORS = Object.freeze({ color_by: '', color_low: null, color_high: null });
+const VECTORS = Object.freeze({ type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4, ...OWN_COLORS });
 const DENSITY_MOST = 0.2;
 const SAMPLES_DEEP = 20; // along the longest axis of the grid
 /** Colours of surfaces, told apart by people with any colour vision; the first one is the daemon's default. */
@@ -22,7 +25,7 @@ const COLORS = Object.freeze([[0.9, 0.85, 0.75], [0.9, 0.4, 0.3], [0.4, 0.65, 0.
 
 /** The fields of layers of elements, beside their volume and its place. */
 const ELEMENTS = Object.freeze({
-  points: { size: 1 },
+  points: { size: 1, ...OWN_COLORS },
   gaussians: { opacity: 1, convention: 'inria' },
   geometry: { color: COLORS[0], opacity: 1, colors: 'own' },
 });

@@ -54,6 +54,7 @@ static void init(struct drawing *l, struct cpu_state *state, const struct sp_bac
         (struct sp_layers_input){ .view = view,
                                   .volume = job->volume,
                                   .shown = job->shown,
+                                  .colors = job->colors,
                                   .camera = &l->camera,
                                   .shade = is_lit ? &l->shade : NULL,
                                   .surfaces = &state->surfaces,
@@ -82,7 +83,6 @@ static bool draws_alone(const struct sp_view *view) {
 }
 
 static bool draw_alone(const struct drawing *l, struct sp_error *err) {
-    const struct sp_layer *layer = &l->job->view->layers[0];
     struct sp_layers_cloud cloud;
     struct sp_voxel_input voxels, *input = &voxels;
     double begin = sp_job_clock_ms(l->job);
@@ -90,7 +90,7 @@ static bool draw_alone(const struct drawing *l, struct sp_error *err) {
         input = &cloud.voxels.input;
         if (!sp_layers_cloud(&l->input, 0, &cloud, err))
             return false;
-    } else if (!sp_layers_voxels(&l->input, layer, input, err)) {
+    } else if (!sp_layers_voxels(&l->input, 0, input, err)) {
         return false;
     }
     double found_ms = sp_job_clock_ms(l->job) - begin;

@@ -17,7 +17,9 @@ static void add_cloud(struct gl_layers_made *made, const struct sp_layers_cloud 
                                                               : GL_SPLAT_POINTS,
                                  .source = from->source,
                                  .cloud = from->cloud,
-                                 .volume = job->shown[from->number] };
+                                 .volume = job->shown[from->number],
+                                 .colors = from->cloud.color_vectors ? job->shown[from->number]
+                                                                     : job->colors[from->number] };
 }
 
 bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
@@ -33,6 +35,7 @@ bool gl_layers_make(struct gl_layers *l, const struct gl_layers_job *from,
     const struct sp_layers_input input = { .view = view,
                                            .volume = from->job->volume,
                                            .shown = from->job->shown,
+                                           .colors = from->job->colors,
                                            .camera = &camera,
                                            .shade = is_lit ? &shade : NULL,
                                            .surfaces = &l->surfaces,

@@ -42,6 +42,7 @@ struct gl_layers_made {
         struct sp_voxel_source source; /* `from` is the list; not of clouds */
         struct sp_cloud cloud;         /* of clouds alone, as the next one */
         struct sp_volume *volume;      /* the job's */
+        struct sp_volume *colors;      /* the same: that has the numbers of colours; NULL = none */
     } splats[SP_LAYERS_MAX];
     unsigned surface_count;
     struct sp_surface surfaces[SP_LAYERS_MAX];

@@ -99,9 +99,14 @@ static void write_cloud(struct constants *c, const struct sp_cloud *cloud,
         memcpy(c->kernel, cloud->part_at, sizeof cloud->part_at);
         c->streaks[0] = cloud->part_deviation;
         c->rows[0] = cloud->parts;
+        c->cloud[1] = cloud->color_values ? 1 : cloud->color_vectors ? 3 : 0;
     }
     if (frame->has_streaks)
         write_streaks(c, &frame->streaks, 1);
+    if (!frame->is_trained)
+        memcpy(c->streak_axes[0],
+               (const float[3]){ cloud->color_low, cloud->color_scale, cloud->color_first },
+               3 * sizeof(float));
 }
 
 /* Coordinates of a rectilinear grid; returns how many words there are. to: NULL = they are only
@@ -221,6 +226,21 @@ static void add_array(struct gl_elements_array *arrays, int *count, const void *
             (struct gl_elements_array){ merged, cloud->merged->shape.count * size };
 }
 
+/* Makes the numbers that give the colours of points resident. */
+static bool load_colors(struct gl_splats *to, const struct gl_band *band, struct sp_error *err) {
+    const struct sp_cloud *cloud = &to->made->cloud;
+    const uint64_t count = cloud->elements->shape.count;
+    const bool by_length = cloud->color_vectors;
+    const struct gl_elements_array array = { by_length ? (const void *)cloud->color_vectors
+                                                       : cloud->color_values,
+                                             count * sizeof(float) * (by_length ? 3 : 1) };
+    struct gl_resident *item =
+        gl_elements_load(band, to->made->colors, GL_RESIDENT_HARMONICS, by_length ? 2 : 1, &array,
+                         1, "colours of points", err);
+    to->harmonics = item ? &item->buffer : NULL;
+    return item;
+}
+
 /* Makes the elements of a cloud resident. */
 static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct sp_error *err) {
     const struct sp_cloud *cloud = &to->made->cloud;
@@ -246,8 +266,10 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
     if (!item)
         return false;
     to->elements = to->harmonics = &item->buffer;
-    if (!is_trained)
+    if (!is_trained && !to->made->colors)
         return true;
+    if (!is_trained)
+        return load_colors(to, band, err);
     const uint64_t size = 3 * sizeof(float) * sp_harmonics_count(e->shape.degree);
     arrays[0] = (struct gl_elements_array){ e->harmonics, e->shape.count * size };
     item = gl_elements_load(band, to->made->volume, GL_RESIDENT_HARMONICS, 0, arrays, 1,

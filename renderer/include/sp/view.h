@@ -180,6 +180,7 @@ enum sp_convention {
     SP_CONVENTION_INRIA,     /* wider, opacity as it is (Kerbl et al. 2023) */
     SP_CONVENTION_NORMALISED /* wider and as much more transparent (Yu et al. 2024) */
 };
+#define SP_COLOR_BY_LENGTH "magnitude" /* struct sp_layer: color_by */
 enum sp_layer_colors { SP_COLORS_OWN, SP_COLORS_OF_LAYER };
 enum sp_shell_detail {
     SP_SHELL_HIGH, /* Gaussian footprints of filter.sigma and filter.cutoff */
@@ -216,6 +217,15 @@ struct sp_layer { /* "/layers/0" */
     double stretch; /* vectors: kernels are this many times longer along the vector, [1, 8] [4] */
     double density; /* vectors: share of the samples that are drawn, [0, 1]; the same ones at each
                        time [0.2] */
+    /* vectors, points: what gives the colours in place of the values, one number per sample or
+     * point: "magnitude" = the length of its vector; else the id of a volume with as many samples,
+     * such as another field of the same file, resolved by sp_render_options.find(); "" = the values
+     * [""]. Opacities stay those of the values. */
+    char color_by[SP_NAME_BYTES];
+    /* Numbers that have the colours of the first and of the last point of the transfer function,
+     * low < high; NaN (JSON null) = the smallest and the largest number; of lengths 0 and the
+     * largest one [NaN] */
+    double color_low, color_high;
     /* points, gaussians, geometry: the volume that has them, resolved by
      * sp_render_options.find(); "" = the frame's volume [""] */
     char id[SP_NAME_BYTES];

@@ -400,6 +400,9 @@ class Remote(RemoteCase):
             (['--vectors', 'blend'], None, [{**vectors, 'style': 'blend'}]),
             (['--vectors', 'blend'], {'layers': [volume]}, [volume, {**vectors, 'style': 'blend'}]),
             (['--vectors', 'blend', '--surface', '120'], None, [surface, {**vectors, 'style': 'blend'}]),
+            (['--vectors', 'blend', '--color-by', 'magnitude'], None, [{**vectors, 'style': 'blend', 'color_by': 'magnitude'}]),
+            (['--color-by', 'magnitude'], {'layers': [own, {'type': 'points'}]}, [own, {'type': 'points', 'color_by': 'magnitude'}]),
+            (['--color-by', 'head'], {'layers': [vectors]}, [{**vectors, 'color_by': 'head'}]),
             (['--vectors', 'modulate,3'], {'layers': [own, {**vectors, 'phase': 0.5}]}, [own, {**vectors, 'stretch': 3}]),
             (['--no-volume', '--vectors', 'modulate,1,0.25', '--shell', '0.05,0.9'], None, [shell, {**vectors, 'stretch': 1, 'density': 0.25}]),
         )
@@ -412,6 +415,9 @@ class Remote(RemoteCase):
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--no-volume')
         self.assertEqual((result.returncode, result.stderr),
                          (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface, --shell or --vectors\n'))
+        result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--color-by', 'magnitude')
+        self.assertEqual((result.returncode, result.stderr),
+                         (1, b'splatctl: --color-by: needs --vectors, or a view with layers of vectors or points\n'))
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--view', '-', stdin=b'{"layers": 5}')
         self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: /layers: must be an array, not a number\n'))
 

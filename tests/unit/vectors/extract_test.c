@@ -218,6 +218,21 @@ static void the_cache_keeps_what_fits(void **state) {
     job.bytes_max = one;
     assert_non_null(sp_vectors_cache_get(&rig.vectors, rig.volume, &job, NULL));
     assert_true(sp_vectors_bytes(&rig.vectors, NULL) <= one);
+    /* Other numbers for the colours need another list, which goes with their volume. */
+    struct test_shell other;
+    open_swirl(&other, SP_UINT8);
+    job.bytes_max = 1 << 24;
+    job.coloring = (struct sp_coloring){ .volume = other.volume, .scale = 1 };
+    voxels = sp_vectors_cache_get(&rig.vectors, rig.volume, &job, NULL)->voxels;
+    assert_ptr_equal(sp_vectors_cache_get(&rig.vectors, rig.volume, &job, NULL)->voxels, voxels);
+    job.coloring.low = 1;
+    assert_ptr_not_equal(sp_vectors_cache_get(&rig.vectors, rig.volume, &job, NULL)->voxels,
+                         voxels);
+    sp_vectors_evict(&rig.vectors, other.volume);
+    assert_int_equal(sp_vectors_bytes(&rig.vectors, NULL), 0);
+    test_shell_close(&other);
+    job.coloring.volume = NULL;
+    assert_non_null(sp_vectors_cache_get(&rig.vectors, rig.volume, &job, NULL));
     sp_vectors_evict(&rig.vectors, rig.volume);
     assert_int_equal(sp_vectors_bytes(&rig.vectors, NULL), 0);
     test_shell_close(&rig);

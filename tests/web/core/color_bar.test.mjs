@@ -45,6 +45,20 @@ test('only layers in the colours of the transfer function have a bar; its name i
   assert.deepEqual([other.name, other.unit, other.high], ['age', '', '2']);
 });
 
+test('the bar of a layer with the colours of other numbers has their range, and all colours', () => {
+  const points = [point(20, 0), point(40, 0.5, BLUE)];
+  const wind = { name: 'wind', unit: 'm/s', components: 3, range: [0, 12] };
+  const volumes = [volumeOf({ fields: [...volumeOf().fields, wind] }), volumeOf({ id: 'b', fields: [{ name: 'age', unit: 's', range: [-2, 2] }] })];
+  const barOf = (change) => colorBarOf(viewOf(points, { layers: [{ type: 'vectors', color_low: null, color_high: null, ...change }] }), { volumes });
+  const bar = barOf({ color_by: 'b' });
+  assert.deepEqual([bar.name, bar.unit, bar.low, bar.high], ['age', 's', '−2', '2']);
+  assert.deepEqual(bar.colors.map(({ at, color, isHidden }) => [at, color, isHidden]), [[0, RED, false], [1, BLUE, false]]);
+  const lengths = barOf({ color_by: 'magnitude', color_high: 6 });
+  assert.deepEqual([lengths.name, lengths.unit, lengths.low, lengths.high], ['wind magnitude', 'm/s', '0', '6']);
+  assert.equal(barOf({ color_by: 'gone' }), null);
+  assert.equal(barOf({ color_by: '' }).name, 'heat');
+});
+
 test('a projection in grey shows its window; one in colours shows them', () => {
   const points = [point(20, 0.1), point(40, 0.5, BLUE)];
   const barOf = (compositing, histogram = null) => colorBarOf(viewOf(points, { compositing }), { ...known, histogram });

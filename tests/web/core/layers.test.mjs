@@ -98,7 +98,7 @@ test('lists are the same but for rounding', () => {
 test('there is one layer of vectors, as dense as suits the grid', () => {
   const [volume, vectors] = addVectors(VOLUME, { dims: [64, 100, 32] });
   assert.equal(volume.visible, false);
-  assert.deepEqual(vectors, { type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4, density: 0.2 });
+  assert.deepEqual(vectors, { type: 'vectors', visible: true, style: 'modulate', color: [0.9, 0.85, 0.75], phase: 0, stretch: 4, density: 0.2, color_by: '', color_low: null, color_high: null });
   assert.deepEqual([32, 500].map((n) => addVectors(VOLUME, { dims: [2, n, 8] })[1].density), [0.2, 0.04]);
   const [points, streaks] = addVectors(addElements([], 'points'), { dims: [1, 1, 1], elements: { count: 1e9 } });
   assert.deepEqual([points.visible, streaks.density], [false, 0.02], 'they replace points, too');

@@ -262,6 +262,25 @@ test('streaks take the place of the volume, and a message says when it hides the
   await page.locator('.prompt[data-id="streaks"]').waitFor({ state: 'detached' });
 });
 
+test('streaks and points may have the colours of other numbers', async (context) => {
+  const fields = [{ name: 'speed', components: 1, range: [0, 200] }, { name: 'wind', components: 3, range: [0, 9] }];
+  const it = await setUp(context, LARGE, { volumes: [volume('phantom', { fields, other_fields: ['heat', 'magnitude'] })] });
+  const { page, daemon } = it;
+  await it.patch(() => page.click('#layer-add-vectors'));
+  const names = () => page.$$eval('#vectors-color-by option', (options) => options.map(({ textContent }) => textContent));
+  assert.deepEqual(await names(), ['speed', 'length of the vectors'], 'without the right to open files');
+  const [, streaks] = await it.patch(() => page.selectOption('#vectors-color-by', 'magnitude'));
+  assert.deepEqual([streaks.color_by, streaks.color_low, streaks.color_high], ['magnitude', null, null]);
+  assert.equal((await it.patch(() => page.selectOption('#vectors-color-by', '')))[1].color_by, '');
+  const session = [...daemon.sessions.values()][0];
+  session.view = { ...session.view, layers: [{ ...streaks, color_by: 'gone' }] };
+  daemon.notifyAll('view.changed', { by: 2, view: session.view });
+  const reset = page.locator('.prompt[data-id="closed"]').getByRole('button', { name: 'Use the own values' });
+  await reset.waitFor();
+  assert.equal((await it.patch(() => reset.click()))[0].color_by, '');
+  assert.deepEqual(it.said, []);
+});
+
 test('axe finds nothing in the section and in the marks, dark and light', NEEDS_AXE, async (context) => {
   const fields = [{ name: 'speed', components: 1 }, { name: 'wind', components: 3 }];
   const options = { viewport: { width: 1000, height: 1200 }, colorScheme: 'dark', bypassCSP: true };

@@ -157,6 +157,12 @@ test('other vectors of the file, their length and their components are fields', 
   await until(page, 'their lengths', (s) => s.isIdle && s.volume === 'storm-magnitude-flow');
   assert.equal(await vectors.inputValue(), 'flow');
   await shot(page, 'open-vectors');
+  await page.click('#layer-add-vectors');
+  const colors = page.locator('#vectors-color-by');
+  assert.deepEqual(await names(colors), ['magnitude', 'heat', 'flow x', 'flow y', 'flow z']);
+  await colors.selectOption('flow x');
+  await until(page, 'the colours of another field', (s) => s.isIdle && s.view.layers.at(-1).color_by === 'storm-flow-x-flow');
+  assert.equal(await colors.locator('option:checked').textContent(), 'flow x');
   assert.deepEqual(said, []);
 });
 

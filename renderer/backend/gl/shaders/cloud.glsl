@@ -5,7 +5,8 @@ layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements
 // Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
 // of each point, then three numbers of the vector of each.
 layout(std430, binding = 3) readonly buffer Elements { float elements[]; };
-layout(std430, binding = 4) readonly buffer Harmonics { float harmonics[]; }; // by element and coefficient: red, green, blue
+// By element and coefficient: red, green, blue. Or by point: the number, or the vector whose length is the number, that gives its colour.
+layout(std430, binding = 4) readonly buffer Harmonics { float harmonics[]; };
 
 const uint UNSEEN = 0xffffffffu;
 const float COLOR_MAX = 1e4; // SP_CLOUD_COLOR_MAX
@@ -88,6 +89,15 @@ vec4 classify(float value) {
     return own;
 }
 
+// The value, relative to the base, that has the colour of a point (cloud/set_up.c).
+float find_color_value(uint e) {
+    uint at = cloud.y * e;
+    float number = harmonics[at];
+    if (cloud.y == 3u)
+        number = length(vec3(number, harmonics[at + 1u], harmonics[at + 2u]));
+    return streak_axes[0].z + (abs(number) < 3e38 ? (number - streak_axes[0].x) * streak_axes[0].y : 0.0);
+}
+
 // Makes a kernel a part of it (cloud/set_up.c).
 void take_part(uint part, inout vec3 u, inout vec3 k[3]) {
     vec3 n = k[2] * inversesqrt(dot(k[2], k[2]) + 1e-30);
@@ -156,7 +166,10 @@ bool set_up(uint i, out Splat s, out vec4 box) {
 #endif
     if (!(f.det < 1e36))
         return false;
-    vec4 own = classify(elements[9u * n + e] - eye.x);
+    float value = elements[9u * n + e] - eye.x;
+    vec4 own = classify(value);
+    if (cloud.y != 0u)
+        own.rgb = classify(find_color_value(e)).rgb;
     box = set_ellipse(f, filter_of.y, s);
     s.shape.y = min(own.a * bounds.w * elements[10u * n + e] * eye.w * (f.gain * filter_of.w / sqrt(f.det)), DEPTH_MAX);
     s.color = vec4(own.rgb, u.z);

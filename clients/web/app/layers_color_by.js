@@ -1,0 +1,65 @@
+// SPDX-License-Identifier: Apache-2.0
+// The choice of what gives the colours of streaks or points: their values, the lengths of their vectors, or another field of the file, which
+// is loaded as a volume of its own.
+import { MAGNITUDE, hasVectors } from '../core/layers.js';
+import { t } from '../core/text.js';
+import { make } from './dom.js';
+
+const PLAIN = { color_low: null, color_high: null }; // the range of the new numbers
+
+export class ColorByRow {
+  #layers; #select;
+  #index = -1;
+  #shown = '';
+
+  /** id: of the control. */
+  constructor(layers, id) {
+    this.#layers = layers;
+    this.#select = make('select', { id });
+    this.#select.addEventListener('change', ({ timeStamp }) => {
+      const { kind } = this.#select.selectedOptions[0].dataset;
+      if (kind === 'field') this.#load(this.#select.value);
+      else layers.change(this.#index, { color_by: this.#select.value, ...PLAIN }, timeStamp);
+    });
+    this.root = make('div', { class: 'row', title: t('layers.color_by.title') }, make('label', { for: id, text: t('layers.color_by') }), this.#select);
+  }
+
+  get #layer() { return this.#layers.list[this.#index]; }
+
+  /** [value, name, kind]: kind field is one that is not loaded. */
+  #options() {
+    const { color_by: chosen = '' } = this.#layer;
+    const volume = this.#layers.volumeOf(this.#layer);
+    const own = volume?.fields?.[0]?.name ?? '';
+    const named = chosen && chosen !== MAGNITUDE ? this.#layers.fieldName(chosen) : '';
+    const others = (this.#layers.mayOpen && volume?.other_fields ? volume.other_fields : []).filter((name) => name !== MAGNITUDE && name !== named);
+    return [
+      ['', own || t('layers.color_by.own'), 'own'],
+      ...(hasVectors(volume) && own !== MAGNITUDE ? [[MAGNITUDE, t('layers.color_by.length'), 'length']] : []),
+      ...(named ? [[chosen, named, 'volume']] : []),
+      ...others.map((name) => [name, name, 'field']),
+    ];
+  }
+
+  async #load(field) {
+    const index = this.#index;
+    this.show(index); // until it is loaded
+    await this.#layers.loadField(index, field, (id) => this.#layers.change(index, { color_by: id, ...PLAIN }, performance.now()));
+  }
+
+  show(index) {
+    this.#index = index;
+    const options = this.#options();
+    this.root.hidden = options.length < 2;
+    const shown = JSON.stringify(options);
+    if (shown !== this.#shown) {
+      this.#shown = shown;
+      this.#select.replaceChildren(...options.map(([value, name, kind]) => {
+        const option = new Option(name, value);
+        option.dataset.kind = kind;
+        return option;
+      }));
+    }
+    this.#select.selectedIndex = Math.max(0, options.findIndex(([value, , kind]) => value === (this.#layer.color_by ?? '') && kind !== 'field'));
+  }
+}

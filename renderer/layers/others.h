@@ -1,0 +1,24 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The volumes beside that of the view: those that layers name.
+ */
+#ifndef SP_LAYERS_OTHERS_H
+#define SP_LAYERS_OTHERS_H
+
+#include "sp/renderer.h"
+
+/* By layer of the view; one reference each, NULL = the layer names none. */
+struct sp_others {
+    struct sp_volume *shown[SP_LAYERS_MAX];  /* whose elements it shows: id */
+    struct sp_volume *colors[SP_LAYERS_MAX]; /* whose samples give its colours: color_by */
+};
+
+/* Finds the volumes that the visible layers of a view of `volume` name, by options->find(), and
+ * checks that they suit. *others was all NULL. SP_ERR_VOLUME_UNKNOWN, SP_ERR_INVALID, with the JSON
+ * pointer as the place; what was found until then stays for sp_others_finish(). */
+bool sp_others_find(const struct sp_view *view, const struct sp_volume *volume,
+                    const struct sp_render_options *options, struct sp_others *others,
+                    struct sp_error *err);
+void sp_others_finish(struct sp_others *others);
+
+#endif
