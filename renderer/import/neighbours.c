@@ -142,7 +142,7 @@ static void set_size(void *user, size_t i, const struct import_nearest *near) {
 static void report(void *user, size_t points, unsigned worker) {
     struct sizes *s = user;
     const size_t done = points + atomic_fetch_add_explicit(&s->done, points, memory_order_relaxed);
-    if (worker == 0) /* the thread that may report */
+    if (worker == 0 && done > 0) /* the thread that may report */
         import_report(s->progress, s->begin + (uint64_t)((double)(s->end - s->begin) *
                                                          (double)done / (double)s->tree.count));
 }
