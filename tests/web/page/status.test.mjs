@@ -114,11 +114,12 @@ test('"reduced detail" goes with the moving picture, and never stands beside "de
     stream.socket.send(frameMessage({ frame: stream.frame, seq: stream.seq, width, height, flags: isFinal ? 3 : 1 }));
   };
   put(false);
-  await page.locator('#status-load', { hasText: 'reduced detail' }).waitFor();
+  // The text goes by itself soon after the last picture of a movement, so it may be gone when this process looks. On a machine so busy
+  // that pictures wait, the page says that instead.
+  await until(page, 'the moving picture', () => window.told.some((text) => ['reduced detail, 50 %', 'pictures wait, 50 %'].includes(text)));
   put(true);
   await page.locator('#status [data-key="detail"] dd', { hasText: '100 %' }).waitFor();
   const told = await page.evaluate(() => window.told);
-  assert.ok(told.includes('reduced detail, 50 %'), told.join('; '));
-  assert.ok(!told.includes('reduced detail, 100 %'), told.join('; '));
+  assert.ok(told.every((text) => !/(reduced detail|pictures wait), 100 %/.test(text)), told.join('; '));
   assert.deepEqual(said, []);
 });
