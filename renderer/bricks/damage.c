@@ -45,8 +45,8 @@ bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_dama
     struct sp_brick_store *store = sp_brick_store_of(volume);
     if (!store)
         return false;
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
     *damage = store->damage;
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
     return damage->count > 0;
 }

@@ -17,27 +17,29 @@
 #define BUDGET_MIN ((uint64_t)1 << 16)
 
 static void release(struct sp_brick_store *store) {
+    if (store->memory)
+        sp_brick_memory_remove(store->memory, store);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
         sp_brick_window_clear(&store->windows[i]);
     for (int i = 0; i < BRICK_QUEUE_MAX; i++)
         sp_brick_request_clear(&store->queue[i]);
     pthread_cond_destroy(&store->asked);
     pthread_cond_destroy(&store->done);
-    pthread_mutex_destroy(&store->mutex);
     sp_brick_file_close(&store->file);
     sp_pool_destroy(&store->pool);
     free(store->base_need.wanted);
     free(store->base_lost);
     free(store->damaged);
+    sp_brick_memory_unref(&store->memory);
     free(store);
 }
 
 static void destroy(void *source) {
     struct sp_brick_store *store = source;
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
     atomic_store(&store->stop, true);
     pthread_cond_signal(&store->asked);
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
     pthread_join(store->thread, NULL);
     release(store);
 }
@@ -65,11 +67,16 @@ static bool choose_base(struct sp_brick_store *store) {
 }
 
 static void choose_budget(struct sp_brick_store *store, const struct sp_load_options *options) {
+    struct sp_brick_usage usage;
     const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
     const uint64_t memory =
         pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : (uint64_t)4 << 30;
     const uint64_t all = 4 * sp_brick_file_header(store->file)->info.voxel_bytes;
     store->budget = options && options->window_bytes ? options->window_bytes : memory / 4;
+    if (options && options->windows) {
+        sp_brick_memory_usage(options->windows, &usage);
+        store->budget = usage.bytes_max > BUDGET_MIN ? usage.bytes_max : BUDGET_MIN;
+    }
     store->budget = store->budget < all ? store->budget : all;
 }
 
@@ -86,7 +93,8 @@ static bool check_base(const struct sp_brick_store *store, const char *source,
                    bytes, most);
 }
 
-/* Chooses the base, and halves the budget until it is granted. */
+/* Chooses the base, and halves the budget until it is granted: that of the base, and of windows
+ * unless their memory is shared. */
 static bool reserve(struct sp_brick_store *store, const char *source,
                     const struct sp_load_options *options, struct sp_error *err) {
     for (;; store->budget /= 2) {
@@ -95,7 +103,7 @@ static bool reserve(struct sp_brick_store *store, const char *source,
             return sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
         if (!check_base(store, source, err))
             return false;
-        const uint64_t needed = store->budget +
+        const uint64_t needed = (options && options->windows ? 0 : store->budget) +
                                 sp_brick_need_bytes(store->file, &store->base_need) +
                                 sp_brick_file_bytes(store->file);
         if (!options || !options->reserve || options->reserve(options->user, needed, &why))
@@ -213,9 +221,16 @@ static struct sp_volume *start(struct sp_brick_store *store, const char *name, c
         return NULL;
     }
     choose_budget(store, options);
+    store->memory = options && options->windows ? sp_brick_memory_ref(options->windows)
+                                                : sp_brick_memory_create(store->budget, err);
+    if (!store->memory)
+        return NULL;
+    sp_brick_memory_add(store->memory, store);
     if (!reserve(store, source, options, err) ||
         !(store->pool = sp_pool_create(chunks ? chunks->readers : sp_volume_threads(), err)))
         return NULL;
+    if (!options || !options->windows)
+        sp_brick_memory_set(store->memory, store->budget);
     struct sp_volume *base = make_base(store, name, source, options, err);
     store->base = base;
     if (base && pthread_create(&store->thread, NULL, sp_brick_store_read, store) != 0) {
@@ -242,7 +257,6 @@ static struct sp_volume *open_store(struct sp_brick_file *file, const char *name
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);
-    pthread_mutex_init(&store->mutex, NULL);
     pthread_cond_init(&store->asked, NULL);
     pthread_cond_init(&store->done, &monotonic);
     pthread_condattr_destroy(&monotonic);

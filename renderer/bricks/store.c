@@ -24,7 +24,7 @@ unsigned sp_brick_store_base(const struct sp_brick_store *store) {
 }
 
 uint64_t sp_brick_store_window_max(const struct sp_brick_store *store) {
-    return store->budget / 4 * 3; /* the volume that was opened has the rest */
+    return sp_brick_memory_window_max(store->memory, store);
 }
 
 static const struct sp_brick_level *level_of(const struct sp_brick_store *store, unsigned level) {
@@ -160,7 +160,7 @@ static void find_coarser(struct sp_brick_store *store, const struct sp_brick_nee
         struct sp_brick_store_window *w = find_window(store, &coarse);
         free(coarse.wanted);
         if (w) {
-            w->used = ++store->clock;
+            w->used = ++store->memory->clock;
             describe(store, w, NULL, out);
             return;
         }
@@ -173,26 +173,6 @@ static void find_coarser(struct sp_brick_store *store, const struct sp_brick_nee
 static bool is_stopped(void *user) {
     const struct sp_brick_store *store = user;
     return atomic_load_explicit(&store->stop, memory_order_relaxed);
-}
-
-/* With the mutex held: drops windows until `bytes` more fit. */
-static void make_space(struct sp_brick_store *store, uint64_t bytes) {
-    for (;;) {
-        struct sp_brick_store_window *oldest = NULL;
-        uint64_t total = bytes;
-        unsigned count = 0;
-        for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
-            struct sp_brick_store_window *w = &store->windows[i];
-            if (!w->volume)
-                continue;
-            total += w->bytes;
-            count++;
-            oldest = !oldest || w->used < oldest->used ? w : oldest;
-        }
-        if (!oldest || (total <= store->budget && count < BRICK_WINDOWS_MAX))
-            return;
-        sp_brick_window_clear(oldest);
-    }
 }
 
 /* References to the windows, from which bricks are copied. */
@@ -249,9 +229,9 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
     void *samples = w->lost ? sp_brick_store_map(bytes, err) : NULL;
     if (!samples)
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
     take_known(store, w->need.level, &known);
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
     const struct sp_brick_fill_job job = {
         .file = store->file,
         .need = &w->need,
@@ -269,9 +249,9 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
     for (uint64_t i = 0; ok && i < bricks; i++)
         w->lost_count += w->lost[i];
     if (why.code != SP_OK) {
-        pthread_mutex_lock(&store->mutex);
+        pthread_mutex_lock(&store->memory->mutex);
         sp_brick_store_note(store, &w->need, w->lost, &why);
-        pthread_mutex_unlock(&store->mutex);
+        pthread_mutex_unlock(&store->memory->mutex);
     }
     if (!ok) {
         munmap(samples, bytes);
@@ -286,19 +266,22 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
 /* Reads a need and publishes the window. With the mutex held, which is released meanwhile. */
 static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, struct sp_error *err) {
     struct sp_brick_store_window made;
-    make_space(store, sp_brick_need_cost(store->file, need));
-    pthread_mutex_unlock(&store->mutex);
+    const uint64_t cost = sp_brick_need_cost(store->file, need);
+    sp_brick_memory_make_space(store->memory, store, cost);
+    store->memory->reading += cost;
+    pthread_mutex_unlock(&store->memory->mutex);
     bool ok = read_window(store, need, &made, err);
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
+    store->memory->reading -= cost;
     if (!ok) {
         sp_brick_window_clear(&made);
         return false;
     }
-    make_space(store, made.bytes);
+    sp_brick_memory_make_space(store->memory, store, made.bytes);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
         if (!store->windows[i].volume) {
             store->windows[i] = made;
-            store->windows[i].used = ++store->clock;
+            store->windows[i].used = ++store->memory->clock;
             break;
         }
     pthread_cond_broadcast(&store->done);
@@ -362,13 +345,13 @@ static void note_failure(struct sp_brick_store *store, const struct sp_brick_nee
 
 void *sp_brick_store_read(void *user) {
     struct sp_brick_store *store = user;
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
     while (!is_stopped(store)) {
         struct sp_brick_request *r = newest(store);
         struct sp_brick_need step;
         struct sp_error err = { .code = SP_ERR_MEMORY, .text = "out of memory for bricks" };
         if (!r) {
-            pthread_cond_wait(&store->asked, &store->mutex);
+            pthread_cond_wait(&store->asked, &store->memory->mutex);
             continue;
         }
         if (find_window(store, &r->need)) {
@@ -384,7 +367,7 @@ void *sp_brick_store_read(void *user) {
             note_failure(store, &need, &err);
         free(need.wanted);
     }
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
     return NULL;
 }
 
@@ -395,7 +378,7 @@ static struct sp_brick_request *ask(struct sp_brick_store *store,
     for (int i = 0; i < BRICK_QUEUE_MAX; i++) {
         if (store->queue[i].need.wanted && is_same(need, &store->queue[i].need)) {
             r = &store->queue[i];
-            r->asked = ++store->clock;
+            r->asked = ++store->memory->clock;
             return r;
         }
         if (!store->queue[i].need.wanted || (r->need.wanted && store->queue[i].asked < r->asked))
@@ -404,7 +387,7 @@ static struct sp_brick_request *ask(struct sp_brick_store *store,
     sp_brick_request_clear(r);
     if (!sp_brick_need_copy(need, &r->need))
         return NULL;
-    r->asked = ++store->clock;
+    r->asked = ++store->memory->clock;
     pthread_cond_signal(&store->asked);
     return r;
 }
@@ -415,22 +398,25 @@ static void wait_a_while(struct sp_brick_store *store, double ms) {
     const double now = sp_clock_ms(), end = now + fmin(ms, poll_ms);
     until.tv_sec = (time_t)(end / 1000);
     until.tv_nsec = (long)fmod(end * 1e6, 1e9);
-    pthread_cond_timedwait(&store->done, &store->mutex, &until);
+    pthread_cond_timedwait(&store->done, &store->memory->mutex, &until);
 }
 
 bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need *need,
                         double wait_ms, bool (*is_cancelled)(void *user), void *user,
                         struct sp_brick_window *out, struct sp_error *err) {
     const double deadline = sp_clock_ms() + wait_ms;
+    const uint64_t cost = sp_brick_need_cost(store->file, need);
     bool ok = true;
     *out = (struct sp_brick_window){ .volume = NULL };
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
+    store->cost = cost;
+    store->asked_ms = sp_clock_ms();
     while (ok && !out->volume) {
         struct sp_brick_store_window *w = find_window(store, need);
         struct sp_brick_request *r = w ? NULL : ask(store, need);
         const double left = deadline - sp_clock_ms();
         if (w) {
-            w->used = ++store->clock;
+            w->used = ++store->memory->clock;
             describe(store, w, need, out);
             out->is_wanted = true;
         } else if (is_cancelled && is_cancelled(user)) {
@@ -448,17 +434,17 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
             wait_a_while(store, left);
         }
     }
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
     return ok;
 }
 
 void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64_t *bytes) {
     *bricks = *bytes = 0;
-    pthread_mutex_lock(&store->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
         if (store->windows[i].volume) {
             *bricks += wanted_count(&store->windows[i].need);
             *bytes += store->windows[i].bytes;
         }
-    pthread_mutex_unlock(&store->mutex);
+    pthread_mutex_unlock(&store->memory->mutex);
 }

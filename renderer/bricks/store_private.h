@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The store of a brick file: store.c finds and reads windows, open.c opens and closes.
+ * The store of a brick file: store.c finds and reads windows, open.c opens and closes, memory.c is
+ * the memory that stores share.
  */
 #ifndef SP_BRICKS_STORE_PRIVATE_H
 #define SP_BRICKS_STORE_PRIVATE_H
@@ -37,15 +38,18 @@ struct sp_brick_store {
     unsigned base_level;
     struct sp_brick_need base_need; /* all of its level */
     uint8_t *base_lost;
-    uint64_t budget; /* bytes of the samples of windows */
+    uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
+    struct sp_brick_memory *memory; /* a reference */
+    struct sp_brick_store *next;    /* of the memory */
     struct sp_pool *pool;
     pthread_t thread;
     atomic_bool stop;
-    pthread_mutex_t mutex; /* guards what follows */
     pthread_cond_t asked, done;
+    /* The mutex of the memory guards what follows. */
     struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
     struct sp_brick_request queue[BRICK_QUEUE_MAX];
-    uint64_t clock;
+    uint64_t cost;    /* of the window that a frame asked for last; 0 = none has */
+    double asked_ms;  /* when that was (base/clock.h) */
     uint8_t *damaged; /* by brick of all levels, the finest first: 1 = it could not be read */
     struct sp_bricks_damage damage;
 };
@@ -57,6 +61,34 @@ void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_nee
 /* Voxels of the whole volume that a brick covers: the first one, and the one past the last. */
 void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
                         uint32_t box[2][3]);
+
+/* The memory of windows. All stores of it have one mutex, so that a window of one store can be
+ * dropped for a window of another. A store that has shown frames lately may have at least an equal
+ * share. What the others do not need of theirs, it may have as well. Beyond that, windows are
+ * dropped in the order in which they were used last, whichever store they belong to. */
+struct sp_brick_memory {
+    pthread_mutex_t mutex; /* guards what follows, and the windows and requests of the stores */
+    unsigned references;
+    uint64_t bytes;   /* limit */
+    uint64_t reading; /* of windows that are being filled */
+    uint64_t clock;   /* rises with each use of a window */
+    struct sp_brick_store *stores;
+};
+
+/* memory.c: */
+
+/* Puts a store into the list, and takes it out; without effect if it is not there. */
+void sp_brick_memory_add(struct sp_brick_memory *memory, struct sp_brick_store *store);
+void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_store *store);
+
+/* Drops windows until `bytes` more fit, and until `store`, which may be NULL, has space for one
+ * more window. With the mutex held. */
+void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_store *store,
+                                uint64_t bytes);
+
+/* Most bytes that one window of the store may cost now. */
+uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
+                                    const struct sp_brick_store *store);
 
 void sp_brick_window_clear(struct sp_brick_store_window *window);
 void sp_brick_request_clear(struct sp_brick_request *request);

@@ -83,10 +83,13 @@ static void print_volumes(const struct srv_request *request, bool voxels,
 
 static void print_memory(const struct srv_request *request, FILE *out) {
     struct sp_renderer_info info[SRV_RENDERERS];
-    uint64_t used, budget;
+    uint64_t used, budget, windows;
     srv_render_pool_info(request->app->render_pool, info);
-    srv_catalog_memory(request->app->catalog, &used, &budget);
+    srv_catalog_memory(request->app->catalog, &used, &budget, &windows);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
+    gauge(out, "splatd_window_bytes",
+          "In use for what frames show of brick files; they get what the budget has left",
+          (double)windows);
     gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);
     srv_metrics_family(
         out, "splatd_volume_bytes", "gauge",

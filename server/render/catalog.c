@@ -105,7 +105,8 @@ struct srv_catalog *srv_catalog_create(const struct srv_catalog_options *options
     pthread_mutex_init(&catalog->notify_mutex, NULL);
     pthread_mutex_init(&catalog->joint_mutex, NULL);
     pthread_cond_init(&catalog->changed, NULL);
-    if (!srv_catalog_start_loaders(catalog, err)) {
+    catalog->windows = sp_brick_memory_create(options->memory_bytes, err);
+    if (!catalog->windows || !srv_catalog_start_loaders(catalog, err)) {
         srv_catalog_destroy(&catalog);
         return NULL;
     }
@@ -135,6 +136,7 @@ void srv_catalog_destroy(struct srv_catalog **catalog_pointer) {
         assert(v->uses == 0);
         srv_catalog_entry_free(v);
     }
+    sp_brick_memory_unref(&catalog->windows);
     pthread_cond_destroy(&catalog->changed);
     pthread_mutex_destroy(&catalog->mutex);
     pthread_mutex_destroy(&catalog->notify_mutex);
@@ -331,11 +333,36 @@ bool srv_catalog_add(struct srv_catalog *catalog, const struct srv_volume_reques
     return true;
 }
 
+static void share(struct srv_catalog *catalog) {
+    const uint64_t budget = catalog->options.memory_bytes, used = catalog->used_bytes;
+    sp_brick_memory_set(catalog->windows, budget > used ? budget - used : 0);
+}
+
+uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog) {
+    struct sp_brick_usage usage;
+    sp_brick_memory_usage(catalog->windows, &usage);
+    const uint64_t budget = catalog->options.memory_bytes;
+    const uint64_t loads = usage.files ? budget - budget / 8 : budget;
+    return loads > catalog->used_bytes ? loads - catalog->used_bytes : 0;
+}
+
+void srv_catalog_take(struct srv_catalog *catalog, struct srv_volume *volume, uint64_t bytes) {
+    catalog->used_bytes += bytes;
+    volume->reserved_bytes += bytes;
+    share(catalog);
+}
+
+void srv_catalog_give_back(struct srv_catalog *catalog, struct srv_volume *volume) {
+    catalog->used_bytes -= volume->reserved_bytes;
+    volume->reserved_bytes = 0;
+    share(catalog);
+}
+
 void srv_catalog_free_removed(struct srv_catalog *catalog, struct srv_volume *v) {
     pthread_mutex_lock(&catalog->mutex);
-    catalog->used_bytes -= v->reserved_bytes;
-    for (const struct srv_volume *step = v->steps; step; step = step->next)
-        catalog->used_bytes -= step->reserved_bytes;
+    srv_catalog_give_back(catalog, v);
+    for (struct srv_volume *step = v->steps; step; step = step->next)
+        srv_catalog_give_back(catalog, step);
     pthread_mutex_unlock(&catalog->mutex);
     for (const struct srv_volume *step = v->steps; step; step = step->next)
         if (step->volume)
@@ -369,10 +396,8 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char 
     if (catalog->options.persist)
         catalog->options.persist(catalog->options.user, v->id, NULL);
     catalog->count--;
-    if (is_loading) { /* its load is cancelled and reserves no more */
-        catalog->used_bytes -= v->reserved_bytes;
-        v->reserved_bytes = 0;
-    }
+    if (is_loading) /* its load is cancelled and reserves no more */
+        srv_catalog_give_back(catalog, v);
     char *upload = is_loading ? NULL : srv_catalog_upload_to_close(catalog, v);
     unsigned uses = v->uses;
     pthread_mutex_unlock(&catalog->mutex);

@@ -132,8 +132,9 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
                       struct srv_volume_status *status);
 /* Returns the resolved data folder; NULL = none. Constant. */
 const char *srv_catalog_data(const struct srv_catalog *catalog);
-/* Bytes of the memory budget. */
-void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget);
+/* Bytes of the memory budget: in use without windows, all, and windows of brick files. */
+void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
+                        uint64_t *windows);
 
 /* Uses: the functions of struct srv_volume_source (session/hub.h), with `user` the catalog. */
 void *srv_catalog_acquire(void *catalog, const char *id, struct sp_error *err);

@@ -38,7 +38,7 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
     const uint64_t budget = catalog->options.memory_bytes, share = budget - budget / 4;
     const struct srv_volume *v = srv_catalog_entry_of(load->volume);
     struct srv_volume *evicted = srv_catalog_evict_steps(catalog, load->volume, bytes);
-    uint64_t left = budget > catalog->used_bytes ? budget - catalog->used_bytes : 0;
+    uint64_t left = srv_catalog_free_bytes(catalog);
     uint64_t own = v->is_limited ? bytes_of_owner(catalog, v) : 0;
     if (v->is_removed) {
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
@@ -54,8 +54,7 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
                      ", three quarters of --memory; close some, or ask an admin to open it",
                      bytes, v->owner, own, share);
     } else {
-        catalog->used_bytes += bytes;
-        load->volume->reserved_bytes += bytes;
+        srv_catalog_take(catalog, load->volume, bytes);
     }
     pthread_mutex_unlock(&catalog->mutex);
     srv_catalog_free_steps(catalog, evicted);
@@ -163,8 +162,7 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     srv_catalog_retry_steps(catalog);
     v->progress = volume ? 1 : v->progress;
     if (!volume && !was_removed) {
-        catalog->used_bytes -= v->reserved_bytes;
-        v->reserved_bytes = 0;
+        srv_catalog_give_back(catalog, v);
         if (!was_stopped)
             forget_failed(catalog, v);
     }
@@ -210,7 +208,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .progress = progress,
                                        .user = &own,
                                        .is_finest = catalog->options.cache != NULL,
-                                       .window_bytes = catalog->options.memory_bytes / 2,
+                                       .windows = catalog->windows,
                                        .root = entry->confined ? catalog->data : NULL,
                                        .importer = catalog->options.importer,
                                        .step = v->step };

@@ -9,6 +9,7 @@
 #include <pthread.h>
 
 #include "render/catalog.h"
+#include "sp/bricks.h"
 
 /* An entry, or a time step of an entry. A use of a step is also a use of its entry. */
 struct srv_volume {
@@ -59,8 +60,9 @@ struct srv_catalog {
     pthread_cond_t changed;      /* there is something to load, or stop */
     struct srv_volume *entries;  /* in the order of adding */
     unsigned count;
-    uint64_t used_bytes;
-    uint64_t requests; /* how often a time step was asked for */
+    uint64_t used_bytes;             /* of the budget, without windows: srv_catalog_take() */
+    struct sp_brick_memory *windows; /* of brick files: what the budget has left */
+    uint64_t requests;               /* how often a time step was asked for */
     bool stop;
     unsigned running; /* load threads to join */
     struct srv_loader loaders[SRV_LOADERS];
@@ -73,6 +75,14 @@ static inline const struct srv_volume *srv_catalog_entry_of(const struct srv_vol
 
 /* Finds an entry. With the mutex held. */
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id);
+
+/* Bytes that loads may take. Windows of brick files keep an eighth of the budget, and give back the
+ * rest. With the mutex held. */
+uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog);
+/* Takes bytes of the budget for an entry or a step, or gives all of its bytes back. With the mutex
+ * held. */
+void srv_catalog_take(struct srv_catalog *catalog, struct srv_volume *volume, uint64_t bytes);
+void srv_catalog_give_back(struct srv_catalog *catalog, struct srv_volume *volume);
 
 /* Frees a removed entry that has no use and is not loading. With no lock of the catalog
  * held. */

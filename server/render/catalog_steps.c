@@ -228,9 +228,9 @@ struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
                                            const struct srv_volume *loading, uint64_t bytes) {
     const uint64_t budget = catalog->options.memory_bytes;
     struct srv_volume *evicted = NULL, *s;
-    while (bytes <= budget && catalog->used_bytes > budget - bytes &&
+    while (bytes <= budget && bytes > srv_catalog_free_bytes(catalog) &&
            (s = oldest_unused(catalog, loading))) {
-        catalog->used_bytes -= s->reserved_bytes;
+        srv_catalog_give_back(catalog, s);
         unlink_step(s);
         s->next = evicted;
         evicted = s;
@@ -279,10 +279,8 @@ void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
     srv_catalog_retry_steps(catalog);
     step->is_short = again && is_short;
     step->is_ahead = step->is_ahead && volume;
-    if (!volume) {
-        catalog->used_bytes -= step->reserved_bytes;
-        step->reserved_bytes = 0;
-    }
+    if (!volume)
+        srv_catalog_give_back(catalog, step);
     char id[SP_NAME_BYTES];
     memcpy(id, step->id, sizeof id);
     pthread_mutex_unlock(&catalog->mutex);

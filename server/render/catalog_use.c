@@ -71,7 +71,11 @@ const char *srv_catalog_data(const struct srv_catalog *catalog) {
     return catalog->data;
 }
 
-void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget) {
+void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
+                        uint64_t *windows) {
+    struct sp_brick_usage usage;
+    sp_brick_memory_usage(catalog->windows, &usage);
+    *windows = usage.bytes;
     pthread_mutex_lock(&catalog->mutex);
     *used = catalog->used_bytes;
     *budget = catalog->options.memory_bytes;

@@ -26,6 +26,23 @@ extern "C" {
 SP_API bool sp_bricks_convert(const char *source, const char *out,
                               const struct sp_load_options *options, struct sp_error *err);
 
+/* Memory for what frames show of brick files, which all files that are opened with it share
+ * (sp_load_options.windows): the least recently used samples are dropped. Thread-safe. */
+struct sp_brick_memory;
+/* One reference, or NULL: SP_ERR_MEMORY. `bytes`: the limit, any number. */
+SP_API struct sp_brick_memory *sp_brick_memory_create(uint64_t bytes, struct sp_error *err);
+/* Files that are open have references of their own. */
+SP_API struct sp_brick_memory *sp_brick_memory_ref(struct sp_brick_memory *memory);
+/* Drops a reference and nulls *memory, which may be NULL. */
+SP_API void sp_brick_memory_unref(struct sp_brick_memory **memory);
+/* Changes the limit, and drops what exceeds it. Frames that are being drawn keep what they show. */
+SP_API void sp_brick_memory_set(struct sp_brick_memory *memory, uint64_t bytes);
+struct sp_brick_usage {
+    uint64_t files;            /* that are open, or being opened */
+    uint64_t bytes, bytes_max; /* of samples in memory, and the limit */
+};
+SP_API void sp_brick_memory_usage(struct sp_brick_memory *memory, struct sp_brick_usage *usage);
+
 /* Bricks that could not be read so far, because the file is damaged or its disk fails. */
 struct sp_bricks_damage {
     uint64_t count;      /* of all levels */

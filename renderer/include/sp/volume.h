@@ -158,6 +158,8 @@ struct sp_source_parts {
 };
 SP_API struct sp_source_parts sp_source_split(const char *source);
 
+struct sp_brick_memory;
+
 /* All zero = all defaults. Pointers are borrowed for the call of sp_volume_load(). */
 struct sp_load_options {
     /* Called after the header was read and before `bytes` are allocated. Returns false and fills
@@ -180,6 +182,9 @@ struct sp_load_options {
      * all frames; reserve() is asked for them at once, and for half of them if it refuses, and so
      * on. 0 = a quarter of the machine's memory; never more than four times the samples. */
     uint64_t window_bytes;
+    /* Memory that brick files share (sp/bricks.h); borrowed. reserve() is then asked only for what
+     * a file needs besides. NULL = the file has window_bytes of its own. */
+    struct sp_brick_memory *windows;
 };
 
 /* Loads `source`: the path of a file (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr/.vts/.vtu/.vtp, raw

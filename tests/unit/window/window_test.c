@@ -409,6 +409,50 @@ static void threads_share_windows(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Renders all of a volume at its finest level that the memory allows; returns it. */
+static unsigned show(const struct rig *rig, struct sp_volume *volume, double wait_ms) {
+    struct sp_view view = make_view(rig);
+    view.level_of_detail = SP_LOD_OFF;
+    struct sp_frame *frame = render(rig, volume, &view, wait_ms);
+    assert_false(frame->stats.bricks.is_incomplete);
+    const unsigned level = frame->stats.bricks.level;
+    sp_frame_unref(&frame);
+    return level;
+}
+
+static void files_share_memory(void **state) {
+    enum { BYTES = 8 << 20 }; /* for one window of the finest level, not for two */
+    const struct rig *rig = *state;
+    const double no_wait = -1;
+    struct sp_error err;
+    struct sp_brick_usage usage;
+    struct sp_brick_memory *memory = sp_brick_memory_create(BYTES, &err);
+    assert_non_null(memory);
+    const struct sp_load_options options = { .windows = memory };
+    struct sp_volume *a = sp_brick_store_open(dup(rig->file), "a", "a", &options, &err);
+    struct sp_volume *b = sp_brick_store_open(dup(rig->file), "b", "b", &options, &err);
+    assert_non_null(a);
+    assert_non_null(b);
+    assert_int_equal(show(rig, a, 0), 0);
+    assert_int_equal(show(rig, b, 0), 1); /* less than its half, which has no finer level */
+    for (int i = 0; i < 2; i++) {         /* neither drops the window of the other */
+        assert_int_equal(show(rig, a, no_wait), 0);
+        assert_int_equal(show(rig, b, no_wait), 1);
+    }
+    sp_brick_memory_usage(memory, &usage);
+    assert_int_equal(usage.files, 2);
+    assert_compare(usage.bytes, <=, BYTES);
+    sp_volume_unref(&a);
+    assert_int_equal(show(rig, b, 0), 0); /* it has all */
+    sp_brick_memory_set(memory, BYTES / 8);
+    sp_brick_memory_usage(memory, &usage);
+    assert_int_equal(usage.files, 1);
+    assert_compare(usage.bytes, <=, BYTES / 8);
+    assert_compare(show(rig, b, 0), >, 0);
+    sp_volume_unref(&b);
+    sp_brick_memory_unref(&memory);
+}
+
 static bool refuse(void *user, uint64_t bytes, struct sp_error *err) {
     uint64_t *asked = user; /* the first and the last time */
     asked[0] = asked[0] ? asked[0] : bytes;
@@ -439,6 +483,7 @@ int main(void) {
         cmocka_unit_test(nothing_that_is_seen_needs_no_bricks),
         cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
         cmocka_unit_test(threads_share_windows),
+        cmocka_unit_test(files_share_memory),
         cmocka_unit_test(opening_reserves_all_memory),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
