@@ -211,7 +211,7 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
     const bool is_in_world = result->unit == SP_MEASURE_LENGTH || result->unit == SP_MEASURE_AREA ||
                              result->unit == SP_MEASURE_VOLUME;
     const char *name = sp_measure_kind_name(measure->kind);
-    char unit[80] = "", outside[160] = "", share[32] = "";
+    char unit[64] = "", outside[124] = "", coarse[60] = "", share[32] = "";
     if (sp_measure_has_range(measure->kind) && !result->has_value) {
         snprintf(note, PROTO_MEASURE_NOTE_MAX + 1, "%s",
                  measure->kind == SP_MEASURE_PART
@@ -233,8 +233,11 @@ void proto_measure_note(const struct sp_measure *measure, const struct proto_mea
                  !result->has_statistics ? ""
                  : share[0]              ? "; the statistics count the rest"
                                          : ", so it has no statistics");
-    snprintf(note, PROTO_MEASURE_NOTE_MAX + 1, "%s%s%s", unit, unit[0] && outside[0] ? "; " : "",
-             outside);
+    if (value->level)
+        snprintf(coarse, sizeof coarse, "measured in coarse samples: level %u", value->level);
+    snprintf(note, PROTO_MEASURE_NOTE_MAX + 1, "%s%s%s%s%s", unit,
+             unit[0] && outside[0] ? "; " : "", outside,
+             coarse[0] && (unit[0] || outside[0]) ? "; " : "", coarse);
 }
 
 /* Sets what a part or a path has besides its value. */

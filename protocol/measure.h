@@ -28,6 +28,8 @@ struct proto_measure_value {
     struct sp_measure_result result;
     char world_unit[SP_UNIT_BYTES]; /* of coordinates */
     char data_unit[SP_UNIT_BYTES];  /* of the samples: of statistics, profiles and ranges */
+    unsigned level; /* of a volume that is larger than memory: of the samples that were measured;
+                       not saved */
     double volume_samples; /* that a part or a path took, for accounts of time; not saved */
 };
 
@@ -88,7 +90,8 @@ void proto_measure_set_units(struct proto_measure_value *value, const struct sp_
  * or "deg"; "" = unknown. */
 void proto_measure_unit(const struct proto_measure_value *value, char unit[SP_UNIT_BYTES + 2]);
 /* Writes what a reader of the value must know: that the unit is not known, which share lies
- * outside of the volume, or that there is no part; "" = nothing. English. */
+ * outside of the volume, that its samples were coarse, or that there is no part; "" = nothing.
+ * English. */
 void proto_measure_note(const struct sp_measure *measure, const struct proto_measure_value *value,
                         char note[PROTO_MEASURE_NOTE_MAX + 1]);
 

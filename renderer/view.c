@@ -219,7 +219,8 @@ bool sp_view_is_same_image(const struct sp_view *a, const struct sp_view *b) {
 
 void sp_view_init(struct sp_view *view, const struct sp_volume_info *info, const char *id) {
     const struct sp_grid *grid = &info->grid;
-    double smallest = fmin(grid->spacing[0], fmin(grid->spacing[1], grid->spacing[2]));
+    const double *spacing = info->whole.dims[0] ? info->whole.spacing : grid->spacing;
+    double smallest = fmin(spacing[0], fmin(spacing[1], spacing[2]));
     if (info->elements.kind != SP_KIND_GRID)
         smallest = info->element_spacing;
     *view = (struct sp_view){

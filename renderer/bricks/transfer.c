@@ -4,6 +4,7 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 bool sp_read_at(int fd, void *out, size_t size, uint64_t at) {
@@ -49,4 +50,12 @@ int sp_bricks_temporary(const char *folder, struct sp_error *err) {
     if (fd < 0)
         sp_fail(err, SP_ERR_IO, folder, "cannot create a temporary file: %s", strerror(errno));
     return fd;
+}
+
+bool sp_is_hole(int fd, size_t size, uint64_t at) {
+    struct stat st;
+    if (fstat(fd, &st) != 0 || (uint64_t)st.st_size < at + size)
+        return false;
+    const off_t data = lseek(fd, (off_t)at, SEEK_DATA);
+    return data < 0 ? errno == ENXIO : (uint64_t)data >= at + size;
 }

@@ -18,6 +18,9 @@ bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at);
 /* The same into a file that reads as zeros there: blocks of zeros stay holes. */
 bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at);
 
+/* True if the file has no data there, so that it reads as zeros. */
+bool sp_is_hole(int fd, size_t size, uint64_t at);
+
 /* A file without a name in that folder, which vanishes when it is closed; −1 with *err set. */
 int sp_bricks_temporary(const char *folder, struct sp_error *err);
 

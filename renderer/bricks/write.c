@@ -31,7 +31,8 @@ struct worker {
     ZSTD_CCtx *context;
     void *copy; /* samples of a brick */
     uint64_t histogram[SP_HISTOGRAM_BINS];
-    bool failed; /* reading for the histogram */
+    uint64_t zeros; /* samples in holes, for the histogram */
+    bool failed;    /* reading for it */
 };
 
 struct writer {
@@ -89,6 +90,18 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
             return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples: %s",
                            strerror(errno));
     }
+    return true;
+}
+
+/* True if all samples of the strip, with the margin, lie in holes of the file: they are 0. */
+static bool is_empty(const struct writer *w) {
+    const uint32_t *dims = w->header.level[w->l].dims;
+    const struct strip *s = &w->strip;
+    const size_t row = dims[0] * w->sample;
+    for (uint32_t z = 0; z < s->count[1]; z++)
+        if (!sp_is_hole(w->fine, s->count[0] * row,
+                        ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row))
+            return false;
     return true;
 }
 
@@ -190,6 +203,14 @@ static void place_strip(struct writer *w, uint32_t row, uint32_t slab) {
     }
 }
 
+static bool write_strip(struct writer *w, struct sp_error *err) {
+    if (!read_strip(w, err))
+        return false;
+    sp_parallel_for(w->pool, w->header.level[w->l].bricks[0], 1, pack_bricks, w);
+    return write_packed(w, err) && (w->coarse < 0 || write_means(w, err));
+}
+
+/* Entries of strips in holes stay as they are: 0, which is their sample and their range. */
 static bool write_strips(struct writer *w, struct sp_error *err) {
     const struct sp_brick_level *level = &w->header.level[w->l];
     for (uint32_t slab = 0; slab < level->bricks[2]; slab++)
@@ -198,10 +219,7 @@ static bool write_strips(struct writer *w, struct sp_error *err) {
             const double done = ((double)slab * level->bricks[1] + row) /
                                 ((double)level->bricks[1] * level->bricks[2]);
             if (!report(w, w->l ? level_share + histogram_share : level_share * done, err) ||
-                !read_strip(w, err))
-                return false;
-            sp_parallel_for(w->pool, level->bricks[0], 1, pack_bricks, w);
-            if (!write_packed(w, err) || (w->coarse >= 0 && !write_means(w, err)))
+                (!is_empty(w) && !write_strip(w, err)))
                 return false;
         }
     return true;
@@ -308,7 +326,9 @@ static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
         const uint64_t at = (uint64_t)i * chunk * w->sample;
         const size_t size =
             bytes - at < chunk * w->sample ? (size_t)(bytes - at) : chunk * w->sample;
-        if (sp_read_at(w->job->samples, own->copy, size, at))
+        if (sp_is_hole(w->job->samples, size, at))
+            own->zeros += size / w->sample;
+        else if (sp_read_at(w->job->samples, own->copy, size, at))
             sp_brick_count_values(own->copy, w->header.info.type, size / w->sample,
                                   w->header.info.range, own->histogram);
         else
@@ -330,8 +350,12 @@ static bool count_values(struct writer *w, struct sp_error *err) {
     for (unsigned t = 0; t < sp_pool_threads(w->pool); t++) {
         if (w->workers[t].failed)
             return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples again");
+        uint64_t zero[SP_HISTOGRAM_BINS] = { 0 };
+        const double sample = 0; /* as many bytes of 0 as any type has */
+        sp_brick_count_values(&sample, w->header.info.type, 1, w->header.info.range, zero);
         for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
-            w->header.info.histogram[b] += w->workers[t].histogram[b];
+            w->header.info.histogram[b] +=
+                w->workers[t].histogram[b] + w->workers[t].zeros * zero[b];
     }
     return report(w, level_share + histogram_share, err);
 }

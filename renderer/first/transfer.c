@@ -341,7 +341,8 @@ static void add_points(const struct sp_first_samples *s, const struct classes *c
 }
 
 bool sp_first_transfer(const struct sp_first_samples *s, struct sp_transfer_function *tf) {
-    const double *spacing = s->info->grid.spacing;
+    const bool is_coarse = s->info->whole.dims[0] > 0;
+    const double *spacing = is_coarse ? s->info->whole.spacing : s->info->grid.spacing;
     struct classes c;
     find_classes(s, &c);
     struct look look = choose_look(&c);

@@ -142,6 +142,12 @@ bool sp_slice_init_oblique(struct sp_slice *slice, const struct sp_volume_info *
     return true;
 }
 
+void sp_slice_move(struct sp_slice *slice, const struct sp_volume_info *to) {
+    struct sp_interpolator own;
+    sp_interpolator_init_grid(&own, &to->grid);
+    sp_interpolator_distances(&own, slice->origin, slice->grid_origin);
+}
+
 /* Samples n pixels of a row from column `begin` on. */
 static void sample_run(const struct sp_interpolator *it, const struct sp_slice *slice, uint32_t row,
                        uint32_t begin, uint32_t n, double *values) {

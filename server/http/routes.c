@@ -10,7 +10,7 @@
 #define SNAPSHOT { "background", "size", "format", "quality", "subsampling" }
 #define AXES { "axis", "step" }
 #define LIST { "format" }
-#define SLICE {"axis","index","origin","normal","up","size","spacing","window","color",\
+#define SLICE {"axis","index","level","origin","normal","up","size","spacing","window","color",\
                        "format","step"}
 #define FILES { "path", "after", "limit" }
 /* clang-format on */

@@ -13,6 +13,7 @@
 #include "http/routes.h"
 #include "protocol/measure.h"
 #include "protocol/view.h"
+#include "sp/bricks.h"
 #include "sp/edit.h"
 
 /* Suspends the request and adds the work, which completes it. False: the reply says why not. */
@@ -53,10 +54,11 @@ static bool read_samples(const proto_json *body, const struct sp_measure *measur
     return true;
 }
 
-static proto_json *measure_path(const struct sp_volume *volume, const char *id,
+static proto_json *measure_path(const struct sp_volume *volume, unsigned level, const char *id,
                                 const struct sp_measure *measure, struct sp_error *err) {
     struct proto_measure_value value;
     proto_json *json = NULL;
+    value.level = level;
     struct sp_part_path *path = malloc(sizeof *path);
     if (!path) {
         sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for the path");
@@ -71,13 +73,15 @@ static proto_json *measure_path(const struct sp_volume *volume, const char *id,
     return json;
 }
 
-static proto_json *measure_volume(const struct sp_volume *volume, const char *id,
+/* `level`: of the samples, proto_measure_value.level. */
+static proto_json *measure_volume(const struct sp_volume *volume, unsigned level, const char *id,
                                   const struct sp_measure *measure, uint32_t samples,
                                   struct sp_error *err) {
     struct proto_measure_value value;
     double *profile = NULL;
     if (measure->kind == SP_MEASURE_PATH)
-        return measure_path(volume, id, measure, err);
+        return measure_path(volume, level, id, measure, err);
+    value.level = level;
     if (!sp_measure_compute(volume, measure, &value.result, err))
         return NULL;
     proto_measure_set_units(&value, sp_volume_info(volume));
@@ -114,9 +118,11 @@ static void run_part(struct srv_work *work) {
     struct srv_request *request = part->request;
     struct sp_error err;
     if (may_begin(request)) {
-        struct sp_volume *shown =
-            sp_edit_volume(srv_volume_voxels(part->volume), &part->view, &err);
-        proto_json *json = shown ? measure_volume(shown, part->id, &part->measure, 0, &err) : NULL;
+        struct sp_volume *volume = srv_volume_voxels(part->volume);
+        struct sp_volume *shown = sp_edit_volume(volume, &part->view, &err);
+        proto_json *json =
+            shown ? measure_volume(shown, sp_bricks_base(volume), part->id, &part->measure, 0, &err)
+                  : NULL;
         sp_volume_unref(&shown);
         if (json)
             srv_reply_json(&request->reply, 200, json);
@@ -185,8 +191,11 @@ static void reply_measure(struct srv_request *request, const proto_json *body, c
         return;
     }
     struct srv_volume *volume = acquire(request->app->catalog, id, view, &err);
-    proto_json *json =
-        volume ? measure_volume(srv_volume_voxels(volume), id, &measure, samples, &err) : NULL;
+    unsigned level;
+    struct sp_volume *part =
+        volume ? srv_measured_samples(srv_volume_voxels(volume), &measure, &level, &err) : NULL;
+    proto_json *json = part ? measure_volume(part, level, id, &measure, samples, &err) : NULL;
+    sp_volume_unref(&part);
     if (volume)
         srv_catalog_release(request->app->catalog, volume);
     if (json)

@@ -4,6 +4,7 @@
  * join token. The HTTP thread samples them itself: some milliseconds, bounded by
  * SP_SLICE_SIDE_MAX.
  */
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -13,14 +14,18 @@
 #include "http/routes.h"
 #include "http/slice_query.h"
 #include "protocol/view.h"
+#include "sp/bricks.h"
 
 enum { JPEG_QUALITY = 90, ETAG_TEXT = SRV_FINGERPRINT_TEXT + 2 };
 
 struct slice_request {
     struct srv_slice_query query;
     struct sp_slice slice;
-    struct sp_volume *volume;  /* borrowed */
-    const proto_json *session; /* the view of the session; NULL = the volume's default view */
+    struct sp_volume_info info; /* of the volume, as of the level */
+    struct sp_volume *volume;   /* borrowed */
+    struct sp_volume *samples;  /* of it, those of the slice; a reference */
+    unsigned level, got;        /* asked for; of the samples */
+    const proto_json *session;  /* the view of the session; NULL = the volume's default view */
     const struct sp_transfer_function *colors; /* NULL = grey */
 };
 
@@ -72,8 +77,12 @@ static void describe(struct srv_reply *reply, const struct slice_request *wanted
 
 static void set_headers(struct srv_reply *reply, const struct slice_request *wanted,
                         const char *etag) {
-    srv_reply_header(reply, "ETag", "%s", etag);
-    srv_reply_header(reply, "Cache-Control", "private, no-cache");
+    const bool is_complete = wanted->got <= wanted->level;
+    if (is_complete)
+        srv_reply_header(reply, "ETag", "%s", etag);
+    srv_reply_header(reply, "Cache-Control", is_complete ? "private, no-cache" : "no-store");
+    srv_reply_header(reply, "X-Complete", "%s", is_complete ? "true" : "false");
+    srv_reply_header(reply, "X-Level", "%u", wanted->got);
     describe(reply, wanted);
 }
 
@@ -85,7 +94,7 @@ static bool write_raw(const struct slice_request *wanted, struct srv_reply *repl
     void *values = malloc(size);
     if (!values)
         return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a slice of %zu bytes", size);
-    sp_slice_sample(wanted->volume, s, values);
+    sp_slice_sample(wanted->samples, s, values);
     reply->body = reply->owned = values;
     reply->size = size;
     reply->mime = "application/octet-stream";
@@ -105,7 +114,7 @@ static bool write_image(const struct slice_request *wanted, struct srv_reply *re
     struct sp_encoder *encoder = frame ? sp_encoder_create(err) : NULL;
     bool ok = false;
     if (encoder) {
-        sp_slice_draw(wanted->volume, &wanted->slice, wanted->query.window, wanted->colors, frame);
+        sp_slice_draw(wanted->samples, &wanted->slice, wanted->query.window, wanted->colors, frame);
         ok = sp_encode(encoder, frame, format, JPEG_QUALITY, &bytes, &size, err);
     }
     void *copy = ok ? malloc(size) : NULL;
@@ -122,19 +131,59 @@ static bool write_image(const struct slice_request *wanted, struct srv_reply *re
     return ok;
 }
 
+/* Finds the slice, of the volume's own samples or of those of the level that it asks for. */
+static bool resolve(struct slice_request *wanted, struct sp_volume_info *info,
+                    struct sp_error *err) {
+    const struct srv_slice_query *query = &wanted->query;
+    wanted->level = sp_bricks_base(wanted->volume);
+    if (query->is_oblique && info->whole.dims[0]) {
+        const double *s = info->whole.spacing;
+        const double finest = fmin(s[0], fmin(s[1], s[2]));
+        const double spacing = query->plane.spacing > 0 ? query->plane.spacing : finest;
+        wanted->level = sp_bricks_level(wanted->volume, spacing);
+    } else if (query->has_level) {
+        wanted->level = query->level;
+    }
+    return (sp_bricks_describe(wanted->volume, wanted->level, info) ||
+            sp_fail(err, SP_ERR_INVALID, "level", "the volume has no level %u", wanted->level)) &&
+           srv_slice_query_resolve(query, info, &wanted->slice, err);
+}
+
+/* Gets the samples of the slice, wanted->samples, which the caller unrefs. Of a volume that is
+ * larger than memory, its bricks are read. */
+static bool read_samples(struct slice_request *wanted, struct sp_error *err) {
+    enum { READ_MS = 10000 };
+    struct sp_slice *s = &wanted->slice;
+    double corners[4][3];
+    for (int i = 0; i < 4; i++)
+        for (int r = 0; r < 3; r++)
+            corners[i][r] = s->origin[r] + (i & 1 ? s->step[0][r] * (s->size[0] - 1) : 0) +
+                            (i & 2 ? s->step[1][r] * (s->size[1] - 1) : 0);
+    wanted->got = wanted->level;
+    wanted->samples = sp_bricks_around(wanted->volume, (const double(*)[3])corners, 4, READ_MS,
+                                       &wanted->got, err);
+    if (!wanted->samples)
+        return false;
+    if (wanted->got != wanted->level && s->type < SP_FLOAT32) /* pixels lie between samples */
+        s->type = SP_FLOAT32;
+    sp_slice_move(s, sp_volume_info(wanted->samples));
+    return true;
+}
+
 /* Answers from a volume in use. */
 static void reply_from(struct srv_request *request, struct slice_request *wanted,
                        const struct srv_fingerprint *fingerprint, struct srv_reply *reply) {
     struct sp_error err;
     char etag[ETAG_TEXT];
-    const struct sp_volume_info *info = sp_volume_info(wanted->volume);
+    struct sp_volume_info *info = &wanted->info;
+    *info = *sp_volume_info(wanted->volume);
     if (info->elements.kind != SP_KIND_GRID) {
         sp_fail(&err, SP_ERR_INVALID, NULL, "slices need a grid of samples, and this volume has %s",
                 sp_kind_name(info->elements.kind));
         srv_reply_error(reply, &err);
         return;
     }
-    if (!srv_slice_query_resolve(&wanted->query, info, &wanted->slice, &err)) {
+    if (!resolve(wanted, info, &err)) {
         reply_refused(reply, &err);
         return;
     }
@@ -143,13 +192,16 @@ static void reply_from(struct srv_request *request, struct slice_request *wanted
     make_etag(request, wanted, fingerprint, etag);
     if (srv_header_has_etag(srv_request_header(request, "If-None-Match"), etag)) {
         reply->status = 304;
+        wanted->got = wanted->level;
         set_headers(reply, wanted, etag);
         return;
     }
     uint64_t pixels = (uint64_t)wanted->slice.size[0] * wanted->slice.size[1];
-    bool ok = srv_request_reserve_answer(request, pixels * sizeof(double), &err) &&
+    bool ok = read_samples(wanted, &err) &&
+              srv_request_reserve_answer(request, pixels * sizeof(double), &err) &&
               (wanted->query.format == SRV_SLICE_RAW ? write_raw(wanted, reply, &err)
                                                      : write_image(wanted, reply, &err));
+    sp_volume_unref(&wanted->samples);
     if (!ok) {
         srv_reply_error(reply, &err);
         return;

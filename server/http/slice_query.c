@@ -85,12 +85,17 @@ bool srv_slice_query_read(struct srv_slice_query *query, srv_query_get *get, voi
         !read_count(get, user, "axis", &query->axis, &has_axis, err) ||
         !read_count(get, user, "index", &query->index, &has_index, err))
         return false;
+    if (!read_count(get, user, "level", &query->level, &query->has_level, err))
+        return false;
     if (has_window && !(query->window[1] > 0))
         return refuse(err, "window", get(user, "window"), "CENTRE,WIDTH with a width above 0");
     static const char *const of_planes[] = { "origin", "normal", "up", "size", "spacing" };
     query->is_oblique = !has_axis && !has_index;
     if (query->is_oblique)
-        return read_plane(query, get, user, err);
+        return query->has_level
+                   ? sp_fail(err, SP_ERR_INVALID, "level",
+                             "belongs to axis= and index=; an oblique slice has its spacing=")
+                   : read_plane(query, get, user, err);
     if (!has_axis || !has_index)
         return sp_fail(err, SP_ERR_INVALID, has_axis ? "index" : "axis",
                        "give axis= and index= together");

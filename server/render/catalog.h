@@ -166,6 +166,12 @@ bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err);
 
+/* The samples that a measurement needs: of a volume that is larger than memory those around its
+ * points, at the level *level, else the volume itself and 0. One reference; NULL with *err set, as
+ * sp_bricks_around(). Reads bricks, for seconds at most: with no lock held. */
+struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp_measure *measure,
+                                       unsigned *level, struct sp_error *err);
+
 /* The voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);

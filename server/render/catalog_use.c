@@ -10,6 +10,7 @@
 #include "render/catalog_private.h"
 #include "render/redact.h"
 #include "render/source.h"
+#include "sp/bricks.h"
 #include "sp/edit.h"
 
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id) {
@@ -166,11 +167,40 @@ bool srv_catalog_pick(void *user, void *volume, const struct sp_view *view, cons
     return ok;
 }
 
+struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp_measure *measure,
+                                       unsigned *level, struct sp_error *err) {
+    enum { READ_MS = 10000 };
+    const double(*p)[3] = measure->points;
+    const bool is_ellipse = measure->kind == SP_MEASURE_ELLIPSE;
+    double points[4][3];
+    *level = 0;
+    /* These need no samples, or all of them. */
+    if (measure->kind == SP_MEASURE_DISTANCE || measure->kind == SP_MEASURE_ANGLE ||
+        sp_measure_has_range(measure->kind)) {
+        *level = sp_measure_has_range(measure->kind) ? sp_bricks_base(volume) : 0;
+        return sp_volume_ref(volume);
+    }
+    memcpy(points, p, sizeof measure->points);
+    const unsigned count = sp_measure_point_count(measure->kind);
+    for (int a = 0; a < 3 && count == 3; a++) {
+        const double u = p[1][a] - p[0][a], v = p[2][a] - p[0][a];
+        points[3][a] = p[0][a] + u + v;
+        if (!is_ellipse)
+            continue;
+        points[0][a] = p[0][a] - u - v;
+        points[1][a] = p[0][a] + u - v;
+        points[2][a] = p[0][a] - u + v;
+    }
+    return sp_bricks_around(volume, (const double(*)[3])points, count == 3 ? 4 : count, READ_MS,
+                            level, err);
+}
+
 /* A part or a path of the volume with the view's edits. */
 static bool measure_part(struct sp_volume *volume, const struct sp_view *view,
                          const struct sp_measure *measure, struct proto_measure_value *value,
                          struct sp_error *err) {
     struct sp_volume *shown = sp_edit_volume(volume, view, err);
+    value->level = sp_bricks_base(volume);
     const bool ok = shown && sp_measure_compute(shown, measure, &value->result, err);
     value->volume_samples = sp_measure_cost(volume, measure);
     sp_volume_unref(&shown);
@@ -186,15 +216,20 @@ bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
         return false;
     proto_measure_set_units(value, sp_volume_info(volume));
     value->volume_samples = 0;
+    value->level = 0;
     if (sp_measure_has_range(measure->kind))
         return measure_part(volume, view, measure, value, err);
-    const double cost = sp_measure_cost(volume, measure);
+    struct sp_volume *part = srv_measured_samples(volume, measure, &value->level, err);
+    const double cost = part ? sp_measure_cost(part, measure) : 0;
+    bool ok = part != NULL;
     if (cost > samples)
-        return sp_fail(err, SP_ERR_INVALID, "/points",
-                       "the region covers %.0f samples and a session takes up to %.0f; make it "
-                       "smaller, or measure it by POST /measure",
-                       cost, samples);
-    return sp_measure_compute(volume, measure, &value->result, err);
+        ok = sp_fail(err, SP_ERR_INVALID, "/points",
+                     "the region covers %.0f samples and a session takes up to %.0f; make it "
+                     "smaller, or measure it by POST /measure",
+                     cost, samples);
+    ok = ok && sp_measure_compute(part, measure, &value->result, err);
+    sp_volume_unref(&part);
+    return ok;
 }
 
 /* The length of a source without its fields: "PATH" or "PATH?level=N". */

@@ -195,3 +195,17 @@ test('with --cache, a volume that does not fit is converted once', async () => {
     assert.equal(await own.stop(), 0);
   }
 });
+
+test('slices and measurements of a volume that is larger than memory have all voxels', async () => {
+  const query = (more) => `/api/v1/volumes/large/slice?format=raw&${more}`;
+  const coarse = await daemon.fetch(query('axis=2&index=0'));
+  assert.deepEqual(JSON.parse(coarse.headers.get('x-slice')).shape, scene.dims.slice(0, 2));
+  const fine = await daemon.fetch(query('axis=2&index=100&level=0'));
+  assert.equal(fine.status, 200, fine.status === 200 ? '' : await fine.text());
+  const { shape, type } = JSON.parse(fine.headers.get('x-slice'));
+  assert.deepEqual([shape, type, fine.headers.get('x-level'), fine.headers.get('x-complete')], [[SIDE, SIDE], 'uint8', '0', 'true']);
+  const values = new Uint8Array(await fine.arrayBuffer());
+  const marker = await daemon.post('/api/v1/measure', { volume: 'large', kind: 'marker', points: [[37, 51, 100]] });
+  assert.equal(marker.json.value, values[51 * SIDE + 37], 'the value of a voxel');
+  assert.equal((await daemon.fetch(query('axis=2&index=0&level=9'))).status, 422);
+});

@@ -53,6 +53,24 @@ struct sp_bricks_damage {
 /* Returns false if there are none, or if the volume is no brick file. Thread-safe. */
 SP_API bool sp_bricks_find_damage(const struct sp_volume *volume, struct sp_bricks_damage *damage);
 
+/* A volume of the samples around some points (world): of the level *level, or of the finest coarser
+ * one for which the memory suffices, which is written to it. Reads the bricks in the box around the
+ * points, and waits up to wait_ms for them [ms], INFINITY = until they are read. A volume that is
+ * no brick file is returned itself, with *level 0. One reference; NULL with *err set:
+ * SP_ERR_TIMEOUT, SP_ERR_IO (bricks there cannot be read), SP_ERR_MEMORY. Thread-safe. */
+SP_API struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double (*points)[3],
+                                          unsigned count, double wait_ms, unsigned *level,
+                                          struct sp_error *err);
+/* The level of the samples that the volume itself has; 0 if it is no brick file. Thread-safe. */
+SP_API unsigned sp_bricks_base(const struct sp_volume *volume);
+/* Describes the volume as if all of it had been loaded at that level. False: there is no such
+ * level. Thread-safe. */
+SP_API bool sp_bricks_describe(const struct sp_volume *volume, unsigned level,
+                               struct sp_volume_info *info);
+/* The coarsest level whose samples are at most as wide as that, world units; 0 if the volume is no
+ * brick file. Thread-safe. */
+SP_API unsigned sp_bricks_level(const struct sp_volume *volume, double spacing);
+
 #ifdef __cplusplus
 }
 #endif

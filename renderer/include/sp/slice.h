@@ -59,6 +59,10 @@ struct sp_slice_plane {
 SP_API bool sp_slice_init_oblique(struct sp_slice *slice, const struct sp_volume_info *info,
                                   const struct sp_slice_plane *plane, struct sp_error *err);
 
+/* Makes a slice one of another volume with the same directions of its axes, such as a part of the
+ * volume that it was made for. Thread-safe. */
+SP_API void sp_slice_move(struct sp_slice *slice, const struct sp_volume_info *to);
+
 /* Writes size[0] · size[1] values of slice->type, row by row. The slice must have been made for
  * this volume. Takes some nanoseconds per pixel. Thread-safe. */
 SP_API void sp_slice_sample(const struct sp_volume *volume, const struct sp_slice *slice,

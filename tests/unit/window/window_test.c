@@ -21,6 +21,8 @@
 #include "bricks/write.h"
 #include "sp/bricks.h"
 #include "sp/edit.h"
+#include "sp/measure.h"
+#include "sp/slice.h"
 #include "support/compare.h"
 #include "support/render.h"
 #include "support/sanitized.h"
@@ -453,6 +455,84 @@ static void files_share_memory(void **state) {
     sp_brick_memory_unref(&memory);
 }
 
+static void slices_and_measures_read_their_bricks(void **state) {
+    enum { WAIT_MS = 60000 };
+    const struct rig *rig = *state;
+    struct sp_error err;
+    struct sp_volume *volume = open_file(rig, 4 << 20);
+    struct sp_volume_info info;
+    assert_true(sp_bricks_describe(volume, 0, &info));
+    assert_memory_equal(info.grid.dims, rig->info.grid.dims, sizeof info.grid.dims);
+    assert_memory_equal(info.grid.origin, rig->info.grid.origin, sizeof info.grid.origin);
+    for (uint32_t axis = 0; axis < 3; axis++) {
+        static uint8_t want[NX * NY], got[NX * NY];
+        struct sp_slice slice;
+        unsigned level = 0;
+        assert_true(sp_slice_init_orthogonal(&slice, &info, axis, 77, &err));
+        sp_slice_sample(rig->whole, &slice, want);
+        double corners[2][3];
+        memcpy(corners[0], slice.origin, sizeof corners[0]);
+        for (int r = 0; r < 3; r++)
+            corners[1][r] = slice.origin[r] + slice.step[0][r] * (slice.size[0] - 1) +
+                            slice.step[1][r] * (slice.size[1] - 1);
+        struct sp_volume *part =
+            sp_bricks_around(volume, (const double(*)[3])corners, 2, WAIT_MS, &level, &err);
+        if (!part)
+            fail_msg("%s", err.text);
+        assert_int_equal(level, 0);
+        assert_compare(sp_volume_info(part)->voxel_bytes, <, COUNT * 2 / 3);
+        sp_slice_move(&slice, sp_volume_info(part));
+        sp_slice_sample(part, &slice, got);
+        assert_memory_equal(want, got, (size_t)slice.size[0] * slice.size[1]);
+        sp_volume_unref(&part);
+    }
+    const struct sp_measure measure = {
+        .kind = SP_MEASURE_ELLIPSE, .points = { { 100, 95, 97 }, { 130, 95, 97 }, { 100, 120, 97 } }
+    };
+    struct sp_measure_result want, got;
+    unsigned level = 0;
+    struct sp_volume *part = sp_bricks_around(volume, measure.points, 3, WAIT_MS, &level, &err);
+    assert_non_null(part);
+    assert_true(sp_measure_compute(rig->whole, &measure, &want, &err));
+    assert_true(sp_measure_compute(part, &measure, &got, &err));
+    assert_int_equal(got.statistics.count, want.statistics.count);
+    assert_float_equal(got.statistics.mean, want.statistics.mean, 1e-9);
+    assert_float_equal(got.statistics.max, want.statistics.max, 0);
+    sp_volume_unref(&part);
+    sp_volume_unref(&volume);
+}
+
+static void the_first_view_is_that_of_the_volume_in_memory(void **state) {
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_file(rig, 3 << 20); /* which has level 1 in memory */
+    struct sp_view want, got;
+    assert_int_equal(sp_bricks_base(volume), 1);
+    sp_view_choose(&want, rig->whole, "v");
+    sp_view_choose(&got, volume, "v");
+    const struct sp_transfer_function *a = &want.transfer_function, *b = &got.transfer_function;
+    assert_float_equal(b->reference_length, a->reference_length, 1e-9);
+    assert_int_equal(b->point_count, a->point_count);
+    for (uint32_t i = 0; i < a->point_count; i++) {
+        assert_float_equal(b->points[i].value, a->points[i].value, 3);
+        assert_float_equal(b->points[i].opacity, a->points[i].opacity, 0.06);
+    }
+    for (int r = 0; r < 3; r++) {
+        assert_float_equal(got.camera.position[r], want.camera.position[r], 15); /* of about 500 */
+        assert_float_equal(got.camera.target[r], want.camera.target[r], 5);
+        assert_float_equal(got.camera.up[r], want.camera.up[r], 1e-6);
+    }
+    got.level_of_detail = want.level_of_detail = SP_LOD_OFF;
+    got.size[0] = got.size[1] = want.size[0] = want.size[1] = SIDE;
+    struct sp_frame *truth = render(rig, rig->whole, &want, 0),
+                    *frame = render(rig, rig->whole, &got, 0);
+    const double db = compare(truth, frame);
+    print_message("the first view: %.1f dB\n", db);
+    assert_compare(db, >, 38);
+    sp_frame_unref(&truth);
+    sp_frame_unref(&frame);
+    sp_volume_unref(&volume);
+}
+
 static bool refuse(void *user, uint64_t bytes, struct sp_error *err) {
     uint64_t *asked = user; /* the first and the last time */
     asked[0] = asked[0] ? asked[0] : bytes;
@@ -484,6 +564,8 @@ int main(void) {
         cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
         cmocka_unit_test(threads_share_windows),
         cmocka_unit_test(files_share_memory),
+        cmocka_unit_test(slices_and_measures_read_their_bricks),
+        cmocka_unit_test(the_first_view_is_that_of_the_volume_in_memory),
         cmocka_unit_test(opening_reserves_all_memory),
     };
     return cmocka_run_group_tests(tests, setup, teardown);
