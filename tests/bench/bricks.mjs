@@ -29,7 +29,7 @@ async function watch(daemon, view) {
   const isNewest = ({ method, params: { bricks } }) => method === 'stream.stats' && bricks?.wanted > 0 && bricks.resident === bricks.wanted;
   const { bricks } = (await stream.until(() => stream.notes.findLast(isNewest), 'the numbers of the final frame')).params;
   await stream.end();
-  return { first, complete, read: proc(daemon, 'io', 'rchar') - before, ...bricks };
+  return { ...bricks, first, complete, read: proc(daemon, 'io', 'rchar') - before };
 }
 
 console.log('side,memory,view,size,load_ms,first_ms,complete_ms,level,bricks,read_bytes,peak_bytes');
