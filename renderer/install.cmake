@@ -40,6 +40,9 @@ write_basic_package_version_file(splat-config-version.cmake COMPATIBILITY SameMi
 
 install(TARGETS splat ARCHIVE DESTINATION ${CMAKE_INSTALL_LIBDIR})
 install(TARGETS splat-import RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+if(TARGET splat-fetch)
+    install(TARGETS splat-fetch RUNTIME DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
+endif()
 install(TARGETS splat-import-dicom ${SPLATD_OPTIONAL_IMPORTERS} splat-import-image splat-import-mesh splat-exr LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)
 if(TARGET splat-x264)
     install(TARGETS splat-x264 LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR}/splatd)

@@ -444,6 +444,7 @@ struct srv_daemon *srv_daemon_start(const struct srv_config *config, struct srv_
         .memory_bytes = config->memory ? (uint64_t)config->memory : half_of_memory(),
         .data = config->data,
         .cache = d->cache,
+        .allowed_hosts = config->allow_host,
         .user = d,
         .progress = on_progress,
         .persist = on_volume,

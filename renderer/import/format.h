@@ -124,6 +124,9 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
 /* True if a format that may suit the file needs a module. */
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
 
+/* A remote hierarchy (remote.h): no format of files. */
+extern const struct import_format import_zarr_remote;
+
 /* The time series of the files that file->series names. */
 extern const struct import_format import_series;
 

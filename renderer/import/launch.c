@@ -21,6 +21,7 @@
 #include "import/child.h"
 #include "import/confine.h"
 #include "import/handover.h"
+#include "import/input.h"
 #include "import/numbered.h"
 #include "import/place.h"
 #include "import/pyramid.h"
@@ -35,9 +36,9 @@ struct import {
     bool is_coarser;              /* there was no memory for a finer level */
     struct sp_import_place place;
     const struct sp_load_options *options;
-    char real[PATH_MAX], importer[PATH_MAX];
+    char importer[PATH_MAX];
     const char *scratch; /* folder of a file that takes the place of memory; NULL = none */
-    int file;            /* -1 = not open */
+    struct sp_import_input input;
     struct sp_import_child child;
     int timeout_ms;
     double deadline_ms;
@@ -54,19 +55,27 @@ static bool find_importer(struct import *im, struct sp_error *err) {
 }
 
 static bool start_child(struct import *im, struct sp_error *err) {
-    char name[] = "splat-import", folder[PATH_MAX], seconds[16], step[16], level[16], mode[] = "";
-    snprintf(folder, sizeof folder, "%s", im->real);
-    char *slash = strrchr(folder, '/');
-    slash[slash == folder] = 0;
+    char name[] = "splat-import", seconds[16], step[16], level[16], mode[] = "";
     snprintf(seconds, sizeof seconds, "%d", im->timeout_ms / 1000 + 1);
     snprintf(step, sizeof step, "%u", im->options->step);
     snprintf(level, sizeof level, "%d", im->level);
-    char *argv[] = {
-        name, im->place.path, im->place.root, folder, seconds, (char *)im->field, im->place.series,
-        step, level,          im->vectors,    mode,   NULL
-    };
+    char *argv[] = { name,
+                     im->place.path,
+                     im->place.root,
+                     im->input.folder,
+                     seconds,
+                     (char *)im->field,
+                     im->place.series,
+                     step,
+                     level,
+                     im->vectors,
+                     mode,
+                     NULL };
     im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };
-    return sp_import_child_start(&im->child, im->importer, argv, im->scratch, &im->file, 1, err);
+    const bool ok = sp_import_child_start(&im->child, im->importer, argv, im->scratch,
+                                          im->input.fds, im->input.count, err);
+    sp_import_input_hand_over(&im->input);
+    return ok;
 }
 
 /* Cancellation comes before the timeout: callers rely on it. */
@@ -226,9 +235,7 @@ static struct sp_volume *take_over(const struct import *im, struct sp_error *err
 
 static void finish(struct import *im) {
     sp_import_child_close(&im->child);
-    if (im->file >= 0)
-        close(im->file);
-    im->file = -1;
+    sp_import_input_close(&im->input);
 }
 
 static struct import *create(const char *source, const struct sp_load_options *options,
@@ -252,7 +259,8 @@ static struct import *create(const char *source, const struct sp_load_options *o
     im->level = parts.level;
     memcpy(im->vectors, parts.vectors, sizeof im->vectors);
     im->options = options ? options : &none;
-    im->file = im->child.memory = im->child.socket = -1;
+    im->input.fds[0] = im->input.fds[1] = im->input.fetch.socket = im->input.fetch.memory = -1;
+    im->child.memory = im->child.socket = -1;
     assert(im->options->timeout_ms >= 0);
     im->timeout_ms = im->options->timeout_ms ? im->options->timeout_ms : TIMEOUT_DEFAULT_MS;
     im->deadline_ms = sp_clock_ms() + im->timeout_ms;
@@ -262,13 +270,12 @@ static struct import *create(const char *source, const struct sp_load_options *o
 
 /* Everything until the child has ended and the memory is filled. */
 static bool attempt(struct import *im, struct sp_error *err) {
-    uint64_t size;
     im->header.level_count = 0;
     im->child.memory = im->child.socket = -1;
-    im->file =
-        sp_open_confined(im->place.root, im->place.path, im->place.path, im->real, &size, err);
-    return im->file >= 0 && start_child(im, err) && receive_header(im, err) &&
-           provide_memory(im, err) && await_samples(im, err);
+    return sp_import_input_open(&im->input, &im->place, im->importer, im->options->allowed_hosts,
+                                err) &&
+           start_child(im, err) && receive_header(im, err) && provide_memory(im, err) &&
+           await_samples(im, err);
 }
 
 /* If the caller leaves the level open, the finest one that gets its memory is loaded. *why: why a
@@ -294,6 +301,8 @@ static bool find(struct import *im, struct sp_error *err) {
 static int open_bricks(const struct import *im) {
     char real[PATH_MAX];
     uint64_t size;
+    if (im->place.is_remote)
+        return -1;
     int file = sp_open_confined(im->place.root, im->place.path, im->place.path, real, &size, NULL);
     if (file >= 0 && !sp_brick_file_is(file)) {
         close(file);
@@ -309,7 +318,8 @@ static struct sp_volume *open_chunks(struct import *im, const struct sp_error *w
                                      struct sp_error *err) {
     struct sp_chunk_source chunks;
     *err = *why;
-    if (im->level >= 0 || im->scratch || why->code != SP_ERR_BUDGET || im->header.level_count < 2)
+    if (im->level >= 0 || im->scratch ||
+        !(im->place.is_remote || (why->code == SP_ERR_BUDGET && im->header.level_count > 1)))
         return NULL;
     const struct sp_pyramid_job job = { .place = &im->place,
                                         .importer = im->importer,
@@ -323,21 +333,27 @@ static struct sp_volume *open_chunks(struct import *im, const struct sp_error *w
     return sp_brick_store_open_chunks(&chunks, chunks.info.name, im->source, im->options, err);
 }
 
-/* Reads all samples, or else opens the volume for reading its chunks. */
+static bool is_no_way(enum sp_code code) {
+    return code == SP_ERR_BUDGET || code == SP_ERR_UNSUPPORTED;
+}
+
+/* Reads all samples, or opens the volume for reading its chunks: first what is remote, otherwise
+ * what does not fit into memory. */
 static struct sp_volume *read_or_open(struct import *im, struct sp_error *err) {
-    struct sp_error why = { .code = SP_OK }, other;
-    if (attempt(im, &why))
-        return take_over(im, err);
-    struct sp_volume *volume = open_chunks(im, &why, &other);
+    struct sp_error why = { .code = SP_ERR_BUDGET }, other = why;
+    struct sp_volume *volume = im->place.is_remote ? open_chunks(im, &why, &other) : NULL;
     if (volume)
         return volume;
-    if (why.code == SP_ERR_BUDGET &&
-        (other.code == SP_ERR_BUDGET || other.code == SP_ERR_UNSUPPORTED)) {
-        if (read_coarser(im, &why))
+    if (is_no_way(other.code)) {
+        if (attempt(im, &why))
             return take_over(im, err);
-    } else {
-        why = other;
+        if (!im->place.is_remote && (volume = open_chunks(im, &why, &other)))
+            return volume;
     }
+    if (!is_no_way(other.code))
+        why = other;
+    else if (why.code == SP_ERR_BUDGET && read_coarser(im, &why))
+        return take_over(im, err);
     if (err)
         *err = why;
     return NULL;

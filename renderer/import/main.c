@@ -13,6 +13,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "import/address.h"
 #include "import/child.h"
 #include "import/elements.h"
 #include "import/format.h"
@@ -39,7 +40,8 @@ struct job {
     uint64_t reported;                /* bytes in the last progress message */
     uint64_t folded;                  /* as in struct sp_volume_info */
     struct import_warnings warnings;
-    bool serves; /* chunks, as they are asked for */
+    bool is_remote; /* remote.h */
+    bool serves;    /* chunks, as they are asked for */
 };
 
 static bool say(const struct sp_handover *message) {
@@ -70,7 +72,7 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
         *rest = NULL;
     const char *readable[FOLDERS + 1] = { job->file.root };
     const size_t size = job->start_size > 0 ? (size_t)job->start_size : 0;
-    if (import_format_needs_module(job->start, size, job->file.shown)) {
+    if (job->is_remote || import_format_needs_module(job->start, size, job->file.shown)) {
         static const char *const known[] = { "/usr", "/lib",       "/lib64",
                                              "/opt", "/nix/store", "/etc/ld.so.cache" };
         size_t n = 1;
@@ -81,8 +83,8 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
              one = strtok_r(NULL, ":", &rest))
             readable[n++] = one;
     }
-    bool ok = libraries ? import_sandbox_enter(cpu_seconds, SP_IMPORT_FILE + 1, readable,
-                                               job->file.shown, err)
+    bool ok = libraries ? import_sandbox_enter(cpu_seconds, SP_IMPORT_FILE + 1 + job->is_remote,
+                                               readable, job->file.shown, err)
                         : sp_fail(err, SP_ERR_MEMORY, job->file.shown, "out of memory");
     free(libraries);
     return ok;
@@ -90,6 +92,8 @@ static bool enter_sandbox(const struct job *job, int cpu_seconds, struct sp_erro
 
 static const struct import_format *find_format(const struct job *job, struct sp_error *err) {
     const struct import_file *file = &job->file;
+    if (job->is_remote)
+        return &import_zarr_remote;
     if (job->start_size < 0) {
         sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
         return NULL;
@@ -359,6 +363,7 @@ int main(int argc, char **argv) {
                        .serves = strcmp(argv[10], SP_IMPORT_CHUNKS) == 0 };
     struct sp_error err;
     job.file.warnings = &job.warnings;
+    job.is_remote = sp_address_is_remote(argv[1]);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
     if (!enter_sandbox(&job, atoi(argv[4]), &err))
         return say_error(&err);

@@ -11,6 +11,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include "import/address.h"
 #include "import/confine.h"
 #include "import/numbered.h"
 
@@ -123,7 +124,28 @@ static bool find_root(struct sp_import_place *p, struct sp_error *err) {
     return true;
 }
 
+/* Names the volume after the last part of its address. Nothing is read below its root. */
+static void find_remote(struct sp_import_place *p) {
+    size_t length = strlen(p->path);
+    while (length > 0 && p->path[length - 1] == '/')
+        p->path[--length] = 0;
+    const char *base = strrchr(p->path, '/') + 1, *end = p->path + length;
+    static const char *const endings[] = { ".zarr", ".ome" };
+    for (int i = 0; i < 2; i++) {
+        const size_t n = strlen(endings[i]);
+        if ((size_t)(end - base) > n && strncasecmp(end - n, endings[i], n) == 0)
+            end -= n;
+    }
+    snprintf(p->name, sizeof p->name, "%.*s", (int)(end - base), base);
+    snprintf(p->root, sizeof p->root, "/dev/null");
+    p->is_remote = true;
+}
+
 bool sp_import_place_find(struct sp_import_place *p, const char *root, struct sp_error *err) {
+    if (sp_address_is_remote(p->path)) {
+        find_remote(p);
+        return true;
+    }
     p->given_root = root;
     if (root)
         return find_root(p, err) && find_file(p, err);

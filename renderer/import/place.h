@@ -16,6 +16,7 @@ struct sp_import_place {
     char name[SP_NAME_BYTES];  /* of the volume; cut if it is too long */
     char root[PATH_MAX];       /* resolved; files are read only below it */
     const char *given_root;    /* borrowed; NULL = none */
+    bool is_remote;            /* `path` is an address, and there is no file */
 };
 
 /* Fills in everything from `path`. Without `root`, it is the folder of the file. */

@@ -6,11 +6,10 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
-#include <unistd.h>
 
 #include "base/clock.h"
 #include "import/child.h"
-#include "import/confine.h"
+#include "import/input.h"
 #include "volume/volume.h"
 
 enum {
@@ -23,6 +22,7 @@ enum {
 /* One process, for one thread at a time. */
 struct reader {
     struct pyramid *pyramid;
+    struct sp_import_input input;
     struct sp_import_child child;
     void *memory; /* NULL = the process does not run */
     double deadline_ms;
@@ -33,7 +33,7 @@ struct reader {
 struct pyramid {
     struct sp_import_place place; /* a copy */
     char importer[PATH_MAX];
-    char *field; /* owned */
+    char *field, *allowed; /* owned; the hosts, NULL = none */
     uint32_t step;
     int timeout_ms;
     enum sp_type type;
@@ -58,6 +58,7 @@ static void stop_reader(struct reader *r) {
         munmap(r->memory, r->pyramid->chunk_bytes);
     r->memory = NULL;
     sp_import_child_close(&r->child);
+    sp_import_input_close(&r->input);
 }
 
 /* Receives a message of one kind. */
@@ -72,22 +73,29 @@ static bool expect(struct reader *r, enum sp_handover_kind kind, struct sp_hando
 static bool spawn(struct reader *r, struct sp_error *err) {
     struct pyramid *p = r->pyramid;
     char name[] = "splat-import", level[] = "-1", vectors[] = "", mode[] = SP_IMPORT_CHUNKS;
-    char folder[PATH_MAX], seconds[16], step[16];
-    uint64_t size;
-    int file = sp_open_confined(p->place.root, p->place.path, p->place.path, folder, &size, err);
-    if (file < 0)
+    char seconds[16], step[16];
+    if (!sp_import_input_open(&r->input, &p->place, p->importer, p->allowed, err))
         return false;
-    char *slash = strrchr(folder, '/');
-    slash[slash == folder] = 0;
     snprintf(seconds, sizeof seconds, "%d", p->timeout_ms / 1000 + 1);
     snprintf(step, sizeof step, "%u", p->step);
-    char *argv[] = { name, p->place.path, p->place.root, folder, seconds, p->field, p->place.series,
-                     step, level,         vectors,       mode,   NULL };
+    char *argv[] = { name,
+                     p->place.path,
+                     p->place.root,
+                     r->input.folder,
+                     seconds,
+                     p->field,
+                     p->place.series,
+                     step,
+                     level,
+                     vectors,
+                     mode,
+                     NULL };
     r->child = (struct sp_import_child){
         .shown = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
     };
-    const bool ok = sp_import_child_start(&r->child, p->importer, argv, NULL, &file, 1, err);
-    close(file);
+    const bool ok = sp_import_child_start(&r->child, p->importer, argv, NULL, r->input.fds,
+                                          r->input.count, err);
+    sp_import_input_hand_over(&r->input);
     return ok;
 }
 
@@ -192,6 +200,7 @@ static void close_pyramid(void *user) {
     for (unsigned i = 0; i < p->count; i++)
         stop_reader(&p->readers[i]);
     free(p->field);
+    free(p->allowed);
     free(p);
 }
 
@@ -209,7 +218,8 @@ static bool choose_readers(struct pyramid *p, struct sp_error *err) {
                        "a chunk has %" PRIu64 " bytes, more than %d MiB; convert it: splatctl "
                        "convert",
                        p->chunk_bytes, CHUNK_BYTES_MAX >> 20);
-    p->count = threads < READERS_MAX ? threads : READERS_MAX;
+    /* A remote host answers several at once, whatever the cores do. */
+    p->count = threads < READERS_MAX && !p->place.is_remote ? threads : READERS_MAX;
     while (p->count > 1 && p->count * p->chunk_bytes > CHUNK_BYTES_MAX)
         p->count--;
     return true;
@@ -222,6 +232,11 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
         free(p);
         return sp_fail(err, SP_ERR_MEMORY, job->place->path, "out of memory");
     }
+    if (job->options->allowed_hosts && !(p->allowed = strdup(job->options->allowed_hosts))) {
+        free(p->field);
+        free(p);
+        return sp_fail(err, SP_ERR_MEMORY, job->place->path, "out of memory");
+    }
     p->place = *job->place;
     snprintf(p->importer, sizeof p->importer, "%s", job->importer);
     p->step = job->options->step;
@@ -229,6 +244,8 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
     for (unsigned i = 0; i < READERS_MAX; i++) {
         p->readers[i].pyramid = p;
         p->readers[i].child.socket = p->readers[i].child.memory = -1;
+        p->readers[i].input.fetch.socket = p->readers[i].input.fetch.memory = -1;
+        p->readers[i].input.fds[0] = p->readers[i].input.fds[1] = -1;
     }
     struct reader *first = &p->readers[0];
     first->is_cancelled = is_load_cancelled;
@@ -244,6 +261,7 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
     }
     *source = (struct sp_chunk_source){ .levels = p->levels.count,
                                         .readers = p->count,
+                                        .is_remote = p->place.is_remote,
                                         .bytes = p->count * COPIES * p->chunk_bytes,
                                         .user = p,
                                         .read = read_chunk,

@@ -11,8 +11,10 @@
 #include <string.h>
 
 #include "import/conversion.h"
+#include "import/remote.h"
 #include "import/zarr_chunk.h"
 #include "import/zarr_image.h"
+#include "import/zarr_remote.h"
 #include "volume/volume.h"
 
 struct reading;
@@ -20,6 +22,7 @@ struct reading;
 struct zarr {
     const struct zarr_store *store;
     struct zarr_store *folder; /* owned; NULL = the caller's store */
+    void (*close_store)(struct zarr_store **store);
     const struct import_file *file;
     struct zarr_image image;
     const struct zarr_level *level; /* of the image */
@@ -123,7 +126,8 @@ void zarr_close(void *reader) {
         free_reading(z->chunk_of[l]);
     zarr_chunks_finish(&z->chunks);
     zarr_image_close(&z->image);
-    zarr_folder_close(&z->folder);
+    if (z->close_store)
+        z->close_store(&z->folder);
     free(z);
 }
 
@@ -365,12 +369,48 @@ static void *open_folder(const struct import_file *file, struct import_header *h
         return NULL;
     }
     struct zarr *z = zarr_open(store, file, header, err);
-    if (z)
+    if (z) {
         z->folder = store;
-    else
+        z->close_store = zarr_folder_close;
+    } else {
         zarr_folder_close(&store);
+    }
     return z;
 }
+
+static void *open_remote(const struct import_file *file, struct import_header *header,
+                         struct sp_error *err) {
+    struct zarr_store *store = zarr_remote_open(REMOTE_FILE, REMOTE_MEMORY, file->shown, err);
+    struct zarr *z = store ? zarr_open(store, file, header, err) : NULL;
+    if (z) {
+        z->folder = store;
+        z->close_store = zarr_remote_close;
+    } else if (store) {
+        const unsigned status = zarr_remote_status(store);
+        if (err->code == SP_ERR_UNSUPPORTED && status && strcmp(err->place, file->shown) == 0)
+            sp_fail(err, SP_ERR_NOT_FOUND, file->shown,
+                    "there is no OME-Zarr at this address: the host answered with the status %u",
+                    status);
+        zarr_remote_close(&store);
+    }
+    return z;
+}
+
+static bool is_never(const uint8_t *start, size_t size, const char *shown) {
+    (void)start;
+    (void)size;
+    (void)shown;
+    return false;
+}
+
+const struct import_format import_zarr_remote = { .name = "Zarr",
+                                                  .probe = is_never,
+                                                  .needs_module = true,
+                                                  .open = open_remote,
+                                                  .read = zarr_read,
+                                                  .levels = list_levels,
+                                                  .read_chunk = read_chunk,
+                                                  .close = zarr_close };
 
 const struct import_format import_zarr = { .name = "Zarr",
                                            .probe = probe,

@@ -80,6 +80,11 @@ static const struct setting settings[] = {
     { "allow-origin", TEXT, AT(allow_origin), NULL, 0, 0, "ORIGIN,...",
       "Web origins whose pages may use this daemon, with a token. Not set = only the daemon's own "
       "page." },
+    { "allow-host", TEXT, AT(allow_host), NULL, 0, 0, "HOST,...",
+      "Hosts from which OME-Zarr may be loaded by HTTP and HTTPS: HOST or HOST:PORT (without a "
+      "port, "
+      "80 and 443 are allowed), or *.DOMAIN, which allows public IP addresses only. Not set = "
+      "none." },
     { "connections", COUNT, AT(connections), "256", 1, 60000, "N", "Open connections." },
     { "connections-per-address", COUNT, AT(connections_per_address), "0", 0, 60000, "N",
       "Open connections from one address. 0 = a quarter of --connections, or all of them from this "
@@ -405,6 +410,9 @@ void srv_config_finish(struct srv_config *config) {
 
 /* Checks what the table cannot express: fixed names, and settings that depend on each other. */
 static bool check_together(const struct srv_config *config, struct sp_error *err) {
+    struct sp_error why;
+    if (config->allow_host && !sp_hosts_check(config->allow_host, &why))
+        return sp_fail(err, SP_ERR_INVALID, "--allow-host", "%s", why.text);
     enum sp_log_level level;
     if (!srv_log_level_from(config->log_level, &level))
         return sp_fail(err, SP_ERR_INVALID, "--log-level",

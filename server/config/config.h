@@ -25,7 +25,7 @@ struct srv_config {
     /* Owned by the struct; NULL = not set. The numbers have the units of their names; sizes are in
      * bytes, *_px in pixels. config.c has the ranges, the defaults and the meaning of 0. */
     char *listen, *data, *cache, *state, *backend, *gpu, *isa, *token_file, *allow_origin,
-        *log_level, *log_format, *tls_cert, *tls_key;
+        *allow_host, *log_level, *log_format, *tls_cert, *tls_key;
     char *volumes[SRV_CONFIG_VOLUMES];
     unsigned volume_count;
     int64_t threads, memory, video_memory, cache_size;

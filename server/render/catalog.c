@@ -188,10 +188,25 @@ static bool resolve_upload(struct srv_catalog *catalog, const struct srv_volume_
     return sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
 }
 
+/* The key of a remote volume is its address. */
+static bool resolve_remote(const struct srv_catalog *catalog,
+                           const struct srv_volume_request *request, struct resolved *resolved,
+                           struct sp_error *err) {
+    struct sp_error why;
+    if (!sp_source_check_host(request->source, catalog->options.allowed_hosts, &why)) {
+        const char *pointer = request->pointer ? request->pointer : "/path";
+        return sp_fail(err, why.code, request->confined ? pointer : why.place, "%s", why.text);
+    }
+    resolved->source = strdup(request->source);
+    return resolved->source || sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
+}
+
 static bool resolve(struct srv_catalog *catalog, const struct srv_volume_request *request,
                     struct resolved *resolved, struct sp_error *err) {
     if (srv_source_is_upload(request->source))
         return resolve_upload(catalog, request, resolved, err);
+    if (sp_source_is_remote(request->source))
+        return resolve_remote(catalog, request, resolved, err);
     const char *pointer = request->pointer                      ? request->pointer
                           : srv_source_is_demo(request->source) ? "/uri"
                                                                 : "/path";

@@ -55,7 +55,8 @@ struct srv_catalog_options {
     uint64_t memory_bytes;         /* budget for voxels */
     const char *data;              /* folder for loads over HTTP; NULL = none */
     struct srv_brick_cache *cache; /* owned by the caller; NULL = none */
-    const char *importer;          /* splat-import; NULL = the one beside the program */
+    const char *allowed_hosts; /* of remote volumes, as in struct sp_load_options; NULL = none */
+    const char *importer;      /* splat-import; NULL = the one beside the program */
     void *user;
     /* Reports the state of a volume, with the progress in [0, 1] and the reason of a failure (""
      * otherwise). Called from a load thread, and from srv_catalog_remove() with

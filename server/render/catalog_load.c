@@ -210,6 +210,7 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
                                        .is_finest = catalog->options.cache != NULL,
                                        .windows = catalog->windows,
                                        .root = entry->confined ? catalog->data : NULL,
+                                       .allowed_hosts = catalog->options.allowed_hosts,
                                        .importer = catalog->options.importer,
                                        .step = v->step };
     double start_ms = srv_clock_ms();

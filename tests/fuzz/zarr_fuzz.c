@@ -91,6 +91,25 @@ static void ignore(void *user, uint64_t bytes_done) {
     (void)bytes_done;
 }
 
+/* As for a volume that is shown from its chunks: the outer chunks of each level. */
+static void read_chunks(void *reader, enum sp_type type) {
+    struct sp_chunk_source source = { .info = { .type = type } };
+    source.levels = import_zarr.levels(reader, source.level, BRICK_LEVELS_MAX);
+    const uint64_t bytes = sp_chunk_bytes_max(&source);
+    void *chunk = bytes > 0 && bytes <= READ_MAX ? malloc(bytes) : NULL;
+    for (unsigned l = 0; chunk && l < source.levels; l++)
+        for (uint32_t last = 0; last < 2; last++) {
+            const struct sp_chunk_level *level = &source.level[l];
+            uint32_t place[3];
+            struct sp_error err = { .code = SP_OK };
+            for (int a = 0; a < 3; a++)
+                place[a] = last * ((level->dims[a] - 1) / level->chunk[a]);
+            if (!import_zarr.read_chunk(reader, l, place, chunk, &err) && err.code == SP_OK)
+                abort();
+        }
+    free(chunk);
+}
+
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     struct input input = { data, size };
     const struct zarr_store store = {
@@ -113,6 +132,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (voxels && !zarr_read(reader, voxels, NULL, &progress, &err) && err.code == SP_OK)
         abort();
     free(voxels);
+    read_chunks(reader, header.type);
     zarr_close(reader);
     return 0;
 }

@@ -104,7 +104,7 @@ THIRD_PARTY = [
     (r'(ebml|matroska)/', {'server/paths'}),
     (r'systemd/', {'server/ops'}),
     (r'xxhash', {'server/render'}),
-    (r'curl/', {'clients/cli'}),
+    (r'curl/', {'clients/cli', 'renderer/import'}),
 ]
 # What belongs to the C and C++ languages, to POSIX, to Linux or to glibc.
 SYSTEM = re.compile(

@@ -175,9 +175,12 @@ struct sp_load_options {
                              the folder of the file */
     const char *importer; /* path of the program splat-import; NULL = search beside the running
                              program, then beside the library, then the installation's prefix */
-    int timeout_ms;       /* limit for the whole import, >= 0; 0 = 300,000 */
-    uint32_t step;        /* of a time series, from 0 */
-    bool is_finest;       /* do not read a coarser level if the finest does not fit (reserve()) */
+    const char *allowed_hosts; /* "HOST,HOST:PORT,*.DOMAIN": of remote volumes. Without a port 80
+                                  and 443 are allowed. A pattern allows public IP addresses only, a
+                                  name any. NULL = none */
+    int timeout_ms;            /* limit for the whole import, >= 0; 0 = 300,000 */
+    uint32_t step;             /* of a time series, from 0 */
+    bool is_finest; /* do not read a coarser level if the finest does not fit (reserve()) */
     /* Of a brick file (sp/bricks.h) and of chunks: bytes of the samples that are kept in memory for
      * all frames; reserve() is asked for them at once, and for half of them if it refuses, and so
      * on. 0 = a quarter of the machine's memory; never more than four times the samples. */
@@ -187,17 +190,25 @@ struct sp_load_options {
     struct sp_brick_memory *windows;
 };
 
+/* True for the address of a remote volume, "http://…" or "https://…". */
+SP_API bool sp_source_is_remote(const char *source);
+/* Checks such a list of hosts: SP_ERR_INVALID. */
+SP_API bool sp_hosts_check(const char *allowed, struct sp_error *err);
+/* Checks that its host is in the list (allowed_hosts): SP_ERR_DENIED, SP_ERR_INVALID. */
+SP_API bool sp_source_check_host(const char *source, const char *allowed, struct sp_error *err);
+
 /* Loads `source`: the path of a file (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr/.vts/.vtu/.vtp, raw
  * samples with a JSON sidecar .json, NIfTI .nii/.nii.gz/.hdr, MetaImage .mhd/.mha, PVM .pvm, TIFF
  * stack .tif/.tiff, points, Gaussians or a mesh .ply,
  * Gaussians .spz, points .csv, PLOT3D .xyz/.p3d, meshes .stl/.obj/.gltf/.glb) or
  * "demo:NAME[?size=N]". Of a folder its first file is opened, in the order of numbers in names:
  * with it the DICOM series, the stack of images, or the time series of files whose names differ in
- * numbers only. A path whose name has a '*' for each number opens such a time series, too. Blocks
- * until it is done. `options` may be NULL.
- * Returns one reference, or NULL with one of: SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside of root),
- * SP_ERR_FORMAT, SP_ERR_UNSUPPORTED, SP_ERR_INVALID (demo size), SP_ERR_IO, SP_ERR_MEMORY,
- * SP_ERR_BUDGET, SP_ERR_TIMEOUT, SP_ERR_CRASHED, SP_ERR_CANCELLED. */
+ * numbers only. "https://HOST/PATH" is an OME-Zarr that is shown from its chunks; it needs the
+ * program splat-fetch. A path whose name has a '*' for each number opens such a time series, too.
+ * Blocks until it is done. `options` may be NULL. Returns one reference, or NULL with one of:
+ * SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside of root), SP_ERR_FORMAT, SP_ERR_UNSUPPORTED,
+ * SP_ERR_INVALID (demo size), SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_TIMEOUT,
+ * SP_ERR_CRASHED, SP_ERR_CANCELLED. */
 SP_API struct sp_volume *sp_volume_load(const char *source, const struct sp_load_options *options,
                                         struct sp_error *err);
 
