@@ -86,10 +86,12 @@ static void find_range(struct sp_first_samples *s, const double *values, size_t 
         last = last < FINE_BINS ? last : FINE_BINS - 1;
         if (total < 64 || last - first >= FINE_BINS / 2)
             return;
-        double low = s->low, bin = (s->high - low) / FINE_BINS;
-        if (isnan(common))
-            s->low = low + bin * first;
-        s->high = low + bin * (last + 1);
+        double low = s->low, bin = (s->high - low) / FINE_BINS, end = low + bin * (last + 1);
+        double begin = isnan(common) ? low + bin * first : low;
+        if (!(end - begin > 1e-12 * fmax(fabs(begin), fabs(end)))) /* all samples are alike */
+            return;
+        s->low = begin;
+        s->high = end;
         if (last - first >= FINE_BINS / 32)
             return;
     }

@@ -429,6 +429,23 @@ static double nothing(double x, double y, double z) {
     return NAN;
 }
 
+/* Lines of 0, as outside of a scanner's circle, and of 1. */
+static double stripes(double x, double y, double z) {
+    (void)y, (void)z;
+    return (int)x % 4 == 0 ? 0 : (int)x % 4 == 1 ? 1 : NAN;
+}
+
+/* No range is narrower than one value: the bins stay inside of their array. */
+static void one_value_beside_padding_is_a_range(void **state) {
+    (void)state;
+    struct sp_volume *volume = make((const uint32_t[3]){ 8, 8, 8 }, SP_FLOAT32, "", stripes);
+    const struct sp_view view = choose(volume);
+    assert_true(view.transfer_function.point_count >= 1);
+    for (uint32_t i = 0; i < view.transfer_function.point_count; i++)
+        assert_true(isfinite(view.transfer_function.points[i].value));
+    sp_volume_unref(&volume);
+}
+
 static void volumes_without_contrast_keep_the_plain_default(void **state) {
     (void)state;
     static value_at *const values[] = { constant, nothing };
@@ -491,6 +508,7 @@ int main(void) {
         cmocka_unit_test(smooth_fields_are_translucent),
         cmocka_unit_test(a_shell_does_not_hide_what_is_inside),
         cmocka_unit_test(wild_and_missing_values_do_not_count),
+        cmocka_unit_test(one_value_beside_padding_is_a_range),
         cmocka_unit_test(volumes_without_contrast_keep_the_plain_default),
         cmocka_unit_test(the_result_is_always_the_same),
     };
