@@ -5,11 +5,11 @@ import re
 import schemathesis
 
 # Fields of a valid body that may break a rule which no schema can express; the descriptions of view.schema.json and
-# openapi.yaml list the rules. '/size', '/volume' and the 'id' of a layer depend on the daemon's limits and volumes.
+# openapi.yaml list the rules. '/size', '/volume', and the 'id' and 'color_by' of a layer depend on the daemon's limits and volumes.
 BEYOND_SCHEMA = re.compile(
     r'(/keyframes/\d+)?(/view)?(/volume|/size(/[01])?|/camera(/position|/target|/up|/distance|/elevation)?|/filter/c_m(in|ax)'
     r'|/transfer_function/(points/\d+/value|gradient/\d+/magnitude|order)|/clip/box(/\d/\d)?|/clip/planes/\d/normal|/slices/(normal|in_3d)|/time/step'
-    r'|/shading/(lights/\d/direction|occlusion|shadow)|/layers/\d+/(type|low|id|transform)|/edits/\d+/(normal|box/0/\d|range/0))|/from|/uri|/path|/source|/upload|/points(/\d)?|/range(/[01])?|/samples|/name|/frames|/keyframes/\d+(/(time|frame))?')
+    r'|/shading/(lights/\d/direction|occlusion|shadow)|/layers/\d+/(type|low|id|transform|color_by|color_high)|/edits/\d+/(normal|box/0/\d|range/0))|/from|/uri|/path|/source|/upload|/points(/\d)?|/range(/[01])?|/samples|/name|/frames|/keyframes/\d+(/(time|frame))?')
 
 schemathesis.serializer.alias('application/offset+octet-stream', 'application/octet-stream')  # the parts of an upload
 
