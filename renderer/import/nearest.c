@@ -248,6 +248,11 @@ struct group {
  * the k-th. `high` is such a bound. */
 static float find_bound(const float *squares, size_t count, unsigned k, float high) {
     float low = 0;
+    unsigned zeros = 0;
+    for (size_t i = 0; i < count; i++)
+        zeros += squares[i] <= 0;
+    if (zeros >= k) /* halving ends above zero, which would be beyond more than k of them */
+        return 0;
     for (;;) {
         const float middle = 0.5f * (low + high);
         if (!(middle > low && middle < high))
