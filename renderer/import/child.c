@@ -119,7 +119,8 @@ bool sp_import_child_start(struct sp_import_child *c, const char *program, char 
     if (ok) {
         passed[0] = child_socket;
         passed[1] = c->memory;
-        memcpy(passed + 2, fds, count * sizeof *fds);
+        for (unsigned i = 0; i < count; i++)
+            passed[2 + i] = fds[i];
         child_environment(environment);
         const int error = spawn(program, passed, count + 2, argv, environment, &c->pid);
         for (char **line = environment; *line; line++)
