@@ -20,8 +20,8 @@ struct sp_chunk_source {
     struct sp_volume_info info;
     unsigned levels; /* in [1, BRICK_LEVELS_MAX]; each is coarser than the one before */
     struct sp_chunk_level level[BRICK_LEVELS_MAX];
-    unsigned readers; /* so many threads may read at once, in [1, 64] */
-    uint64_t bytes;   /* of memory that the readers need */
+    unsigned readers; /* threads that may read at the same time, in [1, 64] */
+    uint64_t bytes;   /* memory that the readers need */
     bool is_remote;   /* reading is slow: the volume in memory is smaller */
     void *user;
     /* Reads the chunk at a place of the grid of chunks: all its samples that lie in the level, i0

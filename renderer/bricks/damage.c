@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which bricks of a store could not be read.
+ * The bricks of a store that could not be read.
  */
 #include <math.h>
 

@@ -16,9 +16,9 @@
 struct sp_brick_file {
     int fd; /* −1 = it is made of chunks */
     struct sp_chunk_source chunks;
-    struct sp_brick_learned *learned[BRICK_LEVELS_MAX]; /* owned; NULL = of a file */
-    pthread_rwlock_t *lock;                             /* owned: of the entries; the same */
-    uint64_t bytes;                                     /* of the file when it was opened */
+    struct sp_brick_learned *learned[BRICK_LEVELS_MAX]; /* owned; NULL = read from a file */
+    pthread_rwlock_t *lock; /* owned, guards the entries; NULL = read from a file */
+    uint64_t bytes;         /* of the file when it was opened */
     char shown[SP_ERROR_PLACE];
     struct sp_brick_header header;
     struct sp_brick_entry *entries[BRICK_LEVELS_MAX];

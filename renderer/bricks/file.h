@@ -18,14 +18,14 @@ bool sp_brick_file_is(int fd);
 /* Takes over the descriptor, also on failure. `shown` is the name in errors. SP_ERR_FORMAT,
  * SP_ERR_UNSUPPORTED, SP_ERR_IO, SP_ERR_MEMORY. */
 struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err);
-/* Makes a brick file without a file of chunks. Takes over the source, also on failure. The ranges
- * of its entries are infinite until they are learned, and their `bytes` and `at` are 0.
+/* Makes a brick file from chunks: no file is behind it. Takes over the source, also on failure. The
+ * ranges of its entries are infinite until they are learned, and their `bytes` and `at` are 0.
  * SP_ERR_MEMORY. */
 struct sp_brick_file *sp_brick_file_of_chunks(const struct sp_chunk_source *source,
                                               const char *shown, struct sp_error *err);
-/* The chunks that it is made of; NULL = it is a file. */
+/* The chunks that it is made of; NULL = it is read from a file. */
 const struct sp_chunk_source *sp_brick_file_chunks(const struct sp_brick_file *file);
-/* Notes the ranges of a brick of chunks. Thread-safe. */
+/* Stores the ranges of a brick that was cut from chunks. Thread-safe. */
 void sp_brick_file_learn(struct sp_brick_file *file, unsigned level, uint64_t number,
                          const struct sp_brick_ranges *ranges);
 
@@ -33,8 +33,8 @@ void sp_brick_file_learn(struct sp_brick_file *file, unsigned level, uint64_t nu
 void sp_brick_file_close(struct sp_brick_file **file);
 
 const struct sp_brick_header *sp_brick_file_header(const struct sp_brick_file *file);
-/* The entries of a level, in order of the bricks. Those of chunks change while others learn:
- * between begin and end they stay as they are. */
+/* The entries of a level, in order of the bricks. Those of chunks change when another thread learns
+ * a range, but not between begin and end. */
 void sp_brick_file_begin(const struct sp_brick_file *file);
 void sp_brick_file_end(const struct sp_brick_file *file);
 const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *file,
@@ -47,7 +47,7 @@ struct sp_brick_scratch;
 struct sp_brick_scratch *sp_brick_scratch_create(struct sp_error *err);
 void sp_brick_scratch_destroy(struct sp_brick_scratch **scratch);
 
-/* Of a file alone: reads the samples of a brick into `out`, size[0] · size[1] · size[2] of them
+/* Not for chunks: reads the samples of a brick into `out`, size[0] · size[1] · size[2] of them
  * (sp_brick_box()), i0 fastest. SP_ERR_IO; SP_ERR_FORMAT if it is damaged: its checksum or its size
  * is wrong. */
 bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,

@@ -4,7 +4,7 @@
  *
  *   header      BRICK_HEADER_BYTES: grid, type, statistics, places and checksums of the indices
  *   bricks      packed by zstd, each with its own checksum; constant ones have no bytes
- *   notes       what the source has besides these samples, and warnings; may be missing
+ *   notes       names of other fields and vectors, time steps, warnings; may be missing
  *   indices     per level, an entry per brick, i0 fastest
  */
 #ifndef SP_BRICKS_FORMAT_H
@@ -98,7 +98,7 @@ enum {
 };
 /* Size of the notes of a volume. */
 size_t sp_brick_notes_bytes(const struct sp_volume_info *info);
-/* Encodes them, with the times if they are known. */
+/* Encodes the notes, with the times if they are known. */
 void sp_brick_notes_encode(const struct sp_volume_info *info, unsigned char *out);
 /* Decodes them into *info; the bytes stay. The times go to `times`, for which there is space for
  * one number per 8 bytes, and which info->steps names if they are known. SP_ERR_FORMAT. */

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Cuts bricks from chunks: each chunk is read once, by all readers of the source.
+ * Cuts bricks from chunks. Each chunk is read once; all readers of the source share the work.
  */
 #ifndef SP_BRICKS_GATHER_H
 #define SP_BRICKS_GATHER_H
@@ -9,9 +9,9 @@
 #include "bricks/need.h"
 
 struct sp_gather_job {
-    struct sp_brick_file *file; /* of chunks */
+    struct sp_brick_file *file; /* made of chunks */
     const struct sp_brick_need *need;
-    const uint8_t *missing; /* [bricks of the box]: 1 = is read */
+    const uint8_t *missing; /* [bricks of the box]: 1 = this brick must be read */
     uint8_t *failed;        /* the same, all 0: set to 1 where a chunk could not be read */
     struct sp_pool *pool;   /* of at most as many threads as the source has readers */
     bool (*is_cancelled)(void *user); /* from any thread; NULL = never */

@@ -12,7 +12,7 @@
 
 struct sp_brick_learned;
 
-/* NULL without memory. */
+/* NULL if memory ran out. */
 struct sp_brick_learned *sp_brick_learned_create(const struct sp_brick_level *level);
 /* Accepts NULL; nulls *learned. */
 void sp_brick_learned_destroy(struct sp_brick_learned **learned);
@@ -26,10 +26,10 @@ struct sp_brick_ranges {
     double low[7], high[7]; /* low > high = no sample is finite */
 };
 
-/* Finds them: the brick is the view's box. */
+/* Finds the ranges of a brick, which is the box of the view. */
 void sp_brick_ranges_find(const struct sp_brick_view *view, struct sp_brick_ranges *ranges);
 
-/* Notes the ranges of brick `number` and writes those of entries that are known now. */
+/* Stores the ranges of brick `number`, and writes the range of each entry that is known now. */
 void sp_brick_learned_add(struct sp_brick_learned *learned, const struct sp_brick_level *level,
                           uint64_t number, const struct sp_brick_ranges *ranges,
                           struct sp_brick_entry *entries);

@@ -60,8 +60,8 @@ void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_stor
     pthread_mutex_unlock(&memory->mutex);
 }
 
-/* With the mutex held: the window that was used longest ago, of `oldest`, which may be NULL, and
- * those of a store. Counts these, and adds their bytes. */
+/* Returns the least recently used of `oldest`, which may be NULL, and the windows of a store.
+ * Counts the windows of the store and adds their bytes. With the mutex held. */
 static struct sp_brick_store_window *find_oldest(struct sp_brick_store *store, unsigned *count,
                                                  uint64_t *bytes,
                                                  struct sp_brick_store_window *oldest) {

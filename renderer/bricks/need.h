@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which bricks of a level a frame needs: a box of them.
+ * The need of a frame: a box of bricks of one level, and which of them may show something.
  */
 #ifndef SP_BRICKS_NEED_H
 #define SP_BRICKS_NEED_H
@@ -29,8 +29,8 @@ void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_l
 /* Bytes of the samples of the box. */
 uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
-/* Bytes of memory that a window of the need takes, with the ranges that frames find of it: rows of
- * bricks of which nothing is wanted and whose values are 0 take no memory. */
+/* Bytes of memory that a window of the need takes, including the ranges that frames compute from
+ * it. Rows of bricks of which nothing is wanted and whose values are 0 take no memory. */
 uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
 /* Finds brick i of the box of `need` in the box of `in`, of the same level: its number there. False
@@ -41,7 +41,7 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
 /* True if each wanted brick of `need` is one of `have`, of the same level. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
-/* Copies, also `wanted`. False without memory. */
+/* Copies a need and its `wanted`. False if memory ran out. */
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy);
 
 /* A value of the brick's range, which fills the place of a brick that is not wanted. */

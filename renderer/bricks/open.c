@@ -87,8 +87,9 @@ static bool check_base(const struct sp_brick_store *store, const char *source,
     const uint64_t most = store->budget / 2 < BASE_BYTES_MAX ? store->budget / 2 : BASE_BYTES_MAX;
     return !sp_brick_file_chunks(store->file) || bytes <= most ||
            sp_fail(err, SP_ERR_BUDGET, source,
-                   "its coarsest level of detail has %" PRIu64 " bytes; of at most %" PRIu64
-                   " it could be shown from its chunks. Write coarser levels, or convert it: "
+                   "its coarsest level of detail has %" PRIu64
+                   " bytes; to be shown from its chunks "
+                   "it needs a level of at most %" PRIu64 ". Write coarser levels, or convert it: "
                    "splatctl convert",
                    bytes, most);
 }

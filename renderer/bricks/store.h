@@ -20,12 +20,12 @@ struct sp_brick_store;
 /* Opens a brick file, of which it takes over the descriptor, also on failure: a volume of its
  * finest small level, whose source is a store. Calls options->reserve() for the budget of windows
  * and the index. The name and the source are written to the description. The file has a shared lock
- * (flock()) as long as the volume lives, so that a cache of files knows which ones are open. */
+ * (flock()) as long as the volume lives, so that the brick cache knows which files are open. */
 struct sp_volume *sp_brick_store_open(int fd, const char *name, const char *source,
                                       const struct sp_load_options *options, struct sp_error *err);
 
-/* The same for chunks, whose source it takes over, also on failure. While it reads the volume that
- * it returns, it calls options->progress(). SP_ERR_BUDGET: the coarsest level is too large. */
+/* The same for chunks. Takes over their source, also on failure. Calls options->progress() while it
+ * reads the volume that it returns. SP_ERR_BUDGET: the coarsest level is too large. */
 struct sp_volume *sp_brick_store_open_chunks(const struct sp_chunk_source *chunks, const char *name,
                                              const char *source,
                                              const struct sp_load_options *options,

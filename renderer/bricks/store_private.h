@@ -63,21 +63,21 @@ void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint
                         uint32_t box[2][3]);
 
 /* The memory of windows. All stores of it have one mutex, so that a window of one store can be
- * dropped for a window of another. A store that has shown frames lately may have at least an equal
- * share. What the others do not need of theirs, it may have as well. Beyond that, windows are
- * dropped in the order in which they were used last, whichever store they belong to. */
+ * dropped for a window of another. A store that a frame asked in the last 30 s may have at
+ * least an equal share, and what the others do not need of theirs. If windows exceed the limit, the
+ * least recently used ones are dropped, whichever store they belong to. */
 struct sp_brick_memory {
     pthread_mutex_t mutex; /* guards what follows, and the windows and requests of the stores */
     unsigned references;
     uint64_t bytes;   /* limit */
     uint64_t reading; /* of windows that are being filled */
-    uint64_t clock;   /* rises with each use of a window */
+    uint64_t clock;   /* increases with each use of a window */
     struct sp_brick_store *stores;
 };
 
 /* memory.c: */
 
-/* Puts a store into the list, and takes it out; without effect if it is not there. */
+/* Puts a store into the list, and removes it; removing one that is not in it has no effect. */
 void sp_brick_memory_add(struct sp_brick_memory *memory, struct sp_brick_store *store);
 void sp_brick_memory_remove(struct sp_brick_memory *memory, struct sp_brick_store *store);
 

@@ -15,9 +15,8 @@
 #include "sp/volume.h"
 
 struct sp_coloring {
-    struct sp_volume *volume; /* that has the numbers, borrowed; NULL = own values give
-                                       the colours */
-    bool by_length;           /* its vectors; else its samples or values */
+    struct sp_volume *volume; /* has the numbers, borrowed; NULL = own values give the colours */
+    bool by_length;           /* true: the lengths of its vectors; false: its samples or values */
     double low, scale, first;
 };
 

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The cells of a tree, on all threads: one pass sorts the points by the first four levels, and each
- * thread divides some of the cells there; a cell with too many points for one thread is sorted by
- * four more levels first.
+ * Makes the cells of a tree on all threads. One pass sorts the points by the first four levels.
+ * Then each thread divides some of the cells of the fourth level into smaller ones. A cell with too
+ * many points for one thread is sorted by four more levels first.
  *
  *   cells ─► top (all above the parts) │ inside part 0 │ inside part 1 │ …
  */
@@ -15,7 +15,7 @@
 
 /* A cell with points. Cells that are no leaves have cells inside, side by side. */
 struct sp_cloud_cell {
-    uint32_t first, count; /* cells inside; of a leaf: into the order of points */
+    uint32_t first, count; /* range of the cells inside; of a leaf: range of `order` */
     float side;            /* world units */
     bool is_leaf;
 };
@@ -25,8 +25,8 @@ struct sp_cloud_part {
     uint32_t root;         /* its cell, among the top */
     uint32_t first, count; /* the cells inside */
     uint32_t level;
-    uint32_t made;   /* where they are in the list of the thread; */
-    unsigned worker; /* its number */
+    uint32_t made;   /* where the cells inside begin in the list of the thread */
+    unsigned worker; /* number of the thread */
 };
 
 struct sp_cloud_cells {

@@ -86,8 +86,8 @@ static bool write_cached(const struct sp_export_job *job, struct sp_error *err) 
         at++;
     if (info.vector_bytes)
         snprintf(info.warnings[at], sizeof info.warnings[at],
-                 "The vectors \"%s\" are left out: the volume does not fit into memory, and bricks "
-                 "have samples only.",
+                 "The vectors \"%s\" are left out: the volume does not fit into memory, and "
+                 "brick files have no vectors.",
                  info.vector_name);
     return write_all(job, &info, err);
 }

@@ -49,7 +49,7 @@ bool sp_address_parse(const char *address, struct sp_address *parts, struct sp_e
     parts->port = parts->is_secure ? 443 : 80;
     if (host + length < end &&
         !read_port(host + length, (size_t)(end - host) - length, &parts->port))
-        return fail(address, "the host is followed by something else than a port", err);
+        return fail(address, "the host is followed by something other than a port", err);
     for (const char *c = end; *c; c++)
         if ((unsigned char)*c <= ' ' || *c == 0x7f || strchr("?#\\", *c))
             return fail(address, "the path must not contain spaces, '?', '#' or '\\'", err);

@@ -1,8 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A child process that reads for this one: how it is started, heard and ended. Safe in a process
- * with many threads: only system calls run between fork and exec, descriptors close on exec, and
- * the parent waits for the child by its process id.
+ * A child process that reads for this one: how it is started, receives and sends messages, and is
+ * ended. Safe in a process with many threads: only system calls run between fork and exec,
+ * descriptors close on exec, and the parent waits for the child by its process id.
  */
 #ifndef SP_IMPORT_CHILD_H
 #define SP_IMPORT_CHILD_H
@@ -15,7 +15,7 @@
 /* The open descriptors of the child, beside the standard ones. What it reads from comes last. */
 enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
 
-/* The last argument of splat-import: chunks are read as they are asked for; otherwise "". */
+/* The last argument of splat-import if it reads chunks when they are asked for; otherwise "". */
 #define SP_IMPORT_CHUNKS "chunks"
 
 struct sp_import_child {
@@ -31,8 +31,8 @@ bool sp_import_find_program(const char *name, const char *given, char path[PATH_
                             struct sp_error *err);
 
 /* Starts the program with memory, which is a file without a name in the folder `scratch` (NULL = in
- * memory), a socket, and `count` descriptors from SP_IMPORT_FILE on, at most 2. They are replaced
- * by others, which stay the caller's. SP_ERR_IO. */
+ * memory), a socket, and the `count` descriptors fds[], at most 2, which the child has from
+ * SP_IMPORT_FILE on. Replaces fds[] by other descriptors, which the caller closes. SP_ERR_IO. */
 bool sp_import_child_start(struct sp_import_child *child, const char *program, char *const argv[],
                            const char *scratch, int fds[], unsigned count, struct sp_error *err);
 
@@ -45,8 +45,8 @@ bool sp_import_child_receive(struct sp_import_child *child, struct sp_handover *
 /* Sends a message; false if the child is gone. */
 bool sp_import_child_send(struct sp_import_child *child, const struct sp_handover *message);
 
-/* Allocates the memory now, so that a lack of it is an error here and not a signal later, and says
- * GO. */
+/* Allocates the memory now, so that a lack of it is an error here and not a signal later, and
+ * sends GO. */
 bool sp_import_child_provide(struct sp_import_child *child, uint64_t bytes, bool is_scratch,
                              struct sp_error *err);
 

@@ -168,7 +168,7 @@ static bool may_help_again(CURLcode code, long status) {
            code == CURLE_SEND_ERROR || status == 429 || status == 502 || status == 503;
 }
 
-/* What an answer means. True if it redirects. */
+/* Fills the reply from an answer of the host. True if the answer redirects. */
 static bool judge(struct fetch *f, const struct remote_request *request, long status,
                   struct remote_reply *reply) {
     curl_off_t length = -1;
@@ -182,7 +182,8 @@ static bool judge(struct fetch *f, const struct remote_request *request, long st
         curl_easy_getinfo(f->curl, CURLINFO_CONTENT_LENGTH_DOWNLOAD_T, &length);
         reply->total = length >= 0 ? (uint64_t)length : request->offset + f->got;
         if (length < 0 && f->is_full)
-            fail(reply, SP_ERR_IO, "the host says neither its size nor sends parts of it");
+            fail(reply, SP_ERR_IO,
+                 "the host neither states the size of the object nor sends parts of it");
     } else if (status == 416) { /* nothing at that offset */
         reply->got = 0;
         reply->total = f->total != UINT64_MAX ? f->total : request->offset;

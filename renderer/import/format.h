@@ -107,9 +107,9 @@ struct import_format {
      * import_elements_finish(). */
     bool (*read_elements)(void *reader, const struct sp_elements *elements,
                           const struct import_progress *progress, struct sp_error *err);
-    /* Of a grid in levels of detail: describes the level of the header and up to `most` − 1 coarser
-     * ones, whose chunks can be read one by one, and returns how many. Level 0 here is that of the
-     * header. NULL = all must be read. */
+    /* For a grid with levels of detail: describes the level of the header and up to `most` − 1
+     * coarser ones, whose chunks can be read one by one, and returns how many. Level 0 here is that
+     * of the header. NULL = all must be read. */
     unsigned (*levels)(void *reader, struct sp_chunk_level *levels, unsigned most);
     /* Reads one chunk of a level as in bricks/chunks.h. */
     bool (*read_chunk)(void *reader, unsigned level, const uint32_t place[3], void *out,
@@ -124,7 +124,7 @@ const struct import_format *import_format_find(const uint8_t *start, size_t size
 /* True if a format that may suit the file needs a module. */
 bool import_format_needs_module(const uint8_t *start, size_t size, const char *shown);
 
-/* A remote hierarchy (remote.h): no format of files. */
+/* Reads a remote hierarchy (remote.h); not in the list of file formats. */
 extern const struct import_format import_zarr_remote;
 
 /* The time series of the files that file->series names. */

@@ -311,9 +311,9 @@ static int open_bricks(const struct import *im) {
     return file;
 }
 
-/* Shows the volume from its chunks (pyramid.h), if there are levels, the caller leaves them open
- * and has no memory for all. NULL with *err set: SP_ERR_BUDGET and SP_ERR_UNSUPPORTED = that cannot
- * be, so that other ways are left. */
+/* Shows the volume from its chunks (pyramid.h) if it is remote, or if it has several levels, the
+ * source names none, and the finest one does not fit. NULL with *err set: after SP_ERR_BUDGET and
+ * SP_ERR_UNSUPPORTED the caller tries other ways. */
 static struct sp_volume *open_chunks(struct import *im, const struct sp_error *why,
                                      struct sp_error *err) {
     struct sp_chunk_source chunks;
@@ -337,8 +337,8 @@ static bool is_no_way(enum sp_code code) {
     return code == SP_ERR_BUDGET || code == SP_ERR_UNSUPPORTED;
 }
 
-/* Reads all samples, or opens the volume for reading its chunks: first what is remote, otherwise
- * what does not fit into memory. */
+/* Reads all samples, or opens the volume for reading its chunks. Remote volumes are opened for
+ * their chunks first; others only if they do not fit into memory. */
 static struct sp_volume *read_or_open(struct import *im, struct sp_error *err) {
     struct sp_error why = { .code = SP_ERR_BUDGET }, other = why;
     struct sp_volume *volume = im->place.is_remote ? open_chunks(im, &why, &other) : NULL;

@@ -8,7 +8,7 @@
 #include "import/format.h"
 #include "import/mesh_builder.h"
 
-/* All memory is owned; all zero is empty. */
+/* Owns its memory. All zero = empty. */
 struct import_mesh_parts {
     struct import_mesh_builder built;
     struct import_line_points {
@@ -28,7 +28,7 @@ bool import_mesh_parts_describe(const struct import_mesh_parts *parts,
                                 const struct import_file *file, struct import_header *header,
                                 struct sp_error *err);
 
-/* Fills elements of that shape. */
+/* Fills elements of the shape that the header describes. */
 void import_mesh_parts_read(const struct import_mesh_parts *parts,
                             const struct sp_elements *elements);
 

@@ -52,8 +52,9 @@ static void swap_points(struct import_nearest_tree *t, size_t a, size_t b) {
     t->values[b] = value;
 }
 
-/* Orders the range so that its middle is not less than those before and not greater than those
- * behind: quickselect (Hoare). The pivots look random, so that no file can make it slow. */
+/* Orders the range so that its middle point is not less than the points before it and not greater
+ * than those behind it: quickselect (Hoare). The pivots look random, so that no file
+ * can make it slow. */
 static void divide(struct import_nearest_tree *t, size_t begin, size_t end, int axis) {
     const int64_t middle = (int64_t)middle_of(begin, end);
     int64_t low = (int64_t)begin, high = (int64_t)end - 1;

@@ -4,8 +4,9 @@
  * points into halves, down to leaves of a few points. The points of a leaf are searched for
  * together:
  *
- *   leaf ─► the smallest range around it with 20 points ─► for each point, how far its 18th
- *           neighbour can be ─► all points as near as that to the leaf ─► for each point, its 18
+ *   leaf ─► the smallest range around it with 24 points or more ─► for each point, how far its
+ *           18th neighbour can be ─► all points as near as that to the leaf ─► for each point,
+ *           its 18 neighbours
  */
 #ifndef SP_IMPORT_NEAREST_H
 #define SP_IMPORT_NEAREST_H

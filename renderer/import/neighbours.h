@@ -9,8 +9,9 @@
  *
  * 18 neighbours are the two nearest shells of a cubic lattice, without a choice among equal ones.
  * The term with n² is 0 there. It makes the volumes of points at random add up to the space that
- * they fill: without it they give 9 % less. Points at one place share its space: neighbours are
- * those of other places, and k points there have a k-th of the volume each. nearest.h searches.
+ * they fill: without it they give 9 % less. Points at one place share its space: their neighbours
+ * are at other places, and each of k points there has a k-th of the volume. nearest.h finds the
+ * neighbours.
  */
 #ifndef SP_IMPORT_NEIGHBOURS_H
 #define SP_IMPORT_NEIGHBOURS_H

@@ -22,7 +22,7 @@ struct sp_pyramid_job { /* borrowed for the call */
     int timeout_ms;
 };
 
-/* Starts the first process, and fills the source without its info and the header, which describes
+/* Starts the first process. Fills the source, but not its info, and the header, which describes
  * level 0. Calls options->progress(). SP_ERR_UNSUPPORTED: the volume has no chunks, or too large
  * ones. */
 bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header *header,

@@ -50,11 +50,11 @@ bool vtk_complete(struct vtk_volume *volume, struct import_header *header, uint6
                   const char *field, struct sp_error *err);
 
 /* The same for a data set with `count` points, whose positions are in `points`. Polygons, strips
- * and lines are a mesh, unless the source names a field, which points show. */
+ * and lines are a mesh. If the source names a field, the data set is points with that field. */
 bool vtk_complete_points(struct vtk_volume *volume, struct import_header *header, uint64_t count,
                          enum vtk_set set, uint64_t byte, const char *field, struct sp_error *err);
 
-/* Says that an unstructured grid has cells that are not drawn. */
+/* Warns that the cells of an unstructured grid are not drawn. */
 void vtk_warn_of_cells(const struct import_file *file, uint64_t count);
 
 /* read(), read_elements() and close() of struct import_format. */

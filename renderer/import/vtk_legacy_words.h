@@ -23,7 +23,7 @@ struct vtk_legacy { /* state while the file is read */
     enum vtk_set set;
     bool new_cells; /* two arrays with a type each, since version 5 */
     enum { NOWHERE, POINTS, CELLS } section;
-    bool has_scalars;        /* the first SCALARS are found, which are better than other arrays */
+    bool has_scalars;        /* SCALARS were found, which are preferred to other arrays */
     unsigned vector_rank;    /* of the vectors that are found; 0 = none */
     uint64_t points, tuples; /* points of the grid; tuples of each array in this section */
     char others[160];        /* other data in the file, for errors */

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The cells of a VTK data set of polygons as a mesh: polygons become fans of triangles, strips
- * triangles, and lines tubes. What is not drawn is a warning.
+ * become triangles, and lines become tubes. A warning tells what is not drawn.
  */
 #ifndef SP_IMPORT_VTK_MESH_H
 #define SP_IMPORT_VTK_MESH_H
@@ -15,7 +15,7 @@ struct vtk_cells {
     uint64_t count;          /* 0 = none */
     struct vtk_array points; /* of all cells, one after another; count 0 = that of the last end */
     struct vtk_array ends;   /* where each cell ends; without a type: each begins with its count */
-    bool starts_at_0;        /* before the ends there is where the first cell begins */
+    bool starts_at_0;        /* the first end is preceded by a 0, where the first cell begins */
     uint64_t at;             /* byte of the file, for errors; 0 = not seen */
 };
 

@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The volumes beside that of the view: those that layers name.
+ * The other volumes of a frame: those that layers name by their ids.
  */
 #ifndef SP_LAYERS_OTHERS_H
 #define SP_LAYERS_OTHERS_H
@@ -15,7 +15,7 @@ struct sp_others {
 
 /* Finds the volumes that the visible layers of a view of `volume` name, by options->find(), and
  * checks that they suit. *others was all NULL. SP_ERR_VOLUME_UNKNOWN, SP_ERR_INVALID, with the JSON
- * pointer as the place; what was found until then stays for sp_others_finish(). */
+ * pointer as the place; volumes found until then stay in *others for sp_others_finish(). */
 bool sp_others_find(const struct sp_view *view, const struct sp_volume *volume,
                     const struct sp_render_options *options, struct sp_others *others,
                     struct sp_error *err);

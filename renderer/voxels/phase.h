@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The random number of a sample or point in a layer of vectors: which are drawn, and the phase of
- * each. It depends on its number alone, so that nothing changes from frame to frame.
+ * A random number per sample or point of a layer of vectors. It decides whether the sample is
+ * drawn, and gives its phase. It depends on the index of the sample alone, so that it is the same
+ * in all frames.
  */
 #ifndef SP_VOXELS_PHASE_H
 #define SP_VOXELS_PHASE_H

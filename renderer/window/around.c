@@ -54,7 +54,7 @@ static struct sp_volume *take(struct sp_brick_store *store, const struct sp_bric
         return window.volume;
     sp_volume_unref(&window.volume);
     if (window.lost)
-        sp_fail(err, SP_ERR_IO, "", "%llu bricks of the volume there cannot be read",
+        sp_fail(err, SP_ERR_IO, "", "%llu bricks of this region cannot be read",
                 (unsigned long long)window.lost);
     else
         sp_fail(err, SP_ERR_TIMEOUT, "", "bricks of the volume are still being read; try again");

@@ -41,7 +41,7 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const uint64_t bytes_max = sp_brick_store_window_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
-    /* Of chunks, what is not seen is not read: it costs more, and nothing is known of it. */
+    /* Chunks that are not seen are not read: reading is slow, and their ranges are unknown. */
     const bool prefers_whole = !sp_brick_file_chunks(file);
     for (unsigned level = job->level; level < base; level++)
         for (int turn = 0; turn < 2; turn++) {

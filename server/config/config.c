@@ -49,7 +49,8 @@ static const struct setting settings[] = {
       "survive a restart. Not set = nothing is stored." },
     { "cache", TEXT, AT(cache), NULL, 0, 0, "DIR",
       "Folder for brick files of volumes that do not fit into --memory: such a volume is converted "
-      "once, and then shown from bricks that are read on demand. Not set = loading it fails." },
+      "once, and then shown from bricks that are read on demand. Not set = loading it fails. "
+      "OME-Zarr needs no brick file." },
     { "cache-size", SIZE, AT(cache_size), "64G", 0, 64 * TIB, "SIZE",
       "Size of all brick files in --cache: the least recently used ones that are not open are "
       "removed. 0 = no limit." },

@@ -88,7 +88,7 @@ static void print_memory(const struct srv_request *request, FILE *out) {
     srv_catalog_memory(request->app->catalog, &used, &budget, &windows);
     gauge(out, "splatd_memory_bytes", "Reserved for voxels", (double)used);
     gauge(out, "splatd_window_bytes",
-          "In use for what frames show of brick files; they get what the budget has left",
+          "Samples of brick files in memory, bytes; they share what --memory has left",
           (double)windows);
     gauge(out, "splatd_memory_budget_bytes", "Limit of --memory", (double)budget);
     srv_metrics_family(

@@ -3,10 +3,10 @@
  * The brick cache (--cache): brick files of volumes that do not fit into --memory. A file is
  * written when its volume is loaded for the first time, and read again later. Its name is a hash of
  * the source, of its time step, and of the time and size of the source's file, or of all files of
- * its folder, so that what changes is converted again.
+ * its folder, so that a source is converted again after a change.
  *
- * The files together take --cache-size. The least recently used ones are removed when they exceed
- * it, but none that is open in a daemon, which its lock tells (bricks/store.h).
+ * --cache-size limits the size of all files together. When they exceed it, the least recently used
+ * ones are removed, except those that a daemon has open, which their locks tell (bricks/store.h).
  */
 #ifndef SRV_RENDER_BRICK_CACHE_H
 #define SRV_RENDER_BRICK_CACHE_H

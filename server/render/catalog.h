@@ -133,7 +133,7 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
                       struct srv_volume_status *status);
 /* Returns the resolved data folder; NULL = none. Constant. */
 const char *srv_catalog_data(const struct srv_catalog *catalog);
-/* Bytes of the memory budget: in use without windows, all, and windows of brick files. */
+/* Bytes of the memory budget: in use without windows, the limit, and windows of brick files. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
                         uint64_t *windows);
 
@@ -167,9 +167,10 @@ bool srv_catalog_measure(void *catalog, void *volume, const struct sp_view *view
                          const struct sp_measure *measure, double samples,
                          struct proto_measure_value *value, struct sp_error *err);
 
-/* The samples that a measurement needs: of a volume that is larger than memory those around its
- * points, at the level *level, else the volume itself and 0. One reference; NULL with *err set, as
- * sp_bricks_around(). Reads bricks, for seconds at most: with no lock held. */
+/* The samples that a measurement needs, and their level: of a volume that is larger than memory
+ * those around its points, unless it is a part, a path, a distance or an angle; else the volume
+ * itself. One reference; NULL with *err set, as in sp_bricks_around(). Reads bricks for up to 10 s:
+ * call it with no lock held. */
 struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp_measure *measure,
                                        unsigned *level, struct sp_error *err);
 

@@ -184,7 +184,8 @@ static void end_load(struct srv_catalog *catalog, struct srv_volume *v, struct s
     pthread_mutex_unlock(&catalog->notify_mutex);
 }
 
-/* Loads what does not fit into memory from the brick cache. What has no bricks fails as before. */
+/* Loads a volume that does not fit into memory from the brick cache. If it cannot be converted
+ * (SP_ERR_UNSUPPORTED), *err keeps the first error, with the reason appended. */
 static struct sp_volume *load_cached(struct srv_catalog *catalog, const char *file,
                                      const struct sp_load_options *options, struct sp_error *err) {
     struct sp_error why;

@@ -76,8 +76,8 @@ static inline const struct srv_volume *srv_catalog_entry_of(const struct srv_vol
 /* Finds an entry. With the mutex held. */
 struct srv_volume *srv_catalog_entry(struct srv_catalog *catalog, const char *id);
 
-/* Bytes that loads may take. Windows of brick files keep an eighth of the budget, and give back the
- * rest. With the mutex held. */
+/* Bytes that loads may take. An eighth of the budget is kept for windows of brick files if one is
+ * open; a load takes what they have beyond that. With the mutex held. */
 uint64_t srv_catalog_free_bytes(struct srv_catalog *catalog);
 /* Takes bytes of the budget for an entry or a step, or gives all of its bytes back. With the mutex
  * held. */

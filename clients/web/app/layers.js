@@ -76,7 +76,7 @@ export class Layers {
     return volume ? fullNameOf(volume, volumes) : id;
   }
 
-  /** The id of a volume that the layer needs and that is not loaded; '' = there is none. A guest does not know. */
+  /** The id of a volume that the layer needs and that is not loaded; '' = there is none, or the list of volumes is not known, as for guests. */
   closedOf({ id, color_by: colors = '' }) {
     if (this.#app.connection.session?.isJoined) return '';
     const isOpen = (needed) => ['ready', 'loading'].includes(this.volumeOf({ id: needed })?.state);
@@ -87,7 +87,7 @@ export class Layers {
 
   get mayOpen() { return this.#app.mayOpen; }
 
-  /** The name of the values of a volume, or of the volume. */
+  /** The name of the values of a volume, or that of the volume if they have none. */
   fieldName(id) { return this.volumeOf({ id })?.fields?.[0]?.name || this.volumeName(id); }
 
   /** Loads another field of the volume that a layer shows; use(id) gets the volume of the field as soon as it is ready. */

@@ -12,7 +12,7 @@ export class ColorByRow {
   #index = -1;
   #shown = '';
 
-  /** id: of the control. */
+  /** id: that of the control in the page. */
   constructor(layers, id) {
     this.#layers = layers;
     this.#select = make('select', { id });
@@ -26,7 +26,7 @@ export class ColorByRow {
 
   get #layer() { return this.#layers.list[this.#index]; }
 
-  /** [value, name, kind]: kind field is one that is not loaded. */
+  /** [value, name, kind]. kind: 'own' values, 'length' of the vectors, a loaded 'volume', or a 'field' that is not loaded. */
   #options() {
     const { color_by: chosen = '' } = this.#layer;
     const volume = this.#layers.volumeOf(this.#layer);

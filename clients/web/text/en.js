@@ -703,7 +703,7 @@ export default {
   'stats.backend': 'Renders with {backend}: {device}',
   'stats.bandwidth': 'Received',
   'stats.bandwidth.title': 'Bytes of pictures per second',
-  'stats.bricks': 'Larger than memory: shows level {level} (0 = all voxels), and the picture asks for {asked}; {resident} of {wanted} blocks, {memory} in memory',
+  'stats.bricks': 'Larger than memory: shows level {level} (0 = all voxels), and the pixels ask for level {asked}; {resident} of {wanted} blocks, {memory} in memory',
   'stats.bricks.lost': '{count} blocks cannot be read: one at voxels {from} to {to}',
   'stats.dropped': 'Dropped frames',
   'stats.dropped.title': 'Frames that the daemon replaced by newer ones before they were sent',

@@ -10,8 +10,8 @@ static const GLenum usages[] = { [GL_USE_KEPT] = GL_STATIC_DRAW,
                                  [GL_USE_READ] = GL_STREAM_READ };
 
 /* Waits until the GPU has ended all commands. A driver must let the processor change a buffer, or
- * give its memory to another one, only when no command uses it. NVIDIA's (580) does not notice that
- * compute shaders do. */
+ * give its memory to another one, only when no command uses it. NVIDIA's driver 580 does not notice
+ * that compute shaders use it. */
 static void await(void) {
     glFinish();
 }

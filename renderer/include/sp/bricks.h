@@ -18,16 +18,16 @@ extern "C" {
 /* Converts what sp_volume_load() reads from `source` to the brick file `out`, which is written
  * completely or not at all. Built-in volumes may have up to 4096 samples per axis here. The samples
  * pass through a file without a name in the folder of `out`; memory holds a strip of 72 × 72 rows
- * of them. Of a time series it is options->step. Vectors are left out, which is one of its
- * warnings. The file stands for the source: it has the names of its other fields and its time
- * steps. Of `options`, which may be NULL, reserve() is not called. Blocks until it is done. Errors
- * are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for volumes that are no grids with evenly
+ * of them. Of a time series it converts options->step. Vectors are left out, and a warning in
+ * the file says so. The file stands for the source: it has the names of its other fields and its
+ * time steps. `options` may be NULL; its reserve() is not called. Blocks until it is done. Errors
+ * are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for volumes that are not grids with evenly
  * spaced axes. */
 SP_API bool sp_bricks_convert(const char *source, const char *out,
                               const struct sp_load_options *options, struct sp_error *err);
 
-/* Memory for what frames show of brick files, which all files that are opened with it share
- * (sp_load_options.windows): the least recently used samples are dropped. Thread-safe. */
+/* Memory for the samples of brick files that frames show. All files that are opened with it share
+ * it (sp_load_options.windows). The least recently used samples are dropped. Thread-safe. */
 struct sp_brick_memory;
 /* One reference, or NULL: SP_ERR_MEMORY. `bytes`: the limit, any number. */
 SP_API struct sp_brick_memory *sp_brick_memory_create(uint64_t bytes, struct sp_error *err);
@@ -63,11 +63,11 @@ SP_API struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double
                                           struct sp_error *err);
 /* The level of the samples that the volume itself has; 0 if it is no brick file. Thread-safe. */
 SP_API unsigned sp_bricks_base(const struct sp_volume *volume);
-/* Describes the volume as if all of it had been loaded at that level. False: there is no such
- * level. Thread-safe. */
+/* Describes the volume as if all of it had been loaded at that level. False if the volume has no
+ * such level. Thread-safe. */
 SP_API bool sp_bricks_describe(const struct sp_volume *volume, unsigned level,
                                struct sp_volume_info *info);
-/* The coarsest level whose samples are at most as wide as that, world units; 0 if the volume is no
+/* The coarsest level whose samples are at most `spacing` wide [world unit]; 0 if the volume is no
  * brick file. Thread-safe. */
 SP_API unsigned sp_bricks_level(const struct sp_volume *volume, double spacing);
 

@@ -39,7 +39,7 @@ struct sp_frame_bricks {
     uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
                        suffice */
     uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
-    uint64_t lost; /* of those: bricks that cannot be read; coarser samples are in their place */
+    uint64_t lost; /* wanted bricks that cannot be read; coarser samples are in their place */
     uint32_t lost_box[2][3]; /* of one of them, voxels: the first one, and the one past the last */
     uint64_t memory_bytes;   /* of the volume's samples that are in memory, for all frames */
 };

@@ -222,9 +222,9 @@ struct sp_layer { /* "/layers/0" */
      * such as another field of the same file, resolved by sp_render_options.find(); "" = the values
      * [""]. Opacities stay those of the values. */
     char color_by[SP_NAME_BYTES];
-    /* Numbers that have the colours of the first and of the last point of the transfer function,
-     * low < high; NaN (JSON null) = the smallest and the largest number; of lengths 0 and the
-     * largest one [NaN] */
+    /* color_by: numbers that have the colours of the first and of the last point of the transfer
+     * function, low < high. NaN (JSON null) = the smallest and the largest number; for "magnitude",
+     * 0 and the largest length. [NaN] */
     double color_low, color_high;
     /* points, gaussians, geometry: the volume that has them, resolved by
      * sp_render_options.find(); "" = the frame's volume [""] */

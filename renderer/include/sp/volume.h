@@ -91,11 +91,12 @@ struct sp_steps {
  */
 struct sp_whole {
     uint32_t dims[3];  /* of the finest level; 0 = struct sp_volume has all samples */
-    double spacing[3]; /* the same */
+    double spacing[3]; /* of the finest level [world unit] */
     double limits[2];  /* no finite sample of any level lies outside; the range of struct
-                          sp_volume_info may be that of a coarse level */
+                          sp_volume_info may be that of a coarse level. Of float chunks an estimate:
+                          samples beyond a limit look like the limit */
     uint32_t levels;   /* in the file */
-    uint64_t content;  /* a hash of all samples */
+    uint64_t content;  /* a hash of all samples; of chunks, of the samples of struct sp_volume */
 };
 
 struct sp_volume_info {
@@ -164,8 +165,8 @@ struct sp_brick_memory;
 struct sp_load_options {
     /* Called after the header was read and before `bytes` are allocated. Returns false and fills
      * *err to refuse (SP_ERR_BUDGET, with the bytes needed and the bytes available). A file with
-     * several levels of detail, of which the source names none, then asks again: for showing it
-     * from its chunks within window_bytes, and for a coarser level. NULL = accept every size. */
+     * several levels of detail, of which the source names none, calls it again: with the bytes for
+     * showing it from its chunks, then with those of coarser levels. NULL = accept every size. */
     bool (*reserve)(void *user, uint64_t bytes, struct sp_error *err);
     /* Called a few times per second by the loading thread, with the finished fraction in [0, 1].
      * Returns false to cancel (SP_ERR_CANCELLED). NULL = none. */
@@ -175,9 +176,9 @@ struct sp_load_options {
                              the folder of the file */
     const char *importer; /* path of the program splat-import; NULL = search beside the running
                              program, then beside the library, then the installation's prefix */
-    const char *allowed_hosts; /* "HOST,HOST:PORT,*.DOMAIN": of remote volumes. Without a port 80
-                                  and 443 are allowed. A pattern allows public IP addresses only, a
-                                  name any. NULL = none */
+    const char *allowed_hosts; /* of remote volumes: "HOST,HOST:PORT,*.DOMAIN". Without a port, 80
+                                  and 443 are allowed. *.DOMAIN allows public IP addresses only,
+                                  HOST any address. NULL = none */
     int timeout_ms;            /* limit for the whole import, >= 0; 0 = 300,000 */
     uint32_t step;             /* of a time series, from 0 */
     bool is_finest; /* do not read a coarser level if the finest does not fit (reserve()) */
@@ -192,9 +193,10 @@ struct sp_load_options {
 
 /* True for the address of a remote volume, "http://…" or "https://…". */
 SP_API bool sp_source_is_remote(const char *source);
-/* Checks such a list of hosts: SP_ERR_INVALID. */
+/* Checks a list of hosts, as in allowed_hosts: SP_ERR_INVALID. */
 SP_API bool sp_hosts_check(const char *allowed, struct sp_error *err);
-/* Checks that its host is in the list (allowed_hosts): SP_ERR_DENIED, SP_ERR_INVALID. */
+/* Checks that the host of an address is in the list (allowed_hosts): SP_ERR_DENIED,
+ * SP_ERR_INVALID. */
 SP_API bool sp_source_check_host(const char *source, const char *allowed, struct sp_error *err);
 
 /* Loads `source`: the path of a file (NRRD .nrrd/.nhdr, VTK .vtk/.vti/.vtr/.vts/.vtu/.vtp, raw
@@ -206,9 +208,9 @@ SP_API bool sp_source_check_host(const char *source, const char *allowed, struct
  * numbers only. "https://HOST/PATH" is an OME-Zarr that is shown from its chunks; it needs the
  * program splat-fetch. A path whose name has a '*' for each number opens such a time series, too.
  * Blocks until it is done. `options` may be NULL. Returns one reference, or NULL with one of:
- * SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside of root), SP_ERR_FORMAT, SP_ERR_UNSUPPORTED,
- * SP_ERR_INVALID (demo size), SP_ERR_IO, SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_TIMEOUT,
- * SP_ERR_CRASHED, SP_ERR_CANCELLED. */
+ * SP_ERR_NOT_FOUND, SP_ERR_DENIED (outside of root, host not allowed), SP_ERR_FORMAT,
+ * SP_ERR_UNSUPPORTED, SP_ERR_INVALID (demo size, address), SP_ERR_IO, SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_TIMEOUT, SP_ERR_CRASHED, SP_ERR_CANCELLED. */
 SP_API struct sp_volume *sp_volume_load(const char *source, const struct sp_load_options *options,
                                         struct sp_error *err);
 
