@@ -48,7 +48,8 @@ void gl_buffer_update(const struct gl_buffer *buffer, uint64_t at, const void *d
 /* Binds the buffer as the storage block `binding` of shaders. */
 void gl_buffer_bind(const struct gl_buffer *buffer, unsigned binding);
 
-/* The same as the uniform block `binding`, which GPUs read faster where all threads need the same.
+/* The same as the uniform block `binding`, which GPUs read faster where all threads read the same
+ * value.
  */
 void gl_buffer_bind_constants(const struct gl_buffer *buffer, unsigned binding);
 

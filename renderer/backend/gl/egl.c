@@ -94,7 +94,7 @@ static void list_devices(struct gl_places *places, const char *client) {
                                                     "EGL_EXT_platform_device", NULL };
     EGLDeviceEXT devices[GL_DEVICES_MAX];
     EGLint count = 0;
-    /* EGL_EXT_device_base is the last two in one; the drivers of NVIDIA have only this one. */
+    /* EGL_EXT_device_base combines the last two; NVIDIA drivers list it alone. */
     bool has_base = has_extension(client, "EGL_EXT_device_base");
     const char *missing = missing_of(client, has_base ? wanted_with_base : wanted);
     if (!missing && !eglQueryDevicesEXT(GL_DEVICES_MAX, devices, &count))

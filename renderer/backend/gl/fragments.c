@@ -94,7 +94,7 @@ static bool upload_planes(const struct gl_fragments_part *part, struct sp_error 
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the frame's planes of sheets");
     for (uint32_t i = 0; i < insert->planes; i++)
         offset[i] = (float)insert->offset[i];
-    glFinish(); /* the frame before may still read them */
+    glFinish(); /* the previous frame may still read them */
     gl_buffer_update(&part->state->buffers.fragments, 0, offset, insert->planes * sizeof *offset);
     return true;
 }

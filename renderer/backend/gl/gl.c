@@ -149,7 +149,7 @@ static void gl_info(const void *pointer, struct sp_renderer_info *info) {
     memcpy(info->device, state->device, sizeof info->device);
 }
 
-/* Unbinds the context, unless frames are in flight: to unbind it, drivers wait for them. */
+/* Unbinds the context, unless frames are in flight: drivers wait for them before they unbind. */
 static void unbind(struct gl_state *state) {
     if (state->begun == 0)
         gl_context_unbind(state->context);

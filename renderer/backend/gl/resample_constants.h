@@ -11,7 +11,7 @@
 #include "base/arena.h"
 #include "resample/prepare.h"
 
-/* shaders/resample.glsl: std140, the same as std430 here. */
+/* shaders/resample.glsl: std140, which has the same layout as std430 here. */
 struct gl_resample_constants {
     float to_world[3][4], metric[2][4], depths[3][4], steep[4];
     float level_scale[4], bin_scale[4], above_bins[4];

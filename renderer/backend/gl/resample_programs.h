@@ -39,7 +39,7 @@ struct gl_resample {
     struct gl_resample_uploads {
         struct gl_buffer constants[3], squares[3]; /* by axis of the slices */
         struct gl_buffer colors;                   /* of the last projection */
-    } uploads, before; /* of this frame; of the one before, which may still read them */
+    } uploads, before; /* of this frame; of the previous one, which may still read them */
     uint32_t work;     /* blocks times intervals per dispatch */
 };
 
@@ -53,7 +53,7 @@ unsigned gl_resample_open(struct gl_resample *resample, enum gl_samples_kind kin
  * INFINITY = none is. */
 void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double limit_ms);
 
-/* A new frame begins: what it uploads does not change what the frame before may still read. */
+/* Begins a frame: its uploads do not overwrite what the previous frame may still read. */
 void gl_resample_next(struct gl_resample *resample);
 
 /* Returns the bytes of what frames upload. */

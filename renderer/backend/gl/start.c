@@ -1,6 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What a new context needs before the first frame, and its end.
+ * Sets up a new context before its first frame, and ends it.
  */
 #include <epoxy/gl.h>
 

@@ -10,14 +10,14 @@
 #include "backend/gl/frame.h"
 #include "backend/gl/partition.h"
 
-/* Constants of a frame; a frame in flight may still read those of the one before. */
+/* Constants of a frame. A frame in flight may still read those of the previous frame. */
 struct gl_frame_constants {
     struct gl_buffer buffer; /* struct gl_constants, then the order of sheets */
     uint64_t sheets_made;    /* generation of the partition whose sheets are uploaded */
 };
 
 struct gl_upload {
-    struct gl_frame_constants constants, before; /* of this frame; of the one before */
+    struct gl_frame_constants constants, before; /* of this frame; of the previous one */
     struct gl_buffer chunks;
     uint64_t chunks_made;            /* generation of the partition that is uploaded */
     uint32_t chunk_first, chunk_end; /* the chunks that are uploaded */
@@ -25,7 +25,7 @@ struct gl_upload {
     uint64_t bytes;                  /* sent since the start */
 };
 
-/* A new frame begins: what it uploads does not change what the frame before may still read. */
+/* Begins a frame: its uploads do not overwrite what the previous frame may still read. */
 void gl_upload_next(struct gl_upload *upload);
 
 /* `most` as in gl_buffer_reserve(). A context must be current. SP_ERR_MEMORY, SP_ERR_BUDGET. */

@@ -35,7 +35,7 @@ struct sp_stage_time {
 /* What a frame shows of a volume that is larger than memory (sp/bricks.h); 0 for other volumes. */
 struct sp_frame_bricks {
     bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
-    uint32_t level;     /* of the samples: 2^n × 2^n × 2^n voxels in one */
+    uint32_t level; /* of the samples, 0 = all voxels; of brick files 2^n × 2^n × 2^n in one */
     uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
                        suffice */
     uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
