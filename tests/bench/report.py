@@ -248,6 +248,11 @@ def gpu_shares(row):
             for amount, peak, unit in zip(amounts, (row['peak_gb_s'], row['peak_tflop_s']), (1e9, 1e12))]
 
 
+def vtk_rates(plain, shaded):
+    """Unshaded, and shaded where that is what stands beside it."""
+    return ', '.join(short(row['fps']) + ' shaded' * (row is shaded) for row in (plain, shaded) if row) or '–'
+
+
 def gpu(folder):
     rows = ordered(read(folder, 'gl.csv'))
     if not rows:
@@ -266,7 +271,7 @@ def gpu(folder):
         rates += [pixels['fps']] if pixels else []
         verdict = SOFTWARE if rows[0]['backend'] != 'gl' else met(max(rates) >= wanted) if rates else 'not measured'
         lines.append([scene, size, wanted, short(row['fps']) if row else '–', short(row['in_flight_2_fps']) if row else '–', short(pixels['fps']) + ' shaded' * bool(shaded) if pixels else '–',
-                      short(peer['fps']) if peer else '–', *(gpu_shares(row) if row else ['–', '–']), verdict])
+                      vtk_rates(peer, shaded and find(read(folder, 'gl_vtk.csv'), scene=scene, size=size, shading='phong')), *(gpu_shares(row) if row else ['–', '–']), verdict])
     left_out = sorted({f'{r["scene"]} at {r["size"]:.0f} px' for r in rows if r.get('left_out')})
     text = f'{about}\n\n' + table(['scene', 'px', 'goal, fps', 'per voxel', 'two frames in flight', 'per pixel, two in flight', 'VTK on this GPU', 'of memory bandwidth',
                                     'of arithmetic', ''], lines)
