@@ -8,9 +8,13 @@
 #include "import/vectors.h"
 #include "volume/curvilinear.h"
 
-/* The normal of a triangle, as long as twice its area. */
-static void find_normal(const struct sp_elements *e, const uint32_t at[3], double normal[3]) {
+/* The normal of triangle i, as long as twice its area. False if a vertex does not exist. */
+static bool find_normal(const struct sp_elements *e, uint32_t i, double normal[3]) {
+    const uint32_t *at = e->triangles[i];
     double edge[2][3];
+    for (int k = 0; k < 3; k++)
+        if (at[k] >= e->shape.vertex_count)
+            return false;
     for (int a = 0; a < 3; a++) {
         edge[0][a] = (double)e->positions[at[1]][a] - (double)e->positions[at[0]][a];
         edge[1][a] = (double)e->positions[at[2]][a] - (double)e->positions[at[0]][a];
@@ -18,16 +22,15 @@ static void find_normal(const struct sp_elements *e, const uint32_t at[3], doubl
     for (int a = 0; a < 3; a++)
         normal[a] = edge[0][(a + 1) % 3] * edge[1][(a + 2) % 3] -
                     edge[0][(a + 2) % 3] * edge[1][(a + 1) % 3];
+    return true;
 }
 
 static void find_normals(const struct sp_elements *e) {
     for (uint32_t i = 0; i < e->shape.count; i++) {
         const uint32_t *at = e->triangles[i];
         double normal[3];
-        if (at[0] >= e->shape.vertex_count || at[1] >= e->shape.vertex_count ||
-            at[2] >= e->shape.vertex_count)
+        if (!find_normal(e, i, normal))
             continue;
-        find_normal(e, at, normal);
         for (int k = 0; k < 3; k++)
             for (int a = 0; a < 3; a++)
                 e->normals[at[k]][a] += (float)normal[a];
@@ -78,12 +81,9 @@ static void hide_colors(const struct sp_elements *e) {
 /* True if no triangle has an area. */
 static bool is_flat(const struct sp_elements *e) {
     for (uint32_t i = 0; i < e->shape.count; i++) {
-        const uint32_t *at = e->triangles[i];
         double normal[3];
-        if (at[0] >= e->shape.vertex_count || at[1] >= e->shape.vertex_count ||
-            at[2] >= e->shape.vertex_count)
+        if (!find_normal(e, i, normal))
             continue;
-        find_normal(e, at, normal);
         if (fabs(normal[0]) + fabs(normal[1]) + fabs(normal[2]) > 0)
             return false;
     }

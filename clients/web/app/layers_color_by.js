@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The choice of what gives the colours of streaks or points: their values, the lengths of their vectors, or another field of the file, which
-// is loaded as a volume of its own.
+// Chooses the numbers that colour streaks or points: their own values, the lengths of their vectors, or another field of the file. The other
+// field is loaded as a volume.
 import { MAGNITUDE, hasVectors } from '../core/layers.js';
 import { t } from '../core/text.js';
 import { make } from './dom.js';

@@ -5,7 +5,7 @@ import { opacityAt } from './transfer.js';
 
 const HIDDEN = 3; // optical depth in front of the middle: 5 % of the light passes
 
-/** The optical depth of what is visible, from its border to its middle: an estimate from the histogram, as if all visible samples formed one body. */
+/** Estimates the optical depth from the border of the visible matter to its middle. Uses the histogram, as if all visible samples formed one body. */
 function depthOf({ points, reference_length: unit }, { range: [low, high], counts }, volume) {
   const total = counts.reduce((sum, count) => sum + count, 0);
   let seen = 0;

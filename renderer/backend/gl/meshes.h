@@ -11,7 +11,7 @@
 
 #include "backend/gl/band.h"
 
-enum { GL_MESH_ROUNDS = 40 }; /* rounds of the shader's loop for a triangle on a tile, at most */
+enum { GL_MESH_ROUNDS = 40 }; /* most rounds of the shader's loop per triangle and tile */
 
 /* The meshes of a frame that have triangles. */
 struct gl_meshes {

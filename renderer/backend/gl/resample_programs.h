@@ -56,7 +56,7 @@ void gl_resample_adapt(struct gl_resample *resample, double longest_ms, double l
 /* Begins a frame: its uploads do not overwrite what the previous frame may still read. */
 void gl_resample_next(struct gl_resample *resample);
 
-/* Returns the bytes of what frames upload. */
+/* Returns the size of the buffers into which frames upload constants [bytes]. */
 uint64_t gl_resample_bytes(const struct gl_resample *resample);
 
 void gl_resample_init(struct gl_resample *resample);

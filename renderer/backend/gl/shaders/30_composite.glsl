@@ -66,7 +66,7 @@ void classify() {
 void classify() {}
 #endif
 
-// Composites matter behind a pixel. pixel: transmittance, and colour so far. amount: optical depth, and colour.
+// Composites more matter behind what a pixel shows so far. pixel: its transmittance and colour. amount: optical depth and colour.
 vec4 add_behind(vec4 pixel, vec4 amount) {
     vec2 a = attenuate(amount.x);
     return vec4(pixel.x * a.y, pixel.yzw + a.x * pixel.x * amount.yzw);

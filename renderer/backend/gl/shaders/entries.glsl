@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The blocks of points that lie on a tile, front to back: a work group draws those of its part of the tile (surfaces.c).
+// Lists the blocks of surface points on each tile, front to back (surfaces.c). A work group draws those on its part of the tile.
 //
 //   words   by tile of SIDE × SIDE px: its first entry | by entry: block, points of the tile before it
 
