@@ -59,7 +59,7 @@ static bool check_nodes(const struct import_file *file, const json_t *nodes, str
 }
 
 bool import_gltf_check(const struct import_file *file, const struct mesh_bytes *bytes,
-                       struct sp_error *err) {
+                       bool *is_empty, struct sp_error *err) {
     const struct mesh_bytes text = find_text(bytes);
     json_error_t why;
     /* Jansson refuses more than 2048 levels of brackets. */
@@ -71,6 +71,9 @@ bool import_gltf_check(const struct import_file *file, const struct mesh_bytes *
             file->shown, (uint64_t)(text.start - bytes->start) + (uint64_t)why.position, "JSON",
             "%s", why.text);
     const bool ok = check_nodes(file, json_object_get(root, "nodes"), err);
+    const json_t *meshes = json_object_get(root, "meshes");
+    *is_empty = json_is_object(json_object_get(root, "asset")) &&
+                (!meshes || (json_is_array(meshes) && json_array_size(meshes) == 0));
     json_decref(root);
     return ok;
 }

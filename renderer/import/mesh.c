@@ -166,10 +166,20 @@ static bool take_all(struct mesh *m, struct sp_error *err) {
            fail(err, SP_ERR_MEMORY, m, "out of memory for normals");
 }
 
+/* Why assimp has refused a file. True if the file is valid and only empty. */
+static bool explain(const struct mesh *m, const char *extension, const struct mesh_bytes *bytes,
+                    const char *why, struct sp_error *err) {
+    bool is_empty = false;
+    if (strcmp(extension, "stl") == 0 && !import_stl_explain(m->file, bytes, &is_empty, err))
+        return false;
+    if (strcmp(extension, "obj") == 0 && !import_obj_explain(m->file, bytes, &is_empty, err))
+        return false;
+    return is_empty || fail(err, SP_ERR_FORMAT, m, why);
+}
+
 /* Reads the triangles and lines by assimp. */
 static bool read_all(struct mesh *m, const char *extension, const struct mesh_bytes *bytes,
                      struct sp_error *err) {
-    const bool is_stl = strcmp(extension, "stl") == 0, is_obj = strcmp(extension, "obj") == 0;
     char why[SP_ERROR_TEXT];
     m->call = import_module_load(m->file, MESH_BRIDGE_MODULE, MESH_BRIDGE_SYMBOL, "assimp",
                                  "libassimp5", err);
@@ -177,9 +187,7 @@ static bool read_all(struct mesh *m, const char *extension, const struct mesh_by
         return false;
     m->bridge = m->call->open(bytes, extension, find_file, m, why, sizeof why);
     if (!m->bridge)
-        return (!is_stl || import_stl_explain(m->file, bytes, err)) &&
-               (!is_obj || import_obj_explain(m->file, bytes, err)) &&
-               fail(err, SP_ERR_FORMAT, m, why);
+        return explain(m, extension, bytes, why, err);
     return take_all(m, err);
 }
 
@@ -191,7 +199,7 @@ static bool open_bytes(struct mesh *m, struct import_header *header, struct sp_e
         return fail(err, SP_ERR_MEMORY, m, "out of memory for the bytes of the file");
     if (strcmp(extension, "stl") == 0
             ? !import_stl_check(m->file, &bytes, &is_empty, err)
-            : extension[0] == 'g' && !import_gltf_check(m->file, &bytes, err))
+            : extension[0] == 'g' && !import_gltf_check(m->file, &bytes, &is_empty, err))
         return false;
     if (!is_empty && !read_all(m, extension, &bytes, err))
         return false;

@@ -143,11 +143,13 @@ static mesh_bridge *open_mesh(const mesh_bytes *bytes, const char *extension,
     bridge->is_linear = strcmp(extension, "gltf") == 0 || strcmp(extension, "glb") == 0;
     choose_reader(importer, extension);
     importer.SetIOHandler(new Files(*bytes, name, find, user));
+    // A solid without a facet is valid, but not to assimp. The other steps check what they read.
+    const unsigned validate = is_stl ? 0 : unsigned{ aiProcess_ValidateDataStructure };
     importer.SetPropertyInteger(AI_CONFIG_PP_RVC_FLAGS, removed);
     importer.SetPropertyInteger(AI_CONFIG_PP_SBP_REMOVE, aiPrimitiveType_POINT);
-    bridge->scene = importer.ReadFile(
-        name, aiProcess_ValidateDataStructure | aiProcess_RemoveComponent | aiProcess_Triangulate |
-                  aiProcess_PreTransformVertices | aiProcess_SortByPType);
+    bridge->scene =
+        importer.ReadFile(name, validate | aiProcess_RemoveComponent | aiProcess_Triangulate |
+                                    aiProcess_PreTransformVertices | aiProcess_SortByPType);
     if (!bridge->scene) {
         explain(why, capacity, importer.GetErrorString());
         return nullptr;

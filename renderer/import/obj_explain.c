@@ -61,13 +61,24 @@ static bool check_corners(const struct lines *l, char *rest, uint64_t vertices,
     return true;
 }
 
+/* A comment, a vertex, a point or what only names and groups. */
+static bool draws_nothing(const char *word) {
+    static const char *const known[] = { "v", "vt", "vn", "vp",     "p",     "o",
+                                         "g", "mg", "s",  "mtllib", "usemtl" };
+    bool is_known = !word || *word == '#';
+    for (size_t i = 0; i < sizeof known / sizeof *known && !is_known; i++)
+        is_known = strcmp(word, known[i]) == 0;
+    return is_known;
+}
+
 bool import_obj_explain(const struct import_file *file, const struct mesh_bytes *bytes,
-                        struct sp_error *err) {
+                        bool *is_empty, struct sp_error *err) {
     const struct lines all = { .file = file,
                                .at = bytes->start,
                                .end = bytes->start + bytes->size };
     uint64_t vertices = 0, faces = 0;
     bool ok = true;
+    *is_empty = true;
     for (struct lines l = all; next(&l);)
         vertices += l.text[0] == 'v' && (l.text[1] == ' ' || l.text[1] == '\t');
     for (struct lines l = all; ok && next(&l);) {
@@ -76,12 +87,13 @@ bool import_obj_explain(const struct import_file *file, const struct mesh_bytes 
         const char *word = strtok_r(copy, " \t\r", &rest);
         const bool is_face = word && (strcmp(word, "f") == 0 || strcmp(word, "l") == 0);
         faces += is_face;
+        *is_empty = *is_empty && draws_nothing(word);
         if (is_face)
             ok = check_corners(&l, rest, vertices, err);
         else if (word && strcmp(word, "v") == 0)
             ok = check_vertex(&l, rest, err);
     }
-    if (ok && !faces)
+    if (ok && !faces && !*is_empty)
         return sp_fail(err, SP_ERR_FORMAT, file->shown,
                        "%" PRIu64 " vertices, no faces and no lines (\"f\", \"l\")", vertices);
     return ok;

@@ -95,25 +95,32 @@ static const char *check_facet(struct words *w) {
 }
 
 bool import_stl_explain(const struct import_file *file, const struct mesh_bytes *bytes,
-                        struct sp_error *err) {
+                        bool *is_empty, struct sp_error *err) {
     struct words w = { bytes->start, bytes->start + bytes->size, 1, "" };
     const char *missing = NULL;
     char place[SP_ERROR_PLACE];
+    bool has_facet = false, has_end = false;
+    *is_empty = false;
     if (!is_text(bytes))
         return true;
     for (next(&w); w.word[0] && !missing; next(&w)) {
-        if (strcasecmp(w.word, "solid") == 0 || strcasecmp(w.word, "endsolid") == 0)
+        const bool is_facet = strcasecmp(w.word, "facet") == 0;
+        has_facet |= is_facet;
+        has_end = strcasecmp(w.word, "endsolid") == 0;
+        if (has_end || strcasecmp(w.word, "solid") == 0)
             skip_line(&w);
-        else if (strcasecmp(w.word, "facet") == 0)
-            missing = check_facet(&w);
         else
-            missing = "facet\" or \"endsolid";
+            missing = is_facet ? check_facet(&w) : "facet\" or \"endsolid";
         if (missing)
             break;
     }
-    if (!missing)
+    *is_empty = !missing && !has_facet && has_end;
+    if (!missing && (has_facet || has_end))
         return true;
     snprintf(place, sizeof place, "%.120s: line %" PRIu64, file->shown, w.line);
+    if (!missing)
+        return sp_fail(err, SP_ERR_FORMAT, place,
+                       "the file ends before \"endsolid\": it is cut off");
     if (!w.word[0])
         return sp_fail(err, SP_ERR_FORMAT, place, "the file ends inside of a facet: it is cut off");
     return sp_fail(err, SP_ERR_FORMAT, place, "\"%s\" stands where %s%s%s is expected", w.word,

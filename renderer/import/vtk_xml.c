@@ -522,10 +522,10 @@ static bool take_points(struct xml *x) {
     const uint32_t *dims = x->header->grid.dims;
     if (x->set == VTK_STRUCTURED)
         x->count = (uint64_t)dims[0] * dims[1] * dims[2];
-    if (!x->positions.used)
+    if (!x->positions.used && x->count > 0)
         return import_fail(x->err, SP_ERR_FORMAT, x->file->shown, x->grid_at, "Points",
                            "are missing");
-    if (!locate(x, &x->positions))
+    if (x->positions.used && !locate(x, &x->positions))
         return false;
     x->volume->points = x->positions.array;
     if (x->set == VTK_POLY && !take_mesh(x))

@@ -84,9 +84,9 @@ static void check(const uint8_t *data, size_t size) {
     struct sp_error err;
     if (import_stl_check(&file, &bytes, &is_empty, &err) && bytes.size > size)
         abort();
-    import_stl_explain(&file, &bytes, &err);
-    import_obj_explain(&file, &bytes, &err);
-    import_gltf_check(&file, &(struct mesh_bytes){ data, size }, &err);
+    import_stl_explain(&file, &bytes, &is_empty, &err);
+    import_obj_explain(&file, &bytes, &is_empty, &err);
+    import_gltf_check(&file, &(struct mesh_bytes){ data, size }, &is_empty, &err);
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {

@@ -15,6 +15,10 @@ static const float corners[5][3] = {
 /* A pyramid without its base. */
 static const uint32_t sides[4][3] = { { 0, 1, 4 }, { 1, 2, 4 }, { 2, 3, 4 }, { 3, 0, 4 } };
 
+#define FACET                                                                                      \
+    "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 "                      \
+    "0\nendloop\nendfacet\n"
+
 static const struct sp_elements *mesh_of(const struct sp_volume *volume) {
     const struct sp_elements *e = sp_volume_elements(volume);
     assert_non_null(e);
@@ -300,6 +304,38 @@ static void odd_stl_files_are_read(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* A valid file may have nothing to draw. */
+static void files_without_triangles_are_empty(void **state) {
+    static const char *const files[][2] = {
+        { "empty.stl", "solid x\nendsolid x\n" },
+        { "solids.stl", "solid x\nendsolid x\nsolid\nendsolid" },
+        { "points.obj", "o a\nv 0 0 0\r\nv 1 0 0\np 1 2\n" },
+        { "comment.obj", "# nothing\n\n" },
+        { "bare.gltf", "{\"asset\":{\"version\":\"2.0\"}}" },
+        { "lists.gltf", "{\"asset\":{\"version\":\"2.0\"},\"scenes\":[],\"meshes\":[]}" },
+        { "node.gltf", "{\"asset\":{\"version\":\"2.0\"},\"scene\":0,\"scenes\":[{\"nodes\":[0]}],"
+                       "\"nodes\":[{\"name\":\"camera\"}]}" },
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        write_text(files[i][0], "%s", files[i][1]);
+        struct sp_volume *volume = load(files[i][0]);
+        assert_int_equal(mesh_of(volume)->shape.count, 0);
+        assert_string_equal(sp_volume_info(volume)->warnings[0],
+                            "The file has no triangles, so nothing is drawn.");
+        sp_volume_unref(&volume);
+    }
+    write_text("half.stl", "solid x\nendsolid x\nsolid y\n" FACET "endsolid y\n");
+    struct sp_volume *volume = load("half.stl");
+    assert_int_equal(mesh_of(volume)->shape.count, 1);
+    assert_string_equal(sp_volume_info(volume)->warnings[0], "");
+    sp_volume_unref(&volume);
+    write_text("cut.stl", "solid x\n");
+    load_error("cut.stl", SP_ERR_FORMAT, "cut.stl: line 2", "is cut off");
+    write_text("old.gltf", "{\"asset\":{\"version\":\"1.0\"},\"meshes\":{\"a\":{}}}");
+    load_error("old.gltf", SP_ERR_FORMAT, "old.gltf", "");
+}
+
 /* assimp follows nested brackets and nodes until the stack ends. */
 static void nested_gltf_is_refused(void **state) {
     (void)state;
@@ -326,8 +362,8 @@ static void files_that_lie_are_refused(void **state) {
     load_error("long.stl", SP_ERR_FORMAT, "long.stl: byte 80: triangles", "is cut off or");
     write_obj("far.obj", "", "f 1 2 4000000000\nf 1 2 3\nf 1 2 900\n");
     load_error("far.obj", SP_ERR_FORMAT, "far.obj: line", "does not exist: \"4000000000\"");
-    write_obj("points.obj", "", "");
-    load_error("points.obj", SP_ERR_FORMAT, "points.obj", "no faces and no lines");
+    write_obj("surface.obj", "", "surf 0 1 0 1 1 2 3\n");
+    load_error("surface.obj", SP_ERR_FORMAT, "surface.obj", "no faces and no lines");
     make_gltf(text, sizeof text, "\"uri\":\"none.bin\",", "\"count\":12");
     write_text("missing.gltf", "%s", text);
     load_error("missing.gltf", SP_ERR_FORMAT, "missing.gltf", "none.bin");
@@ -352,6 +388,7 @@ int main(void) {
                                         cmocka_unit_test(lines_become_tubes),
                                         cmocka_unit_test(errors_of_stl_name_the_place),
                                         cmocka_unit_test(odd_stl_files_are_read),
+                                        cmocka_unit_test(files_without_triangles_are_empty),
                                         cmocka_unit_test(nested_gltf_is_refused),
                                         cmocka_unit_test(files_that_lie_are_refused) };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);

@@ -258,6 +258,29 @@ static void odd_meshes_are_read(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* What VTK writes for a data set without points. */
+static void files_without_polygons_are_empty(void **state) {
+    static const char *const files[][2] = {
+        { "n.vtk", LEGACY_5 "POINTS 0 float\n" },
+        { "n.vtk", LEGACY "POINTS 0 float\nPOLYGONS 0 0\n" },
+        { "n.vtp", "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"0\" "
+                   "NumberOfPolys=\"0\"><Points></Points><Polys><DataArray type=\"Int64\" "
+                   "Name=\"connectivity\"></DataArray></Polys></Piece></PolyData></VTKFile>" },
+    };
+    (void)state;
+    for (size_t i = 0; i < sizeof files / sizeof *files; i++) {
+        write_text(files[i][0], "%s", files[i][1]);
+        struct sp_volume *volume = load(files[i][0]);
+        assert_int_equal(sp_volume_elements(volume)->shape.count, 0);
+        assert_string_equal(sp_volume_info(volume)->warnings[0],
+                            "The file has no points, so nothing is drawn.");
+        sp_volume_unref(&volume);
+    }
+    write_text("n.vtp", "<VTKFile type=\"PolyData\"><PolyData><Piece NumberOfPoints=\"1\">"
+                        "<Points></Points></Piece></PolyData></VTKFile>");
+    load_error("n.vtp", SP_ERR_FORMAT, "Points", "are missing");
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(polygons_and_strips_are_triangles),
@@ -268,6 +291,7 @@ int main(void) {
         cmocka_unit_test(what_is_left_out_is_a_warning),
         cmocka_unit_test(cells_that_lie_are_refused),
         cmocka_unit_test(odd_meshes_are_read),
+        cmocka_unit_test(files_without_polygons_are_empty),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
