@@ -178,8 +178,11 @@ static bool count_rows(struct csv *c, uint64_t *rows, struct sp_error *err) {
     bool failed;
     for (*rows = 0; find_line(c, &failed, err); ++*rows) {
         int byte;
-        if (*rows % PART == 0 && !add_part(c, err))
-            return false;
+        if (*rows % PART == 0) {
+            import_report(c->file->opening, c->text.at);
+            if (!add_part(c, err))
+                return false;
+        }
         while ((byte = next(c, err)) >= 0 && byte != '\n')
             continue;
         c->line++;

@@ -17,6 +17,12 @@
 #include "bricks/chunks.h"
 #include "import/warnings.h"
 
+struct import_progress {
+    void (*report)(void *user, uint64_t bytes_done);
+    void *user;
+    uint64_t before; /* bytes that other arrays of the file have filled */
+};
+
 struct import_file {
     int fd;                           /* readable, at byte 0; owned by the caller */
     uint64_t size;                    /* bytes */
@@ -26,6 +32,9 @@ struct import_file {
     const char *field, *vectors;      /* what to read; "" = the reader chooses */
     struct import_warnings *warnings; /* for import_warn(), at any time until close(); NULL = they
                                          are lost */
+    /* For import_report() in open(), by bytes of the file, if open() reads all of it; NULL = nobody
+     * listens. */
+    const struct import_progress *opening;
     /* Of the time series of files that this one belongs to, the pattern of their names
      * (numbered.h); "" = only this file is read. */
     const char *series;
@@ -79,12 +88,6 @@ struct import_header {   /* result of open() */
     char value_unit[SP_UNIT_BYTES];
     char others[SP_OTHER_FIELDS_MAX][SP_FIELD_BYTES];         /* the same */
     char other_vectors[SP_OTHER_VECTORS_MAX][SP_FIELD_BYTES]; /* the same */
-};
-
-struct import_progress {
-    void (*report)(void *user, uint64_t bytes_done);
-    void *user;
-    uint64_t before; /* bytes that other arrays of the file have filled */
 };
 
 struct import_format {

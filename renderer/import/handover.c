@@ -17,6 +17,8 @@ size_t sp_handover_size(enum sp_handover_kind kind) {
     case SP_HANDOVER_PROGRESS:
     case SP_HANDOVER_GO:
         return head + sizeof(uint64_t);
+    case SP_HANDOVER_OPENING:
+        return head + sizeof(double);
     case SP_HANDOVER_DONE:
         return head + sizeof(struct sp_handover_done);
     case SP_HANDOVER_ERROR:
@@ -257,6 +259,9 @@ bool sp_handover_decode(const void *bytes, size_t size, struct sp_handover *mess
         return check_error(&message->error, place, err);
     if (message->kind == SP_HANDOVER_LEVELS)
         return check_levels(&message->levels, place, err);
+    if (message->kind == SP_HANDOVER_OPENING && !(message->share >= 0 && message->share <= 1))
+        return sp_fail(err, SP_ERR_CRASHED, place, "the import process sent a share of %g",
+                       message->share);
     if (message->kind == SP_HANDOVER_DONE)
         return check_done(&message->done, place, err);
     return true;

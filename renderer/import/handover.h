@@ -7,6 +7,7 @@
  *
  *   parent                                child
  *     socket, empty memfd, file ───────────►  reads the file's header
+ *     progress()                      ◄────  OPENING …
  *     checks every field, reserve()   ◄────  HEADER   (or ERROR)
  *     sizes and seals the memfd      GO ───►  maps it, copies coordinates, reads, swaps bytes
  *     progress()                      ◄────  PROGRESS …
@@ -32,7 +33,7 @@
 
 enum {
     SP_HANDOVER_MAGIC = 0x49505331, /* "1SPI" in memory, little endian */
-    SP_HANDOVER_VERSION = 12,
+    SP_HANDOVER_VERSION = 13,
 };
 
 enum sp_handover_kind {
@@ -44,6 +45,7 @@ enum sp_handover_kind {
     SP_HANDOVER_LEVELS,
     SP_HANDOVER_READ,
     SP_HANDOVER_CHUNK,
+    SP_HANDOVER_OPENING,
 };
 
 /* Levels of detail in chunks: level 0 of these is the one of HEADER. */
@@ -98,6 +100,7 @@ struct sp_handover {
     union {
         struct sp_handover_header header;
         uint64_t bytes; /* PROGRESS: of the memfd, read so far; GO: size of the memfd */
+        double share;   /* OPENING: of the file, read so far, in [0, 1] */
         struct sp_handover_done done;
         struct sp_handover_error error;
         struct sp_handover_levels levels;

@@ -29,6 +29,10 @@
 
 enum { TIMEOUT_DEFAULT_MS = 300000 };
 
+/* How much of the whole progress it is to open a file, if all of it is read for that, and until the
+ * samples are read. The rest belongs to range and histogram. */
+static const double OPENED = 0.1, READ = 0.95;
+
 struct import {
     const char *source, *field;   /* as the caller gave them; "" = the reader chooses the field */
     char vectors[SP_FIELD_BYTES]; /* the same */
@@ -44,6 +48,7 @@ struct import {
     double deadline_ms;
     struct sp_handover_header header;
     struct sp_handover_layout layout; /* of the memory */
+    double opened;                    /* share of the file that was read to open it */
     uint64_t done;                    /* bytes that the child reports as read */
     struct sp_handover_done end;
 };
@@ -82,9 +87,10 @@ static bool start_child(struct import *im, struct sp_error *err) {
 static bool check_in(void *user, struct sp_error *err) {
     const struct import *im = user;
     if (im->options->progress) {
-        /* The rest of the progress belongs to range and histogram. */
-        uint64_t bytes = im->layout.bytes;
-        double fraction = bytes ? 0.95 * (double)im->done / (double)bytes : 0;
+        const uint64_t bytes = im->layout.bytes;
+        const double opened = OPENED * im->opened;
+        const double read = bytes ? (double)im->done / (double)bytes : 0;
+        const double fraction = opened + (READ - opened) * read;
         if (!im->options->progress(im->options->user, fraction))
             return sp_fail(err, SP_ERR_CANCELLED, im->place.path, "loading was cancelled");
     }
@@ -106,8 +112,12 @@ static bool receive(struct import *im, struct sp_handover *message, bool *ended,
 static bool receive_header(struct import *im, struct sp_error *err) {
     struct sp_handover message;
     bool ended;
-    if (!receive(im, &message, &ended, err))
-        return ended ? sp_import_child_fail_ended(&im->child, err) : false;
+    do {
+        if (!receive(im, &message, &ended, err))
+            return ended ? sp_import_child_fail_ended(&im->child, err) : false;
+        if (message.kind == SP_HANDOVER_OPENING && message.share > im->opened)
+            im->opened = message.share;
+    } while (message.kind == SP_HANDOVER_OPENING);
     if (message.kind != SP_HANDOVER_HEADER)
         return sp_import_child_refuse(&im->child, &message, err);
     im->header = message.header;

@@ -113,10 +113,25 @@ static bool await_go(const struct job *job) {
            go.kind == SP_HANDOVER_GO && go.bytes == job->layout.bytes;
 }
 
-/* Sends one message per percent, so that progress costs nothing. */
+/* Of open(). */
+static void report_opening(void *user, uint64_t bytes_done) {
+    struct job *job = user;
+    const uint64_t size = job->file.size;
+    if (bytes_done < job->reported + size / 100 || bytes_done > size)
+        return;
+    job->reported = bytes_done;
+    struct sp_handover message;
+    sp_handover_init(&message, SP_HANDOVER_OPENING);
+    message.share = (double)bytes_done / (double)size;
+    if (!say(&message)) /* the parent closed the socket */
+        exit(1);
+}
+
+/* Sends one message per percent, so that progress costs nothing. It never goes back, even where a
+ * search among the points starts again. */
 static void report(void *user, uint64_t bytes_done) {
     struct job *job = user;
-    if (bytes_done - job->reported < job->layout.bytes / 100)
+    if (bytes_done < job->reported + job->layout.bytes / 100)
         return;
     job->reported = bytes_done;
     struct sp_handover message;
@@ -300,8 +315,12 @@ static int serve(struct job *job, void *reader) {
 static int run(struct job *job) {
     struct sp_error err;
     struct import_header *header = &job->header;
+    const struct import_progress opening = { .report = report_opening, .user = job };
     job->format = find_format(job, &err);
+    job->file.opening = job->serves ? NULL : &opening;
     void *reader = job->format ? job->format->open(&job->file, header, &err) : NULL;
+    job->file.opening = NULL;
+    job->reported = 0;
     if (!reader)
         return say_error(&err);
     const bool has_step =

@@ -145,6 +145,40 @@ static void errors_name_line_and_column(void **state) {
     load_error("bad.csv", SP_ERR_FORMAT, "line 1", "more than 256 columns");
 }
 
+/* Progress while rows are counted, before any of them is read. */
+struct watch {
+    int early;
+    double last;
+};
+
+static bool watch_progress(void *user, double fraction) {
+    struct watch *w = user;
+    assert_compare(fraction, >=, w->last);
+    w->early += fraction > w->last && fraction <= 0.1;
+    w->last = fraction;
+    return true;
+}
+
+static void counting_rows_reports_progress(void **state) {
+    enum { ROWS = 1 << 18 };
+    static char text[8 * ROWS];
+    size_t n = (size_t)sprintf(text, "x,y,z\n");
+    (void)state;
+    for (int i = 0; i < ROWS; i++)
+        n += (size_t)sprintf(text + n, "%d,%d,0\n", i & 63, i >> 6 & 63);
+    write_file("long.csv", text, n);
+    struct watch watch = { .early = 0 };
+    struct sp_load_options options = importer_options();
+    struct sp_error err;
+    options.progress = watch_progress;
+    options.user = &watch;
+    struct sp_volume *volume = sp_volume_load(in_folder("long.csv"), &options, &err);
+    assert_non_null(volume);
+    assert_int_equal(sp_volume_elements(volume)->shape.count, ROWS);
+    assert_compare(watch.early, >=, 3);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(separators_quotes_and_blanks_are_read),
@@ -152,6 +186,7 @@ int main(void) {
         cmocka_unit_test(sizes_may_be_given),
         cmocka_unit_test(bad_variances_are_not_drawn),
         cmocka_unit_test(errors_name_line_and_column),
+        cmocka_unit_test(counting_rows_reports_progress),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }

@@ -44,6 +44,24 @@ static void valid_messages_are_decoded_unchanged(void **state) {
     }
 }
 
+static void shares_lie_between_0_and_1(void **state) {
+    static const struct {
+        double share;
+        bool is_valid;
+    } cases[] = { { 0, true }, { 1, true }, { 1.01, false }, { -0.1, false }, { NAN, false } };
+    (void)state;
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct sp_handover in, out;
+        struct sp_error err = { .code = SP_OK };
+        sp_handover_init(&in, SP_HANDOVER_OPENING);
+        in.share = cases[i].share;
+        assert_int_equal(
+            sp_handover_decode(&in, sp_handover_size(SP_HANDOVER_OPENING), &out, "file", &err),
+            cases[i].is_valid);
+        assert_int_equal(err.code, cases[i].is_valid ? SP_OK : SP_ERR_CRASHED);
+    }
+}
+
 static void wrong_sizes_are_refused(void **state) {
     (void)state;
     struct sp_handover in = valid_header(), out;
@@ -57,7 +75,7 @@ static void wrong_sizes_are_refused(void **state) {
             assert_int_equal(err.code, SP_ERR_CRASHED);
     }
     assert_int_equal(sp_handover_size((enum sp_handover_kind)0), 0);
-    assert_int_equal(sp_handover_size((enum sp_handover_kind)9), 0);
+    assert_int_equal(sp_handover_size((enum sp_handover_kind)10), 0);
 }
 
 /* Sets each byte of a header to odd values. The message is refused, or its grid is valid. */
@@ -190,6 +208,7 @@ static void only_paths_inside_a_folder_are_below_it(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(valid_messages_are_decoded_unchanged),
+        cmocka_unit_test(shares_lie_between_0_and_1),
         cmocka_unit_test(wrong_sizes_are_refused),
         cmocka_unit_test(a_changed_byte_never_gives_an_invalid_grid),
         cmocka_unit_test(vectors_and_coordinates_are_laid_out_after_the_samples),
