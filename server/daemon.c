@@ -279,6 +279,7 @@ static bool start_sessions(struct srv_daemon *d, struct sp_error *err) {
                      .step = srv_catalog_step,
                      .step_is_ready = srv_catalog_step_is_ready,
                      .nearest_step = srv_catalog_nearest_step,
+                     .other_steps = srv_catalog_other_steps,
                      .default_view = srv_catalog_default_view,
                      .pick = srv_catalog_pick,
                      .measure = srv_catalog_measure,

@@ -34,7 +34,7 @@ struct volumes {
     struct {
         char id[SP_NAME_BYTES];
         struct sp_volume *volume;
-    } others[SP_LAYERS_MAX];
+    } others[2 * SP_LAYERS_MAX]; /* a layer names up to two */
     uint32_t count;
     struct sp_error err; /* why the last one was not found */
 };
@@ -108,13 +108,25 @@ static struct sp_volume *load_shown(const struct options *options, const char *s
     return volume;
 }
 
+/* Loads a volume that is shown beside another one, in the time step of that, or in its last one. */
+static struct sp_volume *load_beside(const struct options *options, const char *source,
+                                     const struct sp_steps *shown, struct sp_error *err) {
+    struct sp_volume *volume = load_shown(options, source, err);
+    const uint32_t count = volume ? sp_volume_info(volume)->steps.count : 0;
+    const uint32_t step = shown->index < count ? shown->index : count - 1;
+    if (shown->count < 2 || count < 2 || step == sp_volume_info(volume)->steps.index)
+        return volume;
+    sp_volume_unref(&volume);
+    return load_step(options, source, step, err);
+}
+
 /* The volume that a layer names: the id is a source as for --volume. Loads each once. */
 static struct sp_volume *find(void *user, const char *id) {
     struct volumes *v = user;
     for (uint32_t i = 0; i < v->count; i++)
         if (strcmp(v->others[i].id, id) == 0)
             return sp_volume_ref(v->others[i].volume);
-    struct sp_volume *volume = load_shown(v->options, id, &v->err);
+    struct sp_volume *volume = load_beside(v->options, id, &sp_volume_info(v->own)->steps, &v->err);
     if (!volume)
         return NULL;
     snprintf(v->others[v->count].id, sizeof v->others[0].id, "%s", id);

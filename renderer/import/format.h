@@ -32,8 +32,8 @@ struct import_file {
     const char *field, *vectors;      /* what to read; "" = the reader chooses */
     struct import_warnings *warnings; /* for import_warn(), at any time until close(); NULL = they
                                          are lost */
-    /* For import_report() in open(), by bytes of the file, if open() reads all of it; NULL = nobody
-     * listens. */
+    /* For import_report() in open(), by bytes of the file, if open() reads all of it; NULL =
+     * progress is not reported. */
     const struct import_progress *opening;
     /* Of the time series of files that this one belongs to, the pattern of their names
      * (numbered.h); "" = only this file is read. */

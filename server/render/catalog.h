@@ -177,9 +177,22 @@ struct sp_volume *srv_measured_samples(struct sp_volume *volume, const struct sp
 /* The voxels and the fingerprint of a used volume; valid as long as the use. */
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume);
 const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *volume);
-/* Returns a reference to the volume of this id, for sp_render_options.find(); NULL = none is ready.
- */
-struct sp_volume *srv_catalog_find_shown(void *catalog, const char *id);
+
+/* Other volumes: those that layers of a view name. Each shows the time step of the view, or its
+ * last one if it has fewer; beside a volume with one step, the step that it was opened with. */
+
+/* Returns how many uses of time steps of the other volumes it has put into steps[]; volumes with
+ * one step have none. */
+unsigned srv_catalog_other_steps(void *catalog, void *volume, const struct sp_view *view,
+                                 void *steps[2 * SP_LAYERS_MAX]);
+struct srv_shown { /* what a frame shows */
+    struct srv_catalog *catalog;
+    const struct srv_volume *volume; /* the caller has a use of it */
+    uint32_t step;                   /* of the view */
+};
+/* sp_render_options.find(), with `user` a struct srv_shown: returns a reference to the loaded step
+ * that is nearest to the one above; NULL = the volume is not ready. */
+struct sp_volume *srv_catalog_find_shown(void *user, const char *id);
 /* Hashes all that decides the pixels of a view: the used volume, and those that layers name. */
 struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,
                                                const struct srv_volume *volume,

@@ -146,18 +146,81 @@ uint32_t srv_catalog_steps(void *user, void *volume) {
     return sp_volume_info(srv_catalog_entry_of(volume)->volume)->steps.count;
 }
 
-void *srv_catalog_nearest_step(void *user, void *volume, uint32_t number) {
-    struct srv_catalog *catalog = user;
-    struct srv_volume *entry = volume, *nearest = entry;
-    pthread_mutex_lock(&catalog->mutex);
+/* With the mutex held. */
+static struct srv_volume *find_nearest(struct srv_volume *entry, uint32_t number) {
+    struct srv_volume *nearest = entry;
     for (struct srv_volume *s = entry->steps; s; s = s->next)
         if (s->state == SRV_VOLUME_READY &&
             llabs((long long)s->step - number) < llabs((long long)nearest->step - number))
             nearest = s;
+    return nearest;
+}
+
+void *srv_catalog_nearest_step(void *user, void *volume, uint32_t number) {
+    struct srv_catalog *catalog = user;
+    struct srv_volume *entry = volume;
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *nearest = find_nearest(entry, number);
     entry->uses++;
     nearest->uses += nearest != entry;
     pthread_mutex_unlock(&catalog->mutex);
     return nearest;
+}
+
+/* The step of another volume that a frame of the step `number` of `volume` shows: it follows a
+ * series, up to its own last step. */
+static uint32_t number_beside(const struct srv_volume *volume, const struct srv_volume *other,
+                              uint32_t number) {
+    const uint32_t count = sp_volume_info(other->volume)->steps.count;
+    if (sp_volume_info(srv_catalog_entry_of(volume)->volume)->steps.count < 2)
+        return other->step;
+    return number < count ? number : count - 1;
+}
+
+/* Returns a use of the entry of this id if it is a series, and the step that is shown of it. */
+static struct srv_volume *use_series(struct srv_catalog *catalog, const struct srv_volume *volume,
+                                     const char *id, uint32_t *number) {
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = *id ? srv_catalog_entry(catalog, id) : NULL;
+    if (v && (v->state != SRV_VOLUME_READY || sp_volume_info(v->volume)->steps.count < 2))
+        v = NULL;
+    if (v) {
+        v->uses++;
+        *number = number_beside(volume, v, *number);
+    }
+    pthread_mutex_unlock(&catalog->mutex);
+    return v;
+}
+
+unsigned srv_catalog_other_steps(void *user, void *volume, const struct sp_view *view,
+                                 void *steps[2 * SP_LAYERS_MAX]) {
+    unsigned count = 0;
+    for (uint32_t i = 0; i < 2 * view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i / 2];
+        uint32_t number = view->time.step;
+        struct srv_volume *entry =
+            layer->visible ? use_series(user, volume, i % 2 ? layer->color_by : layer->id, &number)
+                           : NULL;
+        if (!entry)
+            continue;
+        steps[count] = srv_catalog_step(user, entry, number);
+        count += steps[count] != NULL; /* without memory, frames show the nearest one */
+        srv_catalog_release(user, entry);
+    }
+    return count;
+}
+
+struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
+    const struct srv_shown *shown = user;
+    struct srv_catalog *catalog = shown->catalog;
+    struct sp_volume *volume = NULL;
+    pthread_mutex_lock(&catalog->mutex);
+    struct srv_volume *v = srv_catalog_entry(catalog, id);
+    if (v && v->state == SRV_VOLUME_READY)
+        volume =
+            sp_volume_ref(find_nearest(v, number_beside(shown->volume, v, shown->step))->volume);
+    pthread_mutex_unlock(&catalog->mutex);
+    return volume;
 }
 
 /* Of the steps that wait to be loaded, with or without users, the one asked for last; of those to

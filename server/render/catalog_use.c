@@ -156,12 +156,13 @@ bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, stru
 bool srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                       const double at[2], struct sp_pick *pick, struct sp_error *err) {
     struct sp_volume *shown = sp_edit_volume_made(((struct srv_volume *)volume)->volume, view);
+    struct srv_shown others = { user, volume, view->time.step };
     const struct sp_pick_input input = { .volume = shown,
                                          .view = view,
                                          .size = { size[0], size[1] },
                                          .at = { at[0], at[1] },
                                          .find = srv_catalog_find_shown,
-                                         .user = user };
+                                         .user = &others };
     const bool ok = sp_pick_at(&input, pick, err);
     sp_volume_unref(&shown);
     return ok;
@@ -312,16 +313,6 @@ bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *
 
 struct sp_volume *srv_volume_voxels(const struct srv_volume *volume) {
     return volume->volume;
-}
-
-struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
-    struct srv_catalog *catalog = user;
-    pthread_mutex_lock(&catalog->mutex);
-    const struct srv_volume *v = srv_catalog_entry(catalog, id);
-    bool is_ready = v && v->state == SRV_VOLUME_READY;
-    struct sp_volume *volume = is_ready ? sp_volume_ref(v->volume) : NULL;
-    pthread_mutex_unlock(&catalog->mutex);
-    return volume;
 }
 
 struct srv_fingerprint srv_catalog_fingerprint(struct srv_catalog *catalog,

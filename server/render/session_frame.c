@@ -88,11 +88,12 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
     catch_up(pool, job);
     if (job->is_refinement)
         sp_log(SP_LOG_DEBUG, "refinement %ux%u begins", job->view.size[0], job->view.size[1]);
+    struct srv_shown shown = { pool->options.catalog, job->volume, job->view.time.step };
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .mip_level = job->mip_level,
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
                                                .find = srv_catalog_find_shown,
-                                               .user = pool->options.catalog,
+                                               .user = &shown,
                                                .cancel = &frame->cancel,
                                                .pause = &frame->pause };
     bool ok = sp_renderer_begin(pool->workers[kind].renderer, srv_volume_voxels(job->volume),

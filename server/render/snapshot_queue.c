@@ -78,11 +78,17 @@ static void fail_waiters(struct srv_snapshot_queue *queue, struct srv_snapshot_w
     answer_waiters(queue, waiters, &result);
 }
 
-/* Frees an entry that has left the list; returns its waiters. Releases the volume before they are
+static void release_others(struct srv_snapshot_queue *queue, struct srv_snapshot_entry *entry) {
+    while (entry->other_count > 0)
+        srv_catalog_release(queue->options.catalog, entry->others[--entry->other_count]);
+}
+
+/* Frees an entry that has left the list; returns its waiters. Releases the volumes before they are
  * answered, so that a client can unload it as soon as it has its answer. */
 static struct srv_snapshot_waiter *free_entry(struct srv_snapshot_queue *queue,
                                               struct srv_snapshot_entry *entry) {
     struct srv_snapshot_waiter *waiters = entry->waiters;
+    release_others(queue, entry);
     srv_catalog_release(queue->options.catalog, entry->snapshot.volume);
     free(entry);
     return waiters;
@@ -106,11 +112,19 @@ void srv_snapshot_queue_fail(struct srv_snapshot_queue *queue, struct srv_snapsh
 
 /* The next one. */
 
-/* True if the time step of the view is loaded, or never will be. */
+bool srv_snapshot_has_steps(struct srv_catalog *catalog, const struct srv_snapshot_entry *entry,
+                            struct sp_error *err) {
+    bool ok = srv_catalog_step_is_ready(catalog, entry->snapshot.volume, err);
+    for (unsigned i = 0; ok && i < entry->other_count; i++)
+        ok = srv_catalog_step_is_ready(catalog, entry->others[i], err);
+    return ok;
+}
+
+/* True if the time steps of the view are loaded, or never will be. */
 static bool has_volume(const struct srv_snapshot_queue *queue,
                        const struct srv_snapshot_entry *entry) {
     struct sp_error err;
-    return srv_catalog_step_is_ready(queue->options.catalog, entry->snapshot.volume, &err) ||
+    return srv_snapshot_has_steps(queue->options.catalog, entry, &err) ||
            err.code != SP_ERR_NOT_READY;
 }
 
@@ -301,11 +315,14 @@ static void *take_step(struct srv_catalog *catalog, const struct srv_snapshot *s
 bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct srv_snapshot *request,
                                struct sp_error *err) {
     struct srv_snapshot_waiter *waiter = malloc(sizeof *waiter);
-    struct srv_snapshot_entry *entry = malloc(sizeof *entry), *equal = NULL;
+    struct srv_snapshot_entry *entry = calloc(1, sizeof *entry), *equal = NULL;
     struct srv_snapshot own = *request, *snapshot = &own;
     own.volume = take_step(queue->options.catalog, request);
     bool ok = (waiter && entry && own.volume) ||
               sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a render");
+    if (ok)
+        entry->other_count =
+            srv_catalog_other_steps(queue->options.catalog, own.volume, &own.view, entry->others);
     pthread_mutex_lock(&queue->mutex);
     if (ok && queue->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");
@@ -320,11 +337,11 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct sr
     if (ok && equal) {
         join_entry(equal, waiter, snapshot->background);
     } else if (ok) {
-        *entry = (struct srv_snapshot_entry){ .snapshot = *snapshot,
-                                              .waiters = waiter,
-                                              .is_background = snapshot->background,
-                                              .is_waiting = true,
-                                              .queued_ms = srv_clock_ms() };
+        entry->snapshot = *snapshot;
+        entry->waiters = waiter;
+        entry->is_background = snapshot->background;
+        entry->is_waiting = true;
+        entry->queued_ms = srv_clock_ms();
         append(queue, entry);
     }
     if (ok)
@@ -334,8 +351,10 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct sr
         free(waiter);
     if ((!ok || equal) && own.volume)
         srv_catalog_release(queue->options.catalog, own.volume);
-    if (!ok || equal)
+    if (entry && (!ok || equal)) {
+        release_others(queue, entry);
         free(entry);
+    }
     return ok;
 }
 

@@ -67,7 +67,9 @@ struct srv_snapshot_waiter;
 
 struct srv_snapshot_entry { /* in the list until it is answered or dropped */
     struct srv_snapshot_entry *next;
-    struct srv_snapshot snapshot; /* of the first request; constant, read without the lock */
+    struct srv_snapshot snapshot;    /* of the first request; constant, read without the lock */
+    void *others[2 * SP_LAYERS_MAX]; /* uses of the time steps of other volumes */
+    unsigned other_count;
     struct srv_snapshot_waiter *waiters;
     bool is_background;     /* all its requests are */
     bool is_waiting;        /* false: it is being rendered or encoded */
@@ -120,6 +122,10 @@ void srv_snapshot_queue_end_session_frame(struct srv_snapshot_queue *queue, doub
 
 /* The snapshot worker. */
 
+/* True if the time steps of the view are loaded; else *err is set, as by
+ * srv_catalog_step_is_ready(). */
+bool srv_snapshot_has_steps(struct srv_catalog *catalog, const struct srv_snapshot_entry *entry,
+                            struct sp_error *err);
 /* Takes the entry to render next. NULL if there is none; then asks again after *wait_ms at the
  * latest, which stays as it is if only an event can change that. */
 struct srv_snapshot_entry *srv_snapshot_queue_take(struct srv_snapshot_queue *queue,

@@ -27,7 +27,7 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
     struct srv_worker *worker = &pool->workers[SRV_WORKER_SNAPSHOT];
     const struct srv_snapshot *snapshot = &entry->snapshot;
     *is_cached = false;
-    if (!srv_catalog_step_is_ready(pool->options.catalog, snapshot->volume, err))
+    if (!srv_snapshot_has_steps(pool->options.catalog, entry, err))
         return NULL;
     bool wants_float = sp_image_format_info(snapshot->format)->wants_float;
     struct sp_frame *frame =
@@ -37,9 +37,10 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
         return frame;
     if (!worker->renderer && !(worker->renderer = sp_renderer_create(&pool->options.renderer, err)))
         return NULL;
+    struct srv_shown shown = { pool->options.catalog, snapshot->volume, snapshot->view.time.step };
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
                                                .find = srv_catalog_find_shown,
-                                               .user = pool->options.catalog,
+                                               .user = &shown,
                                                .wait_ms = BRICKS_MS,
                                                .cancel = &entry->cancel };
     frame = sp_renderer_render(worker->renderer, srv_volume_voxels(snapshot->volume),

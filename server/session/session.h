@@ -133,8 +133,12 @@ struct srv_view_state {
     /* Uses of the view's time step, which may still be loading or have failed (NULL = memory is
      * out), and of what frames show: the same, or a step near it until it is loaded. */
     void *step, *shown;
+    /* Uses of the time steps that the view shows of other volumes. Until they are loaded, frames
+     * show steps near them. */
+    void *others[2 * SP_LAYERS_MAX];
+    unsigned other_count;
     uint32_t steps;      /* of the volume, at least 1 */
-    bool is_waiting;     /* `shown` is another step than the view's */
+    bool is_waiting;     /* `shown` is another step than the view's, or one of `others` loads */
     uint64_t version;    /* rises with every change, from 1 */
     uint64_t image;      /* rises with every change that gives another image */
     uint64_t changed_by; /* participant; 0 = HTTP */
@@ -314,9 +318,11 @@ void srv_hub_size(const struct srv_session *session, const struct srv_participan
 
 /* Time steps (steps.c). */
 
-/* The session's view has another time step, or its volume is another one: takes uses of the new
- * step, and reports if it cannot be loaded. */
+/* The session's view has another time step, its volume is another one, or its layers name other
+ * volumes: takes uses of the new steps, and reports if one cannot be loaded. */
 void srv_steps_follow(struct srv_hub *hub, struct srv_session *session);
+/* True if the layers of two views show different volumes. */
+bool srv_steps_show_others(const struct sp_view *a, const struct sp_view *b);
 /* Releases the uses. */
 void srv_steps_release(struct srv_hub *hub, struct srv_session *session);
 

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The time step that a session shows. Until the step of the view is loaded, frames show the loaded
- * step that is nearest to it, in moving detail, and none of them is final.
+ * The time steps that a session shows: of its volume, and of the others that its layers name. Until
+ * those of the view are loaded, frames show the loaded ones that are nearest to them, in moving
+ * detail, and none of them is final.
  */
 #include <string.h>
 
@@ -14,6 +15,16 @@ static void report(struct srv_hub *hub, struct srv_session *session, const struc
     }
 }
 
+/* Takes uses of the steps of the view. */
+static void take(struct srv_hub *hub, struct srv_session *session) {
+    const struct srv_volume_source *source = &hub->options.volumes;
+    struct srv_view_state *shared = &session->shared;
+    shared->step = source->step(source->user, shared->volume, shared->view.time.step);
+    shared->other_count = source->other_steps ? source->other_steps(source->user, shared->volume,
+                                                                    &shared->view, shared->others)
+                                              : 0;
+}
+
 void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
@@ -22,23 +33,32 @@ void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {
     if (shared->shown)
         source->release(source->user, shared->shown);
     shared->step = shared->shown = NULL;
+    while (shared->other_count > 0)
+        source->release(source->user, shared->others[--shared->other_count]);
 }
 
 /* The memory is full: frames show the step that is always loaded, and the memory of the one that
- * they showed serves the step of the view. False if that has been done. */
+ * they showed serves the steps of the view. False if that has been done. */
 static bool free_memory(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
     if (!shared->shown || shared->shown == shared->volume)
         return false;
-    source->release(source->user, shared->shown);
-    source->release(source->user, shared->step);
+    srv_steps_release(hub, session);
     shared->shown = source->ref(source->user, shared->volume);
-    shared->step = source->step(source->user, shared->volume, shared->view.time.step);
+    take(hub, session);
     return shared->step != NULL;
 }
 
-/* True if the step of the view is loaded. A failure is reported. */
+static bool are_loaded(const struct srv_volume_source *source, const struct srv_view_state *shared,
+                       struct sp_error *err) {
+    bool ok = source->step_is_ready(source->user, shared->step, err);
+    for (unsigned i = 0; ok && i < shared->other_count; i++)
+        ok = source->step_is_ready(source->user, shared->others[i], err);
+    return ok;
+}
+
+/* True if the steps of the view are loaded. A failure is reported. */
 static bool is_ready(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct sp_error err;
@@ -47,7 +67,7 @@ static bool is_ready(struct srv_hub *hub, struct srv_session *session) {
         report(hub, session, &err);
         return false;
     }
-    if (source->step_is_ready(source->user, session->shared.step, &err))
+    if (are_loaded(source, &session->shared, &err))
         return true;
     if (err.code != SP_ERR_NOT_READY && !(err.code == SP_ERR_BUDGET && free_memory(hub, session))) {
         report(hub, session, &err);
@@ -59,12 +79,16 @@ static bool is_ready(struct srv_hub *hub, struct srv_session *session) {
 void srv_steps_follow(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
-    struct srv_session old = { .shared = { .step = shared->step, .shown = shared->shown } };
+    struct srv_session old = { .shared = { .step = shared->step,
+                                           .shown = shared->shown,
+                                           .other_count = shared->other_count } };
     const uint32_t number = shared->view.time.step;
+    memcpy(old.shared.others, shared->others, sizeof shared->others);
     shared->shown = NULL;
+    shared->other_count = 0;
     shared->steps = source->steps ? source->steps(source->user, shared->volume) : 1;
     if (source->step) {
-        shared->step = source->step(source->user, shared->volume, number);
+        take(hub, session);
         shared->is_waiting = !is_ready(hub, session);
         shared->shown = shared->is_waiting
                             ? source->nearest_step(source->user, shared->volume, number)
@@ -76,12 +100,34 @@ void srv_steps_follow(struct srv_hub *hub, struct srv_session *session) {
     srv_steps_release(hub, &old);
 }
 
+/* The volume that a layer shows, or is coloured by; "" = none other. */
+static const char *other_of(const struct sp_view *view, uint32_t layer, bool is_color) {
+    const struct sp_layer *l = &view->layers[layer];
+    return layer >= view->layer_count || !l->visible ? "" : is_color ? l->color_by : l->id;
+}
+
+bool srv_steps_show_others(const struct sp_view *a, const struct sp_view *b) {
+    for (uint32_t i = 0; i < SP_LAYERS_MAX; i++)
+        if (strcmp(other_of(a, i, false), other_of(b, i, false)) != 0 ||
+            strcmp(other_of(a, i, true), other_of(b, i, true)) != 0)
+            return true;
+    return false;
+}
+
+static bool shows(const struct sp_view *view, const char *id) {
+    bool found = strcmp(view->volume, id) == 0;
+    for (uint32_t i = 0; i < SP_LAYERS_MAX; i++)
+        found = found || strcmp(other_of(view, i, false), id) == 0 ||
+                strcmp(other_of(view, i, true), id) == 0;
+    return found;
+}
+
 void srv_hub_step_loaded(struct srv_hub *hub, const char *id, double now_ms) {
     const struct srv_volume_source *source = &hub->options.volumes;
     pthread_mutex_lock(&hub->mutex);
     for (struct srv_session *s = hub->active.first; s; s = s->next) {
         struct srv_view_state *shared = &s->shared;
-        if (!shared->is_waiting || strcmp(shared->view.volume, id) != 0 || !is_ready(hub, s))
+        if (!shared->is_waiting || !shows(&shared->view, id) || !is_ready(hub, s))
             continue;
         source->release(source->user, shared->shown);
         shared->shown = source->ref(source->user, shared->step);

@@ -70,6 +70,7 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     }
     enum srv_session_event event = SRV_VIEW_CHANGED;
     const bool is_other_step = volume || view.time.step != session->shared.view.time.step;
+    const bool shows_others = srv_steps_show_others(&view, &session->shared.view);
     if (volume)
         event = SRV_VOLUME_CHANGED;
     else if (is_other_step || memcmp(&session->shared.view.transfer_function,
@@ -86,9 +87,10 @@ bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto
     srv_play_place(session, now_ms, &session->shared.view);
     if (volume)
         srv_play_stop_steps(hub, session);
-    if (is_other_step) {
-        srv_steps_follow(hub, session);
+    if (is_other_step)
         session->play.step_ms = now_ms;
+    if (is_other_step || shows_others) {
+        srv_steps_follow(hub, session);
         if (session->shared.is_waiting)
             srv_hub_notify_others(hub, session, 0, SRV_NOTIFY_TIME);
     }

@@ -48,6 +48,17 @@ async function render(view) {
   return { status: answer.status, bytes: Buffer.from(await answer.arrayBuffer()) };
 }
 
+async function splatctl(...args) {
+  const child = spawn(path.join(BIN, 'splatctl'), args, { env: { ...process.env, SPLATD_URL: `${daemon.base}/?token=${daemon.token}` } });
+  const out = [];
+  child.stdout.on('data', (data) => out.push(data));
+  let err = '';
+  child.stderr.on('data', (data) => { err += data; });
+  const [status] = await once(child, 'close');
+  assert.deepEqual({ status, err }, { status: 0, err: '' });
+  return Buffer.concat(out);
+}
+
 test('a volume tells its steps, and an image shows the one that its view names', async () => {
   const { json } = await daemon.json('/api/v1/volumes/balls');
   assert.deepEqual(json.steps, { count: STEPS, unit: '', times: [0, 0.5, 1, 1.5, 2, 2.5] });
@@ -119,16 +130,6 @@ test('numbered files are a series; a damaged one is an error of its own', async 
 });
 
 test('splatctl chooses a step, with and without the daemon', async () => {
-  const splatctl = async (...args) => {
-    const child = spawn(path.join(BIN, 'splatctl'), args, { env: { ...process.env, SPLATD_URL: `${daemon.base}/?token=${daemon.token}` } });
-    const out = [];
-    child.stdout.on('data', (data) => out.push(data));
-    let err = '';
-    child.stderr.on('data', (data) => { err += data; });
-    const [status] = await once(child, 'close');
-    assert.deepEqual({ status, err }, { status: 0, err: '' });
-    return Buffer.concat(out);
-  };
   const file = path.join(folder, 'balls.mha');
   const [remote, local, first] = await Promise.all([
     splatctl('render', '--volume', 'balls', '--step', '3', '--size', '48x48', '--out', '-'),
@@ -150,4 +151,48 @@ test('a camera path goes through the steps', async () => {
   const frames = [];
   for (let i = 0; i < 6; i += 1) frames.push(Buffer.from(await (await daemon.fetch(`/api/v1/paths/${made.json.id}/frames/${i}`)).arrayBuffer()).toString('base64'));
   assert.equal(new Set(frames).size, 6);
+});
+
+test('volumes that layers name follow the time', async () => {
+  // The positions and `a` stay; `b` moves on from step to step.
+  const table = (step) => `x,y,z,a,b\n${[...Array(27).keys()].map((i) => `${i % 3},${Math.floor(i / 3) % 3},${Math.floor(i / 9)},${i},${(i + 7 * step) % 27}`).join('\n')}\n`;
+  mkdirSync(path.join(folder, 'points'));
+  for (let step = 0; step < STEPS; step += 1) writeFileSync(path.join(folder, 'points', `p${step}.csv`), table(step));
+  for (let step = 0; step < 2; step += 1) writeFileSync(path.join(folder, 'points', `q${step}.csv`), table(step + 1));
+  const open = async (source) => {
+    const { id } = (await daemon.post('/api/v1/volumes', { path: source })).json;
+    await daemon.loaded(id);
+    return id;
+  };
+  const a = await open('points/p*.csv?field=a');
+  const b = await open('points/p*.csv?field=b');
+  const short = await open('points/q*.csv?field=b');
+  const single = await open('points/p3.csv?field=a');
+  const colored = (volume, by, step) => render({ volume, time: { step }, layers: [{ type: 'points', color_by: by }] });
+  const shown = (other, step) => render({ volume: a, time: { step }, layers: [{ type: 'points', id: other }] });
+  const images = [];
+  for (let step = 0; step < STEPS; step += 1) {
+    const { status, bytes } = await colored(a, b, step);
+    assert.equal(status, 200);
+    images.push(bytes);
+  }
+  assert.equal(new Set(images.map((image) => image.toString('base64'))).size, STEPS, 'the colours are those of each step');
+  // Of two steps, the last one stays: it has the numbers of step 2.
+  assert.deepEqual((await colored(a, short, 1)).bytes, images[2]);
+  assert.deepEqual((await colored(a, short, 5)).bytes, images[2]);
+  assert.deepEqual((await colored(single, b, 0)).bytes, images[0], 'a volume without a series changes no time');
+  assert.notDeepEqual((await shown(b, 1)).bytes, (await shown(b, 4)).bytes, 'a layer of its own follows, too');
+  const file = path.join(folder, 'points', 'p*.csv?field=');
+  const local = (step) => splatctl('render', '--local', '--backend', 'cpu', '--volume', `${file}a`, '--step', String(step), '--size', '48x48', '--out', '-',
+    '--view', path.join(folder, 'view.json'));
+  writeFileSync(path.join(folder, 'view.json'), JSON.stringify({ layers: [{ type: 'points', color_by: `${file}b` }] }));
+  assert.deepEqual(await local(4), images[4]);
+  const stream = await daemon.stream({ session: await daemon.session({ volume: a, size: [48, 48] }) });
+  await stream.final(0);
+  await stream.update({ layers: [{ type: 'points', color_by: b }] }, 1);
+  await stream.call('time.play', { steps: 30 });
+  for (let step = 1; step < STEPS; step += 1) await stream.note('time.changed', (now) => now.step === step && !now.loading);
+  await stream.call('time.stop');
+  await stream.end();
+  for (const id of [a, b, short, single]) assert.equal((await daemon.fetch(`/api/v1/volumes/${id}`, { method: 'DELETE' })).status, 204);
 });

@@ -65,6 +65,18 @@ static void *nearest_step(void *user, void *volume, uint32_t number) {
     return &f->steps[number];
 }
 
+static unsigned other_steps(void *user, void *volume, const struct sp_view *view,
+                            void *others[2 * SP_LAYERS_MAX]) {
+    struct fixture *f = user;
+    unsigned count = 0;
+    (void)volume;
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (strcmp(view->layers[i].id, "w") == 0)
+            others[count++] = &f->others[view->time.step];
+    f->uses += (int)count;
+    return count;
+}
+
 static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                  const double at[2], struct sp_pick *found, struct sp_error *err) {
     (void)volume;
@@ -135,6 +147,7 @@ static int set_up(void **state, uint32_t steps_of_volume) {
                                                     .step = step,
                                                     .step_is_ready = step_is_ready,
                                                     .nearest_step = nearest_step,
+                                                    .other_steps = other_steps,
                                                     .default_view = default_view,
                                                     .pick = pick,
                                                     .measure = measure },

@@ -30,7 +30,8 @@ struct fixture {
     unsigned rights;         /* of it */
     uint32_t step_count;
     struct fixture_step steps[4];
-    struct sp_pick picked; /* what picks at the right half of the image answer */
+    struct fixture_step others[4]; /* of the volume "w", which a layer of the view may name */
+    struct sp_pick picked;         /* what picks at the right half of the image answer */
 };
 
 /* For cmocka; *state is a struct fixture. The tear-down fails when a use of a volume was not given

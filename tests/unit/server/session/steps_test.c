@@ -137,6 +137,49 @@ static void a_step_that_cannot_be_loaded_ends_playing(void **state) {
     srv_hub_leave(f->hub, &p, 20000);
 }
 
+static void load_other(struct fixture *f, unsigned step, double now_ms) {
+    f->others[step].is_loaded = true;
+    srv_hub_step_loaded(f->hub, "w", now_ms);
+}
+
+/* The volumes that layers name follow the time, and frames are final once they are there. */
+static void other_volumes_follow(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    bool is_final;
+    f->steps[1].is_loaded = f->steps[2].is_loaded = true;
+    assert_int_equal(settle(f, p, 10), 0);
+    hub_send(f, p, "view.update",
+             "{\"seq\":1,\"patch\":{\"layers\":[{\"type\":\"volume\"},"
+             "{\"type\":\"points\",\"id\":\"w\"}]}}",
+             10000);
+    assert_true(is_told(f, p, "\"step\":0,\"count\":4,\"loading\":true", 10001));
+    draw(f, p, 10010, &is_final);
+    assert_false(is_final);
+    load_other(f, 0, 10100);
+    assert_int_equal(settle(f, p, 10200), 0);
+    hub_send(f, p, "time.play", "{\"steps\":10}", 20000);
+    draw(f, p, 20010, &is_final);
+    assert_int_equal(draw(f, p, 20110, &is_final), 1);
+    assert_false(is_final);
+    assert_false(hub_next_job(f, 22000, &job)); /* the time waits for the other volume */
+    load_other(f, 2, 22050);                    /* not the one that is shown */
+    assert_false(hub_next_job(f, 22100, &job));
+    load_other(f, 1, 22150);
+    assert_int_equal(draw(f, p, 22160, &is_final), 1);
+    assert_int_equal(draw(f, p, 22270, &is_final), 2);
+    hub_send(f, p, "time.stop", "{}", 22280);
+    assert_int_equal(settle(f, p, 22300), 2);
+    /* A layer that is gone needs no step. */
+    hub_send(f, p, "view.update", "{\"seq\":2,\"patch\":{\"time\":{\"step\":1}}}", 30000);
+    f->others[1].is_loaded = false;
+    hub_send(f, p, "view.update", "{\"seq\":3,\"patch\":{\"layers\":[{\"type\":\"volume\"}]}}",
+             30010);
+    assert_int_equal(settle(f, p, 30100), 1);
+    srv_hub_leave(f->hub, &p, 40000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_show_another_step_until_it_is_loaded,
@@ -145,6 +188,7 @@ int main(void) {
                                         hub_tear_down),
         cmocka_unit_test_setup_teardown(steps_follow_the_clock_and_wait_for_their_loads,
                                         hub_set_up_series, hub_tear_down),
+        cmocka_unit_test_setup_teardown(other_volumes_follow, hub_set_up_series, hub_tear_down),
         cmocka_unit_test_setup_teardown(a_step_that_cannot_be_loaded_ends_playing,
                                         hub_set_up_series, hub_tear_down),
     };
