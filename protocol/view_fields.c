@@ -123,15 +123,18 @@ enum {
     ONLY_POINTS = 1 << SP_LAYER_POINTS,
     ONLY_GAUSSIANS = 1 << SP_LAYER_GAUSSIANS,
     ONLY_GEOMETRY = 1 << SP_LAYER_GEOMETRY,
+    ONLY_CHANNEL = 1 << SP_LAYER_CHANNEL,
     ONLY_ELEMENTS = ONLY_POINTS | ONLY_GAUSSIANS | ONLY_GEOMETRY
 };
 static const struct proto_field layer_fields[] = {
     { "type", PROTO_FIELD_ENUM, LAYER(type),
-      NAMES("volume", "surface", "shell", "vectors", "points", "gaussians", "geometry") },
+      NAMES("volume", "surface", "shell", "vectors", "points", "gaussians", "geometry",
+            "channel") },
     { "visible", PROTO_FIELD_BOOL, .optional = true, LAYER(visible) },
     { "value", PROTO_FIELD_DOUBLE, .only = ONLY_SURFACE, LAYER(value) },
     { "color", PROTO_FIELD_FLOAT, .optional = true,
-      .only = ONLY_SURFACE | ONLY_VECTORS | ONLY_GEOMETRY, .columns = 3, LAYER(color) },
+      .only = ONLY_SURFACE | ONLY_VECTORS | ONLY_GEOMETRY | ONLY_CHANNEL, .columns = 3,
+      LAYER(color) },
     { "opacity", PROTO_FIELD_FLOAT, .optional = true,
       .only = ONLY_SURFACE | ONLY_GAUSSIANS | ONLY_GEOMETRY, LAYER(opacity) },
     { "flatness", PROTO_FIELD_INFINITE, .optional = true, .only = ONLY_SURFACE, LAYER(flatness) },
@@ -150,7 +153,7 @@ static const struct proto_field layer_fields[] = {
       LAYER(color_low) },
     { "color_high", PROTO_FIELD_AUTO, .optional = true, .only = ONLY_VECTORS | ONLY_POINTS,
       LAYER(color_high) },
-    { "id", PROTO_FIELD_NAME, .optional = true, .only = ONLY_ELEMENTS, LAYER(id) },
+    { "id", PROTO_FIELD_NAME, .optional = true, .only = ONLY_ELEMENTS | ONLY_CHANNEL, LAYER(id) },
     { "transform", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_ELEMENTS, .columns = 16,
       LAYER(transform) },
     { "size", PROTO_FIELD_DOUBLE, .optional = true, .only = ONLY_POINTS, LAYER(size) },
@@ -158,6 +161,9 @@ static const struct proto_field layer_fields[] = {
       NAMES("inria", "normalised") },
     { "colors", PROTO_FIELD_ENUM, .optional = true, .only = ONLY_GEOMETRY, LAYER(colors),
       NAMES("own", "layer") },
+    { "points", PROTO_FIELD_LIST, .optional = true, .only = ONLY_CHANNEL, .group = &point,
+      LAYER(points), .count_offset = offsetof(struct sp_layer, point_count),
+      .item_bytes = sizeof(struct sp_tf_point), .item_max = SP_CHANNEL_POINTS_MAX },
 };
 /* sp_layer_default() */
 static const struct sp_layer layer_default = {

@@ -12,6 +12,7 @@
 #include "backend/support.h"
 #include "base/clock.h"
 #include "compose/compose.h"
+#include "layers/layers.h"
 #include "layers/others.h"
 #include "light/light.h"
 #include "resample/resample.h"
@@ -20,6 +21,7 @@
 #include "sp/log.h"
 #include "sp/probe.h"
 #include "volume/volume.h"
+#include "window/channels.h"
 #include "window/shown.h"
 
 /* A frame in flight. */
@@ -221,7 +223,7 @@ static enum sp_tf_order choose_order(const struct sp_renderer *r, const struct s
         return SP_TF_POST;
     if (v->transfer_function.order != SP_TF_AUTO)
         return v->transfer_function.order;
-    if (sp_light_is_wanted(v)) /* check_light() has found sheets */
+    if (sp_light_is_wanted(v) || sp_view_has_channels(v)) /* support.c has found sheets */
         return SP_TF_POST;
     if (v->compositing.mode == SP_COMPOSITE_SPLAT || !backend->capabilities.interpolated_sheets ||
         !sp_view_has_default_filter(v))
@@ -453,6 +455,23 @@ static void set_edited(struct sp_renderer *r, struct sp_volume *edited) {
     r->edited = sp_volume_ref(edited);
 }
 
+/* Replaces the volumes of channels by what the view's edits leave of them. */
+static bool edit_channels(const struct sp_view *view, struct sp_others *others,
+                          struct sp_error *err) {
+    for (uint32_t i = 0; i < view->layer_count && view->edit_count > 0; i++) {
+        struct sp_view own;
+        if (!view->layers[i].visible || view->layers[i].type != SP_LAYER_CHANNEL)
+            continue;
+        sp_layers_channel_view(view, i, sp_volume_info(others->shown[i]), &own);
+        struct sp_volume *edited = sp_edit_volume(others->shown[i], &own, err);
+        if (!edited)
+            return false;
+        sp_volume_unref(&others->shown[i]);
+        others->shown[i] = edited;
+    }
+    return true;
+}
+
 /* Drops hidden layers, and says which volume each of the others shows. */
 static void choose_layers(struct inflight *f) {
     const bool has_elements = sp_volume_elements(f->original);
@@ -485,7 +504,9 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     struct sp_frame *frame = NULL;
     struct sp_shown shown = { .volume = NULL };
     if (sp_others_find(view, volume, o, &f->others, err) &&
-        sp_shown_find(volume, view, o, &shown, err))
+        sp_shown_find(volume, view, o, 0, &shown, err) &&
+        sp_channels_show(volume, view, o, &shown, f->others.shown, err) &&
+        edit_channels(&shown.view, &f->others, err))
         edited = sp_edit_volume(shown.volume, &shown.view, err);
     sp_volume_unref(&shown.volume);
     if (edited)
@@ -505,7 +526,8 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     if (is_projection)
         f->view.shading.mode = SP_SHADING_NONE;
     f->may_be_pre = !is_projection && view->transfer_function.order == SP_TF_AUTO &&
-                    f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view);
+                    f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view) &&
+                    !sp_view_has_channels(view);
     f->original = sp_volume_ref(volume);
     f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,

@@ -177,6 +177,33 @@ struct sp_layer sp_layer_default(enum sp_layer_type type) {
     return layer;
 }
 
+void sp_channel_function(const struct sp_view *view, const struct sp_layer *channel,
+                         const struct sp_volume_info *info, struct sp_transfer_function *function) {
+    memset(function, 0, sizeof *function);
+    function->reference_length = view->transfer_function.reference_length;
+    function->order = view->transfer_function.order;
+    function->point_count = channel->point_count;
+    memcpy(function->points, channel->points, sizeof channel->points);
+    if (channel->point_count)
+        return;
+    double window[2];
+    sp_slice_default_window(info, window);
+    const double low = window[0] - window[1] / 2, high = window[0] + window[1] / 2;
+    function->point_count = 2;
+    function->points[0].value = low;
+    function->points[1].value = high > low ? high : nextafter(low, INFINITY);
+    function->points[1].opacity = 0.5f;
+    for (int i = 0; i < 2; i++)
+        memcpy(function->points[i].color, channel->color, sizeof channel->color);
+}
+
+bool sp_view_has_channels(const struct sp_view *view) {
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (view->layers[i].visible && view->layers[i].type == SP_LAYER_CHANNEL)
+            return true;
+    return false;
+}
+
 /* The layer that shows a volume of this kind. */
 static enum sp_layer_type layer_of_kind(enum sp_kind kind) {
     static const enum sp_layer_type types[SP_KIND_COUNT] = {

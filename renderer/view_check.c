@@ -93,22 +93,18 @@ static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
     return true;
 }
 
-static bool check_transfer_function(const struct sp_transfer_function *tf, struct sp_error *err) {
-    if (!check_positive(tf->reference_length, "/transfer_function/reference_length", err) ||
-        !check_choice(tf->order, SP_TF_AUTO, "/transfer_function/order", err) ||
-        !check_range(tf->point_count, 1, SP_TF_POINTS_MAX, err, "/transfer_function/points") ||
-        !check_range(tf->gradient_count, 0, SP_GRADIENT_POINTS_MAX, err,
-                     "/transfer_function/gradient"))
-        return false;
-    char place[96];
-    for (uint32_t i = 0; i < tf->point_count; i++) {
-        const struct sp_tf_point *p = &tf->points[i];
-        snprintf(place, sizeof place, "/transfer_function/points/%u", i);
+/* The points of a transfer function; owner: the JSON pointer of what has them. */
+static bool check_points(const struct sp_tf_point *points, uint32_t count, const char *owner,
+                         struct sp_error *err) {
+    char place[96], pointer[112];
+    for (uint32_t i = 0; i < count; i++) {
+        const struct sp_tf_point *p = &points[i];
+        snprintf(place, sizeof place, "%s/points/%u", owner, i);
         if (!check_range(p->value, -DBL_MAX, DBL_MAX, err, "%s/value", place))
             return false;
         if (i && !(p->value > p[-1].value)) {
-            snprintf(place, sizeof place, "/transfer_function/points/%u/value", i);
-            return sp_fail(err, SP_ERR_INVALID, place,
+            snprintf(pointer, sizeof pointer, "%s/value", place);
+            return sp_fail(err, SP_ERR_INVALID, pointer,
                            "%g does not rise above the point before it (%g)", p->value,
                            p[-1].value);
         }
@@ -116,10 +112,22 @@ static bool check_transfer_function(const struct sp_transfer_function *tf, struc
             if (!check_range(p->color[c], 0, 1, err, "%s/color/%d", place, c))
                 return false;
         if (!(p->opacity >= 0 && p->opacity < 1)) {
-            snprintf(place, sizeof place, "/transfer_function/points/%u/opacity", i);
-            return sp_fail(err, SP_ERR_INVALID, place, "%g is outside [0, 1)", p->opacity);
+            snprintf(pointer, sizeof pointer, "%s/opacity", place);
+            return sp_fail(err, SP_ERR_INVALID, pointer, "%g is outside [0, 1)", p->opacity);
         }
     }
+    return true;
+}
+
+static bool check_transfer_function(const struct sp_transfer_function *tf, struct sp_error *err) {
+    if (!check_positive(tf->reference_length, "/transfer_function/reference_length", err) ||
+        !check_choice(tf->order, SP_TF_AUTO, "/transfer_function/order", err) ||
+        !check_range(tf->point_count, 1, SP_TF_POINTS_MAX, err, "/transfer_function/points") ||
+        !check_range(tf->gradient_count, 0, SP_GRADIENT_POINTS_MAX, err,
+                     "/transfer_function/gradient") ||
+        !check_points(tf->points, tf->point_count, "/transfer_function", err))
+        return false;
+    char place[96];
     for (uint32_t i = 0; i < tf->gradient_count; i++) {
         const struct sp_gradient_point *p = &tf->gradient[i];
         snprintf(place, sizeof place, "/transfer_function/gradient/%u", i);
@@ -261,14 +269,20 @@ static bool check_vectors(const struct sp_layer *layer, const char *place, struc
            check_range(layer->density, 0, 1, err, "%s/density", place);
 }
 
+static bool check_id(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    char pointer[48];
+    snprintf(pointer, sizeof pointer, "%s/id", place);
+    return memchr(layer->id, 0, sizeof layer->id) ||
+           sp_fail(err, SP_ERR_INVALID, pointer, "the id is longer than %d bytes",
+                   SP_NAME_BYTES - 1);
+}
+
 /* Of a layer of elements: where they come from and where they are. */
 static bool check_elements(const struct sp_layer *layer, const char *place, struct sp_error *err) {
     const double *m = layer->transform;
     char pointer[48];
-    snprintf(pointer, sizeof pointer, "%s/id", place);
-    if (!memchr(layer->id, 0, sizeof layer->id))
-        return sp_fail(err, SP_ERR_INVALID, pointer, "the id is longer than %d bytes",
-                       SP_NAME_BYTES - 1);
+    if (!check_id(layer, place, err))
+        return false;
     for (int i = 0; i < 16; i++)
         if (!check_range(m[i], -SP_POSITION_MAX, SP_POSITION_MAX, err, "%s/transform/%d", place, i))
             return false;
@@ -284,6 +298,39 @@ static bool check_elements(const struct sp_layer *layer, const char *place, stru
         size *= sp_vec3_length(sp_vec3_from(turn.m[row]));
     return fabs(det) > 1e-9 * size ||
            sp_fail(err, SP_ERR_INVALID, pointer, "it is singular: it flattens the data");
+}
+
+static bool check_channel(const struct sp_layer *layer, const char *place, struct sp_error *err) {
+    char pointer[48];
+    snprintf(pointer, sizeof pointer, "%s/id", place);
+    if (!check_id(layer, place, err) || !check_color(layer, place, err))
+        return false;
+    if (!layer->id[0])
+        return sp_fail(err, SP_ERR_INVALID, pointer,
+                       "empty: give the id of the volume that the channel shows");
+    return check_range(layer->point_count, 0, SP_CHANNEL_POINTS_MAX, err, "%s/points", place) &&
+           check_points(layer->points, layer->point_count, place, err);
+}
+
+/* Each channel shows another volume, and parts of one volume are not those of the others. */
+static bool check_channels(const struct sp_view *view, struct sp_error *err) {
+    char place[32];
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        for (uint32_t k = 0; k < i && view->layers[i].type == SP_LAYER_CHANNEL; k++) {
+            snprintf(place, sizeof place, "/layers/%u/id", i);
+            if (view->layers[k].type == SP_LAYER_CHANNEL &&
+                strcmp(view->layers[k].id, view->layers[i].id) == 0)
+                return sp_fail(err, SP_ERR_INVALID, place,
+                               "layer %u is a channel of the same volume: remove one of them", k);
+        }
+    for (uint32_t i = 0; i < view->edit_count && sp_view_has_channels(view); i++) {
+        snprintf(place, sizeof place, "/edits/%u/type", i);
+        if (view->edits[i].type == SP_EDIT_PART)
+            return sp_fail(err, SP_ERR_INVALID, place,
+                           "a part is cut away by the values of one volume, and this view has "
+                           "channels: hide them, or use a box, a sphere or a plane");
+    }
+    return true;
 }
 
 static bool check_layer(const struct sp_layer *layer, const char *place, struct sp_error *err) {
@@ -308,6 +355,8 @@ static bool check_layer(const struct sp_layer *layer, const char *place, struct 
         return check_elements(layer, place, err) && check_color(layer, place, err) &&
                check_range(layer->opacity, 0, 1, err, "%s/opacity", place) &&
                check_choice(layer->colors, SP_COLORS_OF_LAYER, pointer, err);
+    case SP_LAYER_CHANNEL:
+        return check_channel(layer, place, err);
     case SP_LAYER_VOLUME:
         break;
     }
@@ -469,7 +518,8 @@ bool sp_view_validate(const struct sp_view *view, struct sp_error *err) {
            check_transfer_function(&view->transfer_function, err) &&
            check_filter(&view->filter, &view->camera, err) && check_compositing(view, err) &&
            check_shading(&view->shading, err) && check_layers(view, err) &&
-           check_clip(&view->clip, err) && check_edits(view, err) && check_slices(view, err) &&
+           check_clip(&view->clip, err) && check_edits(view, err) && check_channels(view, err) &&
+           check_slices(view, err) &&
            check_range(view->time.step, 0, SP_STEPS_MAX - 1, err, "/time/step") &&
            check_choice(view->level_of_detail, SP_LOD_OFF, "/quality/level_of_detail", err);
 }
@@ -489,6 +539,7 @@ static const char *find_missing(const struct sp_layer *layer, const struct sp_vo
     case SP_LAYER_VOLUME:
     case SP_LAYER_SURFACE:
     case SP_LAYER_SHELL:
+    case SP_LAYER_CHANNEL:
         return is_grid ? NULL : "grid of samples";
     }
     return NULL;

@@ -113,12 +113,14 @@ static bool check_layers(const struct sp_backend *backend, bool is_alone, const 
     char place[32];
     for (uint32_t i = 0; i < v->layer_count && sp_compositing_is_projection(v->compositing.mode);
          i++) {
-        if (v->layers[i].type == SP_LAYER_VOLUME || !v->layers[i].visible)
+        if (v->layers[i].type == SP_LAYER_VOLUME || v->layers[i].type == SP_LAYER_CHANNEL ||
+            !v->layers[i].visible)
             continue;
         snprintf(place, sizeof place, "/layers/%u/type", i);
-        return sp_fail(err, SP_ERR_UNSUPPORTED, place,
-                       "a projection shows the volume alone: hide the layer, or set "
-                       "compositing.mode to \"sheet\" or \"slab\"");
+        return sp_fail(
+            err, SP_ERR_UNSUPPORTED, place,
+            "a projection shows the volume and its channels alone: hide the layer, or set "
+            "compositing.mode to \"sheet\" or \"slab\"");
     }
     return !is_alone || sp_support_check_layers(backend, v, err);
 }
@@ -139,8 +141,26 @@ static bool check_light(const struct sp_backend *backend, bool is_alone, const s
                    backend->entry.name);
 }
 
+/* True unless the view has channels and is not drawn by what mixes them. */
+static bool check_channels(const struct sp_view *v, struct sp_error *err) {
+    const enum sp_compositing mode = v->compositing.mode;
+    if (!sp_view_has_channels(v) || sp_compositing_is_projection(mode))
+        return true;
+    if (mode == SP_COMPOSITE_SPLAT)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "/compositing/mode",
+                       "channels cannot be mixed splat by splat: use \"sheet\", \"slab\" or a "
+                       "projection");
+    if (v->transfer_function.order == SP_TF_PRE)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, "/transfer_function/order",
+                       "channels are classified after interpolation: use \"auto\" or \"post\"");
+    return mode != SP_COMPOSITE_SLAB || sp_view_has_default_filter(v) ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, "/filter",
+                   "slabs with channels need the default filter: reset it, or use "
+                   "compositing.mode \"sheet\"");
+}
+
 bool sp_support_check_kind(const struct sp_backend *backend, bool is_alone,
                            const struct sp_view *view, struct sp_error *err) {
-    return check_sheets(backend, is_alone, view, err) &&
+    return check_sheets(backend, is_alone, view, err) && check_channels(view, err) &&
            check_light(backend, is_alone, view, err) && check_layers(backend, is_alone, view, err);
 }

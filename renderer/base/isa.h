@@ -90,6 +90,9 @@
 #define sp_resample_integrate SP_ISA_NAME(sp_resample_integrate)
 #define sp_resample_reduce SP_ISA_NAME(sp_resample_reduce)
 #define sp_resample_reduce_close SP_ISA_NAME(sp_resample_reduce_close)
+#define sp_resample_reduce_add SP_ISA_NAME(sp_resample_reduce_add)
+#define sp_resample_init_blocks SP_ISA_NAME(sp_resample_init_blocks)
+#define sp_resample_open_block SP_ISA_NAME(sp_resample_open_block)
 #define sp_resample_reduce_open SP_ISA_NAME(sp_resample_reduce_open)
 #define sp_resample_resolve SP_ISA_NAME(sp_resample_resolve)
 /* surface/ */

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "layers/layers.h"
 
+#include <math.h>
+
 #include "surface/merge.h"
 
 /* What a worker needs. */
@@ -10,15 +12,31 @@ struct sp_layers_worker {
     struct sp_mesh_scratch *mesh;
 };
 
-const struct sp_layer *sp_layers_volume(const struct sp_view *view) {
+static bool is_volume(const struct sp_layer *layer) {
+    return layer->type == SP_LAYER_VOLUME || layer->type == SP_LAYER_CHANNEL;
+}
+
+bool sp_layers_have_volume(const struct sp_view *view) {
     for (uint32_t i = 0; i < view->layer_count; i++)
-        if (view->layers[i].type == SP_LAYER_VOLUME)
-            return &view->layers[i];
-    return NULL;
+        if (is_volume(&view->layers[i]))
+            return true;
+    return false;
 }
 
 bool sp_layers_are_wanted(const struct sp_view *view) {
-    return view->layer_count != 1 || !sp_layers_volume(view);
+    for (uint32_t i = 0; i < view->layer_count; i++)
+        if (!is_volume(&view->layers[i]))
+            return true;
+    return view->layer_count == 0;
+}
+
+void sp_layers_channel_view(const struct sp_view *view, uint32_t layer,
+                            const struct sp_volume_info *info, struct sp_view *out) {
+    *out = *view;
+    sp_channel_function(view, &view->layers[layer], info, &out->transfer_function);
+    out->layer_count = 1;
+    out->layers[0] = sp_layer_default(SP_LAYER_VOLUME);
+    out->compositing.center = out->compositing.width = out->compositing.zero = NAN;
 }
 
 static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
@@ -200,6 +218,7 @@ static bool prepare_layer(struct sp_layers *l, uint32_t number, struct sp_error 
     case SP_LAYER_POINTS:
     case SP_LAYER_GAUSSIANS:
     case SP_LAYER_VOLUME:
+    case SP_LAYER_CHANNEL:
         break;
     }
     return true;

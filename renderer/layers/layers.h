@@ -69,11 +69,16 @@ struct sp_layers {
  * the thread's number. False: out of memory. */
 typedef bool sp_layers_tile_fn(void *user, const struct sp_fragment_tile *tile, unsigned worker);
 
-/* True if the view has layers other than the volume, or none at all. */
+/* True if the view has layers other than the volume and channels, or none at all. */
 bool sp_layers_are_wanted(const struct sp_view *view);
 
-/* The view's volume layer; NULL = none. */
-const struct sp_layer *sp_layers_volume(const struct sp_view *view);
+/* True if the view has the volume, or a channel. */
+bool sp_layers_have_volume(const struct sp_view *view);
+
+/* Writes the view that shows a channel alone: layer number `layer` of the view, whose volume is
+ * described by `info`. */
+void sp_layers_channel_view(const struct sp_view *view, uint32_t layer,
+                            const struct sp_volume_info *info, struct sp_view *out);
 
 /* Fills what layer number `layer`, a shell or one of vectors, is drawn from. SP_ERR_MEMORY,
  * SP_ERR_BUDGET, SP_ERR_CANCELLED. */

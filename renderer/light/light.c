@@ -18,6 +18,7 @@ static const double beam_radius = 0.07 * 0.7071;
 bool sp_light_is_wanted(const struct sp_view *view) {
     const struct sp_shading *s = &view->shading;
     return s->mode == SP_SHADING_PHONG && !sp_compositing_is_projection(view->compositing.mode) &&
+           !sp_view_has_channels(view) &&
            (s->occlusion > 0 || (s->shadow > 0 && s->light_count > 0));
 }
 

@@ -9,6 +9,7 @@ static bool fail_memory(const struct sp_arena *arena, struct sp_error *err) {
                    arena->failed ? arena->failed : "data");
 }
 
+/* Allocates what the workers need for a channel. */
 static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch, unsigned workers,
                      struct sp_arena *arena) {
     const uint32_t *dims = r->samples->dims, *regions = r->samples->regions;
@@ -46,6 +47,24 @@ static bool allocate(struct sp_resample *r, struct sp_resample_scratch **scratch
     return !arena->failed;
 }
 
+/* Allocates what the workers need for all channels; returns that of the first one. NULL: no memory.
+ */
+static struct sp_resample_scratch *allocate_all(const struct sp_resample_input *input,
+                                                struct sp_resample *r) {
+    const unsigned workers = sp_pool_threads(input->pool);
+    struct sp_resample_scratch *first = NULL, *last = NULL;
+    for (; r; r = r->next) {
+        struct sp_resample_scratch *own;
+        if (!allocate(r, &own, workers, input->arena))
+            return NULL;
+        for (unsigned w = 0; last && w < workers; w++)
+            last[w].next = &own[w];
+        first = first ? first : own;
+        last = own;
+    }
+    return first;
+}
+
 struct tiles {
     const struct sp_resample *r;
     struct sp_resample_scratch *scratch;
@@ -70,15 +89,25 @@ static bool draw(const struct sp_resample_input *input, const struct sp_resample
     sp_parallel_for(input->pool, (size_t)(r->columns * r->rows), 1, draw_tiles, &tiles);
     if (sp_interrupt_is_cancelled(&input->interrupt))
         return sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
-    for (unsigned w = 0; w < workers; w++) {
-        if (scratch[w].is_too_wide)
-            return sp_fail(err, SP_ERR_BUDGET, "/quality/level_of_detail",
-                           "the volume is too small in the image for its samples: set "
-                           "quality.level_of_detail to \"auto\", or come nearer");
-        stats->splats += scratch[w].refined;
-        stats->fragments += scratch[w].sampled;
-        scratch[w].refined = scratch[w].sampled = 0;
-    }
+    for (unsigned w = 0; w < workers; w++)
+        for (struct sp_resample_scratch *s = &scratch[w]; s; s = s->next) {
+            if (s->is_too_wide)
+                return sp_fail(err, SP_ERR_BUDGET, "/quality/level_of_detail",
+                               "the volume is too small in the image for its samples: set "
+                               "quality.level_of_detail to \"auto\", or come nearer");
+            stats->splats += s->refined;
+            stats->fragments += s->sampled;
+            s->refined = s->sampled = 0;
+        }
+    return true;
+}
+
+/* Gets the samples of all channels for slices of another axis. */
+static bool turn_all(const struct sp_resample_input *input, struct sp_resample *r, int axis,
+                     struct sp_error *err) {
+    for (; input; input = input->next, r = r->next)
+        if (!sp_resample_turn(input, r, axis, err))
+            return false;
     return true;
 }
 
@@ -93,7 +122,7 @@ static bool add_axis(const struct sp_resample_input *input, struct sp_resample *
     if (!second.pixels)
         return fail_memory(input->arena, err);
     r->frame = &second;
-    bool is_drawn = sp_resample_turn(input, r, axis, &why) && draw(input, r, scratch, &why);
+    bool is_drawn = turn_all(input, r, axis, &why) && draw(input, r, scratch, &why);
     r->frame = input->frame;
     if (is_drawn)
         sp_axes_mix(input->frame, second.pixels, share, input->pool);
@@ -105,10 +134,10 @@ static bool add_axis(const struct sp_resample_input *input, struct sp_resample *
 /* Draws the frame with the slices of each axis that has a share of it. */
 static bool draw_axes(const struct sp_resample_input *input, struct sp_resample *r,
                       struct sp_error *err) {
-    struct sp_resample_scratch *scratch;
+    struct sp_resample_scratch *scratch = allocate_all(input, r);
     int best = r->axis;
     double sum = r->share[best];
-    if (!allocate(r, &scratch, sp_pool_threads(input->pool), input->arena))
+    if (!scratch)
         return fail_memory(input->arena, err);
     if (!draw(input, r, scratch, err))
         return false;

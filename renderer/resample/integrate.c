@@ -23,6 +23,7 @@ struct interval {
     sp_wide gradient[3]; /* in its middle [gradient_unit] */
     sp_wide square;      /* of its length */
     sp_wide mean[4];     /* of the curve over it */
+    sp_wide depth;       /* optical depth */
     sp_wide opacity;
     sp_wide color[3];
 };
@@ -41,11 +42,11 @@ struct work {
     struct interval parts[PARTS];
 };
 
-/* 1 − opacity over the length, for a mean optical depth per reference length. */
-static inline sp_wide transmit(const struct sp_resample *r, sp_wide depth, sp_wide length) {
+/* 1 − opacity of an optical depth. */
+static inline sp_wide transmit(const struct sp_resample *r, sp_wide depth) {
     if (r->is_linear)
-        return sp_wide_max(1 - depth * length, sp_wide_all(0));
-    return sp_wide_exp2(depth * length * -SP_LOG2E);
+        return sp_wide_max(1 - depth, sp_wide_all(0));
+    return sp_wide_exp2(depth * -SP_LOG2E);
 }
 
 /* The depth of an opacity that is multiplied by `scale`. */
@@ -291,9 +292,10 @@ static inline bool read_interval(const struct work *work, int begin, struct inte
                        sp_wide_lt(low, sp_wide_all(r->curve.visible[1])));
 }
 
-/* Returns false if all pixels are opaque. */
+/* Opens the interval behind sheet `number`; light: transmittance of the pixels so far. Returns
+ * false if all pixels are opaque. */
 static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                             int number, struct work *work) {
+                             const float *light, int number, struct work *work) {
     const sp_wide dark = sp_wide_all(SP_TRANSMITTANCE_MIN);
     float end = sp_resample_sheet_s(t, number + 1);
     bool is_alive = false;
@@ -306,7 +308,7 @@ static inline bool open_work(const struct sp_resample_open_tile *t, struct sp_re
     work->is_cut = !(block->inside[0] <= work->start && end <= block->inside[1]);
     work->count = 0;
     for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        if (!sp_wide_any(sp_wide_lt(dark, sp_wide_load(block->light + i))))
+        if (!sp_wide_any(sp_wide_lt(dark, sp_wide_load(light + i))))
             continue;
         is_alive = true;
         work->count += read_interval(work, i, &work->parts[work->count]) ? 1 : 0;
@@ -320,7 +322,8 @@ static inline void classify(const struct sp_resample *r, struct interval *in) {
     sp_wide inverse = sp_wide_inverse(sp_wide_max(depth, sp_wide_all(1e-20f)));
     if (tf->gradient_count > 0)
         depth = scale_depth(depth, gradient_scale(tf, sp_wide_sqrt(in->square) * r->gradient_unit));
-    in->opacity = 1 - transmit(r, depth, in->length);
+    in->depth = depth * in->length;
+    in->opacity = 1 - transmit(r, in->depth);
     for (int c = 0; c < 3; c++)
         in->color[c] = inverse * in->mean[c];
 }
@@ -345,33 +348,39 @@ static void composite_around(const struct work *work, const struct interval *in)
     sp_resample_insert(work->t, work->block, &part);
 }
 
-/* Returns false if all pixels are opaque. */
-static bool add_interval(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
-                         int number) {
+/* Finds what the interval behind sheet `number` shows; light and result as above. */
+static inline bool find_interval(const struct sp_resample_open_tile *t,
+                                 struct sp_resample_block *block, const float *light, int number,
+                                 struct work *work) {
     const struct sp_resample *r = t->r;
-    struct work work;
-    bool is_alive = open_work(t, block, number, &work);
-    for (int k = 0; work.is_cut && k < work.count; k++)
-        cut(&work, &work.parts[k]);
-    for (int k = 0; r->needs_gradient && k < work.count; k++)
-        find_gradient(&work, &work.parts[k]);
-    for (int k = 0; k < work.count; k++)
-        find_mean(&work, &work.parts[k]);
-    for (int k = 0; k < work.count; k++)
-        classify(r, &work.parts[k]);
-    for (int k = 0; r->shade && k < work.count; k++)
-        shade(&work, &work.parts[k]);
+    bool is_alive = open_work(t, block, light, number, work);
+    for (int k = 0; work->is_cut && k < work->count; k++)
+        cut(work, &work->parts[k]);
+    for (int k = 0; r->needs_gradient && k < work->count; k++)
+        find_gradient(work, &work->parts[k]);
+    for (int k = 0; k < work->count; k++)
+        find_mean(work, &work->parts[k]);
+    for (int k = 0; k < work->count; k++)
+        classify(r, &work->parts[k]);
+    for (int k = 0; r->shade && k < work->count; k++)
+        shade(work, &work->parts[k]);
+    return is_alive;
+}
+
+/* Composites it, and the fragments before it and in it. */
+static inline void composite_interval(const struct work *work) {
+    struct sp_resample_block *block = work->block;
+    const sp_wide end = sp_wide_all(work->start + work->width);
     if (block->has_fragments)
-        sp_resample_insert_before(t, block, work.start);
-    for (int k = 0; k < work.count; k++) {
-        const struct interval *in = &work.parts[k];
-        if (block->has_fragments && sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin),
-                                                           sp_wide_all(work.start + work.width))))
-            composite_around(&work, in);
+        sp_resample_insert_before(work->t, block, work->start);
+    for (int k = 0; k < work->count; k++) {
+        const struct interval *in = &work->parts[k];
+        if (block->has_fragments &&
+            sp_wide_any(sp_wide_lt(sp_wide_load(block->next_s + in->begin), end)))
+            composite_around(work, in);
         else
             composite(block, in);
     }
-    return is_alive;
 }
 
 static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
@@ -391,17 +400,95 @@ static void read_sheet(const struct sp_resample_open_tile *t, struct sp_resample
     t->scratch->sampled += RESAMPLE_PIXELS;
 }
 
+static void read_sheets(const struct sp_resample_open_tile *t, struct sp_resample_block *block,
+                        int last) {
+    for (int k = last - 3; k <= last; k++)
+        read_sheet(t, block, k);
+}
+
+/* Adds what a channel shows to a mixture: optical depths, and colours times optical depth. `shown`
+ * has a bit for each part of the mixture that is not empty. */
+static inline void add_channel(const struct work *work, struct work *mixture, unsigned *shown) {
+    for (int k = 0; k < work->count; k++) {
+        const struct interval *in = &work->parts[k];
+        const int i = in->begin / SP_WIDE;
+        struct interval *to = &mixture->parts[i];
+        if (!(*shown >> i & 1))
+            *to = (struct interval){ .begin = in->begin };
+        *shown |= 1u << i;
+        to->depth += in->depth;
+        for (int c = 0; c < 3; c++)
+            to->color[c] += in->depth * in->color[c];
+    }
+}
+
+/* Composites the interval behind sheet n − 2 of all channels of block b that show something there:
+ * a mixture of materials. Returns false if all pixels are opaque. */
+static bool add_mixture(const struct sp_resample_open_tile *first,
+                        const struct sp_resample_batch *batch, int n, int b) {
+    struct sp_resample_block *block = &first->scratch->blocks[b];
+    struct work work, mixture = { .t = NULL };
+    unsigned shown = 0;
+    bool is_alive = true;
+    for (const struct sp_resample_open_tile *t = first; t; t = t->next, batch++) {
+        struct sp_resample_block *own = &t->scratch->blocks[b];
+        if (!(batch->now[n - batch->first] >> b & 1))
+            continue;
+        read_sheets(t, own, n + t->shift);
+        is_alive = find_interval(t, own, block->light, n + t->shift - 2, &work);
+        add_channel(&work, &mixture, &shown);
+    }
+    mixture.t = first;
+    mixture.block = block;
+    mixture.start = work.start;
+    mixture.width = work.width;
+    for (int i = 0; i < PARTS; i++) {
+        struct interval *in = &mixture.parts[mixture.count];
+        if (!(shown >> i & 1))
+            continue;
+        *in = mixture.parts[i];
+        const sp_wide inverse = sp_wide_inverse(sp_wide_max(in->depth, sp_wide_all(1e-20f)));
+        in->opacity = 1 - transmit(first->r, in->depth);
+        for (int c = 0; c < 3; c++)
+            in->color[c] *= inverse;
+        mixture.count++;
+    }
+    composite_interval(&mixture);
+    return is_alive;
+}
+
+/* True if a channel shows something in the interval behind sheet n − 2. */
+static bool is_any_now(const struct sp_resample_open_tile *t, const struct sp_resample_batch *batch,
+                       int n, int b) {
+    for (; t; t = t->next, batch++)
+        if (batch->now[n - batch->first] >> b & 1)
+            return true;
+    return false;
+}
+
+static bool integrate_channels(const struct sp_resample_open_tile *t,
+                               const struct sp_resample_batch *batches, int b) {
+    for (int n = batches->first; n <= batches->last; n++)
+        if (is_any_now(t, batches, n, b) && !add_mixture(t, batches, n, b))
+            return false;
+    return true;
+}
+
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
                            const struct sp_resample_batch *batch, int b) {
     struct sp_resample_block *block = &t->scratch->blocks[b];
     if (block->has_fragments)
         sp_resample_prefetch_fragments(block, sp_resample_sheet_s(t, batch->last - 1));
+    if (t->next)
+        return integrate_channels(t, batch, b);
     for (int n = batch->first; n <= batch->last; n++) {
+        struct work work;
         if (!(batch->now[n - batch->first] >> b & 1))
             continue;
-        for (int k = n - 3; k <= n; k++)
-            read_sheet(t, block, k);
-        if (!add_interval(t, block, n - 2))
+        read_sheets(t, block, n);
+        bool is_alive = find_interval(t, block, block->light, n - 2, &work);
+        composite_interval(&work);
+        if (!is_alive)
             return false;
     }
     return true;

@@ -16,6 +16,7 @@
 enum { RESAMPLE_UNITS = 60, RESAMPLE_UNIT_BITS = 2 };
 
 struct sp_resample_open_tile {
+    struct sp_resample_open_tile *next; /* of the next channel; NULL = the last one */
     const struct sp_resample *r;
     struct sp_resample_scratch *scratch;
     int x, y, width, height; /* px of the image */
@@ -26,11 +27,23 @@ struct sp_resample_open_tile {
     bool is_backwards; /* rays cross the slices from the last to the first */
     float reference;   /* slice coordinate at s = 0 */
     int sheets_per_slice;
+    int count; /* intervals; number 0 is empty */
+    int shift; /* number of a sheet − its number in the first channel */
     const struct sp_resample_axis *map[3]; /* of these axes; NULL = evenly spaced */
     struct sp_rows reader;
     int unit_bits;  /* 1 << unit_bits columns are a unit */
     uint64_t alive; /* blocks with a pixel that is not opaque */
 };
+
+struct sp_resample_rays;
+
+/* Finds the rays of all blocks of the tile, of which nothing is drawn. Sets t->alive to those that
+ * meet the volume, and returns them. */
+uint64_t sp_resample_init_blocks(struct sp_resample_open_tile *t,
+                                 const struct sp_resample_rays *rays);
+
+/* Forgets what was drawn of a block, so that it can be drawn again. */
+void sp_resample_open_block(const struct sp_resample_open_tile *t, struct sp_resample_block *block);
 
 /* Call it before the first sheet of a set of blocks. */
 void sp_resample_start_sheets(struct sp_resample_open_tile *t);
@@ -39,9 +52,9 @@ void sp_resample_start_sheets(struct sp_resample_open_tile *t);
 void sp_resample_refine(const struct sp_resample_open_tile *t, struct sp_resample_sheet *sheet,
                         uint64_t need, float z);
 
-/* Sheets that are drawn together. */
+/* Sheets of a channel that are drawn together. */
 struct sp_resample_batch {
-    int first, last;
+    int first, last;              /* numbers in the first channel */
     uint64_t now[RESAMPLE_BATCH]; /* by sheet n: blocks that composite interval n − 2 */
 };
 
@@ -55,11 +68,13 @@ uint64_t sp_resample_near_visible(const struct sp_resample_open_tile *t, int num
                                   uint64_t blocks);
 
 /* Reads the sheets of a batch at the pixels of block b, and composites the intervals behind its
- * pixels: interval n lies between sheets n and n + 1. Returns false if all pixels are opaque. */
+ * pixels: interval n lies between sheets n and n + 1. Channels are mixed: there is a batch for each
+ * of them. Returns false if all pixels are opaque. */
 bool sp_resample_integrate(const struct sp_resample_open_tile *t,
-                           const struct sp_resample_batch *batch, int b);
+                           const struct sp_resample_batch *batches, int b);
 
-/* The same for a projection (reduction.h). Returns false if nothing can change any pixel. */
+/* The same for a projection (reduction.h) of one channel. Returns false if nothing can change any
+ * pixel. */
 bool sp_resample_reduce(const struct sp_resample_open_tile *t,
                         const struct sp_resample_batch *batch, int b);
 
@@ -68,6 +83,9 @@ void sp_resample_reduce_open(const struct sp_resample *r, struct sp_resample_blo
 
 /* Turns them into transmittance and colour. */
 void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_block *block);
+
+/* Adds the colours of another channel's block, which is closed, too. */
+void sp_resample_reduce_add(const struct sp_resample_block *from, struct sp_resample_block *to);
 
 /* Writes the pixels of the tile: of the blocks of `drawn`, and the background elsewhere. */
 void sp_resample_resolve(const struct sp_resample_open_tile *t, uint64_t drawn);

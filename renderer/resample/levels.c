@@ -90,17 +90,31 @@ static struct sp_samples_slot *find_slot(struct sp_samples_cache *cache, struct 
     return oldest;
 }
 
-/* Evicts other volumes, least recently used first, until `bytes` more fit. False, and evicts
- * nothing, if they never do. */
-static bool free_memory(struct sp_samples_cache *cache, const struct sp_samples_slot *keep,
-                        uint64_t bytes, uint64_t bytes_max) {
-    if (sp_samples_bytes(cache, keep->volume) + bytes > bytes_max)
+void sp_samples_begin(struct sp_samples_cache *cache) {
+    cache->begun = cache->clock;
+}
+
+/* Bytes of the volumes that this frame uses. */
+static uint64_t bytes_in_use(const struct sp_samples_cache *cache) {
+    uint64_t bytes = 0;
+    for (int i = 0; i < SAMPLES_SLOTS; i++)
+        for (int l = 0; cache->slots[i].used > cache->begun && l < SAMPLES_KINDS * SAMPLES_LEVELS;
+             l++)
+            bytes += samples_bytes(&cache->slots[i].levels[0][0] + l);
+    return bytes;
+}
+
+/* Evicts volumes that this frame does not use, least recently used first, until `bytes` more fit.
+ * False, and evicts nothing, if they never do. */
+static bool free_memory(struct sp_samples_cache *cache, uint64_t bytes, uint64_t bytes_max) {
+    if (bytes_in_use(cache) + bytes > bytes_max)
         return false;
     while (sp_samples_bytes(cache, NULL) + bytes > bytes_max) {
         struct sp_samples_slot *oldest = NULL;
         for (int i = 0; i < SAMPLES_SLOTS; i++) {
             struct sp_samples_slot *slot = &cache->slots[i];
-            if (slot->volume && slot != keep && (!oldest || slot->used < oldest->used))
+            if (slot->volume && slot->used <= cache->begun &&
+                (!oldest || slot->used < oldest->used))
                 oldest = slot;
         }
         finish_slot(oldest);
@@ -190,7 +204,7 @@ static void average_rows(void *user, size_t begin, size_t end, unsigned worker) 
 /* Fills an empty level from the next finer one; fine NULL = from the volume. */
 static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
                          const struct sp_samples_job *job, struct sp_samples_cache *cache,
-                         const struct sp_samples_slot *slot, struct sp_error *err) {
+                         struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(job->volume);
     struct sp_samples made = { .type = info->type, .voxels = sp_volume_voxels(job->volume) };
     for (int a = 0; a < 3; a++) {
@@ -200,7 +214,7 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
     uint64_t voxels = sample_count(made.dims) * sp_type_size(made.type);
     uint64_t count = region_count(&made);
     uint64_t bytes = (fine ? voxels : 0) + count * sizeof made.range[0];
-    if (!free_memory(cache, slot, bytes, job->bytes_max))
+    if (!free_memory(cache, bytes, job->bytes_max))
         return fail_budget(bytes, job->bytes_max, err);
     made.range = malloc(count * sizeof made.range[0]);
     made.owned = fine ? malloc(voxels) : NULL;
@@ -332,9 +346,9 @@ static struct sp_samples_class *find_class(struct sp_samples *s, const struct sp
 
 static bool fill_class(struct sp_samples_class *class, struct sp_samples *s,
                        const struct sp_samples_job *job, struct sp_samples_cache *cache,
-                       const struct sp_samples_slot *slot, struct sp_error *err) {
+                       struct sp_error *err) {
     if (!class->visible) {
-        if (!free_memory(cache, slot, class_bytes(s), job->bytes_max))
+        if (!free_memory(cache, class_bytes(s), job->bytes_max))
             return fail_budget(class_bytes(s), job->bytes_max, err);
         class->visible = malloc(region_count(s));
         class->curve.integral = aligned_alloc(16, CURVE_BYTES);
@@ -360,11 +374,11 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
     struct sp_samples *s = NULL, *finer = NULL;
     for (unsigned l = 0; l <= job->level; l++, finer = s) {
         s = &slot->levels[l ? job->kind : SAMPLES_MEANS][l];
-        if (!s->range && !make_samples(s, finer, job, cache, slot, err))
+        if (!s->range && !make_samples(s, finer, job, cache, err))
             return NULL;
     }
     struct sp_samples_class *found = find_class(s, job);
-    if (!found->used && !fill_class(found, s, job, cache, slot, err))
+    if (!found->used && !fill_class(found, s, job, cache, err))
         return NULL;
     found->used = ++cache->clock;
     *class = found;

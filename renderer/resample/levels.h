@@ -27,7 +27,7 @@ struct sp_samples_cache {
         struct sp_samples levels[SAMPLES_KINDS][SAMPLES_LEVELS];
         uint64_t used;
     } slots[SAMPLES_SLOTS];
-    uint64_t clock;
+    uint64_t clock, begun; /* slots that were used after `begun` stay */
 };
 
 struct sp_samples_job {
@@ -43,8 +43,13 @@ struct sp_samples_job {
     struct sp_interrupt interrupt;
 };
 
-/* Returns the samples of a level, [0, SAMPLES_LEVELS), and sets *class to their class. Both are
- * valid until the next call. NULL with *err set: SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+/* Begins a frame of at most SAMPLES_SLOTS volumes: what it gets is valid until the next one begins.
+ */
+void sp_samples_begin(struct sp_samples_cache *cache);
+
+/* Returns the samples of a level, [0, SAMPLES_LEVELS), and sets *class to their class, which is
+ * valid until SAMPLES_CLASSES others of these samples were asked for. NULL with *err set:
+ * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
                                         const struct sp_samples_job *job,
                                         const struct sp_samples_class **class,

@@ -111,13 +111,17 @@ static void add_half(struct sp_resample *r, const struct coordinates *c, struct 
     half->offset = at / length;
 }
 
+/* The volume and what clips it. A channel has the clip box of the first one, too: fractions of a
+ * channel's own volume are other places. */
 static void add_halves(struct sp_resample *r, const struct coordinates *c,
                        const struct sp_grid *grid) {
+    static const double all[2][3] = { { 0, 0, 0 }, { 1, 1, 1 } };
     const struct sp_clip *clip = &r->view->clip;
     const struct sp_camera_transform *camera = r->camera;
+    const double(*box)[3] = r->first ? all : clip->box;
     for (int a = 0; a < 3; a++)
         for (int side = 0; side < 2; side++) {
-            double extent[2], part = clip->box[side][a];
+            double extent[2], part = box[side][a];
             sp_grid_extent(grid, (unsigned)a, extent);
             double distance = extent[0] + part * (extent[1] - extent[0]);
             double at = distance / grid->spacing[a] * (2 * c->shift + 1) + c->shift;
@@ -125,6 +129,12 @@ static void add_halves(struct sp_resample *r, const struct coordinates *c,
             *half = (struct sp_resample_half){ .offset = side ? -at : at };
             half->normal[a] = side ? -1 : 1;
         }
+    for (int i = 0; r->first && i < 6; i++) {
+        struct sp_resample_half half = r->first->halves[i];
+        for (int a = 0; a < 3; a++)
+            half.offset += half.normal[a] * r->offset[a];
+        r->halves[r->half_count++] = half;
+    }
     struct sp_vec3 forward = sp_vec3_from(camera->w.m[2]);
     add_half(r, c, forward, sp_vec3_dot(forward, camera->eye) + camera->near);
     for (uint32_t i = 0; i < clip->plane_count; i++) {
@@ -285,7 +295,7 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
     if (is_projection)
         sp_reduction_transfer(input->view, sp_volume_info(input->volume), &tf);
     struct sp_samples_job job = { .volume = input->volume,
-                                  .level = choose_level(input),
+                                  .level = r->level,
                                   .kind = kind_of(input->view->compositing.mode),
                                   .axis = (unsigned)axis,
                                   .tf = is_projection ? &tf : &input->view->transfer_function,
@@ -302,12 +312,27 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
     return true;
 }
 
-bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
-                         struct sp_error *err) {
+/* Finds where sample 0 of the first channel lies. */
+static void find_offset(struct sp_resample *r, const struct coordinates *own,
+                        const struct sp_grid *first_grid) {
+    struct coordinates first;
+    init_coordinates(&first, first_grid, r->level);
+    const struct sp_vec3 back = { { -first.shift, -first.shift, -first.shift } };
+    const struct sp_vec3 world = sp_vec3_add(first.origin, sp_mat3_apply(&first.from, back));
+    const struct sp_vec3 at = place(own, world);
+    memcpy(r->offset, at.v, sizeof r->offset);
+}
+
+/* Prepares a channel at a mip level; first: that of the first one, NULL = it is this one. */
+static bool prepare(const struct sp_resample_input *input, const struct sp_resample *first,
+                    const struct sp_grid *first_grid, unsigned level, struct sp_resample *r,
+                    struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(input->volume);
     const struct sp_view *view = input->view;
     const bool is_projection = sp_compositing_is_projection(view->compositing.mode);
     *r = (struct sp_resample){
+        .first = first,
+        .level = level,
         .view = view,
         .frame = input->frame,
         .interrupt = input->interrupt,
@@ -322,9 +347,10 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
         .columns = ((int)input->frame->width + RESAMPLE_TILE - 1) / RESAMPLE_TILE,
         .rows = ((int)input->frame->height + RESAMPLE_TILE - 1) / RESAMPLE_TILE
     };
-    unsigned level = choose_level(input);
     struct coordinates coordinates;
     init_coordinates(&coordinates, &info->grid, level);
+    if (first)
+        find_offset(r, &coordinates, first_grid);
     add_halves(r, &coordinates, &info->grid);
     init_camera(r, &coordinates);
     if (!sp_resample_turn(input, r, choose_axis(r, &coordinates), err))
@@ -341,7 +367,29 @@ bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resamp
     if (is_projection && !init_reduction(input, r, length_unit))
         return fail_memory(input->arena, err);
     input->frame->stats.mip_level = input->mip_level;
-    input->frame->stats.visible_voxels =
+    input->frame->stats.visible_voxels +=
         r->class->visible_count * SAMPLES_REGION * SAMPLES_REGION * SAMPLES_REGION;
+    return true;
+}
+
+bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
+                         struct sp_error *err) {
+    const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
+    const struct sp_resample *first = r;
+    unsigned level = 0;
+    for (const struct sp_resample_input *i = input; i; i = i->next)
+        level = choose_level(i) > level ? choose_level(i) : level;
+    input->frame->stats.visible_voxels = 0;
+    sp_samples_begin(input->cache);
+    if (!prepare(input, NULL, NULL, level, r, err))
+        return false;
+    for (input = input->next; input; input = input->next) {
+        r->next = sp_arena_alloc(input->arena, "channels", 1, sizeof *r->next);
+        if (!r->next)
+            return fail_memory(input->arena, err);
+        r = r->next;
+        if (!prepare(input, first, grid, level, r, err))
+            return false;
+    }
     return true;
 }

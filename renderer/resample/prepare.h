@@ -8,13 +8,13 @@
 
 #include "resample/resample.h"
 
-/* Fills *r, except refined_max, and the stats that are known before drawing. *r refers to what the
- * input refers to, and is valid until the arena is reset or the cache is asked again.
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+/* Fills *r and its channels, except refined_max, and the stats that are known before drawing. *r
+ * refers to what the input refers to, and is valid until the arena is reset or the cache is asked
+ * again. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err);
 
-/* Gets the samples for slices of another axis, and sets r->axis. Errors as above. */
+/* Gets the samples of one channel for slices of another axis, and sets r->axis. Errors as above. */
 bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample *r, int axis,
                       struct sp_error *err);
 

@@ -14,6 +14,8 @@ float sp_resample_reference(const struct sp_resample *r, int axis) {
     const struct sp_resample_axis *map = &r->axes[axis];
     int last = (int)r->samples->dims[axis] - 1, i = last / 2;
     float middle = 0.5f * (float)last;
+    if (r->first)
+        return sp_resample_reference(r->first, axis) + (float)r->offset[axis];
     if (!map->place)
         return middle;
     return last == 0 ? map->place[0]

@@ -35,7 +35,8 @@ struct sp_resample_rays {
     double centre[2];
 };
 
-/* The coordinate of the middle of the volume along an axis: s = 0 of rays along it. */
+/* The coordinate of the middle of the first channel's volume along an axis: s = 0 of rays along it.
+ */
 float sp_resample_reference(const struct sp_resample *r, int axis);
 
 /* `place`: x, y, width and height [px]. */

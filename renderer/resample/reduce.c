@@ -227,3 +227,15 @@ void sp_resample_reduce_close(const struct sp_resample *r, struct sp_resample_bl
         write_colors(r, number * own->gain + own->offset, is_shown, block, i);
     }
 }
+
+void sp_resample_reduce_add(const struct sp_resample_block *from, struct sp_resample_block *to) {
+    const sp_wide one = sp_wide_all(1);
+    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
+        sp_wide light = sp_wide_load(to->light + i) * sp_wide_load(from->light + i);
+        sp_wide_store(to->light + i, light);
+        for (int c = 0; c < 3; c++) {
+            sp_wide sum = sp_wide_load(to->color[c] + i) + sp_wide_load(from->color[c] + i);
+            sp_wide_store(to->color[c] + i, sp_wide_min(sum, one));
+        }
+    }
+}

@@ -39,7 +39,7 @@ enum {
     RESAMPLE_SHEETS = 7,     /* of a batch, and the three before, for gradients */
     RESAMPLE_SLACK = 64,     /* samples around those that blocks see for which there is memory */
     RESAMPLE_TAPS = 6,       /* samples that one between them is made from */
-    RESAMPLE_HALVES_MAX = 6 + 1 + SP_CLIP_PLANES_MAX
+    RESAMPLE_HALVES_MAX = 2 * 6 + 1 + SP_CLIP_PLANES_MAX
 };
 
 /* The half space normal·(sample coordinates) >= offset. */
@@ -57,8 +57,12 @@ struct sp_resample_axis {
     float narrowest, widest; /* distances between samples */
 };
 
-/* One frame. All pointers are borrowed and valid until the frame is finished. */
+/* One frame, of one volume. All pointers are borrowed and valid until the frame is finished. */
 struct sp_resample {
+    struct sp_resample *next;        /* of the next channel; NULL = the last one */
+    const struct sp_resample *first; /* of the first channel; NULL = this is the first one */
+    double offset[3];                /* coordinates of the first channel's sample 0 */
+    unsigned level;                  /* mip level of the samples */
     const struct sp_view *view;
     struct sp_frame *frame;
     struct sp_interrupt interrupt;
@@ -94,7 +98,9 @@ struct sp_resample {
     float rounding;       /* gradients below are those of rounded samples [gradient_unit] */
     float lowest;         /* level below which no value lies */
     uint32_t half_count;
-    struct sp_resample_half halves[RESAMPLE_HALVES_MAX]; /* the volume, near plane and clipping */
+    /* The volume, or what is kept of it by the clip box; of a channel, both. The near plane, clip
+     * planes. */
+    struct sp_resample_half halves[RESAMPLE_HALVES_MAX];
 };
 
 /* A block of pixels while its tile is drawn. */
@@ -155,8 +161,9 @@ struct sp_resample_rows {
     int origin[2];    /* slice sample at the start */
 };
 
-/* What a worker needs for one tile. */
+/* What a worker needs for one tile of a channel. */
 struct sp_resample_scratch {
+    struct sp_resample_scratch *next; /* of the next channel */
     struct sp_resample_block blocks[RESAMPLE_BLOCKS];
     struct sp_resample_bounds bounds;
     /* Transmittance and colour of blocks that are drawn a second time. */
@@ -184,6 +191,10 @@ sp_resample_tile_fn sp_resample_tile;
 
 /* What a frame is made from. */
 struct sp_resample_input {
+    /* Of the next channel, of which view and volume differ; NULL = the last one. Its samples are as
+     * far apart as those of the first one, whose clip box, background and fragments hold for all;
+     * its volume may be another part of the space. */
+    const struct sp_resample_input *next;
     const struct sp_view *view;
     struct sp_volume *volume;
     struct sp_frame *frame;

@@ -32,135 +32,6 @@ static void init_rays(struct sp_resample_open_tile *t, struct sp_resample_rays *
     t->reference = rays->reference;
 }
 
-/* Keeps the part of SP_WIDE rays inside a half space. */
-static inline void cut_rays(const struct sp_resample_open_tile *t,
-                            const struct sp_resample_half *half, const sp_wide at[4],
-                            sp_wide *begin, sp_wide *end) {
-    const sp_wide zero = sp_wide_all(0), far = sp_wide_all(1e9f);
-    float n[3];
-    for (int a = 0; a < 3; a++)
-        n[a] = (float)half->normal[t->axis[a]];
-    sp_wide rise = n[0] * at[2] + n[1] * at[3] + (t->is_backwards ? -n[2] : n[2]);
-    sp_wide gap = (float)(half->offset - half->normal[t->axis[2]] * (double)t->reference) -
-                  (n[0] * at[0] + n[1] * at[1]);
-    sp_wide s = gap / rise;
-    sp_wide_mask rises = sp_wide_lt(zero, rise), falls = sp_wide_lt(rise, zero);
-    *begin = sp_wide_select(rises, sp_wide_max(*begin, s), *begin);
-    *end = sp_wide_select(falls, sp_wide_min(*end, s), *end);
-    sp_wide_mask is_outside = ~(rises | falls) & sp_wide_lt(zero, gap);
-    *end = sp_wide_select(is_outside, -far, *end);
-}
-
-/* Finds the unit vectors to the eye from SP_WIDE pixels whose centres are at (x, y). */
-static inline void find_eye(const struct sp_resample *r, sp_wide x, sp_wide y, sp_wide to_eye[3]) {
-    const struct sp_camera_transform *camera = r->camera;
-    const sp_wide zero = sp_wide_all(0);
-    const float inverse = 1 / (float)camera->scale;
-    sp_wide eye[3] = { zero, zero, zero - 1 };
-    if (camera->projection == SP_PERSPECTIVE) {
-        sp_wide right = (x - (float)camera->centre[0]) * inverse;
-        sp_wide down = (y - (float)camera->centre[1]) * inverse;
-        eye[2] = -sp_wide_inverse_sqrt(right * right + down * down + 1);
-        eye[0] = right * eye[2];
-        eye[1] = down * eye[2];
-    }
-    sp_shade_eye(r->shade, eye, to_eye);
-}
-
-/* Nothing is drawn yet. */
-static inline void open_block(const struct sp_resample_open_tile *t,
-                              struct sp_resample_block *block) {
-    for (int k = 0; k < 4; k++)
-        block->value_sheet[k] = -1;
-    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        block->entry_sheet[i] = -1;
-        sp_wide_store(block->light + i, sp_wide_all(1));
-        for (int c = 0; c < 3; c++) {
-            sp_wide_store(block->color[c] + i, sp_wide_all(0));
-            sp_wide_store(block->normal[c] + i, sp_wide_all(0));
-        }
-    }
-    sp_resample_open_fragments(t, block);
-    if (t->r->reduction.is_on)
-        sp_resample_reduce_open(t->r, block);
-}
-
-static void init_pixels(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
-                        struct sp_resample_block *block, const int at[2], int i) {
-    const struct sp_resample *r = t->r;
-    const double *m = r->metric;
-    const int *axis = t->axis;
-    sp_wide x = sp_wide_from_int((sp_wide_int_count() + i) & (RESAMPLE_BLOCK - 1));
-    sp_wide y = sp_wide_from_int((sp_wide_int_count() + i) >> 3);
-    if (r->shade) {
-        sp_wide to_eye[3];
-        find_eye(r, x + ((float)(t->x + at[0]) + 0.5f), y + ((float)(t->y + at[1]) + 0.5f), to_eye);
-        for (int c = 0; c < 3; c++)
-            sp_wide_store(block->to_eye[c] + i, to_eye[c]);
-    }
-    x += (float)(t->x + at[0] + 0.5 - rays->centre[0]);
-    y += (float)(t->y + at[1] + 0.5 - rays->centre[1]);
-    sp_wide fall = 1 + x * (float)rays->fall[0] + y * (float)rays->fall[1];
-    sp_wide inverse = 1 / sp_wide_max(fall, sp_wide_all(0.05f));
-    sp_wide place[4];
-    bool is_perspective = r->camera->projection == SP_PERSPECTIVE;
-    for (int a = 0; a < 2; a++) {
-        sp_wide moved = (x * (float)rays->right[a] + y * (float)rays->down[a]) * inverse;
-        place[a] = (float)rays->at[a] + moved * (float)rays->lever;
-        place[a + 2] = sp_wide_all((float)rays->change[a]);
-        if (is_perspective)
-            place[a + 2] += t->is_backwards ? -moved : moved;
-    }
-    sp_wide begin = sp_wide_all(-1e9f), end = sp_wide_all(1e9f);
-    for (uint32_t h = 0; h < r->half_count; h++)
-        cut_rays(t, &r->halves[h], place, &begin, &end);
-    float forward = t->is_backwards ? -1 : 1;
-    sp_wide square = (float)m[axis[0]] * place[2] * place[2] +
-                     (float)m[axis[1]] * place[3] * place[3] + (float)m[axis[2]] +
-                     2 * ((float)m[6 - axis[1] - axis[2]] * place[3] * forward +
-                          (float)m[6 - axis[0] - axis[2]] * place[2] * forward +
-                          (float)m[6 - axis[0] - axis[1]] * place[2] * place[3]);
-    sp_wide_store(block->u + i, place[0]);
-    sp_wide_store(block->v + i, place[1]);
-    sp_wide_store(block->du + i, place[2]);
-    sp_wide_store(block->dv + i, place[3]);
-    sp_wide_store(block->begin + i, begin);
-    sp_wide_store(block->end + i, end);
-    sp_wide_store(block->length + i, sp_wide_sqrt(square));
-}
-
-/* Returns false if no ray of the block meets the volume. */
-static bool init_block(const struct sp_resample_open_tile *t, const struct sp_resample_rays *rays,
-                       int b, const int at[2]) {
-    static const int corners[4] = { 0, RESAMPLE_BLOCK - 1, RESAMPLE_PIXELS - RESAMPLE_BLOCK,
-                                    RESAMPLE_PIXELS - 1 };
-    struct sp_resample_block *block = &t->scratch->blocks[b];
-    struct sp_resample_bounds *bounds = &t->scratch->bounds;
-    const sp_wide far = sp_wide_all(INFINITY);
-    sp_wide inside[2] = { -far, far }, span[2] = { far, -far };
-    for (int i = 0; i < RESAMPLE_PIXELS; i += SP_WIDE) {
-        init_pixels(t, rays, block, at, i);
-        sp_wide begin = sp_wide_load(block->begin + i), end = sp_wide_load(block->end + i);
-        sp_wide_mask meets = sp_wide_lt(begin, end);
-        inside[0] = sp_wide_max(inside[0], begin);
-        inside[1] = sp_wide_min(inside[1], end);
-        span[0] = sp_wide_select(meets, sp_wide_min(span[0], begin), span[0]);
-        span[1] = sp_wide_select(meets, sp_wide_max(span[1], end), span[1]);
-    }
-    block->inside[0] = sp_wide_largest(inside[0]);
-    block->inside[1] = -sp_wide_largest(-inside[1]);
-    bounds->span[0][b] = -sp_wide_largest(-span[0]);
-    bounds->span[1][b] = sp_wide_largest(span[1]);
-    block->at[0] = at[0];
-    block->at[1] = at[1];
-    open_block(t, block);
-    const float *parts[4] = { block->u, block->v, block->du, block->dv };
-    for (int k = 0; k < 4; k++)
-        for (int i = 0; i < 4; i++)
-            bounds->corner[k][i][b] = parts[k][corners[i]];
-    return bounds->span[0][b] < bounds->span[1][b];
-}
-
 /* A slab of regions: those between two slices of the tile's axis. */
 struct slab {
     float s[2];             /* between which rays are in it */
@@ -298,8 +169,8 @@ static int interval_of(const struct sp_resample_open_tile *t, int n) {
     return i < 0 ? 0 : i < last ? i : last;
 }
 
-static uint64_t active_at(const struct sp_resample_open_tile *t, int n, int count) {
-    if (n < 1 || n >= count)
+static uint64_t active_at(const struct sp_resample_open_tile *t, int n) {
+    if (n < 1 || n >= t->count)
         return 0;
     int i = interval_of(t, n);
     return t->scratch->active[i] & t->scratch->open[i / SAMPLES_REGION];
@@ -320,45 +191,49 @@ static void find_open(const struct sp_resample_open_tile *t, int first, int last
 }
 
 /* Blocks that need sheet n: those of the two intervals before it and of the two behind it. */
-static uint64_t need_of(const struct sp_resample_open_tile *t, int n, int count) {
-    return t->alive & (active_at(t, n - 2, count) | active_at(t, n - 1, count) |
-                       active_at(t, n, count) | active_at(t, n + 1, count));
+static uint64_t need_of(const struct sp_resample_open_tile *t, int n) {
+    return t->alive &
+           (active_at(t, n - 2) | active_at(t, n - 1) | active_at(t, n) | active_at(t, n + 1));
 }
 
 /* Refines the sheets of a batch where blocks need them. Returns the blocks that composite an
  * interval. */
-static uint64_t refine_sheets(const struct sp_resample_open_tile *t, int count,
+static uint64_t refine_sheets(const struct sp_resample_open_tile *t,
                               struct sp_resample_batch *batch) {
     uint64_t any = 0;
-    for (int n = batch->first; n <= batch->last; n++) {
+    for (int i = 0; i <= batch->last - batch->first; i++) {
+        const int n = batch->first + i + t->shift;
+        batch->now[i] = 0;
+        if (n < 0 || n > t->count + 1)
+            continue;
         struct sp_resample_sheet *sheet = &t->scratch->sheets[n % RESAMPLE_SHEETS];
-        uint64_t need = need_of(t, n, count);
-        uint64_t now = t->alive & active_at(t, n - 2, count);
+        uint64_t need = need_of(t, n), now = t->alive & active_at(t, n - 2);
         sheet->s = sp_resample_sheet_s(t, n);
         sheet->decay = sp_exp2(-2 * (sp_resample_sheet_s(t, n + 1) - sheet->s));
         if (need) {
             sp_resample_refine(t, sheet, need, sp_resample_slice(t, n));
             sp_resample_near_ranges(t, sheet, need);
         }
-        batch->now[n - batch->first] = now ? sp_resample_near_visible(t, n - 2, now) : 0;
-        any |= batch->now[n - batch->first];
+        batch->now[i] = now ? sp_resample_near_visible(t, n - 2, now) : 0;
+        any |= batch->now[i];
     }
     return any;
 }
 
-static bool draw_batch(const struct sp_resample_open_tile *t, const struct sp_resample_batch *batch,
-                       int b) {
-    return t->r->reduction.is_on ? sp_resample_reduce(t, batch, b)
-                                 : sp_resample_integrate(t, batch, b);
+/* Batches: of all channels. */
+static bool draw_batch(const struct sp_resample_open_tile *t,
+                       const struct sp_resample_batch *batches, int b) {
+    return t->r->reduction.is_on ? sp_resample_reduce(t, batches, b)
+                                 : sp_resample_integrate(t, batches, b);
 }
 
 /* The first sheet of the batch from which a maximum or minimum begins: that of the slab that
  * promises the blocks most. Once it is drawn, the others can seldom change a block. */
-static int find_start(const struct sp_resample_open_tile *t, int count) {
+static int find_start(const struct sp_resample_open_tile *t) {
     const struct sp_resample_scratch *scratch = t->scratch;
     int best = 0, best_slab = -1;
     float most = -INFINITY;
-    for (int n = 1; n < count; n++) {
+    for (int n = 1; n < t->count; n++) {
         int interval = interval_of(t, n), slab = interval / SAMPLES_REGION;
         uint64_t left = t->alive & scratch->active[interval];
         float sum = 0;
@@ -375,23 +250,29 @@ static int find_start(const struct sp_resample_open_tile *t, int count) {
     return best / RESAMPLE_BATCH * RESAMPLE_BATCH;
 }
 
-/* Draws the intervals of the sheets from first to last, whole batches. Each block draws a few
- * sheets at a time, so that its state stays in the nearest cache. */
-static void draw_batches(struct sp_resample_open_tile *t, int count, int first, int last) {
-    struct sp_resample_batch batch;
-    sp_resample_start_sheets(t);
+/* Draws the intervals of the sheets from first to last, whole batches, of those from `begin` on.
+ * Each block draws a few sheets at a time, so that its state stays in the nearest cache. */
+static void draw_batches(struct sp_resample_open_tile *t, int begin, int first, int last) {
+    struct sp_resample_batch batches[SP_LAYERS_MAX];
+    for (struct sp_resample_open_tile *c = t; c; c = c->next)
+        sp_resample_start_sheets(c);
     /* The batch before makes the sheets that the first interval needs. */
-    for (int n = first > 0 ? first - RESAMPLE_BATCH : 0; n <= last && t->alive;
+    for (int n = first > begin ? first - RESAMPLE_BATCH : begin; n <= last && t->alive;
          n += RESAMPLE_BATCH) {
-        batch.first = n;
-        batch.last = n + RESAMPLE_BATCH - 1 < count + 1 ? n + RESAMPLE_BATCH - 1 : count + 1;
+        struct sp_resample_batch *batch = batches;
+        uint64_t left = 0;
         if (sp_interrupt_is_cancelled(&t->r->interrupt))
             return;
-        if (t->r->reduction.is_extreme)
-            find_open(t, batch.first - 2, batch.last + 1);
-        uint64_t left = refine_sheets(t, count, &batch);
+        for (struct sp_resample_open_tile *c = t; c; c = c->next, batch++) {
+            c->alive = t->alive;
+            batch->first = n;
+            batch->last = n + RESAMPLE_BATCH - 1 < last ? n + RESAMPLE_BATCH - 1 : last;
+            if (c->r->reduction.is_extreme)
+                find_open(c, batch->first - 2, batch->last + 1);
+            left |= refine_sheets(c, batch);
+        }
         for (; n >= first && left; left &= left - 1)
-            if (!draw_batch(t, &batch, __builtin_ctzll(left)))
+            if (!draw_batch(t, batches, __builtin_ctzll(left)))
                 t->alive &= ~(left & -left);
     }
 }
@@ -399,13 +280,18 @@ static void draw_batches(struct sp_resample_open_tile *t, int count, int first, 
 /* Draws the sheets from two slices before the volume to two slices behind it. The outer sheets
  * repeat the border slices. */
 static void draw_sheets(struct sp_resample_open_tile *t) {
-    int count = (t->dims[2] + 2) * t->sheets_per_slice; /* intervals; number 0 is empty */
-    int start = t->r->reduction.is_extreme ? find_start(t, count) : 0;
+    int begin = 0, end = t->count + 1, start = 0;
+    for (const struct sp_resample_open_tile *c = t->next; c; c = c->next) {
+        begin = -c->shift < begin ? -c->shift : begin;
+        end = c->count + 1 - c->shift > end ? c->count + 1 - c->shift : end;
+    }
+    if (t->r->reduction.is_extreme)
+        start = find_start(t);
     for (int b = 0; b < RESAMPLE_BLOCKS; b++)
         t->scratch->least[b] = t->r->reduction.start;
-    draw_batches(t, count, start, count + 1);
+    draw_batches(t, begin, start > 0 ? start : begin, end);
     if (start > 0)
-        draw_batches(t, count, 0, start - 1);
+        draw_batches(t, begin, begin, start - 1);
 }
 
 /* Does the memory hold what a set of blocks sees of a sheet? The extent of straight rays is largest
@@ -444,14 +330,38 @@ static bool fits(struct sp_resample_open_tile *t, uint64_t set) {
            t->r->refined_max;
 }
 
+/* Draws a set of blocks, for which there is memory. Channels are mixed sheet by sheet; each of them
+ * has a projection of its own. */
+static void draw_channels(struct sp_resample_open_tile *t, uint64_t set) {
+    for (struct sp_resample_open_tile *c = t; c; c = c->next) {
+        const double offset = c->r->offset[c->axis[2]];
+        const double slices = c->is_backwards ? c->dims[2] - t->dims[2] - offset : offset;
+        c->alive = set;
+        c->count = (c->dims[2] + 2) * c->sheets_per_slice;
+        c->shift = (int)lround(slices * c->sheets_per_slice);
+    }
+    for (struct sp_resample_open_tile *c = t; c && t->r->reduction.is_on; c = c->next) {
+        struct sp_resample_open_tile alone = *c;
+        alone.next = NULL;
+        alone.shift = 0;
+        draw_sheets(&alone);
+    }
+    if (!t->r->reduction.is_on)
+        draw_sheets(t);
+}
+
 /* Draws a set of blocks, in parts if need be. */
 static void draw_blocks(struct sp_resample_open_tile *t, uint64_t set) {
     uint64_t part = set;
+    bool fits_all = true;
     if (!set)
         return;
-    if (fits(t, set)) {
-        t->alive = set;
-        draw_sheets(t);
+    for (struct sp_resample_open_tile *c = t; c; c = c->next) {
+        c->sheets_per_slice = t->sheets_per_slice;
+        fits_all &= fits(c, set);
+    }
+    if (fits_all) {
+        draw_channels(t, set);
         return;
     }
     for (int i = __builtin_popcountll(set) / 2; i > 0; i--)
@@ -500,7 +410,7 @@ static void put_aside(const struct sp_resample_open_tile *t, int b) {
     memcpy(scratch->aside[b][0], block->light, sizeof block->light);
     for (int c = 0; c < 3; c++)
         memcpy(scratch->aside[b][c + 1], block->color[c], sizeof block->color[c]);
-    open_block(t, block);
+    sp_resample_open_block(t, block);
 }
 
 /* Composites the fragments behind the volume. */
@@ -534,13 +444,39 @@ static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t
     t->sheets_per_slice = 1;
     draw_blocks(t, need[0]);
     finish_fragments(t, need[0]);
-    for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
-        put_aside(t, __builtin_ctzll(left));
+    for (struct sp_resample_open_tile *c = t; c; c = c->next)
+        for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
+            put_aside(c, __builtin_ctzll(left));
     t->sheets_per_slice = 2;
     draw_blocks(t, need[1]);
     finish_fragments(t, need[1]);
-    for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
-        mix_aside(t, __builtin_ctzll(left));
+    for (struct sp_resample_open_tile *c = t; c; c = c->next)
+        for (uint64_t left = need[0] & need[1]; left; left &= left - 1)
+            mix_aside(c, __builtin_ctzll(left));
+}
+
+/* The blocks with fragments of other layers. */
+static uint64_t find_fragments(const struct sp_resample_open_tile *t) {
+    uint64_t found = 0;
+    for (int v = 0; v < t->height; v += RESAMPLE_BLOCK)
+        for (int u = 0; u < t->width; u += RESAMPLE_BLOCK) {
+            int b = v / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + u / RESAMPLE_BLOCK;
+            found |= (uint64_t)t->scratch->blocks[b].has_fragments << b;
+        }
+    return found;
+}
+
+/* Turns the numbers of a projection into colours: the sum of all channels. */
+static void close_projection(const struct sp_resample_open_tile *t, uint64_t met) {
+    for (uint64_t left = met; left; left &= left - 1) {
+        const int b = __builtin_ctzll(left);
+        struct sp_resample_block *to = &t->scratch->blocks[b];
+        sp_resample_reduce_close(t->r, to);
+        for (const struct sp_resample_open_tile *c = t->next; c; c = c->next) {
+            sp_resample_reduce_close(c->r, &c->scratch->blocks[b]);
+            sp_resample_reduce_add(&c->scratch->blocks[b], to);
+        }
+    }
 }
 
 /* Draws a square of the tile. A wide view's rays may differ so much that some never cross the
@@ -548,39 +484,44 @@ static void draw_sheets_of(struct sp_resample_open_tile *t, int sheets, uint64_t
 static void draw_square(const struct sp_resample *r, struct sp_resample_scratch *scratch, int x,
                         int y, int side) {
     int right = (int)r->frame->width - x, below = (int)r->frame->height - y;
-    struct sp_resample_open_tile t = { .r = r,
-                                       .scratch = scratch,
-                                       .x = x,
-                                       .y = y,
-                                       .width = right < side ? right : side,
-                                       .height = below < side ? below : side };
+    struct sp_resample_open_tile channels[SP_LAYERS_MAX], *t = NULL;
     struct sp_resample_rays rays;
-    uint64_t with_fragments = 0;
+    uint64_t met = 0, drawn = 0;
     if (right <= 0 || below <= 0)
         return;
-    init_rays(&t, &rays);
+    for (const struct sp_resample *own = r; own; own = own->next, scratch = scratch->next) {
+        struct sp_resample_open_tile *last = t;
+        t = last ? last + 1 : channels;
+        *t = (struct sp_resample_open_tile){ .r = own,
+                                             .scratch = scratch,
+                                             .x = x,
+                                             .y = y,
+                                             .width = right < side ? right : side,
+                                             .height = below < side ? below : side };
+        init_rays(t, &rays);
+        if (last)
+            last->next = t;
+    }
+    t = channels;
     if (rays.is_too_wide && side > RESAMPLE_BLOCK) {
         for (int i = 0; i < 4; i++)
-            draw_square(r, scratch, x + (i & 1) * side / 2, y + (i >> 1) * side / 2, side / 2);
+            draw_square(r, t->scratch, x + (i & 1) * side / 2, y + (i >> 1) * side / 2, side / 2);
         return;
     }
-    for (int v = 0; v < t.height; v += RESAMPLE_BLOCK)
-        for (int u = 0; u < t.width; u += RESAMPLE_BLOCK) {
-            int b = v / RESAMPLE_BLOCK * RESAMPLE_ACROSS_MAX + u / RESAMPLE_BLOCK;
-            if (init_block(&t, &rays, b, (const int[2]){ u, v }))
-                t.alive |= UINT64_C(1) << b;
-            with_fragments |= (uint64_t)scratch->blocks[b].has_fragments << b;
-        }
-    uint64_t met = t.alive, drawn = find_active(&t);
-    draw_sheets_of(&t, rays.sheets, drawn);
+    for (struct sp_resample_open_tile *c = t; c; c = c->next) {
+        init_rays(c, &rays);
+        met |= sp_resample_init_blocks(c, &rays);
+        drawn |= find_active(c);
+    }
+    draw_sheets_of(t, rays.sheets, drawn);
     if (r->reduction.is_on) {
-        for (uint64_t left = met; left; left &= left - 1)
-            sp_resample_reduce_close(r, &scratch->blocks[__builtin_ctzll(left)]);
-        sp_resample_resolve(&t, met);
+        close_projection(t, met);
+        sp_resample_resolve(t, met);
         return;
     }
-    finish_fragments(&t, with_fragments & ~drawn);
-    sp_resample_resolve(&t, drawn | with_fragments);
+    uint64_t with_fragments = find_fragments(t);
+    finish_fragments(t, with_fragments & ~drawn);
+    sp_resample_resolve(t, drawn | with_fragments);
 }
 
 void sp_resample_tile(const struct sp_resample *r, struct sp_resample_scratch *scratch,

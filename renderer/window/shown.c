@@ -34,8 +34,14 @@ static unsigned choose_level(const struct sp_brick_header *header, const struct 
     return find_level(header, level > mip_level ? level : mip_level);
 }
 
+/* How long the frame waits for bricks [ms]. It has nothing else to draw at a coarser level than
+ * that of the volume that was opened, and few bytes are read then. */
+static double wait_for(const struct sp_render_options *options, bool is_coarse) {
+    return is_coarse || options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
+}
+
 bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
-                   const struct sp_render_options *options, struct sp_shown *shown,
+                   const struct sp_render_options *options, unsigned least, struct sp_shown *shown,
                    struct sp_error *err) {
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_window window;
@@ -46,15 +52,17 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
         return true;
     }
     const struct sp_brick_header *header = sp_brick_file_header(sp_brick_store_file(store));
+    const unsigned asked = choose_level(header, view, options->mip_level);
+    const unsigned base = sp_brick_store_base(store);
     const struct sp_window_job job = {
         .store = store,
         .view = view,
-        .level = choose_level(header, view, options->mip_level),
-        .wait_ms = options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0),
+        .level = asked > least ? asked : least,
+        .least = least,
+        .wait_ms = wait_for(options, least > base),
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */
     };
-    const unsigned base = sp_brick_store_base(store);
     if (!sp_window_find(&job, &window, &place, err))
         return false;
     sp_window_view(header, &place, view, &shown->view);
@@ -66,7 +74,7 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
     shown->bricks =
         (struct sp_frame_bricks){ .is_incomplete = !window.is_complete,
                                   .level = window.is_empty ? window.asked : window.level,
-                                  .asked = job.level < base ? job.level : base,
+                                  .asked = asked < base ? asked : base,
                                   .wanted = window.wanted,
                                   .resident = window.resident,
                                   .lost = place.lost,

@@ -14,9 +14,10 @@ struct sp_shown {
     struct sp_frame_bricks bricks;
 };
 
-/* Waits for bricks as the options say. SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+/* Waits for bricks as the options say; least: no finer level of the file is shown.
+ * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
-                   const struct sp_render_options *options, struct sp_shown *shown,
+                   const struct sp_render_options *options, unsigned least, struct sp_shown *shown,
                    struct sp_error *err);
 
 #endif

@@ -41,9 +41,10 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     const struct sp_brick_file *file = sp_brick_store_file(job->store);
     const uint64_t bytes_max = sp_brick_store_window_max(job->store);
     const unsigned base = sp_brick_store_base(job->store);
+    const unsigned end = job->least > base ? job->least + 1 : base;
     /* Chunks that are not seen are not read: reading is slow, and their ranges are unknown. */
     const bool prefers_whole = !sp_brick_file_chunks(file);
-    for (unsigned level = job->level; level < base; level++)
+    for (unsigned level = job->level; level < end; level++)
         for (int turn = 0; turn < 2; turn++) {
             const bool is_whole = (turn == 0) == prefers_whole;
             if (!is_whole && needs_whole(job->view))

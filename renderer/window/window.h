@@ -15,6 +15,7 @@ struct sp_window_job {
     struct sp_brick_store *store;
     const struct sp_view *view;
     unsigned level; /* the finest one that the frame asks for */
+    unsigned least; /* no finer one is drawn, not even the volume that was opened */
     double wait_ms; /* for bricks; INFINITY = until the frame is complete */
     bool (*is_cancelled)(void *user);
     void *user;

@@ -347,6 +347,20 @@ static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, dou
     srv_blend_transform(a->transform, b->transform, u, out->transform);
 }
 
+/* The points of a channel change if both have as many. */
+static void mix_channel(const struct sp_layer *a, const struct sp_layer *b, double u,
+                        struct sp_layer *out) {
+    for (int c = 0; c < 3; c++)
+        out->color[c] = mix_float(a->color[c], b->color[c], u);
+    for (uint32_t i = 0; i < a->point_count && a->point_count == b->point_count; i++) {
+        const struct sp_tf_point *p = &a->points[i], *q = &b->points[i];
+        out->points[i].value = mix(p->value, q->value, u);
+        out->points[i].opacity = mix_float(p->opacity, q->opacity, u);
+        for (int c = 0; c < 3; c++)
+            out->points[i].color[c] = mix_float(p->color[c], q->color[c], u);
+    }
+}
+
 static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, double u,
                        struct sp_layer *out) {
     if (a->type == SP_LAYER_SURFACE) {
@@ -368,7 +382,9 @@ static void mix_layers(const struct sp_layer *a, const struct sp_layer *b, doubl
         for (int c = 0; c < 3; c++)
             out->color[c] = mix_float(a->color[c], b->color[c], u);
     }
-    if (a->type >= SP_LAYER_POINTS)
+    if (a->type == SP_LAYER_CHANNEL)
+        mix_channel(a, b, u, out);
+    else if (a->type >= SP_LAYER_POINTS)
         mix_elements(a, b, u, out);
 }
 

@@ -48,6 +48,33 @@ static void add_light_time(struct sp_frame_stats *stats, const struct sp_light_f
         stats->stages[stats->stage_count++] = (struct sp_stage_time){ "light", ms };
 }
 
+/* Draws the volume and the channels of the view, of which `input` has what all of them share. */
+static bool draw_channels(const struct sp_backend_job *job, struct sp_resample_input *input,
+                          struct sp_error *err) {
+    const struct sp_view *view = job->view;
+    struct sp_resample_input inputs[SP_LAYERS_MAX], *last = NULL;
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        struct sp_resample_input *own = last ? last + 1 : inputs;
+        if (view->layers[i].type != SP_LAYER_VOLUME && view->layers[i].type != SP_LAYER_CHANNEL)
+            continue;
+        *own = *input;
+        if (view->layers[i].type == SP_LAYER_CHANNEL) {
+            struct sp_view *seen = sp_arena_alloc(input->arena, "channels", 1, sizeof *seen);
+            if (!seen)
+                return cpu_fail_memory(input->arena, err);
+            sp_layers_channel_view(view, i, sp_volume_info(job->shown[i]), seen);
+            own->view = seen;
+            own->volume = job->shown[i];
+        }
+        if (last) {
+            last->next = own;
+            own->fragments = NULL;
+        }
+        last = own;
+    }
+    return sp_resample_draw(inputs, err);
+}
+
 static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job *job,
                            const struct sp_fragments *fragments, struct sp_error *err) {
     struct sp_camera_transform camera;
@@ -87,7 +114,7 @@ static bool draw_resampled(struct cpu_state *state, const struct sp_backend_job 
                                        .find_ranges = state->kernels.ranges_find,
                                        .pool = state->pool,
                                        .arena = &state->arena };
-    if (!sp_resample_draw(&input, err))
+    if (!draw_channels(job, &input, err))
         return false;
     if (has_light)
         add_light_time(&job->frame->stats, &light, light_ms);
@@ -171,7 +198,7 @@ static bool draw(struct cpu_state *state, const struct sp_backend_job *job, stru
     if (sp_layers_are_wanted(job->view)) {
         if (!cpu_layers_draw(state, job, &all, err))
             return false;
-        if (!sp_layers_volume(job->view))
+        if (!sp_layers_have_volume(job->view))
             return true;
         fragments = &all;
         layers_ms = sp_job_clock_ms(job) - begin;
@@ -193,7 +220,7 @@ static bool has_layer(const struct sp_view *view, enum sp_layer_type type) {
 
 /* Does the view need what a cache holds? */
 static bool needs_cache(const struct sp_view *view, enum cpu_cache cache) {
-    bool is_resampled = sp_resample_draws(view), has_volume = has_layer(view, SP_LAYER_VOLUME);
+    bool is_resampled = sp_resample_draws(view), has_volume = sp_layers_have_volume(view);
     switch (cache) {
     case CPU_CACHE_LISTS:
         return has_volume && !is_resampled;

@@ -119,7 +119,7 @@ bool cpu_layers_draw(struct cpu_state *state, const struct sp_backend_job *job,
         return draw_alone(&l, err);
     if (!sp_layers_prepare(&l.input, &layers, err))
         return false;
-    if (sp_layers_volume(view))
+    if (sp_layers_have_volume(view))
         return sp_layers_collect(&layers, state->worker_arenas, fragments, err);
     double prepared = sp_job_clock_ms(job);
     if (!sp_layers_draw(&layers, resolve, &l, err))

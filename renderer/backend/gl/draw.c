@@ -467,7 +467,7 @@ static bool hand_over(struct draw *d, bool may_wait, struct sp_error *err) {
 }
 
 static enum gl_path choose_path(const struct sp_view *view) {
-    if (!sp_layers_volume(view))
+    if (!sp_layers_have_volume(view))
         return GL_PATH_LAYERS;
     return sp_resample_draws(view) ? GL_PATH_RESAMPLED : GL_PATH_SPLATS;
 }

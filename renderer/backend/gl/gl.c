@@ -229,7 +229,8 @@ static uint64_t gl_memory(const void *pointer, const struct sp_volume *volume) {
         .kernels = SP_CAN_ALL, .compositings = SP_CAN_ALL, .attenuations = SP_CAN_ALL,             \
         .orders = SP_CAN_ALL, .shadings = SP_CAN(SP_SHADING_NONE) | SP_CAN(SP_SHADING_PHONG),      \
         .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF), .gradient_axis = true,       \
-        .interpolated_sheets = true, .clip_box = true, .clip_planes = true, .layers = SP_CAN_ALL   \
+        .interpolated_sheets = true, .clip_box = true, .clip_planes = true,                        \
+        .layers = SP_CAN_ALL & ~SP_CAN(SP_LAYER_CHANNEL)                                           \
     }
 
 extern const struct sp_backend gl_backend, gl_software_backend;

@@ -27,6 +27,7 @@ extern "C" {
 enum {
     SP_TF_POINTS_MAX = 256,
     SP_GRADIENT_POINTS_MAX = 16,
+    SP_CHANNEL_POINTS_MAX = 32,
     SP_LAYERS_MAX = 8,
     SP_EDITS_MAX = 32,
     SP_LIGHTS_MAX = 8,
@@ -172,9 +173,15 @@ enum sp_layer_type {
     /* Elements of a volume without a grid (sp/elements.h): */
     SP_LAYER_POINTS,    /* through the transfer function, each composited on its own */
     SP_LAYER_GAUSSIANS, /* a trained scene (Kerbl et al. 2023) */
-    SP_LAYER_GEOMETRY   /* triangles */
+    SP_LAYER_GEOMETRY,  /* triangles */
+    /* Another volume on the grid of the view's volume, such as another field of its file, with a
+     * transfer function of its own. Both fill the same space: their extinctions add up, and colours
+     * mix by extinction; in a projection, colours add up. Needs compositing.mode sheet or slab with
+     * order post, or a projection; occlusion, shadow and edits of type part are not for channels.
+     */
+    SP_LAYER_CHANNEL
 };
-enum { SP_LAYER_TYPES = SP_LAYER_GEOMETRY + 1 };
+enum { SP_LAYER_TYPES = SP_LAYER_CHANNEL + 1 };
 /* How the low-pass filter of 0.3 px² changes a Gaussian. */
 enum sp_convention {
     SP_CONVENTION_INRIA,     /* wider, opacity as it is (Kerbl et al. 2023) */
@@ -196,8 +203,8 @@ struct sp_layer { /* "/layers/0" */
     enum sp_layer_type type;
     bool visible; /* false = as if the layer did not exist [true] */
     double value; /* surface: iso-value, data unit; outside of the range nothing is drawn */
-    /* surface, geometry, and the streaks of style blend: sRGB display values, [0, 1]
-     * [0.9, 0.85, 0.75] */
+    /* surface, geometry, the streaks of style blend, and a channel without points: sRGB display
+     * values, [0, 1] [0.9, 0.85, 0.75] */
     float color[3];
     /* surface; gaussians, geometry: factor on their own. [0, 1]; 0 = invisible [1] */
     float opacity;
@@ -226,8 +233,9 @@ struct sp_layer { /* "/layers/0" */
      * function, low < high. NaN (JSON null) = the smallest and the largest number; for "magnitude",
      * 0 and the largest length. [NaN] */
     double color_low, color_high;
-    /* points, gaussians, geometry: the volume that has them, resolved by
-     * sp_render_options.find(); "" = the frame's volume [""] */
+    /* points, gaussians, geometry: the volume that has them; "" = the frame's volume. channel: the
+     * volume that it shows, not "", another one for each channel. Resolved by
+     * sp_render_options.find() [""] */
     char id[SP_NAME_BYTES];
     /* points, gaussians, geometry: from the world of the data to that of the view, row by row;
      * affine (the last row is 0 0 0 1), not singular [identity] */
@@ -235,6 +243,11 @@ struct sp_layer { /* "/layers/0" */
     double size;                   /* points: factor on the size of their kernels, [0.1, 10] [1] */
     enum sp_convention convention; /* gaussians [inria] */
     enum sp_layer_colors colors;   /* geometry: of the vertices, or `color` [own] */
+    /* channel: the transfer function, like that of the view, whose reference_length holds here,
+     * too. point_count, [0, SP_CHANNEL_POINTS_MAX]: 0 = the function of sp_channel_function() [0]
+     */
+    uint32_t point_count;
+    struct sp_tf_point points[SP_CHANNEL_POINTS_MAX];
 };
 
 enum sp_edit_type {
@@ -318,6 +331,16 @@ SP_API void sp_view_choose(struct sp_view *view, const struct sp_volume *volume,
 
 /* The defaults of a layer of that type; a surface has no value yet (NaN). Thread-safe. */
 SP_API struct sp_layer sp_layer_default(enum sp_layer_type type);
+
+/* Writes the transfer function of a channel of the view. Without points of its own it rises from
+ * transparent to `color` and opacity 0.5 within sp_slice_default_window() of `info`, the volume
+ * that the channel shows. Thread-safe. */
+SP_API void sp_channel_function(const struct sp_view *view, const struct sp_layer *channel,
+                                const struct sp_volume_info *info,
+                                struct sp_transfer_function *function);
+
+/* True if a visible layer of the view is a channel. Thread-safe. */
+SP_API bool sp_view_has_channels(const struct sp_view *view);
 
 /* True for the modes that show one number of the values along a ray. Thread-safe. */
 static inline bool sp_compositing_is_projection(enum sp_compositing mode) {

@@ -12,6 +12,7 @@
 
 #include <math.h>
 #include <pthread.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -26,106 +27,8 @@
 #include "support/compare.h"
 #include "support/render.h"
 #include "support/sanitized.h"
+#include "unit/window/rig.h"
 #include "window/window.h"
-
-enum { NX = 210, NY = 150, NZ = 133, COUNT = NX * NY * NZ, SIDE = 96 };
-
-/* Balls of several sizes in noise that a transfer function may leave out. */
-static uint8_t field_at(uint32_t x, uint32_t y, uint32_t z) {
-    static const double balls[][4] = { { 50, 40, 40, 26 },
-                                       { 120, 90, 60, 34 },
-                                       { 180, 40, 90, 20 },
-                                       { 30, 120, 100, 18 },
-                                       { 190, 130, 20, 9 } };
-    double value = 8 + (x * 7 + y * 13 + z * 29) % 5;
-    for (size_t i = 0; i < sizeof balls / sizeof *balls; i++) {
-        double dx = x - balls[i][0], dy = y - balls[i][1], dz = z - balls[i][2];
-        double inside = 0.5 + (balls[i][3] - sqrt(dx * dx + dy * dy + dz * dz)) / 4;
-        value = fmax(value, 200 * fmin(fmax(inside, 0), 1));
-    }
-    return (uint8_t)lrint(value);
-}
-
-struct rig {
-    struct test_renderer renderer;
-    uint8_t *samples;
-    struct sp_volume_info info;
-    struct sp_volume *whole;
-    int file; /* the brick file */
-};
-
-static int setup(void **state) {
-    static struct rig rig;
-    struct sp_error err;
-    const struct test_target target = { "cpu", "auto" };
-    rig.samples = malloc(COUNT);
-    assert_non_null(rig.samples);
-    for (uint32_t i = 0; i < COUNT; i++)
-        rig.samples[i] = field_at(i % NX, i / NX % NY, i / NX / NY);
-    rig.info = (struct sp_volume_info){ .grid = { .dims = { NX, NY, NZ },
-                                                  .spacing = { 1, 1, 1.5 },
-                                                  .origin = { -20, 5, 7 },
-                                                  .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
-                                        .type = SP_UINT8 };
-    if (!(rig.whole = sp_volume_create(&rig.info.grid, SP_UINT8, rig.samples, "whole", &err)))
-        fail_msg("%s", err.text);
-    if (!test_renderer_open(&rig.renderer, &target, 2, &err))
-        fail_msg("%s", err.text);
-    int from = memfd_create("samples", MFD_CLOEXEC);
-    rig.file = memfd_create("bricks", MFD_CLOEXEC);
-    assert_int_equal(write(from, rig.samples, COUNT), COUNT);
-    const struct sp_bricks_write_job job = {
-        .info = &rig.info, .samples = from, .out = rig.file, .folder = "/tmp", .shown = "test"
-    };
-    if (!sp_bricks_write(&job, &err))
-        fail_msg("%s", err.text);
-    close(from);
-    *state = &rig;
-    return 0;
-}
-
-static int teardown(void **state) {
-    struct rig *rig = *state;
-    sp_volume_unref(&rig->whole);
-    test_renderer_close(&rig->renderer);
-    free(rig->samples);
-    close(rig->file);
-    return 0;
-}
-
-/* Opens the brick file with memory for windows of that many bytes; 0 = for all. */
-static struct sp_volume *open_file(const struct rig *rig, uint64_t bytes) {
-    struct sp_error err;
-    const struct sp_load_options options = { .window_bytes = bytes };
-    struct sp_volume *volume =
-        sp_brick_store_open(dup(rig->file), "bricks", "bricks", &options, &err);
-    if (!volume)
-        fail_msg("%s", err.text);
-    return volume;
-}
-
-static struct sp_view make_view(const struct rig *rig) {
-    struct sp_view view;
-    sp_view_init(&view, sp_volume_info(rig->whole), "v");
-    view.size[0] = view.size[1] = SIDE;
-    view.transfer_function.point_count = 3;
-    memset(view.transfer_function.points, 0, sizeof view.transfer_function.points);
-    view.transfer_function.points[0].value = 40;
-    view.transfer_function.points[1] =
-        (struct sp_tf_point){ .value = 120, .color = { 0.9f, 0.5f, 0.2f }, .opacity = 0.1f };
-    view.transfer_function.points[2] =
-        (struct sp_tf_point){ .value = 200, .color = { 0.8f, 0.9f, 1 }, .opacity = 0.5f };
-    view.transfer_function.reference_length = 1;
-    view.transfer_function.order = SP_TF_POST;
-    return view;
-}
-
-/* Moves the camera towards its target. */
-static void zoom(struct sp_view *view, double by) {
-    struct sp_camera *c = &view->camera;
-    for (int a = 0; a < 3; a++)
-        c->position[a] = c->target[a] + (c->position[a] - c->target[a]) / by;
-}
 
 /* Fills the image with the third ball. */
 static void look_at_a_ball(struct sp_view *view) {
@@ -137,52 +40,12 @@ static void look_at_a_ball(struct sp_view *view) {
     view->camera.fov_y = 8;
 }
 
-static struct sp_frame *render_level(const struct rig *rig, struct sp_volume *volume,
-                                     const struct sp_view *view, double wait_ms, unsigned level) {
-    struct sp_error err;
-    const struct sp_render_options options = { .format = SP_RGBAF32,
-                                               .wait_ms = wait_ms,
-                                               .mip_level = level };
-    struct sp_frame *frame = sp_renderer_render(rig->renderer.renderer, volume, view,
-                                                rig->renderer.pool, &options, &err);
-    if (!frame)
-        fail_msg("%s: %s", err.place, err.text);
-    return frame;
-}
-
-static struct sp_frame *render(const struct rig *rig, struct sp_volume *volume,
-                               const struct sp_view *view, double wait_ms) {
-    return render_level(rig, volume, view, wait_ms, 0);
-}
-
-/* PSNR [dB] of two frames; 200 = they are equal. */
-static double compare(const struct sp_frame *a, const struct sp_frame *b) {
-    double sum = 0;
-    assert_int_equal(a->width, b->width);
-    for (uint32_t y = 0; y < a->height; y++) {
-        const float *p = (const void *)((const char *)a->pixels + y * a->stride_bytes);
-        const float *q = (const void *)((const char *)b->pixels + y * b->stride_bytes);
-        for (uint32_t i = 0; i < 4 * a->width; i++)
-            sum += ((double)p[i] - (double)q[i]) * ((double)p[i] - (double)q[i]);
-    }
-    return sum > 0 ? -10 * log10(sum / (4.0 * a->width * a->height)) : 200;
-}
-
-static double mean_of(const struct sp_frame *frame) {
-    double sum = 0;
-    for (uint32_t y = 0; y < frame->height; y++)
-        for (uint32_t x = 0; x < frame->width; x++)
-            sum += (double)((const float *)(const void *)((const char *)frame->pixels +
-                                                          y * frame->stride_bytes))[4 * x];
-    return sum / frame->width / frame->height;
-}
-
 static void expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
                    double floor_db, const char *what) {
-    struct sp_frame *got = render(rig, volume, view, 0);
-    struct sp_frame *truth = render_level(rig, rig->whole, view, 0, got->stats.bricks.level);
-    const double db = compare(truth, got);
-    assert_compare(mean_of(truth), >, 1e-4);
+    struct sp_frame *got = rig_render(rig, volume, view, 0);
+    struct sp_frame *truth = rig_render_level(rig, rig->whole, view, 0, got->stats.bricks.level);
+    const double db = rig_compare(truth, got);
+    assert_compare(rig_mean_of(truth), >, 1e-4);
     assert_false(got->stats.bricks.is_incomplete);
     assert_int_equal(got->stats.bricks.resident, got->stats.bricks.wanted);
     print_message("%s: %.1f dB, level %u, %u bricks\n", what, db, got->stats.bricks.level,
@@ -199,10 +62,10 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
         print_message("reduced: windows of a quarter of the samples, and two projections\n");
     /* With memory for all, and for windows of a quarter of the samples. */
     for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
-        struct sp_volume *volume = open_file(rig, is_small ? 2 << 20 : 0);
-        struct sp_view view = make_view(rig);
+        struct sp_volume *volume = rig_open_file(rig, is_small ? 2 << 20 : 0);
+        struct sp_view view = rig_make_view(rig);
         expect(rig, volume, &view, 200, "far");
-        zoom(&view, 2.5);
+        rig_zoom(&view, 2.5);
         view.camera.target[0] += 20;
         expect(rig, volume, &view, 200, "near");
         view.shading.mode = SP_SHADING_NONE;
@@ -210,23 +73,23 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
         view.camera.projection = SP_ORTHOGRAPHIC;
         view.camera.height = 60;
         expect(rig, volume, &view, 200, "orthographic");
-        view = make_view(rig);
-        zoom(&view, 2);
+        view = rig_make_view(rig);
+        rig_zoom(&view, 2);
         view.clip.box[0][0] = 0.21;
         view.clip.box[1][1] = 0.73;
         expect(rig, volume, &view, 200, "clip box");
         view.clip.plane_count = 1;
         view.clip.planes[0] = (struct sp_clip_plane){ .normal = { 1, 1, 0 }, .offset = 90 };
         expect(rig, volume, &view, 200, "clip plane");
-        view = make_view(rig);
-        zoom(&view, 2);
+        view = rig_make_view(rig);
+        rig_zoom(&view, 2);
         view.layers[0] = sp_layer_default(SP_LAYER_SURFACE);
         view.layers[0].value = 100;
         expect(rig, volume, &view, is_small ? 40 : 200, "surface"); /* they have no coarse levels */
-        view = make_view(rig);
+        view = rig_make_view(rig);
         look_at_a_ball(&view);
         expect(rig, volume, &view, 60, "close"); /* all of the frame lies in few bricks */
-        struct sp_frame *frame = render(rig, volume, &view, 0);
+        struct sp_frame *frame = rig_render(rig, volume, &view, 0);
         assert_int_equal(frame->stats.bricks.level, 0);
         sp_frame_unref(&frame);
         sp_volume_unref(&volume);
@@ -235,17 +98,17 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
 
 static void projections_and_edits_equal_those_of_the_volume(void **state) {
     const struct rig *rig = *state;
-    struct sp_volume *volume = open_file(rig, 0);
+    struct sp_volume *volume = rig_open_file(rig, 0);
     static const enum sp_compositing modes[] = { SP_COMPOSITE_MAXIMUM, SP_COMPOSITE_MINIMUM,
                                                  SP_COMPOSITE_MEAN, SP_COMPOSITE_SUM };
     for (size_t i = 0; i < sizeof modes / sizeof *modes; i += TEST_SANITIZED ? 3 : 1) {
-        struct sp_view view = make_view(rig);
+        struct sp_view view = rig_make_view(rig);
         view.compositing.mode = modes[i];
-        zoom(&view, 3);
+        rig_zoom(&view, 3);
         expect(rig, volume, &view, 200, "projection");
     }
-    struct sp_view view = make_view(rig);
-    zoom(&view, 2);
+    struct sp_view view = rig_make_view(rig);
+    rig_zoom(&view, 2);
     view.edit_count = 2;
     view.edits[0] = (struct sp_edit){ .type = SP_EDIT_BOX,
                                       .keep = SP_KEEP_OUTSIDE,
@@ -259,14 +122,14 @@ static void projections_and_edits_equal_those_of_the_volume(void **state) {
 
 static void little_memory_gives_coarser_images(void **state) {
     const struct rig *rig = *state;
-    struct sp_view view = make_view(rig);
+    struct sp_view view = rig_make_view(rig);
     view.level_of_detail = SP_LOD_OFF;
-    struct sp_frame *truth = render(rig, rig->whole, &view, 0);
+    struct sp_frame *truth = rig_render(rig, rig->whole, &view, 0);
     double last = 300;
     for (uint64_t bytes = 16 << 20; bytes >= 1 << 18; bytes /= 8) {
-        struct sp_volume *volume = open_file(rig, bytes);
+        struct sp_volume *volume = rig_open_file(rig, bytes);
         struct sp_brick_store *store = sp_brick_store_of(volume);
-        struct sp_frame *frame = render(rig, volume, &view, 0);
+        struct sp_frame *frame = rig_render(rig, volume, &view, 0);
         uint64_t bricks, used;
         sp_brick_store_usage(store, &bricks, &used);
         assert_compare(used, <=, bytes);
@@ -275,7 +138,7 @@ static void little_memory_gives_coarser_images(void **state) {
         assert_int_equal(frame->stats.bricks.asked, 0);
         assert_int_equal(sp_frame_bricks_is_complete(&frame->stats.bricks),
                          frame->stats.bricks.level == 0);
-        const double db = compare(truth, frame);
+        const double db = rig_compare(truth, frame);
         print_message("%u bytes: %.1f dB, level %u\n", (unsigned)bytes, db,
                       frame->stats.bricks.level);
         assert_compare(db, <, last);
@@ -289,20 +152,20 @@ static void little_memory_gives_coarser_images(void **state) {
 
 static void a_frame_that_does_not_wait_is_refined(void **state) {
     const struct rig *rig = *state;
-    struct sp_volume *volume = open_file(rig, 3 << 19); /* which gives a coarse volume */
-    struct sp_view view = make_view(rig);
-    zoom(&view, 2.5);
-    struct sp_frame *first = render(rig, volume, &view, -1);
+    struct sp_volume *volume = rig_open_file(rig, 3 << 19); /* which gives a coarse volume */
+    struct sp_view view = rig_make_view(rig);
+    rig_zoom(&view, 2.5);
+    struct sp_frame *first = rig_render(rig, volume, &view, -1);
     assert_true(first->stats.bricks.is_incomplete);
     assert_int_equal(first->stats.bricks.resident, 0);
     assert_compare(first->stats.bricks.wanted, >, 0);
-    assert_compare(mean_of(first), >, 1e-4);
-    struct sp_frame *last = render(rig, volume, &view, 0);
+    assert_compare(rig_mean_of(first), >, 1e-4);
+    struct sp_frame *last = rig_render(rig, volume, &view, 0);
     assert_false(last->stats.bricks.is_incomplete);
     assert_compare(last->stats.bricks.level, <, first->stats.bricks.level);
-    struct sp_frame *again = render(rig, volume, &view, -1); /* the window stays */
+    struct sp_frame *again = rig_render(rig, volume, &view, -1); /* the window stays */
     assert_false(again->stats.bricks.is_incomplete);
-    assert_compare(compare(last, again), ==, 200);
+    assert_compare(rig_compare(last, again), ==, 200);
     sp_frame_unref(&first);
     sp_frame_unref(&last);
     sp_frame_unref(&again);
@@ -311,14 +174,14 @@ static void a_frame_that_does_not_wait_is_refined(void **state) {
 
 static void nothing_that_is_seen_needs_no_bricks(void **state) {
     const struct rig *rig = *state;
-    struct sp_volume *volume = open_file(rig, 0);
-    struct sp_view view = make_view(rig);
+    struct sp_volume *volume = rig_open_file(rig, 0);
+    struct sp_view view = rig_make_view(rig);
     for (uint32_t i = 0; i < view.transfer_function.point_count; i++)
         view.transfer_function.points[i].value += 200;
-    struct sp_frame *frame = render(rig, volume, &view, -1);
+    struct sp_frame *frame = rig_render(rig, volume, &view, -1);
     assert_int_equal(frame->stats.bricks.wanted, 0);
     assert_true(sp_frame_bricks_is_complete(&frame->stats.bricks));
-    assert_compare(mean_of(frame), ==, 0);
+    assert_compare(rig_mean_of(frame), ==, 0);
     sp_frame_unref(&frame);
     sp_volume_unref(&volume);
 }
@@ -326,9 +189,9 @@ static void nothing_that_is_seen_needs_no_bricks(void **state) {
 static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     const struct rig *rig = *state;
     struct sp_error err;
-    struct sp_view view = make_view(rig);
+    struct sp_view view = rig_make_view(rig);
     view.level_of_detail = SP_LOD_OFF;
-    struct sp_volume *sound = open_file(rig, 2 << 20);
+    struct sp_volume *sound = rig_open_file(rig, 2 << 20);
     const struct sp_brick_file *file = sp_brick_store_file(sp_brick_store_of(sound));
     int copy = memfd_create("damaged", MFD_CLOEXEC);
     const off_t size = lseek(rig->file, 0, SEEK_END);
@@ -344,7 +207,8 @@ static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     const struct sp_load_options options = { .window_bytes = 2 << 20 };
     struct sp_volume *volume = sp_brick_store_open(copy, "damaged", "damaged", &options, &err);
     assert_non_null(volume);
-    struct sp_frame *truth = render(rig, sound, &view, 0), *frame = render(rig, volume, &view, 0);
+    struct sp_frame *truth = rig_render(rig, sound, &view, 0),
+                    *frame = rig_render(rig, volume, &view, 0);
     assert_int_equal(truth->stats.bricks.level, 1);
     assert_int_equal(frame->stats.bricks.level, 1);
     assert_true(frame->stats.bricks.is_incomplete);
@@ -359,7 +223,7 @@ static void a_damaged_brick_is_shown_coarsely_and_reported(void **state) {
     assert_int_equal(damage.level, 1);
     assert_memory_equal(damage.box, first, sizeof first);
     assert_int_equal(damage.why.code, SP_ERR_FORMAT);
-    assert_compare(compare(truth, frame), >, 20);
+    assert_compare(rig_compare(truth, frame), >, 20);
     sp_frame_unref(&truth);
     sp_frame_unref(&frame);
     sp_volume_unref(&sound);
@@ -377,11 +241,11 @@ static void *visit(void *user) {
     struct visitor *v = user;
     const struct sp_brick_file *file = sp_brick_store_file(sp_brick_store_of(v->volume));
     for (int i = 0; i < 8; i++) {
-        struct sp_view view = make_view(v->rig);
+        struct sp_view view = rig_make_view(v->rig);
         struct sp_brick_need need;
         struct sp_brick_window window;
         struct sp_error err;
-        zoom(&view, 3);
+        rig_zoom(&view, 3);
         view.camera.target[0] += 30 * cos(v->angle + i);
         view.camera.target[1] += 30 * sin(v->angle + i);
         assert_true(sp_window_need(file, &view, 1, false, &need));
@@ -399,7 +263,7 @@ static void *visit(void *user) {
 
 static void threads_share_windows(void **state) {
     const struct rig *rig = *state;
-    struct sp_volume *volume = open_file(rig, 2 << 20);
+    struct sp_volume *volume = rig_open_file(rig, 2 << 20);
     pthread_t threads[3];
     struct visitor visitors[3];
     for (int i = 0; i < 3; i++) {
@@ -413,9 +277,9 @@ static void threads_share_windows(void **state) {
 
 /* Renders all of a volume at its finest level that the memory allows; returns it. */
 static unsigned show(const struct rig *rig, struct sp_volume *volume, double wait_ms) {
-    struct sp_view view = make_view(rig);
+    struct sp_view view = rig_make_view(rig);
     view.level_of_detail = SP_LOD_OFF;
-    struct sp_frame *frame = render(rig, volume, &view, wait_ms);
+    struct sp_frame *frame = rig_render(rig, volume, &view, wait_ms);
     assert_false(frame->stats.bricks.is_incomplete);
     const unsigned level = frame->stats.bricks.level;
     sp_frame_unref(&frame);
@@ -459,7 +323,7 @@ static void slices_and_measures_read_their_bricks(void **state) {
     enum { WAIT_MS = 60000 };
     const struct rig *rig = *state;
     struct sp_error err;
-    struct sp_volume *volume = open_file(rig, 4 << 20);
+    struct sp_volume *volume = rig_open_file(rig, 4 << 20);
     struct sp_volume_info info;
     assert_true(sp_bricks_describe(volume, 0, &info));
     assert_memory_equal(info.grid.dims, rig->info.grid.dims, sizeof info.grid.dims);
@@ -504,7 +368,7 @@ static void slices_and_measures_read_their_bricks(void **state) {
 
 static void the_first_view_is_that_of_the_volume_in_memory(void **state) {
     const struct rig *rig = *state;
-    struct sp_volume *volume = open_file(rig, 3 << 20); /* which has level 1 in memory */
+    struct sp_volume *volume = rig_open_file(rig, 3 << 20); /* which has level 1 in memory */
     struct sp_view want, got;
     assert_int_equal(sp_bricks_base(volume), 1);
     sp_view_choose(&want, rig->whole, "v");
@@ -523,9 +387,9 @@ static void the_first_view_is_that_of_the_volume_in_memory(void **state) {
     }
     got.level_of_detail = want.level_of_detail = SP_LOD_OFF;
     got.size[0] = got.size[1] = want.size[0] = want.size[1] = SIDE;
-    struct sp_frame *truth = render(rig, rig->whole, &want, 0),
-                    *frame = render(rig, rig->whole, &got, 0);
-    const double db = compare(truth, frame);
+    struct sp_frame *truth = rig_render(rig, rig->whole, &want, 0),
+                    *frame = rig_render(rig, rig->whole, &got, 0);
+    const double db = rig_compare(truth, frame);
     print_message("the first view: %.1f dB\n", db);
     assert_compare(db, >, 38);
     sp_frame_unref(&truth);
@@ -568,5 +432,5 @@ int main(void) {
         cmocka_unit_test(the_first_view_is_that_of_the_volume_in_memory),
         cmocka_unit_test(opening_reserves_all_memory),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, rig_setup, rig_teardown);
 }

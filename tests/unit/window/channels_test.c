@@ -1,0 +1,74 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Channels of brick files against channels of volumes in memory.
+ */
+#include <setjmp.h>
+#include <stdarg.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include <cmocka.h>
+
+#include <stdio.h>
+
+#include "support/compare.h"
+#include "unit/window/rig.h"
+
+static struct sp_volume *find_channel(void *user, const char *id) {
+    assert_string_equal(id, "channel");
+    return sp_volume_ref(user);
+}
+
+static struct sp_frame *render_with_channel(const struct rig *rig, struct sp_volume *volume,
+                                            struct sp_volume *channel, const struct sp_view *view,
+                                            double wait_ms, unsigned level) {
+    struct sp_error err;
+    const struct sp_render_options options = { .format = SP_RGBAF32,
+                                               .wait_ms = wait_ms,
+                                               .mip_level = level,
+                                               .find = find_channel,
+                                               .user = channel };
+    struct sp_frame *frame = sp_renderer_render(rig->renderer.renderer, volume, view,
+                                                rig->renderer.pool, &options, &err);
+    if (!frame)
+        fail_msg("%s: %s", err.place, err.text);
+    return frame;
+}
+
+/* Channels have one grid, whatever memory each of them has. */
+static void channels_equal_those_of_volumes_in_memory(void **state) {
+    const struct rig *rig = *state;
+    static const uint64_t bytes[][2] = { { 0, 0 }, { 3 << 19, 1 << 22 }, { 1 << 22, 3 << 19 } };
+    struct sp_view view = rig_make_view(rig);
+    rig_zoom(&view, 2.5);
+    view.layer_count = 2;
+    view.layers[1] = sp_layer_default(SP_LAYER_CHANNEL);
+    snprintf(view.layers[1].id, sizeof view.layers[1].id, "channel");
+    view.layers[1].point_count = 2;
+    view.layers[1].points[0] = (struct sp_tf_point){ .value = 20, .color = { 0, 0, 1 } };
+    view.layers[1].points[1] =
+        (struct sp_tf_point){ .value = 60, .color = { 0, 0, 1 }, .opacity = 0.2f };
+    for (size_t i = 0; i < sizeof bytes / sizeof *bytes; i++) {
+        struct sp_volume *volume = rig_open_file(rig, bytes[i][0]);
+        struct sp_volume *channel = rig_open_file(rig, bytes[i][1]);
+        struct sp_frame *first = render_with_channel(rig, volume, channel, &view, -1, 0);
+        struct sp_frame *last = render_with_channel(rig, volume, channel, &view, 0, 0);
+        const unsigned level = last->stats.bricks.level;
+        struct sp_frame *truth = render_with_channel(rig, rig->whole, rig->whole, &view, 0, level);
+        print_message("level %u, then %u\n", first->stats.bricks.level, level);
+        assert_compare(level, <=, first->stats.bricks.level);
+        assert_compare(rig_compare(truth, last), >=, 110);
+        sp_frame_unref(&first);
+        sp_frame_unref(&last);
+        sp_frame_unref(&truth);
+        sp_volume_unref(&volume);
+        sp_volume_unref(&channel);
+    }
+}
+
+int main(void) {
+    const struct CMUnitTest tests[] = {
+        cmocka_unit_test(channels_equal_those_of_volumes_in_memory),
+    };
+    return cmocka_run_group_tests(tests, rig_setup, rig_teardown);
+}

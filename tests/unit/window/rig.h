@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * A volume in memory and the same in a brick file, and images of both. Failures end the test.
+ */
+#ifndef TESTS_UNIT_WINDOW_RIG_H
+#define TESTS_UNIT_WINDOW_RIG_H
+
+#include "sp/view.h"
+#include "support/render.h"
+
+enum { NX = 210, NY = 150, NZ = 133, COUNT = NX * NY * NZ, SIDE = 96 };
+
+struct rig {
+    struct test_renderer renderer;
+    uint8_t *samples;
+    struct sp_volume_info info;
+    struct sp_volume *whole;
+    int file; /* the brick file */
+};
+
+/* Fixtures of a group of tests; *state is the rig. */
+int rig_setup(void **state);
+int rig_teardown(void **state);
+
+/* Opens the brick file with memory for windows of that many bytes; 0 = for all. */
+struct sp_volume *rig_open_file(const struct rig *rig, uint64_t bytes);
+
+struct sp_view rig_make_view(const struct rig *rig);
+
+/* Moves the camera towards its target. */
+void rig_zoom(struct sp_view *view, double by);
+
+struct sp_frame *rig_render_level(const struct rig *rig, struct sp_volume *volume,
+                                  const struct sp_view *view, double wait_ms, unsigned level);
+struct sp_frame *rig_render(const struct rig *rig, struct sp_volume *volume,
+                            const struct sp_view *view, double wait_ms);
+
+/* PSNR [dB] of two frames; 200 = they are equal. */
+double rig_compare(const struct sp_frame *a, const struct sp_frame *b);
+
+double rig_mean_of(const struct sp_frame *frame);
+
+#endif
