@@ -1,14 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 // Chooses the numbers that colour streaks or points: their own values, the lengths of their vectors, or another field of the file. The other
-// field is loaded as a volume.
+// field is loaded as a volume. Two fields have the numbers of the first and the last colour.
+import { coloringField } from '../core/color_bar.js';
 import { MAGNITUDE, hasVectors } from '../core/layers.js';
+import { numberText, roundValue } from '../core/lengths.js';
 import { t } from '../core/text.js';
 import { make } from './dom.js';
 
+const ENDS = ['color_low', 'color_high'];
 const PLAIN = { color_low: null, color_high: null }; // the range of the new numbers
 
+/** The number in a field; null if it is empty. */
+const numberOf = (input) => (Number.isFinite(input.valueAsNumber) ? input.valueAsNumber : null);
+
 export class ColorByRow {
-  #layers; #select;
+  #layers; #select; #ends; #range;
   #index = -1;
   #shown = '';
 
@@ -21,7 +27,37 @@ export class ColorByRow {
       if (kind === 'field') this.#load(this.#select.value);
       else layers.change(this.#index, { color_by: this.#select.value, ...PLAIN }, timeStamp);
     });
-    this.root = make('div', { class: 'row', title: t('layers.color_by.title') }, make('label', { for: id, text: t('layers.color_by') }), this.#select);
+    this.#ends = ENDS.map((name) => make('input', { type: 'number', step: 'any', 'data-end': name, 'aria-label': t(`layers.${name}`) }));
+    this.#ends.forEach((input) => {
+      input.addEventListener('input', () => this.#ends.forEach((end) => end.setCustomValidity('')));
+      input.addEventListener('change', ({ timeStamp }) => this.#setRange(input, timeStamp));
+    });
+    this.#range = make('div', { class: 'row', role: 'group', 'aria-label': t('layers.color_range.label'), title: t('layers.color_range.title') },
+      make('span', { text: t('layers.color_range') }), make('span', { class: 'range' }, this.#ends[0], '–', this.#ends[1]));
+    this.root = make('div', {},
+      make('div', { class: 'row', title: t('layers.color_by.title') }, make('label', { for: id, text: t('layers.color_by') }), this.#select),
+      this.#range);
+  }
+
+  /** An empty field is the end of the data. */
+  #setRange(input, time) {
+    const [low, high] = this.#ends.map(numberOf);
+    input.setCustomValidity(low !== null && high !== null && low >= high ? t('layers.color_range.order') : '');
+    if (input.reportValidity()) this.#layers.change(this.#index, { color_low: low, color_high: high }, time);
+  }
+
+  #showRange() {
+    const layer = this.#layer;
+    const numbers = layer.color_by ? coloringField(layer, (id) => this.#layers.volumeOf({ id })) : null;
+    this.#range.hidden = !numbers;
+    ENDS.forEach((name, i) => {
+      const [input, value] = [this.#ends[i], layer[name] ?? null];
+      const limits = numbers?.field.range;
+      input.placeholder = limits ? numberText(roundValue(limits[i], limits)) : '';
+      if (document.activeElement === input && numberOf(input) !== value) return; // it is being typed
+      input.setCustomValidity('');
+      input.value = value === null ? '' : String(value);
+    });
   }
 
   get #layer() { return this.#layers.list[this.#index]; }
@@ -61,5 +97,6 @@ export class ColorByRow {
       }));
     }
     this.#select.selectedIndex = Math.max(0, options.findIndex(([value, , kind]) => value === (this.#layer.color_by ?? '') && kind !== 'field'));
+    this.#showRange();
   }
 }

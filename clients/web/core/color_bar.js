@@ -42,19 +42,27 @@ function ticksBetween([low, high]) {
 /** The layer whose values the picture shows in colours. */
 const coloredLayer = (view) => layersOf(view).find(({ type, visible = true }) => visible && COLORED.includes(type));
 
-/** The bar of a layer whose colours come from other numbers: all colours, from the first point to the last one. */
-function otherBar({ id, color_by: chosen, color_low: low, color_high: high }, view, volumes) {
-  const find = (wanted) => volumes.find((volume) => volume.id === wanted);
-  const own = find(id || view.volume);
+/** The numbers that give the colours of a layer with color_by: {volume, field}, or null if they are not known. find(id): a volume. */
+export function coloringField({ id, color_by: chosen }, find) {
   const isLength = chosen === MAGNITUDE;
-  const field = isLength ? own?.fields?.find(({ components }) => components === 3) : find(chosen)?.fields?.[0];
+  const volume = find(isLength ? id : chosen);
+  const field = isLength ? volume?.fields?.find(({ components }) => components === 3) : volume?.fields?.[0];
+  return field ? { volume, field } : null;
+}
+
+/** The bar of a layer whose colours come from other numbers: all colours, from the first point to the last one. */
+function otherBar(layer, view, volumes) {
+  const { color_low: low, color_high: high } = layer;
+  const isLength = layer.color_by === MAGNITUDE;
+  const numbers = coloringField(layer, (id) => volumes.find((volume) => volume.id === (id || view.volume)));
   const points = view.transfer_function?.points;
-  if (!field || !points?.length) return null;
+  if (!numbers || !points?.length) return null;
+  const { field } = numbers;
   const range = [low ?? field.range[0], high ?? field.range[1]];
   if (!(range[1] > range[0])) return null;
   const ends = [points[0].value, points.at(-1).value];
   const colors = ends[1] > ends[0] ? colorsOf(points, ends) : [{ at: 0, color: points[0].color }, { at: 1, color: points[0].color }];
-  const volume = { ...(isLength ? own : find(chosen)), fields: [field] };
+  const volume = { ...numbers.volume, fields: [field] };
   return { ...bar(colors.map((stop) => ({ ...stop, isHidden: false })), range, volume), name: isLength ? `${field.name} ${MAGNITUDE}`.trim() : field.name };
 }
 
