@@ -52,7 +52,8 @@ static enum zarr_found fetch(struct remote *r, const char *key, uint64_t offset,
         return ZARR_MISSING;
     }
     if (reply.found != REMOTE_FOUND || reply.got > REMOTE_WINDOW) {
-        zarr_fail(&r->store, err, (enum sp_code)reply.code, key, "", "%s", reply.text);
+        const enum sp_code code = reply.code == SP_ERR_DENIED ? SP_ERR_DENIED : SP_ERR_IO;
+        zarr_fail(&r->store, err, code, key, "", "%s", reply.text);
         return ZARR_FAILED;
     }
     snprintf(r->key, sizeof r->key, "%s", key);

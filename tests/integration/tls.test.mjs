@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // TLS: the same responses and streams as without it, and clients that use TLS incorrectly or not at all.
 import assert from 'node:assert/strict';
-import { execFileSync, spawn } from 'node:child_process';
+import { spawn } from 'node:child_process';
 import { createHash } from 'node:crypto';
 import { once } from 'node:events';
 import { chmodSync, copyFileSync, mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
@@ -12,18 +12,13 @@ import { Duplex } from 'node:stream';
 import { after, before, test } from 'node:test';
 import tls from 'node:tls';
 import { compare } from '../support/compare.mjs';
+import { certify } from './certificate.mjs';
 import { clientFrame, Daemon, Raw, runToEnd, Stream, within } from './harness.mjs';
 
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-tls-'));
 const at = (name) => path.join(folder, name);
 const [cert, key] = [at('cert.pem'), at('key.pem')];
 
-/** Creates a self-signed certificate for 127.0.0.1. */
-function certify(name) {
-  execFileSync('openssl', ['req', '-x509', '-newkey', 'ec', '-pkeyopt', 'ec_paramgen_curve:P-256', '-nodes', '-days', '30', '-subj',
-    `/CN=${name}`, '-addext', 'subjectAltName=IP:127.0.0.1', '-keyout', at(`${name}.key`), '-out', at(`${name}.crt`)], { stdio: 'ignore' });
-  chmodSync(at(`${name}.key`), 0o600);
-}
 function install(name) {
   copyFileSync(at(`${name}.crt`), cert);
   copyFileSync(at(`${name}.key`), key);
@@ -33,7 +28,7 @@ let daemon;
 let ca;
 const secure = ['--tls-cert', cert, '--tls-key', key];
 before(async () => {
-  ['one', 'two'].forEach(certify);
+  for (const name of ['one', 'two']) certify(at(name), name);
   install('one');
   ca = [readFileSync(at('one.crt')), readFileSync(at('two.crt'))];
   daemon = await Daemon.start(['--volume', 'demo:engine?size=32', ...secure, '--handshakes', '8', '--header-time', '2',
