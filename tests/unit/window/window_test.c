@@ -275,6 +275,39 @@ static void threads_share_windows(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Threads show two files, while the memory of both shrinks and grows. */
+static void threads_of_two_files_share_memory(void **state) {
+    enum { BYTES = 8 << 20, THREADS = 4, TIMES = 50 };
+    const struct rig *rig = *state;
+    struct sp_error err;
+    struct sp_volume *files[2];
+    struct sp_brick_usage usage;
+    struct sp_brick_memory *memory = sp_brick_memory_create(BYTES, &err);
+    const struct sp_load_options options = { .windows = memory };
+    pthread_t threads[THREADS];
+    struct visitor visitors[THREADS];
+    for (int i = 0; i < 2; i++) {
+        files[i] = sp_brick_store_open(dup(rig->file), "file", "file", &options, &err);
+        assert_non_null(files[i]);
+    }
+    for (int i = 0; i < THREADS; i++) {
+        visitors[i] = (struct visitor){ rig, files[i % 2], 1.7 * i };
+        assert_int_equal(pthread_create(&threads[i], NULL, visit, &visitors[i]), 0);
+    }
+    for (int i = 0; i < TIMES; i++) { /* a need is below a megabyte */
+        sp_brick_memory_set(memory, i % 2 ? BYTES : BYTES / 2);
+        sp_brick_memory_usage(memory, &usage);
+        assert_int_equal(usage.files, 2);
+    }
+    for (int i = 0; i < THREADS; i++)
+        pthread_join(threads[i], NULL);
+    sp_brick_memory_usage(memory, &usage);
+    assert_compare(usage.bytes, <=, BYTES);
+    for (int i = 0; i < 2; i++)
+        sp_volume_unref(&files[i]);
+    sp_brick_memory_unref(&memory);
+}
+
 /* Renders all of a volume at its finest level that the memory allows; returns it. */
 static unsigned show(const struct rig *rig, struct sp_volume *volume, double wait_ms) {
     struct sp_view view = rig_make_view(rig);
@@ -427,6 +460,7 @@ int main(void) {
         cmocka_unit_test(nothing_that_is_seen_needs_no_bricks),
         cmocka_unit_test(a_damaged_brick_is_shown_coarsely_and_reported),
         cmocka_unit_test(threads_share_windows),
+        cmocka_unit_test(threads_of_two_files_share_memory),
         cmocka_unit_test(files_share_memory),
         cmocka_unit_test(slices_and_measures_read_their_bricks),
         cmocka_unit_test(the_first_view_is_that_of_the_volume_in_memory),
