@@ -37,6 +37,14 @@ char *collection_path(struct http *http, const char *collection, const char *nam
  */
 bool layers_apply(const struct options *options, struct http *http, proto_json *view,
                   struct sp_error *err);
+/* Reads a finite number, RRGGBB or #RRGGBB, or a comma; *text then points behind it (layers.c). */
+bool take_number(const char **text, double *out);
+bool take_color(const char **text, double color[3]);
+bool take_comma(const char **text);
+/* Appends the channels of the options to the layers of the view, `list`; their volumes are loaded
+ * if necessary (channels.c). False with *err set on failure. */
+bool channels_append(const struct options *options, struct http *http, proto_json *view,
+                     proto_json *list, struct sp_error *err);
 /* Returns the view of the options: --preset, --view over it, then --size and the options of the
  * camera, the projection and the layers (patch.c). `http` is used for --preset alone. NULL with
  * *err set on failure. */

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * The layers of a view from the command line: --surface, --shell, --vectors, --color-by and
- * --no-volume. Streaks take the place of the volume, which would hide them.
+ * --no-volume; channels.c has --channel. Streaks take the place of the volume, which would hide
+ * them.
  */
 #include <math.h>
 #include <stdio.h>
@@ -11,8 +12,7 @@
 #include "cli/commands.h"
 #include "sp/view.h"
 
-/* Reads a finite number; *text then points behind it. */
-static bool take_number(const char **text, double *out) {
+bool take_number(const char **text, double *out) {
     char *end;
     *out = strtod(*text, &end);
     bool ok = end != *text && isfinite(*out);
@@ -20,8 +20,7 @@ static bool take_number(const char **text, double *out) {
     return ok;
 }
 
-/* Reads RRGGBB or #RRGGBB; *text then points behind it. */
-static bool take_color(const char **text, double color[3]) {
+bool take_color(const char **text, double color[3]) {
     const char *at = *text + (**text == '#' ? 1 : 0);
     if (strspn(at, "0123456789abcdefABCDEF") != 6)
         return false;
@@ -32,7 +31,7 @@ static bool take_color(const char **text, double color[3]) {
     return true;
 }
 
-static bool take_comma(const char **text) {
+bool take_comma(const char **text) {
     bool ok = **text == ',';
     *text += ok ? 1 : 0;
     return ok;
@@ -199,10 +198,28 @@ static bool set_color_by(const struct options *options, struct http *http, proto
     return ok;
 }
 
-static bool add_layers(const struct layer_options *options, proto_json *view,
+/* Appends the layers of the options. */
+static bool append_all(const struct options *options, struct http *http, proto_json *view,
+                       proto_json *list, struct sp_error *err) {
+    const struct layer_options *layers = &options->layers;
+    bool ok = true;
+    for (int i = 0; i < layers->surface_count; i++)
+        ok = append_surface(list, &layers->surfaces[i]) && ok;
+    if (!isnan(layers->low))
+        ok = append_shell(list, layers) && ok;
+    if (layers->style)
+        ok = append_vectors(list, layers) && ok;
+    if (!ok)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    return channels_append(options, http, view, list, err);
+}
+
+static bool add_layers(const struct options *options, struct http *http, proto_json *view,
                        struct sp_error *err) {
+    const struct layer_options *layers = &options->layers;
     const proto_json *old = proto_json_get(view, "layers");
-    if (!options->surface_count && isnan(options->low) && !options->style && !options->no_volume)
+    if (!layers->surface_count && !layers->channel_count && isnan(layers->low) && !layers->style &&
+        !layers->no_volume)
         return true;
     if (proto_json_type(old) == PROTO_JSON_NULL)
         old = NULL;
@@ -210,24 +227,20 @@ static bool add_layers(const struct layer_options *options, proto_json *view,
         return sp_fail(err, SP_ERR_INVALID, "/layers", "must be an array, not %s",
                        proto_json_type_name(proto_json_type(old)));
     proto_json *list = proto_json_array();
-    bool ok = copy_layers(options, old, list);
-    for (int i = 0; i < options->surface_count; i++)
-        ok = append_surface(list, &options->surfaces[i]) && ok;
-    if (!isnan(options->low))
-        ok = append_shell(list, options) && ok;
-    if (options->style)
-        ok = append_vectors(list, options) && ok;
-    if (ok && proto_json_size(list) == 0) {
+    bool ok = copy_layers(layers, old, list) || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    ok = ok && append_all(options, http, view, list, err);
+    if (ok && proto_json_size(list) == 0)
+        ok = sp_fail(err, SP_ERR_INVALID, "--no-volume",
+                     "leaves nothing to draw: add --surface, --shell, --vectors or --channel");
+    if (!ok) {
         proto_json_free(&list);
-        return sp_fail(err, SP_ERR_INVALID, "--no-volume",
-                       "leaves nothing to draw: add --surface, --shell or --vectors");
+        return false;
     }
-    return (proto_json_set(view, "layers", list) && ok) ||
-           sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
+    return proto_json_set(view, "layers", list) || sp_fail(err, SP_ERR_MEMORY, "", "out of memory");
 }
 
 bool layers_apply(const struct options *options, struct http *http, proto_json *view,
                   struct sp_error *err) {
-    return add_layers(&options->layers, view, err) &&
+    return add_layers(options, http, view, err) &&
            (!options->layers.color_by || set_color_by(options, http, view, err));
 }

@@ -49,6 +49,7 @@ enum option_id {
     OPT_SHELL,
     OPT_VECTORS,
     OPT_COLOR_BY,
+    OPT_CHANNEL,
     OPT_NO_VOLUME,
     OPT_HELP,
     OPT_VERSION
@@ -91,6 +92,7 @@ static const struct option known[] = {
     { "shell", required_argument, NULL, OPT_SHELL },
     { "vectors", required_argument, NULL, OPT_VECTORS },
     { "color-by", required_argument, NULL, OPT_COLOR_BY },
+    { "channel", required_argument, NULL, OPT_CHANNEL },
     { "no-volume", no_argument, NULL, OPT_NO_VOLUME },
     { "help", no_argument, NULL, OPT_HELP },
     { "version", no_argument, NULL, OPT_VERSION },
@@ -258,6 +260,8 @@ static bool apply_number(struct options *o, enum option_id id, const char *value
     case OPT_COLOR_BY:
         o->layers.color_by = value;
         return true;
+    case OPT_CHANNEL:
+        return channels_parse(&o->layers, value);
     case OPT_VECTORS:
         return layers_parse_vectors(&o->layers, value);
     default:

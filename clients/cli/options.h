@@ -1,15 +1,16 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * splatctl controls the daemon from a shell. main.c dispatches; commands.c, collections.c, path.c,
- * measures.c, render.c, slice.c and upload.c are the commands; patch.c and layers.c make their
- * view; http.c talks to the daemon; local.c renders without a daemon; output.c writes files
- * completely or not at all; print.c prints tables and JSON; help.c prints the help. Errors are
- * struct sp_error up to main(), which prints `splatctl: place: text`.
+ * measures.c, render.c, slice.c and upload.c are the commands; patch.c, layers.c and channels.c
+ * make their view; http.c talks to the daemon; local.c renders without a daemon; output.c writes
+ * files completely or not at all; print.c prints tables and JSON; help.c prints the help. Errors
+ * are struct sp_error up to main(), which prints `splatctl: place: text`.
  */
 #ifndef CLI_OPTIONS_H
 #define CLI_OPTIONS_H
 
 #include <stdbool.h>
+#include <stddef.h>
 #include <stdint.h>
 
 /* Members of the view's camera that have an option. */
@@ -34,10 +35,22 @@ struct surface_option {
     double opacity;  /* [0, 1]; NAN = the default */
 };
 
+struct channel_option {
+    const char *source; /* an id or a source, not terminated */
+    size_t source_bytes;
+    double color[3];  /* [0, 1]; NAN = the next one of a list */
+    double low, high; /* of the ramp of opacity; NAN = the default */
+    double opacity;   /* [0, 1), at `high` */
+};
+
+enum { CHANNELS_MAX = LAYERS_MAX - 1 }; /* beside the volume */
+
 /* Layers that are added to those of the view. */
 struct layer_options {
     struct surface_option surfaces[LAYERS_MAX];
     int surface_count;
+    struct channel_option channels[CHANNELS_MAX];
+    int channel_count;
     double low, high;        /* of a shell, [0, 1]; NAN = no shell */
     bool is_fast;            /* detail of the shell */
     const char *style;       /* of vectors; NULL = no vectors */
@@ -73,10 +86,12 @@ struct options {
  * Strings point into argv. */
 bool options_parse(struct options *options, int argc, char **argv);
 
-/* The values of --surface, --shell and --vectors; layers.c. False after a message. */
+/* The values of --surface, --shell and --vectors (layers.c), and --channel (channels.c). False
+ * after a message. */
 bool layers_parse_surface(struct layer_options *layers, const char *text);
 bool layers_parse_shell(struct layer_options *layers, const char *text);
 bool layers_parse_vectors(struct layer_options *layers, const char *text);
+bool channels_parse(struct layer_options *layers, const char *text);
 
 /* Prints `splatctl: what: why; see splatctl --help` to standard error and returns 2. */
 __attribute__((format(printf, 2, 3))) int usage_error(const char *what, const char *format, ...);

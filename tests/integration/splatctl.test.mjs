@@ -144,6 +144,23 @@ test('the daemon accepts its own default view', async () => {
   assert.deepEqual(await succeeds(['render', '--view', '-', '--out', '-'], { input: view }), asDefault);
 });
 
+test('channels are loaded, and the image is the same with and without the daemon', async () => {
+  const values = (f) => [...Array(512).keys()].map((i) => f(i % 8, Math.floor(i / 8) % 8)).join(' ');
+  const field = (name, f) => `SCALARS ${name} float 1\nLOOKUP_TABLE default\n${values(f)}\n`;
+  writeFileSync(inFolder('cells.vtk'), `# vtk DataFile Version 3.0\ncells\nASCII\nDATASET STRUCTURED_POINTS\nDIMENSIONS 8 8 8\nORIGIN 0 0 0\nSPACING 1 1 1\n`
+    + `POINT_DATA 512\n${field('left', (x) => Number(x < 4))}${field('top', (x, y) => Number(y < 4))}`);
+  const common = ['--size', '40x30', '--no-volume', '--projection', 'maximum', '--out', '-'];
+  const local = inFolder('cells.vtk');
+  const render = (source, more, second) => succeeds(['render', ...more, '--volume', source, '--channel', source, '--channel', `${source}?field=top${second}`, ...common]);
+  const own = await render('cells.vtk', [], '');
+  assert.deepEqual(await render(local, ['--local'], ''), own);
+  assert.deepEqual(await render('cells.vtk', [], ',ff00ff'), own, 'the second colour of the list');
+  assert.notDeepEqual(await render('cells.vtk', [], ',ff00ff,0,2'), own);
+  const { status, err } = await splatctl(['render', '--volume', 'engine', '--channel', 'cells.vtk', '--out', '-']);
+  assert.equal(status, 1);
+  assert.match(err, /grid/);
+});
+
 test('the daemon and splatctl in process give the same image', async () => {
   const view = JSON.stringify({
     size: [200, 150], background: [0.2, 0.1, 0.4, 0.5], filter: { mode: 'ewa' }, camera: { fov_y: 40 },

@@ -414,12 +414,50 @@ class Remote(RemoteCase):
                 self.assertEqual(json.loads(Daemon.seen[-1][3]).get('layers'), layers)
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--no-volume')
         self.assertEqual((result.returncode, result.stderr),
-                         (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface, --shell or --vectors\n'))
+                         (1, b'splatctl: --no-volume: leaves nothing to draw: add --surface, --shell, --vectors or --channel\n'))
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--color-by', 'magnitude')
         self.assertEqual((result.returncode, result.stderr),
                          (1, b'splatctl: --color-by: needs --vectors, or a view with layers of vectors or points\n'))
         result = self.run_at('render', '--volume', 'head', '--out', self.out, '--surface', '1', '--view', '-', stdin=b'{"layers": 5}')
         self.assertEqual((result.returncode, result.stderr), (1, b'splatctl: /layers: must be an array, not a number\n'))
+
+    def test_channels(self):
+        self.reply_image()
+        volume = {'type': 'volume'}
+        green, magenta, cyan, red = [0, 1, 0], [1, 0, 1], [0, 1, 1], [1, 0, 0]
+        point = lambda value, opacity, color: {'value': value, 'opacity': opacity, 'color': color}
+        channel = lambda color, *points: {'type': 'channel', 'id': 'head', 'color': color, **({'points': list(points)} if points else {})}
+        cases = (
+            (['--channel', 'head'], {}, [volume, channel(green)]),
+            (['--channel', 'head,#ff0000'], {}, [volume, channel(red)]),
+            (['--channel', 'head,ff0000,-5,1e3'], {}, [volume, channel(red, point(-5, 0, red), point(1000, 0.5, red))]),
+            (['--channel', 'head,,1,2,0.9'], {}, [volume, channel(green, point(1, 0, green), point(2, 0.9, green))]),
+            (['--channel', 'head', '--channel', 'head,00ff00', '--channel', 'head'], {}, [volume, channel(magenta), channel(green), channel(cyan)]),
+            (['--channel', 'head'], {'layers': [channel(magenta, point(1, 0, green))]}, [channel(magenta, point(1, 0, green)), channel(cyan)]),
+            (['--channel', 'head'], {'transfer_function': {'points': [point(0, 0, red), point(1, 0.5, green)]}}, [volume, channel(magenta)]),
+            (['--no-volume', '--channel', 'head', '--surface', '3'], {}, [{'type': 'surface', 'value': 3}, channel(green)]),
+        )
+        for options, view, layers in cases:
+            with self.subTest(options=options, view=view):
+                result = self.run_at('render', '--volume', 'head', '--out', self.out, '--view', '-', *options, stdin=json.dumps(view).encode())
+                self.assertEqual((result.returncode, result.stderr), (0, b''))
+                sent = json.loads(Daemon.seen[-1][3])
+                self.assertEqual(sent['layers'], layers)
+                self.assertNotIn('compositing', sent)
+        # A projection is in colour, unless the view or the projection says something else.
+        for options, compositing, colors in ((['maximum'], {}, 'transfer_function'), (['maximum'], {'colors': 'grey'}, 'grey'), (['sum'], {}, None)):
+            result = self.run_at('render', '--volume', 'head', '--out', self.out, '--view', '-', '--channel', 'head', '--projection', *options,
+                                 stdin=json.dumps({'compositing': compositing}).encode())
+            self.assertEqual((result.returncode, result.stderr), (0, b''))
+            self.assertEqual(json.loads(Daemon.seen[-1][3])['compositing'].get('colors'), colors)
+        for text in (b'', b',00ff00', b'head,', b'head,green', b'head,00ff00,1', b'head,00ff00,2,1', b'head,00ff00,1,2,1', b'head,00ff00,1,2,0.5,7'):
+            with self.subTest(text=text):
+                result = self.run_at('render', '--volume', 'head', '--out', self.out, '--channel', text)
+                self.assertEqual(result.returncode, 2)
+                self.assertIn(b'splatctl: --channel: "' + text + b'" is not SOURCE[,COLOR[,LOW,HIGH[,OPACITY]]]', result.stderr)
+        result = self.run_at('render', '--volume', 'head', '--out', self.out, *['--channel', 'head'] * 8)
+        self.assertEqual((result.returncode, result.stderr),
+                         (2, b'splatctl: --channel: a view has at most 7 channels beside the volume; see splatctl --help\n'))
 
     def test_projections(self):
         self.reply_image()
