@@ -275,6 +275,18 @@ static bool init_places(struct sp_voxel_frame *frame, const struct sp_grid *grid
     return true;
 }
 
+/* Makes streaks as long as the cells of a rectilinear grid are along them. */
+static void fit_streaks(const struct sp_grid *grid, struct sp_voxel_frame *frame) {
+    struct sp_mat3 direction;
+    double determinant;
+    memcpy(direction.m, grid->direction, sizeof direction.m);
+    const struct sp_mat3 inverse = sp_mat3_inverse(&direction, &determinant);
+    for (int a = 0; a < 3; a++)
+        for (int c = 0; c < 3; c++)
+            frame->streaks.to_grid[a][c] =
+                (float)(inverse.m[a][c] * frame->ewa.unit / grid->spacing[a]);
+}
+
 void sp_voxel_init_streaks(const struct sp_layer *layer, const struct sp_camera_transform *camera,
                            struct sp_voxel_frame *frame) {
     const float stretch = (float)layer->stretch;
@@ -308,6 +320,8 @@ static bool init_frame(const struct sp_voxel_input *input, struct sp_voxel_frame
     sp_ewa_frame_init(&frame->ewa, input->camera, grid, &view);
     if (has_streaks)
         sp_voxel_init_streaks(input->layer, input->camera, frame);
+    if (has_streaks)
+        fit_streaks(grid, frame);
     return init_places(frame, grid, input->arena);
 }
 

@@ -22,10 +22,11 @@ enum { SP_VOXEL_TILE = SP_FRAGMENT_TILE, SP_VOXEL_PIXELS = SP_FRAGMENT_PIXELS };
 /* What a layer of vectors adds to a frame (voxels/streak.h). */
 struct sp_streaks {
     float to_camera[3][3]; /* of a list: world → camera space, a rotation */
-    float widen;           /* stretch² − 1 */
-    float length;          /* of a period of the pattern [standard deviations of the kernel] */
-    float phase;           /* of the layer, [0, 1] */
-    bool blends;           /* style blend: streaks of one colour */
+    float to_grid[3][3]; /* of a rectilinear list: directions → along its axes [mean spacings] */
+    float widen;         /* stretch² − 1 */
+    float length;        /* of a period of the pattern [standard deviations of the kernel] */
+    float phase;         /* of the layer, [0, 1] */
+    bool blends;         /* style blend: streaks of one colour */
     float color[3];
 };
 

@@ -94,6 +94,23 @@ static inline void shade(const struct sp_voxel_frame *frame, const struct sp_pla
         sp_wide_store(lanes->color[k], color[k]);
 }
 
+/* The standard deviations that decide the length of streaks along unit vectors d of the world
+ * [cells]: that of the kernel of a mean cell, times how much longer the cell is along d. */
+static inline sp_wide find_deviations(const struct sp_voxel_frame *frame, const struct lanes *lanes,
+                                      const sp_wide d[3]) {
+    const float(*to_grid)[3] = frame->streaks.to_grid;
+    sp_wide mean = sp_wide_all(0), local = sp_wide_all(1e-30f);
+    if (!frame->is_rectilinear)
+        return sp_wide_all(frame->ewa.sigma);
+    for (int a = 0; a < 3; a++) {
+        const sp_wide size = sp_wide_gather(frame->size[a], sp_wide_int_load(lanes->at[a]));
+        const sp_wide along = to_grid[a][0] * d[0] + to_grid[a][1] * d[1] + to_grid[a][2] * d[2];
+        mean += along * along;
+        local += along / size * (along / size);
+    }
+    return frame->ewa.sigma * sp_wide_sqrt(mean / local);
+}
+
 /* Places the splats of a layer of vectors. */
 static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
                                          const struct lanes *lanes, struct sp_places *p,
@@ -105,8 +122,8 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
     for (int r = 0; r < 3; r++)
         direction[r] = streaks->to_camera[r][0] * world[0] + streaks->to_camera[r][1] * world[1] +
                        streaks->to_camera[r][2] * world[2];
-    sp_wide_mask seen =
-        sp_streak_place(&frame->ewa, streaks, p, direction, sp_wide_all(frame->ewa.sigma), o, s);
+    const sp_wide sigma = find_deviations(frame, lanes, world);
+    sp_wide_mask seen = sp_streak_place(&frame->ewa, streaks, p, direction, sigma, o, s);
     return sp_streak_keep_moving(streaks, seen,
                                  sp_wide_int_lt(sp_wide_int_all(0), packed >> 22 & 1023), s);
 }

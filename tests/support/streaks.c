@@ -127,27 +127,6 @@ static bool init_streak(const struct test_streaks *s, const struct sample *sampl
     return true;
 }
 
-/* False if the sample is clipped. */
-static bool read_sample(const struct test_streaks *s, const struct sp_grid *grid, uint64_t n,
-                        struct sample *sample) {
-    const double sigma = s->view->filter.sigma;
-    const uint32_t at[3] = { (uint32_t)(n % grid->dims[0]),
-                             (uint32_t)(n / grid->dims[0] % grid->dims[1]),
-                             (uint32_t)(n / grid->dims[0] / grid->dims[1]) };
-    sample->volume = 1;
-    for (int a = 0; a < 3; a++) {
-        const double share = (at[a] + 0.5) / grid->dims[a];
-        if (share < s->view->clip.box[0][a] || share > s->view->clip.box[1][a])
-            return false;
-        sample->volume *= grid->spacing[a];
-        for (int c = 0; c < 3; c++)
-            sample->kernel[c][a] = grid->direction[c][a] * grid->spacing[a] * sigma;
-    }
-    test_sample_place(grid, at, sample->place);
-    sample->sigma = sigma * cbrt(sample->volume);
-    return true;
-}
-
 /* The deviation along a direction of the normal distribution that a line through its middle meets:
  * (dᵀ·V⁻¹·d)^(−1/2), by the cofactors of V. */
 static double deviation_along(const double kernel[3][3], const float vector[3]) {
@@ -164,6 +143,34 @@ static double deviation_along(const double kernel[3][3], const float vector[3]) 
             det += r == 0 ? v[0][c] * cofactor : 0;
         }
     return length > 0 ? length * sqrt(det / form) : 0;
+}
+
+/* False if the sample is clipped. */
+static bool read_sample(const struct test_streaks *s, const struct sp_grid *grid, uint64_t n,
+                        struct sample *sample) {
+    const double sigma = s->view->filter.sigma;
+    const uint32_t at[3] = { (uint32_t)(n % grid->dims[0]),
+                             (uint32_t)(n / grid->dims[0] % grid->dims[1]),
+                             (uint32_t)(n / grid->dims[0] / grid->dims[1]) };
+    double mean[3][3], cube = 1; /* the kernel and the volume of a mean cell */
+    sample->volume = 1;
+    for (int a = 0; a < 3; a++) {
+        const double spacing = sp_grid_local_spacing(grid, a, at[a]);
+        const double share = (at[a] + 0.5) / grid->dims[a];
+        if (share < s->view->clip.box[0][a] || share > s->view->clip.box[1][a])
+            return false;
+        sample->volume *= spacing;
+        cube *= grid->spacing[a];
+        for (int c = 0; c < 3; c++) {
+            sample->kernel[c][a] = grid->direction[c][a] * spacing * sigma;
+            mean[c][a] = grid->direction[c][a] * grid->spacing[a] * sigma;
+        }
+    }
+    test_sample_place(grid, at, sample->place);
+    const double usual = deviation_along((const double(*)[3])mean, sample->vector);
+    const double own = deviation_along((const double(*)[3])sample->kernel, sample->vector);
+    sample->sigma = sigma * cbrt(cube) * (usual > 0 ? own / usual : 1);
+    return true;
 }
 
 static void read_point(const struct sp_elements *points, uint64_t n, struct sample *sample) {

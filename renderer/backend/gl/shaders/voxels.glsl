@@ -18,11 +18,21 @@ void locate(uvec3 i, out vec3 u, out vec3 size) {
         u[r] = steps[r].w + dot(steps[r].xyz, at);
 }
 
+#if STREAKS
+// How much longer than a mean cell the cell of a rectilinear grid is along a direction in camera space, which may be 0.
+float find_length(vec3 direction, vec3 size) {
+    if (kind.z == 0u || dot(direction, direction) < 0.5)
+        return 1.0;
+    vec3 along = direction * inverse(mat3(kernel[0].xyz, kernel[1].xyz, kernel[2].xyz));
+    return sqrt(dot(along, along) / dot(along / size, along / size));
+}
+#endif
+
 // Writes the outline and its box; returns |det J| times the footprint's value at its centre, or 0 if it is not drawn.
-float outline(vec3 u, vec3 k[3], vec3 direction, inout Splat s, out vec4 box) {
+float outline(vec3 u, vec3 k[3], vec3 direction, vec3 size, inout Splat s, out vec4 box) {
     Footprint f = find_footprint(u, k, kind.x != 0u ? VARIANCE_MIN : filter_of.x);
 #if STREAKS
-    stretch(u, direction, 1.0, f, s);
+    stretch(u, direction, find_length(direction, size), f, s);
 #endif
     if (!(f.det < 1e36))
         return 0.0;
@@ -57,7 +67,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (streaks.w == 0.0 && voxels[w + 2u] >> 22 == 0u) // nothing is drawn where there is no vector
         return false;
 #endif
-    float gain = outline(u, k, direction, s, box);
+    float gain = outline(u, k, direction, size, s, box);
     if (!(gain > 0.0))
         return false;
     s.shape.y = find_depth(uintBitsToFloat(voxels[w + 5u]), (w1 >> 16 & OPAQUE) != 0u, gain * size.x * size.y * size.z);

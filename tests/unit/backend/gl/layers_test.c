@@ -231,8 +231,8 @@ static void pieces_of_shells_add_up(void **state) {
 }
 
 /* A volume of the ball's samples, with vectors around its axis, some of them 0. */
-static struct sp_volume *make_vortex(void) {
-    struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, false);
+static struct sp_volume *make_vortex(bool is_rectilinear) {
+    struct sp_volume *ball = resample_make_ball(SP_UINT8, 0, 255, false, is_rectilinear);
     const struct sp_grid *grid = &sp_volume_info(ball)->grid;
     const uint32_t count = grid->dims[0] * grid->dims[1] * grid->dims[2];
     float(*vectors)[3] = calloc(count, sizeof *vectors);
@@ -254,13 +254,15 @@ static struct sp_volume *make_vortex(void) {
     return volume;
 }
 
-/* Streaks of both styles: alone, beside a shell and a surface, inside the volume, and in pieces. */
+/* Streaks of both styles: alone, beside a shell and a surface, inside the volume, in pieces, and on
+ * two kinds of grids. */
 static void vectors_look_the_same(void **state) {
     struct resample_rig *rig = *state;
     struct gl_state *gl = resample_rig_gl(rig);
-    struct sp_volume *volume = make_vortex();
+    struct sp_volume *volumes[2] = { make_vortex(false), make_vortex(true) };
     const struct gl_limits whole = gl->workload.limits;
     for (int n = 0; n < (TEST_SANITIZED ? 4 : 12); n++) {
+        struct sp_volume *volume = volumes[n % 3 == 2];
         struct sp_view view;
         char what[40];
         make_view(&view, volume, n % 2);
@@ -282,7 +284,8 @@ static void vectors_look_the_same(void **state) {
         resample_check(rig, what, &(struct resample_shot){ &view, volume, 0, NULL, NULL });
         gl->workload.limits = whole;
     }
-    sp_volume_unref(&volume);
+    sp_volume_unref(&volumes[0]);
+    sp_volume_unref(&volumes[1]);
     resample_report(rig);
 }
 
