@@ -137,6 +137,8 @@ static proto_json *encode_rights(const struct srv_request *request) {
     bool ok = proto_json_set_bool(may, "open", may_open);
     ok = proto_json_set_bool(may, "browse", may_open && srv_catalog_data(app->catalog)) && ok;
     ok = proto_json_set_bool(may, "upload", may_open && app->uploads) && ok;
+    ok = proto_json_set_bool(may, "remote", may_open && srv_catalog_allows_hosts(app->catalog)) &&
+         ok;
     if (!ok)
         proto_json_free(&may);
     return may;

@@ -133,6 +133,8 @@ bool srv_catalog_find(struct srv_catalog *catalog, const char *id,
                       struct srv_volume_status *status);
 /* Returns the resolved data folder; NULL = none. Constant. */
 const char *srv_catalog_data(const struct srv_catalog *catalog);
+/* True if remote volumes of some hosts may be loaded. Constant. */
+bool srv_catalog_allows_hosts(const struct srv_catalog *catalog);
 /* Bytes of the memory budget: in use without windows, the limit, and windows of brick files. */
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
                         uint64_t *windows);

@@ -72,6 +72,10 @@ const char *srv_catalog_data(const struct srv_catalog *catalog) {
     return catalog->data;
 }
 
+bool srv_catalog_allows_hosts(const struct srv_catalog *catalog) {
+    return catalog->options.allowed_hosts && catalog->options.allowed_hosts[0];
+}
+
 void srv_catalog_memory(struct srv_catalog *catalog, uint64_t *used, uint64_t *budget,
                         uint64_t *windows) {
     struct sp_brick_usage usage;

@@ -353,7 +353,7 @@ test('the role control uploads and opens; an upload is its owner\'s, and so is w
   assert.equal((await ann.post('/api/v1/volumes', { upload: id })).status, 202);
   const closable = async (who) => (await who.json('/api/v1/volumes')).json.volumes.filter((volume) => volume.may_close).map((volume) => volume.id);
   assert.deepEqual([await closable(ann), await closable(bob), await closable(admin), await closable(viewer)], [['mine'], [], ['phantom', 'mine'], []]);
-  assert.deepEqual((await ann.json('/api/v1/volumes')).json.may, { open: true, browse: false, upload: true });
+  assert.deepEqual((await ann.json('/api/v1/volumes')).json.may, { open: true, browse: false, upload: true, remote: false });
   const denied = await bob.json('/api/v1/volumes/mine', { method: 'DELETE' });
   assert.equal(denied.status, 403);
   assert.match(denied.json.detail, /that token or an admin may close it/);

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, and files of this computer.
+// The dialog "Open a volume": a browser of the daemon's data folder, recently opened volumes, the address of a remote
+// volume, and files of this computer.
 import { arranged, crumbs, joined, numberedSeries, parentOf, sizeText, withRecent } from '../core/files.js';
 import { t } from '../core/text.js';
 import { byId, icon, make, setText } from './dom.js';
@@ -60,6 +61,11 @@ class OpenDialog {
       this.#dialog.close();
     });
     byId('open-close').addEventListener('click', () => this.#dialog.close());
+    byId('open-remote').addEventListener('submit', (event) => {
+      event.preventDefault();
+      const source = byId('open-address').value.trim();
+      this.open({ source, name: crumbs(source).at(-1).name });
+    });
   }
 
   show(use) {
@@ -68,6 +74,7 @@ class OpenDialog {
     byId('open-browser').hidden = !may.browse;
     byId('open-nothing').hidden = Boolean(may.browse);
     byId('open-upload').hidden = !may.upload;
+    byId('open-remote').hidden = !may.remote;
     this.#showRecent();
     this.#showQuota();
     this.#dialog.showModal();

@@ -21,7 +21,7 @@ export class Api {
   #base; #fetch;
   #reasons = new Map(); // of failed loads in full: id → {short, reason}
   token;
-  /** What the token may do with volumes: {open, browse, upload}; known after volumes(). */
+  /** What the token may do with volumes: {open, browse, upload, remote}; known after volumes(). */
   may = {};
 
   constructor({ base, token, fetch }) {

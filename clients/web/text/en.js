@@ -263,6 +263,9 @@ export default {
   'info.warnings.more': '{name}: {text} More is said in “About this volume”.',
   'info.warnings.one': '{name}: {text}',
 
+  'open.address': 'OME-Zarr on another server',
+  'open.address.example': 'https://example.org/image.zarr',
+  'open.address.open': 'Open',
   'open.browser': 'Data folder of the daemon',
   'open.button': 'Open …',
   'open.button.title': 'Open a file of the daemon or of this computer (O)',

@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Opening volumes in the page: the data folder, files of this computer with interruptions, closing, and what guests see.
 import assert from 'node:assert/strict';
-import { copyFileSync, mkdirSync, mkdtempSync, rmSync, truncateSync, utimesSync, writeFileSync } from 'node:fs';
+import { execFileSync } from 'node:child_process';
+import { copyFileSync, existsSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, truncateSync, utimesSync, writeFileSync } from 'node:fs';
+import http from 'node:http';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { boxOf, checkAxe, firstFrame, NEEDS_AXE, openPage, share, shot, until, visit } from '../support/browser.mjs';
-import { startDaemon } from '../support/daemon.mjs';
+import { BIN, startDaemon } from '../support/daemon.mjs';
 
 const folder = mkdtempSync(path.join(tmpdir(), 'splatd-open-'));
 const { browser } = await share(null, () => rmSync(folder, { recursive: true }));
@@ -51,6 +53,19 @@ async function open(context, { args = [], options } = {}) {
   daemon = await startDaemon(['--volume', 'demo:phantom?size=32', '--backend', 'null', '--data', folder, '--upload-bytes', '20M', ...args]);
   context.after(() => daemon.stop());
   return visit(context, browser, daemon.url, options);
+}
+
+/** Serves the files of a folder on a free port; resolves to "127.0.0.1:PORT". */
+async function serve(context, root) {
+  const server = http.createServer((request, response) => {
+    const file = path.join(root, decodeURIComponent(new URL(request.url, 'http://x').pathname));
+    const bytes = existsSync(file) && statSync(file).isFile() && readFileSync(file);
+    response.writeHead(bytes ? 200 : 404);
+    response.end(bytes || undefined);
+  });
+  await new Promise((ready) => { server.listen(0, '127.0.0.1', ready); });
+  context.after(() => { server.closeAllConnections(); server.close(); });
+  return `127.0.0.1:${server.address().port}`;
 }
 
 const shows = (page, name) => page.locator('#volumes .pick[aria-current]', { hasText: name }).waitFor();
@@ -425,4 +440,31 @@ test('the role control opens, uploads, and closes only its own volumes', async (
   await shows(page, 'Größe 1');
   await page.getByRole('button', { name: 'Close Größe 1' }).click();
   await shows(page, 'phantom');
+});
+
+test('a remote volume by its address, where the daemon allows its host', { skip: !existsSync(path.join(BIN, 'splat-fetch')) && 'built without libcurl' }, async (context) => {
+  const root = mkdtempSync(path.join(tmpdir(), 'splatd-open-remote-'));
+  context.after(() => rmSync(root, { recursive: true }));
+  execFileSync(path.join(BIN, 'splatctl'), ['convert', 'demo:noise?size=32', path.join(root, 'far away.zarr')]);
+  const host = await serve(context, root);
+  const { page, said } = await open(context, { args: ['--allow-host', host] });
+  await page.click('#open-button');
+  await page.fill('#open-address', 'http://example.org/v.zarr');
+  await page.click('#open-remote button');
+  await page.locator('#open-said.complaint', { hasText: 'example.org, port 80, is not allowed' }).waitFor();
+  await checkAxe(page);
+  await shot(page, 'open-remote');
+  await page.fill('#open-address', `http://${host}/far%20away.zarr`);
+  await page.press('#open-address', 'Enter');
+  await shows(page, 'far');
+  await page.click('#open-button');
+  await page.locator('#open-recent-list button', { hasText: 'far' }).waitFor();
+  assert.deepEqual(said.filter((line) => !line.includes('403')), []);
+});
+
+test('without allowed hosts no address is asked for', async (context) => {
+  const { page } = await open(context);
+  await page.click('#open-button');
+  await page.locator('#open-upload').waitFor();
+  assert.equal(await page.locator('#open-remote').isVisible(), false);
 });

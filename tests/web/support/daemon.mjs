@@ -8,8 +8,8 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 
 const DEADLINE_MS = 60000;
-const BUILT = fileURLToPath(new URL('../../../build/release/bin', import.meta.url));
 
+export const BIN = process.env.SPLATD_BIN_DIR ?? fileURLToPath(new URL('../../../build/release/bin', import.meta.url));
 export const DATA = process.env.SPLATD_DATA_DIR ?? fileURLToPath(new URL('../../../../shared/data', import.meta.url));
 
 /** Creates a token in a file, so that a restarted daemon has the same token. remove() deletes the file. */
@@ -27,7 +27,7 @@ export function tokenFile() {
  */
 export async function startDaemon(args, { port = 0, token = null } = {}) {
   const all = ['--listen', `127.0.0.1:${port}`, ...(token ? ['--token-file', token.file] : []), ...args];
-  const child = spawn(path.join(process.env.SPLATD_BIN_DIR ?? BUILT, 'splatd'), all, { stdio: ['ignore', 'pipe', 'pipe'] });
+  const child = spawn(path.join(BIN, 'splatd'), all, { stdio: ['ignore', 'pipe', 'pipe'] });
   let log = '';
   child.stderr.on('data', (data) => { log = (log + data).slice(-20000); });
   const ended = new Promise((resolve) => { child.on('close', (code, signal) => resolve(code ?? signal)); });
