@@ -98,6 +98,37 @@ def write_airflow(folder, name):
                          struct.pack(f'<{len(numbers)}f', *numbers))
 
 
+CYLINDER = 10  # radius
+
+
+def write_wake(folder, name):
+    """Air that flows along x past a turning cylinder, without friction, on a curvilinear grid around it: cells are small at
+    the cylinder and grow outwards."""
+    radii, angles, heights = 60, 161, 4
+    points, vectors = [], []
+    for k in range(heights):
+        for j in range(angles):
+            for i in range(radii):
+                r, a = CYLINDER * 5 ** (i / (radii - 1)), 2 * math.pi * j / (angles - 1)
+                outwards = (1 - (CYLINDER / r) ** 2) * math.cos(a)
+                around = -(1 + (CYLINDER / r) ** 2) * math.sin(a) - 1.2 * CYLINDER / r
+                c, s = math.cos(a), math.sin(a)
+                points += [r * c, r * s, 3 * k - 4.5]
+                vectors += [outwards * c - around * s, outwards * s + around * c, 0]
+    path = os.path.join(folder, name + '.vtk')
+    with open(path, 'wb') as f:
+        f.write(f'# vtk DataFile Version 3.0\n{name}\nBINARY\nDATASET STRUCTURED_GRID\nDIMENSIONS {radii} {angles} {heights}\n'
+                f'POINTS {len(points) // 3} float\n'.encode() + struct.pack(f'>{len(points)}f', *points)
+                + f'\nPOINT_DATA {len(points) // 3}\nVECTORS velocity float\n'.encode() + struct.pack(f'>{len(vectors)}f', *vectors))
+    return path
+
+
+def write_cylinder(folder, name):
+    grey = (0.6, 0.62, 0.66)
+    ends = [(-9, 0, grey), (-9, CYLINDER, grey), (9, CYLINDER, grey), (9, 0, grey)]
+    return write_obj(folder, name, [([0, 0, 0], [0, 0, 1], ends)], 96)
+
+
 def write_obj(folder, name, profiles, sides=24):
     """A mesh of parts that are round about an axis: (point, direction of length 1, [(place along it, radius, colour)])."""
     vertices, faces = [], []
@@ -155,7 +186,8 @@ def write_station(folder, name):
     return write_obj(folder, name, parts, 48)
 
 
-WRITERS = {'airflow': write_airflow, 'fibres': write_fibres, 'needle': write_needle, 'station': write_station, **dict.fromkeys(SCALARS, write_scalars)}
+WRITERS = {'airflow': write_airflow, 'cylinder': write_cylinder, 'fibres': write_fibres, 'needle': write_needle, 'station': write_station,
+           'wake': write_wake, **dict.fromkeys(SCALARS, write_scalars)}
 
 
 def write(folder, name):
