@@ -33,7 +33,8 @@ static const struct {
 } commands[] = {
     { "volumes", "", "list the daemon's volumes", DAEMON },
     { "load", "SOURCE",
-      "load a file below the daemon's --data folder, or demo:NAME; print\n"
+      "load a file below the daemon's --data folder, demo:NAME, or the address\n"
+      "of an OME-Zarr on a host that the daemon allows (--allow-host); print\n"
       "its id and wait until it is ready",
       DAEMON | BIT(BLOCK_LOAD) },
     { "upload", "FILE...",

@@ -21,12 +21,32 @@ void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint
     }
 }
 
+/* Number of the first brick of a level among those of all levels. */
+static uint64_t first_of(const struct sp_brick_store *store, unsigned level) {
+    const struct sp_brick_header *header = sp_brick_file_header(store->file);
+    uint64_t first = 0;
+    for (unsigned l = 0; l < level; l++)
+        first += sp_brick_count(&header->level[l]);
+    return first;
+}
+
+void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost) {
+    const struct sp_brick_level *own = &sp_brick_file_header(store->file)->level[need->level];
+    uint8_t *damaged = store->damaged + first_of(store, need->level);
+    for (uint64_t i = 0; store->damage.count && i < sp_brick_need_count(need); i++) {
+        const uint64_t number = sp_brick_need_at(need, own, i);
+        if (!need->wanted[i] || lost[i] || !damaged[number])
+            continue;
+        damaged[number] = 0;
+        store->damage.count--;
+    }
+}
+
 void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost, const struct sp_error *why) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
-    uint64_t begin = 0;
-    for (unsigned l = 0; l < need->level; l++)
-        begin += sp_brick_count(&header->level[l]);
+    const uint64_t begin = first_of(store, need->level);
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
         const uint64_t number = sp_brick_need_at(need, &header->level[need->level], i);
         if (!lost[i] || store->damaged[begin + number])

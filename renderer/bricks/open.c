@@ -255,6 +255,7 @@ static struct sp_volume *open_store(struct sp_brick_file *file, const char *name
         sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
         return NULL;
     }
+    store->retry_ms = 10000;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);

@@ -82,6 +82,13 @@ static struct sp_brick_store_window *find_window(struct sp_brick_store *store,
     return NULL;
 }
 
+/* With the mutex held: a chunk of the window could not be read, and it is time to read it again:
+ * the network may work now. A damaged file stays as it is. */
+static bool is_due(const struct sp_brick_store *store, const struct sp_brick_store_window *w) {
+    return w->lost_count > 0 && sp_brick_file_chunks(store->file) &&
+           sp_clock_ms() - w->read_ms >= store->retry_ms;
+}
+
 /* Wants the bricks of a coarser level that cover brick i. */
 static void mark_coarser(const struct sp_brick_level *from, const struct sp_brick_level *to,
                          const struct sp_brick_need *need, uint64_t i, struct sp_brick_need *out) {
@@ -248,16 +255,18 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
     drop_known(&known);
     for (uint64_t i = 0; ok && i < bricks; i++)
         w->lost_count += w->lost[i];
-    if (why.code != SP_OK) {
-        pthread_mutex_lock(&store->memory->mutex);
+    pthread_mutex_lock(&store->memory->mutex);
+    if (ok)
+        sp_brick_store_heal(store, &w->need, w->lost);
+    if (why.code != SP_OK)
         sp_brick_store_note(store, &w->need, w->lost, &why);
-        pthread_mutex_unlock(&store->memory->mutex);
-    }
+    pthread_mutex_unlock(&store->memory->mutex);
     if (!ok) {
         munmap(samples, bytes);
         return false;
     }
     const struct sp_grid grid = sp_brick_store_grid(store, &w->need);
+    w->read_ms = sp_clock_ms();
     w->volume =
         sp_volume_derive_part(store->base, &grid, samples, bytes, sp_brick_store_unmap, err);
     return w->volume != NULL;
@@ -277,6 +286,9 @@ static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, stru
         sp_brick_window_clear(&made);
         return false;
     }
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
+        if (store->windows[i].volume && sp_brick_need_is_in(&store->windows[i].need, &made.need))
+            sp_brick_window_clear(&store->windows[i]); /* the new one has all of it */
     sp_brick_memory_make_space(store->memory, store, made.bytes);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
         if (!store->windows[i].volume) {
@@ -354,7 +366,8 @@ void *sp_brick_store_read(void *user) {
             pthread_cond_wait(&store->asked, &store->memory->mutex);
             continue;
         }
-        if (find_window(store, &r->need)) {
+        const struct sp_brick_store_window *w = find_window(store, &r->need);
+        if (w && !is_due(store, w)) {
             sp_brick_request_clear(r);
             continue;
         }
@@ -413,10 +426,13 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
     store->asked_ms = sp_clock_ms();
     while (ok && !out->volume) {
         struct sp_brick_store_window *w = find_window(store, need);
-        struct sp_brick_request *r = w ? NULL : ask(store, need);
+        const bool is_over = w && is_due(store, w);
+        struct sp_brick_request *r = w && !is_over ? NULL : ask(store, w ? &w->need : need);
         const double left = deadline - sp_clock_ms();
-        if (w) {
+        if (w && (!is_over || left <= 0 || !r || r->has_failed)) {
             w->used = ++store->memory->clock;
+            if (r && r->has_failed)
+                sp_brick_request_clear(r);
             describe(store, w, need, out);
             out->is_wanted = true;
         } else if (is_cancelled && is_cancelled(user)) {

@@ -22,6 +22,7 @@ struct sp_brick_store_window {
     struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
     uint8_t *lost;
     uint64_t lost_count, used, bytes;
+    double read_ms; /* when it was read (base/clock.h) */
 };
 
 /* A need that waits for the thread, or that it reads. */
@@ -39,6 +40,7 @@ struct sp_brick_store {
     struct sp_brick_need base_need; /* all of its level */
     uint8_t *base_lost;
     uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
+    double retry_ms; /* chunks that could not be read are read again after this time */
     struct sp_brick_memory *memory; /* a reference */
     struct sp_brick_store *next;    /* of the memory */
     struct sp_pool *pool;
@@ -58,6 +60,9 @@ struct sp_brick_store {
  * of one of them. With the mutex held. (damage.c) */
 void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost, const struct sp_error *why);
+/* Forgets those that were read now. The same. */
+void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         const uint8_t *lost);
 /* Voxels of the whole volume that a brick covers: the first one, and the one past the last. */
 void sp_brick_store_box(const struct sp_brick_store *store, unsigned level, uint64_t number,
                         uint32_t box[2][3]);

@@ -16,7 +16,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bricks/store.h"
+#include "bricks/store_private.h"
+#include "sp/bricks.h"
 #include "support/compare.h"
 #include "support/render.h"
 #include "window/window.h"
@@ -272,6 +273,30 @@ static void a_chunk_that_fails_is_a_hole(void **state) {
     rig->bad_chunk = -1;
 }
 
+static void a_chunk_that_failed_is_read_again(void **state) {
+    struct rig *rig = *state;
+    struct sp_view view = make_view(rig);
+    struct sp_bricks_damage damage;
+    rig->bad_chunk = 0;
+    struct sp_volume *volume = open_with(rig, 4 << 20);
+    struct sp_frame *truth = render(rig, rig->whole, &view), *frame = render(rig, volume, &view);
+    assert_true(frame->stats.bricks.is_incomplete);
+    assert_true(sp_bricks_find_damage(volume, &damage));
+    sp_frame_unref(&frame);
+    rig->bad_chunk = -1;
+    frame = render(rig, volume, &view); /* it is not yet time */
+    assert_true(frame->stats.bricks.is_incomplete);
+    sp_frame_unref(&frame);
+    sp_brick_store_of(volume)->retry_ms = 0;
+    frame = render(rig, volume, &view);
+    assert_true(sp_frame_bricks_is_complete(&frame->stats.bricks));
+    assert_compare(compare(truth, frame), <, 1e-4);
+    assert_false(sp_bricks_find_damage(volume, &damage));
+    sp_frame_unref(&truth);
+    sp_frame_unref(&frame);
+    sp_volume_unref(&volume);
+}
+
 static void nothing_that_can_be_read_is_an_error(void **state) {
     struct rig *rig = *state;
     struct sp_load_options options = { .window_bytes = 4 << 20 };
@@ -316,6 +341,7 @@ int main(void) {
         cmocka_unit_test(coarser_levels_lie_at_the_same_place),
         cmocka_unit_test(ranges_hold_for_a_brick_and_its_margin),
         cmocka_unit_test(a_chunk_that_fails_is_a_hole),
+        cmocka_unit_test(a_chunk_that_failed_is_read_again),
         cmocka_unit_test(nothing_that_can_be_read_is_an_error),
         cmocka_unit_test(a_load_that_hangs_is_cancelled),
         cmocka_unit_test(without_a_small_level_there_is_no_budget),
