@@ -9,7 +9,7 @@ Usage: deploy/bench.sh [OPTION...]
 
 Builds the release preset, measures every scene of the bench beside VTK and the scalar
 reference, the GPU backend on a GPU or else on software GL, the daemon with its clients, the
-codecs and TLS, and writes CSV files and a page made from them. About 70 minutes on two idle
+codecs and TLS, and writes CSV files and a page made from them. About 75 minutes on two idle
 cores; each step prints what runs and how long it took.
 
   --quick         a few minutes: 4 views, 512 px, two threads, small volumes; not for the page
@@ -18,12 +18,14 @@ cores; each step prints what runs and how long it took.
   --out DIR       where the tables go (default tests/bench/results; with --quick build/bench-quick)
   --vtk           measure VTK too, and install it if it is missing (python3-vtk9, xvfb)
   --no-vtk        do not; without either, VTK is measured where it is installed
-  --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes, pixels, exact,
-                  adaptive, detail, edits, layers, elements, cancel, scaling, gl, serve, latency, network, browser, codecs, tls,
-                  soak. soak is left out unless named: 20 minutes of clients that come and go. On
-                  software GL the part gl draws two views of a scene and leaves out, saying so, what
-                  takes longer than --software-limit; serve to soak, except codecs, need node, and all
-                  of these but tls what deploy/test.sh installs in tests/node_modules
+  --only PARTS    measure some alone and keep the other files, with commas between: limit, scenes,
+                  pixels, exact, adaptive, detail, edits, layers, elements, cancel, scaling, gl, serve,
+                  latency, network, browser, bricks, codecs, tls, soak. soak is left out unless named:
+                  20 minutes of clients that come and go. bricks makes volumes of up to 4096³ samples
+                  (64 GiB, almost empty) below $TMPDIR or /tmp: 4 minutes, and 12 GB of disk until its
+                  end. On software GL the part gl draws two views of a scene and leaves out, saying
+                  so, what takes longer than --software-limit; serve to soak, except codecs, need
+                  node, and all of these but tls what deploy/test.sh installs in tests/node_modules
   --software-limit S  seconds (default 30): with more of them heavier scenes are drawn as well
   --gpu-peak G,T  what the GPU can do, for the page to compare with: memory in GB/s, arithmetic in TFLOP/s
   --views N       cameras of each orbit, 2 to 24 (default 24)

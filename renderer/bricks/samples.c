@@ -87,16 +87,36 @@ static inline struct eight find_eight(const struct sp_brick_view *v, uint32_t x,
     return e;
 }
 
-#define INTEGER_AVERAGE(name, element)                                                             \
+/* A mean of fewer than eight samples, at the far ends of a volume. */
+#define EDGE_AVERAGE(name, element)                                                                \
+    static element edge_##name(const struct sp_brick_view *v, uint32_t x, uint32_t y,              \
+                               uint32_t z) {                                                       \
+        struct eight e = find_eight(v, x, y, z);                                                   \
+        double sum = 0;                                                                            \
+        for (int k = 0; k < e.count; k++)                                                          \
+            sum += ((const element *)v->samples)[e.at[k]];                                         \
+        return (element)lrint(sum / e.count);                                                      \
+    }
+
+/* Of eight integers: sum / 8, and halves to the even neighbour, as lrint() rounds. `total` has at
+ * least three bits more than `element`. */
+#define INTEGER_AVERAGE(name, element, total)                                                      \
+    EDGE_AVERAGE(name, element)                                                                    \
     static void average_##name(const struct sp_brick_view *v, uint32_t y, uint32_t z,              \
                                uint32_t width, void *out) {                                        \
-        for (uint32_t x = 0; x < width; x++) {                                                     \
-            struct eight e = find_eight(v, x, y, z);                                               \
-            double sum = 0;                                                                        \
-            for (int k = 0; k < e.count; k++)                                                      \
-                sum += ((const element *)v->samples)[e.at[k]];                                     \
-            ((element *)out)[x] = (element)lrint(sum / e.count);                                   \
+        const bool is_whole = 2 * y + 1 < v->size[1] && 2 * z + 1 < v->size[2];                    \
+        const uint32_t pairs = is_whole ? v->size[0] / 2 : 0;                                      \
+        const element *a = (const element *)v->samples + row_at(v, 2 * y, 2 * z);                  \
+        const element *b = pairs ? a + v->width : a, *c = pairs ? a + v->height * v->width : a;    \
+        const element *d = pairs ? c + v->width : a;                                               \
+        element *means = out;                                                                      \
+        for (uint32_t x = 0; x < pairs; x++) {                                                     \
+            const uint32_t i = 2 * x, j = i + 1;                                                   \
+            const total sum = (total)a[i] + a[j] + b[i] + b[j] + c[i] + c[j] + d[i] + d[j];        \
+            means[x] = (element)((sum + 3 + ((sum >> 3) & 1)) >> 3);                               \
         }                                                                                          \
+        for (uint32_t x = pairs; x < width; x++)                                                   \
+            means[x] = edge_##name(v, x, y, z);                                                    \
     }
 
 #define REAL_AVERAGE(name, element)                                                                \
@@ -115,11 +135,11 @@ static inline struct eight find_eight(const struct sp_brick_view *v, uint32_t x,
         }                                                                                          \
     }
 
-INTEGER_AVERAGE(uint8, uint8_t)
-INTEGER_AVERAGE(int8, int8_t)
-INTEGER_AVERAGE(uint16, uint16_t)
-INTEGER_AVERAGE(int16, int16_t)
-INTEGER_AVERAGE(int32, int32_t)
+INTEGER_AVERAGE(uint8, uint8_t, int32_t)
+INTEGER_AVERAGE(int8, int8_t, int32_t)
+INTEGER_AVERAGE(uint16, uint16_t, int32_t)
+INTEGER_AVERAGE(int16, int16_t, int32_t)
+INTEGER_AVERAGE(int32, int32_t, int64_t)
 REAL_AVERAGE(float32, float)
 REAL_AVERAGE(float64, double)
 

@@ -33,13 +33,50 @@ bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at) {
     return true;
 }
 
+void sp_find_data(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to) {
+    const off_t data = lseek(fd, (off_t)at, SEEK_DATA);
+    *from = data >= 0 ? (uint64_t)data : errno == ENXIO ? end : at;
+    *from = *from < end ? *from : end;
+    const off_t hole = *from < end ? lseek(fd, (off_t)*from, SEEK_HOLE) : -1;
+    *to = hole >= 0 && (uint64_t)hole < end ? (uint64_t)hole : end;
+}
+
+static bool is_within(int fd, uint64_t end) {
+    struct stat st;
+    return fstat(fd, &st) == 0 && (uint64_t)st.st_size >= end;
+}
+
+bool sp_read_sparse(int fd, void *out, size_t size, uint64_t at) {
+    const uint64_t end = at + size;
+    char *to = out;
+    uint64_t from, next;
+    if (!is_within(fd, end)) {
+        errno = ENODATA;
+        return false;
+    }
+    for (uint64_t done = at; done < end; done = next) {
+        sp_find_data(fd, done, end, &from, &next);
+        memset(to + (done - at), 0, (size_t)(from - done));
+        if (!sp_read_at(fd, to + (from - at), (size_t)(next - from), from))
+            return false;
+    }
+    return true;
+}
+
+static bool is_zero(const char *bytes, size_t size) {
+    return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
+}
+
 bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at) {
-    const size_t block = (size_t)1 << 16;
-    for (size_t done = 0; done < size; done += block) {
-        const size_t left = size - done < block ? size - done : block;
-        const bool is_zero =
-            bytes[done] == 0 && memcmp(bytes + done, bytes + done + 1, left - 1) == 0;
-        if (!is_zero && !sp_write_at(fd, bytes + done, left, at + done))
+    const size_t block = 4096; /* of the holes of common file systems */
+    for (size_t done = 0, next; done < size; done = next) {
+        size_t end = done; /* of the blocks that are not 0 */
+        for (next = done; next < size && end == next;) {
+            const size_t left = size - next < block ? size - next : block;
+            end += is_zero(bytes + next, left) ? 0 : left;
+            next += left;
+        }
+        if (end > done && !sp_write_at(fd, bytes + done, end - done, at + done))
             return false;
     }
     return true;
@@ -53,9 +90,7 @@ int sp_bricks_temporary(const char *folder, struct sp_error *err) {
 }
 
 bool sp_is_hole(int fd, size_t size, uint64_t at) {
-    struct stat st;
-    if (fstat(fd, &st) != 0 || (uint64_t)st.st_size < at + size)
-        return false;
-    const off_t data = lseek(fd, (off_t)at, SEEK_DATA);
-    return data < 0 ? errno == ENXIO : (uint64_t)data >= at + size;
+    uint64_t from, to;
+    sp_find_data(fd, at, at + size, &from, &to);
+    return from == at + size && is_within(fd, at + size);
 }

@@ -86,7 +86,7 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
     const size_t row = dims[0] * w->sample, part = s->count[0] * row;
     for (uint32_t z = 0; z < s->count[1]; z++) {
         uint64_t at = ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row;
-        if (!sp_read_at(w->fine, (char *)s->samples + z * part, part, at))
+        if (!sp_read_sparse(w->fine, (char *)s->samples + z * part, part, at))
             return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples: %s",
                            strerror(errno));
     }
@@ -175,13 +175,28 @@ static bool write_packed(struct writer *w, struct sp_error *err) {
     return true;
 }
 
+/* Bytes of a slice of the strip's means. */
+static size_t means_bytes(const struct writer *w) {
+    return (size_t)w->header.level[w->l + 1].dims[0] * w->sample * ((w->strip.size[0] + 1) / 2);
+}
+
+/* Averages the slices [begin, end) of the means. */
+static void average(void *user, size_t begin, size_t end, unsigned worker) {
+    struct writer *w = user;
+    const uint32_t slices = w->strip.size[1] - 2 * (uint32_t)begin;
+    struct sp_brick_view view = view_of(w);
+    (void)worker;
+    view.first[2] += 2 * (uint32_t)begin;
+    view.size[2] = slices < 2 * (end - begin) ? slices : 2 * (uint32_t)(end - begin);
+    sp_brick_average(&view, (char *)w->means + begin * means_bytes(w));
+}
+
 /* Writes the means of the strip to the next level. */
 static bool write_means(struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
     const struct strip *s = &w->strip;
-    struct sp_brick_view view = view_of(w);
-    const size_t row = dims[0] * w->sample, part = (s->size[0] + 1) / 2 * row;
-    sp_brick_average(&view, w->means);
+    const size_t row = dims[0] * w->sample, part = means_bytes(w);
+    sp_parallel_for(w->pool, (s->size[1] + 1) / 2, 1, average, w);
     for (uint32_t z = 0; 2 * z < s->size[1]; z++) {
         uint64_t at = ((uint64_t)(s->first[1] / 2 + z) * dims[1] + s->first[0] / 2) * row;
         if (!sp_write_sparse(w->coarse, (char *)w->means + z * part, part, at))
@@ -317,6 +332,24 @@ static bool write_level(struct writer *w, struct sp_error *err) {
     return true;
 }
 
+/* Counts the values of a chunk of samples, without reading holes. */
+static bool count_data(const struct writer *w, struct worker *own, uint64_t at, uint64_t end) {
+    uint64_t from, to;
+    for (; at < end; at = to) {
+        sp_find_data(w->job->samples, at, end, &from, &to);
+        from -= from % w->sample; /* whole samples, wherever the holes begin and end */
+        to = to < end ? to + (w->sample - to % w->sample) % w->sample : end;
+        own->zeros += (from - at) / w->sample;
+        if (from == end)
+            break;
+        if (!sp_read_at(w->job->samples, own->copy, (size_t)(to - from), from))
+            return false;
+        sp_brick_count_values(own->copy, w->header.info.type, (size_t)(to - from) / w->sample,
+                              w->header.info.range, own->histogram);
+    }
+    return true;
+}
+
 static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
     struct writer *w = user;
     struct worker *own = &w->workers[worker];
@@ -324,15 +357,8 @@ static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
     const size_t chunk = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE; /* samples: of the worker's copy */
     for (size_t i = w->first_chunk + begin; i < w->first_chunk + end; i++) {
         const uint64_t at = (uint64_t)i * chunk * w->sample;
-        const size_t size =
-            bytes - at < chunk * w->sample ? (size_t)(bytes - at) : chunk * w->sample;
-        if (sp_is_hole(w->job->samples, size, at))
-            own->zeros += size / w->sample;
-        else if (sp_read_at(w->job->samples, own->copy, size, at))
-            sp_brick_count_values(own->copy, w->header.info.type, size / w->sample,
-                                  w->header.info.range, own->histogram);
-        else
-            own->failed = true;
+        const uint64_t size = bytes - at < chunk * w->sample ? bytes - at : chunk * w->sample;
+        own->failed = own->failed || !count_data(w, own, at, at + size);
     }
 }
 

@@ -52,7 +52,7 @@ static bool put_samples(struct stream *s, struct sp_error *err) {
     bool ok = block || sp_fail(err, SP_ERR_MEMORY, s->job->shown, "out of memory");
     for (uint64_t at = 0; ok && at < size; at += BLOCK_BYTES) {
         const size_t part = size - at < BLOCK_BYTES ? (size_t)(size - at) : BLOCK_BYTES;
-        if (!sp_read_at(s->job->samples, block, part, at))
+        if (!sp_read_sparse(s->job->samples, block, part, at))
             ok = sp_fail(err, SP_ERR_IO, s->job->shown, "cannot read the samples: %s",
                          strerror(errno));
         ok = ok && put(s, block, part, err) &&

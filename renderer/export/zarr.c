@@ -125,7 +125,7 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
     for (uint32_t z = 0; z < w->size[1]; z++) {
         const uint64_t at =
             ((uint64_t)(w->at[1] * ZARR_CHUNK + z) * dims[1] + w->at[0] * ZARR_CHUNK) * row;
-        if (!sp_read_at(w->fine, (char *)w->strip + z * part, part, at))
+        if (!sp_read_sparse(w->fine, (char *)w->strip + z * part, part, at))
             return sp_fail(err, SP_ERR_IO, w->image.job->shown, "cannot read the samples: %s",
                            strerror(errno));
     }

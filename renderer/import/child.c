@@ -156,6 +156,9 @@ bool sp_import_child_fail_ended(struct sp_import_child *c, struct sp_error *err)
         return sp_fail(err, SP_ERR_TIMEOUT, c->shown,
                        "the import process took more than %d s of CPU time",
                        c->timeout_ms / 1000 + 1);
+    if (WIFSIGNALED(status) && WTERMSIG(status) == SIGBUS && c->is_sparse)
+        return sp_fail(err, SP_ERR_IO, c->shown,
+                       "cannot write the samples: the disk is full or fails");
     if (WIFSIGNALED(status)) {
         const char *name = sigabbrev_np(WTERMSIG(status));
         return sp_fail(
@@ -211,18 +214,21 @@ bool sp_import_child_send(struct sp_import_child *c, const struct sp_handover *m
     return sent == (ssize_t)size;
 }
 
-bool sp_import_child_provide(struct sp_import_child *c, uint64_t bytes, bool is_scratch,
+bool sp_import_child_provide(struct sp_import_child *c, uint64_t bytes, enum sp_import_memory kind,
                              struct sp_error *err) {
     struct sp_handover go;
     int failed;
+    c->is_sparse = kind == SP_IMPORT_SPARSE;
     do
-        failed = posix_fallocate(c->memory, 0, (off_t)bytes);
+        failed = !c->is_sparse ? posix_fallocate(c->memory, 0, (off_t)bytes)
+                 : ftruncate(c->memory, (off_t)bytes) != 0 ? errno
+                                                           : 0;
     while (failed == EINTR);
     if (failed)
         return sp_fail(err, SP_ERR_MEMORY, c->shown,
                        "cannot allocate %" PRIu64 " bytes for the samples: %s", bytes,
                        strerror(failed));
-    if (!is_scratch && fcntl(c->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
+    if (kind == SP_IMPORT_SEALED && fcntl(c->memory, F_ADD_SEALS, F_SEAL_SHRINK | F_SEAL_GROW) != 0)
         return sp_fail(err, SP_ERR_IO, c->shown, "cannot seal shared memory: %s", strerror(errno));
     sp_handover_init(&go, SP_HANDOVER_GO);
     go.bytes = bytes;

@@ -23,6 +23,7 @@ struct sp_import_child {
     int timeout_ms;     /* its limit of CPU time, for errors */
     pid_t pid;          /* 0 = none */
     int socket, memory; /* this end; −1 = not open */
+    bool is_sparse;     /* its memory is a file that was not allocated */
 };
 
 /* Finds a program: `given`, or else the one of that name beside this program, the library, or in
@@ -45,10 +46,13 @@ bool sp_import_child_receive(struct sp_import_child *child, struct sp_handover *
 /* Sends a message; false if the child is gone. */
 bool sp_import_child_send(struct sp_import_child *child, const struct sp_handover *message);
 
-/* Allocates the memory now, so that a lack of it is an error here and not a signal later, and
- * sends GO. */
-bool sp_import_child_provide(struct sp_import_child *child, uint64_t bytes, bool is_scratch,
-                             struct sp_error *err);
+/* Gives the memory its size and sends GO. SEALED memory and a SCRATCH file are allocated now, so
+ * that a lack of space is an error here. A SPARSE file is not: if the disk fills up, a read into it
+ * fails with EFAULT, and a write kills the child by SIGBUS, which sp_import_child_fail_ended()
+ * explains. */
+enum sp_import_memory { SP_IMPORT_SEALED, SP_IMPORT_SCRATCH, SP_IMPORT_SPARSE };
+bool sp_import_child_provide(struct sp_import_child *child, uint64_t bytes,
+                             enum sp_import_memory kind, struct sp_error *err);
 
 /* Fails with the error of an ERROR message, or because another message came out of order. */
 bool sp_import_child_refuse(const struct sp_import_child *child, const struct sp_handover *message,

@@ -42,6 +42,7 @@ struct import {
     const struct sp_load_options *options;
     char importer[PATH_MAX];
     const char *scratch; /* folder of a file that takes the place of memory; NULL = none */
+    bool has_holes;      /* the source is a sparse file, so the file in place of memory is, too */
     struct sp_import_input input;
     struct sp_import_child child;
     int timeout_ms;
@@ -59,8 +60,14 @@ static bool find_importer(struct import *im, struct sp_error *err) {
     return sp_import_find_program("splat-import", im->options->importer, im->importer, err);
 }
 
+static bool is_sparse(int file) {
+    struct stat st;
+    return fstat(file, &st) == 0 && S_ISREG(st.st_mode) && st.st_blocks * 512 < st.st_size;
+}
+
 static bool start_child(struct import *im, struct sp_error *err) {
     char name[] = "splat-import", seconds[16], step[16], level[16], mode[] = "";
+    im->has_holes = is_sparse(im->input.fds[0]);
     snprintf(seconds, sizeof seconds, "%d", im->timeout_ms / 1000 + 1);
     snprintf(step, sizeof step, "%u", im->options->step);
     snprintf(level, sizeof level, "%d", im->level);
@@ -127,8 +134,11 @@ static bool receive_header(struct import *im, struct sp_error *err) {
 
 static bool provide_memory(struct import *im, struct sp_error *err) {
     const uint64_t bytes = im->layout.bytes;
+    const enum sp_import_memory memory = !im->scratch    ? SP_IMPORT_SEALED
+                                         : im->has_holes ? SP_IMPORT_SPARSE
+                                                         : SP_IMPORT_SCRATCH;
     return (!im->options->reserve || im->options->reserve(im->options->user, bytes, err)) &&
-           sp_import_child_provide(&im->child, bytes, im->scratch != NULL, err);
+           sp_import_child_provide(&im->child, bytes, memory, err);
 }
 
 static bool await_samples(struct import *im, struct sp_error *err) {

@@ -312,6 +312,14 @@ static int serve(struct job *job, void *reader) {
     return read_chunks(job, reader, &copy);
 }
 
+/* Keeps the holes of a sparse file: without this advice a write to one page allocates its
+ * neighbours, too, because the kernel reads them ahead as one large folio. */
+static void keep_holes(void *memory, size_t capacity) {
+    struct stat st;
+    if (fstat(SP_IMPORT_MEMORY, &st) == 0 && st.st_blocks * 512 < st.st_size)
+        madvise(memory, capacity, MADV_RANDOM);
+}
+
 static int run(struct job *job) {
     struct sp_error err;
     struct import_header *header = &job->header;
@@ -346,6 +354,7 @@ static int run(struct job *job) {
     void *memory = mmap(NULL, capacity, PROT_READ | PROT_WRITE, MAP_SHARED, SP_IMPORT_MEMORY, 0);
     bool ok = memory != MAP_FAILED;
     if (ok) {
+        keep_holes(memory, capacity);
         ok = read_all(job, reader, memory, &err);
         munmap(memory, capacity);
     } else {

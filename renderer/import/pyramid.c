@@ -127,7 +127,7 @@ static bool greet(struct reader *r, struct sp_handover_header *header,
 /* Lets the process begin. */
 static bool let_go(struct reader *r, struct sp_error *err) {
     const uint64_t bytes = r->pyramid->chunk_bytes;
-    if (!sp_import_child_provide(&r->child, bytes, false, err))
+    if (!sp_import_child_provide(&r->child, bytes, SP_IMPORT_SEALED, err))
         return false;
     void *memory = mmap(NULL, bytes, PROT_READ, MAP_SHARED, r->child.memory, 0);
     if (memory == MAP_FAILED)

@@ -10,6 +10,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
+#include "bricks/transfer.h"
 #include "import/confine.h"
 #include "import/vectors.h"
 
@@ -89,6 +90,9 @@ static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct
         ssize_t r = read(s->fd, (char *)out + *got, n - *got);
         if (r < 0 && errno == EINTR)
             continue;
+        if (r < 0 && errno == EFAULT) /* the memory is a sparse file, see child.h */
+            return sp_fail(err, SP_ERR_IO, s->shown,
+                           "cannot write the samples: the disk is full or fails");
         if (r < 0)
             return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot read: %s",
                                strerror(errno));
@@ -96,6 +100,33 @@ static bool read_file(struct stream *s, void *out, size_t n, size_t *got, struct
             break;
         *got += (size_t)r;
         s->at += (uint64_t)r;
+    }
+    return true;
+}
+
+static bool seek_to(struct stream *s, uint64_t byte, struct sp_error *err) {
+    if (lseek(s->fd, (off_t)byte, SEEK_SET) < 0)
+        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL, "cannot seek: %s",
+                           strerror(errno));
+    s->at = byte;
+    return true;
+}
+
+/* As read_file(), into memory that is 0: bytes of holes are neither read nor touched, so that the
+ * memory of a sparse file stays sparse. */
+static bool read_sparse(struct stream *s, char *out, size_t n, size_t *got, struct sp_error *err) {
+    const uint64_t begin = s->at;
+    const uint64_t end = begin + n < s->size ? begin + n : s->size > begin ? s->size : begin;
+    uint64_t from, to;
+    *got = 0;
+    for (uint64_t at = begin; at < end; at = to) {
+        size_t part;
+        sp_find_data(s->fd, at, end, &from, &to);
+        if (!seek_to(s, from, err) || !read_file(s, out + (from - begin), to - from, &part, err))
+            return false;
+        *got = (size_t)(from - begin) + part;
+        if (part < to - from) /* another program cut the file */
+            return true;
     }
     return true;
 }
@@ -174,14 +205,6 @@ static bool skip_lines(struct stream *s, uint64_t lines, struct sp_error *err) {
             return import_fail(err, SP_ERR_IO, s->shown, s->at, NULL, "cannot seek: %s",
                                strerror(errno));
     }
-    return true;
-}
-
-static bool seek_to(struct stream *s, uint64_t byte, struct sp_error *err) {
-    if (lseek(s->fd, (off_t)byte, SEEK_SET) < 0)
-        return import_fail(err, SP_ERR_IO, s->shown, byte, NULL, "cannot seek: %s",
-                           strerror(errno));
-    s->at = byte;
     return true;
 }
 
@@ -327,8 +350,10 @@ static bool read_piece(const struct reading *r, size_t i, uint64_t begin, uint64
         ok = start_gzip(stream, err) && skip_unpacked(stream, s->skip_bytes, r->chunk, err);
     for (uint64_t at = 0; ok && at < need;) {
         size_t n = need - at < chunk_of(s) ? (size_t)(need - at) : chunk_of(s), got;
-        char *out = s->is_vectors || s->conversion ? r->chunk : r->voxels + begin + at;
-        ok = read_stream(stream, out, n, &got, err);
+        const bool is_in_place = !s->is_vectors && !s->conversion;
+        char *out = is_in_place ? r->voxels + begin + at : r->chunk;
+        ok = is_in_place && !s->gzip ? read_sparse(stream, out, n, &got, err)
+                                     : read_stream(stream, out, n, &got, err);
         if (ok && got < n)
             ok = import_fail(err, SP_ERR_FORMAT, stream->shown, stream->at, s->field,
                              "the samples need %" PRIu64 " bytes, the file has %" PRIu64

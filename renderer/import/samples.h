@@ -41,7 +41,8 @@ bool import_samples_add(struct import_samples *samples, const char *name, size_t
  * allocated. */
 bool import_samples_check(const struct import_samples *samples, struct sp_error *err);
 
-/* Reads the samples into `voxels`, or if they are vectors, into `vectors`. */
+/* Reads the samples into `voxels`, which are 0 before, or if they are vectors, into `vectors`.
+ * Holes of a file are not read. */
 bool import_samples_read(const struct import_samples *samples, void *voxels, float (*vectors)[3],
                          const struct import_progress *progress, struct sp_error *err);
 

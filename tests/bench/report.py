@@ -13,6 +13,7 @@ import sys
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
+from brick_goals import bricks, GOAL_COMPLETE_MS, GOAL_LOAD_MS  # noqa: E402
 from element_goals import element_goals  # noqa: E402
 from tables import decibels, met, read, short, table  # noqa: E402
 
@@ -474,7 +475,7 @@ FILES = [
     ('gl_pixels.csv', 'the GPU backend, classified per pixel'), ('gl_vtk.csv', 'VTK\'s GPU ray caster on the same GPU'),
     ('gl_streams.csv', 'sessions of 1024 px that turn, on the GPU backend'), ('gl_edits.csv', 'a changing transfer function on the GPU backend'), ('gl_elements.csv', 'elements.csv on the GPU backend'),
     ('serve.csv', 'the daemon with its clients'), ('latency.csv', 'from a change to its image'), ('network.csv', 'the same over slow and distant networks'),
-    ('browser.csv', 'the page in Chromium'),
+    ('browser.csv', 'the page in Chromium'), ('bricks.csv', 'volumes that are larger than memory'),
     ('soak.csv', 'the daemon with clients that come and go'), ('codecs.csv', 'bytes and time per image format and video codec'),
     ('tls.csv', 'the TLS acceptor'), ('machine.csv', 'the machine and the commits'),
 ]
@@ -511,6 +512,9 @@ SECTIONS = [
     ('Slow and distant networks', network, 'Measured by `network.mjs` at 512², 60 changes per second and `max_fps` 60, through a proxy that delays, limits the rate and stalls. Each cell has the frames per second, '
      'the median time from a change to its image, and the goal for it. The goal is the sum of the round trip, two frame times and the time to send a frame. `auto` lets the daemon replace images by VP8. A stall delays a packet, and all after it, by a round trip; at 200 ms and '
      'seven packets per frame most frames arrive late.'),
+    ('Larger than memory', bricks, 'Measured by `bricks.mjs` with `--memory 512M`: winding vessels in empty space, uint8, as brick files in the page cache. From the request that opens the volume, and then from the request of a '
+     f'stream to its first frame and to its final one. Goals: first picture within {GOAL_LOAD_MS} ms, the default view complete within {GOAL_COMPLETE_MS // 1000} s, peak memory of the daemon at most the budget and 10 %. The view *near* is six '
+     'times nearer. A window is a dense box: where it does not fit into the budget, the picture has a coarser level than its pixels ask for. The source is a file with holes; the peak of the conversion is that of `splatctl` without the page cache.'),
     ('Codecs', codecs, 'The camera turns by 2° per frame. CPU time is the sum over all threads. Qualities are nominal: the loss of image quality is not compared.'),
     ('Files', files, ''),
 ]

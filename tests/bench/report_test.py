@@ -217,6 +217,19 @@ class Report(unittest.TestCase):
         self.write('browser.csv', columns, {**first, 'p50_ms': 1001}, turn, {**turn, 'what': 'points', 'fps': 27})
         self.assertIn('| demo:engine | 1001 | **missed** | 30 | 40, 80 of 85 | met | 27 | 40, 80 of 85 | met | met |', report.browser(self.folder.name))
 
+    def test_volumes_larger_than_memory(self):
+        row = {'side': 1024, 'memory_bytes': 512 << 20, 'matter_bytes': 64 << 20, 'file_bytes': 3 << 19, 'convert_ms': 1300, 'convert_cpu_ms': 1000, 'convert_peak_bytes': 32 << 20,
+               'view': 'default', 'width': 1920, 'height': 1080, 'load_ms': 160, 'first_ms': 40, 'complete_ms': 9000, 'is_complete': 1, 'level': 1, 'asked': 1, 'bricks': 260,
+               'read_bytes': 271700, 'peak_bytes': 563 << 20}
+        last = {'side': 4096, 'matter_bytes': '', 'convert_ms': '', 'convert_cpu_ms': '', 'convert_peak_bytes': ''}
+        self.write('bricks.csv', list(row), row, {**row, 'is_complete': 0, 'asked': 0}, {**row, 'complete_ms': 10001}, {**row, 'first_ms': 841}, {**row, 'peak_bytes': 564 << 20},
+                   {**row, 'view': 'near', 'is_complete': 0, 'asked': 0, 'complete_ms': 20000, **last})
+        lines = report.bricks(self.folder.name).split('\n')
+        self.assertEqual(lines[2], '| 1024³ | default, 1920 × 1080 | 160 + 40 | 9000 | 1 | 260 | 272 | 563 | met |')
+        self.assertEqual([line.split('|')[5].strip() for line in lines[3:8]], ['1 of 0', '1', '1', '1', '1 of 0'])
+        self.assertEqual([line.split('|')[-2].strip() for line in lines[3:8]], ['**missed**: finer levels do not fit', *['**missed**'] * 3, 'met'])
+        self.assertEqual(lines[-2:], ['| 1024³ | 1 | 64 | 1.5 | 1.3 | 1 | 32 |', ''])
+
     def test_network(self):
         columns = ['rtt_ms', 'mbit', 'stalls_percent', 'format', 'fps_mean', 'p50_ms', 'allowed_ms']
         cell = {'rtt_ms': 0, 'mbit': 2, 'stalls_percent': 1, 'format': 'auto', 'fps_mean': 59.6, 'p50_ms': 21, 'allowed_ms': 38}

@@ -46,7 +46,7 @@ static void read_samples(const struct import_format *format, void *reader,
     struct sp_error err = { .code = SP_OK };
     uint64_t count = header->bytes / sp_type_size(header->type);
     /* Exact sizes, so that a write past the end is found. */
-    void *voxels = malloc(header->bytes);
+    void *voxels = calloc(1, header->bytes); /* 0, as shared memory is */
     float(*vectors)[3] = header->has_vectors ? malloc(count * sizeof *vectors) : NULL;
     if (voxels && (vectors || !header->has_vectors)) {
         bool ok = format->read(reader, voxels, vectors, &progress, &err);

@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Volumes that are larger than the memory of the daemon: brick files, progressive frames, and images that say whether they are complete.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
-import { mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
+import { execFileSync, spawnSync } from 'node:child_process';
+import { mkdirSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
 import { compare } from '../support/compare.mjs';
+import { writeVessels } from '../support/sparse.mjs';
 import { BIN, Daemon, FINAL, INCOMPLETE } from './harness.mjs';
 
 const SIDE = 200;
@@ -16,7 +17,7 @@ let folder;
 let scene; // the description of the volume
 
 const convert = (source, name) => execFileSync(path.join(BIN, 'splatctl'), ['convert', source, path.join(folder, name)]);
-const image = (view, headers = {}) => daemon.fetch('/api/v1/render?format=png', {
+const image = (view, headers = {}, of = daemon) => of.fetch('/api/v1/render?format=png', {
   method: 'POST', headers: { 'Content-Type': 'application/json', ...headers }, body: JSON.stringify(view) });
 
 before(async () => {
@@ -194,6 +195,45 @@ test('with --cache, a volume that does not fit is converted once', async () => {
     assert.equal(own.log.includes('is converted for the brick cache'), i === 0);
     assert.equal(await own.stop(), 0);
   }
+});
+
+/** The largest amount of memory that the daemon has had [bytes]. */
+const peak = (own) => Number(/^VmHWM:\s+(\d+)/m.exec(readFileSync(`/proc/${own.child.pid}/status`, 'utf8'))[1]) * 1024;
+
+test('2048³ samples (8 GiB) with --memory 512M: complete pictures from afar and from near', async () => {
+  const [side, memory] = [2048, 512 << 20];
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const { point } = writeVessels(path.join(data, 'vessels.nrrd'), side, 3);
+  execFileSync(path.join(BIN, 'splatctl'), ['convert', path.join(data, 'vessels.nrrd'), path.join(data, 'vessels.bricks')]);
+  rmSync(path.join(data, 'vessels.nrrd'));
+  const own = await Daemon.start(['--data', data, '--memory', '512M'], { backend: 'cpu' });
+  assert.equal((await own.post('/api/v1/volumes', { path: 'vessels.bricks' })).status, 202);
+  const { state, whole } = await own.loaded('vessels');
+  assert.deepEqual([state, whole.dims, whole.bytes], ['ready', [side, side, side], side ** 3]);
+  const { camera } = (await own.json('/api/v1/volumes/vessels/view')).json;
+  const near = { target: point, position: [point[0], point[1], point[2] + 1000], up: [0, 1, 0], fov_y: 1 };
+  const clip = { box: [0, 1].map((end) => point.map((at) => at / side + (end ? 0.02 : -0.02))) };
+  for (const [level, view] of [[3, { size: [64, 64], camera }], [2, { size: [800, 800], camera }], [0, { size: [64, 64], camera: near, clip }]]) {
+    const answer = await image({ volume: 'vessels', ...view }, {}, own);
+    assert.equal(answer.status, 200);
+    assert.deepEqual(['x-complete', 'x-level', 'x-level-asked', 'x-bricks-lost'].map((name) => answer.headers.get(name)), ['true', `${level}`, `${level}`, '0']);
+    compare(Number(answer.headers.get('x-splats')), '>', 0, 'splats');
+  }
+  if (!process.env.SPLATD_SANITIZE) compare(peak(own), '<=', 1.1 * memory, 'peak memory of the daemon');
+  assert.equal(await own.stop(), 0);
+  rmSync(data, { recursive: true });
+});
+
+test('a sparse volume whose samples do not fit onto the disk is an error that says so, and leaves nothing', (t) => {
+  if (spawnSync('unshare', ['-rm', 'true']).status !== 0) return t.skip('no disk of its own: unshare -rm');
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const disk = path.join(data, 'disk');
+  writeVessels(path.join(data, 'vessels.nrrd'), 256, 3); // 0.4 MB in 16 MiB
+  mkdirSync(disk);
+  const script = `mount -t tmpfs -o size=64k none ${disk} && { "$0" "$@"; echo "status $?" >&2; ls -A ${disk}; }`;
+  const { stdout, stderr } = spawnSync('unshare', ['-rm', 'sh', '-c', script, path.join(BIN, 'splatctl'), 'convert', path.join(data, 'vessels.nrrd'), path.join(disk, 'out.bricks')], { encoding: 'utf8' });
+  assert.match(stderr, /vessels\.nrrd: cannot write the samples: the disk is full or fails\n[^]*status 1\n/);
+  assert.equal(stdout, '');
 });
 
 test('slices and measurements of a volume that is larger than memory have all voxels', async () => {

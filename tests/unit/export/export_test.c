@@ -19,6 +19,7 @@
 #include <unistd.h>
 
 #include "export/job.h"
+#include "import/launch.h"
 #include "sp/convert.h"
 
 enum { NX = 131, NY = 70, NZ = 65, COUNT = NX * NY * NZ };
@@ -284,6 +285,58 @@ static void nothing_is_left_after_cancelling(void **state) {
     }
 }
 
+/* A sparse source stays sparse in the file that the writers read: only rows with data take space,
+ * also where the kernel could allocate a page with its neighbours. */
+static void holes_are_neither_read_nor_written(void **state) {
+    enum { SIDE = 256, HEADER = 4096, STEP = 40 /* pages between two with data */ };
+    const size_t size = (size_t)SIDE * SIDE * SIDE;
+    const char *path = path_in(state, "sparse.nrrd");
+    char header[HEADER], page[HEADER];
+    struct stat st;
+    struct sp_error err;
+    struct sp_volume_info info;
+    memset(header, ' ', sizeof header);
+    const int used = snprintf(header, sizeof header,
+                              "NRRD0004\ntype: uint8\ndimension: 3\nsizes: %d %d %d\n"
+                              "encoding: raw\n#",
+                              SIDE, SIDE, SIDE);
+    header[used] = ' ';
+    header[HEADER - 2] = header[HEADER - 1] = '\n';
+    unsigned char *expected = calloc(1, size), *bytes = malloc(size);
+    FILE *file = fopen(path, "w");
+    assert_true(file && expected && bytes);
+    const int fd = fileno(file);
+    assert_int_equal(pwrite(fd, header, HEADER, 0), HEADER);
+    assert_int_equal(ftruncate(fd, (off_t)(HEADER + size)), 0);
+    for (size_t at = HEADER; at < size; at += (size_t)STEP * HEADER) {
+        memset(page, (int)(at / HEADER % 255) + 1, HEADER);
+        memcpy(expected + at, page, HEADER);
+        assert_int_equal(pwrite(fd, page, HEADER, (off_t)(HEADER + at)), HEADER);
+    }
+    fclose(file);
+    const int samples = sp_import_samples(path, &options, *state, &info, &err);
+    if (samples < 0)
+        fail_msg("%s: %s", err.place, err.text);
+    assert_int_equal(pread(samples, bytes, size, 0), (ssize_t)size);
+    assert_memory_equal(bytes, expected, size);
+    assert_int_equal(stat(path, &st), 0);
+    const bool has_holes =
+        st.st_blocks * 512 < (blkcnt_t)(size / 4); /* else a simple file system */
+    assert_int_equal(fstat(samples, &st), 0);
+    if (has_holes)
+        assert_in_range(st.st_blocks * 512, 0, size / 4);
+    close(samples);
+    if (!sp_convert(path, path_in(state, "a.bricks"), &options, &err) ||
+        !sp_convert(path_in(state, "a.bricks"), path_in(state, "a.nrrd"), &options, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    struct sp_volume *volume = sp_volume_load(path_in(state, "a.nrrd"), &options, &err);
+    assert_non_null(volume);
+    assert_memory_equal(sp_volume_voxels(volume), expected, size);
+    sp_volume_unref(&volume);
+    free(expected);
+    free(bytes);
+}
+
 static void the_name_states_the_format(void **state) {
     (void)state;
     static const char *const good[] = { "a.bricks", "x/a.nrrd", "a.b.nii", "a.nii.gz",
@@ -312,6 +365,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(turned_axes_are_refused, make_folder, remove_folder),
         cmocka_unit_test(a_wide_volume_is_nifti_2),
         cmocka_unit_test_setup_teardown(nothing_is_left_after_cancelling, make_folder,
+                                        remove_folder),
+        cmocka_unit_test_setup_teardown(holes_are_neither_read_nor_written, make_folder,
                                         remove_folder),
         cmocka_unit_test(the_name_states_the_format),
     };
