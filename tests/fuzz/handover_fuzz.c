@@ -17,6 +17,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
     if (m.kind == SP_HANDOVER_ERROR && (!memchr(m.error.text, 0, sizeof m.error.text) ||
                                         !memchr(m.error.place, 0, sizeof m.error.place)))
         abort();
+    if (m.kind == SP_HANDOVER_OPENING && !(m.share >= 0 && m.share <= 1))
+        abort();
     for (int i = 0; m.kind == SP_HANDOVER_DONE && i < SP_WARNINGS_MAX; i++)
         if (!memchr(m.done.warnings[i], 0, SP_WARNING_BYTES) ||
             (i > 0 && m.done.warnings[i][0] && !m.done.warnings[i - 1][0]))
