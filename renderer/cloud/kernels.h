@@ -7,6 +7,7 @@
 
 #include "base/isa.h"
 #include "classify/transfer.h"
+#include "cloud/tree.h"
 #include "sp/elements.h"
 #include "voxels/kernels.h"
 
@@ -17,10 +18,22 @@
 
 enum { SP_CLOUD_PARTS_MAX = 12 };
 
+/* A copy of a chosen point: one line of the cache, where arrays would be four. */
+struct sp_cloud_record {
+    _Alignas(64) float position[3]; /* this and the others as in struct sp_elements */
+    float factor[6], value, volume;
+};
+
+_Static_assert(sizeof(struct sp_cloud_record) == 64, "one line of the cache");
+
 /* A layer of points or Gaussians in one frame. */
 struct sp_cloud {
     const struct sp_elements *elements;
-    const struct sp_elements *merged; /* numbered from elements->shape.count on; NULL = none */
+    const struct sp_cloud_tree *tree; /* its merged points are numbered from elements->shape.count
+                                         on; NULL = none */
+    /* The chosen elements, in no order; they are then numbered as here. NULL = numbered as above.
+     */
+    const struct sp_cloud_record *records;
     /* u = place·position + offset, and K = place·L times `size` [units of the frame] */
     float place[3][3], offset[3];
     float size;
@@ -44,12 +57,29 @@ struct sp_cloud {
     float part_deviation;              /* of a part's depth [the same] */
 };
 
-/* The arrays that have an element; makes its number that of the arrays. */
-static inline const struct sp_elements *sp_cloud_part(const struct sp_cloud *cloud, uint32_t *at) {
-    if (*at < cloud->elements->shape.count)
-        return cloud->elements;
-    *at -= cloud->elements->shape.count;
-    return cloud->merged;
+/* Where the numbers of an element are. */
+struct sp_cloud_element {
+    const float *position, *factor;
+    const float *value;  /* of points; opacity of Gaussians */
+    const float *volume; /* of points */
+};
+
+static inline struct sp_cloud_element sp_cloud_element_at(const struct sp_cloud *cloud,
+                                                          uint32_t number) {
+    const struct sp_elements *e = cloud->elements;
+    if (cloud->records) {
+        const struct sp_cloud_record *record = &cloud->records[number];
+        return (struct sp_cloud_element){ record->position, record->factor, &record->value,
+                                          &record->volume };
+    }
+    if (number >= e->shape.count) {
+        const struct sp_cloud_node *node = &cloud->tree->nodes[number - e->shape.count];
+        return (struct sp_cloud_element){ node->position, node->factor, &node->value,
+                                          &node->volume };
+    }
+    return (struct sp_cloud_element){ e->positions[number], e->factors[number],
+                                      e->values ? &e->values[number] : &e->opacities[number],
+                                      e->volumes ? &e->volumes[number] : NULL };
 }
 
 /* Sets up the splats of elements[count] of the cloud `from` (struct sp_cloud) that touch the rows

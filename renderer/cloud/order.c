@@ -6,10 +6,12 @@
 
 #include <float.h>
 #include <math.h>
+#include <string.h>
 
 #include "voxels/radix.h"
 
 enum {
+    RECORDS_MAX = 1 << 22,
     BLOCK = 1 << 14,
     AHEAD = 32 /* elements that are read in advance: chosen ones lie apart in memory */
 };
@@ -24,7 +26,8 @@ struct sort {
     const struct sp_cloud_choice *choice;
     const struct sp_voxel_frame *frame;
     const struct sp_interrupt *interrupt;
-    float *depths; /* by element of the choice; infinity = not seen */
+    struct sp_cloud_record *records; /* by element of the choice; NULL = none */
+    float *depths;                   /* by element of the choice; infinity = not seen */
     struct block *blocks;
     float low, scale; /* key = (depth − low)·scale */
     uint32_t count;
@@ -59,35 +62,40 @@ static float find_deviation(const struct sp_cloud *c, const float l[6]) {
 }
 
 /* Depth of an element or, with parts, of one of its parts; infinity if it cannot be seen. */
-static float find_depth(const struct sort *s, uint32_t i) {
+static float find_depth(const struct sort *s, const struct sp_cloud_element *e, uint32_t part) {
     const struct sp_cloud *c = s->cloud;
-    const uint32_t part = c->parts > 1 ? i % c->parts : 0;
-    i /= c->parts;
-    const struct sp_elements *e = sp_cloud_part(c, &i);
-    const float *p = e->positions[i];
+    const float *p = e->position;
     float u[3];
     for (int r = 0; r < 3; r++)
         u[r] = c->place[r][0] * p[0] + c->place[r][1] * p[1] + c->place[r][2] * p[2] + c->offset[r];
     bool is_drawn = u[2] >= s->frame->ewa.near && u[2] < 1e18f &&
-                    (e->values ? isfinite(e->values[i]) && e->volumes[i] > 0
-                               : e->opacities[i] * c->opacity > SP_TRAINED_OPACITY_MIN) &&
+                    (e->volume ? isfinite(*e->value) && *e->volume > 0
+                               : *e->value * c->opacity > SP_TRAINED_OPACITY_MIN) &&
                     is_kept(&s->frame->ewa.clip, u);
     if (!is_drawn || c->parts == 1)
         return is_drawn ? u[2] : INFINITY;
-    return u[2] + c->part_at[part] * find_deviation(c, e->factors[i]);
+    return u[2] + c->part_at[part] * find_deviation(c, e->factor);
+}
+
+static void record(const struct sp_cloud_element *e, struct sp_cloud_record *to) {
+    memcpy(to->position, e->position, sizeof to->position);
+    memcpy(to->factor, e->factor, sizeof to->factor);
+    to->value = *e->value;
+    to->volume = *e->volume;
 }
 
 static void prefetch(const struct sort *s, size_t i) {
-    uint32_t at = choose(s, i) / s->cloud->parts;
-    const struct sp_elements *e = sp_cloud_part(s->cloud, &at);
-    __builtin_prefetch(&e->positions[at]);
-    __builtin_prefetch(e->values ? &e->values[at] : &e->opacities[at]);
-    if (e->volumes)
-        __builtin_prefetch(&e->volumes[at]);
+    const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, choose(s, i) / s->cloud->parts);
+    __builtin_prefetch(e.position);
+    __builtin_prefetch(e.value);
+    __builtin_prefetch(e.volume);
+    if (s->records)
+        __builtin_prefetch(e.factor);
 }
 
 static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
+    const uint32_t parts = s->cloud->parts;
     struct block *b = &s->blocks[begin / BLOCK];
     (void)worker;
     *b = (struct block){ .low = INFINITY, .high = -INFINITY };
@@ -96,7 +104,11 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++) {
         if (s->choice && i + AHEAD < end)
             prefetch(s, i + AHEAD);
-        float depth = find_depth(s, choose(s, i));
+        const uint32_t number = choose(s, i), part = number % parts;
+        const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, number / parts);
+        if (s->records && part == 0)
+            record(&e, &s->records[i / parts]);
+        float depth = find_depth(s, &e, part);
         s->depths[i] = depth;
         if (!(depth < INFINITY))
             continue;
@@ -115,7 +127,7 @@ static void collect(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++)
         if (s->depths[i] < INFINITY)
             *to++ = (struct sp_radix_item){ (uint32_t)((s->depths[i] - s->low) * s->scale),
-                                            choose(s, i) };
+                                            s->records ? (uint32_t)i : choose(s, i) };
 }
 
 static void take_elements(void *user, size_t begin, size_t end, unsigned worker) {
@@ -139,7 +151,7 @@ static void sum_blocks(struct sort *s, size_t blocks) {
     s->scale = high > s->low ? fminf(steps / (high - s->low), FLT_MAX) : 0;
 }
 
-bool sp_cloud_sort(const struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
+bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
                    const struct sp_voxel_frame *frame, struct sp_pool *pool, struct sp_arena *arena,
                    const struct sp_interrupt *interrupt, struct sp_voxel_order *order) {
     struct sort s = { .cloud = cloud, .choice = choice, .frame = frame, .interrupt = interrupt };
@@ -148,7 +160,9 @@ bool sp_cloud_sort(const struct sp_cloud *cloud, const struct sp_cloud_choice *c
     *order = (struct sp_voxel_order){ 0 };
     s.depths = sp_arena_alloc(arena, "depths of elements", n + 1, sizeof *s.depths);
     s.blocks = sp_arena_alloc(arena, "blocks of elements", blocks + 1, sizeof *s.blocks);
-    if (!s.depths || !s.blocks)
+    if (cloud->tree && choice->count <= RECORDS_MAX)
+        s.records = sp_arena_alloc(arena, "points", choice->count + (size_t)1, sizeof *s.records);
+    if (arena->failed)
         return false;
     sp_parallel_for(pool, n, BLOCK, find_depths, &s);
     if (sp_interrupt_is_cancelled(interrupt))
@@ -164,6 +178,7 @@ bool sp_cloud_sort(const struct sp_cloud *cloud, const struct sp_cloud_choice *c
     if (!s.items)
         return false;
     sp_parallel_for(pool, s.count, BLOCK, take_elements, &s);
+    cloud->records = s.records;
     *order = (struct sp_voxel_order){ .voxels = s.elements, .count = s.count };
     return true;
 }

@@ -186,9 +186,15 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     if (!tree)
         return true;
     source->mip_level = in->mip_level;
-    cloud->merged = &tree->merged;
-    return sp_cloud_cut(tree, cloud, &source->frame, pixels_of(in), in->pool, in->arena, choice) ||
-           fail_memory(in, err);
+    cloud->tree = tree;
+    struct sp_visible_ranges visible;
+    sp_visible_ranges_init(&visible, &in->view->transfer_function);
+    const struct sp_cloud_cut cut = { .tree = tree,
+                                      .cloud = cloud,
+                                      .frame = &source->frame,
+                                      .visible = &visible,
+                                      .pixels = pixels_of(in) };
+    return sp_cloud_cut(&cut, in->pool, in->arena, choice) || fail_memory(in, err);
 }
 
 bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,

@@ -24,34 +24,34 @@ struct lanes {
 };
 
 static inline void prefetch(const struct sp_cloud *cloud, uint32_t number) {
-    uint32_t at = number / cloud->parts;
-    const struct sp_elements *e = sp_cloud_part(cloud, &at);
-    __builtin_prefetch(&e->positions[at]);
-    __builtin_prefetch(&e->factors[at]);
-    __builtin_prefetch(e->values ? &e->values[at] : &e->opacities[at]);
-    if (e->volumes)
-        __builtin_prefetch(&e->volumes[at]);
-    const uint32_t numbers = e->harmonics ? 3 * sp_harmonics_count(e->shape.degree) : 0;
+    const uint32_t at = number / cloud->parts;
+    const struct sp_elements *own = cloud->elements;
+    const struct sp_cloud_element e = sp_cloud_element_at(cloud, at);
+    __builtin_prefetch(e.position);
+    if (cloud->records || at >= own->shape.count) /* this is all of it */
+        return;
+    __builtin_prefetch(e.factor);
+    __builtin_prefetch(e.value);
+    __builtin_prefetch(e.volume);
+    const uint32_t numbers = own->harmonics ? 3 * sp_harmonics_count(own->shape.degree) : 0;
     for (uint32_t i = 0; i < numbers; i += 16) /* a cache line */
-        __builtin_prefetch(e->harmonics + (size_t)at * numbers + i);
+        __builtin_prefetch(own->harmonics + (size_t)at * numbers + i);
 }
 
 static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *elements, int count,
                                  struct lanes *to) {
     for (int i = 0; i < SP_WIDE; i++) {
-        const uint32_t number = elements[i < count ? i : 0];
-        uint32_t at = number / cloud->parts;
+        const uint32_t number = elements[i < count ? i : 0], at = number / cloud->parts;
+        const struct sp_cloud_element e = sp_cloud_element_at(cloud, at);
         to->part[i] = cloud->part_at[number - at * cloud->parts];
-        const struct sp_elements *e = sp_cloud_part(cloud, &at);
-        const float *values = e->values ? e->values : e->opacities;
         if (i + AHEAD < count)
             prefetch(cloud, elements[i + AHEAD]);
         for (int k = 0; k < 3; k++)
-            to->position[k][i] = e->positions[at][k];
+            to->position[k][i] = e.position[k];
         for (int k = 0; k < 6; k++)
-            to->factor[k][i] = e->factors[at][k];
-        to->value[i] = values[at];
-        to->volume[i] = e->volumes ? e->volumes[at] : 0;
+            to->factor[k][i] = e.factor[k];
+        to->value[i] = *e.value;
+        to->volume[i] = e.volume ? *e.volume : 0;
     }
 }
 

@@ -1,8 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cloud/tree.h"
 
+#include <float.h>
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
 
 #include "volume/volume.h"
 
@@ -13,18 +16,65 @@ struct sums {
     double volume, value, place[3], square[6]; /* of L·Lᵀ + p·pᵀ, row by row */
 };
 
+/* A point inside a cell, or the merged one of a cell inside. */
+struct child {
+    const float *position, *factor;
+    float value, volume, reach, deviation;
+    uint32_t low, high;
+};
+
 static const int row_of[6] = { 0, 1, 1, 2, 2, 2 }, column_of[6] = { 0, 0, 1, 0, 1, 2 };
 
+/* At least the deviation of a kernel along any line. */
+static float bound_deviation(const float factor[6]) {
+    float square = 0;
+    for (int k = 0; k < 6; k++)
+        square += factor[k] * factor[k];
+    return sqrtf(square);
+}
+
+/* Makes a bound of a length that is not negative; rounds up. */
+static uint16_t make_bound(float length) {
+    union {
+        float value;
+        uint32_t bits;
+    } all = { .value = length };
+    return length < FLT_MAX / 2 ? (uint16_t)((all.bits + 0xffff) >> 16) : 0x7f80; /* infinity */
+}
+
+static struct child child_at(const struct sp_cloud_tree *tree, const struct sp_elements *points,
+                             const struct sp_cloud_cell *cell, uint32_t number) {
+    if (cell->is_leaf) {
+        const uint32_t i = tree->order[cell->first + number],
+                       bin = sp_cloud_bin(tree, points->values[i]);
+        return (struct child){ .position = points->positions[i],
+                               .factor = points->factors[i],
+                               .value = points->values[i],
+                               .volume = points->volumes[i],
+                               .deviation = bound_deviation(points->factors[i]),
+                               .low = bin,
+                               .high = bin };
+    }
+    const struct sp_cloud_node *node = &tree->nodes[cell->first + number];
+    return (struct child){ .position = node->position,
+                           .factor = node->factor,
+                           .value = node->value,
+                           .volume = node->volume,
+                           .reach = sp_cloud_bound(node->reach),
+                           .deviation = sp_cloud_bound(node->deviation),
+                           .low = node->low,
+                           .high = node->high };
+}
+
 /* Adds a child. Places are relative to `from`, so that squares keep their digits. */
-static void add_child(const struct sp_elements *e, uint32_t i, const float from[3],
-                      struct sums *sums) {
-    const double weight = (double)e->volumes[i];
-    const float *l = e->factors[i];
+static void add_child(const struct child *child, const float from[3], struct sums *sums) {
+    const double weight = (double)child->volume;
+    const float *l = child->factor;
     double p[3];
     sums->volume += weight;
-    sums->value += weight * (double)e->values[i];
+    sums->value += weight * (double)child->value;
     for (int a = 0; a < 3; a++) {
-        p[a] = (double)e->positions[i][a] - (double)from[a];
+        p[a] = (double)child->position[a] - (double)from[a];
         sums->place[a] += weight * p[a];
     }
     const double l0 = (double)l[0], l1 = (double)l[1], l2 = (double)l[2], l3 = (double)l[3],
@@ -56,29 +106,57 @@ static void find_factor(const double v[6], float out[6]) {
  * cells: 0.49·side². The merged points of a cell have 0.49/4 + 1/16 of it, and get the rest. */
 static const double rest = 0.49 - 0.49 / 4 - 1.0 / 16;
 
+/* Fills what bounds the cell, after its merged point. */
+static void find_bounds(const struct sp_cloud_tree *tree, const struct sp_elements *points,
+                        struct sp_cloud_node *to) {
+    float reach = 0, deviation = bound_deviation(to->factor);
+    uint32_t low = sp_cloud_bin(tree, to->value), high = low;
+    for (uint32_t k = 0; k < to->cell.count; k++) {
+        const struct child child = child_at(tree, points, &to->cell, k);
+        float square = 0;
+        for (int a = 0; a < 3; a++) {
+            const float away = child.position[a] - to->position[a];
+            square += away * away;
+        }
+        reach = fmaxf(reach, sqrtf(square) + child.reach);
+        deviation = fmaxf(deviation, child.deviation);
+        low = child.low < low ? child.low : low;
+        high = child.high > high ? child.high : high;
+    }
+    const float rounding = 1.00001f;
+    to->reach = make_bound(rounding * reach);
+    to->deviation = make_bound(rounding * deviation);
+    to->low = (uint16_t)low;
+    to->high = (uint16_t)high;
+}
+
 static void merge(const struct sp_cloud_tree *tree, const struct sp_elements *points,
-                  uint32_t cell) {
-    const struct sp_cloud_cell *c = &tree->cells[cell];
-    const struct sp_elements *to = &tree->merged, *from = c->is_leaf ? points : to;
+                  const struct sp_cloud_cell *cell, struct sp_cloud_node *to) {
     struct sums sums = { 0 };
     double v[6];
-    if (!c->count)
+    *to = (struct sp_cloud_node){ .cell = *cell };
+    if (!cell->count)
         return;
-    const float *base = from->positions[c->is_leaf ? tree->order[c->first] : c->first];
-    for (uint32_t k = c->first; k < c->first + c->count; k++)
-        add_child(from, c->is_leaf ? tree->order[k] : k, base, &sums);
+    const struct child first = child_at(tree, points, cell, 0);
+    for (uint32_t k = 0; k < cell->count; k++) {
+        const struct child child = child_at(tree, points, cell, k);
+        add_child(&child, first.position, &sums);
+    }
     for (int a = 0; a < 3; a++) {
         sums.place[a] /= sums.volume;
-        to->positions[cell][a] = (float)((double)base[a] + sums.place[a]);
+        to->position[a] = (float)((double)first.position[a] + sums.place[a]);
     }
     for (int k = 0; k < 6; k++) {
         v[k] = sums.square[k] / sums.volume - sums.place[row_of[k]] * sums.place[column_of[k]];
-        if (row_of[k] == column_of[k] && c->count > 1)
-            v[k] += rest * (double)c->side * (double)c->side;
+        if (row_of[k] == column_of[k] && cell->count > 1)
+            v[k] += rest * (double)cell->side * (double)cell->side;
     }
-    find_factor(v, to->factors[cell]);
-    to->values[cell] = (float)(sums.value / sums.volume);
-    to->volumes[cell] = (float)sums.volume;
+    find_factor(v, to->factor);
+    if (cell->count == 1)
+        memcpy(to->factor, first.factor, sizeof to->factor);
+    to->value = (float)(sums.value / sums.volume);
+    to->volume = (float)sums.volume;
+    find_bounds(tree, points, to);
 }
 
 struct merging {
@@ -111,29 +189,33 @@ static void merge_parts(void *user, size_t begin, size_t end, unsigned worker) {
         if (sp_interrupt_is_cancelled(m->interrupt))
             return;
         for (uint32_t i = part->first + part->count; i-- > part->first;) {
-            if (m->tree->cells[i].is_leaf)
-                prefetch(m, &m->tree->cells[i]);
-            merge(m->tree, m->points, i);
+            const struct sp_cloud_cell *cell = &m->cells->cells[i];
+            if (cell->is_leaf)
+                prefetch(m, cell);
+            merge(m->tree, m->points, cell, &m->tree->nodes[i]);
         }
     }
 }
 
+/* Allocates nodes. Frames read them at random: with pages of 4 KB, each read would wait for the
+ * page table as well. */
+static struct sp_cloud_node *allocate_nodes(size_t count) {
+    const size_t page = 2 << 20,
+                 bytes = (count * sizeof(struct sp_cloud_node) + page - 1) / page * page;
+    void *nodes = aligned_alloc(page, bytes);
+    if (nodes)
+        (void)madvise(nodes, bytes, MADV_HUGEPAGE);
+    return nodes;
+}
+
 static bool merge_cells(const struct merging *m, struct sp_pool *pool, struct sp_cloud_tree *tree) {
-    struct sp_elements *to = &tree->merged;
-    const size_t n = to->shape.count;
-    to->shape.kind = SP_KIND_POINTS;
-    to->positions = malloc(n * sizeof *to->positions);
-    to->factors = malloc(n * sizeof *to->factors);
-    to->values = malloc(n * sizeof *to->values);
-    to->volumes = malloc(n * sizeof *to->volumes);
-    if (!to->positions || !to->factors || !to->values || !to->volumes)
+    tree->nodes = allocate_nodes(tree->count);
+    if (!tree->nodes)
         return false;
     sp_parallel_for(pool, m->cells->part_count, 1, merge_parts, (void *)m);
     for (uint32_t i = m->cells->top_count; i-- > 0;)
-        merge(tree, m->points, i);
-    tree->bytes = n * (sizeof *tree->cells + sizeof *to->positions + sizeof *to->factors +
-                       2 * sizeof(float)) +
-                  m->points->shape.count * sizeof *tree->order;
+        merge(tree, m->points, &m->cells->cells[i], &tree->nodes[i]);
+    tree->bytes = tree->count * sizeof *tree->nodes + m->points->shape.count * sizeof *tree->order;
     return true;
 }
 
@@ -144,15 +226,16 @@ bool sp_cloud_tree_build(const struct sp_volume *volume, struct sp_pool *pool,
     struct merging m = {
         .tree = tree, .points = sp_volume_elements(volume), .cells = &cells, .interrupt = interrupt
     };
-    *tree = (struct sp_cloud_tree){ 0 };
+    const double *range = sp_volume_info(volume)->range;
+    *tree = (struct sp_cloud_tree){ .low = range[0], .bin = (range[1] - range[0]) / SP_CLOUD_BINS };
     bool ok = sp_cloud_cells_make(volume, pool, interrupt, &cells, err);
-    tree->cells = cells.cells;
     tree->order = cells.order;
-    tree->merged.shape.count = cells.count;
+    tree->count = cells.count;
     if (ok && !sp_interrupt_is_cancelled(interrupt) && !merge_cells(&m, pool, tree))
         ok = sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the levels of points");
     if (ok && sp_interrupt_is_cancelled(interrupt))
         ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
+    free(cells.cells);
     free(cells.parts);
     if (!ok)
         sp_cloud_tree_finish(tree);
@@ -160,12 +243,8 @@ bool sp_cloud_tree_build(const struct sp_volume *volume, struct sp_pool *pool,
 }
 
 void sp_cloud_tree_finish(struct sp_cloud_tree *tree) {
-    free(tree->cells);
+    free(tree->nodes);
     free(tree->order);
-    free(tree->merged.positions);
-    free(tree->merged.factors);
-    free(tree->merged.values);
-    free(tree->merged.volumes);
     *tree = (struct sp_cloud_tree){ 0 };
 }
 
@@ -189,10 +268,10 @@ uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volu
     return bytes;
 }
 
-/* About what a tree takes while it is made: an order, places of 16 bytes, and a cell of 60 bytes
- * per three points. */
+/* About what a tree takes while it is made: an order, places of 16 bytes, and a node per three
+ * points. */
 static uint64_t expected_bytes(uint32_t points) {
-    return (uint64_t)points * (4 + 16 + 60 / 3);
+    return (uint64_t)points * (4 + 16 + sizeof(struct sp_cloud_node) / 3);
 }
 
 bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, uint64_t bytes_max,

@@ -15,12 +15,42 @@
 #include "cloud/tree_cells.h"
 #include "sp/view.h"
 
+enum { SP_CLOUD_BINS = 4096 }; /* of the values of a tree */
+
+/* A cell and its merged point. A frame reads nodes in no order of the memory, so that each is one
+ * line of the cache. */
+struct sp_cloud_node {
+    _Alignas(64) struct sp_cloud_cell cell;
+    float position[3], factor[6], value, volume; /* of the merged point, as in struct sp_elements */
+    /* What bounds all points inside and the merged one. */
+    uint16_t low, high; /* bins of their values */
+    uint16_t reach;     /* at least their distance from the merged point (sp_cloud_bound()) */
+    uint16_t deviation; /* at least that of their kernels along any line, in the same way */
+};
+
+_Static_assert(sizeof(struct sp_cloud_node) == 64, "one line of the cache");
+
 struct sp_cloud_tree {
-    struct sp_cloud_cell *cells; /* [merged.shape.count], owned; the first one has all points */
-    uint32_t *order;             /* points, leaf by leaf; owned. Without those that are not drawn */
-    struct sp_elements merged;   /* by cell; its arrays are owned */
+    struct sp_cloud_node *nodes; /* [count], owned; the first one has all points */
+    uint32_t count;
+    uint32_t *order; /* points, leaf by leaf; owned. Without those that are not drawn */
+    double low, bin; /* values from low + k·bin on are in bin k; the last one has all others */
     uint64_t bytes;
 };
+
+/* A bound is the upper half of a float, so that a node stays one line. */
+static inline float sp_cloud_bound(uint16_t bound) {
+    const union {
+        uint32_t bits;
+        float value;
+    } all = { .bits = (uint32_t)bound << 16 };
+    return all.value;
+}
+
+static inline uint32_t sp_cloud_bin(const struct sp_cloud_tree *tree, float value) {
+    const double at = tree->bin > 0 ? ((double)value - tree->low) / tree->bin : 0;
+    return (uint32_t)(at > 0 ? at < SP_CLOUD_BINS ? at : SP_CLOUD_BINS - 1 : 0);
+}
 
 /* Volumes with fewer points have no tree. */
 #define SP_CLOUD_TREE_MIN 100000u

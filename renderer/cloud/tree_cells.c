@@ -185,13 +185,13 @@ static bool make_top(struct build *b, uint32_t cell, uint32_t level, const uint3
     const uint32_t inside = add_cells(&b->top, used);
     if (inside == UINT32_MAX)
         return false;
-    b->top.cells[cell] = (struct sp_cloud_cell){ inside, used, own.side, false };
+    b->top.cells[cell] = (struct sp_cloud_cell){ inside, used, false, own.side };
     for (uint32_t o = 0, to = inside; o < 8; o++) {
         const uint32_t begin = starts[key + o * step], end = starts[key + (o + 1) * step];
         if (begin == end)
             continue;
         b->top.cells[to] =
-            (struct sp_cloud_cell){ base + begin, end - begin, 0.5f * own.side, true };
+            (struct sp_cloud_cell){ base + begin, end - begin, true, 0.5f * own.side };
         if (!make_top(b, to++, level + 1, starts, base, key + o * step, rest - 1))
             return false;
     }
@@ -255,13 +255,13 @@ static void divide(struct build *b, struct worker *w, uint32_t root, uint32_t ce
         w->failed = true;
         return;
     }
-    w->made.cells[cell] = (struct sp_cloud_cell){ inside - root, used, own.side, false };
+    w->made.cells[cell] = (struct sp_cloud_cell){ inside - root, used, false, own.side };
     for (uint32_t o = 0, to = inside; o < 8; o++) {
         if (starts[o + 1] == starts[o])
             continue;
         w->made.cells[to] =
-            (struct sp_cloud_cell){ own.first + starts[o], starts[o + 1] - starts[o],
-                                    0.5f * own.side, true };
+            (struct sp_cloud_cell){ own.first + starts[o], starts[o + 1] - starts[o], true,
+                                    0.5f * own.side };
         divide(b, w, root, to++, level + 1);
     }
 }
@@ -317,7 +317,7 @@ static bool divide_all(struct build *b, uint32_t *starts) {
     sort(b, NULL, n, 0, b->items, starts);
     if (add_cells(&b->top, 1) != 0)
         return false;
-    b->top.cells[0] = (struct sp_cloud_cell){ 0, starts[KEYS], b->side, true };
+    b->top.cells[0] = (struct sp_cloud_cell){ 0, starts[KEYS], true, b->side };
     if (!make_top(b, 0, 0, starts, 0, 0, SORTED))
         return false;
     sp_parallel_for(b->pool, b->cells->part_count, 1, divide_parts, b);

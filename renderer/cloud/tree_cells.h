@@ -15,9 +15,9 @@
 
 /* A cell with points. Cells that are no leaves have cells inside, side by side. */
 struct sp_cloud_cell {
-    uint32_t first, count; /* range of the cells inside; of a leaf: range of `order` */
-    float side;            /* world units */
-    bool is_leaf;
+    uint32_t first; /* range of the cells inside; of a leaf: range of `order` */
+    uint32_t count : 31, is_leaf : 1;
+    float side; /* world units */
 };
 
 /* A subtree that one thread makes. */

@@ -2,24 +2,52 @@
 #include "backend/gl/elements.h"
 
 #include <epoxy/gl.h>
+#include <stdlib.h>
+#include <string.h>
 
 #include "backend/gl/pass.h"
 
 enum { CHUNK = 64 << 20 }; /* bytes that are uploaded together */
 
+/* Copies `bytes` of the array from its byte `done` on, whole items, to `to`. */
+static void gather(const struct gl_elements_array *array, uint64_t done, uint64_t bytes, char *to) {
+    const char *from = (const char *)array->data + done / array->item * array->stride;
+    for (uint64_t n = 0; n < bytes; n += array->item, from += array->stride)
+        memcpy(to + n, from, array->item);
+}
+
+static bool send_array(const struct gl_band *band, struct gl_resident *item, uint64_t at,
+                       const struct gl_elements_array *array, char *chunk, struct sp_error *err) {
+    const uint64_t most = array->stride ? CHUNK / array->item * array->item : CHUNK;
+    for (uint64_t done = 0, n; done < array->bytes; done += n) {
+        const char *from = (const char *)array->data + done;
+        n = array->bytes - done < most ? array->bytes - done : most;
+        if (gl_pass_cancelled(band->job->cancel, err))
+            return false;
+        if (array->stride) {
+            gather(array, done, n, chunk);
+            from = chunk;
+        }
+        gl_buffer_update(&item->buffer, at + done, from, n);
+        band->state->residency.uploaded += n;
+    }
+    return true;
+}
+
 static bool send(const struct gl_band *band, struct gl_resident *item,
                  const struct gl_elements_array *arrays, int count, struct sp_error *err) {
     uint64_t at = 0;
+    bool ok = true, has_strides = false;
     for (int i = 0; i < count; i++)
-        for (uint64_t done = 0, n; done < arrays[i].bytes; done += n, at += n) {
-            n = arrays[i].bytes - done < CHUNK ? arrays[i].bytes - done : CHUNK;
-            if (gl_pass_cancelled(band->job->cancel, err))
-                return false;
-            gl_buffer_update(&item->buffer, at, (const char *)arrays[i].data + done, n);
-            band->state->residency.uploaded += n;
-        }
-    item->is_filled = true;
-    return true;
+        has_strides = has_strides || arrays[i].stride;
+    char *chunk = has_strides ? malloc(CHUNK) : NULL;
+    if (has_strides && !chunk)
+        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for an upload to the GPU");
+    for (int i = 0; ok && i < count; at += arrays[i].bytes, i++)
+        ok = send_array(band, item, at, &arrays[i], chunk, err);
+    free(chunk);
+    item->is_filled = ok;
+    return ok;
 }
 
 struct gl_resident *gl_elements_load(const struct gl_band *band, struct sp_volume *volume,

@@ -11,7 +11,8 @@
 /* An array of a volume. */
 struct gl_elements_array {
     const void *data;
-    uint64_t bytes;
+    uint64_t bytes;      /* without what lies between the items */
+    size_t item, stride; /* bytes of an item, and from one to the next; 0 = side by side */
 };
 
 /* Returns an item with the arrays, one behind the other; they are uploaded unless they are

@@ -53,7 +53,7 @@ struct gl_layers_made {
 
 /* Elements of both parts of a cloud. */
 static inline uint32_t gl_cloud_elements(const struct sp_cloud *cloud) {
-    return cloud->elements->shape.count + (cloud->merged ? cloud->merged->shape.count : 0);
+    return cloud->elements->shape.count + (cloud->tree ? cloud->tree->count : 0);
 }
 
 /* Prepares the layers of a frame; they are valid until the next call, or until the arena is reset.

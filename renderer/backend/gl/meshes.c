@@ -62,11 +62,11 @@ static bool load(struct gl_mesh *to, const struct sp_mesh *mesh, const struct gl
                  struct sp_volume *volume, struct sp_error *err) {
     const struct sp_elements *e = mesh->elements;
     const uint64_t n = e->shape.vertex_count;
-    const struct gl_elements_array vertices[] = { { e->positions, n * sizeof *e->positions },
-                                                  { e->normals, n * sizeof *e->normals },
-                                                  { e->colors, n * sizeof *e->colors } };
-    const struct gl_elements_array triangles[] = { { e->triangles,
-                                                     e->shape.count * sizeof *e->triangles } };
+    const struct gl_elements_array
+        vertices[] = { { .data = e->positions, .bytes = n * sizeof *e->positions },
+                       { .data = e->normals, .bytes = n * sizeof *e->normals },
+                       { .data = e->colors, .bytes = n * sizeof *e->colors } },
+        triangles[] = { { .data = e->triangles, .bytes = e->shape.count * sizeof *e->triangles } };
     struct gl_resident *item = gl_elements_load(band, volume, GL_RESIDENT_VERTICES, 0, vertices, 3,
                                                 "vertices of a mesh", err);
     if (!item)

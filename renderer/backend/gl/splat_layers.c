@@ -217,13 +217,16 @@ static bool send_choice(struct gl_buffer *to, struct gl_buffer *order,
     return gl_buffer_unmap(to, err);
 }
 
-/* Appends an array of elements, and that of merged ones behind it. */
+/* Appends an array of elements, and the same of merged points behind it. `merged`: of the first
+ * one. */
 static void add_array(struct gl_elements_array *arrays, int *count, const void *own,
                       const void *merged, const struct sp_cloud *cloud, size_t size) {
-    arrays[(*count)++] = (struct gl_elements_array){ own, cloud->elements->shape.count * size };
-    if (cloud->merged)
-        arrays[(*count)++] =
-            (struct gl_elements_array){ merged, cloud->merged->shape.count * size };
+    const struct sp_cloud_tree *tree = cloud->tree;
+    arrays[(*count)++] =
+        (struct gl_elements_array){ .data = own, .bytes = cloud->elements->shape.count * size };
+    if (tree)
+        arrays[(*count)++] = (struct gl_elements_array){ merged, tree->count * size, size,
+                                                         sizeof(struct sp_cloud_node) };
 }
 
 /* Makes the numbers that give the colours of points resident. */
@@ -231,9 +234,9 @@ static bool load_colors(struct gl_splats *to, const struct gl_band *band, struct
     const struct sp_cloud *cloud = &to->made->cloud;
     const uint64_t count = cloud->elements->shape.count;
     const bool by_length = cloud->color_vectors;
-    const struct gl_elements_array array = { by_length ? (const void *)cloud->color_vectors
-                                                       : cloud->color_values,
-                                             count * sizeof(float) * (by_length ? 3 : 1) };
+    const struct gl_elements_array array = { .data = by_length ? (const void *)cloud->color_vectors
+                                                               : cloud->color_values,
+                                             .bytes = count * sizeof(float) * (by_length ? 3 : 1) };
     struct gl_resident *item =
         gl_elements_load(band, to->made->colors, GL_RESIDENT_HARMONICS, by_length ? 2 : 1, &array,
                          1, "colours of points", err);
@@ -244,24 +247,27 @@ static bool load_colors(struct gl_splats *to, const struct gl_band *band, struct
 /* Makes the elements of a cloud resident. */
 static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct sp_error *err) {
     const struct sp_cloud *cloud = &to->made->cloud;
-    const struct sp_elements *e = cloud->elements, *m = cloud->merged ? cloud->merged : e;
+    const struct sp_elements *e = cloud->elements;
+    static const struct sp_cloud_node none;
+    const struct sp_cloud_node *m = cloud->tree ? cloud->tree->nodes : &none;
     const bool is_trained = to->made->kind == GL_SPLAT_GAUSSIANS;
     const bool has_vectors = to->made->kind == GL_SPLAT_POINT_VECTORS;
     struct gl_elements_array arrays[9];
     int count = 0;
-    add_array(arrays, &count, e->positions, m->positions, cloud, sizeof *e->positions);
-    add_array(arrays, &count, e->factors, m->factors, cloud, sizeof *e->factors);
+    add_array(arrays, &count, e->positions, m->position, cloud, sizeof *e->positions);
+    add_array(arrays, &count, e->factors, m->factor, cloud, sizeof *e->factors);
     if (is_trained)
         add_array(arrays, &count, e->opacities, NULL, cloud, sizeof *e->opacities);
     else
-        add_array(arrays, &count, e->values, m->values, cloud, sizeof *e->values);
+        add_array(arrays, &count, e->values, &m->value, cloud, sizeof *e->values);
     if (!is_trained)
-        add_array(arrays, &count, e->volumes, m->volumes, cloud, sizeof *e->volumes);
+        add_array(arrays, &count, e->volumes, &m->volume, cloud, sizeof *e->volumes);
     if (has_vectors)
         arrays[count++] =
-            (struct gl_elements_array){ e->vectors, e->shape.count * sizeof *e->vectors };
+            (struct gl_elements_array){ .data = e->vectors,
+                                        .bytes = e->shape.count * sizeof *e->vectors };
     struct gl_resident *item = gl_elements_load(band, to->made->volume, GL_RESIDENT_ELEMENTS,
-                                                has_vectors ? 2 : cloud->merged != NULL, arrays,
+                                                has_vectors ? 2 : cloud->tree != NULL, arrays,
                                                 count, "points or Gaussians", err);
     if (!item)
         return false;
@@ -271,7 +277,7 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
     if (!is_trained)
         return load_colors(to, band, err);
     const uint64_t size = 3 * sizeof(float) * sp_harmonics_count(e->shape.degree);
-    arrays[0] = (struct gl_elements_array){ e->harmonics, e->shape.count * size };
+    arrays[0] = (struct gl_elements_array){ .data = e->harmonics, .bytes = e->shape.count * size };
     item = gl_elements_load(band, to->made->volume, GL_RESIDENT_HARMONICS, 0, arrays, 1,
                             "colours of Gaussians", err);
     to->harmonics = item ? &item->buffer : NULL;

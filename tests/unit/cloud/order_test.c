@@ -17,7 +17,7 @@
 
 enum { COUNT = 100000 };
 
-static float positions[COUNT][3], opacities[COUNT];
+static float positions[COUNT][3], factors[COUNT][6], opacities[COUNT];
 
 static void fill(void) {
     uint32_t seed = 5;
@@ -43,6 +43,7 @@ static struct sp_voxel_order sort_with(unsigned threads, struct sp_voxel_frame *
     struct sp_pool *pool = sp_pool_create(threads, NULL);
     elements = (struct sp_elements){ .shape = { .kind = SP_KIND_GAUSSIANS, .count = COUNT },
                                      .positions = positions,
+                                     .factors = factors,
                                      .opacities = opacities };
     cloud = (struct sp_cloud){ .parts = 1,
                                .elements = &elements,

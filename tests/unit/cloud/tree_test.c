@@ -7,6 +7,7 @@
 #include <stdarg.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -52,14 +53,37 @@ static void build_tree(struct sp_volume *volume, unsigned threads, struct sp_clo
     sp_pool_destroy(&pool);
 }
 
+/* Checks that a point is within the bounds of a cell. */
+static void check_bounds(const struct sp_cloud_tree *tree, const struct sp_elements *e,
+                         const struct sp_cloud_node *node, uint32_t i) {
+    double square = 0, deviation = 0;
+    for (int a = 0; a < 3; a++)
+        square += pow((double)(e->positions[i][a] - node->position[a]), 2);
+    for (int k = 0; k < 6; k++)
+        deviation = fmax(deviation, (double)fabsf(e->factors[i][k]));
+    assert_compare(sqrt(square), <=, (double)sp_cloud_bound(node->reach));
+    assert_compare(deviation, <=, (double)sp_cloud_bound(node->deviation));
+    assert_in_range(sp_cloud_bin(tree, e->values[i]), node->low, node->high);
+}
+
+/* Checks the bounds of a cell against all points inside. */
+static void check_inside(const struct sp_cloud_tree *tree, const struct sp_elements *e,
+                         const struct sp_cloud_node *node, const struct sp_cloud_cell *from) {
+    for (uint32_t k = from->first; k < from->first + from->count; k++)
+        if (from->is_leaf)
+            check_bounds(tree, e, node, tree->order[k]);
+        else
+            check_inside(tree, e, node, &tree->nodes[k].cell);
+}
+
 /* Sums over the points of a cell. */
 static void add_points(const struct sp_cloud_tree *tree, const struct sp_elements *e, uint32_t cell,
                        double sums[5]) {
-    const struct sp_cloud_cell *c = &tree->cells[cell];
+    const struct sp_cloud_cell *c = &tree->nodes[cell].cell;
     for (uint32_t k = c->first; k < c->first + c->count; k++) {
         if (!c->is_leaf) {
             assert_true(k > cell);
-            assert_float_equal(tree->cells[k].side, 0.5 * c->side, 1e-5);
+            assert_float_equal(tree->nodes[k].cell.side, 0.5 * c->side, 1e-5);
             add_points(tree, e, k, sums);
             continue;
         }
@@ -78,16 +102,17 @@ static void merged_points_stand_for_all_inside(void **state) {
     struct sp_cloud_tree tree;
     (void)state;
     build_tree(volume, 2, &tree);
-    const struct sp_elements *m = &tree.merged;
-    for (uint32_t cell = 0; cell < m->shape.count; cell += cell < 100 ? 1 : 97) {
+    for (uint32_t cell = 0; cell < tree.count; cell += cell < 100 ? 1 : 97) {
+        const struct sp_cloud_node *m = &tree.nodes[cell];
         double sums[5] = { 0 };
         add_points(&tree, e, cell, sums);
-        assert_compare(fabs((double)m->volumes[cell] - sums[0]), <=, 1e-5 * sums[0]);
-        assert_float_equal(m->values[cell], sums[1] / sums[0], 1e-4);
+        check_inside(&tree, e, m, &m->cell);
+        assert_compare(fabs((double)m->volume - sums[0]), <=, 1e-5 * sums[0]);
+        assert_float_equal(m->value, sums[1] / sums[0], 1e-4);
         for (int a = 0; a < 3; a++)
-            assert_float_equal(m->positions[cell][a], sums[2 + a] / sums[0], 1e-3);
+            assert_float_equal(m->position[a], sums[2 + a] / sums[0], 1e-3);
         for (int k = 0; k < 6; k++)
-            assert_true(isfinite(m->factors[cell][k]));
+            assert_true(isfinite(m->factor[k]));
     }
     double all[5] = { 0 };
     add_points(&tree, e, 0, all);
@@ -99,18 +124,34 @@ static void merged_points_stand_for_all_inside(void **state) {
     sp_volume_unref(&volume);
 }
 
-static struct sp_cloud_choice cut_at(const struct sp_cloud_tree *tree, const struct sp_elements *e,
-                                     float pixels, unsigned threads, struct sp_arena *arena) {
-    const struct sp_voxel_frame frame = { .ewa = { .projection = SP_ORTHOGRAPHIC, .scale = 2 } };
+static struct sp_cloud_choice cut_in(const struct sp_cloud_tree *tree, const struct sp_elements *e,
+                                     const struct sp_voxel_frame *frame,
+                                     const struct sp_visible_ranges *visible, float pixels,
+                                     unsigned threads, struct sp_arena *arena) {
     const struct sp_cloud cloud = { .parts = 1,
+                                    .size = 1,
                                     .elements = e,
-                                    .merged = &tree->merged,
+                                    .tree = tree,
                                     .place = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
+    const struct sp_cloud_cut cut = {
+        .tree = tree, .cloud = &cloud, .frame = frame, .visible = visible, .pixels = pixels
+    };
     struct sp_cloud_choice choice;
     struct sp_pool *pool = sp_pool_create(threads, NULL);
-    assert_true(sp_cloud_cut(tree, &cloud, &frame, pixels, pool, arena, &choice));
+    assert_true(sp_cloud_cut(&cut, pool, arena, &choice));
     sp_pool_destroy(&pool);
     return choice;
+}
+
+/* Of a view that has all points in its image. */
+static struct sp_cloud_choice cut_at(const struct sp_cloud_tree *tree, const struct sp_elements *e,
+                                     float pixels, unsigned threads, struct sp_arena *arena) {
+    const struct sp_voxel_frame frame = { .ewa = { .projection = SP_ORTHOGRAPHIC,
+                                                   .scale = 2,
+                                                   .near = -1000,
+                                                   .centre = { 500, 500 },
+                                                   .size = { 1000, 1000 } } };
+    return cut_in(tree, e, &frame, NULL, pixels, threads, arena);
 }
 
 /* Each point is drawn once: by itself, or by one merged point. */
@@ -124,8 +165,10 @@ static void check_cut(const struct sp_cloud_tree *tree, const struct sp_elements
             volume += (double)e->volumes[at];
             continue;
         }
-        assert_compare(2 * tree->cells[at - COUNT].side, <=, pixels);
-        volume += (double)tree->merged.volumes[at - COUNT];
+        const struct sp_cloud_node *node = &tree->nodes[at - COUNT];
+        if (node->cell.count > 1) /* one point is the same as its merged one */
+            assert_compare(2 * node->cell.side, <=, pixels);
+        volume += (double)node->volume;
     }
     for (int i = 0; i < COUNT; i++)
         expected += i == 60 || i == 61 ? 0 : 1 + i % 3;
@@ -182,23 +225,18 @@ static void a_crowded_corner_gives_the_same_tree_on_all_threads(void **state) {
     struct sp_cloud_tree one, three;
     build_tree(volume, 1, &one);
     build_tree(volume, 3, &three);
-    const uint32_t count = one.merged.shape.count;
-    assert_int_equal(three.merged.shape.count, count);
-    for (uint32_t cell = 0; cell < count; cell++) {
-        assert_int_equal(three.cells[cell].first, one.cells[cell].first);
-        assert_int_equal(three.cells[cell].count, one.cells[cell].count);
-        assert_int_equal(three.cells[cell].is_leaf, one.cells[cell].is_leaf);
-    }
+    const uint32_t count = one.count;
+    assert_int_equal(three.count, count);
     assert_memory_equal(three.order, one.order, MANY * sizeof *one.order);
-    assert_memory_equal(three.merged.factors, one.merged.factors,
-                        count * sizeof *one.merged.factors);
-    assert_float_equal(one.merged.volumes[0], MANY, 0);
+    assert_memory_equal(three.nodes, one.nodes, count * sizeof *one.nodes);
+    assert_float_equal(one.nodes[0].volume, MANY, 0);
     for (uint32_t cell = 0; cell < count; cell += 101) {
         double sums[5] = { 0 };
         add_points(&one, sp_volume_elements(volume), cell, sums);
-        assert_float_equal(one.merged.volumes[cell], sums[0], 0);
-        if (one.cells[cell].is_leaf) /* or a heap at one place */
-            assert_true(one.cells[cell].count <= 8 || one.cells[cell].side < 0.01f);
+        const struct sp_cloud_node *node = &one.nodes[cell];
+        assert_float_equal(node->volume, sums[0], 0);
+        if (node->cell.is_leaf) /* or a heap at one place */
+            assert_true(node->cell.count <= 8 || node->cell.side < 0.01f);
     }
     sp_cloud_tree_finish(&one);
     sp_cloud_tree_finish(&three);
@@ -229,10 +267,89 @@ static void points_without_a_place_have_a_tree(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* True if a splat of the point may touch the image, by the formulas of splat/ewa.h. */
+static bool is_seen(const struct sp_ewa_frame *f, const float p[3], float deviation) {
+    if (!(p[2] >= f->near))
+        return false;
+    for (uint32_t i = 0; i < f->clip.count; i++) {
+        const struct sp_clip_half *half = &f->clip.planes[i];
+        if (p[0] * half->normal[0] + p[1] * half->normal[1] + p[2] * half->normal[2] < half->offset)
+            return false;
+    }
+    for (int axis = 0; axis < 2; axis++) {
+        const float ratio = p[axis] / p[2], most = f->ratio_max[axis];
+        const float bounded = fminf(fmaxf(ratio, -most), most);
+        const float scale = f->scale / p[2] * deviation;
+        const float reach =
+            f->radius * sqrtf(scale * scale * (1 + bounded * bounded) + f->lowpass2);
+        const float x = f->centre[axis] + f->scale * ratio;
+        if (x + reach < 0.5f || x - reach > (float)f->size[axis] - 0.5f)
+            return false;
+    }
+    return true;
+}
+
+/* Fills which points a cut has, in its merged points as well. */
+static void mark(const struct sp_cloud_tree *tree, const struct sp_cloud_cell *cell, bool *has) {
+    for (uint32_t k = cell->first; k < cell->first + cell->count; k++)
+        if (cell->is_leaf)
+            has[tree->order[k]] = true;
+        else
+            mark(tree, &tree->nodes[k].cell, has);
+}
+
+/* From an eye among the points: no point that is seen is missing, and most others are. */
+static void a_cut_leaves_out_what_cannot_be_seen(void **state) {
+    static bool has[COUNT];
+    struct sp_volume *volume = make_points();
+    const struct sp_elements *e = sp_volume_elements(volume);
+    const struct sp_voxel_frame frame = {
+        .ewa = { .scale = 200,
+                 .near = 0.2f,
+                 .centre = { 50, 40 },
+                 .size = { 100, 80 },
+                 .ratio_max = { 0.625f, 0.56f },
+                 .radius = 3,
+                 .lowpass2 = 0.3f,
+                 .clip = { .count = 1, .planes = { { { 0, 0, -1 }, -60 } } } }
+    };
+    const struct sp_visible_ranges visible = { .count = 1,
+                                               .interval = { { .low = 2.5, .high = 3.5 } } };
+    struct sp_cloud_tree tree;
+    struct sp_arena arena;
+    uint32_t wanted = 0, chosen = 0;
+    (void)state;
+    sp_arena_init(&arena);
+    build_tree(volume, 2, &tree);
+    const struct sp_cloud_choice cut = cut_in(&tree, e, &frame, &visible, 2, 2, &arena);
+    for (uint32_t i = 0; i < cut.count; i++)
+        if (cut.elements[i] < COUNT)
+            has[cut.elements[i]] = true;
+        else
+            mark(&tree, &tree.nodes[cut.elements[i] - COUNT].cell, has);
+    for (int i = 0; i < COUNT; i++) {
+        const bool is_wanted = is_seen(&frame.ewa, e->positions[i], 0.1f) && i % 7 == 3;
+        wanted += is_wanted;
+        chosen += has[i];
+        if (is_wanted && i != 60 && i != 61 && !has[i]) {
+            const float *p = e->positions[i];
+            fail_msg("point %d at %g %g %g is missing", i, (double)p[0], (double)p[1],
+                     (double)p[2]);
+        }
+    }
+    printf("%u of %d points are seen, %u chosen\n", wanted, COUNT, chosen);
+    assert_in_range(wanted, 10, COUNT / 10);
+    assert_in_range(chosen, wanted, COUNT / 4);
+    sp_arena_finish(&arena);
+    sp_cloud_tree_finish(&tree);
+    sp_volume_unref(&volume);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(merged_points_stand_for_all_inside),
         cmocka_unit_test(a_cut_has_each_point_once),
+        cmocka_unit_test(a_cut_leaves_out_what_cannot_be_seen),
         cmocka_unit_test(a_crowded_corner_gives_the_same_tree_on_all_threads),
         cmocka_unit_test(points_without_a_place_have_a_tree),
     };
