@@ -259,6 +259,7 @@ static bool set_whole(proto_json *volume, const struct sp_volume_info *info) {
     proto_json *whole = proto_json_object();
     bool ok = proto_json_set(whole, "dims", dims(&all));
     ok = proto_json_set(whole, "spacing", numbers(all.spacing, 3)) && ok;
+    ok = proto_json_set(whole, "origin", numbers(info->whole.origin, 3)) && ok;
     ok = proto_json_set_integer(whole, "levels", info->whole.levels) && ok;
     ok = proto_json_set_number(whole, "bytes", bytes) && ok;
     return proto_json_set(volume, "whole", whole) && ok;

@@ -186,6 +186,7 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     snprintf(info.source, sizeof info.source, "%s", source);
     memcpy(info.whole.dims, info.grid.dims, sizeof info.whole.dims);
     memcpy(info.whole.spacing, info.grid.spacing, sizeof info.whole.spacing);
+    memcpy(info.whole.origin, info.grid.origin, sizeof info.whole.origin);
     info.whole.content = sp_brick_file_header(store->file)->level[0].checksum;
     info.whole.levels = sp_brick_file_header(store->file)->levels;
     info.grid = sp_brick_store_grid(store, &store->base_need);

@@ -8,7 +8,7 @@ import { dataText, numberText, roundValue, unitName } from '../core/lengths.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
-import { Grid, gridOfSlices, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
+import { Grid, finestGrid, gridOfSlices, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, length, normalize, rotate, scale, subtract } from '../core/vector.js';
 import { layoutButton } from './layout.js';
@@ -138,7 +138,7 @@ class Slices extends Emitter {
       for (const pane of this.panes.values()) pane.reset();
       this.#findHome(id);
     }
-    if (!this.grid && volume?.dims && viewer.kind === 'grid') this.grid = new Grid(volume);
+    if (!this.grid && volume?.dims && viewer.kind === 'grid') this.grid = finestGrid(volume);
     if (!this.grid && !volume && this.areShown) this.#findGrid(id);
     this.update();
     this.emit('change');

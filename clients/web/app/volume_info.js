@@ -17,11 +17,12 @@ function fieldText({ name, components, range }) {
 /** [label, value] of the samples. */
 function gridRows(volume) {
   const unit = volume.unit ? ` ${unitName(volume.unit)}` : '';
+  const { dims, spacing } = volume.whole ?? volume;
   return [
-    [t('info.dims'), (volume.whole ?? volume).dims?.join(' × ')],
-    [t('info.spacing'), volume.spacing && volume.spacing.map(number).join(' × ') + unit],
-    [t('info.size'), volume.dims && volume.spacing && t('info.size.value', {
-      size: volume.dims.map((n, i) => number(Math.max(n - 1, 0) * volume.spacing[i])).join(' × ') + unit,
+    [t('info.dims'), dims?.join(' × ')],
+    [t('info.spacing'), spacing && spacing.map(number).join(' × ') + unit],
+    [t('info.size'), dims && spacing && t('info.size.value', {
+      size: dims.map((n, i) => number(Math.max(n - 1, 0) * spacing[i])).join(' × ') + unit,
     })],
     [t('info.type'), volume.type],
   ];

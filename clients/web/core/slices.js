@@ -11,6 +11,15 @@ function distanceAt(volume, axis, i) {
   return places?.length ? places[i] : volume.spacing[axis] * i;
 }
 
+/**
+ * The grid of all samples of a volume. `isPartial`: it is larger than memory, and slices are of the level that their pixels ask for,
+ * between the samples of which the plane may lie.
+ */
+export function finestGrid(volume) {
+  const { whole } = volume;
+  return whole ? new Grid({ ...volume, dims: whole.dims, spacing: whole.spacing, origin: whole.origin, isPartial: true }) : new Grid(volume);
+}
+
 /** The grid of a volume: its axes as world vectors, and the conversions. */
 export class Grid {
   #inverse;
@@ -267,9 +276,9 @@ export function turnNormal(normal, pane, angle) {
   return rotate(axisAngle(pane.normal, -angle), normalize(normal));
 }
 
-/** The query of a plane's slice: through its sample if it is orthogonal, else around `center` with px per world unit. */
+/** The query of a plane's slice: through its sample if it is orthogonal and all samples are there, else around `center` with px per world unit. */
 export function sliceQuery(grid, plane, { center, zoom, size, limit = 1024 }) {
-  if (plane.axis !== null) return { axis: plane.axis, index: grid.index(plane.axis, plane.origin) };
+  if (plane.axis !== null && !grid.volume.isPartial) return { axis: plane.axis, index: grid.index(plane.axis, plane.origin) };
   const onPlane = add(center, scale(plane.normal, dot(subtract(plane.origin, center), plane.normal)));
   const finest = grid.smallest / 2; // more pixels show nothing new
   const spacing = Math.max(1 / zoom, finest, Math.max(...size) / zoom / limit);

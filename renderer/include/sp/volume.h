@@ -92,6 +92,7 @@ struct sp_steps {
 struct sp_whole {
     uint32_t dims[3];  /* of the finest level; 0 = struct sp_volume has all samples */
     double spacing[3]; /* of the finest level [world unit] */
+    double origin[3];  /* of the finest level: position of its sample (0, 0, 0) [world unit] */
     double limits[2];  /* no finite sample of any level lies outside; the range of struct
                           sp_volume_info may be that of a coarse level. Of float chunks an estimate:
                           samples beyond a limit look like the limit */

@@ -4,7 +4,7 @@ import { test } from 'node:test';
 import { anatomyOf, frameOf } from '../../../clients/web/core/orientation.js';
 import { paintSlice, readSlice, valueAt } from '../../../clients/web/core/slice_image.js';
 import {
-  Grid, cutLine, directionName, fitPane, imageTransform, moveAlong, obliquePlane, orthogonalPlanes, paneOf, pixelAt, reachAlong, sliceQuery, turnNormal,
+  Grid, cutLine, directionName, finestGrid, fitPane, imageTransform, moveAlong, obliquePlane, orthogonalPlanes, paneOf, pixelAt, reachAlong, sliceQuery, turnNormal,
 } from '../../../clients/web/core/slices.js';
 import { add, cross, dot, length, scale, subtract } from '../../../clients/web/core/vector.js';
 import { compare } from '../../support/compare.mjs';
@@ -138,6 +138,17 @@ test('the query asks for the sample under the plane, or for as many pixels as he
     { origin: '1,1,5', normal: '0,0,1', up: '0,1,0', size: '40,20', spacing: 1 });
   assert.equal(sliceQuery(grid, oblique, { center: [1, 1, 5], zoom: 100, size: [400, 200] }).size, '8,4');
   assert.equal(sliceQuery(grid, oblique, { center: [1, 1, 5], zoom: 1, size: [4000, 2000] }).size, '1024,512');
+});
+
+test('slices of a volume that is larger than memory follow its finest samples, and have the pixels that help', () => {
+  const grid = finestGrid(plain({ dims: [5, 10, 15], spacing: [2, 2, 4], origin: [0.5, 0.5, 1],
+    whole: { dims: [10, 20, 30], spacing: [1, 1, 2], origin: [0, 0, 0] } }));
+  assert.deepEqual([0, 1, 2].map((axis) => grid.count(axis)), [10, 20, 30]);
+  assert.equal(grid.index(2, [3, 4, 21.4]), 11);
+  const [axial] = orthogonalPlanes(grid, frameOf(null), [3, 4, 22]);
+  assert.deepEqual(sliceQuery(grid, axial, { center: [4, 9, 22], zoom: 0.5, size: [10, 20] }),
+    { origin: '4,9,22', normal: '0,0,-1', up: '0,-1,0', size: '10,20', spacing: 2 });
+  assert.deepEqual(finestGrid(plain()).volume.dims, [10, 20, 30]);
 });
 
 test('values become grey in a window, and what is not a number stays transparent', () => {

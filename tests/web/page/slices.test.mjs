@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // Slices beside the picture and in it, with the real daemon.
 import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
 import { mkdtempSync, rmSync, writeFileSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
 import { boxOf, checkAxe, difference, drag, firstFrame, NEEDS_AXE, pixels, resize, rest, share, shot, until, visit } from '../support/browser.mjs';
-import { startDaemon } from '../support/daemon.mjs';
+import { BIN, startDaemon } from '../support/daemon.mjs';
 import { decodePng } from '../support/png.mjs';
 
 const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=64', '--volume', 'demo:engine?size=64', '--backend', 'cpu', '--control-time', '600']));
@@ -336,4 +337,29 @@ test('slices in the picture change it, and two windows of one session share the 
   await page.click('#layout-3d');
   await rest(page);
   compare(difference(await pixels(page), plain), '<', 0.002);
+});
+
+test('slices of a volume that is larger than memory go through all its samples', async (context) => {
+  const folder = mkdtempSync(path.join(tmpdir(), 'splatd-slices-'));
+  context.after(() => rmSync(folder, { recursive: true }));
+  const file = path.join(folder, 'v.bricks');
+  execFileSync(path.join(BIN, 'splatctl'), ['convert', 'demo:noise?size=264', file]);
+  const own = await startDaemon(['--data', folder, '--volume', file, '--memory', '64M', '--backend', 'cpu']);
+  context.after(() => own.stop());
+  const { page } = await open(context, own.url);
+  await four(page);
+  const { dims } = await (await fetch(`${new URL(own.url).origin}/api/v1/volumes/v`, { headers: { Authorization: `Bearer ${new URL(own.url).searchParams.get('token')}` } })).json();
+  compare(dims[0], '<', 264, 'samples in memory');
+  assert.match(await page.textContent('#pane-axial'), /of 264/);
+  compare(light(await slice(page, 'axial')), '>', 1, 'there is a picture');
+  await page.mouse.move(...await middleOf(page, 'axial'));
+  await page.mouse.wheel(0, 100);
+  await settled(page);
+  const before = await position(page);
+  const asked = page.waitForRequest((request) => request.url().includes('/slice?') && request.url().includes('spacing='));
+  await page.mouse.wheel(0, 100);
+  await asked;
+  await settled(page);
+  const moved = (await position(page)).map((part, i) => Math.abs(part - before[i]));
+  assert.deepEqual(moved.map((part) => Number(part.toFixed(6))), [0, 0, 1], 'one sample of the finest level');
 });
