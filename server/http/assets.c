@@ -26,7 +26,7 @@ struct srv_packed_asset *srv_assets_pack(struct sp_error *err) {
         size_t size = (size_t)(asset->end - asset->begin);
         snprintf(packed[i].etag, sizeof packed[i].etag, "\"%016" PRIx64 "\"", hash(asset));
         if (srv_gzip_is_for(asset->mime, size))
-            packed[i].gzip = srv_gzip(asset->begin, size, &packed[i].gzip_size);
+            packed[i].gzip = srv_gzip(asset->begin, size, SRV_GZIP_SMALL, &packed[i].gzip_size);
     }
     return packed;
 }

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <zlib.h>
 
-enum { SIZE_MIN = 1024, LEVEL = 6, WINDOW_BITS = 15, GZIP_FORMAT = 16, MEMORY_LEVEL = 8 };
+enum { SIZE_MIN = 1024, WINDOW_BITS = 15, GZIP_FORMAT = 16, MEMORY_LEVEL = 8 };
 
 bool srv_gzip_is_for(const char *mime, size_t size) {
     static const char *const kinds[] = { "text/", "application/json", "application/yaml",
@@ -20,14 +20,14 @@ bool srv_gzip_is_for(const char *mime, size_t size) {
     return false;
 }
 
-void *srv_gzip(const void *bytes, size_t size, size_t *gzip_size) {
+void *srv_gzip(const void *bytes, size_t size, enum srv_gzip_level level, size_t *gzip_size) {
     z_stream z = { .next_in = (Bytef *)(uintptr_t)bytes, .avail_in = (uInt)size };
     void *out = malloc(size);
     if (!out)
         return NULL;
     z.next_out = out;
     z.avail_out = (uInt)size;
-    bool ok = deflateInit2(&z, LEVEL, Z_DEFLATED, WINDOW_BITS + GZIP_FORMAT, MEMORY_LEVEL,
+    bool ok = deflateInit2(&z, (int)level, Z_DEFLATED, WINDOW_BITS + GZIP_FORMAT, MEMORY_LEVEL,
                            Z_DEFAULT_STRATEGY) == Z_OK;
     if (ok) {
         ok = deflate(&z, Z_FINISH) == Z_STREAM_END;

@@ -9,8 +9,11 @@
  * `mime` may be NULL. */
 bool srv_gzip_is_for(const char *mime, size_t size);
 
+/* Levels of zlib: of an answer, and of what is compressed once. */
+enum srv_gzip_level { SRV_GZIP_FAST = 6, SRV_GZIP_SMALL = 9 };
+
 /* Compresses to a gzip member (RFC 1952), which the caller frees. NULL when out of memory, or if
  * the result would not be shorter. */
-void *srv_gzip(const void *bytes, size_t size, size_t *gzip_size);
+void *srv_gzip(const void *bytes, size_t size, enum srv_gzip_level level, size_t *gzip_size);
 
 #endif

@@ -53,7 +53,7 @@ static bool compress(struct srv_request *request) {
         reply->size = reply->gzip_size;
         return true;
     }
-    void *gzip = srv_gzip(reply->body, reply->size, &size);
+    void *gzip = srv_gzip(reply->body, reply->size, SRV_GZIP_FAST, &size);
     if (!gzip)
         return false;
     free(reply->owned);

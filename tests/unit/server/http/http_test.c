@@ -173,7 +173,7 @@ static void compression(void **state) {
     assert_false(srv_gzip_is_for("application/json", 100));
     assert_false(srv_gzip_is_for("image/png", sizeof text));
     assert_false(srv_gzip_is_for(NULL, sizeof text));
-    void *gzip = srv_gzip(text, sizeof text, &size);
+    void *gzip = srv_gzip(text, sizeof text, SRV_GZIP_FAST, &size);
     assert_non_null(gzip);
     assert_compare(size, <, sizeof text / 4);
     z_stream z = { .next_in = gzip, .avail_in = (uInt)size };
@@ -188,7 +188,8 @@ static void compression(void **state) {
     unsigned seed = 1;
     for (size_t i = 0; i < sizeof text; i++)
         text[i] = (char)((seed = seed * 1103515245u + 12345u) >> 16);
-    assert_null(srv_gzip(text, sizeof text, &size)); /* compressed noise would be longer */
+    assert_null(
+        srv_gzip(text, sizeof text, SRV_GZIP_FAST, &size)); /* compressed noise would be longer */
 }
 
 static void accepting(void **state) {
