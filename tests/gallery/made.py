@@ -25,6 +25,32 @@ def rings(x, y, z):
     return min(round(value), 255)
 
 
+def tissue():
+    """Centres of cells in a slab of 96 x 96 x 40 units, at least 15 units apart."""
+    chance, found = random.Random(7), []
+    for _ in range(900):
+        center = (chance.uniform(10, 86), chance.uniform(10, 86), chance.uniform(10, 30))
+        if all(math.dist(center, other) > 15 for other in found):
+            found.append(center)
+    return found
+
+
+CELLS = tissue()
+
+
+def nuclei(x, y, z):
+    """Balls in the middles of cells, of different brightness."""
+    distance, i = min((math.dist((x, y, z), center), i) for i, center in enumerate(CELLS))
+    return round((150 + 25 * (i % 5)) / (1 + math.exp(2 * (distance - 4.3))))
+
+
+def membranes(x, y, z):
+    """The walls between neighbouring cells, and around all of them."""
+    near = sorted(math.dist((x, y, z), center) for center in CELLS)[:2]
+    wall = (near[1] - near[0]) / 2 if near[0] < 10.5 else 9
+    return round(200 * math.exp(-min(wall, abs(near[0] - 10.5)) ** 2 / 1.2))
+
+
 def even(n, length):
     """From 0 to length."""
     return [length * i / (n - 1) for i in range(n)]
@@ -40,6 +66,8 @@ def graded(n, length):
 SCALARS = {
     'checkerboard': ([even(498, 497), even(398, 397), [0]], checkerboard),
     'zebra': ([even(1024, 1023), even(256, 1020), [0, 1, 2]], zebra),
+    'nuclei': ([even(96, 95), even(96, 95), even(40, 39)], nuclei),
+    'membranes': ([even(96, 95), even(96, 95), even(40, 39)], membranes),
     'rings-even': ([even(48, 96), even(48, 96), even(48, 96)], rings),
     'rings-graded': ([graded(48, 96), graded(48, 96), graded(48, 96)], rings),
 }
