@@ -2,7 +2,7 @@
 // Rows of the panel for one field of the view each: <div class="row" data-pointer="/filter/mode"> with a select, a slider, or
 // an input for a number, which is null while it is empty.
 // Errors of the daemon about a field appear below its row.
-import { choose, isChoice, matters, valueAt } from '../core/choices.js';
+import { allows, choose, isChoice, matters, valueAt } from '../core/choices.js';
 import { numberText } from '../core/lengths.js';
 import { logarithmic } from '../core/slider.js';
 import { t } from '../core/text.js';
@@ -64,6 +64,7 @@ export class Fields {
         if (document.activeElement !== control || control.valueAsNumber !== value) control.value = value ?? '';
       } else {
         showChoice(control, value);
+        for (const option of control.options) option.disabled = !allows(view, pointer, option.value);
       }
     }
   }

@@ -3,11 +3,12 @@
 // other ones (layers_elements.js, layers_add.js). The list is part of the state that the transfer function edits, so both share undo and
 // redo. The marks of surfaces in the histogram are in layers_markers.js.
 import { sphereAround, volumeBox } from '../core/camera.js';
+import { addChannels, patchForChannels } from '../core/channels.js';
 import { isSamePlace } from '../core/compare.js';
 import { hidesStreaks } from '../core/hiding.js';
 import { countText, kindOf, layerTypeOf } from '../core/kinds.js';
 import {
-  FLATNESS_MAX, MAGNITUDE, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasVectors, isOfElements, layersOf, moveThreshold, numberOf,
+  FLATNESS_MAX, MAGNITUDE, addElements, addShell, addSurface, addVectors, canAdd, changeLayer, hasChannels, hasVectors, isChannel, isOfElements, layersOf, moveThreshold, numberOf,
   removeLayer, showOwn, showVolume, showsOthers, showsVolume, surfaceValue,
 } from '../core/layers.js';
 import { numberText, roundValue } from '../core/lengths.js';
@@ -17,12 +18,12 @@ import { logarithmic, quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { showsValues } from '../core/transfer.js';
 import { fullNameOf } from '../core/volume_names.js';
-import { byId, icon, make, setAttribute, setText } from './dom.js';
+import { byId, make, setAttribute, setText } from './dom.js';
 import { showNumber, showValue } from './fields.js';
 import { LayerAdder } from './layers_add.js';
 import { GaussiansDetails, GeometryDetails, PointsDetails } from './layers_elements.js';
 import { LayerMarkers } from './layers_markers.js';
-import { digits, hexOf, onColor, onSlide, sliderRow } from './layers_rows.js';
+import { digits, hexOf, makeEye, makeRemover, onColor, onSlide, showEye, sliderRow } from './layers_rows.js';
 import { VectorsDetails, createPlaying } from './layers_vectors.js';
 import { ORDER } from './panel.js';
 
@@ -121,12 +122,25 @@ export class Layers {
     this.#app.transfer.plan();
   }
 
-  /** A projection shows the volume alone, so a layer beside it returns to sheets. */
-  #edit(layers, time, gesture = null) {
+  /** A projection shows the volume and its channels alone, so a layer beside them returns to sheets. So do channels of single splats. */
+  #edit(layers, time, gesture = null, more = {}) {
     const { notice, transfer, viewer } = this.#app;
-    const isBeside = isProjection(viewer.view) && showsOthers(layers);
-    transfer.edit(isBeside ? { layers, shown: SHEETS } : { layers }, { gesture, time });
+    if (!this.isEditable) return;
+    const { view } = viewer;
+    const isBeside = isProjection(view) && showsOthers(layers);
+    const isSplat = view.compositing?.mode === 'splat' && hasChannels(layers);
+    const patch = patchForChannels(view, this.list, layers);
+    transfer.edit({ layers, ...(isBeside || isSplat ? { shown: SHEETS } : {}), ...more }, { gesture, time });
+    if (patch) viewer.change(patch, time);
     if (isBeside) notice.show(t('layers.sheets'));
+  }
+
+  /** The drag that goes on, as one step for undo; null = none. */
+  get gesture() { return this.#gesture; }
+
+  /** Adds channels {id, points}. points: the new ones of the volume, or null. */
+  addChannels(channels, points, time) {
+    this.#edit(addChannels(this.list, channels), time, null, points ? { points, map: null, gradient: [] } : {});
   }
 
   /** Begins a drag: its changes count as one for undo. */
@@ -247,14 +261,10 @@ class LayersSection {
     this.#list.querySelector('li:has(.layer-details)')?.scrollIntoView?.({ block: 'nearest' });
   }
 
-  #eye(label, press) {
-    return make('button', { class: 'eye', 'aria-label': label, title: label, press });
-  }
-
   #volumeRow() {
     const layers = this.#layers;
     return make('li', { 'data-type': 'volume' }, make('div', { class: 'row' },
-      this.#eye(t('layers.show', { name: t('layers.volume') }), ({ timeStamp }) => layers.showVolume(!showsVolume(layers.list), timeStamp)),
+      makeEye(t('layers.volume'), ({ timeStamp }) => layers.showVolume(!showsVolume(layers.list), timeStamp)),
       make('span', { class: 'layer-name', text: t('layers.volume') })));
   }
 
@@ -262,14 +272,13 @@ class LayersSection {
     const layers = this.#layers;
     const { type } = layers.list[index];
     const name = layers.nameOf(index);
-    const remove = make('button', { class: 'small', 'aria-label': t('layers.remove', { name }), title: t('layers.remove', { name }) }, icon('trash-2'));
-    remove.addEventListener('click', ({ timeStamp }) => {
+    const remove = makeRemover(name, ({ timeStamp }) => {
       layers.remove(index, timeStamp);
       this.show();
       (this.#list.querySelector('.layer-pick[aria-expanded="true"]') ?? this.#add[type] ?? this.#adder.button).focus();
     });
     return make('li', { 'data-type': type, 'data-index': index }, make('div', { class: 'row' },
-      this.#eye(t('layers.show', { name }), ({ timeStamp }) => layers.change(index, { visible: !layers.list[index].visible }, timeStamp)),
+      makeEye(name, ({ timeStamp }) => layers.change(index, { visible: !layers.list[index].visible }, timeStamp)),
       make('button', { class: 'layer-pick', press: () => layers.select(layers.selected === index ? -1 : index) },
         make('span', { class: 'swatch', 'aria-hidden': 'true' }), make('span', { class: 'layer-name', text: name }), make('span', { class: 'layer-value' })),
       remove));
@@ -287,7 +296,7 @@ class LayersSection {
       for (const { root } of Object.values(this.#details)) root.remove();
       this.#list.replaceChildren(...(isGrid ? [this.#volumeRow()] : []), ...indices.map((i) => this.#row(i)));
     }
-    if (isGrid) this.#showEye(this.#list.firstElementChild, showsVolume(list));
+    if (isGrid) showEye(this.#list.firstElementChild, showsVolume(list));
     indices.forEach((i, at) => this.#showRow(this.#list.children[at + Number(isGrid)], i));
     for (const [type, button] of Object.entries(this.#add)) button.disabled = !canAdd(list, type);
     this.#add.vectors.hidden = !hasVectors(this.#app.viewer.volume);
@@ -321,6 +330,11 @@ class LayersSection {
       prompts.hide('closed');
       return;
     }
+    const hide = { label: t('layers.closed.hide'), press: () => layers.change(index, { visible: false }, performance.now()) };
+    if (isChannel(layers.list[index])) {
+      prompts.show('closed', { text: t('layers.closed.told', { name: layers.nameOf(index) }), actions: [hide] });
+      return;
+    }
     if (!layers.isClosed(layers.list[index])) {
       prompts.show('closed', {
         text: t('layers.color_by.closed', { name: layers.nameOf(index), id: layers.closedOf(layers.list[index]) }),
@@ -331,7 +345,7 @@ class LayersSection {
     prompts.show('closed', {
       text: t('layers.closed.told', { name: layers.nameOf(index) }), actions: [
         { label: t('layers.closed.choose'), press: () => this.#adder.show(index) },
-        { label: t('layers.closed.hide'), press: () => layers.change(index, { visible: false }, performance.now()) },
+        hide,
       ],
     });
   }
@@ -358,21 +372,13 @@ class LayersSection {
     return layer.id ? t(`layers.${layer.type}`) : countText(this.#layers.volumeOf(layer));
   }
 
-  #showEye(item, isVisible) {
-    const eye = item.querySelector('.eye');
-    if (eye.getAttribute('aria-pressed') === String(isVisible)) return;
-    eye.setAttribute('aria-pressed', String(isVisible));
-    eye.replaceChildren(icon(isVisible ? 'eye' : 'eye-off'));
-    item.toggleAttribute('data-off', !isVisible);
-  }
-
   #showRow(item, index) {
     const layer = this.#layers.list[index];
     const isSelected = index === this.#layers.selected;
     const isColored = layer.type === 'surface' || layer.type === 'geometry' || layer.style === 'blend';
     item.toggleAttribute('data-closed', this.#layers.isClosed(layer));
     item.querySelector('.small').disabled = !this.#layers.canRemove();
-    this.#showEye(item, layer.visible);
+    showEye(item, layer.visible);
     setAttribute(item.querySelector('.layer-pick'), 'aria-expanded', isSelected);
     item.querySelector('.swatch').style.backgroundColor = isColored ? cssColor(layer.color) : '';
     setText(item.querySelector('.layer-value'), this.#describe(layer));

@@ -6,6 +6,7 @@ import english from '../text/en.js';
 import { createApp } from './app.js';
 import * as camera from './camera.js';
 import * as capture from './capture.js';
+import * as channels from './channels.js';
 import * as clip from './clip.js';
 import * as colorBar from './color_bar.js';
 import * as compare from './compare.js';
@@ -53,7 +54,7 @@ import * as zoomBox from './zoom_box.js';
 const FEATURES = [
   kinds, frames, warp, status, stream, formats, connectionBanner, session, input, sheet, pick,
   orientation, scaleBar, views, zoomBox, walk, camera, clip,
-  picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, measures, edits,
+  picture, time, transfer, transferKinds, transferMaps, gradient, transferFiles, windowLevel, slices, layers, channels, measures, edits,
   open, uploads, volumes, presets, paths, keyframes, people, statusPanel, capture, compare, colorBar, savedViews, inspect,
 ];
 

@@ -6,7 +6,7 @@ import { Complaints } from './fields.js';
 
 /** Places of the sections. A new section takes a number between its neighbours. */
 export const ORDER = Object.freeze({
-  volumes: 10, time: 15, transfer: 20, layers: 25, slices: 30, clip: 40, edit: 42, measure: 50, compare: 60, capture: 70, path: 80, people: 90, picture: 100,
+  volumes: 10, time: 15, transfer: 20, channels: 22, layers: 25, slices: 30, clip: 40, edit: 42, measure: 50, compare: 60, capture: 70, path: 80, people: 90, picture: 100,
 });
 /** Windows whose panel is a sheet: at the bottom in portrait, else at the left. The same as in sheet.css. */
 export const NARROW = '(max-width: 640px), (max-height: 480px)';

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Picture" of the panel: background, shading, and the rendering choices.
 import { flatLimit, hideFlat, matters, steepest } from '../core/choices.js';
+import { hasChannels, layersOf } from '../core/layers.js';
 import { quadratic } from '../core/slider.js';
 import { t } from '../core/text.js';
 import { byId } from './dom.js';
@@ -56,6 +57,7 @@ export function install({ viewer, notice }) {
       byId(id).disabled = !matters(view, row.dataset.pointer);
       row.toggleAttribute('data-idle', byId(id).disabled);
     }
+    byId('channels-hint').hidden = !hasChannels(layersOf(view));
     byId('minimum-hint').hidden = view.compositing?.mode !== 'minimum';
     fields.show(view);
     document.title = view.volume ? t('page.title', { volume: view.volume }) : 'splatd';

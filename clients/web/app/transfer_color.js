@@ -2,8 +2,7 @@
 // The colour of the selected point of the transfer function: a colour field, and three numbers from 0 to 255.
 import { colorAt, paintPoint } from '../core/transfer.js';
 import { byId } from './dom.js';
-
-const hex = (color) => `#${color.map((part) => Math.round(part * 255).toString(16).padStart(2, '0')).join('')}`;
+import { hexOf } from './layers_rows.js';
 
 export class PointColor {
   #transfer; #curve;
@@ -40,7 +39,7 @@ export class PointColor {
   show() {
     const { point } = this.#curve;
     const color = (point && (this.#transfer.stops ? colorAt(this.#transfer.points, point.value) : point.color)) ?? [0, 0, 0];
-    byId('transfer-color').value = hex(color);
+    byId('transfer-color').value = hexOf(color);
     this.#numbers.forEach((field, i) => {
       if (document.activeElement !== field) field.value = String(Math.round(color[i] * 255));
     });

@@ -6,6 +6,7 @@ import {
 } from '../core/camera.js';
 import { Emitter } from '../core/emitter.js';
 import { kindOfView, offersOf } from '../core/kinds.js';
+import { hasChannels, layersOf } from '../core/layers.js';
 import { applyPatch, patchBetween } from '../core/merge.js';
 import { turnUpright } from '../core/orientation.js';
 import { UpdateQueue } from '../core/update_queue.js';
@@ -278,11 +279,12 @@ export class Viewer extends Emitter {
     this.#move(zoom(this.#rig, factor, at, this.#viewport(), zoomLimits(this.#sphere)), time);
   }
 
-  /** Keeps the direction and fits what is visible of the volume into the free part of the window; the whole volume if nothing is. */
+  /** Keeps the direction and fits what is visible of the volume into the free part of the window; the whole volume if nothing is, or if
+      channels show more than the volume itself. */
   async fit(time) {
     if (!this.mayChange()) return;
     const id = this.#view.volume;
-    const part = await this.visiblePart() ?? { ...this.#box, ...this.#sphere };
+    const part = (hasChannels(layersOf(this.#view)) ? null : await this.visiblePart()) ?? { ...this.#box, ...this.#sphere };
     if (this.isReady && this.#view.volume === id) this.#move(fit(this.#rig, part, this.#viewport(), this.#margins()), time);
   }
 

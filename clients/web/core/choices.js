@@ -2,7 +2,7 @@
 // The rendering choices of the page, by their JSON pointers in the view: their defaults, which of them have an effect beside
 // the others, and which fields must change together so that the daemon accepts a change.
 
-import { layersOf, showVolumeAlone, showsOthers } from './layers.js';
+import { hasChannels, layersOf, showVolumeAlone, showsOthers } from './layers.js';
 import { isProjection, isGrey } from './projection.js';
 
 const DEFAULTS = Object.freeze({
@@ -35,6 +35,10 @@ const patchAt = (pointer, value) => names(pointer).reduceRight((inner, name) => 
 
 const SUMS = ['/compositing/zero', '/compositing/absorption'];
 
+/** False for a value that the daemon refuses beside the channels of the view. */
+export const allows = (view, pointer, value) => !hasChannels(layersOf(view))
+  || !((pointer === '/compositing/mode' && value === 'splat') || (pointer === '/transfer_function/order' && value === 'pre'));
+
 /** True if the choice affects the image beside the others. The daemon stores and ignores a choice without effect. */
 export function matters(view, pointer) {
   if (isProjection(view)) {
@@ -46,7 +50,7 @@ export function matters(view, pointer) {
   if (isInterpolated && pointer.startsWith('/filter/')) return false;
   switch (pointer) {
     case '/shading/occlusion':
-    case '/shading/shadow': return view.shading?.mode !== 'none';
+    case '/shading/shadow': return view.shading?.mode !== 'none' && !hasChannels(layersOf(view));
     case '/filter/kernel': return mode !== 'none';
     case '/filter/sigma':
     case '/filter/cutoff': return mode !== 'none' && valueAt(view, '/filter/kernel') === 'gaussian';
@@ -70,10 +74,12 @@ export function choose(view, pointer, value) {
   }
   // Every projection has a window of its own, and a sum is not in the unit of the transfer function.
   if (pointer === '/compositing/mode' && isProjection({ compositing: { mode: value } })) {
-    const isSum = value === 'sum' && valueAt(view, '/compositing/colors') !== 'grey';
     const layers = layersOf(view);
+    const before = valueAt(view, '/compositing/colors');
+    const isMixed = hasChannels(layers) && (!isProjection(view) || view.compositing.mode === 'sum'); // in grey, channels cannot be told apart
+    const colors = value === 'sum' ? 'grey' : isMixed ? 'transfer_function' : before;
     return {
-      compositing: { mode: value, window: null, ...(isSum ? { colors: 'grey' } : {}) }, ...(showsOthers(layers) ? { layers: showVolumeAlone(layers) } : {}),
+      compositing: { mode: value, window: null, ...(colors === before ? {} : { colors }) }, ...(showsOthers(layers) ? { layers: showVolumeAlone(layers) } : {}),
     };
   }
   // The window of a sum is in the unit of the sum, or a share.
@@ -116,7 +122,7 @@ export function flatLimit(gradient = []) {
 export const steepest = ({ range: [low, high], spacing }) => (high - low) / (2 * Math.min(...spacing));
 
 /** Types of layers with colours of their own. */
-const OWN_COLORS = ['surface', 'gaussians', 'geometry'];
+const OWN_COLORS = ['surface', 'gaussians', 'geometry', 'channel'];
 
 /** Why the transfer function has no effect on the picture: 'grey' (a projection), 'surfaces' (nothing else is shown), or null. */
 export function whyIdle(view) {

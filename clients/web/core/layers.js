@@ -40,11 +40,11 @@ export const layersOf = (view) => view?.layers ?? [VOLUME];
 export const showsVolume = (layers) => layers.some(({ type, visible = true }) => type === 'volume' && visible);
 
 const near = (a, b) => a === b || (typeof a === 'number' && typeof b === 'number' && Math.abs(a - b) <= 1e-6 * Math.max(1e-6, Math.abs(a), Math.abs(b)));
-const isSameLayer = (a, b) => [...new Set([...Object.keys(a), ...Object.keys(b)])].every((name) => (
-  Array.isArray(a[name]) ? a[name].every((part, i) => near(part, b[name]?.[i])) : near(a[name], b[name])));
+const isNearAll = (a, b) => [...new Set([...Object.keys(a), ...Object.keys(b)])].every((name) => isNear(a[name], b[name]));
+const isNear = (a, b) => (a && b && typeof a === 'object' && typeof b === 'object' ? isNearAll(a, b) : near(a, b));
 
 /** True if two lists are the same but for rounding. */
-export const isSameLayers = (a, b) => a.length === b.length && a.every((layer, i) => isSameLayer(layer, b[i]));
+export const isSameLayers = (a, b) => a.length === b.length && a.every((layer, i) => isNearAll(layer, b[i]));
 
 /** The layers without the phase of their streaks, which moves by itself. */
 export const withoutPhase = (layers) => layers.map(({ phase, ...layer }) => layer);
@@ -58,11 +58,19 @@ export function showVolume(layers, visible) {
   return visible ? [VOLUME, ...layers] : layers;
 }
 
-/** True if the image shows a layer that is not the volume. */
-export const showsOthers = (layers) => layers.some(({ type, visible = true }) => type !== 'volume' && visible);
+/** True for a layer that is mixed with the volume. */
+export const isChannel = ({ type }) => type === 'channel';
 
-/** Shows the volume and hides all other layers. */
-export const showVolumeAlone = (layers) => showVolume(layers, true).map((layer) => (layer.type === 'volume' ? layer : { ...layer, visible: false }));
+/** True if the image shows a channel. */
+export const hasChannels = (layers) => layers.some((layer) => isChannel(layer) && layer.visible !== false);
+
+const isVolume = (layer) => layer.type === 'volume' || isChannel(layer);
+
+/** True if the image shows a layer that is neither the volume nor a channel. */
+export const showsOthers = (layers) => layers.some((layer) => !isVolume(layer) && layer.visible !== false);
+
+/** Shows the volume and its channels, and hides all other layers. Without channels, a hidden volume becomes visible. */
+export const showVolumeAlone = (layers) => (hasChannels(layers) ? layers : showVolume(layers, true)).map((layer) => (isVolume(layer) ? layer : { ...layer, visible: false }));
 
 /** Changes fields of a layer. */
 export const changeLayer = (layers, index, change) => layers.map((layer, i) => (i === index ? { ...layer, ...change } : layer));
@@ -107,8 +115,9 @@ const nextColor = (layers) => {
   return COLORS.find((color) => !used.some((other) => other?.every((part, i) => near(part, color[i])))) ?? COLORS[used.length % COLORS.length];
 };
 
-/** A place in the list: the first layer of the same samples replaces the picture of the volume, because it would be hidden in it. */
-const makeRoom = (layers) => (showsOthers(layers.filter((layer) => !isOfElements(layer))) ? layers : showVolume(layers, false));
+/** A place in the list: the first layer of the same samples replaces the picture of the volume, because it would be hidden in it. A mixture of
+    channels stays. */
+const makeRoom = (layers) => (showsOthers(layers.filter((layer) => !isOfElements(layer))) || hasChannels(layers) ? layers : showVolume(layers, false));
 
 /** Adds a surface. Opaque surfaces around it become a veil, because they would hide it. */
 export function addSurface(layers, value) {
@@ -138,8 +147,10 @@ export function addVectors(layers, { dims, elements }) {
 /** Adds a layer of elements: of the volume with this id, or of the view's volume. What the picture shows stays. */
 export const addElements = (layers, type, id = '', transform = IDENTITY) => [...layers, { type, visible: true, id, transform: [...transform], ...ELEMENTS[type] }];
 
+export const isBelowLimit = (layers) => layers.length < LAYERS_MAX;
+
 /** There may be several surfaces and layers of elements, and one layer of each other type. */
-export const canAdd = (layers, type) => layers.length < LAYERS_MAX && (type === 'surface' || isOfElements({ type }) || !layers.some((layer) => layer.type === type));
+export const canAdd = (layers, type) => isBelowLimit(layers) && (type === 'surface' || isOfElements({ type }) || !layers.some((layer) => layer.type === type));
 
 /** Moves a threshold of a shell; it pushes the other one. name: low or high. */
 export function moveThreshold(layer, name, value) {

@@ -1,0 +1,104 @@
+// SPDX-License-Identifier: Apache-2.0
+// Channels: other volumes on the grid of the view's volume, such as the other fields of a microscope's file, each with points of its own
+// (core/transfer.js). Nothing here changes its arguments.
+import { kindOf } from './kinds.js';
+import { hasChannels, isChannel, isBelowLimit } from './layers.js';
+import { EXTENT_MIN, OPACITY_MAX, tidy } from './transfer.js';
+
+/** Channels beside the volume. */
+export const CHANNELS_MAX = 7;
+/** Points that the protocol allows for each. */
+export const CHANNEL_POINTS_MAX = 32;
+/** The colours of microscopists, from the first channel on. */
+export const COLORS = Object.freeze([[0, 1, 0], [1, 0, 1], [0, 1, 1], [1, 1, 0], [1, 0, 0], [0, 0.35, 1], [1, 1, 1], [1, 0.5, 0]]);
+/** The opacity at the upper end of a new window. Projections do not add up along a ray, so they need more to be bright. */
+export const OPACITY = Object.freeze({ shaded: 0.5, projection: 0.95 });
+
+const gridOf = ({ dims, spacing, coordinates, origin, direction, whole }) => JSON.stringify([whole?.dims ?? dims, whole?.spacing ?? spacing, coordinates, origin, direction]);
+
+/** True if two volumes of the list have the same grid, which channels need. */
+export const isSameGrid = (a, b) => gridOf(a) === gridOf(b);
+
+const isColor = (a, b) => a.every((part, i) => Math.abs(part - b[i]) < 0.02);
+
+/** The next colour that none of `used` is. */
+export const nextColor = (used) => COLORS.find((color) => !used.some((other) => isColor(color, other))) ?? COLORS.at(-1);
+
+/** Points of one colour from transparent at `low` to an opacity at `high`. */
+export const rampOf = ([low, high], color, /** @type {number} */ opacity = OPACITY.shaded) => tidy([
+  { value: low, color, opacity: 0 }, { value: Math.max(high, low + EXTENT_MIN, low + Math.abs(low) * 1e-8), color, opacity },
+]);
+
+/** The window of points: the values of the first and of the last one. */
+export const windowOf = (points) => [points[0].value, points.at(-1).value];
+
+/** The points with another window. Its width stays above 0; a single point becomes a ramp. */
+export function moveWindow(points, [low, high], gap) {
+  const [from, to] = windowOf(points);
+  const width = Math.max(high - low, gap);
+  if (!(to > from)) return rampOf([low, low + width], points[0].color, points[0].opacity);
+  return tidy(points.map((p) => ({ ...p, value: low + ((p.value - from) / (to - from)) * width })));
+}
+
+/** Moves one end of the window, which pushes the other one. end: 0 (low) or 1 (high). */
+export function moveEnd(points, end, value, gap) {
+  const [low, high] = windowOf(points);
+  return moveWindow(points, end === 0 ? [value, Math.max(high, value + gap)] : [Math.min(low, value - gap), value], gap);
+}
+
+/** The colour of points: that of the last one. */
+export const colorOf = (points) => points.at(-1).color;
+export const paint = (points, color) => points.map((p) => ({ ...p, color }));
+
+/** The largest opacity of points. */
+export const opacityOf = (points) => Math.max(...points.map(({ opacity }) => opacity));
+
+/** The points with another largest opacity. */
+export function fade(points, opacity) {
+  const most = opacityOf(points);
+  const held = Math.min(OPACITY_MAX, Math.max(0.001, opacity)); // 0 would lose the shape
+  return tidy(most > 0 ? points.map((p) => ({ ...p, opacity: p.opacity * (held / most) }))
+    : points.map((p, i) => ({ ...p, opacity: i === points.length - 1 ? held : 0 })));
+}
+
+/** The layers with channels: pairs {id, points}. Those beyond the limit of a view are left out. */
+export const addChannels = (layers, channels) => channels.reduce((list, { id, points }) => (
+  isBelowLimit(list) ? [...list, { type: 'channel', visible: true, id, color: colorOf(points), points }] : list), layers);
+
+/** How many more channels the layers may have. */
+export const channelsLeft = (layers) => {
+  const others = layers.filter((layer) => !isChannel(layer)).length;
+  return Math.max(0, CHANNELS_MAX + 1 - Math.max(1, others) - layers.filter(isChannel).length);
+};
+
+/**
+ * The other fields that the file of a volume has, and volumes of the list on its grid, none of which is a channel: [{field}, …, {volume}, …].
+ * fieldOf(volume): the name of its values. A field that is a volume of the list is not named twice.
+ */
+export function channelSources(volume, volumes, layers) {
+  const used = layers.filter(isChannel).map(({ id }) => id);
+  const find = (id) => volumes.find((other) => other.id === id);
+  const fileOf = ({ source = '' }) => source.replace(/\?.*$/, '');
+  const fieldOf = (other) => other?.fields?.[0]?.name ?? '';
+  const isFree = (other) => other.id !== volume.id && other.state === 'ready' && kindOf(other) === 'grid' && !used.includes(other.id);
+  const ofFile = (other) => fileOf(other) === fileOf(volume) && (volume.other_fields ?? []).includes(fieldOf(other));
+  const taken = used.map(find).filter((other) => other && ofFile(other)).map(fieldOf);
+  const fields = (volume.other_fields ?? []).filter((name) => !taken.includes(name));
+  return [
+    ...fields.map((field) => ({ field })),
+    ...volumes.filter((other) => isFree(other) && !ofFile(other) && isSameGrid(other, volume)).map((other) => ({ volume: other })),
+  ];
+}
+
+/** What must change with layers that begin to have channels: {order}, {colors}, both, or nothing, as a patch; null = nothing. */
+export function patchForChannels(view, before, after) {
+  if (hasChannels(before) || !hasChannels(after)) return null;
+  const { mode = 'sheet', colors = 'grey' } = view.compositing ?? {};
+  const patch = {};
+  if (['maximum', 'minimum', 'mean'].includes(mode) && colors === 'grey') patch.compositing = { colors: 'transfer_function' };
+  if (view.transfer_function?.order === 'pre') patch.transfer_function = { order: 'auto' };
+  return Object.keys(patch).length ? patch : null;
+}
+
+/** Why the view cannot have channels: 'parts' (edits by values), or null. */
+export const whyNoChannels = (view) => ((view.edits ?? []).some(({ type }) => type === 'part') ? 'parts' : null);
