@@ -5,6 +5,8 @@
 #ifndef SP_CLOUD_KERNELS_H
 #define SP_CLOUD_KERNELS_H
 
+#include <math.h>
+
 #include "base/isa.h"
 #include "classify/transfer.h"
 #include "cloud/tree.h"
@@ -22,6 +24,7 @@ enum { SP_CLOUD_PARTS_MAX = 12 };
 struct sp_cloud_record {
     _Alignas(64) float position[3]; /* this and the others as in struct sp_elements */
     float factor[6], value, volume;
+    float color; /* sp_cloud_color_number(), if the cloud has other numbers for colours */
 };
 
 _Static_assert(sizeof(struct sp_cloud_record) == 64, "one line of the cache");
@@ -48,6 +51,8 @@ struct sp_cloud {
      * relative to `base`. Both NULL = values do. */
     const float *color_values;
     const float (*color_vectors)[3];
+    const float *merged_colors; /* then, by merged point; one number (colors.h) */
+    uint64_t merged_colors_id;  /* no other such array of the cache has it */
     float color_low, color_scale, color_first;
     float per_volume; /* points: from a volume [world unit³ of the data] to cells */
     /* Points: each kernel is drawn in that many parts of equal weight, one behind the other.
@@ -80,6 +85,21 @@ static inline struct sp_cloud_element sp_cloud_element_at(const struct sp_cloud 
     return (struct sp_cloud_element){ e->positions[number], e->factors[number],
                                       e->values ? &e->values[number] : &e->opacities[number],
                                       e->volumes ? &e->volumes[number] : NULL };
+}
+
+static inline bool sp_cloud_has_colors(const struct sp_cloud *cloud) {
+    return cloud->color_values || cloud->color_vectors;
+}
+
+/* The number that gives the colour of a point or merged point. */
+static inline float sp_cloud_color_number(const struct sp_cloud *cloud, uint32_t number) {
+    const uint32_t count = cloud->elements->shape.count;
+    if (number >= count)
+        return cloud->merged_colors[number - count];
+    if (cloud->color_values)
+        return cloud->color_values[number];
+    const float *v = cloud->color_vectors[number];
+    return sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
 }
 
 /* Sets up the splats of elements[count] of the cloud `from` (struct sp_cloud) that touch the rows

@@ -77,7 +77,10 @@ static float find_depth(const struct sort *s, const struct sp_cloud_element *e, 
     return u[2] + c->part_at[part] * find_deviation(c, e->factor);
 }
 
-static void record(const struct sp_cloud_element *e, struct sp_cloud_record *to) {
+static void record(const struct sp_cloud *cloud, uint32_t number, const struct sp_cloud_element *e,
+                   struct sp_cloud_record *to) {
+    if (sp_cloud_has_colors(cloud))
+        to->color = sp_cloud_color_number(cloud, number);
     memcpy(to->position, e->position, sizeof to->position);
     memcpy(to->factor, e->factor, sizeof to->factor);
     to->value = *e->value;
@@ -107,7 +110,7 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
         const uint32_t number = choose(s, i), part = number % parts;
         const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, number / parts);
         if (s->records && part == 0)
-            record(&e, &s->records[i / parts]);
+            record(s->cloud, number / parts, &e, &s->records[i / parts]);
         float depth = find_depth(s, &e, part);
         s->depths[i] = depth;
         if (!(depth < INFINITY))

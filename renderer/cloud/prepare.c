@@ -3,6 +3,7 @@
 
 #include "classify/coloring.h"
 #include "cloud/cloud.h"
+#include "cloud/colors.h"
 #include "cloud/cut.h"
 #include "cloud/order.h"
 #include "voxels/phase.h"
@@ -170,6 +171,21 @@ static bool choose_streaks(const struct sp_cloud_input *in, struct sp_cloud_choi
     return choice->elements;
 }
 
+/* Finds the numbers that give the colours of merged points, if others than values do. */
+static bool choose_colors(const struct sp_cloud_input *in, struct sp_cloud *cloud,
+                          const struct sp_cloud_tree *tree, struct sp_error *err) {
+    if (!sp_cloud_has_colors(cloud))
+        return true;
+    struct sp_volume *volume = cloud->color_vectors ? in->shown : in->colors;
+    const struct sp_cloud_colors *colors = sp_cloud_cache_get_colors(
+        in->trees, cloud, tree, in->shown, volume, in->pool, &in->interrupt, err);
+    if (!colors)
+        return false;
+    cloud->merged_colors = colors->numbers;
+    cloud->merged_colors_id = colors->id;
+    return true;
+}
+
 /* Chooses what is drawn: all elements, some of them, or of many points levels of detail. */
 static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
                    struct sp_voxel_source *source, struct sp_cloud_choice *choice,
@@ -178,13 +194,13 @@ static bool choose(const struct sp_cloud_input *in, struct sp_cloud *cloud,
     *choice = (struct sp_cloud_choice){ .count = cloud->elements->shape.count };
     if (source->frame.has_streaks)
         return choose_streaks(in, choice) || fail_memory(in, err);
-    if (cloud->color_values || cloud->color_vectors)
-        return true; /* merged points have no such number */
     if (!sp_cloud_cache_get(in->trees, in->shown, in->bytes_max, in->pool, &in->interrupt, &tree,
                             err))
         return false;
     if (!tree)
         return true;
+    if (!choose_colors(in, cloud, tree, err))
+        return false;
     source->mip_level = in->mip_level;
     cloud->tree = tree;
     struct sp_visible_ranges visible;

@@ -59,13 +59,8 @@ static inline void read_colors(const struct sp_cloud *cloud, const uint32_t *ele
                                struct lanes *to) {
     for (int i = 0; i < SP_WIDE; i++) {
         const uint32_t at = elements[i < count ? i : 0] / cloud->parts;
-        float number;
-        if (cloud->color_values) {
-            number = cloud->color_values[at];
-        } else {
-            const float *v = cloud->color_vectors[at];
-            number = sqrtf(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
-        }
+        const float number =
+            cloud->records ? cloud->records[at].color : sp_cloud_color_number(cloud, at);
         const bool is_number = number - number == 0;
         to->color[i] =
             cloud->color_first + (is_number ? (number - cloud->color_low) * cloud->color_scale : 0);
@@ -267,7 +262,7 @@ static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
                             : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
     sp_pieces_planes(cloud->pieces, value, planes);
     const sp_wide opacity = planes[3];
-    if (cloud->color_values || cloud->color_vectors)
+    if (sp_cloud_has_colors(cloud))
         sp_pieces_planes(cloud->pieces, sp_wide_load(lanes->color), planes);
     for (int k = 0; k < 3; k++)
         s->color[k] = planes[k];
@@ -310,7 +305,7 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         struct splats s;
         sp_wide_mask seen;
         read_elements(cloud, elements + n, (int)(count - n), &lanes);
-        if (cloud->color_values || cloud->color_vectors)
+        if (sp_cloud_has_colors(cloud))
             read_colors(cloud, elements + n, (int)(count - n), &lanes);
         if (frame->has_streaks)
             read_vectors(cloud, elements + n, (int)(count - n), &lanes);

@@ -1,6 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cloud/tree.h"
 
+#include "cloud/colors.h"
+
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -258,6 +260,7 @@ void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume
     for (int i = 0; i < SP_CLOUD_SLOTS; i++)
         if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
             empty_slot(&cache->slots[i]);
+    sp_cloud_evict_colors(cache, volume);
 }
 
 uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume) {
@@ -265,6 +268,9 @@ uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volu
     for (int i = 0; i < SP_CLOUD_SLOTS; i++)
         if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
             bytes += cache->slots[i].tree.bytes;
+    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
+        if (cache->colors[i].points && sp_volume_is_of(cache->colors[i].points, volume))
+            bytes += cache->colors[i].bytes;
     return bytes;
 }
 

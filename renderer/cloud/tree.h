@@ -70,6 +70,15 @@ struct sp_cloud_cache {
         struct sp_cloud_tree tree;
         uint64_t used; /* clock of the last use */
     } slots[SP_CLOUD_SLOTS];
+    /* Numbers that give the colours of merged points (colors.h). */
+    struct sp_cloud_colors {
+        struct sp_volume *points, *colors; /* one reference each; NULL = empty */
+        bool by_length;
+        float *numbers; /* by node of the tree, owned */
+        uint64_t bytes;
+        uint64_t id;   /* no other one of this cache has it */
+        uint64_t used; /* clock of the last use */
+    } colors[SP_CLOUD_SLOTS];
     uint64_t clock;
 };
 
@@ -79,7 +88,7 @@ struct sp_cloud_cache {
 bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, uint64_t bytes_max,
                         struct sp_pool *pool, const struct sp_interrupt *interrupt,
                         const struct sp_cloud_tree **tree, struct sp_error *err);
-/* Drops what is cached of the volume; NULL = of all volumes. */
+/* Drops what is cached of the volume, or of its numbers; NULL = of all volumes. */
 void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume);
 uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume);
 

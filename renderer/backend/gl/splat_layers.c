@@ -100,6 +100,7 @@ static void write_cloud(struct constants *c, const struct sp_cloud *cloud,
         c->streaks[0] = cloud->part_deviation;
         c->rows[0] = cloud->parts;
         c->cloud[1] = cloud->color_values ? 1 : cloud->color_vectors ? 3 : 0;
+        c->cloud[2] = cloud->elements->shape.count;
     }
     if (frame->has_streaks)
         write_streaks(c, &frame->streaks, 1);
@@ -229,17 +230,20 @@ static void add_array(struct gl_elements_array *arrays, int *count, const void *
                                                          sizeof(struct sp_cloud_node) };
 }
 
-/* Makes the numbers that give the colours of points resident. */
+/* Makes the numbers that give the colours of points, and of merged points, resident. */
 static bool load_colors(struct gl_splats *to, const struct gl_band *band, struct sp_error *err) {
     const struct sp_cloud *cloud = &to->made->cloud;
     const uint64_t count = cloud->elements->shape.count;
     const bool by_length = cloud->color_vectors;
-    const struct gl_elements_array array = { .data = by_length ? (const void *)cloud->color_vectors
-                                                               : cloud->color_values,
-                                             .bytes = count * sizeof(float) * (by_length ? 3 : 1) };
-    struct gl_resident *item =
-        gl_elements_load(band, to->made->colors, GL_RESIDENT_HARMONICS, by_length ? 2 : 1, &array,
-                         1, "colours of points", err);
+    const struct gl_elements_array arrays[] = {
+        { .data = by_length ? (const void *)cloud->color_vectors : cloud->color_values,
+          .bytes = count * sizeof(float) * (by_length ? 3 : 1) },
+        { .data = cloud->merged_colors,
+          .bytes = cloud->tree ? cloud->tree->count * sizeof(float) : 0 }
+    };
+    struct gl_resident *item = gl_elements_load(band, to->made->colors, GL_RESIDENT_HARMONICS,
+                                                cloud->merged_colors_id << 2 | (by_length ? 2 : 1),
+                                                arrays, 2, "colours of points", err);
     to->harmonics = item ? &item->buffer : NULL;
     return item;
 }

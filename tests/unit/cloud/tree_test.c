@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "cloud/colors.h"
 #include "cloud/cut.h"
 #include "support/compare.h"
 
@@ -345,11 +346,93 @@ static void a_cut_leaves_out_what_cannot_be_seen(void **state) {
     sp_volume_unref(&volume);
 }
 
+/* Σ volume·number and Σ volume of the points of a cell whose numbers are finite. */
+static void add_numbers(const struct sp_cloud_tree *tree, const struct sp_elements *e,
+                        const float *numbers, const struct sp_cloud_cell *cell, double sums[2]) {
+    for (uint32_t k = cell->first; k < cell->first + cell->count; k++) {
+        const uint32_t i = cell->is_leaf ? tree->order[k] : 0;
+        if (!cell->is_leaf) {
+            add_numbers(tree, e, numbers, &tree->nodes[k].cell, sums);
+        } else if (isfinite(numbers[i])) {
+            sums[0] += (double)e->volumes[i] * (double)numbers[i];
+            sums[1] += (double)e->volumes[i];
+        }
+    }
+}
+
+/* The points at one place have no number that is finite. */
+static void numbers_of_merged_points_are_means(void **state) {
+    static float numbers[COUNT];
+    struct sp_volume *volume = make_points();
+    const struct sp_elements *e = sp_volume_elements(volume);
+    struct sp_cloud_tree tree;
+    unsigned without = 0;
+    (void)state;
+    for (int i = 0; i < COUNT; i++)
+        numbers[i] = i < 50 ? NAN : i % 5 ? (float)(i % 13) : INFINITY;
+    build_tree(volume, 2, &tree);
+    const struct sp_cloud cloud = { .parts = 1, .elements = e, .color_values = numbers };
+    float *merged[2];
+    for (unsigned threads = 1; threads < 3; threads++) {
+        struct sp_pool *pool = sp_pool_create(threads, NULL);
+        float *to = merged[threads - 1] = calloc(tree.count, sizeof *to);
+        assert_true(sp_cloud_merge_colors(&cloud, &tree, pool, &never, to, NULL));
+        sp_pool_destroy(&pool);
+    }
+    assert_memory_equal(merged[0], merged[1], tree.count * sizeof **merged);
+    for (uint32_t cell = 0; cell < tree.count; cell++) {
+        double sums[2] = { 0 };
+        add_numbers(&tree, e, numbers, &tree.nodes[cell].cell, sums);
+        without += !(sums[1] > 0);
+        if (sums[1] > 0)
+            assert_float_equal(merged[0][cell], sums[0] / sums[1], 1e-5);
+        else
+            assert_true(isnan(merged[0][cell]));
+    }
+    assert_in_range(without, 1, tree.count / 2);
+    free(merged[0]);
+    free(merged[1]);
+    sp_cloud_tree_finish(&tree);
+    sp_volume_unref(&volume);
+}
+
+/* Colours of two volumes and of lengths are kept apart, and go with either volume. */
+static void colors_are_cached_by_both_volumes(void **state) {
+    struct sp_volume *points = make_points(), *other = make_points();
+    const struct sp_elements *e = sp_volume_elements(points);
+    struct sp_cloud_cache cache = { 0 };
+    struct sp_cloud_tree tree;
+    struct sp_pool *pool = sp_pool_create(2, NULL);
+    (void)state;
+    build_tree(points, 2, &tree);
+    const struct sp_cloud cloud = { .elements = e, .color_values = e->values };
+    const struct sp_cloud_colors *own =
+        sp_cloud_cache_get_colors(&cache, &cloud, &tree, points, points, pool, &never, NULL);
+    assert_non_null(own);
+    const struct sp_cloud_colors *foreign =
+        sp_cloud_cache_get_colors(&cache, &cloud, &tree, points, other, pool, &never, NULL);
+    assert_non_null(foreign);
+    assert_true(foreign != own && foreign->id != own->id);
+    assert_ptr_equal(
+        sp_cloud_cache_get_colors(&cache, &cloud, &tree, points, points, pool, &never, NULL), own);
+    assert_int_equal(sp_cloud_bytes(&cache, points), 2 * tree.count * sizeof(float));
+    sp_cloud_evict(&cache, other);
+    assert_int_equal(sp_cloud_bytes(&cache, points), tree.count * sizeof(float));
+    sp_cloud_evict(&cache, points);
+    assert_int_equal(sp_cloud_bytes(&cache, points), 0);
+    sp_pool_destroy(&pool);
+    sp_cloud_tree_finish(&tree);
+    sp_volume_unref(&points);
+    sp_volume_unref(&other);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(merged_points_stand_for_all_inside),
         cmocka_unit_test(a_cut_has_each_point_once),
         cmocka_unit_test(a_cut_leaves_out_what_cannot_be_seen),
+        cmocka_unit_test(numbers_of_merged_points_are_means),
+        cmocka_unit_test(colors_are_cached_by_both_volumes),
         cmocka_unit_test(a_crowded_corner_gives_the_same_tree_on_all_threads),
         cmocka_unit_test(points_without_a_place_have_a_tree),
     };

@@ -5,7 +5,8 @@ layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements
 // Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
 // of each point, then three numbers of the vector of each.
 layout(std430, binding = 3) readonly buffer Elements { float elements[]; };
-// By element and coefficient: red, green, blue. Or by point: the number, or the vector whose length is the number, that gives its colour.
+// By element and coefficient: red, green, blue. Or by point: the number, or the vector whose length is the number, that gives its colour;
+// then the number of each merged point.
 layout(std430, binding = 4) readonly buffer Harmonics { float harmonics[]; };
 
 const uint UNSEEN = 0xffffffffu;
@@ -91,9 +92,10 @@ vec4 classify(float value) {
 
 // The value, relative to the base, that has the colour of a point (cloud/set_up.c).
 float find_color_value(uint e) {
-    uint at = cloud.y * e;
+    bool is_merged = e >= cloud.z; // the number of the points; merged ones have one number
+    uint at = is_merged ? cloud.y * cloud.z + (e - cloud.z) : cloud.y * e;
     float number = harmonics[at];
-    if (cloud.y == 3u)
+    if (cloud.y == 3u && !is_merged)
         number = length(vec3(number, harmonics[at + 1u], harmonics[at + 2u]));
     return streak_axes[0].z + (abs(number) < 3e38 ? (number - streak_axes[0].x) * streak_axes[0].y : 0.0);
 }

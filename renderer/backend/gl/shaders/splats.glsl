@@ -15,7 +15,7 @@ layout(std430, binding = 1) readonly buffer Layer {
     vec4 streaks;      // the same: σ²·(stretch² − 1), length of a period, phase, 1 = blends; points: deviation of a part
     vec4 streak_color; // the same, of style blend
     vec4 eye;    // Gaussians: in the world of the data, or the direction of view there; opacity. Points: base of values; from a volume to cells
-    uvec4 cloud; // elements, coefficients of the harmonics per colour, 1 = normalised; points: numbers per point that give its colour; pieces of the transfer function
+    uvec4 cloud; // elements, coefficients of the harmonics per colour, 1 = normalised; points: numbers per point that give its colour, points; pieces of the transfer function
     // Coordinates: place and local spacing of each sample. Or pieces: where it starts, red, green, blue, opacity, their slopes.
     uint layer_words[];
 };

@@ -327,12 +327,14 @@ static void points_have_levels_of_detail(void **state) {
     struct resample_rig *rig = *state;
     struct sp_volume *cloud = make_cloud(POINTS, SP_CLOUD_TREE_MIN, 0.1f);
     struct sp_volume *const shown[KINDS] = { [POINTS] = cloud };
-    for (unsigned mip_level = 0; mip_level < 3; mip_level += 2) {
+    for (unsigned n = 0; n < 4; n++) { /* mip levels, with colours of values and of lengths */
         struct sp_view view;
         make_view(&view, cloud, ALONE, 0);
-        add_layer(&view, SP_LAYER_POINTS);
-        const struct resample_shot shot = { &view, cloud, mip_level, NULL, shown };
-        resample_check(rig, "points", &shot);
+        struct sp_layer *layer = add_layer(&view, SP_LAYER_POINTS);
+        if (n & 1)
+            snprintf(layer->color_by, sizeof layer->color_by, "%s", SP_COLOR_BY_LENGTH);
+        const struct resample_shot shot = { &view, cloud, n & 2, NULL, shown };
+        resample_check(rig, n & 1 ? "points coloured by length" : "points", &shot);
     }
     sp_volume_unref(&cloud);
     resample_report(rig);

@@ -1,0 +1,30 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The numbers that give the colours of merged points (color_by): of each cell, the mean of the
+ * numbers of the points inside, weighted by their volumes. Numbers that are not finite do not
+ * count; a cell without any other has NaN.
+ */
+#ifndef SP_CLOUD_COLORS_H
+#define SP_CLOUD_COLORS_H
+
+#include "base/interrupt.h"
+#include "base/parallel_for.h"
+#include "cloud/kernels.h"
+
+/* Fills numbers[tree->count] of the colouring of the cloud, the same for any number of threads.
+ * SP_ERR_MEMORY, SP_ERR_CANCELLED. */
+bool sp_cloud_merge_colors(const struct sp_cloud *cloud, const struct sp_cloud_tree *tree,
+                           struct sp_pool *pool, const struct sp_interrupt *interrupt,
+                           float *numbers, struct sp_error *err);
+
+/* Returns the same for a layer of `points` that has its colours from `colors`, valid until
+ * SP_CLOUD_SLOTS others were asked for, or until one of the volumes is evicted. NULL with *err set:
+ * errors as above. */
+const struct sp_cloud_colors *
+sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *cloud,
+                          const struct sp_cloud_tree *tree, struct sp_volume *points,
+                          struct sp_volume *colors, struct sp_pool *pool,
+                          const struct sp_interrupt *interrupt, struct sp_error *err);
+void sp_cloud_evict_colors(struct sp_cloud_cache *cache, const struct sp_volume *volume);
+
+#endif
