@@ -127,6 +127,24 @@ static void warn(struct import_warnings *warnings, const struct sp_elements *e, 
                     undrawn - folded - warnings->hidden, count, name, reason);
 }
 
+/* Points without a size that are all at one place: their neighbours tell none. */
+static void warn_of_one_place(struct import_warnings *warnings, const struct sp_elements *points) {
+    const float *first = points->positions[0];
+    uint32_t count = 0; /* those that are not finite come last */
+    for (; count < points->shape.count && isfinite(points->positions[count][0]) &&
+           isfinite(points->positions[count][1]) && isfinite(points->positions[count][2]);
+         count++)
+        for (int a = 0; a < 3; a++)
+            if (points->positions[count][a] < first[a] || points->positions[count][a] > first[a])
+                return;
+    if (count > 1)
+        import_warn(warnings,
+                    "All %" PRIu32 " points are at one place, (%g, %g, %g), so that their "
+                    "distances give no size; they have a size of 1. Give variance_xx to "
+                    "variance_zz and volume in a CSV or PLY file, or set the size of the layer.",
+                    count, (double)first[0], (double)first[1], (double)first[2]);
+}
+
 bool import_elements_finish(const struct import_file *file, const struct import_header *header,
                             const struct sp_elements *elements,
                             const struct import_progress *progress, uint64_t *folded,
@@ -136,11 +154,14 @@ bool import_elements_finish(const struct import_file *file, const struct import_
         find_normals(elements);
     if (elements->shape.kind == SP_KIND_GAUSSIANS)
         hide_colors(elements);
-    if (header->block_count)
+    if (header->block_count) {
         *folded = finish_blocks(header, elements);
-    else if (elements->shape.kind == SP_KIND_POINTS && !header->has_factors &&
-             !import_neighbours_finish(elements, progress, err))
-        return false;
+    } else if (elements->shape.kind == SP_KIND_POINTS && !header->has_factors) {
+        if (!import_neighbours_finish(elements, progress, err))
+            return false;
+        if (elements->shape.count > 0)
+            warn_of_one_place(file->warnings, elements);
+    }
     warn(file->warnings, elements, *folded);
     if (elements->vectors && elements->shape.count > 0)
         import_vectors_warn(file, (const float(*)[3])elements->vectors, elements->shape.count);

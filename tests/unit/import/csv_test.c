@@ -52,6 +52,21 @@ static void separators_quotes_and_blanks_are_read(void **state) {
     }
 }
 
+static void points_at_one_place_are_told(void **state) {
+    (void)state;
+    write_text("o.csv", "x,y,z,heat\n1,2,3,4\nnan,2,3,4\n1,2,3,5\n");
+    struct sp_volume *volume = load("o.csv");
+    assert_non_null(strstr(sp_volume_info(volume)->warnings[0],
+                           "All 2 points are at one place, (1, 2, 3), so that their distances "
+                           "give no size; they have a size of 1. Give variance_xx"));
+    assert_non_null(strstr(sp_volume_info(volume)->warnings[0], "set the size of the layer."));
+    sp_volume_unref(&volume);
+    write_text("o.csv", "x,y,z,heat\n1,2,3,4\n1,2,3,4\n1,2,3.5,5\n");
+    volume = load("o.csv");
+    assert_string_equal(sp_volume_info(volume)->warnings[0], "");
+    sp_volume_unref(&volume);
+}
+
 static void missing_values_are_not_drawn(void **state) {
     (void)state;
     write_text("m.csv", "x,y,z,heat\n1,2,3,\n1,,3,4\nnan,inf,3,5\n1,2,4,6\n");
@@ -182,6 +197,7 @@ static void counting_rows_reports_progress(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(separators_quotes_and_blanks_are_read),
+        cmocka_unit_test(points_at_one_place_are_told),
         cmocka_unit_test(missing_values_are_not_drawn),
         cmocka_unit_test(sizes_may_be_given),
         cmocka_unit_test(bad_variances_are_not_drawn),
