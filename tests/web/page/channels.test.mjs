@@ -187,6 +187,33 @@ test('one channel is added; a projection shows colours, and layers beside it she
   assert.deepEqual(said, []);
 });
 
+test('what cannot be mixed says so: cut-away parts, and a channel whose volume was closed', async (context) => {
+  const { page } = await mixed(context);
+  // The daemon refuses cut-away parts beside channels.
+  await page.evaluate(() => { document.getElementById('edit').open = true; });
+  await page.click('#edit-remove');
+  await page.mouse.click(430, 450);
+  await page.getByText(/a part is cut away by the values of one volume/).waitFor();
+  await until(page, 'no edit', (s) => s.view.edits.length === 0 && s.isIdle);
+  await shot(page, 'channels-part');
+  // A guest gets no list of volumes, and still colours and windows.
+  await page.evaluate(() => { document.getElementById('people-fold').open = true; });
+  await page.click('#link-control');
+  const guest = await visit(context, browser, await page.inputValue('#link-text'), LARGE);
+  await until(guest.page, 'the rows', () => document.querySelectorAll('#channel-list li').length === 3);
+  assert.ok(await guest.page.locator('#channels-all').isHidden(), 'a guest opens no files');
+  await shot(guest.page, 'channels-guest');
+
+  const [{ id }] = await channelsIn(page);
+  const { origin, searchParams } = new URL(daemon.url);
+  const answer = await fetch(`${origin}/api/v1/volumes/${id}`, { method: 'DELETE', headers: { Authorization: `Bearer ${searchParams.get('token')}` } });
+  assert.ok(answer.ok);
+  const prompt = page.locator('.prompt[data-id="closed"]');
+  await prompt.getByRole('button', { name: 'Hide the layer' }).click();
+  assert.deepEqual((await channelsIn(page)).map(({ visible }) => visible), [false, true]);
+  await rest(page);
+});
+
 test('channels on a phone', NEEDS_AXE, async (context) => {
   const { page } = await mixed(context, PHONE);
   await rowOf(page, 'spots').locator('.layer-pick').tap();
