@@ -50,9 +50,9 @@ static const struct {
     { "convert", "SOURCE OUT",
       "write a volume in another format, without a daemon. OUT ends with:\n"
       ".bricks, from which the daemon shows volumes that are larger than\n"
-      "its memory; .nrrd (raw); .nii or .nii.gz; .ome.zarr or .zarr, a\n"
-      "folder with a pyramid, which replaces only what convert wrote.\n"
-      "OpenVDB (.vdb) cannot be written",
+      "its memory; .nrrd (raw); .nii or .nii.gz; .vdb (OpenVDB);\n"
+      ".ome.zarr or .zarr, a folder with a pyramid, which replaces only\n"
+      "what convert wrote",
       BIT(BLOCK_CONVERT) },
     { "unload", "ID", "remove a volume from the daemon", DAEMON },
     { "view", "ID", "print the default view of a volume", DAEMON | BIT(BLOCK_FIELDS) },

@@ -116,11 +116,11 @@ struct format {
     bool is_folder;
 };
 
-static const struct format formats[] = { { SP_BRICKS_SUFFIX, write_bricks, false },
-                                         { ".nrrd", sp_export_nrrd, false },
-                                         { ".nii", sp_export_nifti, false },
-                                         { ".nii.gz", sp_export_nifti, false },
-                                         { ".zarr", sp_export_zarr, true } };
+static const struct format formats[] = {
+    { SP_BRICKS_SUFFIX, write_bricks, false }, { ".nrrd", sp_export_nrrd, false },
+    { ".nii", sp_export_nifti, false },        { ".nii.gz", sp_export_nifti, false },
+    { ".vdb", sp_export_vdb, false },          { ".zarr", sp_export_zarr, true }
+};
 
 static bool convert(const char *source, const char *out, const struct format *format,
                     const struct sp_load_options *options, struct sp_volume_info *info,

@@ -4,7 +4,8 @@
  * samples, and writes them piece by piece, so that memory does not grow with the volume.
  *
  *   convert.c ─► samples in a file without a name ─► nrrd.c, nifti.c ─► stream.c ─► a file
- *                                                  └► zarr.c, in folder.c ─► a folder
+ *                                                 ├► vdb_blocks.c ─► vdb.c ───────► a file
+ *                                                 └► zarr.c, in folder.c ─► a folder
  */
 #ifndef SP_EXPORT_JOB_H
 #define SP_EXPORT_JOB_H
@@ -28,6 +29,7 @@ struct sp_export_job {
 typedef bool sp_export_fn(const struct sp_export_job *job, struct sp_error *err);
 bool sp_export_nrrd(const struct sp_export_job *job, struct sp_error *err);  /* raw */
 bool sp_export_nifti(const struct sp_export_job *job, struct sp_error *err); /* gzip: .gz */
+bool sp_export_vdb(const struct sp_export_job *job, struct sp_error *err);   /* zlib */
 bool sp_export_zarr(const struct sp_export_job *job, struct sp_error *err);  /* a folder */
 
 /* Writes a header and all samples, packed by gzip or not (stream.c). */

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What `splatctl convert` writes: read again by the daemon's reader, and by nibabel, pynrrd and zarr."""
+"""What `splatctl convert` writes: read again by the daemon's reader, and by nibabel, pynrrd, zarr and OpenVDB."""
+import json
 import os
 import shutil
 import subprocess
@@ -13,6 +14,8 @@ from ramp import ramp
 
 TYPES = {'uint8': 'uint8', 'int8': 'int8', 'uint16': 'uint16', 'int16': 'int16', 'int32': 'int32', 'float32': 'float', 'float64': 'double'}
 TURNED = numpy.array([[0, -1, 0], [0.6, 0, 0.8], [0.8, 0, -0.6]])  # columns: the directions of the axes; left-handed
+
+OPENVDB = ['/usr/bin/python3']  # python3-openvdb is a module of the system's Python
 
 SPACES = ['left-posterior-superior', 'right-anterior-superior', 'left-anterior-superior', '3D-right-handed']
 DIRECTIONS = [TURNED, numpy.eye(3), TURNED[:, [1, 0, 2]], numpy.array([[0.8, 0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])]  # the last are not perpendicular
@@ -88,6 +91,31 @@ def check_nifti(tool, dtype):
             same(tool, out, 'the code of qform', code, 0 if directions[1, 0] == 0.6 and directions[1, 1] == 0.8 else 1)
             if code:
                 same(tool, out, 'qform', form, affine)
+
+
+def check_vdb(tool, dtype):
+    """The daemon's reader is OpenVDB behind OpenImageIO; its Python module reads what that hides."""
+    for directions in DIRECTIONS if dtype == 'int16' else DIRECTIONS[:1]:
+        source, data = write_source(tool, 'source.nrrd', dtype, directions=directions)
+        affine = affine_of(tool.dump(source)[0])
+        out = convert(tool, source, 'out.vdb')
+        tool.equal(out, data.astype('f4'), name='density of "µ"', type='float32', unit='', anatomy='')
+        same(tool, out, 'the grid', affine_of(tool.dump(out)[0]), affine)
+        if not tool.has_openvdb:
+            continue
+        done = subprocess.run([*OPENVDB, os.path.join(os.path.dirname(__file__), 'vdb_read.py'), out, tool.path('vdb.raw')], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            tool.fail(out, f'OpenVDB does not read it: {done.stderr}')
+            continue
+        about = json.loads(done.stdout)
+        shape = data.T.shape
+        last = [n - 1 for n in shape]
+        same(tool, out, 'the samples of OpenVDB', numpy.fromfile(tool.path('vdb.raw'), 'f4').reshape(shape), data.T)
+        same(tool, out, 'the world of OpenVDB', numpy.array(about['world']), numpy.array([affine[:3, 3], *(affine[:3, 3] + affine[:3, a] for a in range(3))]))
+        same(tool, out, 'the box', about['box'] + [about['first']], [[0, 0, 0], last, [0, 0, 0]])
+        active = numpy.count_nonzero(data.astype('f4')) + (data[0, 0, 0] == 0) + (data[-1, -1, -1] == 0)
+        same(tool, out, f'the description {about}', [about['name'], about['class'], about['type'], about['creator'], about['background'], about['active']] ==
+             ['density of "µ"', 'fog volume', 'FloatGrid', 'splatctl convert', 0, active], True)
 
 
 def check_wide(tool):
@@ -189,11 +217,15 @@ def check_what_is_left_out(tool):
 
 
 def check(tool):
+    tool.has_openvdb = subprocess.run([*OPENVDB, '-c', 'import numpy, pyopenvdb'], capture_output=True, check=False).returncode == 0
+    if not tool.has_openvdb:
+        tool.skipped.append('OpenVDB by itself: not installed: python3-openvdb')
     tool.splatctl = os.path.join(os.path.dirname(tool.dump_program), '..', 'bin', 'splatctl')
     for dtype in TYPES:
         check_nrrd(tool, dtype)
         check_nifti(tool, dtype)
         check_zarr(tool, dtype)
+        check_vdb(tool, dtype)
     check_wide(tool)
     check_folders(tool)
     check_what_is_left_out(tool)

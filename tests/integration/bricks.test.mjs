@@ -236,6 +236,16 @@ test('a sparse volume whose samples do not fit onto the disk is an error that sa
   assert.equal(stdout, '');
 });
 
+test('a disk that fills up while an output is written is an error that says so, and leaves nothing', (t) => {
+  if (spawnSync('unshare', ['-rm', 'true']).status !== 0) return t.skip('no disk of its own: unshare -rm');
+  const disk = mkdtempSync(path.join(folder, 'disk-'));
+  const script = `mount -t tmpfs -o size=160k none ${disk} && for name in a.nrrd a.nii a.nii.gz a.vdb a.bricks a.zarr; do
+    "$0" convert 'demo:noise?size=50' ${disk}/$name; echo "$name $? $(ls -A ${disk})"; done`; // 125 kB of samples
+  const { stdout, stderr } = spawnSync('unshare', ['-rm', 'sh', '-c', script, path.join(BIN, 'splatctl')], { encoding: 'utf8' });
+  assert.equal(stdout, ['nrrd', 'nii', 'nii.gz', 'vdb', 'bricks', 'zarr'].map((suffix) => `a.${suffix} 1 \n`).join(''), stderr);
+  assert.equal(stderr.match(/cannot write.*: No space left on device\n/g)?.length, 6, stderr);
+});
+
 test('slices and measurements of a volume that is larger than memory have all voxels', async () => {
   const query = (more) => `/api/v1/volumes/large/slice?format=raw&${more}`;
   const coarse = await daemon.fetch(query('axis=2&index=0'));

@@ -12,7 +12,7 @@ extern "C" {
 #endif
 
 /* What the name of an output may end with, for messages. */
-#define SP_CONVERT_SUFFIXES ".bricks, .nrrd, .nii, .nii.gz, .zarr"
+#define SP_CONVERT_SUFFIXES ".bricks, .nrrd, .nii, .nii.gz, .vdb, .zarr"
 
 /* Converts what sp_volume_load() reads from `source` to `out`, in the format that the end
  * of its name states: a file, or a folder for OME-Zarr. It is written completely or not at all, in
