@@ -47,7 +47,7 @@ function close() {
 }
 
 test('a volume that is larger than memory opens, and tells its whole size', () => {
-  assert.deepEqual(scene.whole, { dims: [SIDE, SIDE, SIDE], spacing: [1, 1, 1], levels: 3, bytes: SIDE ** 3 });
+  assert.deepEqual(scene.whole, { dims: [SIDE, SIDE, SIDE], spacing: [1, 1, 1], origin: [0, 0, 0], levels: 3, bytes: SIDE ** 3 });
   compare(scene.bytes, '<', MEMORY, 'the part in memory');
 });
 
