@@ -266,10 +266,11 @@ static bool has_layer_of(const struct sp_view *view, const char *id) {
     return false;
 }
 
-/* Before, the frames of such sessions failed. */
+/* Before, the frames of such sessions failed. They need a time step of the volume now. */
 static void renew_frames_with(struct srv_hub *hub, const char *id, double now_ms) {
     for (struct srv_session *s = hub->active.first; s; s = s->next)
         if (has_layer_of(&s->shared.view, id)) {
+            srv_steps_follow(hub, s);
             s->shared.version++;
             s->shared.image++;
             s->shared.changed_ms = now_ms;

@@ -71,7 +71,7 @@ static unsigned other_steps(void *user, void *volume, const struct sp_view *view
     unsigned count = 0;
     (void)volume;
     for (uint32_t i = 0; i < view->layer_count; i++)
-        if (strcmp(view->layers[i].id, "w") == 0)
+        if (strcmp(view->layers[i].id, "w") == 0 && !f->is_missing)
             others[count++] = &f->others[view->time.step];
     f->uses += (int)count;
     return count;

@@ -31,6 +31,7 @@ struct fixture {
     uint32_t step_count;
     struct fixture_step steps[4];
     struct fixture_step others[4]; /* of the volume "w", which a layer of the view may name */
+    bool is_missing;               /* "w" is not loaded */
     struct sp_pick picked;         /* what picks at the right half of the image answer */
 };
 

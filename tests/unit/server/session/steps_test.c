@@ -180,6 +180,28 @@ static void other_volumes_follow(void **state) {
     srv_hub_leave(f->hub, &p, 40000);
 }
 
+/* A volume that is loaded after a layer has named it: frames wait for its time step, too. */
+static void other_volumes_may_come_late(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    bool is_final;
+    f->is_missing = f->steps[2].is_loaded = true;
+    hub_send(f, p, "view.update",
+             "{\"seq\":1,\"patch\":{\"time\":{\"step\":2},\"layers\":[{\"type\":\"volume\"},"
+             "{\"type\":\"points\",\"id\":\"w\"}]}}",
+             10);
+    assert_int_equal(settle(f, p, 20), 2);
+    f->is_missing = false;
+    srv_hub_volume_progress(f->hub, "w", "ready", 1, "", 10000);
+    draw(f, p, 10010, &is_final);
+    assert_false(is_final);
+    assert_false(hub_next_job(f, 13000, &job)); /* nothing sharper of another step */
+    load_other(f, 2, 13100);
+    assert_int_equal(settle(f, p, 13200), 2);
+    srv_hub_leave(f->hub, &p, 20000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_show_another_step_until_it_is_loaded,
@@ -189,6 +211,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(steps_follow_the_clock_and_wait_for_their_loads,
                                         hub_set_up_series, hub_tear_down),
         cmocka_unit_test_setup_teardown(other_volumes_follow, hub_set_up_series, hub_tear_down),
+        cmocka_unit_test_setup_teardown(other_volumes_may_come_late, hub_set_up_series,
+                                        hub_tear_down),
         cmocka_unit_test_setup_teardown(a_step_that_cannot_be_loaded_ends_playing,
                                         hub_set_up_series, hub_tear_down),
     };
