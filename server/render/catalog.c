@@ -415,9 +415,12 @@ bool srv_catalog_remove(struct srv_catalog *catalog, const char *id, const char 
         srv_catalog_give_back(catalog, v);
     char *upload = is_loading ? NULL : srv_catalog_upload_to_close(catalog, v);
     unsigned uses = v->uses;
+    const bool has_failed_steps = srv_catalog_fail_steps(v);
     pthread_mutex_unlock(&catalog->mutex);
     catalog->options.progress(catalog->options.user, id, SRV_VOLUME_UNLOADED, 0, "");
     pthread_mutex_unlock(&catalog->notify_mutex);
+    if (has_failed_steps && catalog->options.step)
+        catalog->options.step(catalog->options.user, id);
     sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "volume", id }), "volume %s unloaded, %u uses left",
                 id, uses);
     if (is_free)

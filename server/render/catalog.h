@@ -75,7 +75,7 @@ struct srv_catalog_options {
                         struct sp_error *err);
     void (*upload_close)(void *user, const char *id, enum srv_volume_state state);
     /* A time step of this volume was loaded, or not (srv_catalog_step_is_ready()). Called from a
-     * load thread; may call the catalog. NULL = none is told. */
+     * load thread, or by srv_catalog_remove(); may call the catalog. NULL = none is told. */
     void (*step)(void *user, const char *id);
     /* The entry was removed, or one of its time steps evicted: its cached data must be evicted.
      * Passes a reference to the callee. */

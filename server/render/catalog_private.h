@@ -124,6 +124,9 @@ void srv_catalog_retry_steps(struct srv_catalog *catalog);
  * until `bytes` are free for `loading`. Returns them, for srv_catalog_free_steps(). */
 struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
                                            const struct srv_volume *loading, uint64_t bytes);
+/* The entry was removed: steps that wait are loaded no more. True if there was one; the caller
+ * calls options.step() then, without the mutex. */
+bool srv_catalog_fail_steps(struct srv_volume *entry);
 /* A use of a step has ended. Returns it if it is to be freed; else NULL. */
 struct srv_volume *srv_catalog_drop_step(struct srv_volume *step);
 

@@ -5,7 +5,7 @@
  * that. Steps stay loaded until memory is needed.
  *
  *   asked for ─► waiting ─► being loaded ─► loaded ─► evicted
- *                   │             └──────► failed
+ *                   │             └──────► failed, also if the volume is unloaded meanwhile
  *                   └─► dropped: its last user has left
  */
 #include <stdlib.h>
@@ -20,6 +20,13 @@ static struct srv_volume *find_step(const struct srv_volume *entry, uint32_t num
     while (s && s->step != number)
         s = s->next;
     return s;
+}
+
+static void fail_removed(struct srv_volume *step) {
+    step->state = SRV_VOLUME_FAILED;
+    sp_fail(&step->error, SP_ERR_VOLUME_UNKNOWN, "/time/step",
+            "the volume '%.100s' was unloaded before its time step %u was loaded", step->id,
+            step->step);
 }
 
 /* Adds a step that waits; NULL = out of memory. */
@@ -96,6 +103,8 @@ void *srv_catalog_step(void *user, void *volume, uint32_t number) {
         step->wanted_at = ++catalog->requests;
         if (step->state == SRV_VOLUME_FAILED)
             step->state = SRV_VOLUME_LOADING; /* another try */
+        if (is_queued(step) && entry->is_removed)
+            fail_removed(step);
     }
     if (step)
         entry->uses++;
@@ -301,6 +310,16 @@ struct srv_volume *srv_catalog_evict_steps(struct srv_catalog *catalog,
     return evicted;
 }
 
+bool srv_catalog_fail_steps(struct srv_volume *entry) {
+    bool has_failed = false;
+    for (struct srv_volume *s = entry->steps; s; s = s->next)
+        if (is_queued(s)) {
+            fail_removed(s);
+            has_failed = true;
+        }
+    return has_failed;
+}
+
 void srv_catalog_free_steps(struct srv_catalog *catalog, struct srv_volume *steps) {
     while (steps) {
         struct srv_volume *step = steps;
@@ -339,8 +358,10 @@ void srv_catalog_end_step(struct srv_catalog *catalog, struct srv_volume *step,
     const bool is_short = !volume && err->code == SP_ERR_BUDGET && is_loading_others(catalog);
     const bool again = !volume && step->uses > 1 && (err->code == SP_ERR_CANCELLED || is_short);
     step->state = volume ? SRV_VOLUME_READY : again ? SRV_VOLUME_LOADING : SRV_VOLUME_FAILED;
+    if (!volume && step->parent->is_removed)
+        fail_removed(step);
     srv_catalog_retry_steps(catalog);
-    step->is_short = again && is_short;
+    step->is_short = is_short && step->state == SRV_VOLUME_LOADING;
     step->is_ahead = step->is_ahead && volume;
     if (!volume)
         srv_catalog_give_back(catalog, step);

@@ -1,7 +1,8 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Volumes that are removed while they load, and the paths that clients see. The linker replaces
- * sp_volume_load(): the load of ENDLESS runs until it is cancelled.
+ * sp_volume_load(): the load of ENDLESS runs until it is cancelled, and so do the steps of SERIES
+ * behind the first one.
  */
 #include <pthread.h>
 #include <sched.h>
@@ -21,12 +22,15 @@
 
 enum { BYTES = 1000 };
 #define ENDLESS "demo:phantom?size=9"
+#define SERIES "demo:phantom?size=10"
+enum { STEPS = 8 }; /* of SERIES: more than there are load threads */
 
 static struct {
     pthread_mutex_t mutex;
     pthread_cond_t changed;
     bool is_loading;
     unsigned cancelled, unloaded;
+    unsigned steps;              /* notifications of steps */
     unsigned reserved;           /* after the load was cancelled */
     enum srv_volume_state state; /* of the newest notification */
 } seen = { .mutex = PTHREAD_MUTEX_INITIALIZER, .changed = PTHREAD_COND_INITIALIZER };
@@ -36,8 +40,23 @@ struct sp_volume *__real_sp_volume_load(const char *path, const struct sp_load_o
 struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_options *options,
                                         struct sp_error *err);
 
+static struct sp_volume *load_series(const struct sp_load_options *options, struct sp_error *err) {
+    while (options->step > 0 && options->progress(options->user, 0.5))
+        sched_yield();
+    if (options->step > 0) {
+        sp_fail(err, SP_ERR_CANCELLED, NULL, "cancelled");
+        return NULL;
+    }
+    struct sp_volume *volume = __real_sp_volume_load(SERIES, options, err);
+    if (volume)
+        ((struct sp_volume_info *)sp_volume_info(volume))->steps.count = STEPS;
+    return volume;
+}
+
 struct sp_volume *__wrap_sp_volume_load(const char *path, const struct sp_load_options *options,
                                         struct sp_error *err) {
+    if (strcmp(path, SERIES) == 0)
+        return load_series(options, err);
     if (strcmp(path, ENDLESS) != 0)
         return __real_sp_volume_load(path, options, err);
     assert_true(options->reserve(options->user, BYTES, err));
@@ -142,6 +161,46 @@ static void a_volume_can_be_removed_while_it_loads(void **state) {
     srv_catalog_destroy(&catalog);
 }
 
+static void count_steps(void *user, const char *id) {
+    (void)user;
+    assert_string_equal(id, "v");
+    pthread_mutex_lock(&seen.mutex);
+    seen.steps++;
+    pthread_mutex_unlock(&seen.mutex);
+}
+
+/* Those that wait, and those that are being loaded: nobody waits for ever. */
+static void steps_of_a_removed_volume_fail(void **state) {
+    (void)state;
+    const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
+                                                 .progress = on_progress,
+                                                 .unloaded = on_unloaded,
+                                                 .step = count_steps };
+    struct srv_catalog *catalog = srv_catalog_create(&options, NULL);
+    struct sp_error err;
+    void *steps[STEPS];
+    seen.state = SRV_VOLUME_LOADING;
+    add(catalog, SERIES);
+    wait_for(SRV_VOLUME_READY);
+    struct srv_volume *volume = srv_catalog_acquire(catalog, "v", &err);
+    for (uint32_t i = 1; i < STEPS - 1; i++)
+        steps[i] = srv_catalog_step(catalog, volume, i);
+    assert_true(srv_catalog_remove(catalog, "v", NULL, NULL));
+    steps[STEPS - 1] = srv_catalog_step(catalog, volume, STEPS - 1); /* asked for after that */
+    for (uint32_t i = 1; i < STEPS; i++) {
+        err.code = SP_ERR_NOT_READY;
+        while (err.code == SP_ERR_NOT_READY) {
+            assert_false(srv_catalog_step_is_ready(catalog, steps[i], &err));
+            sched_yield();
+        }
+        assert_int_equal(err.code, SP_ERR_VOLUME_UNKNOWN);
+        srv_catalog_release(catalog, steps[i]);
+    }
+    srv_catalog_release(catalog, volume);
+    srv_catalog_destroy(&catalog);
+    assert_in_range(seen.steps, 1, STEPS); /* those who wait are told */
+}
+
 static void ignore_progress(void *user, const char *id, enum srv_volume_state state,
                             double progress, const char *reason) {
     (void)user, (void)id, (void)state, (void)progress, (void)reason;
@@ -236,6 +295,7 @@ static void paths_are_redacted(void **state) {
 
 int main(void) {
     const struct CMUnitTest tests[] = { cmocka_unit_test(a_volume_can_be_removed_while_it_loads),
+                                        cmocka_unit_test(steps_of_a_removed_volume_fail),
                                         cmocka_unit_test(volumes_of_an_earlier_run_are_not_limited),
                                         cmocka_unit_test(a_joint_histogram_is_counted_once),
                                         cmocka_unit_test(paths_are_redacted) };
