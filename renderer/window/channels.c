@@ -91,8 +91,8 @@ static bool find_common(struct sp_volume *volume, const struct sp_view *view,
     while (!is_common(shown, found, &coarsest)) {
         if (coarsest == least)
             return sp_fail(err, SP_ERR_UNSUPPORTED, "/layers",
-                           "some channels are larger than memory and others are not: give the "
-                           "daemon more --memory, or hide some of them");
+                           "some channels are shown from bricks and others are in memory: open "
+                           "brick files of all of them (splatctl convert), or hide some");
         least = coarsest;
         sp_volume_unref(&shown->volume);
         finish(found);

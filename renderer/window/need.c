@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Which bricks of a level a view may show: by the range of their values, by what is clipped, and by
- * what lies beside the image.
+ * Which bricks of a level a view may show: by the range of their values (without channels), by what
+ * is clipped, and by what lies beside the image.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -19,6 +19,9 @@ struct search {
     const struct sp_view *view;
     unsigned level;
     bool is_whole; /* whatever the camera sees */
+    /* The box is that of all channels: each of them shows other values, and the clip box of a frame
+     * is in fractions of one window. */
+    bool has_channels;
     struct sp_visible_ranges visible;
     bool shows_all; /* every value may matter */
     double surfaces[SP_LAYERS_MAX];
@@ -47,6 +50,8 @@ static void find_values(struct search *s) {
 static bool may_show(const struct search *s, const struct sp_brick_entry *entry) {
     const double more = 0.25 * (entry->range[1] - entry->range[0]);
     const double low = entry->range[0] - more, high = entry->range[1] + more;
+    if (s->has_channels)
+        return true;
     if (entry->range[0] > entry->range[1])
         return false; /* no sample is finite */
     if (s->shows_all || sp_visible_ranges_overlap(&s->visible, low, high))
@@ -165,7 +170,8 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
                         .entries = sp_brick_file_entries(file, level),
                         .view = view,
                         .level = level,
-                        .is_whole = is_whole };
+                        .is_whole = is_whole,
+                        .has_channels = sp_view_has_channels(view) };
     const struct sp_brick_level *own = &s.header->level[level];
     const uint64_t count = sp_brick_count(own);
     uint8_t *marks = malloc(count);

@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include <stdio.h>
+#include <string.h>
 
 #include "support/compare.h"
 #include "support/sanitized.h"
@@ -36,19 +37,25 @@ static struct sp_frame *render_with_channel(const struct rig *rig, struct sp_vol
     return frame;
 }
 
-/* Channels have one grid, whatever memory each of them has. */
-static void channels_equal_those_of_volumes_in_memory(void **state) {
-    const struct rig *rig = *state;
-    static const uint64_t bytes[][2] = { { 0, 0 }, { 3 << 19, 1 << 22 }, { 1 << 22, 3 << 19 } };
+/* A channel whose opacity rises from `low` on. */
+static struct sp_view make_view(const struct rig *rig, double low, float opacity) {
     struct sp_view view = rig_make_view(rig);
-    rig_zoom(&view, 2.5);
     view.layer_count = 2;
     view.layers[1] = sp_layer_default(SP_LAYER_CHANNEL);
     snprintf(view.layers[1].id, sizeof view.layers[1].id, "channel");
     view.layers[1].point_count = 2;
-    view.layers[1].points[0] = (struct sp_tf_point){ .value = 20, .color = { 0, 0, 1 } };
+    view.layers[1].points[0] = (struct sp_tf_point){ .value = low, .color = { 0, 0, 1 } };
     view.layers[1].points[1] =
-        (struct sp_tf_point){ .value = 60, .color = { 0, 0, 1 }, .opacity = 0.2f };
+        (struct sp_tf_point){ .value = 3 * low, .color = { 0, 0, 1 }, .opacity = opacity };
+    return view;
+}
+
+/* Channels have one grid, whatever memory each of them has. */
+static void channels_equal_those_of_volumes_in_memory(void **state) {
+    const struct rig *rig = *state;
+    static const uint64_t bytes[][2] = { { 0, 0 }, { 3 << 19, 1 << 22 }, { 1 << 22, 3 << 19 } };
+    struct sp_view view = make_view(rig, 20, 0.2f);
+    rig_zoom(&view, 2.5);
     for (size_t i = TEST_SANITIZED; i < sizeof bytes / sizeof *bytes; i += TEST_SANITIZED + 1) {
         struct sp_volume *volume = rig_open_file(rig, bytes[i][0]);
         struct sp_volume *channel = rig_open_file(rig, bytes[i][1]);
@@ -67,9 +74,30 @@ static void channels_equal_those_of_volumes_in_memory(void **state) {
     }
 }
 
+/* The noise between the balls, in bricks that have nothing else, as large as the clip box. */
+static void a_channel_shows_bricks_that_the_volume_does_not(void **state) {
+    const struct rig *rig = *state;
+    struct sp_view view = make_view(rig, 5, 0.02f);
+    static const double box[2][3] = { { 0.1, 0.05, 0.2 }, { 0.95, 1, 0.99 } };
+    struct sp_volume *file = rig_open_file(rig, 12 << 20);
+    struct sp_frame *frames[2];
+    memcpy(view.clip.box, box, sizeof box);
+    view.level_of_detail = SP_LOD_OFF;
+    view.transfer_function.points[0].value = 199; /* a few bricks */
+    view.transfer_function.points[1].value = 199.5;
+    frames[0] = render_with_channel(rig, file, file, &view, 0, 0);
+    frames[1] =
+        render_with_channel(rig, rig->whole, rig->whole, &view, 0, frames[0]->stats.bricks.level);
+    assert_compare(rig_compare(frames[0], frames[1]), >=, 110);
+    for (int i = 0; i < 2; i++)
+        sp_frame_unref(&frames[i]);
+    sp_volume_unref(&file);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(channels_equal_those_of_volumes_in_memory),
+        cmocka_unit_test(a_channel_shows_bricks_that_the_volume_does_not),
     };
     return cmocka_run_group_tests(tests, rig_setup, rig_teardown);
 }
