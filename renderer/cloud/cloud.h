@@ -12,8 +12,8 @@
 #define SP_CLOUD_CLOUD_H
 
 #include "classify/transfer.h"
+#include "cloud/cache.h"
 #include "cloud/kernels.h"
-#include "cloud/tree.h"
 #include "voxels/draw.h"
 
 /* All pointers are borrowed until the frame is drawn. */

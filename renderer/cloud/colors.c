@@ -4,8 +4,6 @@
 #include <math.h>
 #include <stdlib.h>
 
-#include "volume/volume.h"
-
 enum {
     TOP = 4, /* levels above the cells that threads take one by one */
     CELLS_MAX = 1 << (3 * TOP)
@@ -90,54 +88,4 @@ bool sp_cloud_merge_colors(const struct sp_cloud *cloud, const struct sp_cloud_t
     free(m.cells);
     free(m.sums);
     return ok;
-}
-
-static void empty(struct sp_cloud_colors *slot) {
-    free(slot->numbers);
-    sp_volume_unref(&slot->points);
-    sp_volume_unref(&slot->colors);
-    *slot = (struct sp_cloud_colors){ 0 };
-}
-
-void sp_cloud_evict_colors(struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
-        struct sp_cloud_colors *slot = &cache->colors[i];
-        if (slot->points &&
-            (sp_volume_is_of(slot->points, volume) || sp_volume_is_of(slot->colors, volume)))
-            empty(slot);
-    }
-}
-
-const struct sp_cloud_colors *
-sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *cloud,
-                          const struct sp_cloud_tree *tree, struct sp_volume *points,
-                          struct sp_volume *colors, struct sp_pool *pool,
-                          const struct sp_interrupt *interrupt, struct sp_error *err) {
-    struct sp_cloud_colors *slot = &cache->colors[0];
-    const bool by_length = cloud->color_vectors != NULL;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
-        struct sp_cloud_colors *at = &cache->colors[i];
-        if (at->points == points && at->colors == colors && at->by_length == by_length) {
-            at->used = ++cache->clock;
-            return at;
-        }
-        slot = at->used < slot->used ? at : slot;
-    }
-    empty(slot);
-    const uint64_t bytes = tree->count * sizeof *slot->numbers;
-    float *numbers = malloc(bytes + sizeof *numbers);
-    if (!numbers)
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the colours of points");
-    if (!numbers || !sp_cloud_merge_colors(cloud, tree, pool, interrupt, numbers, err)) {
-        free(numbers);
-        return NULL;
-    }
-    *slot = (struct sp_cloud_colors){ .points = sp_volume_ref(points),
-                                      .colors = sp_volume_ref(colors),
-                                      .by_length = by_length,
-                                      .numbers = numbers,
-                                      .bytes = bytes,
-                                      .id = ++cache->clock };
-    slot->used = slot->id;
-    return slot;
 }

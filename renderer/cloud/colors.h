@@ -17,14 +17,4 @@ bool sp_cloud_merge_colors(const struct sp_cloud *cloud, const struct sp_cloud_t
                            struct sp_pool *pool, const struct sp_interrupt *interrupt,
                            float *numbers, struct sp_error *err);
 
-/* Returns the same for a layer of `points` that has its colours from `colors`, valid until
- * SP_CLOUD_SLOTS others were asked for, or until one of the volumes is evicted. NULL with *err set:
- * errors as above. */
-const struct sp_cloud_colors *
-sp_cloud_cache_get_colors(struct sp_cloud_cache *cache, const struct sp_cloud *cloud,
-                          const struct sp_cloud_tree *tree, struct sp_volume *points,
-                          struct sp_volume *colors, struct sp_pool *pool,
-                          const struct sp_interrupt *interrupt, struct sp_error *err);
-void sp_cloud_evict_colors(struct sp_cloud_cache *cache, const struct sp_volume *volume);
-
 #endif

@@ -1,8 +1,6 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "cloud/tree.h"
 
-#include "cloud/colors.h"
-
 #include <float.h>
 #include <math.h>
 #include <stdlib.h>
@@ -248,61 +246,4 @@ void sp_cloud_tree_finish(struct sp_cloud_tree *tree) {
     free(tree->nodes);
     free(tree->order);
     *tree = (struct sp_cloud_tree){ 0 };
-}
-
-static void empty_slot(struct sp_cloud_slot *slot) {
-    sp_cloud_tree_finish(&slot->tree);
-    sp_volume_unref(&slot->volume);
-    slot->used = 0;
-}
-
-void sp_cloud_evict(struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            empty_slot(&cache->slots[i]);
-    sp_cloud_evict_colors(cache, volume);
-}
-
-uint64_t sp_cloud_bytes(const struct sp_cloud_cache *cache, const struct sp_volume *volume) {
-    uint64_t bytes = 0;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->slots[i].volume && sp_volume_is_of(cache->slots[i].volume, volume))
-            bytes += cache->slots[i].tree.bytes;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++)
-        if (cache->colors[i].points && sp_volume_is_of(cache->colors[i].points, volume))
-            bytes += cache->colors[i].bytes;
-    return bytes;
-}
-
-/* About what a tree takes while it is made: an order, places of 16 bytes, and a node per three
- * points. */
-static uint64_t expected_bytes(uint32_t points) {
-    return (uint64_t)points * (4 + 16 + sizeof(struct sp_cloud_node) / 3);
-}
-
-bool sp_cloud_cache_get(struct sp_cloud_cache *cache, struct sp_volume *volume, uint64_t bytes_max,
-                        struct sp_pool *pool, const struct sp_interrupt *interrupt,
-                        const struct sp_cloud_tree **tree, struct sp_error *err) {
-    const struct sp_elements_shape *shape = &sp_volume_elements(volume)->shape;
-    struct sp_cloud_slot *slot = &cache->slots[0];
-    *tree = NULL;
-    if (shape->kind != SP_KIND_POINTS || shape->count < SP_CLOUD_TREE_MIN ||
-        expected_bytes(shape->count) > bytes_max)
-        return true;
-    for (int i = 0; i < SP_CLOUD_SLOTS; i++) {
-        if (cache->slots[i].volume == volume) {
-            cache->slots[i].used = ++cache->clock;
-            *tree = &cache->slots[i].tree;
-            return true;
-        }
-        if (cache->slots[i].used < slot->used)
-            slot = &cache->slots[i];
-    }
-    empty_slot(slot);
-    if (!sp_cloud_tree_build(volume, pool, interrupt, &slot->tree, err))
-        return false;
-    slot->volume = sp_volume_ref(volume);
-    slot->used = ++cache->clock;
-    *tree = &slot->tree;
-    return true;
 }

@@ -10,7 +10,7 @@
 #include "backend/cpu/kernels.h"
 #include "base/arena.h"
 #include "classify/cache.h"
-#include "cloud/tree.h"
+#include "cloud/cache.h"
 #include "postconv/postconv.h"
 #include "shell/cache.h"
 #include "splat/cubic.h"

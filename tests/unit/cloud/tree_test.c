@@ -13,6 +13,7 @@
 
 #include <cmocka.h>
 
+#include "cloud/cache.h"
 #include "cloud/colors.h"
 #include "cloud/cut.h"
 #include "support/compare.h"
