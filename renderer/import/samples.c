@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 #include <zlib.h>
 
@@ -125,9 +126,13 @@ static bool read_sparse(struct stream *s, char *out, size_t n, size_t *got, stru
         if (!seek_to(s, from, err) || !read_file(s, out + (from - begin), to - from, &part, err))
             return false;
         *got = (size_t)(from - begin) + part;
-        if (part < to - from) /* another program cut the file */
-            return true;
+        if (part < to - from)
+            break;
     }
+    /* Another program may have cut the file, whose end looks like a hole then. */
+    struct stat st;
+    if (fstat(s->fd, &st) == 0 && (uint64_t)st.st_size < begin + *got)
+        *got = (uint64_t)st.st_size > begin ? (size_t)((uint64_t)st.st_size - begin) : 0;
     return true;
 }
 

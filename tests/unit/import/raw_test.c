@@ -3,6 +3,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
+#include <unistd.h>
 
 #include "import/samples.h"
 #include "unit/import/support.h"
@@ -286,6 +288,34 @@ static void errors_explain_hostile_sidecars(void **state) {
     free(longer);
 }
 
+static void ignore_report(void *user, uint64_t bytes_done) {
+    (void)user, (void)bytes_done;
+}
+
+/* The end of a file that another program cuts after its size was checked is no hole. */
+static void a_file_that_is_cut_meanwhile_is_an_error(void **state) {
+    (void)state;
+    uint8_t samples[COUNT], out[COUNT] = { 0 };
+    struct import_file file = { .fd = memfd_create("samples", MFD_CLOEXEC),
+                                .size = COUNT,
+                                .shown = "cut" };
+    const struct import_samples all = {
+        .file = &file, .number = { IMPORT_UNSIGNED, 1 }, .bytes = COUNT, .field = "dims"
+    };
+    const struct import_progress progress = { .report = ignore_report };
+    struct sp_error err;
+    make_ramp(SP_UINT8, COUNT, samples);
+    assert_int_equal(write(file.fd, samples, COUNT), COUNT);
+    assert_true(import_samples_check(&all, &err));
+    assert_true(import_samples_read(&all, out, NULL, &progress, &err));
+    assert_memory_equal(out, samples, COUNT);
+    assert_int_equal(ftruncate(file.fd, COUNT / 2), 0);
+    assert_false(import_samples_read(&all, out, NULL, &progress, &err));
+    assert_int_equal(err.code, SP_ERR_FORMAT);
+    assert_non_null(strstr(err.text, "the samples need 60 bytes"));
+    close(file.fd);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_byte_order_and_encoding_is_read),
@@ -294,6 +324,7 @@ int main(void) {
         cmocka_unit_test(the_space_of_a_patient_is_read),
         cmocka_unit_test(three_components_are_vectors),
         cmocka_unit_test(errors_explain_hostile_sidecars),
+        cmocka_unit_test(a_file_that_is_cut_meanwhile_is_an_error),
     };
     return cmocka_run_group_tests(tests, folder_create, folder_remove);
 }
