@@ -20,6 +20,7 @@ struct srv_volume {
     uint64_t wanted_at;       /* of a step: catalog->requests when it was asked for last */
     uint32_t last_step;       /* of an entry: the step that was asked for last */
     bool is_ahead;            /* of a step: it is to be loaded before someone asks for it */
+    bool is_left;             /* of such a step: someone has asked, and will ask again */
     bool is_loading;          /* by a load thread now */
     bool is_short;            /* of a step: it waits until another load gives memory back */
     char id[SP_NAME_BYTES], name[SP_NAME_BYTES];

@@ -99,7 +99,7 @@ void *srv_catalog_step(void *user, void *volume, uint32_t number) {
         step = add_step(catalog, entry, number);
     if (step && step->parent) {
         step->uses++;
-        step->is_ahead = false;
+        step->is_ahead = step->is_left = false;
         step->wanted_at = ++catalog->requests;
         if (step->state == SRV_VOLUME_FAILED)
             step->state = SRV_VOLUME_LOADING; /* another try */
@@ -133,7 +133,7 @@ bool srv_catalog_step_is_ready(void *user, void *volume, struct sp_error *err) {
 /* Releases a step, which is loaded nevertheless. */
 static void leave_step(struct srv_catalog *catalog, struct srv_volume *step) {
     pthread_mutex_lock(&catalog->mutex);
-    step->is_ahead = step->parent && step->state == SRV_VOLUME_LOADING;
+    step->is_ahead = step->is_left = step->parent && step->state == SRV_VOLUME_LOADING;
     pthread_mutex_unlock(&catalog->mutex);
     srv_catalog_release(catalog, step);
 }
@@ -283,14 +283,15 @@ static bool is_loading_others(const struct srv_catalog *catalog) {
     return false;
 }
 
-/* A step that is loaded ahead does not evict others that are. */
+/* A step that is loaded ahead does not evict others that are, unless someone asks for it again and
+ * again. */
 static struct srv_volume *oldest_unused(const struct srv_catalog *catalog,
                                         const struct srv_volume *loading) {
     struct srv_volume *oldest = NULL;
     for (struct srv_volume *v = catalog->entries; v; v = v->next)
         for (struct srv_volume *s = v->steps; s; s = s->next)
             if (s->state == SRV_VOLUME_READY && s->uses == 0 &&
-                !(loading->is_ahead && s->is_ahead) &&
+                !(loading->is_ahead && !loading->is_left && s->is_ahead) &&
                 (!oldest || s->wanted_at < oldest->wanted_at))
                 oldest = s;
     return oldest;
