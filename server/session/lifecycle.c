@@ -278,6 +278,13 @@ static void renew_frames_with(struct srv_hub *hub, const char *id, double now_ms
         }
 }
 
+/* Sessions keep no memory of a volume that only their layers name. */
+static void drop_steps_of(struct srv_hub *hub, const char *id) {
+    for (struct srv_session *s = hub->active.first; s; s = s->next)
+        if (has_layer_of(&s->shared.view, id))
+            srv_steps_follow(hub, s);
+}
+
 void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *state,
                              double progress, const char *reason, double now_ms) {
     pthread_mutex_lock(&hub->mutex);
@@ -302,6 +309,8 @@ void srv_hub_volume_progress(struct srv_hub *hub, const char *id, const char *st
         srv_hub_notify_others(hub, s, 0, 0);
     if (strcmp(state, "ready") == 0)
         renew_frames_with(hub, id, now_ms);
+    else if (strcmp(state, "unloaded") == 0)
+        drop_steps_of(hub, id);
     pthread_mutex_unlock(&hub->mutex);
 }
 

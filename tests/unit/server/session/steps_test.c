@@ -180,8 +180,9 @@ static void other_volumes_follow(void **state) {
     srv_hub_leave(f->hub, &p, 40000);
 }
 
-/* A volume that is loaded after a layer has named it: frames wait for its time step, too. */
-static void other_volumes_may_come_late(void **state) {
+/* A volume that is loaded after a layer has named it: frames wait for its time step, too. Once it
+ * is unloaded, the session keeps no use of it. */
+static void other_volumes_come_and_go(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
     struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
@@ -199,6 +200,10 @@ static void other_volumes_may_come_late(void **state) {
     assert_false(hub_next_job(f, 13000, &job)); /* nothing sharper of another step */
     load_other(f, 2, 13100);
     assert_int_equal(settle(f, p, 13200), 2);
+    const int uses = f->uses;
+    f->is_missing = true;
+    srv_hub_volume_progress(f->hub, "w", "unloaded", 0, "", 19000);
+    assert_int_equal(f->uses, uses - 1);
     srv_hub_leave(f->hub, &p, 20000);
 }
 
@@ -211,7 +216,7 @@ int main(void) {
         cmocka_unit_test_setup_teardown(steps_follow_the_clock_and_wait_for_their_loads,
                                         hub_set_up_series, hub_tear_down),
         cmocka_unit_test_setup_teardown(other_volumes_follow, hub_set_up_series, hub_tear_down),
-        cmocka_unit_test_setup_teardown(other_volumes_may_come_late, hub_set_up_series,
+        cmocka_unit_test_setup_teardown(other_volumes_come_and_go, hub_set_up_series,
                                         hub_tear_down),
         cmocka_unit_test_setup_teardown(a_step_that_cannot_be_loaded_ends_playing,
                                         hub_set_up_series, hub_tear_down),
