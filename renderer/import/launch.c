@@ -29,8 +29,8 @@
 
 enum { TIMEOUT_DEFAULT_MS = 300000 };
 
-/* How much of the whole progress it is to open a file, if all of it is read for that, and until the
- * samples are read. The rest belongs to range and histogram. */
+/* The progress at the end of two steps: opening the file, if that reads all of it, and reading the
+ * samples. Range and histogram take the rest. */
 static const double OPENED = 0.1, READ = 0.95;
 
 struct import {

@@ -347,7 +347,8 @@ static void mix_elements(const struct sp_layer *a, const struct sp_layer *b, dou
     srv_blend_transform(a->transform, b->transform, u, out->transform);
 }
 
-/* The points of a channel change if both have as many. */
+/* Points are mixed one by one if both channels have the same number of them; else they are those of
+ * `a`. */
 static void mix_channel(const struct sp_layer *a, const struct sp_layer *b, double u,
                         struct sp_layer *out) {
     for (int c = 0; c < 3; c++)

@@ -177,7 +177,8 @@ enum sp_layer_type {
     /* Another volume on the grid of the view's volume, such as another field of its file, with a
      * transfer function of its own. Both fill the same space: their extinctions add up, and colours
      * mix by extinction; in a projection, colours add up. Needs compositing.mode sheet or slab with
-     * order post, or a projection; occlusion, shadow and edits of type part are not for channels.
+     * order post, or a projection; occlusion and shadow have no effect, and edits of type part are
+     * refused.
      */
     SP_LAYER_CHANNEL
 };
