@@ -16,8 +16,8 @@
 
 enum { SP_CLOUD_BINS = 4096 }; /* of the values of a tree */
 
-/* A cell and its merged point. A frame reads nodes in no order of the memory, so that each is one
- * line of the cache. */
+/* A cell and its merged point: one line of the cache, because frames read nodes that lie far apart
+ * in memory. */
 struct sp_cloud_node {
     _Alignas(64) struct sp_cloud_cell cell;
     float position[3], factor[6], value, volume; /* of the merged point, as in struct sp_elements */

@@ -9,8 +9,8 @@
 #include "resample/resample.h"
 
 /* Fills *r and its channels, except refined_max, and the stats that are known before drawing. *r
- * refers to what the input refers to, and is valid until the arena is reset or the cache is asked
- * again. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
+ * refers to what the input refers to, and is valid until the arena is reset or another frame is
+ * prepared with the same cache. SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED. */
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err);
 

@@ -485,7 +485,7 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                         int y, int side) {
     int right = (int)r->frame->width - x, below = (int)r->frame->height - y;
     struct sp_resample_open_tile channels[SP_LAYERS_MAX], *t = NULL;
-    struct sp_resample_rays rays;
+    struct sp_resample_rays rays[SP_LAYERS_MAX];
     uint64_t met = 0, drawn = 0;
     if (right <= 0 || below <= 0)
         return;
@@ -498,22 +498,21 @@ static void draw_square(const struct sp_resample *r, struct sp_resample_scratch 
                                              .y = y,
                                              .width = right < side ? right : side,
                                              .height = below < side ? below : side };
-        init_rays(t, &rays);
+        init_rays(t, &rays[t - channels]);
         if (last)
             last->next = t;
     }
     t = channels;
-    if (rays.is_too_wide && side > RESAMPLE_BLOCK) {
+    if (rays->is_too_wide && side > RESAMPLE_BLOCK) {
         for (int i = 0; i < 4; i++)
             draw_square(r, t->scratch, x + (i & 1) * side / 2, y + (i >> 1) * side / 2, side / 2);
         return;
     }
     for (struct sp_resample_open_tile *c = t; c; c = c->next) {
-        init_rays(c, &rays);
-        met |= sp_resample_init_blocks(c, &rays);
+        met |= sp_resample_init_blocks(c, &rays[c - channels]);
         drawn |= find_active(c);
     }
-    draw_sheets_of(t, rays.sheets, drawn);
+    draw_sheets_of(t, rays->sheets, drawn);
     if (r->reduction.is_on) {
         close_projection(t, met);
         sp_resample_resolve(t, met);

@@ -191,6 +191,8 @@ struct srv_shown { /* what a frame shows */
     struct srv_catalog *catalog;
     const struct srv_volume *volume; /* the caller has a use of it */
     uint32_t step;                   /* of the view */
+    bool
+        is_other; /* find_shown() returned another step, because its own is not loaded (any more) */
 };
 /* sp_render_options.find(), with `user` a struct srv_shown: returns a reference to the loaded step
  * that is nearest to the one above; NULL = the volume is not ready. */

@@ -220,14 +220,17 @@ unsigned srv_catalog_other_steps(void *user, void *volume, const struct sp_view 
 }
 
 struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {
-    const struct srv_shown *shown = user;
+    struct srv_shown *shown = user;
     struct srv_catalog *catalog = shown->catalog;
     struct sp_volume *volume = NULL;
     pthread_mutex_lock(&catalog->mutex);
     struct srv_volume *v = srv_catalog_entry(catalog, id);
-    if (v && v->state == SRV_VOLUME_READY)
-        volume =
-            sp_volume_ref(find_nearest(v, number_beside(shown->volume, v, shown->step))->volume);
+    if (v && v->state == SRV_VOLUME_READY) {
+        const uint32_t wanted = number_beside(shown->volume, v, shown->step);
+        const struct srv_volume *nearest = find_nearest(v, wanted);
+        shown->is_other |= nearest->step != wanted;
+        volume = sp_volume_ref(nearest->volume);
+    }
     pthread_mutex_unlock(&catalog->mutex);
     return volume;
 }

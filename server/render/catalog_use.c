@@ -160,7 +160,7 @@ bool srv_catalog_fits(void *user, void *volume, const struct sp_view *view, stru
 bool srv_catalog_pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],
                       const double at[2], struct sp_pick *pick, struct sp_error *err) {
     struct sp_volume *shown = sp_edit_volume_made(((struct srv_volume *)volume)->volume, view);
-    struct srv_shown others = { user, volume, view->time.step };
+    struct srv_shown others = { .catalog = user, .volume = volume, .step = view->time.step };
     const struct sp_pick_input input = { .volume = shown,
                                          .view = view,
                                          .size = { size[0], size[1] },

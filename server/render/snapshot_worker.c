@@ -37,7 +37,9 @@ static struct sp_frame *find_or_render(struct srv_render_pool *pool,
         return frame;
     if (!worker->renderer && !(worker->renderer = sp_renderer_create(&pool->options.renderer, err)))
         return NULL;
-    struct srv_shown shown = { pool->options.catalog, snapshot->volume, snapshot->view.time.step };
+    struct srv_shown shown = { .catalog = pool->options.catalog,
+                               .volume = snapshot->volume,
+                               .step = snapshot->view.time.step };
     const struct sp_render_options options = { .format = wants_float ? SP_RGBAF32 : SP_RGBA8,
                                                .find = srv_catalog_find_shown,
                                                .user = &shown,

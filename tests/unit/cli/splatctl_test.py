@@ -97,7 +97,7 @@ class Usage(unittest.TestCase):
         self.refused('unload')
         self.refused('convert', 'demo:engine')
         self.refused('convert', 'demo:engine', 'a.bricks', 'b.bricks')
-        self.assertIn('.nrrd', self.refused('convert', 'demo:engine', 'a.vdb'))
+        self.assertIn('.nrrd', self.refused('convert', 'demo:engine', 'a.obj'))
 
 
 class Local(unittest.TestCase):
