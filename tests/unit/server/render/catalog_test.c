@@ -173,7 +173,7 @@ static void count_steps(void *user, const char *id) {
     pthread_mutex_unlock(&seen.mutex);
 }
 
-/* Those that wait, and those that are being loaded: nobody waits for ever. */
+/* Those that wait, and those that are being loaded: no request waits for ever. */
 static void steps_of_a_removed_volume_fail(void **state) {
     (void)state;
     const struct srv_catalog_options options = { .memory_bytes = 1 << 20,
