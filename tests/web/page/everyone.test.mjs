@@ -5,7 +5,7 @@ import { readFileSync } from 'node:fs';
 import { get } from 'node:http';
 import { after, before, test } from 'node:test';
 import { compare } from '../../support/compare.mjs';
-import { checkAxe, NEEDS_AXE, openPage, rest, share, shot, unfold, until, visit } from '../support/browser.mjs';
+import { checkAxe, NEEDS_AXE, openPage, rest, settle, share, shot, unfold, until, visit } from '../support/browser.mjs';
 import { startDaemon } from '../support/daemon.mjs';
 
 const { browser, daemon } = await share(() => startDaemon(['--volume', 'demo:phantom?size=32', '--volume', 'demo:engine?size=32']));
@@ -103,7 +103,9 @@ test('the list of controls opens at its beginning, also where it must scroll', a
   assert.deepEqual(list, { open: true, scrollTop: 0, scrolls: true });
   await page.keyboard.press('Escape');
   assert.ok(await page.locator('#help').isHidden());
+  await settle(page); // until then the focus is in the closed dialog
   await page.keyboard.press('?');
+  await page.locator('#help').waitFor();
   await page.evaluate(() => document.getElementById('help').scrollTo(0, 10000));
   await page.click('#help-close', { trial: true });
   await page.click('#help-close');
