@@ -316,7 +316,7 @@ bool sp_resample_turn(const struct sp_resample_input *input, struct sp_resample 
 static void find_offset(struct sp_resample *r, const struct coordinates *own,
                         const struct sp_grid *first_grid) {
     struct coordinates first;
-    init_coordinates(&first, first_grid, r->level);
+    init_coordinates(&first, first_grid, r->first->level);
     const struct sp_vec3 back = { { -first.shift, -first.shift, -first.shift } };
     const struct sp_vec3 world = sp_vec3_add(first.origin, sp_mat3_apply(&first.from, back));
     const struct sp_vec3 at = place(own, world);
@@ -372,23 +372,36 @@ static bool prepare(const struct sp_resample_input *input, const struct sp_resam
     return true;
 }
 
+/* The mean distance of a volume's samples [world unit]. */
+static double find_width(const struct sp_resample_input *input) {
+    const double *spacing = sp_volume_info(input->volume)->grid.spacing;
+    return cbrt(spacing[0]) * cbrt(spacing[1]) * cbrt(spacing[2]);
+}
+
+/* The level at which a channel's samples are as far apart as those of the others: windows of
+ * volumes that are larger than memory may have coarser samples than volumes in memory. */
+static unsigned common_level(const struct sp_resample_input *input, double width) {
+    const double level = log2(width / find_width(input));
+    return (unsigned)fmin(fmax(round(level), 0), SAMPLES_LEVELS - 1);
+}
+
 bool sp_resample_prepare(const struct sp_resample_input *input, struct sp_resample *r,
                          struct sp_error *err) {
     const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
     const struct sp_resample *first = r;
-    unsigned level = 0;
+    double width = 0;
     for (const struct sp_resample_input *i = input; i; i = i->next)
-        level = choose_level(i) > level ? choose_level(i) : level;
+        width = fmax(width, ldexp(find_width(i), (int)choose_level(i)));
     input->frame->stats.visible_voxels = 0;
     sp_samples_begin(input->cache);
-    if (!prepare(input, NULL, NULL, level, r, err))
+    if (!prepare(input, NULL, NULL, common_level(input, width), r, err))
         return false;
     for (input = input->next; input; input = input->next) {
         r->next = sp_arena_alloc(input->arena, "channels", 1, sizeof *r->next);
         if (!r->next)
             return fail_memory(input->arena, err);
         r = r->next;
-        if (!prepare(input, first, grid, level, r, err))
+        if (!prepare(input, first, grid, common_level(input, width), r, err))
             return false;
     }
     return true;

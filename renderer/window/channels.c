@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "window/channels.h"
 
+#include <limits.h>
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -66,38 +67,35 @@ static bool find(const struct sp_view *view, const struct sp_render_options *opt
     return true;
 }
 
-/* True if the volume and all channels have one level. Else *coarsest is the coarsest of theirs. */
-static bool is_common(const struct sp_shown *shown, const struct found *found, unsigned *coarsest) {
-    const unsigned level = shown->bricks.level;
-    bool is_common = true;
-    *coarsest = level;
+/* True if all that are shown from bricks have one level. Else *coarsest is the coarsest of theirs.
+ * Volumes in memory have all levels. */
+static bool is_common(struct sp_volume *volume, struct sp_volume *const *channels,
+                      const struct sp_shown *shown, const struct found *found, unsigned *coarsest) {
+    const bool is_brick = sp_brick_store_of(volume) != NULL;
+    unsigned finest = is_brick ? shown->bricks.level : UINT_MAX;
+    *coarsest = is_brick ? finest : 0;
     for (int i = 0; i < SP_LAYERS_MAX; i++) {
-        const unsigned own = found->bricks[i].level;
-        if (!found->volumes[i])
+        const unsigned level = found->bricks[i].level;
+        if (!found->volumes[i] || !sp_brick_store_of(channels[i]))
             continue;
-        is_common &= own == level;
-        *coarsest = own > *coarsest ? own : *coarsest;
+        finest = level < finest ? level : finest;
+        *coarsest = level > *coarsest ? level : *coarsest;
     }
-    return is_common;
+    return finest >= *coarsest;
 }
 
-/* Coarsens what is shown until the volume and all channels have one level. */
+/* Coarsens what is shown until all have one level; each round ends at a coarser one. */
 static bool find_common(struct sp_volume *volume, const struct sp_view *view,
                         const struct sp_render_options *options, struct sp_volume *const *channels,
                         struct sp_shown *shown, struct found *found, struct sp_error *err) {
-    unsigned least = 0, coarsest;
-    if (!find(view, options, least, channels, found, err))
+    unsigned level;
+    if (!find(view, options, 0, channels, found, err))
         return false;
-    while (!is_common(shown, found, &coarsest)) {
-        if (coarsest == least)
-            return sp_fail(err, SP_ERR_UNSUPPORTED, "/layers",
-                           "some channels are shown from bricks and others are in memory: open "
-                           "brick files of all of them (splatctl convert), or hide some");
-        least = coarsest;
+    while (!is_common(volume, channels, shown, found, &level)) {
         sp_volume_unref(&shown->volume);
         finish(found);
-        if (!sp_shown_find(volume, view, options, least, shown, err) ||
-            !find(view, options, least, channels, found, err))
+        if (!sp_shown_find(volume, view, options, level, shown, err) ||
+            !find(view, options, level, channels, found, err))
             return false;
     }
     return true;

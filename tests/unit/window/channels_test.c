@@ -74,6 +74,24 @@ static void channels_equal_those_of_volumes_in_memory(void **state) {
     }
 }
 
+/* One of both is in memory, and the other one is shown from a coarse level of its bricks. */
+static void bricks_mix_with_a_volume_in_memory(void **state) {
+    const struct rig *rig = *state;
+    const struct sp_view view = make_view(rig, 20, 0.2f);
+    struct sp_volume *file = rig_open_file(rig, 3 << 19);
+    for (int i = TEST_SANITIZED; i < 2; i++) {
+        struct sp_frame *frame =
+            render_with_channel(rig, i ? rig->whole : file, i ? file : rig->whole, &view, 0, 0);
+        struct sp_frame *truth = render_with_channel(rig, rig->whole, rig->whole, &view, 0, 1);
+        const double db = rig_compare(truth, frame);
+        print_message("%s in memory: %.1f dB\n", i ? "the volume" : "the channel", db);
+        assert_compare(db, >=, 40);
+        sp_frame_unref(&frame);
+        sp_frame_unref(&truth);
+    }
+    sp_volume_unref(&file);
+}
+
 /* The noise between the balls, in bricks that have nothing else, as large as the clip box. */
 static void a_channel_shows_bricks_that_the_volume_does_not(void **state) {
     const struct rig *rig = *state;
@@ -97,6 +115,7 @@ static void a_channel_shows_bricks_that_the_volume_does_not(void **state) {
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(channels_equal_those_of_volumes_in_memory),
+        cmocka_unit_test(bricks_mix_with_a_volume_in_memory),
         cmocka_unit_test(a_channel_shows_bricks_that_the_volume_does_not),
     };
     return cmocka_run_group_tests(tests, rig_setup, rig_teardown);
