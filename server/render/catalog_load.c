@@ -99,7 +99,7 @@ static bool progress(void *user, double fraction) {
 
 /* Loads of time steps are frequent: only their failures are logged by default. */
 static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
-                     const struct sp_error *err, double took_ms) {
+                     const struct sp_error *err, double took_ms, bool is_ahead) {
     const enum sp_log_level level = v->parent ? SP_LOG_DEBUG : SP_LOG_INFO;
     char step[32] = "";
     if (v->parent)
@@ -120,7 +120,7 @@ static void log_load(const struct srv_volume *v, const struct sp_volume *volume,
         for (int i = 0; !v->parent && i < SP_WARNINGS_MAX && info->warnings[i][0]; i++)
             sp_log_with(SP_LOG_WARN, SP_LOG_FIELDS({ "volume", v->id }), "volume %s: %s", v->id,
                         info->warnings[i]);
-    } else if (err->code == SP_ERR_CANCELLED || (v->is_ahead && err->code == SP_ERR_BUDGET)) {
+    } else if (err->code == SP_ERR_CANCELLED || (is_ahead && err->code == SP_ERR_BUDGET)) {
         sp_log_with(level, SP_LOG_FIELDS({ "volume", v->id }),
                     "loading of volume %s%s was cancelled: %s", v->id, step, err->text);
     } else {
@@ -229,7 +229,10 @@ static void load(struct srv_catalog *catalog, struct srv_volume *v) {
         v->fingerprint = srv_fingerprint_volume(volume);
     if (volume && !v->parent)
         sp_view_choose(&v->view, volume, v->id);
-    log_load(v, volume, &err, srv_clock_ms() - start_ms);
+    pthread_mutex_lock(&catalog->mutex);
+    const bool is_ahead = v->is_ahead;
+    pthread_mutex_unlock(&catalog->mutex);
+    log_load(v, volume, &err, srv_clock_ms() - start_ms, is_ahead);
     if (!volume)
         srv_catalog_redact(catalog, entry, &err);
     if (v->parent)
