@@ -93,7 +93,8 @@ static bool check_camera(const struct sp_camera *c, struct sp_error *err) {
     return true;
 }
 
-/* The points of a transfer function; owner: the JSON pointer of what has them. */
+/* Checks the points of a transfer function. `owner` is the JSON pointer of the transfer function,
+ * or of the channel; errors have it at the start of their place. */
 static bool check_points(const struct sp_tf_point *points, uint32_t count, const char *owner,
                          struct sp_error *err) {
     char place[96], pointer[112];

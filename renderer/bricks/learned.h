@@ -26,7 +26,7 @@ struct sp_brick_ranges {
     double low[7], high[7]; /* low > high = no sample is finite */
 };
 
-/* Finds the ranges of a brick, which is the box of the view. */
+/* Finds the ranges of the samples in the box of the view, which is one brick. */
 void sp_brick_ranges_find(const struct sp_brick_view *view, struct sp_brick_ranges *ranges);
 
 /* Stores the ranges of brick `number`, and writes the range of each entry that is known now. */

@@ -202,14 +202,20 @@ static double compare_streaks(const struct test_renderer *renderer, const struct
     return psnr;
 }
 
+/* A view of streaks. */
+static struct sp_view make_streaks(struct test_scene *scene) {
+    make_regular(scene);
+    struct sp_view view = scene->view;
+    view.layers[0] = sp_layer_default(SP_LAYER_VECTORS);
+    view.layers[0].density = 0.5;
+    return view;
+}
+
 static void check_streaks(const struct test_renderer *renderer, const char *name) {
     struct test_scene scene;
     if (strcmp(name, "scalar") != 0 && strcmp(name, "auto") != 0)
         return;
-    make_regular(&scene);
-    struct sp_view view = scene.view;
-    view.layers[0] = sp_layer_default(SP_LAYER_VECTORS);
-    view.layers[0].density = 0.5;
+    const struct sp_view view = make_streaks(&scene);
     struct sp_volume *regular = add_vectors(&scene, false), *turned = add_vectors(&scene, true);
     for (size_t i = 0; i < 2 && draws(renderer, &view); i++) {
         struct sp_volume *volume = make_warped(streak_warps[i].most);
@@ -265,10 +271,7 @@ static void check_graded(const struct test_renderer *renderer, const char *name)
     struct test_scene scene;
     if (strcmp(name, "scalar") != 0 && strcmp(name, "auto") != 0)
         return;
-    make_regular(&scene);
-    struct sp_view view = scene.view;
-    view.layers[0] = sp_layer_default(SP_LAYER_VECTORS);
-    view.layers[0].density = 0.5;
+    const struct sp_view view = make_streaks(&scene);
     if (draws(renderer, &view)) {
         struct sp_volume *grid = make_graded(&scene, false), *points = make_graded(&scene, true);
         const double psnr = compare_streaks(renderer, &view, points, grid);

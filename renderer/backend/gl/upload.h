@@ -10,7 +10,8 @@
 #include "backend/gl/frame.h"
 #include "backend/gl/partition.h"
 
-/* Constants of a frame. A frame in flight may still read those of the previous frame. */
+/* The constants of one frame. The GPU may still read those of the previous frame, so that each of
+ * both has its own. */
 struct gl_frame_constants {
     struct gl_buffer buffer; /* struct gl_constants, then the order of sheets */
     uint64_t sheets_made;    /* generation of the partition whose sheets are uploaded */

@@ -202,7 +202,7 @@ static void steps_of_a_removed_volume_fail(void **state) {
     }
     srv_catalog_release(catalog, volume);
     srv_catalog_destroy(&catalog);
-    assert_in_range(seen.steps, 1, STEPS); /* those who wait are told */
+    assert_in_range(seen.steps, 1, STEPS); /* count_steps() was called for the steps that failed */
 }
 
 static unsigned count_notifications(unsigned least) {
