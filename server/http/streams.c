@@ -177,6 +177,11 @@ static void read_extra(struct stream *stream, double now_ms) {
         srv_ws_read(stream->ws, now_ms);
 }
 
+static double stream_clock_ms(void *user) {
+    (void)user;
+    return srv_clock_ms();
+}
+
 static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
     int on = 1, unsent = UNSENT_BYTES;
     char peer[SRV_ADDRESS_TEXT];
@@ -196,7 +201,8 @@ static void begin(struct srv_streams *s, struct stream *stream, double now_ms) {
                                       .message_bytes = s->options.message_bytes,
                                       .ping_ms = s->options.ping_ms,
                                       .stall_ms = s->options.stall_ms,
-                                      .transport = { stream, stream_recv, stream_send } };
+                                      .transport = { stream, stream_recv, stream_send,
+                                                     stream_clock_ms } };
     stream->ws = srv_ws_create(&options, now_ms, &err);
     if (!stream->ws) {
         sp_log_with(SP_LOG_WARN,

@@ -71,6 +71,7 @@ static ssize_t on_recv(wslay_event_context_ptr context, uint8_t *bytes, size_t s
     if (got > 0) {
         ws->read_left -= (size_t)got;
         srv_ingress_take(&ws->ingress, (size_t)got);
+        ws->now_ms = fmax(ws->now_ms, ws->options.transport.clock_ms(ws->options.transport.user));
         ws->heard_ms = ws->now_ms;
         srv_metrics_add(ws->options.metrics, SRV_COUNT_BYTES_IN, (uint64_t)got);
         return got;
@@ -258,9 +259,10 @@ static bool is_sending(const struct srv_ws *ws) {
 
 /* Starts a call. The stall time of the socket starts when there is something to send. */
 static void begin_call(struct srv_ws *ws, double now_ms) {
-    ws->now_ms = now_ms;
+    ws->now_ms =
+        fmax(ws->now_ms, now_ms); /* bytes may have arrived after the caller took its time */
     if (!is_sending(ws))
-        ws->progress_ms = now_ms;
+        ws->progress_ms = ws->now_ms;
 }
 
 /* wslay queues a close without a status code after a frame that it cannot parse. If nothing else is
@@ -295,7 +297,7 @@ void srv_ws_read(struct srv_ws *ws, double now_ms) {
     /* wslay closes the stream itself after errors of the peer and after its close. */
     if (!ws->closing && !wslay_event_want_read(ws->context)) {
         ws->closing = true;
-        ws->close_ms = now_ms;
+        ws->close_ms = ws->now_ms;
         count_end(ws, wslay_event_get_close_received(ws->context) ? SRV_COUNT_END_CLOSED
                       : ws->end_of_file                           ? SRV_COUNT_END_LOST
                                                                   : SRV_COUNT_END_PROTOCOL);

@@ -32,6 +32,9 @@ struct srv_ws_transport { /* like recv() and sendmsg() on a non-blocking socket,
     ssize_t (*recv)(void *user, uint8_t *bytes, size_t size);
     /* is_more: more bytes follow at once, so that one packet may hold both. */
     ssize_t (*send)(void *user, const struct iovec *parts, size_t count, bool is_more);
+    /* The time in ms after recv() returned bytes, which may have arrived after the caller took its
+     * own time: a round trip ends when its bytes were read. */
+    double (*clock_ms)(void *user);
 };
 
 struct srv_ws_options {

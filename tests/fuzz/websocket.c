@@ -77,6 +77,11 @@ static ssize_t input_recv(void *user, uint8_t *bytes, size_t size) {
     return (ssize_t)piece;
 }
 
+static double input_clock_ms(void *user) {
+    (void)user;
+    return 0; /* no time passes while bytes are read */
+}
+
 static ssize_t output_send(void *user, const struct iovec *parts, size_t count, bool is_more) {
     size_t size = 0;
     (void)user;
@@ -155,7 +160,8 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size) {
                                          .message_bytes = 4096,
                                          .ping_ms = 1000,
                                          .stall_ms = 1000,
-                                         .transport = { &input, input_recv, output_send } };
+                                         .transport = { &input, input_recv, output_send,
+                                                        input_clock_ms } };
     double now_ms = 1;
     struct srv_ws *ws = srv_ws_create(&ws_options, now_ms, NULL);
     for (int turn = 0; ws && turn < 10000 && !srv_ws_is_over(ws); turn++) {

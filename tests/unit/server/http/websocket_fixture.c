@@ -47,6 +47,10 @@ static ssize_t wire_send(void *user, const struct iovec *parts, size_t count, bo
     return (ssize_t)all;
 }
 
+static double wire_clock_ms(void *user) {
+    return ((const struct wire *)user)->clock_ms;
+}
+
 bool next_sent(const struct wire *wire, size_t *at, struct sent *sent) {
     const uint8_t *from = wire->out + *at;
     if (*at == wire->out_size)
@@ -76,7 +80,7 @@ struct srv_ws *stream_join(struct stream *s, const char *session, struct wire *w
                                       .message_bytes = CAPACITY,
                                       .ping_ms = 15000,
                                       .stall_ms = 20000,
-                                      .transport = { wire, wire_recv, wire_send } };
+                                      .transport = { wire, wire_recv, wire_send, wire_clock_ms } };
     struct srv_ws *ws = srv_ws_create(&options, 0, NULL);
     assert_non_null(wire->in);
     assert_non_null(wire->out);

@@ -85,6 +85,15 @@ static double round_trip(const struct stream *s) {
     return srv_window_rtt_ms(&srv_hub_find_active(f->hub, f->id)->participants->delivery.window);
 }
 
+static void a_round_trip_ends_when_its_bytes_were_read(void **state) {
+    struct stream *s = *state;
+    stream_run(s, 10);
+    send_pong(&s->wire, find_ping(&s->wire)); /* of time 0 */
+    s->wire.clock_ms = 25;
+    stream_run(s, 20); /* the time of the loop is older than the bytes */
+    assert_compare(round_trip(s), ==, 25);
+}
+
 static void the_round_trip_is_measured_while_no_image_is_on_its_way(void **state) {
     struct stream *s = *state;
     stream_run(s, 10);
@@ -178,6 +187,7 @@ int main(void) {
 #define WITH_STREAM(test) cmocka_unit_test_setup_teardown(test, stream_set_up, stream_tear_down)
         WITH_STREAM(a_client_that_takes_half_an_image_has_stalled),
         WITH_STREAM(a_silent_client_gets_two_pings_and_is_lost),
+        WITH_STREAM(a_round_trip_ends_when_its_bytes_were_read),
         WITH_STREAM(the_round_trip_is_measured_while_no_image_is_on_its_way),
         WITH_STREAM(messages_delay_the_ping_and_a_flood_is_due_at_once),
         WITH_STREAM(an_image_without_acknowledgement_has_a_deadline),
