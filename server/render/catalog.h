@@ -183,16 +183,15 @@ const struct srv_fingerprint *srv_volume_fingerprint(const struct srv_volume *vo
 /* Other volumes: those that layers of a view name. Each shows the time step of the view, or its
  * last one if it has fewer; beside a volume with one step, the step that it was opened with. */
 
-/* Returns how many uses of time steps of the other volumes it has put into steps[]; volumes with
- * one step have none. */
-unsigned srv_catalog_other_steps(void *catalog, void *volume, const struct sp_view *view,
-                                 void *steps[2 * SP_LAYERS_MAX]);
+/* Puts uses of time steps of the other volumes into steps[], which the caller releases; volumes
+ * with one step have none. False when out of memory: *count steps were taken before. */
+bool srv_catalog_other_steps(void *catalog, void *volume, const struct sp_view *view,
+                             void *steps[2 * SP_LAYERS_MAX], unsigned *count);
 struct srv_shown { /* what a frame shows */
     struct srv_catalog *catalog;
     const struct srv_volume *volume; /* the caller has a use of it */
     uint32_t step;                   /* of the view */
-    bool
-        is_other; /* find_shown() returned another step, because its own is not loaded (any more) */
+    bool is_other; /* find_shown() returned another step: its own is not loaded (any more) */
 };
 /* sp_render_options.find(), with `user` a struct srv_shown: returns a reference to the loaded step
  * that is nearest to the one above; NULL = the volume is not ready. */

@@ -201,9 +201,9 @@ static struct srv_volume *use_series(struct srv_catalog *catalog, const struct s
     return v;
 }
 
-unsigned srv_catalog_other_steps(void *user, void *volume, const struct sp_view *view,
-                                 void *steps[2 * SP_LAYERS_MAX]) {
-    unsigned count = 0;
+bool srv_catalog_other_steps(void *user, void *volume, const struct sp_view *view,
+                             void *steps[2 * SP_LAYERS_MAX], unsigned *count) {
+    *count = 0;
     for (uint32_t i = 0; i < 2 * view->layer_count; i++) {
         const struct sp_layer *layer = &view->layers[i / 2];
         uint32_t number = view->time.step;
@@ -212,11 +212,13 @@ unsigned srv_catalog_other_steps(void *user, void *volume, const struct sp_view 
                            : NULL;
         if (!entry)
             continue;
-        steps[count] = srv_catalog_step(user, entry, number);
-        count += steps[count] != NULL; /* without memory, frames show the nearest one */
+        steps[*count] = srv_catalog_step(user, entry, number);
         srv_catalog_release(user, entry);
+        if (!steps[*count])
+            return false;
+        ++*count;
     }
-    return count;
+    return true;
 }
 
 struct sp_volume *srv_catalog_find_shown(void *user, const char *id) {

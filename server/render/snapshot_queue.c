@@ -318,11 +318,10 @@ bool srv_snapshot_queue_submit(struct srv_snapshot_queue *queue, const struct sr
     struct srv_snapshot_entry *entry = calloc(1, sizeof *entry), *equal = NULL;
     struct srv_snapshot own = *request, *snapshot = &own;
     own.volume = take_step(queue->options.catalog, request);
-    bool ok = (waiter && entry && own.volume) ||
+    bool ok = (waiter && entry && own.volume &&
+               srv_catalog_other_steps(queue->options.catalog, own.volume, &own.view, entry->others,
+                                       &entry->other_count)) ||
               sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a render");
-    if (ok)
-        entry->other_count =
-            srv_catalog_other_steps(queue->options.catalog, own.volume, &own.view, entry->others);
     pthread_mutex_lock(&queue->mutex);
     if (ok && queue->stop)
         ok = sp_fail(err, SP_ERR_CANCELLED, NULL, "the daemon is shutting down");

@@ -48,10 +48,10 @@ struct srv_volume_source {
     void *(*step)(void *user, void *volume, uint32_t step);
     bool (*step_is_ready)(void *user, void *step, struct sp_error *err);
     void *(*nearest_step)(void *user, void *volume, uint32_t step);
-    /* Puts uses of the time steps that the view shows of other volumes into steps[], and returns
-     * how many. NULL = it shows none. */
-    unsigned (*other_steps)(void *user, void *volume, const struct sp_view *view,
-                            void *steps[2 * SP_LAYERS_MAX]);
+    /* Puts uses of the time steps that the view shows of other volumes into steps[]. False when out
+     * of memory: *count steps were taken before. NULL = it shows none. */
+    bool (*other_steps)(void *user, void *volume, const struct sp_view *view,
+                        void *steps[2 * SP_LAYERS_MAX], unsigned *count);
     void (*default_view)(void *user, void *volume, struct sp_view *view);
     /* As sp_pick_at(). Runs without the hub's mutex. */
     bool (*pick)(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],

@@ -15,14 +15,17 @@ static void report(struct srv_hub *hub, struct srv_session *session, const struc
     }
 }
 
-/* Takes uses of the steps of the view. */
+/* Takes uses of the steps of the view; step = NULL when out of memory. */
 static void take(struct srv_hub *hub, struct srv_session *session) {
     const struct srv_volume_source *source = &hub->options.volumes;
     struct srv_view_state *shared = &session->shared;
     shared->step = source->step(source->user, shared->volume, shared->view.time.step);
-    shared->other_count = source->other_steps ? source->other_steps(source->user, shared->volume,
-                                                                    &shared->view, shared->others)
-                                              : 0;
+    if (source->other_steps && shared->step &&
+        !source->other_steps(source->user, shared->volume, &shared->view, shared->others,
+                             &shared->other_count)) {
+        source->release(source->user, shared->step);
+        shared->step = NULL;
+    }
 }
 
 void srv_steps_release(struct srv_hub *hub, struct srv_session *session) {

@@ -65,16 +65,16 @@ static void *nearest_step(void *user, void *volume, uint32_t number) {
     return &f->steps[number];
 }
 
-static unsigned other_steps(void *user, void *volume, const struct sp_view *view,
-                            void *others[2 * SP_LAYERS_MAX]) {
+static bool other_steps(void *user, void *volume, const struct sp_view *view,
+                        void *others[2 * SP_LAYERS_MAX], unsigned *count) {
     struct fixture *f = user;
-    unsigned count = 0;
     (void)volume;
+    *count = 0;
     for (uint32_t i = 0; i < view->layer_count; i++)
         if (strcmp(view->layers[i].id, "w") == 0 && !f->is_missing)
-            others[count++] = &f->others[view->time.step];
-    f->uses += (int)count;
-    return count;
+            others[(*count)++] = &f->others[view->time.step];
+    f->uses += (int)*count;
+    return !f->is_out_of_memory;
 }
 
 static bool pick(void *user, void *volume, const struct sp_view *view, const uint32_t size[2],

@@ -32,6 +32,7 @@ struct fixture {
     struct fixture_step steps[4];
     struct fixture_step others[4]; /* of the volume "w", which a layer of the view may name */
     bool is_missing;               /* "w" is not loaded */
+    bool is_out_of_memory;         /* for uses of the steps of "w" */
     struct sp_pick picked;         /* what picks at the right half of the image answer */
 };
 

@@ -207,6 +207,27 @@ static void other_volumes_come_and_go(void **state) {
     srv_hub_leave(f->hub, &p, 20000);
 }
 
+/* No frame that lacks another volume's step counts as final without a word. */
+static void a_step_without_memory_is_reported(void **state) {
+    struct fixture *f = *state;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 0);
+    bool is_final;
+    assert_int_equal(settle(f, p, 10), 0);
+    f->is_out_of_memory = f->others[0].is_loaded = true;
+    hub_send(f, p, "view.update",
+             "{\"seq\":1,\"patch\":{\"layers\":[{\"type\":\"volume\"},"
+             "{\"type\":\"points\",\"id\":\"w\"}]}}",
+             10000);
+    assert_true(is_told(f, p, "out of memory for a time step", 10001));
+    draw(f, p, 10010, &is_final);
+    assert_false(is_final);
+    f->is_out_of_memory = false;
+    f->steps[1].is_loaded = f->others[1].is_loaded = true;
+    hub_send(f, p, "view.update", "{\"seq\":2,\"patch\":{\"time\":{\"step\":1}}}", 20000);
+    assert_int_equal(settle(f, p, 20010), 1);
+    srv_hub_leave(f->hub, &p, 30000);
+}
+
 int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(frames_show_another_step_until_it_is_loaded,
@@ -217,6 +238,8 @@ int main(void) {
                                         hub_set_up_series, hub_tear_down),
         cmocka_unit_test_setup_teardown(other_volumes_follow, hub_set_up_series, hub_tear_down),
         cmocka_unit_test_setup_teardown(other_volumes_come_and_go, hub_set_up_series,
+                                        hub_tear_down),
+        cmocka_unit_test_setup_teardown(a_step_without_memory_is_reported, hub_set_up_series,
                                         hub_tear_down),
         cmocka_unit_test_setup_teardown(a_step_that_cannot_be_loaded_ends_playing,
                                         hub_set_up_series, hub_tear_down),
