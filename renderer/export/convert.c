@@ -7,6 +7,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include "bricks/transfer.h"
@@ -109,6 +110,19 @@ static bool write_file(struct sp_export_job *job, sp_export_fn *write, struct sp
     return ok;
 }
 
+/* Says early what would fail after the samples were read. A pipe or a device would be replaced by
+ * the file. */
+static bool check_place(const char *out, const char *folder, bool is_folder, struct sp_error *err) {
+    struct stat st;
+    if (access(folder, W_OK | X_OK) != 0)
+        return sp_fail(err, SP_ERR_IO, out, "cannot write into the folder %s: %s", folder,
+                       strerror(errno));
+    if (is_folder)
+        return sp_export_check_folder(out, err);
+    return stat(out, &st) != 0 || S_ISREG(st.st_mode) ||
+           sp_fail(err, SP_ERR_INVALID, out, "is there already, and is not a file");
+}
+
 /* A format, by how the name of the output ends. */
 struct format {
     const char *suffix;
@@ -136,7 +150,7 @@ static bool convert(const char *source, const char *out, const struct format *fo
     const char *slash = strrchr(path, '/');
     snprintf(folder, sizeof folder, "%.*s", slash ? (int)(slash - path) + 1 : 1,
              slash ? path : ".");
-    if (format->is_folder && !sp_export_check_folder(path, err))
+    if (!check_place(path, folder, format->is_folder, err))
         return false;
     options = options ? options : &none;
     int samples = read_samples(source, folder, options, info, err);

@@ -29,7 +29,7 @@ static bool fail_write(const struct stream *s, struct sp_error *err) {
 static bool put(struct stream *s, const void *bytes, size_t size, struct sp_error *err) {
     errno = 0;
     const bool ok = s->packed ? gzwrite(s->packed, bytes, (unsigned)size) == (int)size
-                              : sp_write_at(s->job->out, bytes, size, s->at);
+                              : sp_write_sparse(s->job->out, bytes, size, s->at);
     s->at += size;
     return ok || fail_write(s, err);
 }
@@ -70,7 +70,7 @@ bool sp_export_stream(const struct sp_export_job *job, const void *header, size_
     errno = 0;
     if (s.packed && gzclose_w(s.packed) != Z_OK && ok)
         ok = fail_write(&s, err);
-    if (ok && fsync(job->out) != 0)
-        ok = fail_write(&s, err);
+    if (ok && ((!is_packed && ftruncate(job->out, (off_t)s.at) != 0) || fsync(job->out) != 0))
+        ok = fail_write(&s, err); /* the file may end with a hole */
     return ok && sp_export_report(job, 1, err);
 }

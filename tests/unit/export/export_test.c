@@ -250,6 +250,23 @@ static void a_folder_of_others_is_not_replaced(void **state) {
     assert_int_equal(err.code, SP_ERR_INVALID);
 }
 
+static void an_output_that_cannot_be_written_is_refused_at_once(void **state) {
+    static const char *const names[] = { "none/a.nrrd", "none/a.zarr" };
+    struct sp_error err;
+    struct stat st;
+    const char *pipe = path_in(state, "pipe.nrrd");
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
+        assert_false(sp_convert("/no/source", path_in(state, names[i]), &options, &err));
+        assert_int_equal(err.code, SP_ERR_IO);
+        assert_non_null(strstr(err.text, "cannot write into the folder"));
+    }
+    assert_int_equal(mkfifo(pipe, 0666), 0);
+    assert_false(sp_convert("/no/source", pipe, &options, &err));
+    assert_int_equal(err.code, SP_ERR_INVALID);
+    assert_int_equal(stat(pipe, &st), 0);
+    assert_true(S_ISFIFO(st.st_mode));
+}
+
 /* Samples that are 0 in many leaves and blocks of OpenVDB, and elsewhere fit into every type. */
 static double sparse_value(enum sp_type type, uint64_t i) {
     const double value = i / 1000 % 7 == 3 ? (double)(i % 127) : 0;
@@ -416,6 +433,9 @@ static void holes_are_neither_read_nor_written(void **state) {
     if (!sp_convert(path, path_in(state, "a.bricks"), &options, &err) ||
         !sp_convert(path_in(state, "a.bricks"), path_in(state, "a.nrrd"), &options, &err))
         fail_msg("%s: %s", err.place, err.text);
+    assert_int_equal(stat(path_in(state, "a.nrrd"), &st), 0);
+    if (has_holes) /* a page with data takes two in a file whose header has another length */
+        assert_in_range(st.st_blocks * 512, 0, size / 4);
     struct sp_volume *volume = sp_volume_load(path_in(state, "a.nrrd"), &options, &err);
     assert_non_null(volume);
     assert_memory_equal(sp_volume_voxels(volume), expected, size);
@@ -447,6 +467,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(brick_files_are_converted, make_folder, remove_folder),
         cmocka_unit_test(a_unit_that_nifti_lacks_is_refused),
         cmocka_unit_test_setup_teardown(names_cannot_break_the_header, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(an_output_that_cannot_be_written_is_refused_at_once,
+                                        make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(a_folder_of_others_is_not_replaced, make_folder,
                                         remove_folder),
         cmocka_unit_test_setup_teardown(openvdb_comes_back, make_folder, remove_folder),
