@@ -44,14 +44,19 @@ static void hold_signals(void) {
 
 int command_convert(const struct options *options, struct sp_error *err) {
     if (options->argument_count != 2)
-        return usage_error("convert", "needs a file or demo:NAME, and the file to write");
+        return usage_error("convert", "needs a source, and the file to write");
     const char *out = options->arguments[1];
+    char host[SP_SOURCE_HOST_BYTES]; /* who gives an address here, allows its host */
     if (!sp_convert_check(out, err))
         return usage_error("convert", "\"%s\" %s", out, err->text);
     const struct sp_load_options how = { .progress = show_progress,
                                          .user = (void *)options->argument, /* only read */
+                                         .allowed_hosts = host,
                                          .timeout_ms = (int)options->timeout_s * 1000 };
     sp_log_init(print_warning, NULL, SP_LOG_WARN);
     hold_signals();
-    return sp_convert(options->argument, out, &how, err) ? 0 : 1;
+    return sp_source_host(options->argument, host, err) &&
+                   sp_convert(options->argument, out, &how, err)
+               ? 0
+               : 1;
 }

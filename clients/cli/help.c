@@ -44,11 +44,12 @@ static const struct {
       "is interrupted, the same command continues",
       DAEMON | BIT(BLOCK_LOAD) | BIT(BLOCK_UPLOAD) },
     { "info", "SOURCE",
-      "print what the daemon would read from a file or demo:NAME, with a\n"
-      "histogram; without a daemon",
+      "print what the daemon would read from a file, demo:NAME or the address\n"
+      "of an OME-Zarr, with a histogram; without a daemon",
       BIT(BLOCK_OUTPUT) },
     { "convert", "SOURCE OUT",
-      "write a volume in another format, without a daemon. OUT ends with:\n"
+      "write a volume (a file, demo:NAME, the address of an OME-Zarr) in\n"
+      "another format, without a daemon. OUT ends with:\n"
       ".bricks, from which the daemon shows volumes that are larger than\n"
       "its memory; .nrrd (raw); .nii or .nii.gz; .vdb (OpenVDB);\n"
       ".ome.zarr or .zarr, a folder with a pyramid, which replaces only\n"

@@ -36,7 +36,7 @@ static bool print_histogram(const struct sp_volume_info *info, struct sp_error *
 
 int command_info(const struct options *options, struct sp_error *err) {
     if (!options->argument)
-        return usage_error("info", "needs a file or demo:NAME");
+        return usage_error("info", "needs a source: a file, demo:NAME or an address");
     struct sp_volume *volume = load_local(options, options->argument, err);
     if (!volume)
         return 1;

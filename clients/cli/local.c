@@ -85,12 +85,14 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
 
 static struct sp_volume *load_step(const struct options *options, const char *source, uint32_t step,
                                    struct sp_error *err) {
+    char host[SP_SOURCE_HOST_BYTES]; /* who gives an address here, allows its host */
     const struct sp_load_options how = { .reserve = reserve,
+                                         .allowed_hosts = host,
                                          .step = step,
                                          .progress = show_progress,
                                          .user = (void *)source, /* only read */
                                          .timeout_ms = (int)options->timeout_s * 1000 };
-    return sp_volume_load(source, &how, err);
+    return sp_source_host(source, host, err) ? sp_volume_load(source, &how, err) : NULL;
 }
 
 struct sp_volume *load_local(const struct options *options, const char *source,

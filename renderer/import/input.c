@@ -23,14 +23,31 @@ bool sp_import_check_host(const char *address, const char *allowed, struct sp_er
                parts.host, parts.port);
 }
 
-bool sp_source_check_host(const char *source, const char *allowed, struct sp_error *err) {
-    char address[SP_ADDRESS_BYTES];
+/* Copies a source without what follows '?'. */
+static bool take_address(const char *source, char address[SP_ADDRESS_BYTES], struct sp_error *err) {
     const size_t length = sp_source_split(source).path_bytes;
-    if (length >= sizeof address)
+    if (length >= SP_ADDRESS_BYTES)
         return sp_fail(err, SP_ERR_INVALID, source, "the address is too long");
     memcpy(address, source, length);
     address[length] = 0;
-    return sp_import_check_host(address, allowed, err);
+    return true;
+}
+
+bool sp_source_check_host(const char *source, const char *allowed, struct sp_error *err) {
+    char address[SP_ADDRESS_BYTES];
+    return take_address(source, address, err) && sp_import_check_host(address, allowed, err);
+}
+
+bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES], struct sp_error *err) {
+    char address[SP_ADDRESS_BYTES];
+    struct sp_address parts;
+    host[0] = 0;
+    if (!sp_address_is_remote(source))
+        return true;
+    if (!take_address(source, address, err) || !sp_address_parse(address, &parts, err))
+        return false;
+    snprintf(host, SP_SOURCE_HOST_BYTES, "%s:%u", parts.host, parts.port);
+    return true;
 }
 
 bool sp_hosts_check(const char *allowed, struct sp_error *err) {

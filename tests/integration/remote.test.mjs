@@ -1,12 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Remote OME-Zarr over HTTP: shown from its chunks, from allowed hosts only, with errors that say what is wrong.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
-import { createReadStream, existsSync, mkdtempSync, rmSync, statSync } from 'node:fs';
+import { execFile, execFileSync } from 'node:child_process';
+import { createReadStream, existsSync, mkdtempSync, readFileSync, rmSync, statSync } from 'node:fs';
 import http from 'node:http';
 import { tmpdir } from 'node:os';
 import path from 'node:path';
 import { after, before, test } from 'node:test';
+import { promisify } from 'node:util';
 import { compare } from '../support/compare.mjs';
 import { BIN, Daemon } from './harness.mjs';
 
@@ -95,6 +96,17 @@ test('a remote OME-Zarr is shown from its chunks, as the local one', { skip }, a
   const sizes = [image, local].map(async (one) => (await one.arrayBuffer()).byteLength);
   const [a, b] = await Promise.all(sizes);
   compare(Math.abs(a - b), '<', 0.05 * b, 'bytes of the pictures');
+});
+
+test('splatctl reads an address that it is given, without a list of hosts', { skip }, async () => {
+  const splatctl = (...args) => promisify(execFile)(path.join(BIN, 'splatctl'), args);
+  const [far, near] = ['far.nrrd', 'near.nrrd'].map((name) => path.join(folder, name));
+  await splatctl('convert', `http://${host}/v.zarr`, far);
+  await splatctl('convert', path.join(folder, 'v.zarr'), near);
+  assert.ok(readFileSync(far).equals(readFileSync(near)));
+  const { whole } = JSON.parse((await splatctl('info', '--json', `http://${host}/v.zarr`)).stdout);
+  assert.deepEqual(whole.dims, [SIDE, SIDE, SIDE]);
+  await assert.rejects(splatctl('info', `http://user@${host}/v.zarr`), /user or a password/);
 });
 
 test('a redirection within the host is followed', { skip }, async () => {

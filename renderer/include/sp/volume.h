@@ -194,6 +194,11 @@ struct sp_load_options {
 
 /* True for the address of a remote volume, "http://…" or "https://…". */
 SP_API bool sp_source_is_remote(const char *source);
+#define SP_SOURCE_HOST_BYTES 264
+/* Writes the host of an address and its port, "HOST:PORT": the entry of allowed_hosts that allows
+ * no other. "" for other sources. SP_ERR_INVALID. */
+SP_API bool sp_source_host(const char *source, char host[SP_SOURCE_HOST_BYTES],
+                           struct sp_error *err);
 /* Checks a list of hosts, as in allowed_hosts: SP_ERR_INVALID. */
 SP_API bool sp_hosts_check(const char *allowed, struct sp_error *err);
 /* Checks that the host of an address is in the list (allowed_hosts): SP_ERR_DENIED,
