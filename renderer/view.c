@@ -189,9 +189,10 @@ void sp_channel_function(const struct sp_view *view, const struct sp_layer *chan
     double window[2];
     sp_slice_default_window(info, window);
     const double low = window[0] - window[1] / 2, high = window[0] + window[1] / 2;
-    function->point_count = 2;
+    const bool has_contrast = info->range[1] > info->range[0] && high > low;
+    function->point_count = has_contrast ? 2 : 1;
     function->points[0].value = low;
-    function->points[1].value = high > low ? high : nextafter(low, INFINITY);
+    function->points[1].value = high;
     function->points[1].opacity = 0.5f;
     for (int i = 0; i < 2; i++)
         memcpy(function->points[i].color, channel->color, sizeof channel->color);

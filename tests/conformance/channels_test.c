@@ -405,6 +405,11 @@ static void a_channel_has_a_default_function(void **state) {
     assert_compare(function.points[0].opacity, ==, 0);
     assert_compare(function.points[1].opacity, ==, 0.5);
     assert_compare(function.reference_length, ==, view.transfer_function.reference_length);
+    /* A channel without contrast shows nothing. */
+    struct sp_volume_info flat = { .range = { 7, 7 }, .histogram = { [3] = 1 } };
+    sp_channel_function(&view, &view.layers[1], &flat, &function);
+    assert_int_equal(function.point_count, 1);
+    assert_compare(function.points[0].opacity, ==, 0);
 }
 
 static void expect_error(const struct rig *rig, const struct sp_view *view, enum sp_code code,

@@ -335,7 +335,7 @@ SP_API struct sp_layer sp_layer_default(enum sp_layer_type type);
 
 /* Writes the transfer function of a channel of the view. Without points of its own it rises from
  * transparent to `color` and opacity 0.5 within sp_slice_default_window() of `info`, the volume
- * that the channel shows. Thread-safe. */
+ * that the channel shows; if its samples are all equal, all is transparent. Thread-safe. */
 SP_API void sp_channel_function(const struct sp_view *view, const struct sp_layer *channel,
                                 const struct sp_volume_info *info,
                                 struct sp_transfer_function *function);
