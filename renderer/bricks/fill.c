@@ -21,6 +21,8 @@ struct fill {
         struct sp_brick_scratch *scratch;
         void *brick;
     } workers[THREADS_MAX];
+    uint32_t *order; /* owned: the wanted bricks in the order in which they are read */
+    size_t order_count;
     uint8_t *missing, *failed; /* owned: of bricks that are cut from chunks; NULL = of a file */
     atomic_bool ended;         /* cancelled, or out of memory */
     pthread_mutex_t mutex;     /* guards why */
@@ -151,19 +153,29 @@ static void put_read(struct fill *f, uint64_t i, uint64_t number, unsigned worke
     pthread_mutex_unlock(&f->mutex);
 }
 
-static void fill_bricks(void *user, size_t begin, size_t end_, unsigned worker) {
-    struct fill *f = user;
+static bool is_ended(struct fill *f) {
     const struct sp_brick_fill_job *job = f->job;
-    for (size_t i = begin; i < end_ && !atomic_load_explicit(&f->ended, memory_order_relaxed);
-         i++) {
-        const uint64_t number = sp_brick_need_at(job->need, f->level, i);
-        if (job->is_cancelled && job->is_cancelled(job->user))
-            end(f);
-        else if (!job->need->wanted[i])
-            put_constant(f, number);
-        else if (!put_known(f, i, number))
+    if (!atomic_load_explicit(&f->ended, memory_order_relaxed) && job->is_cancelled &&
+        job->is_cancelled(job->user))
+        end(f);
+    return atomic_load_explicit(&f->ended, memory_order_relaxed);
+}
+
+static void fill_wanted(void *user, size_t begin, size_t end_, unsigned worker) {
+    struct fill *f = user;
+    for (size_t n = begin; n < end_ && !is_ended(f); n++) {
+        const uint64_t i = f->order[n], number = sp_brick_need_at(f->job->need, f->level, i);
+        if (!put_known(f, i, number))
             put_read(f, i, number, worker);
     }
+}
+
+static void fill_others(void *user, size_t begin, size_t end_, unsigned worker) {
+    struct fill *f = user;
+    (void)worker;
+    for (size_t i = begin; i < end_ && !is_ended(f); i++)
+        if (!f->job->need->wanted[i])
+            put_constant(f, sp_brick_need_at(f->job->need, f->level, i));
 }
 
 /* Cuts the missing bricks from chunks. */
@@ -188,11 +200,12 @@ static bool gather(struct fill *f, struct sp_error *err) {
 static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
     const bool has_chunks = sp_brick_file_chunks(f->job->file) != NULL;
     const uint64_t count = sp_brick_need_count(f->job->need);
-    bool ok = true;
+    f->order = sp_brick_order(f->job->need->wanted, count, &f->order_count);
+    bool ok = f->order != NULL;
     if (has_chunks) {
         f->missing = calloc(1, count);
         f->failed = calloc(1, count);
-        ok = f->missing && f->failed;
+        ok = ok && f->missing && f->failed;
     }
     for (unsigned t = 0; ok && !has_chunks && t < threads; t++)
         ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
@@ -218,8 +231,10 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
     pthread_mutex_init(&f->mutex, NULL);
     sp_brick_need_box(job->need, f->level, f->first, f->size);
     ok = allocate(f, threads, err);
-    if (ok)
-        sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_bricks, f);
+    if (ok) {
+        sp_parallel_for(job->pool, f->order_count, 1, fill_wanted, f);
+        sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_others, f);
+    }
     if (ok && atomic_load(&f->ended))
         ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
     if (ok && f->missing)
@@ -229,6 +244,7 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
         free(f->workers[t].brick);
     }
     pthread_mutex_destroy(&f->mutex);
+    free(f->order);
     free(f->missing);
     free(f->failed);
     free(f);

@@ -32,9 +32,10 @@ struct sp_brick_fill_job {
 };
 
 /* Fills the samples: of wanted bricks, those of the file; of others, one value of the brick's
- * range, which shows no more than the brick does. Wanted bricks that cannot be read get the samples
- * of the coarse level. *why is the error of one of them; SP_OK = there is none. False if it was
- * cancelled, or out of memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+ * range, which shows no more than the brick does. The bricks that matter most are read first
+ * (need.h); of chunks, those that hold the most important brick. Wanted bricks that cannot be read
+ * get the samples of the coarse level. *why is the error of one of them; SP_OK = there is none.
+ * False if it was cancelled, or out of memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why, struct sp_error *err);
 
 #endif

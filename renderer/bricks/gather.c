@@ -18,9 +18,12 @@ struct gather {
     size_t sample;
     uint32_t first[3], size[3];      /* samples of the box */
     uint32_t first_chunk[3], end[3]; /* chunks that meet it */
-    void *buffers[READERS_MAX];      /* a chunk per reader; NULL = not needed yet */
-    atomic_bool ended;               /* cancelled, or out of memory */
-    pthread_mutex_t mutex;           /* guards what follows */
+    uint16_t *numbers; /* owned: by chunk, the largest number of its missing bricks; 0 = none */
+    uint32_t *order;   /* owned: the chunks that are read, in this order */
+    size_t order_count;
+    void *buffers[READERS_MAX]; /* a chunk per reader; NULL = not needed yet */
+    atomic_bool ended;          /* cancelled, or out of memory */
+    pthread_mutex_t mutex;      /* guards what follows */
     struct sp_error *why, end_error;
 };
 
@@ -63,19 +66,18 @@ static void copy_part(const struct gather *g, const char *chunk, const uint32_t 
         }
 }
 
-/* Calls visit() for each missing brick that meets a box; true if there is one. */
+/* Calls visit() for each missing brick that meets a box. */
 typedef void visit_fn(struct gather *g, uint64_t i, void *user);
 
-static bool visit_missing(struct gather *g, const uint32_t first[3], const uint32_t size[3],
+static void visit_missing(struct gather *g, const uint32_t first[3], const uint32_t size[3],
                           visit_fn *visit, void *user) {
     const struct sp_brick_need *need = g->job->need;
     uint32_t low[3], high[3];
-    bool any = false;
     for (int a = 0; a < 3; a++) {
         const uint32_t begin = first[a] / BRICK_SIDE, end = (first[a] + size[a] - 1) / BRICK_SIDE;
         low[a] = begin > need->first[a] ? begin - need->first[a] : 0;
         if (end < need->first[a])
-            return false;
+            return;
         high[a] = end - need->first[a] + 1;
         high[a] = high[a] < need->count[a] ? high[a] : need->count[a];
     }
@@ -83,13 +85,9 @@ static bool visit_missing(struct gather *g, const uint32_t first[3], const uint3
         for (uint32_t y = low[1]; y < high[1]; y++)
             for (uint32_t x = low[0]; x < high[0]; x++) {
                 const uint64_t i = ((uint64_t)z * need->count[1] + y) * need->count[0] + x;
-                if (!g->job->missing[i])
-                    continue;
-                any = true;
-                if (visit)
+                if (g->job->missing[i])
                     visit(g, i, user);
             }
-    return any;
 }
 
 struct chunk {
@@ -125,8 +123,6 @@ static void gather_chunk(struct gather *g, const uint32_t place[3], unsigned wor
     struct chunk chunk;
     struct sp_error err;
     sp_chunk_box(g->chunks, place, chunk.first, chunk.size);
-    if (!visit_missing(g, chunk.first, chunk.size, NULL, NULL))
-        return;
     if (!g->buffers[worker])
         g->buffers[worker] = malloc((size_t)sp_chunk_bytes_max(g->source));
     if (!g->buffers[worker]) {
@@ -148,15 +144,41 @@ static void gather_chunk(struct gather *g, const uint32_t place[3], unsigned wor
     }
 }
 
+/* The place of a chunk, which is number `i` of those that meet the box. */
+static void find_place(const struct gather *g, size_t i, uint32_t place[3]) {
+    for (int a = 0; a < 3; a++) {
+        const size_t count = g->end[a] - g->first_chunk[a];
+        place[a] = g->first_chunk[a] + (uint32_t)(i % count);
+        i /= count;
+    }
+}
+
 static void gather_chunks(void *user, size_t begin, size_t end, unsigned worker) {
     struct gather *g = user;
-    const size_t width = g->end[0] - g->first_chunk[0], height = g->end[1] - g->first_chunk[1];
-    for (size_t i = begin; i < end && !is_ended(g); i++) {
-        const uint32_t place[3] = { g->first_chunk[0] + (uint32_t)(i % width),
-                                    g->first_chunk[1] + (uint32_t)(i / width % height),
-                                    g->first_chunk[2] + (uint32_t)(i / width / height) };
+    for (size_t n = begin; n < end && !is_ended(g); n++) {
+        uint32_t place[3];
+        find_place(g, g->order[n], place);
         gather_chunk(g, place, worker);
     }
+}
+
+static void take_largest(struct gather *g, uint64_t i, void *user) {
+    uint16_t *number = user;
+    const uint16_t own = g->job->need->wanted[i];
+    *number = own > *number ? own : *number;
+}
+
+/* Finds which chunks are read, and in which order. False if memory ran out. */
+static bool find_order(struct gather *g, size_t count) {
+    if (!(g->numbers = calloc(count, sizeof *g->numbers)))
+        return false;
+    for (size_t i = 0; i < count; i++) {
+        uint32_t place[3], first[3], size[3];
+        find_place(g, i, place);
+        sp_chunk_box(g->chunks, place, first, size);
+        visit_missing(g, first, size, take_largest, &g->numbers[i]);
+    }
+    return (g->order = sp_brick_order(g->numbers, count, &g->order_count)) != NULL;
 }
 
 static void learn(void *user, size_t begin, size_t end, unsigned worker) {
@@ -200,7 +222,13 @@ bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_
     }
     atomic_init(&g->ended, false);
     pthread_mutex_init(&g->mutex, NULL);
-    sp_parallel_for(job->pool, count, 1, gather_chunks, g);
+    if (find_order(g, count)) {
+        sp_parallel_for(job->pool, g->order_count, 1, gather_chunks, g);
+    } else {
+        struct sp_error memory;
+        sp_fail(&memory, SP_ERR_MEMORY, "", "out of memory for reading chunks");
+        end_with(g, &memory);
+    }
     const bool ok = !atomic_load(&g->ended);
     if (ok)
         sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, learn, g);
@@ -209,6 +237,8 @@ bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_
     for (int i = 0; i < READERS_MAX; i++)
         free(g->buffers[i]);
     pthread_mutex_destroy(&g->mutex);
+    free(g->numbers);
+    free(g->order);
     free(g);
     return ok;
 }

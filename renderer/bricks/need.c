@@ -90,8 +90,46 @@ bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick
 
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy) {
     *copy = *need;
-    copy->wanted = malloc(sp_brick_need_count(need));
-    if (copy->wanted)
-        memcpy(copy->wanted, need->wanted, sp_brick_need_count(need));
-    return copy->wanted != NULL;
+    if (!sp_brick_need_allocate(copy, 0))
+        return false;
+    memcpy(copy->wanted, need->wanted, sp_brick_need_count(need) * sizeof *need->wanted);
+    return true;
+}
+
+bool sp_brick_need_allocate(struct sp_brick_need *need, uint16_t number) {
+    const uint64_t count = sp_brick_need_count(need);
+    need->wanted = malloc(count * sizeof *need->wanted);
+    for (uint64_t i = 0; need->wanted && i < count; i++)
+        need->wanted[i] = number;
+    return need->wanted != NULL;
+}
+
+uint64_t sp_brick_need_wanted(const struct sp_brick_need *need) {
+    uint64_t count = 0;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        count += need->wanted[i] != 0;
+    return count;
+}
+
+uint32_t *sp_brick_order(const uint16_t *numbers, uint64_t length, size_t *count) {
+    uint32_t *begin = calloc(UINT16_MAX + 1, sizeof *begin), *order = NULL;
+    *count = 0;
+    for (uint64_t i = 0; i < length; i++)
+        *count += numbers[i] != 0;
+    if (begin)
+        order = malloc((*count ? *count : 1) * sizeof *order);
+    if (order) { /* a counting sort: begin[n] is where number n begins */
+        for (uint64_t i = 0; i < length; i++)
+            begin[numbers[i]]++;
+        for (uint32_t n = UINT16_MAX, at = 0; n > 0; n--) {
+            const uint32_t next = at + begin[n];
+            begin[n] = at;
+            at = next;
+        }
+        for (uint64_t i = 0; i < length; i++)
+            if (numbers[i])
+                order[begin[numbers[i]]++] = (uint32_t)i;
+    }
+    free(begin);
+    return order;
 }

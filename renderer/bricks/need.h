@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The need of a frame: a box of bricks of one level, and which of them may show something.
+ * The need of a frame: a box of bricks of one level, which of them may show something, and how
+ * much each of them matters.
  */
 #ifndef SP_BRICKS_NEED_H
 #define SP_BRICKS_NEED_H
@@ -11,7 +12,9 @@
 struct sp_brick_need {
     unsigned level;
     uint32_t first[3], count[3]; /* bricks of a box, which is not empty */
-    uint8_t *wanted;             /* malloc'ed [count]: 1 = may show something; i0 fastest */
+    /* malloc'ed [count], i0 fastest: 0 = shows nothing; others may show something, and those with
+     * the largest numbers are read first. */
+    uint16_t *wanted;
 };
 
 static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
@@ -40,6 +43,16 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
 
 /* True if each wanted brick of `need` is one of `have`, of the same level. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
+
+/* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */
+bool sp_brick_need_allocate(struct sp_brick_need *need, uint16_t number);
+
+/* The number of wanted bricks. */
+uint64_t sp_brick_need_wanted(const struct sp_brick_need *need);
+
+/* Returns the places of the numbers above 0 in an array, malloc'ed: those of the largest numbers
+ * first, and equal ones in their order. Sets *count. NULL if memory ran out. */
+uint32_t *sp_brick_order(const uint16_t *numbers, uint64_t length, size_t *count);
 
 /* Copies a need and its `wanted`. False if memory ran out. */
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy);

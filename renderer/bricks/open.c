@@ -59,10 +59,8 @@ static bool choose_base(struct sp_brick_store *store) {
     }
     store->base_level = need->level;
     const uint64_t count = sp_brick_need_count(need);
-    need->wanted = malloc(count);
+    sp_brick_need_allocate(need, 1);
     store->base_lost = calloc(1, count);
-    if (need->wanted)
-        memset(need->wanted, 1, count);
     return need->wanted && store->base_lost;
 }
 

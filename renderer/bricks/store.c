@@ -89,7 +89,7 @@ static bool is_due(const struct sp_brick_store *store, const struct sp_brick_sto
            sp_clock_ms() - w->read_ms >= store->retry_ms;
 }
 
-/* Wants the bricks of a coarser level that cover brick i. */
+/* Wants the bricks of a coarser level that cover brick i, and which matter as much as it. */
 static void mark_coarser(const struct sp_brick_level *from, const struct sp_brick_level *to,
                          const struct sp_brick_need *need, uint64_t i, struct sp_brick_need *out) {
     uint32_t first[3] = { need->first[0] + (uint32_t)(i % need->count[0]),
@@ -102,8 +102,10 @@ static void mark_coarser(const struct sp_brick_level *from, const struct sp_bric
     }
     for (uint32_t z = first[2]; z < first[2] + count[2]; z++)
         for (uint32_t y = first[1]; y < first[1] + count[1]; y++)
-            for (uint32_t x = first[0]; x < first[0] + count[0]; x++)
-                out->wanted[((uint64_t)z * out->count[1] + y) * out->count[0] + x] = 1;
+            for (uint32_t x = first[0]; x < first[0] + count[0]; x++) {
+                uint16_t *own = &out->wanted[((uint64_t)z * out->count[1] + y) * out->count[0] + x];
+                *own = *own > need->wanted[i] ? *own : need->wanted[i];
+            }
 }
 
 /* The need for a coarser level of the same box. False without memory, or if there is none finer
@@ -119,7 +121,7 @@ static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_ne
     memcpy(out->count, need->count, sizeof out->count);
     for (int a = 0; a < 3; a++)
         sp_brick_level_map(from, to, a, &out->first[a], &out->count[a]);
-    if (!(out->wanted = calloc(1, sp_brick_need_count(out))))
+    if (!sp_brick_need_allocate(out, 0))
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
         if (need->wanted[i])
@@ -311,23 +313,17 @@ static struct sp_brick_request *newest(struct sp_brick_store *store) {
     return newest;
 }
 
-static uint64_t wanted_count(const struct sp_brick_need *need) {
-    uint64_t count = 0;
-    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
-        count += need->wanted[i];
-    return count;
-}
-
 /* What is read first for a request: a coarser level if there are many bricks to read and nothing
  * finer than the base shows them yet. With the mutex held. Copies; false without memory. */
 static bool choose_step(struct sp_brick_store *store, const struct sp_brick_need *need,
                         struct sp_brick_need *step) {
     struct sp_brick_need coarse;
-    for (unsigned steps = 1; wanted_count(need) >= (uint64_t)MANY_BRICKS << 3 * (steps - 1) &&
-                             coarsen(store, need, steps, &coarse);
+    for (unsigned steps = 1;
+         sp_brick_need_wanted(need) >= (uint64_t)MANY_BRICKS << 3 * (steps - 1) &&
+         coarsen(store, need, steps, &coarse);
          steps++) {
         const bool is_there = find_window(store, &coarse) != NULL;
-        if (!is_there && wanted_count(&coarse) < MANY_BRICKS) {
+        if (!is_there && sp_brick_need_wanted(&coarse) < MANY_BRICKS) {
             *step = coarse;
             return true;
         }
@@ -459,7 +455,7 @@ void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64
     pthread_mutex_lock(&store->memory->mutex);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
         if (store->windows[i].volume) {
-            *bricks += wanted_count(&store->windows[i].need);
+            *bricks += sp_brick_need_wanted(&store->windows[i].need);
             *bytes += store->windows[i].bytes;
         }
     pthread_mutex_unlock(&store->memory->mutex);

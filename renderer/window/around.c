@@ -38,10 +38,7 @@ static bool find_need(const struct sp_brick_file *file, const double (*points)[3
         need->first[a] = from / BRICK_SIDE;
         need->count[a] = to_ / BRICK_SIDE - need->first[a] + 1;
     }
-    const uint64_t bricks = sp_brick_need_count(need);
-    if ((need->wanted = malloc(bricks)))
-        memset(need->wanted, 1, bricks);
-    return need->wanted != NULL;
+    return sp_brick_need_allocate(need, 1);
 }
 
 /* Takes the window of a need; NULL with *err set if it is not complete in time. */

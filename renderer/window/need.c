@@ -1,7 +1,15 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Which bricks of a level a view may show: by the range of their values (without channels), by what
- * is clipped, and by what lies beside the image.
+ * is clipped, and by what lies beside the image. And how much each of them matters:
+ *
+ *   importance = opacity · (radius / distance from the eye)²
+ *
+ * The opacity is the largest one that the transfer function gives to a value of the brick: the
+ * range tells no more. The square is the brick's projected area, and its distance says what may
+ * hide it: of bricks with the same opacity the nearest one is first. An orthographic camera sees
+ * all bricks equally large; there the distance is that from the plane of the eye, so that the front
+ * is first, too. Bricks that the camera does not see now come last.
  */
 #include <math.h>
 #include <stdlib.h>
@@ -23,7 +31,8 @@ struct search {
      * is in fractions of one window. */
     bool has_channels;
     struct sp_visible_ranges visible;
-    bool shows_all; /* every value may matter */
+    bool shows_all;     /* every value may matter */
+    bool is_classified; /* all that is shown is what the transfer function shows */
     double surfaces[SP_LAYERS_MAX];
     uint32_t surface_count;
     struct sp_camera_transform camera;
@@ -44,12 +53,21 @@ static void find_values(struct search *s) {
     }
     if (has_function)
         sp_visible_ranges_init(&s->visible, &view->transfer_function);
+    s->is_classified = has_function && !s->shows_all && !s->has_channels && !s->surface_count;
 }
 
-/* Interpolation may exceed the range of the samples by a quarter (resample/README.md). */
+/* The values that interpolation in a brick may give: it may exceed the range of the samples by a
+ * quarter (resample/README.md). */
+static double low_end(const struct sp_brick_entry *entry) {
+    return entry->range[0] - 0.25 * (entry->range[1] - entry->range[0]);
+}
+
+static double high_end(const struct sp_brick_entry *entry) {
+    return entry->range[1] + 0.25 * (entry->range[1] - entry->range[0]);
+}
+
 static bool may_show(const struct search *s, const struct sp_brick_entry *entry) {
-    const double more = 0.25 * (entry->range[1] - entry->range[0]);
-    const double low = entry->range[0] - more, high = entry->range[1] + more;
+    const double low = low_end(entry), high = high_end(entry);
     if (s->has_channels)
         return true;
     if (entry->range[0] > entry->range[1])
@@ -81,6 +99,57 @@ static void find_block(const struct search *s, const uint32_t first[3], const ui
             block->half[a].v[r] = edge * half;
         }
     }
+}
+
+/* The largest opacity that values in [low, high] have. */
+static double find_opacity(const struct sp_transfer_function *tf, double low, double high) {
+    const struct sp_tf_point *points = tf->points;
+    const uint32_t last = tf->point_count - 1;
+    double most = 0;
+    if (low < points[0].value)
+        most = (double)points[0].opacity;
+    if (high > points[last].value)
+        most = fmax(most, (double)points[last].opacity);
+    for (uint32_t i = 0; i <= last; i++) {
+        const double ends[2] = { fmax(low, points[i].value),
+                                 i < last ? fmin(high, points[i + 1].value) : -INFINITY };
+        if (points[i].value >= low && points[i].value <= high)
+            most = fmax(most, (double)points[i].opacity);
+        if (!(ends[0] <= ends[1] && points[i].value < points[i + 1].value))
+            continue;
+        for (int side = 0; side < 2; side++) { /* the function is linear between points */
+            const double share =
+                (ends[side] - points[i].value) / (points[i + 1].value - points[i].value);
+            const double rise = (double)points[i + 1].opacity - (double)points[i].opacity;
+            most = fmax(most, (double)points[i].opacity + share * rise);
+        }
+    }
+    return most;
+}
+
+/* The importance as a number of struct sp_brick_need: 1024 of them per power of two. Seen bricks
+ * have those of the upper half. */
+static uint16_t to_number(double importance, bool is_seen) {
+    enum { HALF = 1 << 15, PER_OCTAVE = 1 << 10 };
+    const double number = HALF - 1 + PER_OCTAVE * log2(importance); /* of 1: the largest one */
+    return (uint16_t)(fmin(fmax(number, 1), HALF - 1) + (is_seen ? HALF : 0));
+}
+
+static uint16_t find_importance(const struct search *s, const struct sp_brick_entry *entry,
+                                const struct block *block, bool is_seen) {
+    const struct sp_camera_transform *c = &s->camera;
+    const struct sp_vec3 way = sp_vec3_sub(block->centre, c->eye);
+    const double distance = c->projection == SP_PERSPECTIVE
+                                ? sp_vec3_length(way)
+                                : sp_vec3_dot(sp_vec3_from(c->w.m[2]), way);
+    double radius = 0, opacity = 1;
+    for (int a = 0; a < 3; a++)
+        radius += sp_vec3_dot(block->half[a], block->half[a]);
+    radius = sqrt(radius);
+    if (s->is_classified)
+        opacity = find_opacity(&s->view->transfer_function, low_end(entry), high_end(entry));
+    const double share = radius / fmax(distance, radius); /* 1 if the eye is in the brick */
+    return to_number(opacity * share * share, is_seen);
 }
 
 /* The largest normal·(world − point) of the block. */
@@ -130,20 +199,20 @@ static bool is_clipped(const struct search *s, const uint32_t first[3], const ui
     return false;
 }
 
-static bool is_needed(const struct search *s, uint64_t number) {
+/* How much a brick matters; 0 = it is not needed. */
+static uint16_t find_mark(const struct search *s, uint64_t number) {
     uint32_t first[3], size[3];
     struct block block;
     if (!may_show(s, &s->entries[number]))
-        return false;
-    if (s->is_whole)
-        return true;
+        return 0;
     sp_brick_box(&s->header->level[s->level], number, first, size);
     find_block(s, first, size, &block);
-    return is_in_image(s, &block) && !is_clipped(s, first, size, &block);
+    const bool is_seen = is_in_image(s, &block) && !is_clipped(s, first, size, &block);
+    return is_seen || s->is_whole ? find_importance(s, &s->entries[number], &block, is_seen) : 0;
 }
 
 /* The box of the bricks that are marked; false = there are none. */
-static bool find_box(const struct sp_brick_level *level, const uint8_t *marks, uint32_t first[3],
+static bool find_box(const struct sp_brick_level *level, const uint16_t *marks, uint32_t first[3],
                      uint32_t count[3]) {
     uint32_t last[3] = { 0, 0, 0 };
     bool any = false;
@@ -174,7 +243,7 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
                         .has_channels = sp_view_has_channels(view) };
     const struct sp_brick_level *own = &s.header->level[level];
     const uint64_t count = sp_brick_count(own);
-    uint8_t *marks = malloc(count);
+    uint16_t *marks = malloc(count * sizeof *marks);
     *need = (struct sp_brick_need){ .level = level };
     if (!marks)
         return false;
@@ -182,10 +251,10 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
     sp_camera_transform_init(&s.camera, &view->camera, view->size);
     sp_brick_file_begin(file);
     for (uint64_t i = 0; i < count; i++)
-        marks[i] = is_needed(&s, i);
+        marks[i] = find_mark(&s, i);
     sp_brick_file_end(file);
     if (find_box(own, marks, need->first, need->count)) {
-        need->wanted = malloc(sp_brick_need_count(need));
+        sp_brick_need_allocate(need, 0);
         for (uint64_t i = 0; need->wanted && i < sp_brick_need_count(need); i++)
             need->wanted[i] = marks[sp_brick_need_at(need, own, i)];
     }

@@ -59,13 +59,6 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     return true;
 }
 
-static uint64_t count_wanted(const struct sp_brick_need *need) {
-    uint64_t count = 0;
-    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
-        count += need->wanted[i];
-    return count;
-}
-
 bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
                     struct sp_brick_window *place, struct sp_error *err) {
     struct sp_brick_need need;
@@ -79,7 +72,7 @@ bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
         place->is_wanted = true;
         place->lost = window->is_empty ? 0 : place->lost;
     } else {
-        window->wanted = count_wanted(&need);
+        window->wanted = sp_brick_need_wanted(&need);
         bool ok = sp_brick_store_get(job->store, &need, job->wait_ms, job->is_cancelled, job->user,
                                      place, err);
         free(need.wanted);

@@ -102,9 +102,7 @@ static struct sp_brick_window read_bricks(struct sp_volume *volume, unsigned l,
         need.first[a] = place ? place[a] : 0;
         need.count[a] = place ? 1 : level->bricks[a];
     }
-    need.wanted = malloc(sp_brick_need_count(&need));
-    assert_non_null(need.wanted);
-    memset(need.wanted, 1, sp_brick_need_count(&need));
+    assert_true(sp_brick_need_allocate(&need, 1));
     if (!sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err))
         fail_msg("%s", err.text);
     free(need.wanted);
