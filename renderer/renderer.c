@@ -499,13 +499,17 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     if (!sp_renderer_supports(renderer, view, err) ||
         !sp_view_fits(view, sp_volume_info(volume), err))
         return false;
+    const struct sp_backend *backend = atomic_load(&renderer->backend);
     struct inflight *f = inflight_at(renderer, renderer->begun);
     struct sp_volume *edited = NULL;
     struct sp_frame *frame = NULL;
     struct sp_shown shown = { .volume = NULL };
+    const struct sp_shown_job wanted = { .view = view,
+                                         .options = o,
+                                         .reads_blocks = backend->capabilities.blocks };
     if (sp_others_find(view, volume, o, &f->others, err) &&
-        sp_shown_find(volume, view, o, 0, &shown, err) &&
-        sp_channels_show(volume, view, o, &shown, f->others.shown, err) &&
+        sp_shown_find(volume, &wanted, &shown, err) &&
+        sp_channels_show(volume, &wanted, &shown, f->others.shown, err) &&
         edit_channels(&shown.view, &f->others, err))
         edited = sp_edit_volume(shown.volume, &shown.view, err);
     sp_volume_unref(&shown.volume);
@@ -521,13 +525,15 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     frame->is_opaque = view->background[3] == 1; /* frame/resolve.h */
     f->view = shown.view;
     f->bricks = shown.bricks;
-    f->view.transfer_function.order = choose_order(renderer, edited, view);
+    const bool has_blocks = sp_volume_blocks(edited) != NULL;
+    f->view.transfer_function.order =
+        has_blocks ? SP_TF_POST : choose_order(renderer, edited, view);
     bool is_projection = sp_compositing_is_projection(view->compositing.mode);
     if (is_projection)
         f->view.shading.mode = SP_SHADING_NONE;
     f->may_be_pre = !is_projection && view->transfer_function.order == SP_TF_AUTO &&
                     f->view.transfer_function.order == SP_TF_POST && !sp_light_is_wanted(view) &&
-                    !sp_view_has_channels(view);
+                    !sp_view_has_channels(view) && !has_blocks;
     f->original = sp_volume_ref(volume);
     f->job = (struct sp_backend_job){ .volume = edited,
                                       .view = &f->view,

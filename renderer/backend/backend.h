@@ -36,6 +36,7 @@ struct sp_capabilities {
     bool interpolated_sheets;
     bool light; /* shading.occlusion and shading.shadow on such sheets; the same holds */
     bool clip_box, clip_planes;
+    bool blocks; /* interpolated sheets and projections of a volume whose samples lie in blocks */
 };
 #define SP_CAN(value) (UINT32_C(1) << (value))
 #define SP_CAN_ALL UINT32_MAX

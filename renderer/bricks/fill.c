@@ -16,7 +16,7 @@ struct fill {
     const struct sp_brick_fill_job *job;
     const struct sp_brick_level *level;
     size_t sample;
-    uint32_t first[3], size[3]; /* samples of the box */
+    struct sp_brick_box_samples box; /* that is filled */
     struct {
         struct sp_brick_scratch *scratch;
         void *brick;
@@ -29,27 +29,17 @@ struct fill {
     struct sp_error *why;
 };
 
-/* A brick in the memory of a box. */
-struct place {
-    char *samples; /* its first one */
-    size_t row, slice;
-    uint32_t size[3];
-};
+static struct sp_brick_place place_of(const struct fill *f, uint64_t i) {
+    return sp_brick_place(&f->box, f->level, f->sample, i);
+}
 
-static struct place place_of(const struct fill *f, uint64_t number) {
-    uint32_t first[3];
-    struct place p;
-    sp_brick_box(f->level, number, first, p.size);
-    p.row = f->size[0] * f->sample;
-    p.slice = p.row * f->size[1];
-    p.samples = (char *)f->job->samples + (first[2] - f->first[2]) * p.slice +
-                (first[1] - f->first[1]) * p.row + (first[0] - f->first[0]) * f->sample;
-    return p;
+static uint64_t number_of(const struct fill *f, uint64_t i) {
+    return sp_brick_need_at(f->job->need, f->level, i);
 }
 
 /* Copies the rows of a brick to their place. In `from`, rows are `row` bytes apart and slices
  * `slice` bytes. */
-static void put(const struct fill *f, const struct place *p, const char *from, size_t row,
+static void put(const struct fill *f, const struct sp_brick_place *p, const char *from, size_t row,
                 size_t slice) {
     for (uint32_t z = 0; z < p->size[2]; z++)
         for (uint32_t y = 0; y < p->size[1]; y++)
@@ -57,30 +47,30 @@ static void put(const struct fill *f, const struct place *p, const char *from, s
                    p->size[0] * f->sample);
 }
 
-static void put_constant(const struct fill *f, uint64_t number) {
+static void put_constant(const struct fill *f, uint64_t i) {
     const struct sp_brick_entry *entry =
-        &sp_brick_file_entries(f->job->file, f->job->need->level)[number];
+        &sp_brick_file_entries(f->job->file, f->job->need->level)[number_of(f, i)];
     const struct sp_volume_info *info = &sp_brick_file_header(f->job->file)->info;
     sp_brick_file_begin(f->job->file);
     const double value = sp_brick_value(entry, info->type);
     sp_brick_file_end(f->job->file);
     if (value == 0)
         return;
-    struct place p = place_of(f, number);
+    struct sp_brick_place p = place_of(f, i);
     double row[BRICK_SIDE]; /* as many samples of any type */
-    for (size_t i = 0; i < BRICK_SIDE; i++)
-        sp_sample_set(row, info->type, i, value);
+    for (size_t x = 0; x < BRICK_SIDE; x++)
+        sp_sample_set(row, info->type, x, value);
     put(f, &p, (const char *)row, 0, 0);
 }
 
-static void put_coarse(const struct fill *f, uint64_t number) {
+static void put_coarse(const struct fill *f, uint64_t brick) {
     const struct sp_brick_header *header = sp_brick_file_header(f->job->file);
     const unsigned coarser = f->job->coarse.need->level;
     const struct sp_brick_level *to = &header->level[coarser];
     const uint32_t *dims = to->dims;
     uint32_t first[3], size[3], nearest[3][BRICK_SIDE];
-    struct place p = place_of(f, number);
-    sp_brick_box(f->level, number, first, size);
+    struct sp_brick_place p = place_of(f, brick);
+    sp_brick_box(f->level, number_of(f, brick), first, size);
     for (int a = 0; a < 3; a++)
         for (uint32_t i = 0; i < size[a]; i++) {
             const double at = f->level->offset[a] + f->level->step[a] * (first[a] + i);
@@ -98,24 +88,18 @@ static void put_coarse(const struct fill *f, uint64_t number) {
 }
 
 /* Copies a brick that is in memory already; false if it is not. */
-static bool put_known(const struct fill *f, uint64_t i, uint64_t number) {
+static bool put_known(const struct fill *f, uint64_t i) {
     const struct sp_brick_fill_job *job = f->job;
     for (size_t k = 0; k < job->known_count; k++) {
         const struct sp_brick_box_samples *known = &job->known[k];
-        uint32_t first[3], size[3], own[3], extent[3];
         uint64_t at;
         if (known->need->level != job->need->level ||
             !sp_brick_need_find(job->need, i, known->need, &at) || !known->need->wanted[at] ||
             known->lost[at])
             continue;
-        sp_brick_need_box(known->need, f->level, first, size);
-        sp_brick_box(f->level, number, own, extent);
-        struct place p = place_of(f, number);
-        const size_t row = size[0] * f->sample, slice = row * size[1];
-        put(f, &p,
-            (const char *)known->samples + (own[2] - first[2]) * slice + (own[1] - first[1]) * row +
-                (own[0] - first[0]) * f->sample,
-            row, slice);
+        const struct sp_brick_place to = place_of(f, i),
+                                    from = sp_brick_place(known, f->level, f->sample, at);
+        put(f, &to, from.samples, from.row, from.slice);
         return true;
     }
     return false;
@@ -125,29 +109,29 @@ static void end(struct fill *f) {
     atomic_store_explicit(&f->ended, true, memory_order_relaxed);
 }
 
-static void put_lost(const struct fill *f, uint64_t i, uint64_t number) {
+static void put_lost(const struct fill *f, uint64_t i) {
     if (f->job->coarse.samples)
-        put_coarse(f, number);
+        put_coarse(f, i);
     else
-        put_constant(f, number);
+        put_constant(f, i);
     f->job->lost[i] = 1;
 }
 
-static void put_read(struct fill *f, uint64_t i, uint64_t number, unsigned worker) {
+static void put_read(struct fill *f, uint64_t i, unsigned worker) {
     const struct sp_brick_fill_job *job = f->job;
     struct sp_error err;
     if (f->missing) { /* it is cut from chunks */
         f->missing[i] = 1;
         return;
     }
-    struct place p = place_of(f, number);
+    const struct sp_brick_place p = place_of(f, i);
     const size_t row = p.size[0] * f->sample;
-    if (sp_brick_file_read(job->file, job->need->level, number, f->workers[worker].scratch,
+    if (sp_brick_file_read(job->file, job->need->level, number_of(f, i), f->workers[worker].scratch,
                            f->workers[worker].brick, &err)) {
         put(f, &p, f->workers[worker].brick, row, row * p.size[1]);
         return;
     }
-    put_lost(f, i, number);
+    put_lost(f, i);
     pthread_mutex_lock(&f->mutex);
     *f->why = err;
     pthread_mutex_unlock(&f->mutex);
@@ -164,9 +148,9 @@ static bool is_ended(struct fill *f) {
 static void fill_wanted(void *user, size_t begin, size_t end_, unsigned worker) {
     struct fill *f = user;
     for (size_t n = begin; n < end_ && !is_ended(f); n++) {
-        const uint64_t i = f->order[n], number = sp_brick_need_at(f->job->need, f->level, i);
-        if (!put_known(f, i, number))
-            put_read(f, i, number, worker);
+        const uint64_t i = f->order[n];
+        if (!put_known(f, i))
+            put_read(f, i, worker);
     }
 }
 
@@ -175,7 +159,7 @@ static void fill_others(void *user, size_t begin, size_t end_, unsigned worker) 
     (void)worker;
     for (size_t i = begin; i < end_ && !is_ended(f); i++)
         if (!f->job->need->wanted[i])
-            put_constant(f, sp_brick_need_at(f->job->need, f->level, i));
+            put_constant(f, i);
 }
 
 /* Cuts the missing bricks from chunks. */
@@ -188,12 +172,12 @@ static bool gather(struct fill *f, struct sp_error *err) {
                                        .pool = job->pool,
                                        .is_cancelled = job->is_cancelled,
                                        .user = job->user,
-                                       .samples = job->samples };
+                                       .box = &f->box };
     if (!sp_gather(&own, f->why, err))
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(job->need); i++)
         if (f->failed[i])
-            put_lost(f, i, sp_brick_need_at(job->need, f->level, i));
+            put_lost(f, i);
     return true;
 }
 
@@ -229,7 +213,7 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
     f->why = why;
     atomic_init(&f->ended, false);
     pthread_mutex_init(&f->mutex, NULL);
-    sp_brick_need_box(job->need, f->level, f->first, f->size);
+    f->box = (struct sp_brick_box_samples){ job->need, job->samples, job->blocks, NULL };
     ok = allocate(f, threads, err);
     if (ok) {
         sp_parallel_for(job->pool, f->order_count, 1, fill_wanted, f);

@@ -1,20 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A box of bricks of one level, put beside each other in memory as the samples of a volume.
+ * Reads bricks of one level into memory, as the samples of a volume.
  */
 #ifndef SP_BRICKS_FILL_H
 #define SP_BRICKS_FILL_H
 
 #include "base/parallel_for.h"
-#include "bricks/file.h"
-#include "bricks/need.h"
-
-/* The samples of a box in memory. */
-struct sp_brick_box_samples {
-    const struct sp_brick_need *need;
-    const void *samples; /* of the box of the need */
-    const uint8_t *lost; /* by brick of the box: 1 = its samples are coarse */
-};
+#include "bricks/box.h"
 
 struct sp_brick_fill_job {
     struct sp_brick_file *file;
@@ -27,8 +19,9 @@ struct sp_brick_fill_job {
     struct sp_pool *pool;
     bool (*is_cancelled)(void *user); /* from any thread */
     void *user;
-    void *samples; /* of the box: all 0, as the system maps memory */
-    uint8_t *lost; /* [bricks of the box], set to 1 where a brick could not be read */
+    void *samples;            /* of the box: all 0, as the system maps memory; or NULL and */
+    struct sp_blocks *blocks; /* those of the need (sp_brick_blocks_init()) */
+    uint8_t *lost;            /* [bricks of the box], set to 1 where a brick could not be read */
 };
 
 /* Fills the samples: of wanted bricks, those of the file; of others, one value of the brick's

@@ -47,22 +47,21 @@ static bool intersect(const uint32_t first[3], const uint32_t size[3], const uin
     return true;
 }
 
-/* Copies what a chunk has of a brick, from `first` and `size` of the chunk. */
+/* Copies what a chunk has of brick i of the box, from `first` and `size` of the chunk. */
 static void copy_part(const struct gather *g, const char *chunk, const uint32_t first[3],
-                      const uint32_t size[3], uint64_t number) {
+                      const uint32_t size[3], uint64_t i) {
+    const struct sp_brick_place place = sp_brick_place(g->job->box, g->level, g->sample, i);
     uint32_t brick[3], extent[3], low[3], high[3];
-    sp_brick_box(g->level, number, brick, extent);
+    sp_brick_box(g->level, sp_brick_need_at(g->job->need, g->level, i), brick, extent);
     if (!intersect(first, size, brick, extent, low, high))
         return;
     for (uint32_t z = low[2]; z < high[2]; z++)
         for (uint32_t y = low[1]; y < high[1]; y++) {
             const size_t from =
                 ((size_t)(z - first[2]) * size[1] + (y - first[1])) * size[0] + (low[0] - first[0]);
-            const size_t to =
-                ((size_t)(z - g->first[2]) * g->size[1] + (y - g->first[1])) * g->size[0] +
-                (low[0] - g->first[0]);
-            memcpy((char *)g->job->samples + to * g->sample, chunk + from * g->sample,
-                   (high[0] - low[0]) * g->sample);
+            char *to = place.samples + (z - brick[2]) * place.slice + (y - brick[1]) * place.row +
+                       (low[0] - brick[0]) * g->sample;
+            memcpy(to, chunk + from * g->sample, (high[0] - low[0]) * g->sample);
         }
 }
 
@@ -97,8 +96,7 @@ struct chunk {
 
 static void take_part(struct gather *g, uint64_t i, void *user) {
     const struct chunk *chunk = user;
-    copy_part(g, chunk->samples, chunk->first, chunk->size,
-              sp_brick_need_at(g->job->need, g->level, i));
+    copy_part(g, chunk->samples, chunk->first, chunk->size, i);
 }
 
 /* Several chunks of a brick may fail at once. */
@@ -189,14 +187,13 @@ static void learn(void *user, size_t begin, size_t end, unsigned worker) {
         if (!job->missing[i] || job->failed[i])
             continue;
         const uint64_t number = sp_brick_need_at(job->need, g->level, i);
-        struct sp_brick_view view = { .samples = job->samples,
+        const struct sp_brick_place place = sp_brick_place(job->box, g->level, g->sample, i);
+        struct sp_brick_view view = { .samples = place.samples,
                                       .type = g->source->info.type,
-                                      .width = g->size[0],
-                                      .height = g->size[1] };
+                                      .width = place.row / g->sample,
+                                      .height = place.slice / place.row };
         struct sp_brick_ranges ranges;
-        sp_brick_box(g->level, number, view.first, view.size);
-        for (int a = 0; a < 3; a++)
-            view.first[a] -= g->first[a];
+        memcpy(view.size, place.size, sizeof view.size);
         sp_brick_ranges_find(&view, &ranges);
         sp_brick_file_learn(job->file, job->need->level, number, &ranges);
     }

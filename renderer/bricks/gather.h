@@ -6,7 +6,7 @@
 #define SP_BRICKS_GATHER_H
 
 #include "base/parallel_for.h"
-#include "bricks/need.h"
+#include "bricks/box.h"
 
 struct sp_gather_job {
     struct sp_brick_file *file; /* made of chunks */
@@ -16,7 +16,7 @@ struct sp_gather_job {
     struct sp_pool *pool;   /* of at most as many threads as the source has readers */
     bool (*is_cancelled)(void *user); /* from any thread; NULL = never */
     void *user;
-    void *samples; /* of the box */
+    const struct sp_brick_box_samples *box; /* of the need */
 };
 
 /* Writes the samples of missing bricks and notes their ranges. The chunks of the bricks that matter

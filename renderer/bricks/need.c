@@ -43,27 +43,6 @@ double sp_brick_value(const struct sp_brick_entry *entry, enum sp_type type) {
     return fmin(fmax(low, ends[type][0]), ends[type][1]); /* the file may say anything */
 }
 
-uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need) {
-    enum { RANGE_SAMPLES = 64, RANGE_BYTES = 9 }; /* of a region: its range, and what is visible */
-    const struct sp_brick_header *header = sp_brick_file_header(file);
-    const struct sp_brick_level *level = &header->level[need->level];
-    const struct sp_brick_entry *entries = sp_brick_file_entries(file, need->level);
-    const enum sp_type type = header->info.type;
-    const uint64_t rows = (uint64_t)need->count[1] * need->count[2], width = need->count[0];
-    const uint64_t bytes = sp_brick_need_bytes(file, need);
-    uint64_t used = 0;
-    sp_brick_file_begin(file);
-    for (uint64_t row = 0; row < rows; row++) {
-        bool is_used = false;
-        for (uint64_t i = row * width; i < (row + 1) * width; i++)
-            is_used = is_used || need->wanted[i] ||
-                      sp_brick_value(&entries[sp_brick_need_at(need, level, i)], type) != 0;
-        used += is_used;
-    }
-    sp_brick_file_end(file);
-    return bytes / rows * used + bytes / sp_type_size(type) / RANGE_SAMPLES * RANGE_BYTES;
-}
-
 bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
                         const struct sp_brick_need *in, uint64_t *at) {
     const uint64_t place[3] = { i % need->count[0], i / need->count[0] % need->count[1],
@@ -80,7 +59,7 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
 
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
     uint64_t at;
-    if (need->level != have->level)
+    if (need->level != have->level || (have->is_sparse && !need->is_sparse))
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
         if (need->wanted[i] && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at]))

@@ -15,6 +15,9 @@ struct sp_brick_need {
     /* malloc'ed [count], i0 fastest: 0 = shows nothing; others may show something, and those with
      * the largest numbers are read first. */
     uint16_t *wanted;
+    /* What draws the frame reads blocks (volume/blocks.h), so that only wanted bricks take memory.
+     * An array will do, too. */
+    bool is_sparse;
 };
 
 static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
@@ -29,19 +32,16 @@ uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_bric
 void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
                        uint32_t first[3], uint32_t size[3]);
 
-/* Bytes of the samples of the box. */
+/* Bytes of all samples of the box. */
 uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
-
-/* Bytes of memory that a window of the need takes, including the ranges that frames compute from
- * it. Rows of bricks of which nothing is wanted and whose values are 0 take no memory. */
-uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);
 
 /* Finds brick i of the box of `need` in the box of `in`, of the same level: its number there. False
  * if it lies outside. */
 bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
                         const struct sp_brick_need *in, uint64_t *at);
 
-/* True if each wanted brick of `need` is one of `have`, of the same level. */
+/* True if each wanted brick of `need` is one of `have`, of the same level, and if what reads a
+ * window of `need` can read one of `have`. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
 /* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */

@@ -112,7 +112,7 @@ static void mark_coarser(const struct sp_brick_level *from, const struct sp_bric
  * than the base. */
 static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_need *need,
                     unsigned steps, struct sp_brick_need *out) {
-    out->level = need->level + steps;
+    *out = (struct sp_brick_need){ .level = need->level + steps, .is_sparse = need->is_sparse };
     if (out->level >= store->base_level)
         return false;
     const struct sp_brick_level *from = level_of(store, need->level),
@@ -209,9 +209,13 @@ static void take_known(struct sp_brick_store *store, unsigned level, struct know
         }
         memcpy(known->lost[n], w->lost, count);
         known->volumes[n] = sp_volume_ref(w->volume);
-        known->samples[n] =
-            (struct sp_brick_box_samples){ &known->needs[n], sp_volume_voxels(w->volume),
-                                           known->lost[n] };
+        /* They are only read. */
+        known->samples[n] = (struct sp_brick_box_samples){
+            .need = &known->needs[n],
+            .samples = w->need.is_sparse ? NULL : (void *)sp_volume_voxels(w->volume),
+            .blocks = (struct sp_blocks *)sp_volume_blocks(w->volume),
+            .lost = known->lost[n]
+        };
         known->count++;
     }
 }
@@ -224,10 +228,22 @@ static void drop_known(struct known *known) {
     }
 }
 
+/* Makes a volume of the samples of a need, which it takes over. */
+static struct sp_volume *derive(const struct sp_brick_store *store,
+                                const struct sp_brick_need *need, void *samples, uint64_t bytes,
+                                struct sp_error *err) {
+    const struct sp_grid grid = sp_brick_store_grid(store, need);
+    return need->is_sparse ? sp_volume_derive_blocks(store->base, &grid, samples, bytes,
+                                                     sp_brick_store_unmap, err)
+                           : sp_volume_derive_part(store->base, &grid, samples, bytes,
+                                                   sp_brick_store_unmap, err);
+}
+
 /* Reads the bricks of a need into a window, which takes over the need. */
 static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need,
                         struct sp_brick_store_window *w, struct sp_error *err) {
-    const uint64_t bytes = sp_brick_need_bytes(store->file, need),
+    const uint64_t bytes = need->is_sparse ? sp_brick_blocks_bytes(store->file, need)
+                                           : sp_brick_need_bytes(store->file, need),
                    bricks = sp_brick_need_count(need);
     struct sp_error why = { .code = SP_OK };
     struct known known;
@@ -244,13 +260,16 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
     const struct sp_brick_fill_job job = {
         .file = store->file,
         .need = &w->need,
-        .coarse = { &store->base_need, sp_volume_voxels(store->base), store->base_lost },
+        .coarse = { .need = &store->base_need,
+                    .samples = (void *)sp_volume_voxels(store->base), /* only read */
+                    .lost = store->base_lost },
         .known = known.samples,
         .known_count = known.count,
         .pool = store->pool,
         .is_cancelled = is_stopped,
         .user = store,
-        .samples = samples,
+        .samples = w->need.is_sparse ? NULL : samples,
+        .blocks = w->need.is_sparse ? sp_brick_blocks_init(store->file, &w->need, samples) : NULL,
         .lost = w->lost,
     };
     bool ok = sp_brick_fill(&job, &why, err);
@@ -267,10 +286,8 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
         munmap(samples, bytes);
         return false;
     }
-    const struct sp_grid grid = sp_brick_store_grid(store, &w->need);
     w->read_ms = sp_clock_ms();
-    w->volume =
-        sp_volume_derive_part(store->base, &grid, samples, bytes, sp_brick_store_unmap, err);
+    w->volume = derive(store, &w->need, samples, bytes, err);
     return w->volume != NULL;
 }
 

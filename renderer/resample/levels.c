@@ -167,6 +167,14 @@ static void write_sample(void *voxels, enum sp_type type, uint64_t at, double x)
     }
 }
 
+static double sample_at(const struct sp_samples *s, uint32_t x, uint32_t y, uint32_t z) {
+    double copy; /* memory for a sample of any type */
+    if (!s->blocks)
+        return sp_sample(s->voxels, s->type, ((uint64_t)z * s->dims[1] + y) * s->dims[0] + x);
+    sp_blocks_read(s->blocks, 0, (const uint32_t[3]){ x, y, z }, 1, &copy);
+    return sp_sample(&copy, s->type, 0);
+}
+
 /* Mean, maximum or minimum of the finite samples among the eight that sample (x, y, z) replaces;
  * NaN without any. */
 static double average(const struct sp_samples *fine, enum sp_samples_kind kind, uint32_t x,
@@ -177,8 +185,7 @@ static double average(const struct sp_samples *fine, enum sp_samples_kind kind, 
         uint32_t i = 2 * x + (k & 1), j = 2 * y + (k >> 1 & 1), l = 2 * z + (k >> 2);
         if (i >= fine->dims[0] || j >= fine->dims[1] || l >= fine->dims[2])
             continue;
-        uint64_t at = ((uint64_t)l * fine->dims[1] + j) * fine->dims[0] + i;
-        double value = sp_sample(fine->voxels, fine->type, at);
+        double value = sample_at(fine, i, j, l);
         if (!isfinite(value))
             continue;
         if (kind == SAMPLES_MEANS)
@@ -206,7 +213,9 @@ static bool make_samples(struct sp_samples *s, const struct sp_samples *fine,
                          const struct sp_samples_job *job, struct sp_samples_cache *cache,
                          struct sp_error *err) {
     const struct sp_volume_info *info = sp_volume_info(job->volume);
-    struct sp_samples made = { .type = info->type, .voxels = sp_volume_voxels(job->volume) };
+    struct sp_samples made = { .type = info->type };
+    made.blocks = fine ? NULL : sp_volume_blocks(job->volume);
+    made.voxels = fine || made.blocks ? NULL : sp_volume_voxels(job->volume);
     for (int a = 0; a < 3; a++) {
         made.dims[a] = fine ? (fine->dims[a] + 1) / 2 : info->grid.dims[a];
         made.regions[a] = made.dims[a] < 2 ? 1 : (made.dims[a] - 2) / SAMPLES_REGION + 1;
@@ -382,7 +391,7 @@ const struct sp_samples *sp_samples_get(struct sp_samples_cache *cache,
         return NULL;
     found->used = ++cache->clock;
     *class = found;
-    if (job->axis == 0 && !job->keeps_layout && !s->turned)
+    if (job->axis == 0 && !job->keeps_layout && !s->turned && !s->blocks)
         turn(s, job, cache);
     return s;
 }

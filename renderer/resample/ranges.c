@@ -24,7 +24,7 @@ static const float largest = 1e37f;
 
 /* The samples of a line that a run needs, and where they lie in it. */
 struct stretch {
-    uint64_t begin; /* number of the first one in the volume */
+    uint32_t begin[3]; /* the first one */
     int count, at;
 };
 
@@ -55,15 +55,25 @@ static struct stretch find_stretch(const struct sp_samples *s, uint32_t first, u
                                    uint32_t z) {
     uint32_t begin = first > 0 ? first - 1 : 0, end = first - 1 + RUN_SAMPLES;
     end = end < s->dims[0] ? end : s->dims[0];
-    uint64_t line = ((uint64_t)z * s->dims[1] + y) * s->dims[0];
-    return (struct stretch){ line + begin, (int)(end - begin), (int)(begin + 1 - first) };
+    return (struct stretch){ { begin, y, z }, (int)(end - begin), (int)(begin + 1 - first) };
 }
 
-/* Integers are used where they lie. */
+/* The samples of a stretch: where they lie, or in blocks a copy of them. */
+static const void *find_samples(const struct sp_samples *s, const struct stretch *stretch,
+                                void *copy) {
+    const uint32_t *at = stretch->begin;
+    if (!s->blocks)
+        return (const char *)s->voxels +
+               (((uint64_t)at[2] * s->dims[1] + at[1]) * s->dims[0] + at[0]) *
+                   sp_type_size(s->type);
+    sp_blocks_read(s->blocks, 0, at, (size_t)stretch->count, copy);
+    return copy;
+}
+
+/* Integers are used as they are. */
 #define READ_INTEGERS(s, stretch, line, low_out, high_out)                                         \
     do {                                                                                           \
-        *(low_out) =                                                                               \
-            (const void *)((const char *)(s)->voxels + (stretch)->begin * sizeof *(line)->low);    \
+        *(low_out) = find_samples(s, stretch, (line)->low);                                        \
         *(high_out) = *(low_out);                                                                  \
     } while (0)
 
@@ -110,16 +120,17 @@ static void read_sample(double x, float *low, float *high) {
 
 static void read_floats(const struct sp_samples *s, const struct stretch *stretch, float *low,
                         float *high) {
+    double copy[RUN_SAMPLES]; /* memory for samples of any type */
+    const void *samples = find_samples(s, stretch, copy);
     if (s->type == SP_FLOAT32)
         for (int i = 0; i < stretch->count; i++) {
-            float x = ((const float *)s->voxels)[stretch->begin + (uint32_t)i];
+            float x = ((const float *)samples)[i];
             low[i] = fabsf(x) <= largest ? x : -INFINITY;
             high[i] = fabsf(x) <= largest ? x : fabsf(x) < INFINITY ? INFINITY : -INFINITY;
         }
     else
         for (int i = 0; i < stretch->count; i++)
-            read_sample(sp_sample(s->voxels, s->type, stretch->begin + (uint32_t)i), &low[i],
-                        &high[i]);
+            read_sample(sp_sample(samples, s->type, (uint64_t)i), &low[i], &high[i]);
 }
 
 #define ELEMENT float

@@ -347,6 +347,8 @@ void sp_resample_start_sheets(struct sp_resample_open_tile *t) {
         t->scratch->rows[k].slice = INT_MIN;
     sp_rows_init(&t->reader, &t->r->curve, t->voxels, t->r->samples->type, t->dims[0],
                  t->stride[0]);
+    t->reader.blocks = t->r->samples->blocks;
+    t->reader.axis = (unsigned)t->axis[0];
     t->reader.ahead = (t->is_backwards ? -AHEAD : AHEAD) * (ptrdiff_t)t->stride[2];
 }
 

@@ -77,16 +77,30 @@ static inline void write_floats(const struct sp_curve *curve, const float *from,
         write_levels(sp_wide_load(level), sp_wide_eq(sp_wide_load(zero), sp_wide_all(0)), out);    \
     } while (0)
 
+/* Samples that lie in blocks. */
+static void read_blocks(const struct sp_rows *rows, ptrdiff_t line, int begin, int count,
+                        void *parts) {
+    const size_t width = rows->blocks->dims[0], height = rows->blocks->dims[1], at = (size_t)line;
+    uint32_t place[3] = { (uint32_t)(at % width), (uint32_t)(at / width % height),
+                          (uint32_t)(at / width / height) };
+    place[rows->axis] += (uint32_t)begin;
+    sp_blocks_read(rows->blocks, rows->axis, place, (size_t)count, parts);
+}
+
 /* Reads samples begin to end − 1, which lie inside the row, into out[0…]. Vectors that would reach
  * beyond the row are read before its end. Samples that are not neighbours are gathered first. */
 #define READER(name, voxel, lanes, write)                                                          \
     static void read_##name(const struct sp_rows *rows, ptrdiff_t line, int begin, int end,        \
                             uint16_t *out) {                                                       \
-        const voxel *from = (const voxel *)rows->voxels + line + begin * rows->stride;             \
+        const voxel *from = rows->voxels;                                                          \
         int last = rows->count - (lanes)-begin, count = end - begin;                               \
         voxel parts[ROWS_LENGTH + (lanes)];                                                        \
-        if (rows->stride != 1 || rows->count < (lanes)) {                                          \
-            for (int i = 0; i < count; i++)                                                        \
+        if (!rows->blocks)                                                                         \
+            from += line + begin * rows->stride;                                                   \
+        if (rows->blocks || rows->stride != 1 || rows->count < (lanes)) {                          \
+            if (rows->blocks)                                                                      \
+                read_blocks(rows, line, begin, count, parts);                                      \
+            for (int i = 0; i < count && !rows->blocks; i++)                                       \
                 parts[i] = from[i * rows->stride];                                                 \
             memset(parts + count, 0, (lanes) * sizeof *parts);                                     \
             from = parts;                                                                          \
@@ -154,7 +168,8 @@ static inline void prefetch(const struct sp_rows *rows, ptrdiff_t at, int count)
 void sp_rows_read(const struct sp_rows *rows, ptrdiff_t line, int first, int count, uint16_t *out) {
     int left = first < 0 ? -first : 0;
     int right = first + count > rows->count ? first + count - rows->count : 0;
-    prefetch(rows, line + rows->ahead + first, count);
+    if (!rows->blocks)
+        prefetch(rows, line + rows->ahead + first, count);
     read_inside(rows, line, first + left, first + count - right, out + left);
     for (int i = 0; i < left; i++)
         out[i] = out[left];

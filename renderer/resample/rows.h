@@ -10,6 +10,7 @@
 #include "base/wide.h"
 #include "resample/curve.h"
 #include "sp/volume.h"
+#include "volume/blocks.h"
 
 enum {
     ROWS_RAISED = 8192,
@@ -30,6 +31,8 @@ struct sp_rows_scaling {
 struct sp_rows {
     const struct sp_curve *curve;
     const void *voxels;
+    const struct sp_blocks *blocks; /* instead of voxels; NULL = none */
+    unsigned axis;                  /* of the rows in the blocks */
     enum sp_type type;
     int size;         /* of a sample [bytes] */
     int count;        /* samples of a row */
@@ -38,14 +41,15 @@ struct sp_rows {
     struct sp_rows_scaling scaling;
 };
 
-/* Fills *rows; all pointers are borrowed. */
+/* Fills *rows; all pointers are borrowed. Of samples in blocks, `blocks` and `axis` are set next.
+ */
 void sp_rows_init(struct sp_rows *rows, const struct sp_curve *curve, const void *voxels,
                   enum sp_type type, int count, size_t stride);
 
 /* Reads samples first to first + count − 1, ROWS_LENGTH at most, of the row that begins at voxel
- * `line` into out[0…]. Beyond the ends of the row its outermost samples are repeated; some of the
- * samples must lie inside. Also writes ROWS_MARGIN values at most before out[0] and behind
- * out[count − 1]. */
+ * `line` into out[0…]. The number of a voxel is that in an array, also for blocks. Beyond the ends
+ * of the row its outermost samples are repeated; some of the samples must lie inside. Also writes
+ * ROWS_MARGIN values at most before out[0] and behind out[count − 1]. */
 void sp_rows_read(const struct sp_rows *rows, ptrdiff_t line, int first, int count, uint16_t *out);
 
 #endif

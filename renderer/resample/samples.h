@@ -14,6 +14,7 @@
 #include "resample/curve.h"
 #include "sp/view.h"
 #include "sp/volume.h"
+#include "volume/blocks.h"
 
 enum { SAMPLES_REGION = 4, SAMPLES_CLASSES = 4 };
 
@@ -30,7 +31,8 @@ struct sp_samples_class {
 };
 
 struct sp_samples {
-    const void *voxels; /* of the volume, or `owned` */
+    const void *voxels;             /* of the volume, or `owned`; NULL = they lie in blocks */
+    const struct sp_blocks *blocks; /* of the volume, or NULL */
     void *owned;
     void *turned; /* the same samples with axis 0 last, owned; NULL = there was no memory or no need
                    */

@@ -23,14 +23,72 @@ struct plane_range {
     float own[2], wide[2]; /* of the region's samples; of those up to one farther */
 };
 
+/* Where the samples of a region and those next to it lie: in the array of all samples, in a block,
+ * or copied from several blocks. */
+struct place {
+    const void *samples;
+    enum sp_type type;
+    uint32_t origin[3]; /* of the sample that is there first */
+    size_t stride[3];
+};
+
+/* Memory for a copy. */
+struct copy {
+    _Alignas(64) double samples[ROW * PLANES * PLANES]; /* of any type */
+};
+
+/* Sample i, from 0 to PLANES − 1, of the region. Those at the border of the volume repeat beyond
+ * it. */
+static uint32_t sample_at(const struct sp_samples *s, const uint32_t region[3], unsigned axis,
+                          uint32_t i) {
+    const uint32_t k = region[axis] * SAMPLES_REGION + i, last = s->dims[axis] - 1;
+    const uint32_t at = k > 0 ? k - 1 : 0;
+    return at < last ? at : last;
+}
+
+static void find_place(const struct sp_samples *s, const uint32_t region[3], struct copy *copy,
+                       struct place *place) {
+    *place = (struct place){
+        s->voxels, s->type, { 0, 0, 0 }, { 1, s->dims[0], (size_t)s->dims[0] * s->dims[1] }
+    };
+    if (!s->blocks)
+        return;
+    uint32_t end[3]; /* past the last sample */
+    bool is_one = true;
+    for (unsigned a = 0; a < 3; a++) {
+        place->origin[a] = sample_at(s, region, a, 0);
+        end[a] = place->origin[a] + (a ? PLANES : ROW);
+        is_one = is_one && place->origin[a] >> SP_BLOCK_BITS == (end[a] - 1) >> SP_BLOCK_BITS;
+        end[a] = end[a] < s->dims[a] ? end[a] : s->dims[a];
+    }
+    const struct sp_block *block = sp_blocks_find(s->blocks, place->origin);
+    if (is_one && !block->is_constant) {
+        const size_t side = SP_BLOCK_SIDE;
+        *place = (struct place){ block->samples, s->type, { 0, 0, 0 }, { 1, side, side * side } };
+        for (int a = 0; a < 3; a++)
+            place->origin[a] = sample_at(s, region, (unsigned)a, 0) & ~(uint32_t)(side - 1);
+        return;
+    }
+    char *to = (char *)copy->samples;
+    for (uint32_t z = place->origin[2]; z < end[2]; z++)
+        for (uint32_t y = place->origin[1]; y < end[1]; y++) {
+            const size_t row = (z - place->origin[2]) * PLANES + (y - place->origin[1]);
+            sp_blocks_read(s->blocks, 0, (const uint32_t[3]){ place->origin[0], y, z },
+                           end[0] - place->origin[0], to + row * ROW * s->blocks->size);
+        }
+    place->samples = copy->samples;
+    place->stride[1] = ROW;
+    place->stride[2] = (size_t)ROW * PLANES;
+}
+
 #define READ(type)                                                                                 \
     for (int i = 0; i < PLANES; i++)                                                               \
-    row[i] = (float)((const type *)s->voxels)[line + at[i]]
+    row[i] = (float)((const type *)from->samples)[line + at[i]]
 
 /* Reads a row of samples. Those that are not finite become NaN. */
-static void read_row(const struct sp_samples *s, size_t line, const size_t at[PLANES],
+static void read_row(const struct place *from, size_t line, const size_t at[PLANES],
                      float row[ROW]) {
-    switch (s->type) {
+    switch (from->type) {
     case SP_UINT8:
         READ(uint8_t);
         break;
@@ -45,7 +103,7 @@ static void read_row(const struct sp_samples *s, size_t line, const size_t at[PL
         break;
     default:
         for (int i = 0; i < PLANES; i++) {
-            float value = (float)sp_sample(s->voxels, s->type, line + at[i]);
+            float value = (float)sp_sample(from->samples, from->type, line + at[i]);
             row[i] = fabsf(value) < INFINITY ? value : NAN;
         }
     }
@@ -77,18 +135,18 @@ static void reduce(const float low[ROW], const float high[ROW], int first, int l
     }
 }
 
-/* The ranges of the slices of a region. Samples at the border of the volume repeat beyond it. */
+/* The ranges of the slices of a region. */
 static void find_planes(const struct sp_samples *s, unsigned slices, const uint32_t region[3],
                         struct plane_range planes[PLANES]) {
-    const size_t strides[3] = { 1, s->dims[0], (size_t)s->dims[0] * s->dims[1] };
+    struct copy copy;
+    struct place place;
+    find_place(s, region, &copy, &place);
     const unsigned axis[3] = { slices == 0 ? 1 : 0, slices == 2 ? 1 : 2, slices };
     size_t at[3][PLANES];
     for (int a = 0; a < 3; a++)
-        for (uint32_t i = 0; i < PLANES; i++) {
-            uint32_t k = region[axis[a]] * SAMPLES_REGION + i, last = s->dims[axis[a]] - 1;
-            k = k > 0 ? k - 1 : 0;
-            at[a][i] = (k < last ? k : last) * strides[axis[a]];
-        }
+        for (uint32_t i = 0; i < PLANES; i++)
+            at[a][i] =
+                (sample_at(s, region, axis[a], i) - place.origin[axis[a]]) * place.stride[axis[a]];
     for (int p = 0; p < PLANES; p++) {
         float row[ROW], own[2][ROW], wide[2][ROW];
         for (int i = 0; i < ROW; i++) {
@@ -96,7 +154,7 @@ static void find_planes(const struct sp_samples *s, unsigned slices, const uint3
             own[1][i] = wide[1][i] = -INFINITY;
         }
         for (int j = 0; j < PLANES; j++) {
-            read_row(s, at[2][p] + at[1][j], at[0], row);
+            read_row(&place, at[2][p] + at[1][j], at[0], row);
             add_row(row, wide[0], wide[1]);
             if (j >= 1 && j < PLANES - 1)
                 add_row(row, own[0], own[1]);
@@ -154,17 +212,18 @@ static void find_planes_of_bytes(const struct sp_samples *s, unsigned slices,
     };
     const uint64_t flip = s->type == SP_INT8 ? UINT64_C(0x8080808080808080) : 0;
     const uint8_t *lines[PLANES][PLANES]; /* plane (slices 0: z), line of it */
+    struct copy copy;
+    struct place place;
+    find_place(s, region, &copy, &place);
     for (uint32_t k = 0; k < PLANES; k++)
         for (uint32_t j = 0; j < PLANES; j++) {
-            uint32_t at[3] = { region[0] * SAMPLES_REGION - 1, slices == 1 ? k : j,
-                               slices == 1 ? j : k };
-            for (int a = 1; a < 3; a++) {
-                uint32_t i = region[a] * SAMPLES_REGION + at[a], last = s->dims[a] - 1;
-                i = i > 0 ? i - 1 : 0;
-                at[a] = i < last ? i : last;
-            }
-            lines[k][j] = (const uint8_t *)s->voxels +
-                          ((size_t)at[2] * s->dims[1] + at[1]) * s->dims[0] + at[0];
+            const uint32_t at[3] = { region[0] * SAMPLES_REGION - 1,
+                                     sample_at(s, region, 1, slices == 1 ? k : j),
+                                     sample_at(s, region, 2, slices == 1 ? j : k) };
+            size_t line = 0;
+            for (int a = 0; a < 3; a++)
+                line += (at[a] - place.origin[a]) * place.stride[a];
+            lines[k][j] = (const uint8_t *)place.samples + line;
         }
     bytes all[2];
     memset(all, 255, sizeof all);

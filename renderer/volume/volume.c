@@ -27,7 +27,8 @@ struct sp_volume {
      * none. */
     double *numbers;
     struct memory *samples;
-    struct memory *vector_memory; /* the same, or that of the original; NULL = no vectors */
+    const struct sp_blocks *blocks; /* in that memory; NULL = it is an array of samples */
+    struct memory *vector_memory;   /* the same, or that of the original; NULL = no vectors */
     const float (*vectors)[3];
     struct sp_elements elements;
     const struct sp_volume *original; /* only compared; NULL = not derived */
@@ -206,6 +207,29 @@ struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
     return volume;
 }
 
+struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
+                                          const struct sp_grid *grid, struct sp_blocks *blocks,
+                                          size_t bytes, sp_voxels_release *release,
+                                          struct sp_error *err) {
+    struct sp_volume_info info = original->info;
+    assert(!sp_grid_is_rectilinear(grid));
+    info.grid = *grid;
+    info.components = 1;
+    info.voxel_bytes = bytes;
+    struct sp_volume *volume = create(&info, blocks, bytes, release, err);
+    if (volume) {
+        volume->blocks = blocks;
+        volume->original = sp_volume_original(original);
+        if (!keep_numbers(volume, err))
+            sp_volume_unref(&volume);
+    }
+    return volume;
+}
+
+const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume) {
+    return volume->blocks;
+}
+
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
                                            size_t bytes, sp_voxels_release *release,
                                            struct sp_error *err) {
@@ -376,6 +400,7 @@ const struct sp_volume_info *sp_volume_info(const struct sp_volume *volume) {
 }
 
 const void *sp_volume_voxels(const struct sp_volume *volume) {
+    assert(!volume->blocks);
     return volume->samples->voxels;
 }
 

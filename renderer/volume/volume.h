@@ -9,6 +9,7 @@
 #ifndef SP_VOLUME_VOLUME_H
 #define SP_VOLUME_VOLUME_H
 
+#include "volume/blocks.h"
 #include "volume/grid.h"
 
 /* Releases the samples when the last reference is gone. Called once, from any thread. */
@@ -47,6 +48,15 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_typ
 struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const struct sp_grid *grid, void *voxels, size_t bytes,
                                         sp_voxels_release *release, struct sp_error *err);
+
+/* The same with blocks, which lie at the beginning of the memory `bytes` long. Such a volume has no
+ * array of samples: sp_volume_voxels() must not be called. */
+struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
+                                          const struct sp_grid *grid, struct sp_blocks *blocks,
+                                          size_t bytes, sp_voxels_release *release,
+                                          struct sp_error *err);
+/* NULL = the samples are an array. */
+const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
 
 /* The source of a volume that holds a coarse level only: `source` is destroyed with the volume. Set
  * once, before the volume is shared. sp_volume_source() returns it; NULL = there is none. */

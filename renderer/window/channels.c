@@ -51,15 +51,14 @@ static void finish(struct found *found) {
         sp_volume_unref(&found->volumes[i]);
 }
 
-/* Finds what the frame draws of each channel, at the level of the file `level` or a coarser one. */
-static bool find(const struct sp_view *view, const struct sp_render_options *options,
-                 unsigned level, struct sp_volume *const *channels, struct found *found,
-                 struct sp_error *err) {
+/* Finds what the frame draws of each channel. */
+static bool find(const struct sp_shown_job *job, struct sp_volume *const *channels,
+                 struct found *found, struct sp_error *err) {
     struct sp_shown shown;
-    for (uint32_t i = 0; i < view->layer_count; i++) {
-        if (!is_shown_channel(view, i))
+    for (uint32_t i = 0; i < job->view->layer_count; i++) {
+        if (!is_shown_channel(job->view, i))
             continue;
-        if (!sp_shown_find(channels[i], view, options, level, &shown, err))
+        if (!sp_shown_find(channels[i], job, &shown, err))
             return false;
         found->volumes[i] = shown.volume;
         found->bricks[i] = shown.bricks;
@@ -85,17 +84,16 @@ static bool is_common(struct sp_volume *volume, struct sp_volume *const *channel
 }
 
 /* Coarsens what is shown until all have one level; each round ends at a coarser one. */
-static bool find_common(struct sp_volume *volume, const struct sp_view *view,
-                        const struct sp_render_options *options, struct sp_volume *const *channels,
-                        struct sp_shown *shown, struct found *found, struct sp_error *err) {
-    unsigned level;
-    if (!find(view, options, 0, channels, found, err))
+static bool find_common(struct sp_volume *volume, const struct sp_shown_job *job,
+                        struct sp_volume *const *channels, struct sp_shown *shown,
+                        struct found *found, struct sp_error *err) {
+    struct sp_shown_job next = *job;
+    if (!find(job, channels, found, err))
         return false;
-    while (!is_common(volume, channels, shown, found, &level)) {
+    while (!is_common(volume, channels, shown, found, &next.least)) {
         sp_volume_unref(&shown->volume);
         finish(found);
-        if (!sp_shown_find(volume, view, options, level, shown, err) ||
-            !find(view, options, level, channels, found, err))
+        if (!sp_shown_find(volume, &next, shown, err) || !find(&next, channels, found, err))
             return false;
     }
     return true;
@@ -134,14 +132,15 @@ static bool check_grids(struct sp_volume *volume, const struct sp_view *view,
     return true;
 }
 
-bool sp_channels_show(struct sp_volume *volume, const struct sp_view *view,
-                      const struct sp_render_options *options, struct sp_shown *shown,
-                      struct sp_volume *channels[SP_LAYERS_MAX], struct sp_error *err) {
+bool sp_channels_show(struct sp_volume *volume, const struct sp_shown_job *job,
+                      struct sp_shown *shown, struct sp_volume *channels[SP_LAYERS_MAX],
+                      struct sp_error *err) {
+    const struct sp_view *view = job->view;
     struct found found = { .volumes = { NULL } };
     if (!sp_view_has_channels(view))
         return true;
     bool ok = check_grids(volume, view, channels, err) &&
-              find_common(volume, view, options, channels, shown, &found, err);
+              find_common(volume, job, channels, shown, &found, err);
     for (uint32_t i = 0; ok && i < view->layer_count; i++) {
         if (!found.volumes[i])
             continue;

@@ -34,15 +34,37 @@ static unsigned choose_level(const struct sp_brick_header *header, const struct 
     return find_level(header, level > mip_level ? level : mip_level);
 }
 
+/* True if the view may be drawn from a volume whose samples lie in blocks: interpolated sheets or a
+ * projection, and nothing else. */
+static bool may_read_blocks(const struct sp_view *v) {
+    const enum sp_tf_order order = v->transfer_function.order;
+    const bool is_sheet = v->compositing.mode == SP_COMPOSITE_SHEET;
+    if (sp_window_needs_whole(v) || sp_view_draws_slices(v))
+        return false;
+    for (uint32_t i = 0; i < v->layer_count; i++)
+        if (v->layers[i].visible && v->layers[i].type != SP_LAYER_VOLUME &&
+            v->layers[i].type != SP_LAYER_CHANNEL)
+            return false;
+    if (sp_compositing_is_projection(v->compositing.mode))
+        return true;
+    if (v->compositing.mode == SP_COMPOSITE_SPLAT || order == SP_TF_PRE)
+        return false;
+    if (order == SP_TF_AUTO && v->level_of_detail == SP_LOD_OFF)
+        return false; /* the samples may be so small that splats are drawn */
+    return (is_sheet && order == SP_TF_POST) || sp_view_has_default_filter(v);
+}
+
 /* How long the frame waits for bricks [ms]. It has nothing else to draw at a coarser level than
  * that of the volume that was opened, and few bytes are read then. */
 static double wait_for(const struct sp_render_options *options, bool is_coarse) {
     return is_coarse || options->wait_ms == 0 ? (double)INFINITY : fmax(options->wait_ms, 0);
 }
 
-bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
-                   const struct sp_render_options *options, unsigned least, struct sp_shown *shown,
-                   struct sp_error *err) {
+bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
+                   struct sp_shown *shown, struct sp_error *err) {
+    const struct sp_view *view = wanted->view;
+    const struct sp_render_options *options = wanted->options;
+    const unsigned least = wanted->least;
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_window window;
     struct sp_brick_window place;
@@ -59,6 +81,7 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
         .view = view,
         .level = asked > least ? asked : least,
         .least = least,
+        .reads_blocks = wanted->reads_blocks && may_read_blocks(view),
         .wait_ms = wait_for(options, least > base),
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */

@@ -14,10 +14,16 @@ struct sp_shown {
     struct sp_frame_bricks bricks;
 };
 
-/* Waits for bricks as the options say; least: no finer level of the file is shown.
- * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
-bool sp_shown_find(struct sp_volume *volume, const struct sp_view *view,
-                   const struct sp_render_options *options, unsigned least, struct sp_shown *shown,
+/* What is asked for. */
+struct sp_shown_job {
+    const struct sp_view *view;
+    const struct sp_render_options *options; /* say how long to wait for bricks */
+    bool reads_blocks;                       /* the backend does, if the view needs nothing else */
+    unsigned least;                          /* no finer level of the file is shown */
+};
+
+/* SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *job, struct sp_shown *shown,
                    struct sp_error *err);
 
 #endif

@@ -29,10 +29,18 @@ void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_
         }
 }
 
-/* Light comes through what lies beside the image, and parts are connected there. */
-static bool needs_whole(const struct sp_view *view) {
+bool sp_window_needs_whole(const struct sp_view *view) {
     return view->edit_count > 0 || (view->shading.mode != SP_SHADING_NONE &&
                                     (view->shading.occlusion > 0 || view->shading.shadow > 0));
+}
+
+/* True if a need fits into a window: as an array, which is read faster, or only as blocks. */
+static bool fits(const struct sp_window_job *job, struct sp_brick_need *need, uint64_t bytes_max) {
+    const struct sp_brick_file *file = sp_brick_store_file(job->store);
+    if (sp_brick_need_cost(file, need) <= bytes_max)
+        return true;
+    need->is_sparse = job->reads_blocks;
+    return need->is_sparse && sp_brick_need_cost(file, need) <= bytes_max;
 }
 
 /* Finds the need of the finest level, from `level` on, that fits into a window. The bricks of all
@@ -47,11 +55,11 @@ static bool find_need(const struct sp_window_job *job, struct sp_brick_need *nee
     for (unsigned level = job->level; level < end; level++)
         for (int turn = 0; turn < 2; turn++) {
             const bool is_whole = (turn == 0) == prefers_whole;
-            if (!is_whole && needs_whole(job->view))
+            if (!is_whole && sp_window_needs_whole(job->view))
                 continue;
             if (!sp_window_need(file, job->view, level, is_whole, need))
                 return false;
-            if (!need->count[0] || sp_brick_need_cost(file, need) <= bytes_max)
+            if (!need->count[0] || fits(job, need, bytes_max))
                 return true;
             free(need->wanted);
         }

@@ -14,9 +14,10 @@
 struct sp_window_job {
     struct sp_brick_store *store;
     const struct sp_view *view;
-    unsigned level; /* the finest one that the frame asks for */
-    unsigned least; /* no finer one is drawn, not even the volume that was opened */
-    double wait_ms; /* for bricks; INFINITY = until the frame is complete */
+    unsigned level;    /* the finest one that the frame asks for */
+    unsigned least;    /* no finer one is drawn, not even the volume that was opened */
+    bool reads_blocks; /* what draws the frame reads volumes whose samples lie in blocks */
+    double wait_ms;    /* for bricks; INFINITY = until the frame is complete */
     bool (*is_cancelled)(void *user);
     void *user;
 };
@@ -38,6 +39,10 @@ bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
  * clip box and boxes of edits, becomes fractions of the window. */
 void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_window *window,
                     const struct sp_view *view, struct sp_view *out);
+
+/* True if a frame needs the whole level: light comes through what lies beside the image, and parts
+ * are connected there. */
+bool sp_window_needs_whole(const struct sp_view *view);
 
 /* Finds the bricks of a level that the view may show. False without memory. `need->count` is 0 if
  * it shows none. (need.c) */

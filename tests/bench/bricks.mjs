@@ -90,7 +90,8 @@ async function watch(daemon, view) {
   const { flags } = await stream.until(() => stream.frames.find((frame) => frame.flags & FINAL), 'the final frame');
   const complete = performance.now() - start;
   const isComplete = !(flags & INCOMPLETE);
-  const tells = ({ method, params: { bricks: of } }) => method === 'stream.stats' && of?.complete === isComplete && (isComplete || (of.wanted > 0 && of.resident === of.wanted));
+  // A smaller frame before the final one may be complete, too.
+  const tells = ({ method, params: { width, bricks: of } }) => method === 'stream.stats' && width === view.size[0] && of?.complete === isComplete && (isComplete || (of.wanted > 0 && of.resident === of.wanted));
   const { bricks } = (await stream.until(() => stream.notes.findLast(tells), 'the numbers of the final frame')).params;
   await stream.end();
   return { first_ms: first, complete_ms: complete, is_complete: Number(isComplete), level: bricks.level, asked: bricks.asked, bricks: bricks.resident,

@@ -120,6 +120,7 @@ const struct sp_backend cpu_backend = {
                       .levels_of_detail = SP_CAN(SP_LOD_AUTO) | SP_CAN(SP_LOD_OFF),
                       .gradient_axis = true,
                       .interpolated_sheets = true,
+                      .blocks = true,
                       .light = true,
                       .layers = SP_CAN_ALL,
                       .clip_box = true,

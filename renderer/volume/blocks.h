@@ -1,0 +1,43 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The samples of a grid in blocks of 64³, so that memory holds only those that are needed: a window
+ * of a volume that is larger than memory (bricks/README.md).
+ *
+ *   ┌────┬────┬────┐   a block has samples of its own,
+ *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9
+ *   ├────┼────┼────┤
+ *   │ 0  │ 9  │ C  │   block[(z / 64 · count[1] + y / 64) · count[0] + x / 64]
+ *   └────┴────┴────┘
+ */
+#ifndef SP_VOLUME_BLOCKS_H
+#define SP_VOLUME_BLOCKS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+enum { SP_BLOCK_BITS = 6, SP_BLOCK_SIDE = 1 << SP_BLOCK_BITS };
+
+struct sp_block {
+    const void *samples; /* 64³, the first axis fastest; those beyond the grid are not set */
+    bool is_constant;    /* there is only one, which stands for all */
+};
+
+struct sp_blocks {
+    uint32_t dims[3];       /* of the grid */
+    uint32_t count[3];      /* of blocks; the last ones may reach beyond the grid */
+    size_t size;            /* of a sample [bytes]: 1, 2, 4 or 8 */
+    struct sp_block *block; /* [count] */
+};
+
+/* Copies `n` samples from `at` on along an axis, all of which lie in the grid, to `out`. */
+void sp_blocks_read(const struct sp_blocks *blocks, unsigned axis, const uint32_t at[3], size_t n,
+                    void *out);
+
+static inline const struct sp_block *sp_blocks_find(const struct sp_blocks *blocks,
+                                                    const uint32_t at[3]) {
+    const size_t x = at[0] >> SP_BLOCK_BITS, y = at[1] >> SP_BLOCK_BITS, z = at[2] >> SP_BLOCK_BITS;
+    return &blocks->block[(z * blocks->count[1] + y) * blocks->count[0] + x];
+}
+
+#endif
