@@ -305,14 +305,14 @@ static void *stream_main(void *user) {
     bool draining = false;
     for (;;) {
         int count = epoll_wait(s->epoll, events, EVENTS, -1);
-        double now_ms = srv_clock_ms();
         for (int i = 0; i < count; i++) {
             uint64_t counter;
             if (events[i].data.ptr)
-                on_event(s, events[i].data.ptr, events[i].events, now_ms);
+                on_event(s, events[i].data.ptr, events[i].events, srv_clock_ms());
             else if (read(s->wake, &counter, sizeof counter) < 0 && errno != EAGAIN)
                 sp_log(SP_LOG_ERROR, "the stream thread's wake-up failed: %s", strerror(errno));
         }
+        double now_ms = srv_clock_ms(); /* not before the time at which bytes were read */
         if (!take_orders(s, &draining, now_ms))
             break;
         for (struct stream *stream; (stream = srv_hub_take_ready(s->options.hub));)
