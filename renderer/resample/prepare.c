@@ -172,13 +172,23 @@ static int choose_axis(struct sp_resample *r, const struct coordinates *c) {
     return sp_axes_choose(along, r->share);
 }
 
-/* Tables of a rectilinear axis. A sample of a coarser level lies half way between those that it
- * replaces. */
+/* Fills the coordinates of the samples of a level; `distances`: [samples of the finest level]. */
+static void place_samples(const struct sp_grid *grid, unsigned a, unsigned level, double *distances,
+                          float *place) {
+    const double size = ldexp(1, (int)level);
+    uint32_t count = grid->dims[a];
+    memcpy(distances, grid->coordinates[a], count * sizeof *distances);
+    for (unsigned l = 0; l < level; l++, count = (count + 1) / 2)
+        sp_grid_coarsen(distances, count, distances);
+    for (uint32_t k = 0; k < count; k++)
+        place[k] = (float)((distances[k] / grid->spacing[a] + 0.5) / size - 0.5);
+}
+
+/* Tables of a rectilinear axis. */
 static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_input *input,
                       const struct sp_samples *samples, unsigned a, unsigned level) {
     const struct sp_grid *grid = &sp_volume_info(input->volume)->grid;
-    double size = ldexp(1, (int)level);
-    uint32_t dims = samples->dims[a], last = grid->dims[a] - 1, i = 0;
+    uint32_t dims = samples->dims[a], i = 0;
     *axis = (struct sp_resample_axis){ 0 };
     if (!grid->coordinates[a] || dims < 2)
         return true;
@@ -187,16 +197,11 @@ static bool init_axis(struct sp_resample_axis *axis, const struct sp_resample_in
     float *place = sp_arena_alloc(input->arena, "coordinates", dims, sizeof *place);
     float *index =
         sp_arena_alloc(input->arena, "coordinates", (size_t)axis->steps + 1, sizeof *index);
-    if (!place || !index)
+    double *distances =
+        sp_arena_alloc(input->arena, "coordinates", grid->dims[a], sizeof *distances);
+    if (!place || !index || !distances)
         return false;
-    for (uint32_t k = 0; k < dims; k++) {
-        double middle = (k + 0.5) * size - 0.5;
-        uint32_t low = (uint32_t)middle < last ? (uint32_t)middle : last;
-        double distance = sp_grid_distance(grid, a, low);
-        if (low < last)
-            distance += (middle - low) * (sp_grid_distance(grid, a, low + 1) - distance);
-        place[k] = (float)((distance / grid->spacing[a] + 0.5) / size - 0.5);
-    }
+    place_samples(grid, a, level, distances, place);
     axis->first = place[0];
     axis->steps_per_place = (float)axis->steps / (place[dims - 1] - place[0]);
     for (int k = 0; k <= axis->steps; k++) {

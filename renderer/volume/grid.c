@@ -113,6 +113,13 @@ static bool check_origin(const struct sp_grid *grid, double least, const char *p
     return true;
 }
 
+void sp_grid_coarsen(const double *places, uint32_t count, double *coarse) {
+    for (uint32_t i = 0; 2 * i < count; i++) {
+        const double first = places[2 * i], next = 2 * i + 1 < count ? places[2 * i + 1] : first;
+        coarse[i] = 0.5 * (first + next);
+    }
+}
+
 enum sp_grid_part sp_grid_bad_part(const struct sp_grid *grid) {
     struct sp_error unused;
     double least;

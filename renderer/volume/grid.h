@@ -41,6 +41,11 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
+/* The places of the samples of a coarser level, each of which is the mean of two along the axis,
+ * and the last one perhaps a single one: (count + 1)/2 of them, perhaps in place. Then means of a
+ * linear field lie on it. */
+void sp_grid_coarsen(const double *places, uint32_t count, double *coarse);
+
 /* Checks a grid from an untrusted header: dims and their product; spacing in [1e-12, 1e12];
  * coordinates that begin at 0 and rise by gaps in [1e-12, 1e12], the largest at most 10^6 times the
  * smallest of its axis, with their mean (to 1e-9) as spacing; origin within 1e15 and 2^40 of the
