@@ -510,6 +510,7 @@ bool sp_renderer_begin(struct sp_renderer *renderer, struct sp_volume *volume,
     if (sp_others_find(view, volume, o, &f->others, err) &&
         sp_shown_find(volume, &wanted, &shown, err) &&
         sp_channels_show(volume, &wanted, &shown, f->others.shown, err) &&
+        sp_shown_find_colors(view, o, &shown, f->others.colors, err) &&
         edit_channels(&shown.view, &f->others, err))
         edited = sp_edit_volume(shown.volume, &shown.view, err);
     sp_volume_unref(&shown.volume);

@@ -71,8 +71,7 @@ static uint64_t array_bytes(const struct sp_brick_file *file, const struct sp_br
 
 uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need) {
     enum { RANGE_SAMPLES = 64, RANGE_BYTES = 9 }; /* of a region: its range, and what is visible */
-    const uint64_t samples =
-        sp_brick_need_bytes(file, need) / sp_type_size(sp_brick_file_header(file)->info.type);
+    const uint64_t samples = sp_brick_need_samples(file, need);
     return (need->is_sparse ? sp_brick_blocks_bytes(file, need) : array_bytes(file, need)) +
            samples / RANGE_SAMPLES * RANGE_BYTES;
 }

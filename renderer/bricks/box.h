@@ -11,9 +11,10 @@
 
 struct sp_brick_box_samples {
     const struct sp_brick_need *need;
-    void *samples;            /* of the box of the need; NULL = they lie in blocks */
-    struct sp_blocks *blocks; /* or NULL */
-    const uint8_t *lost;      /* by brick of the box: 1 = its samples are coarse */
+    void *samples;             /* of the box of the need; NULL = they lie in blocks */
+    struct sp_blocks *blocks;  /* or NULL */
+    const float (*vectors)[3]; /* of the box; NULL = the need has none */
+    const uint8_t *lost;       /* by brick of the box: 1 = its samples are coarse */
 };
 
 /* Where the samples of a brick lie. */

@@ -13,6 +13,9 @@
 #include <unistd.h>
 #include <zstd.h>
 
+#include "bricks/places.h"
+#include "volume/grid.h"
+
 struct sp_brick_file {
     int fd; /* −1 = it is made of chunks */
     struct sp_chunk_source chunks;
@@ -22,7 +25,9 @@ struct sp_brick_file {
     char shown[SP_ERROR_PLACE];
     struct sp_brick_header header;
     struct sp_brick_entry *entries[BRICK_LEVELS_MAX];
-    double *times; /* of the steps; NULL = unknown */
+    struct sp_brick_entry *vectors[BRICK_LEVELS_MAX]; /* of their bricks; NULL = there are none */
+    double *times;                                    /* of the steps; NULL = unknown */
+    double *places;                                   /* of the levels; NULL = all axes are even */
 };
 
 struct sp_brick_scratch {
@@ -55,23 +60,59 @@ static bool read_at(const struct sp_brick_file *file, void *out, size_t size, ui
     return true;
 }
 
-static bool read_index(struct sp_brick_file *file, unsigned l, struct sp_error *err) {
-    const struct sp_brick_level *level = &file->header.level[l];
-    uint64_t count = sp_brick_count(level);
+/* Reads the index of a level into new entries. */
+static bool read_index(struct sp_brick_file *file, unsigned l, const struct sp_brick_index *index,
+                       struct sp_brick_entry **entries, struct sp_error *err) {
+    uint64_t count = sp_brick_count(&file->header.level[l]);
     size_t size = count * BRICK_ENTRY_BYTES;
     unsigned char *bytes = malloc(size);
-    bool ok = (file->entries[l] = malloc(count * sizeof *file->entries[l])) && bytes;
+    bool ok = (*entries = malloc(count * sizeof **entries)) && bytes;
     if (!ok)
         sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the index");
-    ok = ok && read_at(file, bytes, size, level->index_at, err);
-    if (ok && sp_brick_checksum(bytes, size) != level->checksum)
+    ok = ok && read_at(file, bytes, size, index->at, err);
+    if (ok && sp_brick_checksum(bytes, size) != index->checksum)
         ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
                      "the brick file is damaged: the checksum of the index of level %u", l);
     for (uint64_t i = 0; ok && i < count; i++)
         ok = sp_brick_entry_decode(bytes + i * BRICK_ENTRY_BYTES, file->bytes, file->shown,
-                                   &file->entries[l][i], err);
+                                   &(*entries)[i], err);
     free(bytes);
     return ok;
+}
+
+/* Numbers of the file, little-endian. */
+static double decode_double(const unsigned char *bytes) {
+    uint64_t bits;
+    double value;
+    memcpy(&bits, bytes, sizeof bits);
+    bits = le64toh(bits);
+    memcpy(&value, &bits, sizeof value);
+    return value;
+}
+
+/* Reads the rectilinear axes, and checks them with the rest of the grid. */
+static bool read_axes(struct sp_brick_file *file, struct sp_error *err) {
+    struct sp_brick_header *header = &file->header;
+    const size_t first = sp_brick_places_first(header), size = first * sizeof(double);
+    uint64_t voxel_bytes;
+    if (!header->rectilinear)
+        return true;
+    unsigned char *bytes = malloc(size);
+    file->places = malloc(sp_brick_places_count(header) * sizeof *file->places);
+    bool ok = bytes && file->places;
+    if (!ok)
+        sp_fail(err, SP_ERR_MEMORY, file->shown, "out of memory for the axes");
+    ok = ok && read_at(file, bytes, size, header->axes_at, err);
+    if (ok && sp_brick_checksum(bytes, size) != header->axes_checksum)
+        ok = sp_fail(err, SP_ERR_FORMAT, file->shown,
+                     "the brick file is damaged: the checksum of its axes");
+    for (size_t i = 0; ok && i < first; i++)
+        file->places[i] = decode_double(bytes + i * sizeof(double));
+    free(bytes);
+    if (!ok)
+        return false;
+    sp_brick_places_fill(header, file->places);
+    return sp_grid_check(&header->info.grid, header->info.type, file->shown, &voxel_bytes, err);
 }
 
 static bool read_notes(struct sp_brick_file *file, struct sp_error *err) {
@@ -101,10 +142,14 @@ static bool read_header(struct sp_brick_file *file, struct sp_error *err) {
     if (!read_at(file, bytes, sizeof bytes, 0, err) ||
         !sp_brick_header_decode(bytes, file->bytes, file->shown, &file->header, err))
         return false;
-    for (unsigned l = 0; l < file->header.levels; l++)
-        if (!read_index(file, l, err))
+    for (unsigned l = 0; l < file->header.levels; l++) {
+        const struct sp_brick_level *level = &file->header.level[l];
+        if (!read_index(file, l, &level->samples, &file->entries[l], err) ||
+            (file->header.info.vector_bytes &&
+             !read_index(file, l, &level->vectors, &file->vectors[l], err)))
             return false;
-    return read_notes(file, err);
+    }
+    return read_axes(file, err) && read_notes(file, err);
 }
 
 struct sp_brick_file *sp_brick_file_open(int fd, const char *shown, struct sp_error *err) {
@@ -203,9 +248,11 @@ void sp_brick_file_close(struct sp_brick_file **pointer) {
     }
     for (int l = 0; l < BRICK_LEVELS_MAX; l++) {
         free(file->entries[l]);
+        free(file->vectors[l]);
         sp_brick_learned_destroy(&file->learned[l]);
     }
     free(file->times);
+    free(file->places);
     free(file);
 }
 
@@ -220,8 +267,11 @@ const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *f
 
 uint64_t sp_brick_file_bytes(const struct sp_brick_file *file) {
     uint64_t bytes = sizeof *file;
+    if (file->places)
+        bytes += sp_brick_places_count(&file->header) * sizeof *file->places;
     for (unsigned l = 0; l < file->header.levels; l++) {
-        bytes += sp_brick_count(&file->header.level[l]) * sizeof *file->entries[l];
+        bytes += sp_brick_count(&file->header.level[l]) * sizeof *file->entries[l] *
+                 (file->vectors[l] ? 2 : 1);
         bytes += file->lock ? sp_brick_learned_bytes(&file->header.level[l]) : 0;
     }
     return bytes + (file->lock ? file->chunks.bytes : 0);
@@ -268,25 +318,49 @@ static bool grow(struct sp_brick_scratch *scratch, size_t size, const char *show
     return true;
 }
 
-bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,
-                        struct sp_brick_scratch *scratch, void *out, struct sp_error *err) {
-    const struct sp_brick_entry *entry = &file->entries[level][number];
-    uint32_t first[3], size[3];
-    sp_brick_box(&file->header.level[level], number, first, size);
-    const size_t sample = sp_type_size(file->header.info.type);
-    const size_t count = (size_t)size[0] * size[1] * size[2];
-    if (entry->bytes == 0) {
-        fill_constant(entry->at, sample, count, out);
-        return true;
-    }
+/* Reads what an entry packs: `size` bytes, of brick `number` of a level. */
+static bool unpack(const struct sp_brick_file *file, const struct sp_brick_entry *entry,
+                   unsigned level, uint64_t number, struct sp_brick_scratch *scratch, void *out,
+                   size_t size, struct sp_error *err) {
+    const uint32_t *bricks = file->header.level[level].bricks;
     if (!grow(scratch, entry->bytes, file->shown, err) ||
         !read_at(file, scratch->packed, entry->bytes, entry->at, err))
         return false;
     const size_t got =
-        ZSTD_decompressDCtx(scratch->context, out, count * sample, scratch->packed, entry->bytes);
-    if (got == count * sample)
+        ZSTD_decompressDCtx(scratch->context, out, size, scratch->packed, entry->bytes);
+    if (got == size)
         return true;
-    return sp_fail(err, SP_ERR_FORMAT, file->shown, "brick (%u, %u, %u) of level %u is damaged: %s",
-                   first[0] / BRICK_SIDE, first[1] / BRICK_SIDE, first[2] / BRICK_SIDE, level,
+    return sp_fail(err, SP_ERR_FORMAT, file->shown,
+                   "brick (%" PRIu64 ", %" PRIu64 ", %" PRIu64 ") of level %u is damaged: %s",
+                   number % bricks[0], number / bricks[0] % bricks[1],
+                   number / bricks[0] / bricks[1], level,
                    ZSTD_isError(got) ? ZSTD_getErrorName(got) : "it is too small");
+}
+
+static size_t count_samples(const struct sp_brick_file *file, unsigned level, uint64_t number) {
+    uint32_t first[3], size[3];
+    sp_brick_box(&file->header.level[level], number, first, size);
+    return (size_t)size[0] * size[1] * size[2];
+}
+
+bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,
+                        struct sp_brick_scratch *scratch, void *out, struct sp_error *err) {
+    const struct sp_brick_entry *entry = &file->entries[level][number];
+    const size_t sample = sp_type_size(file->header.info.type);
+    const size_t count = count_samples(file, level, number);
+    if (entry->bytes)
+        return unpack(file, entry, level, number, scratch, out, count * sample, err);
+    fill_constant(entry->at, sample, count, out);
+    return true;
+}
+
+bool sp_brick_file_read_vectors(const struct sp_brick_file *file, unsigned level, uint64_t number,
+                                struct sp_brick_scratch *scratch, float (*out)[3],
+                                struct sp_error *err) {
+    const struct sp_brick_entry *entry = &file->vectors[level][number];
+    const size_t size = count_samples(file, level, number) * sizeof *out;
+    if (entry->bytes)
+        return unpack(file, entry, level, number, scratch, out, size, err);
+    memset(out, 0, size);
+    return true;
 }

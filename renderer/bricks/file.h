@@ -39,7 +39,7 @@ void sp_brick_file_begin(const struct sp_brick_file *file);
 void sp_brick_file_end(const struct sp_brick_file *file);
 const struct sp_brick_entry *sp_brick_file_entries(const struct sp_brick_file *file,
                                                    unsigned level);
-/* Bytes of the indices in memory, and of the readers of chunks. */
+/* Bytes of the indices and axes in memory, and of the readers of chunks. */
 uint64_t sp_brick_file_bytes(const struct sp_brick_file *file);
 
 /* Scratch memory of one thread. */
@@ -52,5 +52,9 @@ void sp_brick_scratch_destroy(struct sp_brick_scratch **scratch);
  * is wrong. */
 bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,
                         struct sp_brick_scratch *scratch, void *out, struct sp_error *err);
+/* The same for the vectors of a brick. The file must have some: vector_bytes of its info. */
+bool sp_brick_file_read_vectors(const struct sp_brick_file *file, unsigned level, uint64_t number,
+                                struct sp_brick_scratch *scratch, float (*out)[3],
+                                struct sp_error *err);
 
 #endif

@@ -15,7 +15,8 @@ enum { THREADS_MAX = 256 };
 struct fill {
     const struct sp_brick_fill_job *job;
     const struct sp_brick_level *level;
-    size_t sample;
+    unsigned arrays;                 /* 1 = the samples, 2 = the vectors, too */
+    size_t item[2];                  /* bytes per sample of each */
     struct sp_brick_box_samples box; /* that is filled */
     struct {
         struct sp_brick_scratch *scratch;
@@ -29,8 +30,12 @@ struct fill {
     struct sp_error *why;
 };
 
-static struct sp_brick_place place_of(const struct fill *f, uint64_t i) {
-    return sp_brick_place(&f->box, f->level, f->sample, i);
+/* Where brick i of a box lies in its array n. */
+static struct sp_brick_place place_in(const struct fill *f, const struct sp_brick_box_samples *box,
+                                      unsigned n, uint64_t i) {
+    const struct sp_brick_box_samples vectors = { .need = box->need,
+                                                  .samples = (void *)box->vectors };
+    return sp_brick_place(n ? &vectors : box, f->level, f->item[n], i);
 }
 
 static uint64_t number_of(const struct fill *f, uint64_t i) {
@@ -39,12 +44,12 @@ static uint64_t number_of(const struct fill *f, uint64_t i) {
 
 /* Copies the rows of a brick to their place. In `from`, rows are `row` bytes apart and slices
  * `slice` bytes. */
-static void put(const struct fill *f, const struct sp_brick_place *p, const char *from, size_t row,
-                size_t slice) {
+static void put(const struct fill *f, unsigned n, const struct sp_brick_place *p, const char *from,
+                size_t row, size_t slice) {
     for (uint32_t z = 0; z < p->size[2]; z++)
         for (uint32_t y = 0; y < p->size[1]; y++)
             memcpy(p->samples + z * p->slice + y * p->row, from + z * slice + y * row,
-                   p->size[0] * f->sample);
+                   p->size[0] * f->item[n]);
 }
 
 static void put_constant(const struct fill *f, uint64_t i) {
@@ -56,11 +61,11 @@ static void put_constant(const struct fill *f, uint64_t i) {
     sp_brick_file_end(f->job->file);
     if (value == 0)
         return;
-    struct sp_brick_place p = place_of(f, i);
+    struct sp_brick_place p = place_in(f, &f->box, 0, i);
     double row[BRICK_SIDE]; /* as many samples of any type */
     for (size_t x = 0; x < BRICK_SIDE; x++)
         sp_sample_set(row, info->type, x, value);
-    put(f, &p, (const char *)row, 0, 0);
+    put(f, 0, &p, (const char *)row, 0, 0);
 }
 
 static void put_coarse(const struct fill *f, uint64_t brick) {
@@ -69,7 +74,6 @@ static void put_coarse(const struct fill *f, uint64_t brick) {
     const struct sp_brick_level *to = &header->level[coarser];
     const uint32_t *dims = to->dims;
     uint32_t first[3], size[3], nearest[3][BRICK_SIDE];
-    struct sp_brick_place p = place_of(f, brick);
     sp_brick_box(f->level, number_of(f, brick), first, size);
     for (int a = 0; a < 3; a++)
         for (uint32_t i = 0; i < size[a]; i++) {
@@ -77,14 +81,19 @@ static void put_coarse(const struct fill *f, uint64_t brick) {
             const double coarse = floor((at - to->offset[a]) / to->step[a] + 0.5);
             nearest[a][i] = (uint32_t)fmin(fmax(coarse, 0), dims[a] - 1);
         }
-    for (uint32_t z = 0; z < size[2]; z++)
-        for (uint32_t y = 0; y < size[1]; y++)
-            for (uint32_t x = 0; x < size[0]; x++) {
-                const size_t from =
-                    ((size_t)nearest[2][z] * dims[1] + nearest[1][y]) * dims[0] + nearest[0][x];
-                memcpy(p.samples + z * p.slice + y * p.row + x * f->sample,
-                       (const char *)f->job->coarse.samples + from * f->sample, f->sample);
-            }
+    for (unsigned n = 0; n < f->arrays; n++) {
+        const struct sp_brick_place p = place_in(f, &f->box, n, brick);
+        const size_t item = f->item[n];
+        const char *from =
+            n ? (const char *)f->job->coarse.vectors : (const char *)f->job->coarse.samples;
+        for (uint32_t z = 0; z < size[2]; z++)
+            for (uint32_t y = 0; y < size[1]; y++)
+                for (uint32_t x = 0; x < size[0]; x++) {
+                    const size_t at =
+                        ((size_t)nearest[2][z] * dims[1] + nearest[1][y]) * dims[0] + nearest[0][x];
+                    memcpy(p.samples + z * p.slice + y * p.row + x * item, from + at * item, item);
+                }
+    }
 }
 
 /* Copies a brick that is in memory already; false if it is not. */
@@ -94,12 +103,15 @@ static bool put_known(const struct fill *f, uint64_t i) {
         const struct sp_brick_box_samples *known = &job->known[k];
         uint64_t at;
         if (known->need->level != job->need->level ||
+            (job->need->has_vectors && !known->need->has_vectors) ||
             !sp_brick_need_find(job->need, i, known->need, &at) || !known->need->wanted[at] ||
             known->lost[at])
             continue;
-        const struct sp_brick_place to = place_of(f, i),
-                                    from = sp_brick_place(known, f->level, f->sample, at);
-        put(f, &to, from.samples, from.row, from.slice);
+        for (unsigned n = 0; n < f->arrays; n++) {
+            const struct sp_brick_place to = place_in(f, &f->box, n, i),
+                                        from = place_in(f, known, n, at);
+            put(f, n, &to, from.samples, from.row, from.slice);
+        }
         return true;
     }
     return false;
@@ -117,20 +129,33 @@ static void put_lost(const struct fill *f, uint64_t i) {
     f->job->lost[i] = 1;
 }
 
+/* Reads array n of a brick from the file. */
+static bool read_array(const struct fill *f, unsigned n, uint64_t i, unsigned worker,
+                       struct sp_error *err) {
+    const struct sp_brick_file *file = f->job->file;
+    const struct sp_brick_place p = place_in(f, &f->box, n, i);
+    const size_t row = p.size[0] * f->item[n];
+    struct sp_brick_scratch *scratch = f->workers[worker].scratch;
+    void *brick = f->workers[worker].brick;
+    const unsigned level = f->job->need->level;
+    if (!(n ? sp_brick_file_read_vectors(file, level, number_of(f, i), scratch, brick, err)
+            : sp_brick_file_read(file, level, number_of(f, i), scratch, brick, err)))
+        return false;
+    put(f, n, &p, brick, row, row * p.size[1]);
+    return true;
+}
+
 static void put_read(struct fill *f, uint64_t i, unsigned worker) {
-    const struct sp_brick_fill_job *job = f->job;
     struct sp_error err;
+    bool ok = true;
     if (f->missing) { /* it is cut from chunks */
         f->missing[i] = 1;
         return;
     }
-    const struct sp_brick_place p = place_of(f, i);
-    const size_t row = p.size[0] * f->sample;
-    if (sp_brick_file_read(job->file, job->need->level, number_of(f, i), f->workers[worker].scratch,
-                           f->workers[worker].brick, &err)) {
-        put(f, &p, f->workers[worker].brick, row, row * p.size[1]);
+    for (unsigned n = 0; ok && n < f->arrays; n++)
+        ok = read_array(f, n, i, worker, &err);
+    if (ok)
         return;
-    }
     put_lost(f, i);
     pthread_mutex_lock(&f->mutex);
     *f->why = err;
@@ -193,8 +218,8 @@ static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
     }
     for (unsigned t = 0; ok && !has_chunks && t < threads; t++)
         ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
-             (f->workers[t].brick =
-                  malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * f->sample));
+             (f->workers[t].brick = malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE *
+                                           (f->item[0] > f->item[1] ? f->item[0] : f->item[1])));
     return ok || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
 }
 
@@ -209,11 +234,16 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
     f->job = job;
     f->level = &header->level[job->need->level];
-    f->sample = sp_type_size(header->info.type);
+    f->arrays = job->need->has_vectors ? 2 : 1;
+    f->item[0] = sp_type_size(header->info.type);
+    f->item[1] = BRICK_VECTOR_BYTES;
     f->why = why;
     atomic_init(&f->ended, false);
     pthread_mutex_init(&f->mutex, NULL);
-    f->box = (struct sp_brick_box_samples){ job->need, job->samples, job->blocks, NULL };
+    f->box = (struct sp_brick_box_samples){ .need = job->need,
+                                            .samples = job->samples,
+                                            .blocks = job->blocks,
+                                            .vectors = (const float(*)[3])job->vectors };
     ok = allocate(f, threads, err);
     if (ok) {
         sp_parallel_for(job->pool, f->order_count, 1, fill_wanted, f);

@@ -53,10 +53,16 @@ static void field_text(struct cursor *c, char *text, size_t capacity) {
             *p = '?';
 }
 
-/* All fields of the header but its checksum, in their order. */
+static void index_fields(struct cursor *c, struct sp_brick_index *index) {
+    field_u64(c, &index->at);
+    field_u64(c, &index->checksum);
+}
+
+/* All fields of the header but its checksum, in their order. vector_bytes becomes 1 if there are
+ * vectors. */
 static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constants[3]) {
     struct sp_volume_info *info = &h->info;
-    uint32_t type = info->type, levels = h->levels;
+    uint32_t type = info->type, levels = h->levels, has_vectors = info->vector_bytes != 0;
     for (int i = 0; i < 3; i++)
         field_u32(c, &constants[i]);
     field_u32(c, &type);
@@ -78,13 +84,20 @@ static void fields(struct cursor *c, struct sp_brick_header *h, uint32_t constan
     field_text(c, info->value_name, sizeof info->value_name);
     field_text(c, info->value_unit, sizeof info->value_unit);
     field_text(c, info->anatomy, sizeof info->anatomy);
-    for (int l = 0; l < BRICK_LEVELS_MAX; l++) {
-        field_u64(c, &h->level[l].index_at);
-        field_u64(c, &h->level[l].checksum);
-    }
+    field_text(c, info->vector_name, sizeof info->vector_name);
+    field_doubles(c, &info->longest, 1);
+    field_u32(c, &has_vectors);
+    field_u32(c, &h->rectilinear);
+    field_u64(c, &h->axes_at);
+    field_u64(c, &h->axes_checksum);
     field_u64(c, &h->notes_at);
     field_u64(c, &h->notes_bytes);
     field_u64(c, &h->notes_checksum);
+    for (int l = 0; l < BRICK_LEVELS_MAX; l++) {
+        index_fields(c, &h->level[l].samples);
+        index_fields(c, &h->level[l].vectors);
+    }
+    info->vector_bytes = has_vectors;
     info->type = (enum sp_type)type;
     h->levels = levels;
 }
@@ -189,9 +202,15 @@ static bool check_statistics(const struct sp_volume_info *info, const char *show
     for (int i = 0; i < 5; i++)
         if (!(shares[i] >= 0 && shares[i] < 1e30))
             return fail(shown, "its statistics", err);
+    if (!(info->longest >= 0 && isfinite(info->longest)))
+        return fail(shown, "the length of its longest vector", err);
     return (isfinite(info->range[0]) && isfinite(info->range[1]) &&
             info->range[0] <= info->range[1]) ||
            fail(shown, "its range of values", err);
+}
+
+static bool is_beyond(uint64_t at, uint64_t bytes, uint64_t file_bytes) {
+    return at > file_bytes || bytes > file_bytes - at;
 }
 
 static bool check_levels(struct sp_brick_header *h, uint32_t levels, uint64_t file_bytes,
@@ -200,11 +219,24 @@ static bool check_levels(struct sp_brick_header *h, uint32_t levels, uint64_t fi
     if (levels != h->levels)
         return fail(shown, "its number of levels", err);
     for (unsigned l = 0; l < levels; l++) {
-        uint64_t bytes = sp_brick_count(&h->level[l]) * BRICK_ENTRY_BYTES;
-        if (h->level[l].index_at > file_bytes || bytes > file_bytes - h->level[l].index_at)
+        const struct sp_brick_level *level = &h->level[l];
+        const uint64_t bytes = sp_brick_count(level) * BRICK_ENTRY_BYTES;
+        if (is_beyond(level->samples.at, bytes, file_bytes) ||
+            (h->info.vector_bytes && is_beyond(level->vectors.at, bytes, file_bytes)))
             return fail(shown, "an index lies beyond its end", err);
     }
     return true;
+}
+
+static bool check_axes(const struct sp_brick_header *h, uint64_t file_bytes, const char *shown,
+                       struct sp_error *err) {
+    uint64_t bytes = 0;
+    if (h->rectilinear > 7)
+        return fail(shown, "the kinds of its axes", err);
+    for (int a = 0; a < 3; a++)
+        bytes += h->rectilinear >> a & 1 ? h->info.grid.dims[a] * sizeof(double) : 0;
+    return !is_beyond(h->axes_at, bytes, file_bytes) ||
+           fail(shown, "its axes lie beyond its end", err);
 }
 
 bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint64_t file_bytes,
@@ -230,14 +262,18 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
     if (!sp_grid_check(&h->info.grid, h->info.type, shown, &h->info.voxel_bytes, err) ||
         !check_statistics(&h->info, shown, err))
         return false;
+    if (h->info.vector_bytes > 1)
+        return fail(shown, "its vectors", err);
+    h->info.vector_bytes *= h->info.voxel_bytes / sp_type_size(h->info.type) * BRICK_VECTOR_BYTES;
     h->info.components = 1;
     if (!is_anatomy(h->info.anatomy))
         memset(h->info.anatomy, 0, sizeof h->info.anatomy);
     if (h->notes_bytes && (h->notes_bytes < BRICK_NOTES_BYTES ||
                            h->notes_bytes > BRICK_NOTES_BYTES + SP_STEPS_MAX * sizeof(double) ||
-                           h->notes_at > file_bytes || h->notes_bytes > file_bytes - h->notes_at))
+                           is_beyond(h->notes_at, h->notes_bytes, file_bytes)))
         return fail(shown, "its notes lie beyond its end", err);
-    return check_levels(h, h->levels, file_bytes, shown, err);
+    return check_axes(h, file_bytes, shown, err) &&
+           check_levels(h, h->levels, file_bytes, shown, err);
 }
 
 size_t sp_brick_notes_bytes(const struct sp_volume_info *info) {
@@ -315,7 +351,6 @@ bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_
         (has_range && !(isfinite(entry->range[0]) && isfinite(entry->range[1]))))
         return fail(shown, "the range of a brick", err);
     return entry->bytes == 0 ||
-           (entry->bytes <= BRICK_PACKED_MAX && entry->at <= file_bytes &&
-            entry->bytes <= file_bytes - entry->at) ||
+           (entry->bytes <= BRICK_PACKED_MAX && !is_beyond(entry->at, entry->bytes, file_bytes)) ||
            fail(shown, "a brick lies beyond its end", err);
 }

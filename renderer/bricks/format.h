@@ -2,10 +2,12 @@
  *
  * The header and the index of a brick file (README.md). Numbers are little-endian.
  *
- *   header      BRICK_HEADER_BYTES: grid, type, statistics, places and checksums of the indices
+ *   header      BRICK_HEADER_BYTES: grid, type, statistics, places and checksums of what follows
  *   bricks      packed by zstd, each with its own checksum; constant ones have no bytes
+ *   vectors     the same: three float32 per sample; bricks of zeros have no bytes; may be missing
+ *   axes        a float64 per sample of each rectilinear axis: its distance from sample 0
  *   notes       names of other fields and vectors, time steps, warnings; may be missing
- *   indices     per level, an entry per brick, i0 fastest
+ *   indices     per level, an entry per brick, i0 fastest: one of samples, and one of vectors
  */
 #ifndef SP_BRICKS_FORMAT_H
 #define SP_BRICKS_FORMAT_H
@@ -22,7 +24,7 @@ enum {
     BRICK_MAGIC_BYTES = 8,
     BRICK_HEADER_BYTES = 4096,
     BRICK_ENTRY_BYTES = 32,
-    BRICK_VERSION = 1
+    BRICK_VERSION = 2
 };
 
 extern const char sp_brick_magic[BRICK_MAGIC_BYTES]; /* the first bytes of the file */
@@ -33,7 +35,14 @@ struct sp_brick_entry {
     uint64_t at;     /* of the packed samples in the file; constant: its sample, zero-extended */
     uint32_t bytes;  /* packed; 0 = all samples are equal */
     uint32_t check;  /* the checksum of the samples at the end of the packed bytes; constant: 0 */
-    double range[2]; /* of the finite samples, with the margin; [0] > [1] = there are none */
+    double range[2]; /* of the finite samples, with the margin; [0] > [1] = there are none; of
+                        vectors: 0 */
+};
+
+/* Where an index is in the file. */
+struct sp_brick_index {
+    uint64_t at;
+    uint64_t checksum; /* of the index, and so of the samples */
 };
 
 struct sp_brick_level {
@@ -42,16 +51,23 @@ struct sp_brick_level {
     /* Sample i lies at offset + step·i along an axis [samples of level 0]: in a file, at the centre
      * of the samples that it stands for. */
     double step[3], offset[3];
-    uint64_t index_at; /* in the file */
-    uint64_t checksum; /* of the index, and so of the samples */
+    /* Of a rectilinear axis: the distance of each sample from sample 0, and of that one from sample
+     * 0 of level 0 [world unit]. Places of coarser levels are means, as samples are. NULL = the
+     * axis is even. (places.h) */
+    const double *places[3];
+    double start[3];
+    struct sp_brick_index samples, vectors; /* vectors: all 0 if there are none */
 };
 
 struct sp_brick_header {
     /* Of level 0: grid, type, unit, names, anatomy, range, nonfinite, histogram, projected,
-     * components and voxel_bytes; of the notes: others, other_vectors, steps and warnings;
-     * everything else is 0. */
+     * longest, components, voxel_bytes and vector_bytes; of the notes: others, other_vectors, steps
+     * and warnings; everything else is 0. The grid has its coordinates after
+     * sp_brick_places_fill(). */
     struct sp_volume_info info;
-    uint64_t notes_at, notes_bytes, notes_checksum; /* in the file; 0 = there are none */
+    uint32_t rectilinear;                           /* bit a: axis a */
+    uint64_t axes_at, axes_checksum;                /* in the file; 0 = there are none */
+    uint64_t notes_at, notes_bytes, notes_checksum; /* the same */
     unsigned levels;
     struct sp_brick_level level[BRICK_LEVELS_MAX];
 };
@@ -111,7 +127,10 @@ void sp_brick_entry_encode(const struct sp_brick_entry *entry,
 bool sp_brick_entry_decode(const unsigned char bytes[BRICK_ENTRY_BYTES], uint64_t file_bytes,
                            const char *shown, struct sp_brick_entry *entry, struct sp_error *err);
 
-/* Most bytes that a packed brick may have. */
-enum { BRICK_PACKED_MAX = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * 8 + (1 << 16) };
+enum {
+    BRICK_VECTOR_BYTES = 3 * sizeof(float),
+    /* Most bytes that a packed brick may have, of samples or vectors. */
+    BRICK_PACKED_MAX = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * BRICK_VECTOR_BYTES + (1 << 16)
+};
 
 #endif

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "volume/volume.h"
+
 uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_brick_level *level,
                           uint64_t i) {
     const uint64_t x = need->first[0] + i % need->count[0];
@@ -22,11 +24,26 @@ void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_l
     }
 }
 
-uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need) {
-    const struct sp_brick_header *header = sp_brick_file_header(file);
+uint64_t sp_brick_need_samples(const struct sp_brick_file *file, const struct sp_brick_need *need) {
     uint32_t first[3], size[3];
-    sp_brick_need_box(need, &header->level[need->level], first, size);
-    return (uint64_t)size[0] * size[1] * size[2] * sp_type_size(header->info.type);
+    sp_brick_need_box(need, &sp_brick_file_header(file)->level[need->level], first, size);
+    return (uint64_t)size[0] * size[1] * size[2];
+}
+
+uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need) {
+    const uint64_t count = sp_brick_need_samples(file, need);
+    const uint64_t bytes = count * sp_type_size(sp_brick_file_header(file)->info.type);
+    uint64_t vectors_at;
+    return need->has_vectors ? sp_volume_layout(bytes, count, true, &vectors_at) : bytes;
+}
+
+uint64_t sp_brick_need_vectors_at(const struct sp_brick_file *file,
+                                  const struct sp_brick_need *need) {
+    const uint64_t count = sp_brick_need_samples(file, need);
+    uint64_t vectors_at;
+    sp_volume_layout(count * sp_type_size(sp_brick_file_header(file)->info.type), count, true,
+                     &vectors_at);
+    return vectors_at;
 }
 
 double sp_brick_value(const struct sp_brick_entry *entry, enum sp_type type) {
@@ -59,7 +76,8 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
 
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
     uint64_t at;
-    if (need->level != have->level || (have->is_sparse && !need->is_sparse))
+    if (need->level != have->level || (have->is_sparse && !need->is_sparse) ||
+        (need->has_vectors && !have->has_vectors))
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
         if (need->wanted[i] && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at]))

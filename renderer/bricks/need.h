@@ -18,6 +18,7 @@ struct sp_brick_need {
     /* What draws the frame reads blocks (volume/blocks.h), so that only wanted bricks take memory.
      * An array will do, too. */
     bool is_sparse;
+    bool has_vectors; /* it needs the vectors, too; the file must have some. Not with blocks. */
 };
 
 static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
@@ -32,8 +33,15 @@ uint64_t sp_brick_need_at(const struct sp_brick_need *need, const struct sp_bric
 void sp_brick_need_box(const struct sp_brick_need *need, const struct sp_brick_level *level,
                        uint32_t first[3], uint32_t size[3]);
 
-/* Bytes of all samples of the box. */
+/* Samples of the box. */
+uint64_t sp_brick_need_samples(const struct sp_brick_file *file, const struct sp_brick_need *need);
+
+/* Bytes of all samples of the box, with the vectors if it needs them. */
 uint64_t sp_brick_need_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
+
+/* Where the vectors begin in this memory. */
+uint64_t sp_brick_need_vectors_at(const struct sp_brick_file *file,
+                                  const struct sp_brick_need *need);
 
 /* Finds brick i of the box of `need` in the box of `in`, of the same level: its number there. False
  * if it lies outside. */
@@ -41,7 +49,7 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
                         const struct sp_brick_need *in, uint64_t *at);
 
 /* True if each wanted brick of `need` is one of `have`, of the same level, and if what reads a
- * window of `need` can read one of `have`. */
+ * window of `need` can read one of `have`: it has vectors if `need` has them. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
 /* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */

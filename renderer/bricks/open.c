@@ -48,6 +48,7 @@ static void destroy(void *source) {
 static bool choose_base(struct sp_brick_store *store) {
     const struct sp_brick_header *header = sp_brick_file_header(store->file);
     struct sp_brick_need *need = &store->base_need;
+    need->has_vectors = header->info.vector_bytes > 0;
     const struct sp_chunk_source *chunks = sp_brick_file_chunks(store->file);
     const uint64_t most = chunks && chunks->is_remote ? REMOTE_BASE_BYTES_MAX : BASE_BYTES_MAX;
     const uint64_t bytes_max = store->budget / 4 < most ? store->budget / 4 : most;
@@ -69,7 +70,7 @@ static void choose_budget(struct sp_brick_store *store, const struct sp_load_opt
     const long pages = sysconf(_SC_PHYS_PAGES), page = sysconf(_SC_PAGESIZE);
     const uint64_t memory =
         pages > 0 && page > 0 ? (uint64_t)pages * (uint64_t)page : (uint64_t)4 << 30;
-    const uint64_t all = 4 * sp_brick_file_header(store->file)->info.voxel_bytes;
+    const uint64_t all = 4 * sp_volume_bytes(&sp_brick_file_header(store->file)->info);
     store->budget = options && options->window_bytes ? options->window_bytes : memory / 4;
     if (options && options->windows) {
         sp_brick_memory_usage(options->windows, &usage);
@@ -163,31 +164,42 @@ static void find_limits(struct sp_volume_info *info, const void *samples) {
 /* A file knows its range and content; of chunks they are those of the volume that is opened. */
 static struct sp_volume *adopt(const struct sp_brick_store *store, struct sp_volume_info *info,
                                void *samples, uint64_t bytes, struct sp_error *err) {
+    const float(*vectors)[3] = sp_brick_store_vectors(store, &store->base_need, samples);
     if (!sp_brick_file_chunks(store->file)) {
         memcpy(info->whole.limits, info->range, sizeof info->range);
-        return sp_volume_adopt_measured(info, samples, bytes, sp_brick_store_unmap, err);
+        return sp_volume_adopt_measured(info, samples, vectors, bytes, sp_brick_store_unmap, err);
     }
     find_limits(info, samples);
     info->whole.content = sp_brick_checksum(samples, bytes);
     return sp_volume_adopt(info, samples, NULL, bytes, sp_brick_store_unmap, err);
 }
 
-static struct sp_volume *make_base(struct sp_brick_store *store, const char *name,
-                                   const char *source, const struct sp_load_options *options,
-                                   struct sp_error *err) {
-    struct sp_volume_info info = sp_brick_file_header(store->file)->info;
-    const uint64_t bytes = sp_brick_need_bytes(store->file, &store->base_need);
-    struct loading loading = { .options = options, .thread = pthread_self() };
-    struct sp_error why;
-    atomic_init(&loading.is_cancelled, false);
+/* Describes the volume that is opened, but for its grid. */
+static struct sp_volume_info describe(const struct sp_brick_store *store, const char *name,
+                                      const char *source) {
+    const struct sp_brick_header *header = sp_brick_file_header(store->file);
+    struct sp_volume_info info = header->info;
     snprintf(info.name, sizeof info.name, "%s", name);
     snprintf(info.source, sizeof info.source, "%s", source);
     memcpy(info.whole.dims, info.grid.dims, sizeof info.whole.dims);
     memcpy(info.whole.spacing, info.grid.spacing, sizeof info.whole.spacing);
     memcpy(info.whole.origin, info.grid.origin, sizeof info.whole.origin);
-    info.whole.content = sp_brick_file_header(store->file)->level[0].checksum;
-    info.whole.levels = sp_brick_file_header(store->file)->levels;
-    info.grid = sp_brick_store_grid(store, &store->base_need);
+    info.whole.content = header->level[0].samples.checksum ^ header->level[0].vectors.checksum ^
+                         header->axes_checksum;
+    info.whole.levels = header->levels;
+    info.whole.part = sp_brick_store_part(store, &store->base_need);
+    return info;
+}
+
+static struct sp_volume *make_base(struct sp_brick_store *store, const char *name,
+                                   const char *source, const struct sp_load_options *options,
+                                   struct sp_error *err) {
+    struct sp_volume_info info = describe(store, name, source);
+    double *numbers = NULL;
+    const uint64_t bytes = sp_brick_need_bytes(store->file, &store->base_need);
+    struct loading loading = { .options = options, .thread = pthread_self() };
+    struct sp_error why;
+    atomic_init(&loading.is_cancelled, false);
     void *samples = sp_brick_store_map(bytes, err);
     const struct sp_brick_fill_job job = { .file = store->file,
                                            .need = &store->base_need,
@@ -195,19 +207,25 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
                                            .is_cancelled = is_cancelled,
                                            .user = &loading,
                                            .samples = samples,
+                                           .vectors = (float(*)[3])sp_brick_store_vectors(
+                                               store, &store->base_need, samples),
                                            .lost = store->base_lost };
     if (!samples)
         return NULL;
     bool ok = sp_brick_fill(&job, &why, err);
     if (ok && why.code != SP_OK && has_lost_all(store))
         ok = sp_fail(err, why.code, why.place, "%s", why.text);
+    if (ok && !sp_brick_store_grid(store, &store->base_need, &info.grid, &numbers))
+        ok = sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
     if (!ok) {
         sp_brick_store_unmap(samples, bytes);
         return NULL;
     }
     if (why.code != SP_OK)
         sp_brick_store_note(store, &store->base_need, store->base_lost, &why);
-    return adopt(store, &info, samples, bytes, err);
+    struct sp_volume *base = adopt(store, &info, samples, bytes, err);
+    free(numbers);
+    return base;
 }
 
 static struct sp_volume *start(struct sp_brick_store *store, const char *name, const char *source,

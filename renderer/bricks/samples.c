@@ -156,6 +156,46 @@ void sp_brick_average(const struct sp_brick_view *v, void *out) {
             average[v->type](v, y, z, width, to);
 }
 
+/* The mean of up to eight vectors: cell (x, y, z) of the next level. */
+static void average_vector(const struct sp_brick_view *v, uint32_t x, uint32_t y, uint32_t z,
+                           float out[3]) {
+    const float *numbers = v->samples;
+    double sum[3] = { 0, 0, 0 };
+    int count = 0;
+    for (uint32_t k = 0; k < 8; k++) {
+        const uint32_t i = 2 * x + (k & 1), j = 2 * y + (k >> 1 & 1), l = 2 * z + (k >> 2);
+        if (3 * i >= v->size[0] || j >= v->size[1] || l >= v->size[2])
+            continue;
+        const float *one = numbers + row_at(v, j, l) + (size_t)3 * i;
+        if (!isfinite(one[0]) || !isfinite(one[1]) || !isfinite(one[2]))
+            continue;
+        for (int c = 0; c < 3; c++)
+            sum[c] += (double)one[c];
+        count++;
+    }
+    for (int c = 0; c < 3; c++)
+        out[c] = count ? (float)(sum[c] / count) : NAN;
+}
+
+void sp_brick_average_vectors(const struct sp_brick_view *v, float (*out)[3]) {
+    const uint32_t width = (v->size[0] / 3 + 1) / 2, height = (v->size[1] + 1) / 2;
+    for (uint32_t z = 0; 2 * z < v->size[2]; z++)
+        for (uint32_t y = 0; y < height; y++)
+            for (uint32_t x = 0; x < width; x++)
+                average_vector(v, x, y, z, *out++);
+}
+
+double sp_brick_longest(const float (*vectors)[3], size_t count) {
+    double longest = 0;
+    for (size_t i = 0; i < count; i++) {
+        const double x = (double)vectors[i][0], y = (double)vectors[i][1],
+                     z = (double)vectors[i][2], square = x * x + y * y + z * z;
+        if (isfinite(square) && square > longest)
+            longest = square;
+    }
+    return sqrt(longest);
+}
+
 #define COUNT(element)                                                                             \
     for (size_t i = 0; i < count; i++) {                                                           \
         double value = (double)((const element *)samples)[i];                                      \

@@ -31,6 +31,13 @@ void sp_brick_copy(const struct sp_brick_view *view, void *out);
  * (size + 1)/2 samples per axis. Integers are rounded as in resample/levels.c. */
 void sp_brick_average(const struct sp_brick_view *view, void *out);
 
+/* The same for vectors, of which the view has the components: means of vectors that are finite, NaN
+ * without any. */
+void sp_brick_average_vectors(const struct sp_brick_view *view, float (*out)[3]);
+
+/* The length of the longest finite vector; 0 = there is none. */
+double sp_brick_longest(const float (*vectors)[3], size_t count);
+
 /* Adds the finite samples to a histogram of the range. */
 void sp_brick_count_values(const void *samples, enum sp_type type, size_t count,
                            const double range[2], uint64_t histogram[SP_HISTOGRAM_BINS]);

@@ -5,6 +5,7 @@
 #include <sys/mman.h>
 
 #include "base/clock.h"
+#include "bricks/places.h"
 #include "bricks/store_private.h"
 #include "volume/volume.h"
 
@@ -43,22 +44,64 @@ void *sp_brick_store_map(size_t bytes, struct sp_error *err) {
     return NULL;
 }
 
-/* The grid of the samples of a box. */
-struct sp_grid sp_brick_store_grid(const struct sp_brick_store *store,
-                                   const struct sp_brick_need *need) {
-    struct sp_grid grid = sp_brick_file_header(store->file)->info.grid;
+/* Places the samples of an axis of the grid. Returns where coordinates of other axes go. */
+static double *place_axis(const struct sp_brick_header *header, unsigned l, int a, uint32_t first,
+                          struct sp_grid *grid, double *numbers) {
+    const struct sp_brick_level *level = &header->level[l];
+    const double *places = level->places[a];
+    const uint32_t count = grid->dims[a];
+    grid->spacing[a] *= level->step[a];
+    grid->coordinates[a] = NULL;
+    if (!places)
+        return numbers;
+    if (count == 1) { /* the only sample is as wide as it is among the others */
+        grid->spacing[a] = sp_brick_distance(header, l, a, first + 0.5) -
+                           sp_brick_distance(header, l, a, first - 0.5);
+        return numbers;
+    }
+    for (uint32_t i = 0; i < count; i++)
+        numbers[i] = places[first + i] - places[first];
+    grid->coordinates[a] = numbers;
+    return numbers + count;
+}
+
+bool sp_brick_store_grid(const struct sp_brick_store *store, const struct sp_brick_need *need,
+                         struct sp_grid *grid, double **numbers) {
+    const struct sp_brick_header *header = sp_brick_file_header(store->file);
     const struct sp_brick_level *level = level_of(store, need->level);
     uint32_t first[3];
-    double offset[3];
-    sp_brick_need_box(need, level, first, grid.dims);
+    *grid = header->info.grid;
+    sp_brick_need_box(need, level, first, grid->dims);
+    double *next = *numbers =
+        malloc(((size_t)grid->dims[0] + grid->dims[1] + grid->dims[2]) * sizeof *next);
+    if (!next)
+        return false;
     for (int a = 0; a < 3; a++) {
-        offset[a] = (level->offset[a] + level->step[a] * first[a]) * grid.spacing[a];
-        grid.spacing[a] *= level->step[a];
+        const double offset = sp_brick_distance(header, need->level, a, first[a]);
+        next = place_axis(header, need->level, a, first[a], grid, next);
+        for (int r = 0; r < 3; r++)
+            grid->origin[r] += grid->direction[r][a] * offset;
     }
-    for (int r = 0; r < 3; r++)
-        for (int a = 0; a < 3; a++)
-            grid.origin[r] += grid.direction[r][a] * offset[a];
-    return grid;
+    return true;
+}
+
+struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
+                                         const struct sp_brick_need *need) {
+    const struct sp_brick_level *level = level_of(store, need->level);
+    struct sp_whole_part part = { .level = need->level };
+    uint32_t size[3];
+    sp_brick_need_box(need, level, part.first, size);
+    memcpy(part.dims, level->dims, sizeof part.dims);
+    memcpy(part.step, level->step, sizeof part.step);
+    return part;
+}
+
+const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
+                                     const struct sp_brick_need *need, const void *samples))[3] {
+    if (!need->has_vectors || !samples)
+        return NULL;
+    return (const float(*)[3])(const void *)((const char *)samples +
+                                             sp_brick_need_vectors_at(store->file, need));
 }
 
 void sp_brick_window_clear(struct sp_brick_store_window *w) {
@@ -119,6 +162,7 @@ static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_ne
                                 *to = level_of(store, out->level);
     memcpy(out->first, need->first, sizeof out->first);
     memcpy(out->count, need->count, sizeof out->count);
+    out->has_vectors = need->has_vectors;
     for (int a = 0; a < 3; a++)
         sp_brick_level_map(from, to, a, &out->first[a], &out->count[a]);
     if (!sp_brick_need_allocate(out, 0))
@@ -214,6 +258,7 @@ static void take_known(struct sp_brick_store *store, unsigned level, struct know
             .need = &known->needs[n],
             .samples = w->need.is_sparse ? NULL : (void *)sp_volume_voxels(w->volume),
             .blocks = (struct sp_blocks *)sp_volume_blocks(w->volume),
+            .vectors = sp_volume_vectors(w->volume),
             .lost = known->lost[n]
         };
         known->count++;
@@ -228,15 +273,28 @@ static void drop_known(struct known *known) {
     }
 }
 
-/* Makes a volume of the samples of a need, which it takes over. */
+/* Makes a volume of the samples of a need, which it takes over, also on failure. */
 static struct sp_volume *derive(const struct sp_brick_store *store,
                                 const struct sp_brick_need *need, void *samples, uint64_t bytes,
                                 struct sp_error *err) {
-    const struct sp_grid grid = sp_brick_store_grid(store, need);
-    return need->is_sparse ? sp_volume_derive_blocks(store->base, &grid, samples, bytes,
-                                                     sp_brick_store_unmap, err)
-                           : sp_volume_derive_part(store->base, &grid, samples, bytes,
-                                                   sp_brick_store_unmap, err);
+    const struct sp_whole_part part = sp_brick_store_part(store, need);
+    struct sp_volume *volume = NULL;
+    struct sp_grid grid;
+    double *numbers;
+    if (!sp_brick_store_grid(store, need, &grid, &numbers)) {
+        munmap(samples, bytes);
+        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
+        return NULL;
+    }
+    if (need->is_sparse)
+        volume = sp_volume_derive_blocks(store->base, &grid, &part, samples, bytes,
+                                         sp_brick_store_unmap, err);
+    else
+        volume = sp_volume_derive_part(store->base, &grid, &part, samples,
+                                       sp_brick_store_vectors(store, need, samples), bytes,
+                                       sp_brick_store_unmap, err);
+    free(numbers);
+    return volume;
 }
 
 /* Reads the bricks of a need into a window, which takes over the need. */
@@ -262,6 +320,7 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
         .need = &w->need,
         .coarse = { .need = &store->base_need,
                     .samples = (void *)sp_volume_voxels(store->base), /* only read */
+                    .vectors = sp_volume_vectors(store->base),
                     .lost = store->base_lost },
         .known = known.samples,
         .known_count = known.count,
@@ -270,6 +329,7 @@ static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need
         .user = store,
         .samples = w->need.is_sparse ? NULL : samples,
         .blocks = w->need.is_sparse ? sp_brick_blocks_init(store->file, &w->need, samples) : NULL,
+        .vectors = (float(*)[3])sp_brick_store_vectors(store, &w->need, samples),
         .lost = w->lost,
     };
     bool ok = sp_brick_fill(&job, &why, err);

@@ -98,9 +98,16 @@ uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
 void sp_brick_window_clear(struct sp_brick_store_window *window);
 void sp_brick_request_clear(struct sp_brick_request *request);
 
-/* The grid of the samples of a need. */
-struct sp_grid sp_brick_store_grid(const struct sp_brick_store *store,
-                                   const struct sp_brick_need *need);
+/* The grid of the samples of a need. *numbers: malloc'ed, the coordinates of rectilinear axes.
+ * False without memory. */
+bool sp_brick_store_grid(const struct sp_brick_store *store, const struct sp_brick_need *need,
+                         struct sp_grid *grid, double **numbers);
+/* Where they lie in their level. */
+struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
+                                         const struct sp_brick_need *need);
+/* The vectors in the memory of a need; NULL = it has none. */
+const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
+                                     const struct sp_brick_need *need, const void *samples))[3];
 
 /* Memory for samples, which sp_brick_store_unmap() releases; NULL with *err set. */
 void *sp_brick_store_map(size_t bytes, struct sp_error *err);

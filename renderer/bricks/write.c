@@ -1,64 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "bricks/write.h"
-
+#include <endian.h>
 #include <errno.h>
-#include <fcntl.h>
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <zstd.h>
 
-#include "base/parallel_for.h"
-#include "bricks/samples.h"
+#include "bricks/places.h"
 #include "bricks/transfer.h"
+#include "bricks/write_private.h"
 #include "volume/grid.h"
 #include "volume/volume.h"
 
-enum { ZSTD_LEVEL = 1, THREADS_MAX = 16, PROJECTED_SIDE = 256 };
-/* Shares of the time, for the progress: level 0, then the histogram. */
+enum { ZSTD_LEVEL = 1 };
+/* Shares of the progress of the samples: level 0, then the histogram. */
 static const double level_share = 0.7, histogram_share = 0.2;
 
-/* A row of bricks, with the rows and slices around it. */
-struct strip {
-    uint32_t first[2], size[2]; /* of its own samples: along axes 1 and 2 */
-    uint32_t from[2], count[2]; /* in memory: with the margin */
-    void *samples;
-};
-
-struct worker {
-    ZSTD_CCtx *context;
-    void *copy; /* samples of a brick */
-    uint64_t histogram[SP_HISTOGRAM_BINS];
-    uint64_t zeros; /* samples in holes, for the histogram */
-    bool failed;    /* reading for it */
-};
-
-struct writer {
-    const struct sp_bricks_write_job *job;
-    struct sp_brick_header header;
-    struct sp_pool *pool;
-    struct worker workers[THREADS_MAX];
-    unsigned l; /* the level that is written */
-    size_t sample;
-    int fine, coarse; /* descriptors: samples of the level, and of the next one; −1 = none */
-    uint64_t at;      /* end of the file */
-    struct strip strip;
-    void *means;                    /* of the strip, for the next level */
-    struct sp_brick_entry *entries; /* of the level */
-    struct packed {
-        void *bytes; /* [packed_max] */
-        size_t size; /* 0 = constant */
-        bool failed;
-        uint64_t nonfinite;
-    } * packed; /* by brick of the strip */
-    uint64_t first_brick;
-    size_t packed_max;
-    size_t first_chunk; /* of those that are counted now */
-};
-
-static bool fail_memory(const struct writer *w, struct sp_error *err) {
+bool sp_bricks_write_fail_memory(const struct writer *w, struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, w->job->shown, "out of memory for a strip of bricks");
 }
 
@@ -68,8 +26,9 @@ static bool write_at(const struct writer *w, int fd, const void *bytes, size_t s
            sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
 }
 
-static bool report(const struct writer *w, double fraction, struct sp_error *err) {
-    return !w->job->progress || w->job->progress(w->job->user, fraction) ||
+bool sp_bricks_write_report(const struct writer *w, double fraction, struct sp_error *err) {
+    const double done = w->array.from + w->array.share * fraction;
+    return !w->job->progress || w->job->progress(w->job->user, done) ||
            sp_fail(err, SP_ERR_CANCELLED, w->job->shown, "cancelled");
 }
 
@@ -80,12 +39,17 @@ static void widen(uint32_t first, uint32_t size, uint32_t dim, uint32_t *from, u
     *count = end - *from;
 }
 
+/* Where the array begins in the file that it is read from. */
+static uint64_t start_of(const struct writer *w) {
+    return w->fine == w->job->samples ? w->array.at : 0;
+}
+
 static bool read_strip(struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l].dims;
     struct strip *s = &w->strip;
-    const size_t row = dims[0] * w->sample, part = s->count[0] * row;
+    const size_t row = dims[0] * w->array.item, part = s->count[0] * row;
     for (uint32_t z = 0; z < s->count[1]; z++) {
-        uint64_t at = ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row;
+        uint64_t at = start_of(w) + ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row;
         if (!sp_read_sparse(w->fine, (char *)s->samples + z * part, part, at))
             return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples: %s",
                            strerror(errno));
@@ -97,29 +61,56 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
 static bool is_empty(const struct writer *w) {
     const uint32_t *dims = w->header.level[w->l].dims;
     const struct strip *s = &w->strip;
-    const size_t row = dims[0] * w->sample;
+    const size_t row = dims[0] * w->array.item;
     for (uint32_t z = 0; z < s->count[1]; z++)
         if (!sp_is_hole(w->fine, s->count[0] * row,
-                        ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row))
+                        start_of(w) + ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row))
             return false;
     return true;
 }
 
+/* The numbers of the strip: vectors are rows of three times as many. */
 static struct sp_brick_view view_of(const struct writer *w) {
     const struct strip *s = &w->strip;
-    const uint32_t *dims = w->header.level[w->l].dims;
+    const uint32_t numbers = w->header.level[w->l].dims[0] * w->array.components;
     return (struct sp_brick_view){
         .samples = s->samples,
-        .type = w->header.info.type,
-        .width = dims[0],
+        .type = w->array.type,
+        .width = numbers,
         .height = s->count[0],
         .first = { 0, s->first[0] - s->from[0], s->first[1] - s->from[1] },
-        .size = { dims[0], s->size[0], s->size[1] },
+        .size = { numbers, s->size[0], s->size[1] },
     };
 }
 
+static void pack(struct writer *w, struct packed *packed, struct worker *worker, size_t size) {
+    packed->size =
+        ZSTD_compress2(worker->context, packed->bytes, w->packed_max, worker->copy, size);
+    packed->failed = ZSTD_isError(packed->size);
+}
+
+static bool is_zero(const char *bytes, size_t size) {
+    return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
+}
+
+/* Packs the vectors of a brick. */
+static void pack_vectors(struct writer *w, uint32_t b, struct worker *worker) {
+    struct packed *packed = &w->packed[b];
+    const uint32_t first = b * BRICK_SIDE, left = w->header.level[w->l].dims[0] - first;
+    struct sp_brick_view own = view_of(w);
+    own.first[0] = first * 3;
+    own.size[0] = (left < BRICK_SIDE ? left : BRICK_SIDE) * 3;
+    const size_t count = (size_t)own.size[0] / 3 * own.size[1] * own.size[2];
+    w->entries[w->first_brick + b] = (struct sp_brick_entry){ .bytes = 0 };
+    *packed = (struct packed){ .bytes = packed->bytes };
+    sp_brick_copy(&own, worker->copy);
+    packed->longest = sp_brick_longest(worker->copy, count);
+    if (!is_zero(worker->copy, count * w->array.item))
+        pack(w, packed, worker, count * w->array.item);
+}
+
 /* Finds the range of a brick of the strip and packs it. */
-static void pack_brick(struct writer *w, uint32_t b, struct worker *worker) {
+static void pack_samples(struct writer *w, uint32_t b, struct worker *worker) {
     const struct strip *s = &w->strip;
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_brick_entry *entry = &w->entries[w->first_brick + b];
@@ -134,24 +125,22 @@ static void pack_brick(struct writer *w, uint32_t b, struct worker *worker) {
     around.size[2] = s->count[1];
     const struct sp_brick_range all = sp_brick_find_range(&around), in = sp_brick_find_range(&own);
     *entry = (struct sp_brick_entry){ .range = { all.least, all.most } };
-    packed->nonfinite = in.nonfinite;
-    packed->size = 0;
-    packed->failed = false;
+    *packed = (struct packed){ .bytes = packed->bytes, .nonfinite = in.nonfinite };
     sp_brick_copy(&own, worker->copy);
     if (in.is_constant) {
-        memcpy(&entry->at, worker->copy, w->sample);
+        memcpy(&entry->at, worker->copy, w->array.item);
         return;
     }
-    const size_t count = (size_t)own.size[0] * own.size[1] * own.size[2];
-    packed->size = ZSTD_compress2(worker->context, packed->bytes, w->packed_max, worker->copy,
-                                  count * w->sample);
-    packed->failed = ZSTD_isError(packed->size);
+    pack(w, packed, worker, (size_t)own.size[0] * own.size[1] * own.size[2] * w->array.item);
 }
 
 static void pack_bricks(void *user, size_t begin, size_t end, unsigned worker) {
     struct writer *w = user;
     for (size_t b = begin; b < end; b++)
-        pack_brick(w, (uint32_t)b, &w->workers[worker]);
+        if (w->array.is_vectors)
+            pack_vectors(w, (uint32_t)b, &w->workers[worker]);
+        else
+            pack_samples(w, (uint32_t)b, &w->workers[worker]);
 }
 
 static bool write_packed(struct writer *w, struct sp_error *err) {
@@ -159,9 +148,11 @@ static bool write_packed(struct writer *w, struct sp_error *err) {
         struct sp_brick_entry *entry = &w->entries[w->first_brick + b];
         const struct packed *packed = &w->packed[b];
         if (packed->failed)
-            return fail_memory(w, err);
-        if (w->l == 0)
+            return sp_bricks_write_fail_memory(w, err);
+        if (w->l == 0) {
             w->header.info.nonfinite += packed->nonfinite;
+            w->header.info.longest = fmax(w->header.info.longest, packed->longest);
+        }
         if (!packed->size)
             continue;
         entry->at = w->at;
@@ -177,7 +168,7 @@ static bool write_packed(struct writer *w, struct sp_error *err) {
 
 /* Bytes of a slice of the strip's means. */
 static size_t means_bytes(const struct writer *w) {
-    return (size_t)w->header.level[w->l + 1].dims[0] * w->sample * ((w->strip.size[0] + 1) / 2);
+    return (size_t)w->header.level[w->l + 1].dims[0] * w->array.item * ((w->strip.size[0] + 1) / 2);
 }
 
 /* Averages the slices [begin, end) of the means. */
@@ -188,14 +179,18 @@ static void average(void *user, size_t begin, size_t end, unsigned worker) {
     (void)worker;
     view.first[2] += 2 * (uint32_t)begin;
     view.size[2] = slices < 2 * (end - begin) ? slices : 2 * (uint32_t)(end - begin);
-    sp_brick_average(&view, (char *)w->means + begin * means_bytes(w));
+    void *means = (char *)w->means + begin * means_bytes(w);
+    if (w->array.is_vectors)
+        sp_brick_average_vectors(&view, means);
+    else
+        sp_brick_average(&view, means);
 }
 
 /* Writes the means of the strip to the next level. */
 static bool write_means(struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
     const struct strip *s = &w->strip;
-    const size_t row = dims[0] * w->sample, part = means_bytes(w);
+    const size_t row = dims[0] * w->array.item, part = means_bytes(w);
     sp_parallel_for(w->pool, (s->size[1] + 1) / 2, 1, average, w);
     for (uint32_t z = 0; 2 * z < s->size[1]; z++) {
         uint64_t at = ((uint64_t)(s->first[1] / 2 + z) * dims[1] + s->first[0] / 2) * row;
@@ -233,7 +228,8 @@ static bool write_strips(struct writer *w, struct sp_error *err) {
             place_strip(w, row, slab);
             const double done = ((double)slab * level->bricks[1] + row) /
                                 ((double)level->bricks[1] * level->bricks[2]);
-            if (!report(w, w->l ? level_share + histogram_share : level_share * done, err) ||
+            const double level_0 = level_share * done, others = level_share + histogram_share;
+            if (!sp_bricks_write_report(w, w->l ? others : level_0, err) ||
                 (!is_empty(w) && !write_strip(w, err)))
                 return false;
         }
@@ -242,48 +238,51 @@ static bool write_strips(struct writer *w, struct sp_error *err) {
 
 static bool write_index(struct writer *w, struct sp_error *err) {
     struct sp_brick_level *level = &w->header.level[w->l];
+    struct sp_brick_index *index = w->array.is_vectors ? &level->vectors : &level->samples;
     const uint64_t count = sp_brick_count(level);
     const size_t size = count * BRICK_ENTRY_BYTES;
     unsigned char *bytes = malloc(size);
     if (!bytes)
-        return fail_memory(w, err);
+        return sp_bricks_write_fail_memory(w, err);
     for (uint64_t i = 0; i < count; i++)
         sp_brick_entry_encode(&w->entries[i], bytes + i * BRICK_ENTRY_BYTES);
-    level->index_at = w->at;
-    level->checksum = sp_brick_checksum(bytes, size);
+    *index = (struct sp_brick_index){ w->at, sp_brick_checksum(bytes, size) };
     bool ok = write_at(w, w->job->out, bytes, size, w->at, err);
     w->at += size;
     free(bytes);
     return ok;
 }
 
-/* Memory for the strips of level 0, the largest ones. */
+/* Memory for the strips of level 0, the largest ones, of samples and vectors. */
 static bool allocate(struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.info.grid.dims;
+    const size_t sample = sp_type_size(w->header.info.type);
+    const size_t item =
+        w->header.info.vector_bytes && sample < BRICK_VECTOR_BYTES ? BRICK_VECTOR_BYTES : sample;
     const size_t side = BRICK_SIDE + 2 * BRICK_MARGIN, brick = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE;
     const uint32_t bricks = w->header.level[0].bricks[0];
-    w->packed_max = ZSTD_compressBound(brick * w->sample);
-    w->strip.samples = malloc(dims[0] * side * side * w->sample);
-    w->means = malloc(((size_t)dims[0] + 1) / 2 * BRICK_SIDE * BRICK_SIDE / 4 * w->sample);
+    w->packed_max = ZSTD_compressBound(brick * item);
+    w->strip.samples = malloc(dims[0] * side * side * item);
+    w->means = malloc(((size_t)dims[0] + 1) / 2 * BRICK_SIDE * BRICK_SIDE / 4 * item);
     w->packed = calloc(bricks, sizeof *w->packed);
     bool ok = w->strip.samples && w->means && w->packed;
     for (uint32_t b = 0; ok && b < bricks; b++)
         ok = (w->packed[b].bytes = malloc(w->packed_max)) != NULL;
     for (unsigned t = 0; ok && t < sp_pool_threads(w->pool); t++) {
         struct worker *worker = &w->workers[t];
-        ok = (worker->copy = malloc(brick * w->sample)) && (worker->context = ZSTD_createCCtx());
+        ok = (worker->copy = malloc(brick * item)) && (worker->context = ZSTD_createCCtx());
         if (!ok)
             break;
         ZSTD_CCtx_setParameter(worker->context, ZSTD_c_compressionLevel, ZSTD_LEVEL);
         ZSTD_CCtx_setParameter(worker->context, ZSTD_c_checksumFlag, 1);
     }
-    return ok || fail_memory(w, err);
+    return ok || sp_bricks_write_fail_memory(w, err);
 }
 
 static void release(struct writer *w) {
     for (uint32_t b = 0; w->packed && b < w->header.level[0].bricks[0]; b++)
         free(w->packed[b].bytes);
-    for (int t = 0; t < THREADS_MAX; t++) {
+    for (int t = 0; t < WRITE_THREADS_MAX; t++) {
         ZSTD_freeCCtx(w->workers[t].context);
         free(w->workers[t].copy);
     }
@@ -291,6 +290,7 @@ static void release(struct writer *w) {
     free(w->strip.samples);
     free(w->means);
     free(w->entries);
+    free(w->places);
     if (w->fine >= 0 && w->fine != w->job->samples)
         close(w->fine);
     if (w->coarse >= 0)
@@ -311,7 +311,7 @@ static void find_range(struct writer *w) {
 /* Gives the samples of the next level their size. */
 static bool set_size(const struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
-    const uint64_t bytes = (uint64_t)dims[0] * dims[1] * dims[2] * w->sample;
+    const uint64_t bytes = (uint64_t)dims[0] * dims[1] * dims[2] * w->array.item;
     return ftruncate(w->coarse, (off_t)bytes) == 0 ||
            sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
 }
@@ -321,109 +321,31 @@ static bool write_level(struct writer *w, struct sp_error *err) {
     free(w->entries);
     w->entries = calloc(sp_brick_count(&w->header.level[w->l]), sizeof *w->entries);
     if (!w->entries)
-        return fail_memory(w, err);
+        return sp_bricks_write_fail_memory(w, err);
     w->coarse = is_last ? -1 : sp_bricks_temporary(w->job->folder, err);
     if (!is_last && (w->coarse < 0 || !set_size(w, err)))
         return false;
     if (!write_strips(w, err) || !write_index(w, err))
         return false;
-    if (w->l == 0)
+    if (w->l == 0 && !w->array.is_vectors)
         find_range(w);
     return true;
 }
 
-/* Counts the values of a chunk of samples, without reading holes. */
-static bool count_data(const struct writer *w, struct worker *own, uint64_t at, uint64_t end) {
-    uint64_t from, to;
-    for (; at < end; at = to) {
-        sp_find_data(w->job->samples, at, end, &from, &to);
-        from -= from % w->sample; /* whole samples, wherever the holes begin and end */
-        to = to < end ? to + (w->sample - to % w->sample) % w->sample : end;
-        own->zeros += (from - at) / w->sample;
-        if (from == end)
-            break;
-        if (!sp_read_at(w->job->samples, own->copy, (size_t)(to - from), from))
-            return false;
-        sp_brick_count_values(own->copy, w->header.info.type, (size_t)(to - from) / w->sample,
-                              w->header.info.range, own->histogram);
-    }
-    return true;
+/* Finds what the header says of the values, from the samples of the level that was written. */
+static bool find_values(struct writer *w, bool *is_projected, struct sp_error *err) {
+    return w->array.is_vectors ||
+           ((w->l > 0 ||
+             sp_bricks_count_values(w, level_share, level_share + histogram_share, err)) &&
+            sp_bricks_find_projected(w, is_projected, err));
 }
 
-static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
-    struct writer *w = user;
-    struct worker *own = &w->workers[worker];
-    const uint64_t bytes = w->header.info.voxel_bytes;
-    const size_t chunk = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE; /* samples: of the worker's copy */
-    for (size_t i = w->first_chunk + begin; i < w->first_chunk + end; i++) {
-        const uint64_t at = (uint64_t)i * chunk * w->sample;
-        const uint64_t size = bytes - at < chunk * w->sample ? bytes - at : chunk * w->sample;
-        own->failed = own->failed || !count_data(w, own, at, at + size);
-    }
-}
-
-static bool count_values(struct writer *w, struct sp_error *err) {
-    enum { STEP = 128 }; /* chunks between two reports */
-    const size_t chunk = (size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * w->sample;
-    const size_t chunks = (size_t)((w->header.info.voxel_bytes + chunk - 1) / chunk);
-    for (w->first_chunk = 0; w->first_chunk < chunks; w->first_chunk += STEP) {
-        const size_t left = chunks - w->first_chunk;
-        const double done = (double)w->first_chunk / (double)chunks;
-        if (!report(w, level_share + histogram_share * done, err))
-            return false;
-        sp_parallel_for(w->pool, left < STEP ? left : STEP, 1, count_chunk, w);
-    }
-    for (unsigned t = 0; t < sp_pool_threads(w->pool); t++) {
-        if (w->workers[t].failed)
-            return sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples again");
-        uint64_t zero[SP_HISTOGRAM_BINS] = { 0 };
-        const double sample = 0; /* as many bytes of 0 as any type has */
-        sp_brick_count_values(&sample, w->header.info.type, 1, w->header.info.range, zero);
-        for (int b = 0; b < SP_HISTOGRAM_BINS; b++)
-            w->header.info.histogram[b] +=
-                w->workers[t].histogram[b] + w->workers[t].zeros * zero[b];
-    }
-    return report(w, level_share + histogram_share, err);
-}
-
-/* Finds what projections show, from the first level that is small enough, which `fd` holds. */
-static bool find_projected(struct writer *w, int fd, struct sp_error *err) {
-    const struct sp_brick_level *level = &w->header.level[w->l];
-    struct sp_volume_info coarse = w->header.info;
-    size_t bytes = w->sample;
-    for (int a = 0; a < 3; a++) {
-        coarse.grid.dims[a] = level->dims[a];
-        coarse.grid.spacing[a] = ldexp(w->header.info.grid.spacing[a], (int)w->l);
-        bytes *= level->dims[a];
-    }
-    void *samples = malloc(bytes);
-    bool ok = samples != NULL;
-    if (!ok)
-        fail_memory(w, err);
-    else if (!sp_read_at(fd, samples, bytes, 0))
-        ok = sp_fail(err, SP_ERR_IO, w->job->shown, "cannot read the samples again");
-    ok = ok && sp_volume_project(&coarse, samples, err);
-    w->header.info.projected = coarse.projected;
-    free(samples);
-    return ok;
-}
-
-static bool is_small(const struct sp_brick_level *level) {
-    return level->dims[0] <= PROJECTED_SIDE && level->dims[1] <= PROJECTED_SIDE &&
-           level->dims[2] <= PROJECTED_SIDE;
-}
-
-static bool write_levels(struct writer *w, struct sp_error *err) {
+static bool write_array(struct writer *w, struct sp_error *err) {
     bool is_projected = false;
     w->fine = w->job->samples;
     for (w->l = 0; w->l < w->header.levels; w->l++) {
-        if (!write_level(w, err) || (w->l == 0 && !count_values(w, err)))
+        if (!write_level(w, err) || !find_values(w, &is_projected, err))
             return false;
-        if (!is_projected && (w->coarse < 0 || is_small(&w->header.level[w->l]))) {
-            if (!find_projected(w, w->fine, err))
-                return false;
-            is_projected = true;
-        }
         if (w->fine != w->job->samples)
             close(w->fine);
         w->fine = w->coarse;
@@ -432,11 +354,51 @@ static bool write_levels(struct writer *w, struct sp_error *err) {
     return true;
 }
 
+/* Writes the levels of the samples, then those of the vectors. */
+static bool write_arrays(struct writer *w, struct sp_error *err) {
+    const struct sp_volume_info *info = &w->header.info;
+    const size_t sample = sp_type_size(info->type);
+    const uint64_t voxels = info->voxel_bytes / sample;
+    const double all = (double)info->voxel_bytes + (double)info->vector_bytes;
+    struct array vectors = { .is_vectors = true,
+                             .type = SP_FLOAT32,
+                             .components = 3,
+                             .item = BRICK_VECTOR_BYTES,
+                             .share = (double)info->vector_bytes / all };
+    vectors.from = 1 - vectors.share;
+    sp_volume_layout(info->voxel_bytes, voxels, true, &vectors.at);
+    w->array = (struct array){
+        .type = info->type, .components = 1, .item = sample, .share = 1 - vectors.share
+    };
+    if (!write_array(w, err))
+        return false;
+    w->array = vectors;
+    return !info->vector_bytes || write_array(w, err);
+}
+
+/* Writes the places of the samples on rectilinear axes. */
+static bool write_axes(struct writer *w, struct sp_error *err) {
+    const size_t count = sp_brick_places_first(&w->header);
+    uint64_t *stored = calloc(count + 1, sizeof *stored);
+    if (!stored)
+        return sp_bricks_write_fail_memory(w, err);
+    for (size_t i = 0; i < count; i++) {
+        memcpy(&stored[i], &w->places[i], sizeof *stored);
+        stored[i] = htole64(stored[i]);
+    }
+    w->header.axes_at = w->at;
+    w->header.axes_checksum = sp_brick_checksum(stored, count * sizeof *stored);
+    bool ok = write_at(w, w->job->out, stored, count * sizeof *stored, w->at, err);
+    w->at += count * sizeof *stored;
+    free(stored);
+    return ok;
+}
+
 static bool write_notes(struct writer *w, struct sp_error *err) {
     const size_t size = sp_brick_notes_bytes(w->job->info);
     unsigned char *bytes = calloc(1, size);
     if (!bytes)
-        return fail_memory(w, err);
+        return sp_bricks_write_fail_memory(w, err);
     sp_brick_notes_encode(w->job->info, bytes);
     w->header.notes_at = w->at;
     w->header.notes_bytes = size;
@@ -461,30 +423,45 @@ static bool write_header(struct writer *w, struct sp_error *err) {
 static void describe(const struct sp_volume_info *from, struct sp_volume_info *to) {
     to->grid = from->grid;
     to->type = from->type;
-    to->voxel_bytes = (uint64_t)from->grid.dims[0] * from->grid.dims[1] * from->grid.dims[2] *
-                      sp_type_size(from->type);
+    const uint64_t voxels = (uint64_t)from->grid.dims[0] * from->grid.dims[1] * from->grid.dims[2];
+    to->voxel_bytes = voxels * sp_type_size(from->type);
+    to->vector_bytes = from->vector_bytes ? voxels * BRICK_VECTOR_BYTES : 0;
     memcpy(to->unit, from->unit, sizeof to->unit);
     memcpy(to->anatomy, from->anatomy, sizeof to->anatomy);
     memcpy(to->value_name, from->value_name, sizeof to->value_name);
+    memcpy(to->vector_name, from->vector_name, sizeof to->vector_name);
     memcpy(to->value_unit, from->value_unit, sizeof to->value_unit);
 }
 
+/* Fills the header but for what writing finds. */
+static bool init_header(struct writer *w, struct sp_error *err) {
+    const struct sp_grid *grid = &w->job->info->grid;
+    describe(w->job->info, &w->header.info);
+    for (int a = 0; a < 3; a++)
+        w->header.rectilinear |= (uint32_t)(grid->coordinates[a] != NULL) << a;
+    sp_brick_header_init(&w->header);
+    double *next = w->places = malloc((sp_brick_places_count(&w->header) + 1) * sizeof *w->places);
+    if (!next)
+        return sp_bricks_write_fail_memory(w, err);
+    for (int a = 0; a < 3; a++)
+        if (grid->coordinates[a]) {
+            memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
+            next += grid->dims[a];
+        }
+    sp_brick_places_fill(&w->header, w->places);
+    return true;
+}
+
 bool sp_bricks_write(const struct sp_bricks_write_job *job, struct sp_error *err) {
-    if (sp_grid_is_rectilinear(&job->info->grid))
-        return sp_fail(err, SP_ERR_UNSUPPORTED, job->shown,
-                       "brick files have evenly spaced axes, and this grid is rectilinear");
     struct writer *w = calloc(1, sizeof *w);
     if (!w)
         return sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory for a brick file");
     w->job = job;
     w->fine = w->coarse = -1;
     w->at = BRICK_HEADER_BYTES;
-    w->sample = sp_type_size(job->info->type);
-    describe(job->info, &w->header.info);
-    sp_brick_header_init(&w->header);
-    bool ok = (w->pool = sp_pool_create(sp_volume_threads(), err)) && allocate(w, err) &&
-              write_levels(w, err) && write_notes(w, err) && write_header(w, err) &&
-              report(w, 1, err);
+    bool ok = init_header(w, err) && (w->pool = sp_pool_create(sp_volume_threads(), err)) &&
+              allocate(w, err) && write_arrays(w, err) && write_axes(w, err) &&
+              write_notes(w, err) && write_header(w, err) && sp_bricks_write_report(w, 1, err);
     release(w);
     free(w);
     return ok;

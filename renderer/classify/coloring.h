@@ -17,10 +17,16 @@
 struct sp_coloring {
     struct sp_volume *volume; /* has the numbers, borrowed; NULL = own values give the colours */
     bool by_length;           /* true: the lengths of its vectors; false: its samples or values */
+    /* Both volumes have other samples of the same whole, which is larger than memory: the number of
+     * a sample is the mean of those that lie in it, or that of the coarser one that it lies in. */
+    bool is_part;
+    struct sp_whole_part shown, own; /* where they lie */
+    uint32_t dims[3];                /* of the shown volume */
     double low, scale, first;
 };
 
-/* Finds the colouring of a layer of `shown`. `colors`: the volume that layer->color_by names. */
+/* Finds the colouring of a layer of `shown`. `colors`: the volume that layer->color_by names, or
+ * some of its samples. */
 void sp_coloring_init(struct sp_coloring *coloring, const struct sp_layer *layer,
                       const struct sp_transfer_function *tf, struct sp_volume *shown,
                       struct sp_volume *colors);

@@ -16,6 +16,7 @@
 #include "import/launch.h"
 #include "sp/bricks.h"
 #include "sp/log.h"
+#include "volume/grid.h"
 #include "volume/procedural.h"
 
 /* Share of the time in which the samples are read; the rest is writing. */
@@ -32,19 +33,19 @@ static bool report(void *user, double fraction) {
            p->options->progress(p->options->user, p->from + p->share * fraction);
 }
 
-/* Returns a file with the samples. */
+/* Returns a file with the samples, as sp_import_samples(). */
 static int read_samples(const char *source, const char *folder,
                         const struct sp_load_options *options, struct sp_volume_info *info,
-                        struct sp_error *err) {
+                        double **numbers, struct sp_error *err) {
     struct progress progress = { options, 0, read_share };
     struct sp_load_options own = *options;
     own.reserve = NULL;
     own.progress = report;
     own.user = &progress;
     if (!sp_source_is_demo(source))
-        return sp_import_samples(source, &own, folder, info, err);
+        return sp_import_samples(source, &own, folder, info, numbers, err);
     int fd = sp_bricks_temporary(folder, err);
-    if (fd >= 0 && !sp_demo_stream(source, &own, fd, info, err)) {
+    if (fd >= 0 && !sp_demo_stream(source, &own, fd, info, numbers, err)) {
         close(fd);
         fd = -1;
     }
@@ -81,16 +82,7 @@ static bool write_all(const struct sp_export_job *job, const struct sp_volume_in
 
 /* For the brick cache: the file stands for the source, so it names its other fields and steps. */
 static bool write_cached(const struct sp_export_job *job, struct sp_error *err) {
-    struct sp_volume_info info = *job->info;
-    int at = 0;
-    while (at < SP_WARNINGS_MAX - 1 && info.warnings[at][0])
-        at++;
-    if (info.vector_bytes)
-        snprintf(info.warnings[at], sizeof info.warnings[at],
-                 "The vectors \"%s\" are left out: the volume does not fit into memory, and "
-                 "brick files have no vectors.",
-                 info.vector_name);
-    return write_all(job, &info, err);
+    return write_all(job, job->info, err);
 }
 
 static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) {
@@ -128,13 +120,24 @@ struct format {
     const char *suffix;
     sp_export_fn *write;
     bool is_folder;
+    bool is_bricks; /* it has vectors and rectilinear axes */
 };
 
 static const struct format formats[] = {
-    { SP_BRICKS_SUFFIX, write_bricks, false }, { ".nrrd", sp_export_nrrd, false },
-    { ".nii", sp_export_nifti, false },        { ".nii.gz", sp_export_nifti, false },
-    { ".vdb", sp_export_vdb, false },          { ".zarr", sp_export_zarr, true }
+    { .suffix = SP_BRICKS_SUFFIX, .write = write_bricks, .is_bricks = true },
+    { .suffix = ".nrrd", .write = sp_export_nrrd },
+    { .suffix = ".nii", .write = sp_export_nifti },
+    { .suffix = ".nii.gz", .write = sp_export_nifti },
+    { .suffix = ".vdb", .write = sp_export_vdb },
+    { .suffix = ".zarr", .write = sp_export_zarr, .is_folder = true }
 };
+
+static bool check_axes(const struct format *format, const char *source,
+                       const struct sp_volume_info *info, struct sp_error *err) {
+    return format->is_bricks || !sp_grid_is_rectilinear(&info->grid) ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, source,
+                   "its axes have uneven steps, which only %s files keep", SP_BRICKS_SUFFIX);
+}
 
 static bool convert(const char *source, const char *out, const struct format *format,
                     const struct sp_load_options *options, struct sp_volume_info *info,
@@ -153,7 +156,8 @@ static bool convert(const char *source, const char *out, const struct format *fo
     if (!check_place(path, folder, format->is_folder, err))
         return false;
     options = options ? options : &none;
-    int samples = read_samples(source, folder, options, info, err);
+    double *numbers = NULL;
+    int samples = read_samples(source, folder, options, info, &numbers, err);
     if (samples < 0)
         return false;
     struct progress progress = { options, read_share, 1 - read_share };
@@ -163,17 +167,21 @@ static bool convert(const char *source, const char *out, const struct format *fo
                                  .shown = path,
                                  .progress = report,
                                  .user = &progress };
-    bool ok = format->is_folder ? sp_export_folder(&job, format->write, err)
-                                : write_file(&job, format->write, err);
+    bool ok = check_axes(format, source, info, err) &&
+              (format->is_folder ? sp_export_folder(&job, format->write, err)
+                                 : write_file(&job, format->write, err));
     close(samples);
-    free((double *)info->steps.times); /* that read_samples() has allocated */
+    free(numbers);
     info->steps.times = NULL;
+    memset(info->grid.coordinates, 0, sizeof info->grid.coordinates);
     return ok;
 }
 
 bool sp_bricks_convert(const char *source, const char *out, const struct sp_load_options *options,
                        struct sp_error *err) {
-    static const struct format cached = { SP_BRICKS_SUFFIX, write_cached, false };
+    static const struct format cached = { .suffix = SP_BRICKS_SUFFIX,
+                                          .write = write_cached,
+                                          .is_bricks = true };
     struct sp_volume_info info;
     return convert(source, out, &cached, options, &info, err);
 }
@@ -201,13 +209,14 @@ bool sp_convert_check(const char *out, struct sp_error *err) {
 }
 
 /* Says what the reader changed, and what the output does not have. */
-static void warn(const char *source, const struct sp_volume_info *info) {
+static void warn(const char *source, const struct format *format,
+                 const struct sp_volume_info *info) {
     for (int i = 0; i < SP_WARNINGS_MAX && info->warnings[i][0]; i++)
         sp_log(SP_LOG_WARN, "%s: %s", source, info->warnings[i]);
     if (info->steps.count > 1)
         sp_log(SP_LOG_WARN, "%s: of %u time steps only number %u is written", source,
                info->steps.count, info->steps.index);
-    if (info->vector_bytes)
+    if (info->vector_bytes && !format->is_bricks)
         sp_log(SP_LOG_WARN, "%s: the vectors \"%s\" are left out", source, info->vector_name);
     if (info->others[0][0])
         sp_log(SP_LOG_WARN,
@@ -221,6 +230,6 @@ bool sp_convert(const char *source, const char *out, const struct sp_load_option
     struct sp_volume_info info;
     if (!format || !convert(source, out, format, options, &info, err))
         return false;
-    warn(source, &info);
+    warn(source, format, &info);
     return true;
 }

@@ -398,59 +398,81 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
     return volume;
 }
 
-/* Copies the times of the series from the file of samples; the caller frees them. */
-static bool take_times(const struct import *im, struct sp_volume_info *info, struct sp_error *err) {
-    const size_t size = info->steps.count * sizeof(double);
-    if (!im->layout.times_at)
-        return true;
-    double *times = malloc(size);
-    if (!times)
-        return sp_fail(err, SP_ERR_MEMORY, im->place.path, "out of memory for the times");
-    if (sp_read_at(im->child.memory, times, size, im->layout.times_at) &&
-        are_finite(times, info->steps.count)) {
-        info->steps.times = times;
-        return true;
-    }
-    free(times);
-    return sp_fail(err, SP_ERR_CRASHED, im->place.path,
-                   "the import process sent times that are no numbers");
+/* Copies `count` numbers from the file of samples, and moves the place where more go. */
+static const double *take_numbers(const struct import *im, uint64_t at, uint32_t count,
+                                  double **next) {
+    double *numbers = *next;
+    *next += count;
+    return sp_read_at(im->child.memory, numbers, count * sizeof *numbers, at) ? numbers : NULL;
 }
 
-/* Describes the samples in the file. The child has ended, so the size does not change any more. */
-static bool take_samples(const struct import *im, struct sp_volume_info *info,
+/* Copies the coordinates of rectilinear axes, and the times of the series. */
+static bool take_axes(const struct import *im, struct sp_volume_info *info, double **numbers,
+                      struct sp_error *err) {
+    size_t count = info->steps.count;
+    for (int a = 0; a < 3; a++)
+        count += info->grid.dims[a];
+    double *next = *numbers = malloc(count * sizeof *next);
+    if (!next)
+        return sp_fail(err, SP_ERR_MEMORY, im->place.path, "out of memory for axes and times");
+    bool ok = true;
+    for (int a = 0; ok && a < 3; a++)
+        if (im->header.rectilinear >> a & 1) {
+            info->grid.coordinates[a] =
+                take_numbers(im, im->layout.coordinates_at[a], info->grid.dims[a], &next);
+            ok = info->grid.coordinates[a] != NULL;
+        }
+    if (ok && im->layout.times_at) {
+        info->steps.times = take_numbers(im, im->layout.times_at, info->steps.count, &next);
+        ok = info->steps.times && are_finite(info->steps.times, info->steps.count);
+    }
+    return ok || sp_fail(err, SP_ERR_CRASHED, im->place.path,
+                         "the import process sent axes or times that are no numbers");
+}
+
+/* Describes the samples in the file. The child has ended, so the file does not change any more. */
+static bool take_samples(const struct import *im, struct sp_volume_info *info, double **numbers,
                          struct sp_error *err) {
     struct sp_error why;
     struct stat st;
     uint64_t samples;
     describe(im, info);
-    if (info->elements.kind != SP_KIND_GRID || im->header.rectilinear)
+    if (info->elements.kind != SP_KIND_GRID)
         return sp_fail(err, SP_ERR_UNSUPPORTED, im->place.path,
-                       "only volumes with evenly spaced axes can be converted");
+                       "only grids of samples can be converted, and this volume has %s",
+                       sp_kind_name(info->elements.kind));
+    if (fstat(im->child.memory, &st) != 0 || (uint64_t)st.st_size < im->layout.bytes)
+        return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
+    if (!take_axes(im, info, numbers, err))
+        return false;
     if (!sp_grid_check(&info->grid, info->type, im->place.path, &samples, &why))
         return sp_fail(err, SP_ERR_CRASHED, im->place.path,
                        "the import process sent a bad grid: %s", why.text);
-    if (fstat(im->child.memory, &st) != 0 || (uint64_t)st.st_size < samples)
-        return sp_fail(err, SP_ERR_CRASHED, im->place.path, "the import process cut the samples");
     if (im->layout.vectors_at)
         info->vector_bytes = samples / sp_type_size(info->type) * 3 * sizeof(float);
-    return take_times(im, info, err);
+    return true;
 }
 
 int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,
-                      struct sp_volume_info *info, struct sp_error *err) {
+                      struct sp_volume_info *info, double **numbers, struct sp_error *err) {
     struct import *im = create(source, options, folder, err);
     int samples = -1;
+    *numbers = NULL;
     if (!im)
         return -1;
     const bool is_found = find(im, err);
     const int bricks = is_found ? open_bricks(im) : -1;
     if (bricks >= 0) {
-        samples = sp_bricks_unpack(bricks, im->place.path, folder, im->options, info, err);
+        samples = sp_bricks_unpack(bricks, im->place.path, folder, im->options, info, numbers, err);
         if (samples >= 0)
             snprintf(info->name, sizeof info->name, "%s", im->place.name);
-    } else if (is_found && attempt(im, err) && take_samples(im, info, err)) {
+    } else if (is_found && attempt(im, err) && take_samples(im, info, numbers, err)) {
         samples = im->child.memory;
         im->child.memory = -1;
+    }
+    if (samples < 0) {
+        free(*numbers);
+        *numbers = NULL;
     }
     finish(im);
     free(im);

@@ -15,10 +15,11 @@ struct sp_volume *sp_import(const char *source, const struct sp_load_options *op
                             struct sp_error *err);
 
 /* The same, but the samples go into a file without a name in `folder`, so that they need no memory.
- * Returns its descriptor, which the caller closes, and fills *info without range and histogram; the
- * caller frees info->steps.times. −1 with *err set. SP_ERR_UNSUPPORTED: no grid with evenly spaced
- * axes. Vectors are left out; info->vector_bytes says whether the file has any. */
+ * Vectors follow them as sp_volume_layout() says, if info->vector_bytes is not 0. Returns the
+ * descriptor, which the caller closes, and fills *info without range and histogram; the caller
+ * frees *numbers, to which its coordinates and times point. −1 with *err set. SP_ERR_UNSUPPORTED:
+ * no grid. */
 int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,
-                      struct sp_volume_info *info, struct sp_error *err);
+                      struct sp_volume_info *info, double **numbers, struct sp_error *err);
 
 #endif

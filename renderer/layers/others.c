@@ -14,6 +14,11 @@ static struct sp_volume *find_volume(const struct sp_render_options *o, const ch
     return volume;
 }
 
+/* The size of all samples, of which struct sp_volume may have a coarse level. */
+static const uint32_t *dims_of(const struct sp_volume_info *info) {
+    return info->whole.dims[0] ? info->whole.dims : info->grid.dims;
+}
+
 /* Finds the volume that gives the colours of a layer of `shown`. */
 static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_volume *shown,
                         const struct sp_render_options *o, struct sp_volume **colors,
@@ -29,7 +34,7 @@ static bool find_colors(const struct sp_view *view, uint32_t i, const struct sp_
         return false;
     const struct sp_volume_info *a = sp_volume_info(*colors), *b = sp_volume_info(shown);
     return (a->elements.kind == b->elements.kind && a->elements.count == b->elements.count &&
-            memcmp(a->grid.dims, b->grid.dims, sizeof a->grid.dims) == 0) ||
+            memcmp(dims_of(a), dims_of(b), sizeof a->grid.dims) == 0) ||
            sp_fail(err, SP_ERR_INVALID, place,
                    "\"%s\" has other samples than the volume of the layer: name another field of "
                    "its file",

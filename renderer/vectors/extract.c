@@ -21,6 +21,7 @@ struct work {
     const void *voxels;
     const float (*vectors)[3];
     enum sp_type type;
+    struct sp_whole_part part; /* of all samples, which the volume has */
 };
 
 static struct sp_class class_at(const struct work *work, uint64_t at, const uint32_t i[3]) {
@@ -53,6 +54,14 @@ static uint32_t pack_vector(const struct work *work, uint64_t at) {
     return sp_gradient_pack(&work->packing, vector);
 }
 
+/* The same for every part of the volume that has the sample. */
+static uint32_t hash_of(const struct work *work, uint32_t x, uint32_t y, uint32_t z) {
+    const struct sp_whole_part *part = &work->part;
+    const uint64_t row =
+        ((uint64_t)part->first[2] + z) * part->dims[1] + ((uint64_t)part->first[1] + y);
+    return sp_streak_hash(row * part->dims[0] + part->first[0] + x);
+}
+
 /* Visits row (y, z); counts its voxels, or writes them if `to` is not NULL. */
 static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struct sp_voxel *to) {
     const uint32_t *dims = work->list->dims;
@@ -61,7 +70,7 @@ static uint32_t visit_row(const struct work *work, uint32_t y, uint32_t z, struc
     uint32_t count = 0;
     for (uint32_t x = left.begin; x < left.end; x++) {
         const uint64_t at = row * dims[0] + x;
-        const uint32_t i[3] = { x, y, z }, hash = sp_streak_hash(at);
+        const uint32_t i[3] = { x, y, z }, hash = hash_of(work, x, y, z);
         if (!sp_streak_is_drawn(hash, work->job->density))
             continue;
         struct sp_class c = class_at(work, at, i);
@@ -129,7 +138,10 @@ bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *
                          .packing = { .bound = info->longest > 0 ? info->longest : 1 },
                          .voxels = sp_volume_voxels(job->volume),
                          .vectors = sp_volume_vectors(job->volume),
-                         .type = info->type };
+                         .type = info->type,
+                         .part = info->whole.part };
+    if (!info->whole.part.dims[0])
+        memcpy(work.part.dims, dims, sizeof work.part.dims);
     struct sp_voxel_interval *rows = NULL;
     *list = (struct sp_voxel_list){ .dims = { dims[0], dims[1], dims[2] } };
     if (sp_voxel_clips(job->clip)) {

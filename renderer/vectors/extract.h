@@ -30,8 +30,9 @@ struct sp_vectors_job {
 
 /* Makes an empty list. Samples that are not finite are left out. `normal` is the direction of the
  * vector in world space, packed like a gradient (classify/gradient.h), and 0 if the vector is 0 or
- * not finite. Which samples have a place in the list depends on their index and the density alone.
- * SP_ERR_MEMORY, SP_ERR_BUDGET, SP_ERR_CANCELLED; the list is then empty. */
+ * not finite. Which samples have a place in the list depends on the density alone, and on their
+ * index in the volume, or in a level of it if that is larger than memory. SP_ERR_MEMORY,
+ * SP_ERR_BUDGET, SP_ERR_CANCELLED; the list is then empty. */
 bool sp_vectors_extract(const struct sp_vectors_job *job, struct sp_voxel_list *list,
                         struct sp_error *err);
 

@@ -249,6 +249,16 @@ static void describe(const struct sp_demo_maker *maker, uint32_t size, const cha
     }
 }
 
+/* Gives the grid its rectilinear axes, whose coordinates go to `numbers`. */
+static void grade(const struct sp_demo_maker *maker, struct sp_grid *grid, double *numbers) {
+    for (int axis = 0; axis < 3 && maker->grade; axis++) {
+        for (uint32_t i = 0; i < grid->dims[axis]; i++)
+            numbers[i] = maker->grade(grid->dims[axis], i);
+        grid->coordinates[axis] = numbers;
+        numbers += grid->dims[axis];
+    }
+}
+
 struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options *options,
                                struct sp_error *err) {
     uint32_t size;
@@ -259,31 +269,44 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
     describe(maker, size, source, &info);
     if (maker->count)
         return make_elements(maker, size, &info, options, err);
-    double coordinates[3][SP_DEMO_SIZE_MAX];
-    for (int axis = 0; axis < 3 && maker->grade; axis++) {
-        for (uint32_t i = 0; i < info.grid.dims[axis]; i++)
-            coordinates[axis][i] = maker->grade(info.grid.dims[axis], i);
-        info.grid.coordinates[axis] = coordinates[axis];
-    }
+    double coordinates[3 * SP_DEMO_SIZE_MAX];
+    grade(maker, &info.grid, coordinates);
     return make_volume(maker, &info, options, err);
 }
+
+/* Some slices of an array of a volume. */
+struct slices {
+    char *bytes;        /* NULL = the volume has no such array */
+    size_t slice_bytes; /* of one of them */
+    uint64_t at;        /* of the array in the file */
+};
 
 /* A few slices of a volume on their way to a file. */
 struct stream {
     const struct sp_demo_maker *maker;
     const void *prepared;
     const uint32_t *dims;
-    char *slices;
-    size_t slice_bytes;
+    struct slices samples, vectors;
     uint32_t first; /* of them */
 };
 
+/* Where the whole array would begin: makers want that, and write their slices only. */
+static void *start_of(const struct stream *s, const struct slices *slices) {
+    return (void *)((uintptr_t)slices->bytes - (uintptr_t)s->first * slices->slice_bytes);
+}
+
 static void make_some_slices(void *user, size_t begin, size_t end, unsigned worker) {
-    struct stream *s = user;
-    /* fill() wants the start of the whole volume, and writes these slices only. */
-    const uintptr_t start = (uintptr_t)s->slices - (uintptr_t)s->first * s->slice_bytes;
+    const struct stream *s = user;
+    const size_t area = (size_t)s->dims[0] * s->dims[1];
     (void)worker;
-    s->maker->fill(s->prepared, s->dims, s->first + begin, s->first + end, (void *)start);
+    if (s->maker->flow)
+        s->maker->flow(s->dims, s->first + begin, s->first + end, start_of(s, &s->vectors));
+    if (s->maker->fill)
+        s->maker->fill(s->prepared, s->dims, s->first + begin, s->first + end,
+                       start_of(s, &s->samples));
+    else
+        sp_volume_lengths((const float(*)[3])(void *)s->vectors.bytes + begin * area,
+                          (end - begin) * area, (float *)(void *)s->samples.bytes + begin * area);
 }
 
 static bool is_zero(const char *bytes, size_t size) {
@@ -291,16 +314,17 @@ static bool is_zero(const char *bytes, size_t size) {
 }
 
 /* Blocks of zeros stay holes of the file. */
-static bool write_slices(const struct stream *s, uint32_t count, int fd) {
-    const size_t block = (size_t)1 << 16, size = count * s->slice_bytes;
-    const uint64_t at = (uint64_t)s->first * s->slice_bytes;
+static bool write_slices(const struct stream *s, const struct slices *slices, uint32_t count,
+                         int fd) {
+    const size_t block = (size_t)1 << 16, size = slices->bytes ? count * slices->slice_bytes : 0;
+    const uint64_t at = slices->at + (uint64_t)s->first * slices->slice_bytes;
     for (size_t done = 0; done < size;) {
         const size_t left = size - done < block ? size - done : block;
-        if (is_zero(s->slices + done, left)) {
+        if (is_zero(slices->bytes + done, left)) {
             done += left;
             continue;
         }
-        ssize_t n = pwrite(fd, s->slices + done, left, (off_t)(at + done));
+        ssize_t n = pwrite(fd, slices->bytes + done, left, (off_t)(at + done));
         if (n <= 0 && errno != EINTR)
             return false;
         done += n > 0 ? (size_t)n : 0;
@@ -314,7 +338,7 @@ static bool stream_slices(struct stream *s, struct sp_pool *pool,
     for (s->first = 0; s->first < s->dims[2]; s->first += step) {
         const uint32_t left = s->dims[2] - s->first, count = left < step ? left : step;
         sp_parallel_for(pool, count, 1, make_some_slices, s);
-        if (!write_slices(s, count, fd))
+        if (!write_slices(s, &s->samples, count, fd) || !write_slices(s, &s->vectors, count, fd))
             return sp_fail(err, SP_ERR_IO, s->maker->demo.name, "cannot write the samples: %s",
                            strerror(errno));
         if (options && options->progress &&
@@ -324,32 +348,64 @@ static bool stream_slices(struct stream *s, struct sp_pool *pool,
     return true;
 }
 
+/* Memory for some slices, and the size of the file. */
+static bool open_stream(struct stream *s, const struct sp_volume_info *info, unsigned threads,
+                        int fd, struct sp_error *err) {
+    const size_t area = (size_t)s->dims[0] * s->dims[1], count = (size_t)threads * 2;
+    const uint64_t voxels = (uint64_t)area * s->dims[2], sample = sp_type_size(info->type);
+    const bool has_vectors = s->maker->flow != NULL;
+    const uint64_t size = sp_volume_layout(voxels * sample, voxels, has_vectors, &s->vectors.at);
+    s->samples.slice_bytes = area * sample;
+    s->vectors.slice_bytes = area * 3 * sizeof(float);
+    s->samples.bytes = malloc(s->samples.slice_bytes * count);
+    s->vectors.bytes = has_vectors ? malloc(s->vectors.slice_bytes * count) : NULL;
+    if (!s->samples.bytes || (has_vectors && !s->vectors.bytes))
+        return sp_fail(err, SP_ERR_MEMORY, info->source, "out of memory for some slices");
+    return ftruncate(fd, (off_t)size) == 0 ||
+           sp_fail(err, SP_ERR_IO, info->source, "cannot write the samples: %s", strerror(errno));
+}
+
+/* Describes the samples and vectors that are streamed. */
+static bool describe_stream(const struct sp_demo_maker *maker, uint32_t size, const char *source,
+                            struct sp_volume_info *info, double **numbers, struct sp_error *err) {
+    describe(maker, size, source, info);
+    if (maker->count)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, source,
+                       "only grids of samples can be converted, and this volume has none");
+    const uint32_t *dims = info->grid.dims;
+    *numbers = malloc(((size_t)dims[0] + dims[1] + dims[2]) * sizeof **numbers);
+    if (!*numbers)
+        return sp_fail(err, SP_ERR_MEMORY, source, "out of memory for the axes");
+    grade(maker, &info->grid, *numbers);
+    if (maker->flow)
+        info->vector_bytes = (uint64_t)dims[0] * dims[1] * dims[2] * 3 * sizeof(float);
+    return true;
+}
+
 bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
-                    struct sp_volume_info *info, struct sp_error *err) {
+                    struct sp_volume_info *info, double **numbers, struct sp_error *err) {
     uint32_t size;
     const struct sp_demo_maker *maker = parse_source(source, SP_DEMO_STREAM_MAX, &size, err);
+    *numbers = NULL;
     if (!maker)
         return false;
-    describe(maker, size, source, info);
-    if (maker->count || maker->grade || !maker->fill)
-        return sp_fail(err, SP_ERR_UNSUPPORTED, source,
-                       "only volumes with evenly spaced axes can be converted");
-    const uint32_t *dims = info->grid.dims;
-    struct stream s = { .maker = maker,
-                        .dims = dims,
-                        .slice_bytes = (size_t)dims[0] * dims[1] * sp_type_size(maker->type) };
-    struct sp_pool *pool = sp_pool_create(sp_volume_threads(), err);
-    void *prepared = maker->prepare ? maker->prepare(dims) : NULL;
+    struct stream s = { .maker = maker, .dims = info->grid.dims };
+    struct sp_pool *pool = NULL;
+    void *prepared = NULL;
+    bool ok = describe_stream(maker, size, source, info, numbers, err) &&
+              (pool = sp_pool_create(sp_volume_threads(), err)) &&
+              open_stream(&s, info, sp_pool_threads(pool), fd, err);
+    if (ok && maker->prepare && !(prepared = maker->prepare(s.dims)))
+        ok = sp_fail(err, SP_ERR_MEMORY, source, "out of memory for its tables");
     s.prepared = prepared;
-    s.slices = pool ? malloc(s.slice_bytes * sp_pool_threads(pool) * 2) : NULL;
-    bool ok = pool != NULL;
-    if (ok && (!s.slices || (maker->prepare && !prepared)))
-        ok = sp_fail(err, SP_ERR_MEMORY, source, "out of memory for some slices");
-    if (ok && ftruncate(fd, (off_t)(s.slice_bytes * dims[2])) != 0)
-        ok = sp_fail(err, SP_ERR_IO, source, "cannot write the samples: %s", strerror(errno));
     ok = ok && stream_slices(&s, pool, options, fd, err);
-    free(s.slices);
+    free(s.samples.bytes);
+    free(s.vectors.bytes);
     free(prepared);
     sp_pool_destroy(&pool);
+    if (!ok) {
+        free(*numbers);
+        *numbers = NULL;
+    }
     return ok;
 }

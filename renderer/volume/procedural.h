@@ -20,12 +20,12 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
                                struct sp_error *err);
 
 /* Writes the samples of a built-in volume to a file, a few slices at a time, so that they need no
- * memory; the size may be up to SP_DEMO_STREAM_MAX. Fills *info without range and histogram.
- * SP_ERR_UNSUPPORTED: it is no grid with evenly spaced axes; SP_ERR_IO. Otherwise as
- * sp_demo_load(), without reserve(). */
+ * memory, and its vectors as sp_volume_layout() says; the size may be up to SP_DEMO_STREAM_MAX.
+ * Fills *info without range and histogram; the caller frees *numbers, the coordinates.
+ * SP_ERR_UNSUPPORTED: it is no grid; SP_ERR_IO. Otherwise as sp_demo_load(), without reserve(). */
 enum { SP_DEMO_STREAM_MAX = 4096 };
 bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
-                    struct sp_volume_info *info, struct sp_error *err);
+                    struct sp_volume_info *info, double **numbers, struct sp_error *err);
 
 /* Slices [begin, end) of the volume into `voxels`, the start of the whole array. `prepared` is what
  * the demo's prepare returned. */

@@ -197,24 +197,30 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_typ
 }
 
 struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
-                                        const struct sp_grid *grid, void *voxels, size_t bytes,
+                                        const struct sp_grid *grid,
+                                        const struct sp_whole_part *part, void *voxels,
+                                        const float (*vectors)[3], size_t bytes,
                                         sp_voxels_release *release, struct sp_error *err) {
     struct sp_volume_info info = original->info;
     info.grid = *grid;
-    struct sp_volume *volume = sp_volume_adopt_measured(&info, voxels, bytes, release, err);
+    info.whole.part = *part;
+    struct sp_volume *volume =
+        sp_volume_adopt_measured(&info, voxels, vectors, bytes, release, err);
     if (volume)
         volume->original = sp_volume_original(original);
     return volume;
 }
 
 struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
-                                          const struct sp_grid *grid, struct sp_blocks *blocks,
-                                          size_t bytes, sp_voxels_release *release,
-                                          struct sp_error *err) {
+                                          const struct sp_grid *grid,
+                                          const struct sp_whole_part *part,
+                                          struct sp_blocks *blocks, size_t bytes,
+                                          sp_voxels_release *release, struct sp_error *err) {
     struct sp_volume_info info = original->info;
-    assert(!sp_grid_is_rectilinear(grid));
     info.grid = *grid;
+    info.whole.part = *part;
     info.components = 1;
+    info.vector_bytes = 0;
     info.voxel_bytes = bytes;
     struct sp_volume *volume = create(&info, blocks, bytes, release, err);
     if (volume) {
@@ -231,14 +237,15 @@ const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume) {
 }
 
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
-                                           size_t bytes, sp_voxels_release *release,
-                                           struct sp_error *err) {
-    assert(!sp_grid_is_rectilinear(&info->grid));
+                                           const float (*vectors)[3], size_t bytes,
+                                           sp_voxels_release *release, struct sp_error *err) {
     struct sp_volume *volume = create(info, voxels, bytes, release, err);
     if (volume) {
         volume->info.components = 1;
         volume->info.voxel_bytes = count_voxels(&info->grid) * sp_type_size(info->type);
-        assert(volume->info.voxel_bytes <= bytes);
+        volume->info.vector_bytes = vectors ? count_voxels(&info->grid) * sizeof *vectors : 0;
+        assert(volume->info.voxel_bytes + volume->info.vector_bytes <= bytes);
+        share_vectors(volume, volume->samples, vectors);
         if (!keep_numbers(volume, err))
             sp_volume_unref(&volume);
     }

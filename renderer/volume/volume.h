@@ -43,18 +43,22 @@ struct sp_volume *sp_volume_derive(const struct sp_volume *original, enum sp_typ
                                    uint64_t nonfinite, void *voxels, size_t bytes,
                                    sp_voxels_release *release, struct sp_error *err);
 
-/* The same on another grid, which shows a part of the original at another resolution. The range,
- * the histogram and what projections show are those of the original. Without vectors. */
+/* The same on another grid, which shows a part of the original at another resolution: `part` says
+ * where. The range, the histogram, the longest vector and what projections show are those of the
+ * original. `vectors` lies in the same memory; NULL = none. */
 struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
-                                        const struct sp_grid *grid, void *voxels, size_t bytes,
+                                        const struct sp_grid *grid,
+                                        const struct sp_whole_part *part, void *voxels,
+                                        const float (*vectors)[3], size_t bytes,
                                         sp_voxels_release *release, struct sp_error *err);
 
-/* The same with blocks, which lie at the beginning of the memory `bytes` long. Such a volume has no
- * array of samples: sp_volume_voxels() must not be called. */
+/* The same without vectors, and with blocks, which lie at the beginning of the memory `bytes` long.
+ * Such a volume has no array of samples: sp_volume_voxels() must not be called. */
 struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
-                                          const struct sp_grid *grid, struct sp_blocks *blocks,
-                                          size_t bytes, sp_voxels_release *release,
-                                          struct sp_error *err);
+                                          const struct sp_grid *grid,
+                                          const struct sp_whole_part *part,
+                                          struct sp_blocks *blocks, size_t bytes,
+                                          sp_voxels_release *release, struct sp_error *err);
 /* NULL = the samples are an array. */
 const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
 
@@ -63,10 +67,11 @@ const struct sp_blocks *sp_volume_blocks(const struct sp_volume *volume);
 void sp_volume_set_source(struct sp_volume *volume, void *source, void (*destroy)(void *source));
 void *sp_volume_source(const struct sp_volume *volume);
 
-/* Creates a volume whose range, histogram and so on *info gives, all of it. Samples as above. */
+/* Creates a volume whose range, histogram and so on *info gives, all of it. Samples and vectors as
+ * above. */
 struct sp_volume *sp_volume_adopt_measured(const struct sp_volume_info *info, void *voxels,
-                                           size_t bytes, sp_voxels_release *release,
-                                           struct sp_error *err);
+                                           const float (*vectors)[3], size_t bytes,
+                                           sp_voxels_release *release, struct sp_error *err);
 
 /* True if `volume`, which may be NULL, is `original` or derived from it, or if `original` is NULL.
  * Caches evict by this rule. */

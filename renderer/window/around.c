@@ -7,6 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bricks/places.h"
 #include "bricks/store.h"
 #include "sp/bricks.h"
 #include "volume/interpolate.h"
@@ -17,7 +18,6 @@ static bool find_need(const struct sp_brick_file *file, const double (*points)[3
                       unsigned l, struct sp_brick_need *need) {
     const struct sp_brick_header *header = sp_brick_file_header(file);
     const struct sp_brick_level *level = &header->level[l];
-    const double *spacing = header->info.grid.spacing;
     struct sp_interpolator to;
     double low[3] = { INFINITY, INFINITY, INFINITY }, high[3] = { -INFINITY, -INFINITY, -INFINITY };
     sp_interpolator_init_grid(&to, &header->info.grid);
@@ -25,7 +25,7 @@ static bool find_need(const struct sp_brick_file *file, const double (*points)[3
         double distances[3];
         sp_interpolator_distances(&to, points[i], distances);
         for (int a = 0; a < 3; a++) {
-            const double at = (distances[a] / spacing[a] - level->offset[a]) / level->step[a];
+            const double at = sp_brick_sample(header, l, a, distances[a]);
             low[a] = fmin(low[a], at);
             high[a] = fmax(high[a], at);
         }
@@ -97,11 +97,14 @@ bool sp_bricks_describe(const struct sp_volume *volume, unsigned level,
     const struct sp_brick_level *own = &header->level[level];
     info->grid = header->info.grid;
     for (int a = 0; a < 3; a++) {
+        const double first = sp_brick_distance(header, level, a, 0);
         for (int r = 0; r < 3; r++)
-            info->grid.origin[r] +=
-                info->grid.direction[r][a] * info->grid.spacing[a] * own->offset[a];
+            info->grid.origin[r] += info->grid.direction[r][a] * first;
         info->grid.dims[a] = own->dims[a];
         info->grid.spacing[a] *= own->step[a];
+        info->grid.coordinates[a] = own->places[a];
+        if (own->places[a] && own->dims[a] > 1)
+            info->grid.spacing[a] = own->places[a][own->dims[a] - 1] / (own->dims[a] - 1);
     }
     return true;
 }

@@ -15,7 +15,9 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bricks/places.h"
 #include "classify/visible_ranges.h"
+#include "volume/grid.h"
 #include "window/window.h"
 
 /* The image is taken to be wider by this factor, so that a small turn needs no other bricks. */
@@ -36,7 +38,23 @@ struct search {
     double surfaces[SP_LAYERS_MAX];
     uint32_t surface_count;
     struct sp_camera_transform camera;
+    double margin; /* samples around a brick that what its samples draw may cover */
 };
+
+/* How far streaks reach from their samples [samples]; 0 = there are none. */
+static double find_reach(const struct sp_view *view) {
+    const double cubic = 2; /* where the other kernels end */
+    double reach = 0;
+    for (uint32_t i = 0; i < view->layer_count; i++) {
+        const struct sp_layer *layer = &view->layers[i];
+        const double radius = view->filter.kernel == SP_KERNEL_GAUSSIAN
+                                  ? view->filter.sigma * view->filter.cutoff
+                                  : cubic;
+        if (layer->visible && layer->type == SP_LAYER_VECTORS && !layer->id[0])
+            reach = fmax(reach, radius * layer->stretch);
+    }
+    return reach;
+}
 
 /* Finds by which values bricks may be left out. */
 static void find_values(struct search *s) {
@@ -49,7 +67,8 @@ static void find_values(struct search *s) {
         if (layer->visible && layer->type == SP_LAYER_SURFACE)
             s->surfaces[s->surface_count++] = layer->value;
         has_function |=
-            layer->visible && (layer->type == SP_LAYER_VOLUME || layer->type == SP_LAYER_SHELL);
+            layer->visible && (layer->type == SP_LAYER_VOLUME || layer->type == SP_LAYER_SHELL ||
+                               layer->type == SP_LAYER_VECTORS);
     }
     if (has_function)
         sp_visible_ranges_init(&s->visible, &view->transfer_function);
@@ -88,15 +107,14 @@ struct block {
 static void find_block(const struct search *s, const uint32_t first[3], const uint32_t size[3],
                        struct block *block) {
     const struct sp_grid *grid = &s->header->info.grid;
-    const struct sp_brick_level *level = &s->header->level[s->level];
     block->centre = sp_vec3_from(grid->origin);
     for (int a = 0; a < 3; a++) {
-        const double middle = level->offset[a] + level->step[a] * (first[a] + 0.5 * size[a] - 0.5);
-        const double half = (0.5 * size[a] + 1) * level->step[a];
+        const double begin = first[a] - 0.5 - s->margin, end = begin + size[a] + 2 * s->margin;
+        const double low = sp_brick_distance(s->header, s->level, a, begin);
+        const double high = sp_brick_distance(s->header, s->level, a, end);
         for (int r = 0; r < 3; r++) {
-            const double edge = grid->direction[r][a] * grid->spacing[a];
-            block->centre.v[r] += edge * middle;
-            block->half[a].v[r] = edge * half;
+            block->centre.v[r] += grid->direction[r][a] * (0.5 * (low + high));
+            block->half[a].v[r] = grid->direction[r][a] * (0.5 * (high - low));
         }
     }
 }
@@ -186,11 +204,13 @@ static bool is_clipped(const struct search *s, const uint32_t first[3], const ui
     const struct sp_clip *clip = &s->view->clip;
     const struct sp_vec3 zero = { { 0, 0, 0 } };
     for (int a = 0; a < 3; a++) {
-        const struct sp_brick_level *level = &s->header->level[s->level];
-        const double whole = s->header->info.grid.dims[a], step = level->step[a];
-        const double low = level->offset[a] + step * (first[a] - 1.5) + 0.5;
-        const double high = low + step * (size[a] + 2.0);
-        if (high < clip->box[0][a] * whole || low > clip->box[1][a] * whole)
+        const double low = sp_brick_distance(s->header, s->level, a, first[a] - 1.5);
+        const double high = sp_brick_distance(s->header, s->level, a, first[a] + size[a] + 0.5);
+        double extent[2];
+        sp_grid_extent(&s->header->info.grid, (unsigned)a, extent);
+        const double length = extent[1] - extent[0];
+        if (high < extent[0] + clip->box[0][a] * length ||
+            low > extent[0] + clip->box[1][a] * length)
             return true;
     }
     for (uint32_t i = 0; i < clip->plane_count; i++)
@@ -241,10 +261,13 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
                         .level = level,
                         .is_whole = is_whole,
                         .has_channels = sp_view_has_channels(view) };
+    const double reach = find_reach(view);
     const struct sp_brick_level *own = &s.header->level[level];
     const uint64_t count = sp_brick_count(own);
     uint16_t *marks = malloc(count * sizeof *marks);
-    *need = (struct sp_brick_need){ .level = level };
+    *need = (struct sp_brick_need){ .level = level,
+                                    .has_vectors = reach > 0 && s.header->info.vector_bytes > 0 };
+    s.margin = fmax(reach, 1);
     if (!marks)
         return false;
     find_values(&s);

@@ -26,4 +26,11 @@ struct sp_shown_job {
 bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *job, struct sp_shown *shown,
                    struct sp_error *err);
 
+/* Replaces volumes that are larger than memory, and that give streaks of shown->volume their
+ * colours, by their samples around it, perhaps of a coarser level; colors: by layer. The same
+ * errors. */
+bool sp_shown_find_colors(const struct sp_view *view, const struct sp_render_options *options,
+                          struct sp_shown *shown, struct sp_volume *colors[SP_LAYERS_MAX],
+                          struct sp_error *err);
+
 #endif

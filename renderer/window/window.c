@@ -5,13 +5,18 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "bricks/places.h"
+#include "volume/grid.h"
+
 /* A fraction of the whole volume along axis a, as a fraction of the window. */
 static double convert(const struct sp_brick_header *header, const struct sp_brick_window *window,
                       int a, double fraction) {
-    const struct sp_brick_level *level = &header->level[window->level];
-    const double edge = fraction * header->info.grid.dims[a] - 0.5; /* in samples of level 0 */
-    const double at = (edge - level->offset[a]) / level->step[a] + 0.5;
-    return (at - window->first[a]) / window->size[a];
+    double whole[2], own[2];
+    sp_grid_extent(&header->info.grid, (unsigned)a, whole);
+    sp_grid_extent(&sp_volume_info(window->volume)->grid, (unsigned)a, own);
+    const double first = sp_brick_distance(header, window->level, a, window->first[a]);
+    const double distance = whole[0] + fraction * (whole[1] - whole[0]);
+    return (distance - first - own[0]) / (own[1] - own[0]);
 }
 
 void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_window *window,

@@ -137,7 +137,7 @@ test('with --cache, fields, vectors and time steps stay known, and each field an
   };
   const a = await open('fields.vtk', 'a');
   assert.deepEqual([a.value_name ?? a.fields[0].name, a.other_fields, a.range], ['a', ['b', 'magnitude', 'flow x', 'flow y', 'flow z'], [7, 7]]);
-  assert.ok(a.warnings.some((text) => text.startsWith('The vectors "flow" are left out')), a.warnings.join('\n'));
+  assert.deepEqual([a.fields[1].name, a.fields[1].components, a.warnings?.filter((text) => text.includes('left out'))], ['flow', 3, a.warnings ? [] : undefined]);
   assert.deepEqual((await open('fields.vtk?field=b', 'b')).range, [9, 9]);
   const series = await open('series.mha', 'series');
   assert.deepEqual([series.steps, series.range], [{ count: 2, unit: '', times: [0, 0.5] }, [20, 20]]);
@@ -150,6 +150,50 @@ test('with --cache, fields, vectors and time steps stay known, and each field an
   }
   assert.ok(!sums[0].equals(sums[1]), 'the second step is another image');
   assert.equal(readdirSync(cache).length, 4);
+  assert.equal(await own.stop(), 0);
+});
+
+test('with --cache, vectors and rectilinear axes are shown from bricks', async () => {
+  const data = mkdtempSync(path.join(folder, 'data-'));
+  const side = 90;
+  const floats = (count, at) => {
+    const bytes = Buffer.alloc(4 * count);
+    for (let i = 0; i < count; i++) bytes.writeFloatBE(at(i), 4 * i);
+    return bytes;
+  };
+  const places = Array.from({ length: side }, (_, i) => i + 0.9 * Math.sin(i / 9));
+  const axes = ['X', 'Y', 'Z'].flatMap((name) => [Buffer.from(`${name}_COORDINATES ${side} float\n`), floats(side, (i) => places[i]), Buffer.from('\n')]);
+  const wind = floats(3 * side ** 3, (i) => [(Math.floor(i / 3) % side) - 45, 20, Math.floor(i / 3 / side) % side][i % 3]);
+  writeFileSync(path.join(data, 'wind.vtk'), Buffer.concat([
+    Buffer.from(`# vtk DataFile Version 3.0\nwind\nBINARY\nDATASET RECTILINEAR_GRID\nDIMENSIONS ${side} ${side} ${side}\n`), ...axes,
+    Buffer.from(`POINT_DATA ${side ** 3}\nVECTORS wind float\n`), wind, Buffer.from('\n')]));
+  const own = await withCache(data, mkdtempSync(path.join(folder, 'cache-')));
+  const open = async (file, id) => {
+    await own.post('/api/v1/volumes', { path: file, id });
+    const { state, reason } = await own.loaded(id);
+    assert.equal(state, 'ready', reason);
+    return (await own.json(`/api/v1/volumes/${id}`)).json;
+  };
+  const volume = await open('wind.vtk', 'wind');
+  const { whole, fields, coordinates, dims, warnings } = volume;
+  assert.deepEqual([whole.dims, fields.map(({ name, components }) => `${name} ${components}`), warnings], [[side, side, side], ['magnitude 1', 'wind 3'], undefined]);
+  assert.deepEqual(coordinates.map((places) => places.length), dims);
+  const means = places.slice(1).map((place, i) => (place + places[i]) / 2).filter((_, i) => i % 2 === 0);
+  assert.equal(dims[0], side / 2);
+  for (const [i, place] of coordinates[0].entries()) compare(Math.abs(place - (means[i] - means[0])), '<', 1e-4, 'a place of the coarse level');
+  const view = { volume: 'wind', size: [96, 96], layers: [{ type: 'vectors', style: 'blend', color_by: 'magnitude' }], clip: { box: [[0, 0, 0], [0.3, 0.3, 0.3]] },
+    camera: { target: [10, 10, 10], position: [12, 14, 90], up: [0, 1, 0], fov_y: 5 },
+    transfer_function: { points: [20, 110].map((value) => ({ value, color: [1, 1, value / 110], opacity: 0.3 })) } };
+  const images = [];
+  for (const phase of [0, 0.5]) {
+    view.layers[0].phase = phase;
+    const answer = await image(view, {}, own);
+    assert.equal(answer.status, 200, answer.status === 200 ? '' : await answer.text());
+    assert.deepEqual(['x-complete', 'x-level', 'x-bricks-lost'].map((name) => answer.headers.get(name)), ['true', '0', '0']);
+    images.push(Buffer.from(await answer.arrayBuffer()));
+  }
+  assert.ok(!images[0].equals(images[1]), 'streaks move');
+  assert.deepEqual((await open('wind.vtk?field=wind y', 'y')).range, [20, 20]);
   assert.equal(await own.stop(), 0);
 });
 

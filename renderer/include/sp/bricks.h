@@ -18,11 +18,10 @@ extern "C" {
 /* Converts what sp_volume_load() reads from `source` to the brick file `out`, which is written
  * completely or not at all. Built-in volumes may have up to 4096 samples per axis here. The samples
  * pass through a file without a name in the folder of `out`; memory holds a strip of 72 × 72 rows
- * of them. Of a time series it converts options->step. Vectors are left out, and a warning in
- * the file says so. The file stands for the source: it has the names of its other fields and its
- * time steps. `options` may be NULL; its reserve() is not called. Blocks until it is done. Errors
- * are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for volumes that are not grids with evenly
- * spaced axes. */
+ * of them. Of a time series it converts options->step. The file stands for the source: it has the
+ * names of its other fields and its time steps. `options` may be NULL; its reserve() is not called.
+ * Blocks until it is done. Errors are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for volumes
+ * that are not grids of samples. */
 SP_API bool sp_bricks_convert(const char *source, const char *out,
                               const struct sp_load_options *options, struct sp_error *err);
 

@@ -19,15 +19,16 @@ extern "C" {
  * place of an older file, or of a folder that this function wrote; it replaces no other folder
  * (SP_ERR_INVALID). What is
  * kept of a volume (renderer/export/README.md): samples in their type, spacing, origin, direction,
- * units and names as far as the format has them. Vectors, other fields and other time steps than
- * options->step are left out; a warning in the log says so.
+ * units and names as far as the format has them; vectors and rectilinear axes in brick files only.
+ * Other fields and other time steps than options->step are left out; a warning in the log says so,
+ * as it does of vectors.
  *
  * The samples pass through a file without a name in the folder of `out`, so that memory does not
  * grow with the number of slices. Built-in volumes may have up to 4096 samples per axis here. Of
  * `options`, which may be NULL, reserve() is not called. Blocks until it is done. Thread-safe.
  * Errors are those of sp_volume_load(), and SP_ERR_UNSUPPORTED for other suffixes and for what the
- * format cannot say: volumes that are no grids with evenly spaced axes; a unit that is none of
- * length in NIfTI; turned axes in OME-Zarr. */
+ * format cannot say: volumes that are no grids; rectilinear axes but in brick files; a unit that is
+ * none of length in NIfTI; turned axes in OME-Zarr. */
 SP_API bool sp_convert(const char *source, const char *out, const struct sp_load_options *options,
                        struct sp_error *err);
 

@@ -60,7 +60,8 @@ enum {
 struct sp_grid {
     uint32_t dims[3];       /* [1, SP_DIM_MAX] voxels; product at most SP_VOXELS_MAX */
     double spacing[3];      /* world units between neighbouring samples of an axis, > 0;
-                               rectilinear: their mean */
+                               rectilinear: their mean; of a level of a brick file, or a part of it:
+                               2^level times the mean of the finest level */
     double origin[3];       /* world position of sample (0, 0, 0) */
     double direction[3][3]; /* direction[row][axis]: column `axis` is the unit vector along that
                                axis; not singular; identity if the file has none */
@@ -87,6 +88,14 @@ struct sp_steps {
     const double *times;
 };
 
+/* Where the samples of struct sp_volume lie in a level of a volume that is larger than memory. */
+struct sp_whole_part {
+    double step[3];    /* samples of the finest level per sample; 0 = it has all samples */
+    uint32_t level;    /* 0 = the finest */
+    uint32_t first[3]; /* sample of the level that is sample (0, 0, 0) */
+    uint32_t dims[3];  /* of the level */
+};
+
 /* A volume that is larger than memory (sp/bricks.h), of which struct sp_volume has a coarse level.
  */
 struct sp_whole {
@@ -96,8 +105,9 @@ struct sp_whole {
     double limits[2];  /* no finite sample of any level lies outside; the range of struct
                           sp_volume_info may be that of a coarse level. Of float chunks an estimate:
                           samples beyond a limit look like the limit */
-    uint32_t levels;   /* in the file */
-    uint64_t content;  /* a hash of all samples; of chunks, of the samples of struct sp_volume */
+    struct sp_whole_part part;
+    uint32_t levels;  /* in the file */
+    uint64_t content; /* a hash of all samples; of chunks, of the samples of struct sp_volume */
 };
 
 struct sp_volume_info {

@@ -10,6 +10,7 @@
 #include <cmocka.h>
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -19,6 +20,7 @@
 #include "bricks/file.h"
 #include "bricks/write.h"
 #include "volume/sample.h"
+#include "volume/volume.h"
 
 enum { NX = 131, NY = 70, NZ = 65, COUNT = NX * NY * NZ, BRICK = 64 * 64 * 64 };
 
@@ -218,6 +220,220 @@ static void statistics_are_those_of_the_volume(void **state) {
     }
 }
 
+/* A copy of a file with one byte changed, and cut to `size`. */
+static int damage(int fd, size_t at, size_t size) {
+    struct stat st;
+    assert_int_equal(fstat(fd, &st), 0);
+    char *bytes = malloc((size_t)st.st_size);
+    assert_non_null(bytes);
+    assert_int_equal(pread(fd, bytes, (size_t)st.st_size, 0), st.st_size);
+    bytes[at] ^= 0x10;
+    int copy = memory_file(bytes, size ? size : (size_t)st.st_size);
+    free(bytes);
+    return copy;
+}
+
+/* Vectors that are 0 in the first brick; one of them is not finite. */
+static float (*make_vectors(void))[3] {
+    float(*vectors)[3] = malloc(COUNT * sizeof *vectors);
+    assert_non_null(vectors);
+    for (uint32_t i = 0; i < COUNT; i++)
+        for (int c = 0; c < 3; c++)
+            vectors[i][c] = field_at(i) > 0 ? (float)sin(i * (0.1 + c)) : 0;
+    vectors[COUNT - 1][1] = NAN;
+    vectors[COUNT - 2][2] = 7;
+    return vectors;
+}
+
+/* Writes a brick file with vectors and with two rectilinear axes. */
+static int write_grid(const uint8_t *samples, const float (*vectors)[3],
+                      double coordinates[NX + NY]) {
+    struct sp_volume_info info = describe(SP_UINT8);
+    struct sp_error err;
+    uint64_t vectors_at;
+    for (uint32_t i = 0; i < NX + NY; i++)
+        coordinates[i] = i < NX ? 0.01 * i * (i + 3) : 2 * (i - NX) + sin(i - NX);
+    for (int a = 0; a < 2; a++) {
+        const uint32_t last = info.grid.dims[a] - 1;
+        info.grid.coordinates[a] = a ? coordinates + NX : coordinates;
+        info.grid.spacing[a] = info.grid.coordinates[a][last] / last;
+    }
+    info.vector_bytes = 1;
+    snprintf(info.vector_name, sizeof info.vector_name, "flow");
+    sp_volume_layout(COUNT, COUNT, true, &vectors_at);
+    int from = memory_file(samples, COUNT), out = memory_file("", 0);
+    assert_int_equal(pwrite(from, vectors, COUNT * sizeof *vectors, (off_t)vectors_at),
+                     COUNT * sizeof *vectors);
+    const struct sp_bricks_write_job job = {
+        .info = &info, .samples = from, .out = out, .folder = "/tmp", .shown = "test"
+    };
+    if (!sp_bricks_write(&job, &err))
+        fail_msg("%s", err.text);
+    close(from);
+    return out;
+}
+
+/* Reads the vectors of a level. */
+static float (*read_vectors(const struct sp_brick_file *file, unsigned l))[3] {
+    const struct sp_brick_level *level = &sp_brick_file_header(file)->level[l];
+    const uint32_t *dims = level->dims;
+    struct sp_error err;
+    struct sp_brick_scratch *scratch = sp_brick_scratch_create(&err);
+    float(*vectors)[3] = malloc((size_t)dims[0] * dims[1] * dims[2] * sizeof *vectors);
+    float(*brick)[3] = malloc(BRICK * sizeof *brick);
+    assert_true(scratch && vectors && brick);
+    for (uint64_t b = 0; b < sp_brick_count(level); b++) {
+        uint32_t first[3], size[3];
+        sp_brick_box(level, b, first, size);
+        if (!sp_brick_file_read_vectors(file, l, b, scratch, brick, &err))
+            fail_msg("%s", err.text);
+        for (uint32_t i = 0; i < size[0] * size[1] * size[2]; i++) {
+            size_t x = first[0] + i % size[0], y = first[1] + i / size[0] % size[1];
+            size_t z = first[2] + i / size[0] / size[1];
+            memcpy(vectors[(z * dims[1] + y) * dims[0] + x], brick[i], sizeof *brick);
+        }
+    }
+    sp_brick_scratch_destroy(&scratch);
+    free(brick);
+    return vectors;
+}
+
+/* One component, as doubles; that of vectors that are not finite is NaN. */
+static double *component(const float (*vectors)[3], const uint32_t dims[3], int c) {
+    const size_t count = (size_t)dims[0] * dims[1] * dims[2];
+    double *values = malloc(count * sizeof *values);
+    assert_non_null(values);
+    for (size_t i = 0; i < count; i++) {
+        const float *v = vectors[i];
+        const bool is_finite = isfinite(v[0]) && isfinite(v[1]) && isfinite(v[2]);
+        values[i] = is_finite ? (double)v[c] : (double)NAN;
+    }
+    return values;
+}
+
+static void vectors_come_back(void **state) {
+    (void)state;
+    double coordinates[NX + NY];
+    uint8_t *samples = make_samples(SP_UINT8);
+    float(*fine)[3] = make_vectors();
+    double longest;
+    struct sp_brick_file *file =
+        open_file(write_grid(samples, (const float(*)[3])fine, coordinates));
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    assert_true(sp_volume_measure_vectors((const float(*)[3])fine, COUNT, &longest, NULL));
+    float(*own)[3] = read_vectors(file, 0);
+    assert_memory_equal(own, fine, COUNT * sizeof *fine);
+    free(own);
+    for (unsigned l = 1; l < header->levels; l++) {
+        float(*coarse)[3] = read_vectors(file, l);
+        for (int c = 0; c < 3; c++) {
+            double *from = component((const float(*)[3])fine, header->level[l - 1].dims, c);
+            double *to = component((const float(*)[3])coarse, header->level[l].dims, c);
+            check_mean(from, header->level[l - 1].dims, to, header->level[l].dims, true);
+            free(from);
+            free(to);
+        }
+        free(fine);
+        fine = coarse;
+    }
+    assert_string_equal(header->info.vector_name, "flow");
+    assert_int_equal(header->info.vector_bytes, 12 * COUNT);
+    assert_float_equal(header->info.longest, longest, 0);
+    sp_brick_file_close(&file);
+    free(fine);
+    free(samples);
+}
+
+static void axes_come_back(void **state) {
+    (void)state;
+    double coordinates[NX + NY];
+    uint8_t *samples = make_samples(SP_UINT8);
+    float(*vectors)[3] = make_vectors();
+    struct sp_brick_file *file =
+        open_file(write_grid(samples, (const float(*)[3])vectors, coordinates));
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    const struct sp_grid *grid = &header->info.grid;
+    assert_memory_equal(grid->coordinates[0], coordinates, NX * sizeof *coordinates);
+    assert_memory_equal(grid->coordinates[1], coordinates + NX, NY * sizeof *coordinates);
+    assert_null(grid->coordinates[2]);
+    for (unsigned l = 0; l < header->levels; l++)
+        assert_null(header->level[l].places[2]);
+    sp_brick_file_close(&file);
+    free(vectors);
+    free(samples);
+}
+
+/* Replaces the number at `at` in the header of a copy of a file, and makes its checksum right. */
+static int lie(int fd, size_t at, uint32_t number) {
+    unsigned char bytes[BRICK_HEADER_BYTES];
+    const int copy = damage(fd, 0, 0);
+    assert_int_equal(pread(fd, bytes, sizeof bytes, 0), sizeof bytes);
+    memcpy(bytes + at, &number, sizeof number);
+    const uint64_t checksum = sp_brick_checksum(bytes, sizeof bytes - 8);
+    memcpy(bytes + sizeof bytes - 8, &checksum, sizeof checksum);
+    assert_int_equal(pwrite(copy, bytes, sizeof bytes, 0), sizeof bytes);
+    return copy;
+}
+
+/* Where a number of 64 bits is in the header. */
+static size_t find_number(int fd, uint64_t number) {
+    unsigned char bytes[BRICK_HEADER_BYTES];
+    assert_int_equal(pread(fd, bytes, sizeof bytes, 0), sizeof bytes);
+    for (size_t at = 0; at + sizeof number <= sizeof bytes; at += 4)
+        if (memcmp(bytes + at, &number, sizeof number) == 0)
+            return at;
+    fail_msg("there is no %llu in the header", (unsigned long long)number);
+    return 0;
+}
+
+static void damaged_axes_and_vectors_are_errors(void **state) {
+    (void)state;
+    double coordinates[NX + NY];
+    struct sp_error err;
+    uint8_t *samples = make_samples(SP_UINT8);
+    float(*vectors)[3] = make_vectors(), (*brick)[3] = malloc(BRICK * sizeof *brick);
+    const int fd = write_grid(samples, (const float(*)[3])vectors, coordinates);
+    struct sp_brick_file *file = open_file(dup(fd));
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    const size_t axes_at = find_number(fd, header->axes_at);
+    const struct {
+        int file;
+        const char *text;
+    } cases[] = {
+        { damage(fd, (size_t)header->axes_at + 9, 0), "the checksum of its axes" },
+        { damage(fd, (size_t)header->level[1].vectors.at + 9, 0),
+          "the checksum of the index of level 1" },
+        { lie(fd, axes_at - 4, 7), "the checksum of its axes" }, /* another axis has none */
+        { lie(fd, axes_at - 4, 8), "the kinds of its axes" },
+        { lie(fd, axes_at - 8, 2), "its vectors" },
+        { lie(fd, axes_at, UINT32_MAX), "its axes lie beyond its end" },
+        { lie(fd, find_number(fd, header->level[0].vectors.at), UINT32_MAX),
+          "an index lies beyond its end" },
+    };
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        assert_null(sp_brick_file_open(cases[i].file, "test", &err));
+        if (!strstr(err.text, cases[i].text))
+            fail_msg("\"%s\" does not say \"%s\"", err.text, cases[i].text);
+    }
+    /* A brick of vectors is an error of its own. */
+    struct sp_brick_scratch *scratch = sp_brick_scratch_create(&err);
+    struct sp_brick_file *bad =
+        open_file(damage(fd, (size_t)header->level[header->levels - 1].samples.at + 100000, 0));
+    assert_true(scratch && brick);
+    unsigned failed = 0;
+    for (uint64_t b = 0; b < sp_brick_count(&header->level[0]); b++)
+        failed += !sp_brick_file_read_vectors(bad, 0, b, scratch, brick, &err);
+    assert_int_equal(failed, 1);
+    assert_non_null(strstr(err.text, "of level 0 is damaged"));
+    sp_brick_scratch_destroy(&scratch);
+    sp_brick_file_close(&bad);
+    sp_brick_file_close(&file);
+    close(fd);
+    free(brick);
+    free(vectors);
+    free(samples);
+}
+
 static void ranges_include_the_margin(void **state) {
     (void)state;
     void *samples = make_samples(SP_UINT8);
@@ -244,19 +460,6 @@ static void ranges_include_the_margin(void **state) {
     assert_float_equal(entries[0].range[1], 100, 1);
     sp_brick_file_close(&file);
     free(samples);
-}
-
-/* A copy of a file with one byte changed, and cut to `size`. */
-static int damage(int fd, size_t at, size_t size) {
-    struct stat st;
-    assert_int_equal(fstat(fd, &st), 0);
-    char *bytes = malloc((size_t)st.st_size);
-    assert_non_null(bytes);
-    assert_int_equal(pread(fd, bytes, (size_t)st.st_size, 0), st.st_size);
-    bytes[at] ^= 0x10;
-    int copy = memory_file(bytes, size ? size : (size_t)st.st_size);
-    free(bytes);
-    return copy;
 }
 
 static void a_damaged_brick_is_an_error_of_its_own(void **state) {
@@ -364,6 +567,9 @@ int main(void) {
         cmocka_unit_test(every_type_comes_back),
         cmocka_unit_test(statistics_are_those_of_the_volume),
         cmocka_unit_test(ranges_include_the_margin),
+        cmocka_unit_test(vectors_come_back),
+        cmocka_unit_test(axes_come_back),
+        cmocka_unit_test(damaged_axes_and_vectors_are_errors),
         cmocka_unit_test(a_damaged_brick_is_an_error_of_its_own),
         cmocka_unit_test(a_damaged_file_does_not_open),
         cmocka_unit_test(notes_come_back),

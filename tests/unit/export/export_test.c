@@ -290,7 +290,8 @@ static void holes_are_neither_read_nor_written(void **state) {
         assert_int_equal(pwrite(fd, page, HEADER, (off_t)(HEADER + at)), HEADER);
     }
     fclose(file);
-    const int samples = sp_import_samples(path, &options, *state, &info, &err);
+    double *numbers;
+    const int samples = sp_import_samples(path, &options, *state, &info, &numbers, &err);
     if (samples < 0)
         fail_msg("%s: %s", err.place, err.text);
     assert_int_equal(pread(samples, bytes, size, 0), (ssize_t)size);
@@ -302,6 +303,7 @@ static void holes_are_neither_read_nor_written(void **state) {
     if (has_holes)
         assert_in_range(st.st_blocks * 512, 0, size / 4);
     close(samples);
+    free(numbers);
     if (!sp_convert(path, path_in(state, "a.bricks"), &options, &err) ||
         !sp_convert(path_in(state, "a.bricks"), path_in(state, "a.nrrd"), &options, &err))
         fail_msg("%s: %s", err.place, err.text);

@@ -15,7 +15,9 @@
 #include "bricks/store.h"
 #include "bricks/write.h"
 #include "sp/bricks.h"
+#include "support/compare.h"
 #include "unit/window/rig.h"
+#include "volume/volume.h"
 
 /* Balls of several sizes in noise that a transfer function may leave out. */
 static uint8_t field_at(uint32_t x, uint32_t y, uint32_t z) {
@@ -33,7 +35,45 @@ static uint8_t field_at(uint32_t x, uint32_t y, uint32_t z) {
     return (uint8_t)lrint(value);
 }
 
-int rig_setup(void **state) {
+/* Axes whose gaps differ by a factor of five. */
+static void grade(struct rig *rig) {
+    double *next = rig->coordinates;
+    for (int a = 0; a < 3; a++) {
+        const uint32_t n = rig->info.grid.dims[a];
+        next[0] = 0;
+        for (uint32_t i = 1; i < n; i++)
+            next[i] = next[i - 1] + rig->info.grid.spacing[a] * (1 + 0.67 * sin(i / 12.0 + a));
+        rig->info.grid.coordinates[a] = next;
+        rig->info.grid.spacing[a] = next[n - 1] / (n - 1);
+        next += n;
+    }
+}
+
+/* A vortex, so that no two samples have the same direction. */
+static void blow(struct rig *rig) {
+    rig->vectors = malloc(COUNT * sizeof *rig->vectors);
+    assert_non_null(rig->vectors);
+    for (uint32_t i = 0; i < COUNT; i++) {
+        const float x = (float)(i % NX) - NX / 2, y = (float)(i / NX % NY) - NY / 2;
+        const float vector[3] = { -y, x, 0.3f * (float)(i / NX / NY) };
+        memcpy(rig->vectors[i], vector, sizeof vector);
+    }
+}
+
+/* The samples and vectors, as sp_bricks_write() reads them. */
+static int write_samples(const struct rig *rig) {
+    const int file = memfd_create("samples", MFD_CLOEXEC);
+    uint64_t vectors_at;
+    sp_volume_layout(COUNT, COUNT, rig->vectors, &vectors_at);
+    assert_int_equal(pwrite(file, rig->samples, COUNT, 0), COUNT);
+    if (rig->vectors)
+        assert_int_equal(
+            pwrite(file, rig->vectors, COUNT * sizeof *rig->vectors, (off_t)vectors_at),
+            COUNT * sizeof *rig->vectors);
+    return file;
+}
+
+static int set_up(void **state, bool is_rectilinear, bool has_vectors) {
     static struct rig rig;
     struct sp_error err;
     const struct test_target target = { "cpu", "auto" };
@@ -45,14 +85,23 @@ int rig_setup(void **state) {
                                                   .spacing = { 1, 1, 1.5 },
                                                   .origin = { -20, 5, 7 },
                                                   .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
-                                        .type = SP_UINT8 };
-    if (!(rig.whole = sp_volume_create(&rig.info.grid, SP_UINT8, rig.samples, "whole", &err)))
+                                        .type = SP_UINT8,
+                                        .vector_bytes = has_vectors,
+                                        .vector_name = "vortex" };
+    if (is_rectilinear)
+        grade(&rig);
+    if (has_vectors)
+        blow(&rig);
+    rig.whole = has_vectors
+                    ? sp_volume_create_vectors(&rig.info.grid, SP_UINT8, rig.samples,
+                                               (const float(*)[3])rig.vectors, "whole", &err)
+                    : sp_volume_create(&rig.info.grid, SP_UINT8, rig.samples, "whole", &err);
+    if (!rig.whole)
         fail_msg("%s", err.text);
     if (!test_renderer_open(&rig.renderer, &target, 2, &err))
         fail_msg("%s", err.text);
-    int from = memfd_create("samples", MFD_CLOEXEC);
+    const int from = write_samples(&rig);
     rig.file = memfd_create("bricks", MFD_CLOEXEC);
-    assert_int_equal(write(from, rig.samples, COUNT), COUNT);
     const struct sp_bricks_write_job job = {
         .info = &rig.info, .samples = from, .out = rig.file, .folder = "/tmp", .shown = "test"
     };
@@ -63,11 +112,25 @@ int rig_setup(void **state) {
     return 0;
 }
 
+int rig_setup(void **state) {
+    return set_up(state, false, false);
+}
+
+int rig_setup_rectilinear(void **state) {
+    return set_up(state, true, false);
+}
+
+int rig_setup_vectors(void **state) {
+    return set_up(state, false, true);
+}
+
 int rig_teardown(void **state) {
     struct rig *rig = *state;
     sp_volume_unref(&rig->whole);
     test_renderer_close(&rig->renderer);
     free(rig->samples);
+    free(rig->vectors);
+    rig->vectors = NULL;
     close(rig->file);
     return 0;
 }
@@ -141,4 +204,20 @@ double rig_mean_of(const struct sp_frame *frame) {
             sum += (double)((const float *)(const void *)((const char *)frame->pixels +
                                                           y * frame->stride_bytes))[4 * x];
     return sum / frame->width / frame->height;
+}
+
+void rig_expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
+                double floor_db, const char *what) {
+    struct sp_frame *got = rig_render(rig, volume, view, 0);
+    struct sp_frame *truth = rig_render_level(rig, rig->whole, view, 0, got->stats.bricks.level);
+    const double db = rig_compare(truth, got);
+    assert_compare(rig_mean_of(truth), >, 1e-4);
+    assert_false(got->stats.bricks.is_incomplete);
+    assert_int_equal(got->stats.bricks.resident, got->stats.bricks.wanted);
+    print_message("%s: %.1f dB, level %u, %u bricks\n", what, db, got->stats.bricks.level,
+                  (unsigned)got->stats.bricks.wanted);
+    if (db < floor_db)
+        fail_msg("%s: %.1f dB, floor %.1f", what, db, floor_db);
+    sp_frame_unref(&truth);
+    sp_frame_unref(&got);
 }

@@ -13,13 +13,18 @@ enum { NX = 210, NY = 150, NZ = 133, COUNT = NX * NY * NZ, SIDE = 96 };
 struct rig {
     struct test_renderer renderer;
     uint8_t *samples;
+    float (*vectors)[3]; /* NULL = none */
+    double coordinates[NX + NY + NZ];
     struct sp_volume_info info;
     struct sp_volume *whole;
     int file; /* the brick file */
 };
 
-/* Fixtures of a group of tests; *state is the rig. */
+/* Fixtures of a group of tests; *state is the rig. Of evenly spaced samples; with rectilinear axes;
+ * with vectors. */
 int rig_setup(void **state);
+int rig_setup_rectilinear(void **state);
+int rig_setup_vectors(void **state);
 int rig_teardown(void **state);
 
 /* Opens the brick file with memory for windows of that many bytes; 0 = for all. */
@@ -37,6 +42,11 @@ struct sp_frame *rig_render(const struct rig *rig, struct sp_volume *volume,
 
 /* PSNR [dB] of two frames; 200 = they are equal. */
 double rig_compare(const struct sp_frame *a, const struct sp_frame *b);
+
+/* Fails unless the image of a brick file is complete and equals that of rig->whole at the same
+ * level to floor_db. */
+void rig_expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
+                double floor_db, const char *what);
 
 double rig_mean_of(const struct sp_frame *frame);
 

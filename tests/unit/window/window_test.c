@@ -40,22 +40,6 @@ static void look_at_a_ball(struct sp_view *view) {
     view->camera.fov_y = 8;
 }
 
-static void expect(const struct rig *rig, struct sp_volume *volume, const struct sp_view *view,
-                   double floor_db, const char *what) {
-    struct sp_frame *got = rig_render(rig, volume, view, 0);
-    struct sp_frame *truth = rig_render_level(rig, rig->whole, view, 0, got->stats.bricks.level);
-    const double db = rig_compare(truth, got);
-    assert_compare(rig_mean_of(truth), >, 1e-4);
-    assert_false(got->stats.bricks.is_incomplete);
-    assert_int_equal(got->stats.bricks.resident, got->stats.bricks.wanted);
-    print_message("%s: %.1f dB, level %u, %u bricks\n", what, db, got->stats.bricks.level,
-                  (unsigned)got->stats.bricks.wanted);
-    if (db < floor_db)
-        fail_msg("%s: %.1f dB, floor %.1f", what, db, floor_db);
-    sp_frame_unref(&truth);
-    sp_frame_unref(&got);
-}
-
 static void images_equal_those_of_the_volume_in_memory(void **state) {
     const struct rig *rig = *state;
     if (TEST_SANITIZED)
@@ -64,31 +48,32 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
     for (int is_small = TEST_SANITIZED; is_small < 2; is_small++) {
         struct sp_volume *volume = rig_open_file(rig, is_small ? 2 << 20 : 0);
         struct sp_view view = rig_make_view(rig);
-        expect(rig, volume, &view, 200, "far");
+        rig_expect(rig, volume, &view, 200, "far");
         rig_zoom(&view, 2.5);
         view.camera.target[0] += 20;
-        expect(rig, volume, &view, 200, "near");
+        rig_expect(rig, volume, &view, 200, "near");
         view.shading.mode = SP_SHADING_NONE;
-        expect(rig, volume, &view, 200, "near, not lit");
+        rig_expect(rig, volume, &view, 200, "near, not lit");
         view.camera.projection = SP_ORTHOGRAPHIC;
         view.camera.height = 60;
-        expect(rig, volume, &view, 200, "orthographic");
+        rig_expect(rig, volume, &view, 200, "orthographic");
         view = rig_make_view(rig);
         rig_zoom(&view, 2);
         view.clip.box[0][0] = 0.21;
         view.clip.box[1][1] = 0.73;
-        expect(rig, volume, &view, 200, "clip box");
+        rig_expect(rig, volume, &view, 200, "clip box");
         view.clip.plane_count = 1;
         view.clip.planes[0] = (struct sp_clip_plane){ .normal = { 1, 1, 0 }, .offset = 90 };
-        expect(rig, volume, &view, 200, "clip plane");
+        rig_expect(rig, volume, &view, 200, "clip plane");
         view = rig_make_view(rig);
         rig_zoom(&view, 2);
         view.layers[0] = sp_layer_default(SP_LAYER_SURFACE);
         view.layers[0].value = 100;
-        expect(rig, volume, &view, is_small ? 40 : 200, "surface"); /* they have no coarse levels */
+        rig_expect(rig, volume, &view, is_small ? 40 : 200,
+                   "surface"); /* they have no coarse levels */
         view = rig_make_view(rig);
         look_at_a_ball(&view);
-        expect(rig, volume, &view, 60, "close"); /* all of the frame lies in few bricks */
+        rig_expect(rig, volume, &view, 60, "close"); /* all of the frame lies in few bricks */
         struct sp_frame *frame = rig_render(rig, volume, &view, 0);
         assert_int_equal(frame->stats.bricks.level, 0);
         sp_frame_unref(&frame);
@@ -105,7 +90,7 @@ static void projections_and_edits_equal_those_of_the_volume(void **state) {
         struct sp_view view = rig_make_view(rig);
         view.compositing.mode = modes[i];
         rig_zoom(&view, 3);
-        expect(rig, volume, &view, 200, "projection");
+        rig_expect(rig, volume, &view, 200, "projection");
     }
     struct sp_view view = rig_make_view(rig);
     rig_zoom(&view, 2);
@@ -116,7 +101,7 @@ static void projections_and_edits_equal_those_of_the_volume(void **state) {
     view.edits[1] = (struct sp_edit){
         .type = SP_EDIT_SPHERE, .keep = SP_KEEP_OUTSIDE, .center = { 100, 95, 97 }, .radius = 30
     };
-    expect(rig, volume, &view, 200, "edits");
+    rig_expect(rig, volume, &view, 200, "edits");
     sp_volume_unref(&volume);
 }
 
