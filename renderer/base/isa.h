@@ -108,6 +108,7 @@
 #define sp_voxel_merge SP_ISA_NAME(sp_voxel_merge)
 /* cloud/ */
 #define sp_cloud_set_up SP_ISA_NAME(sp_cloud_set_up)
+#define sp_cloud_set_up_gaussians SP_ISA_NAME(sp_cloud_set_up_gaussians)
 /* mesh/ */
 #define sp_mesh_place SP_ISA_NAME(sp_mesh_place)
 #define sp_mesh_find_spans SP_ISA_NAME(sp_mesh_find_spans)

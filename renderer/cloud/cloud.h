@@ -4,7 +4,8 @@
  * positions and variances of their own instead of a grid. They are drawn as lists of voxels are
  * (voxels/draw.h), front to back.
  *
- *   elements ─► sp_cloud_prepare(): placed, culled, sorted by depth ─► set_up ─► voxels/
+ *   points     ─► sp_cloud_prepare(): placed, culled, sorted by depth ─► set_up ─► voxels/
+ *   Gaussians  ─► sp_cloud_prepare(): set_up, sorted by depth ─► voxels/
  *
  * README.md of this folder has the formulas.
  */
@@ -34,12 +35,12 @@ struct sp_cloud_input {
     struct sp_arena *arena;
 };
 
-/* Prepares the layer for voxels/draw.h: elements that the camera may see, front to back by the
- * depth of their centres. Those behind the near plane, those whose centre is clipped, transparent
- * ones and those that are not finite are left out. Many points are drawn with levels of detail
- * (tree.h). Without set_up, `order` has what is drawn of the levels of detail, in no order and with
- * what cannot be seen; voxels NULL = all elements. Valid until the arena is reset. SP_ERR_MEMORY,
- * SP_ERR_CANCELLED. */
+/* Prepares the layer for voxels/draw.h: elements that the camera may see, or their splats, front to
+ * back by the depth of their centres. Those behind the near plane, those whose centre is clipped,
+ * transparent ones and those that are not finite are left out. Many points are drawn with levels of
+ * detail (tree.h). Without set_up, `order` has what is drawn of the levels of detail, in no order
+ * and with what cannot be seen; voxels NULL = all elements. Valid until the arena is reset.
+ * SP_ERR_MEMORY, SP_ERR_CANCELLED. */
 bool sp_cloud_prepare(const struct sp_cloud_input *input, struct sp_cloud *cloud,
                       struct sp_voxel_source *source, struct sp_error *err);
 

@@ -37,6 +37,8 @@ struct sp_cloud {
     /* The chosen elements, in no order; they are then numbered as here. NULL = numbered as above.
      */
     const struct sp_cloud_record *records;
+    /* Gaussians: splats of the whole image, which are numbered instead. NULL = not set up yet. */
+    const struct sp_voxel_record *splats;
     /* u = place·position + offset, and K = place·L times `size` [units of the frame] */
     float place[3][3], offset[3];
     float size;
@@ -107,5 +109,10 @@ static inline float sp_cloud_color_number(const struct sp_cloud *cloud, uint32_t
  * written. */
 uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *elements, uint32_t count, struct sp_voxel_record *out);
+
+/* The same of Gaussians. */
+uint32_t sp_cloud_set_up_gaussians(const struct sp_voxel_frame *frame, const struct sp_cloud *cloud,
+                                   const uint32_t *elements, uint32_t count,
+                                   struct sp_voxel_record *out);
 
 #endif

@@ -1,6 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  *   depths, by block ─► seen ones as items, in order of number ─► voxels/radix.h ─► numbers
+ *   └ of elements, or of splats that are set up first
  */
 #include "cloud/order.h"
 
@@ -11,9 +12,10 @@
 #include "voxels/radix.h"
 
 enum {
-    RECORDS_MAX = 1 << 22,
-    BLOCK = 1 << 14,
-    AHEAD = 32 /* elements that are read in advance: chosen ones lie apart in memory */
+    RECORDS_MAX = 1 << 22, /* and splats that are set up first */
+    BLOCK = 1 << 12,
+    GROUP = 1 << 9, /* elements that are set up at a time */
+    AHEAD = 32      /* elements that are read in advance: chosen ones lie apart in memory */
 };
 
 struct block {
@@ -27,7 +29,9 @@ struct sort {
     const struct sp_voxel_frame *frame;
     const struct sp_interrupt *interrupt;
     struct sp_cloud_record *records; /* by element of the choice; NULL = none */
-    float *depths;                   /* by element of the choice; infinity = not seen */
+    sp_voxel_set_up_fn *set_up;      /* NULL = splats are set up later */
+    struct sp_voxel_record *splats;  /* those of a block begin at its first element; NULL = none */
+    float *depths;                   /* by element of the choice, or splat; infinity = not seen */
     struct block *blocks;
     float low, scale; /* key = (depth − low)·scale */
     uint32_t count;
@@ -96,6 +100,12 @@ static void prefetch(const struct sort *s, size_t i) {
         __builtin_prefetch(e.factor);
 }
 
+static void add_depth(struct block *b, float depth) {
+    b->seen++;
+    b->low = depth < b->low ? depth : b->low;
+    b->high = depth > b->high ? depth : b->high;
+}
+
 static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
     const uint32_t parts = s->cloud->parts;
@@ -113,12 +123,31 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
             record(s->cloud, number / parts, &e, &s->records[i / parts]);
         float depth = find_depth(s, &e, part);
         s->depths[i] = depth;
-        if (!(depth < INFINITY))
-            continue;
-        b->seen++;
-        b->low = depth < b->low ? depth : b->low;
-        b->high = depth > b->high ? depth : b->high;
+        if (depth < INFINITY)
+            add_depth(b, depth);
     }
+}
+
+/* Sets up splats in the order of memory, so that it is read line by line. */
+static void set_up_splats(void *user, size_t begin, size_t end, unsigned worker) {
+    const struct sort *s = user;
+    struct block *b = &s->blocks[begin / BLOCK];
+    uint32_t numbers[GROUP];
+    size_t to = begin;
+    (void)worker;
+    *b = (struct block){ .low = INFINITY, .high = -INFINITY };
+    if (sp_interrupt_is_cancelled(s->interrupt))
+        return;
+    for (size_t first = begin; first < end; first += GROUP) {
+        const uint32_t count = end - first < GROUP ? (uint32_t)(end - first) : GROUP;
+        for (uint32_t i = 0; i < count; i++)
+            numbers[i] = (uint32_t)first + i;
+        const size_t last = to + s->set_up(s->frame, s->cloud, numbers, count, s->splats + to);
+        for (; to < last; to++)
+            add_depth(b, s->depths[to] = s->splats[to].u2);
+    }
+    for (; to < end; to++)
+        s->depths[to] = INFINITY;
 }
 
 static void collect(void *user, size_t begin, size_t end, unsigned worker) {
@@ -130,7 +159,7 @@ static void collect(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++)
         if (s->depths[i] < INFINITY)
             *to++ = (struct sp_radix_item){ (uint32_t)((s->depths[i] - s->low) * s->scale),
-                                            s->records ? (uint32_t)i : choose(s, i) };
+                                            s->records || s->splats ? (uint32_t)i : choose(s, i) };
 }
 
 static void take_elements(void *user, size_t begin, size_t end, unsigned worker) {
@@ -155,9 +184,12 @@ static void sum_blocks(struct sort *s, size_t blocks) {
 }
 
 bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
-                   const struct sp_voxel_frame *frame, struct sp_pool *pool, struct sp_arena *arena,
+                   const struct sp_voxel_frame *frame, sp_voxel_set_up_fn *set_up,
+                   struct sp_pool *pool, struct sp_arena *arena,
                    const struct sp_interrupt *interrupt, struct sp_voxel_order *order) {
-    struct sort s = { .cloud = cloud, .choice = choice, .frame = frame, .interrupt = interrupt };
+    struct sort s = {
+        .cloud = cloud, .choice = choice, .frame = frame, .interrupt = interrupt, .set_up = set_up
+    };
     const size_t n = (size_t)cloud->parts * (choice ? choice->count : cloud->elements->shape.count),
                  blocks = (n + BLOCK - 1) / BLOCK;
     *order = (struct sp_voxel_order){ 0 };
@@ -165,9 +197,11 @@ bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
     s.blocks = sp_arena_alloc(arena, "blocks of elements", blocks + 1, sizeof *s.blocks);
     if (cloud->tree && choice->count <= RECORDS_MAX)
         s.records = sp_arena_alloc(arena, "points", choice->count + (size_t)1, sizeof *s.records);
+    if (set_up && n <= RECORDS_MAX)
+        s.splats = sp_arena_alloc(arena, "splats", n + 1, sizeof *s.splats);
     if (arena->failed)
         return false;
-    sp_parallel_for(pool, n, BLOCK, find_depths, &s);
+    sp_parallel_for(pool, n, BLOCK, s.splats ? set_up_splats : find_depths, &s);
     if (sp_interrupt_is_cancelled(interrupt))
         return true;
     sum_blocks(&s, blocks);
@@ -182,6 +216,7 @@ bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
         return false;
     sp_parallel_for(pool, s.count, BLOCK, take_elements, &s);
     cloud->records = s.records;
+    cloud->splats = s.splats;
     *order = (struct sp_voxel_order){ .voxels = s.elements, .count = s.count };
     return true;
 }

@@ -18,11 +18,14 @@ struct sp_cloud_choice {
 };
 
 /* Sorts the elements front to back: by depth, in steps of 2^−22 of the range of depths, then by
- * number. Leaves out what sp_cloud_prepare() leaves out. Levels of detail become records of
- * the cloud unless they are too many. The same for any number of threads. False if memory ran out
- * (the arena says for what). Incomplete after a cancellation. */
+ * number. Leaves out what sp_cloud_prepare() leaves out. Levels of detail become records of the
+ * cloud unless they are too many. With `set_up`, which is for Gaussians, elements become splats of
+ * the cloud unless they are too many, and those that are not in the image are left out. The same
+ * for any number of threads. False if memory ran out (the arena says for what). Incomplete after a
+ * cancellation. */
 bool sp_cloud_sort(struct sp_cloud *cloud, const struct sp_cloud_choice *choice,
-                   const struct sp_voxel_frame *frame, struct sp_pool *pool, struct sp_arena *arena,
+                   const struct sp_voxel_frame *frame, sp_voxel_set_up_fn *set_up,
+                   struct sp_pool *pool, struct sp_arena *arena,
                    const struct sp_interrupt *interrupt, struct sp_voxel_order *order);
 
 #endif

@@ -241,10 +241,11 @@ bool sp_cloud_prepare(const struct sp_cloud_input *in, struct sp_cloud *cloud,
         return false;
     if (!source->frame.is_trained && !source->frame.has_streaks)
         choose_parts(&in->view->compositing, choice.count, cloud);
+    sp_voxel_set_up_fn *first = source->frame.is_trained ? in->set_up : NULL;
     if (!in->set_up) /* the caller sorts */
         source->order = (struct sp_voxel_order){ choice.elements, choice.count };
-    else if (!sp_cloud_sort(cloud, choice.elements ? &choice : NULL, &source->frame, in->pool,
-                            in->arena, &in->interrupt, &source->order))
+    else if (!sp_cloud_sort(cloud, choice.elements ? &choice : NULL, &source->frame, first,
+                            in->pool, in->arena, &in->interrupt, &source->order))
         return fail_memory(in, err);
     return !sp_interrupt_is_cancelled(&in->interrupt) ||
            sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");

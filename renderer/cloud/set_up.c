@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include <math.h>
 
-#include "cloud/kernels.h"
+#include "cloud/place.h"
 #include "splat/outline.h"
 #include "splat/pieces.h"
 #include "voxels/closed.h"
@@ -11,11 +11,11 @@
 
 enum { AHEAD = 32 }; /* elements that are read in advance: they lie apart in memory */
 
-/* Some elements side by side. */
+/* Some points side by side. */
 struct lanes {
     float position[3][SP_WIDE], factor[6][SP_WIDE];
-    float value[SP_WIDE]; /* of points; opacity of Gaussians */
-    float color[SP_WIDE]; /* of points with other numbers for their colours */
+    float value[SP_WIDE];
+    float color[SP_WIDE]; /* with other numbers for the colours */
     float volume[SP_WIDE];
     float part[SP_WIDE]; /* with parts: depth of this one [deviations] */
     /* Of a layer of vectors: */
@@ -33,9 +33,6 @@ static inline void prefetch(const struct sp_cloud *cloud, uint32_t number) {
     __builtin_prefetch(e.factor);
     __builtin_prefetch(e.value);
     __builtin_prefetch(e.volume);
-    const uint32_t numbers = own->harmonics ? 3 * sp_harmonics_count(own->shape.degree) : 0;
-    for (uint32_t i = 0; i < numbers; i += 16) /* a cache line */
-        __builtin_prefetch(own->harmonics + (size_t)at * numbers + i);
 }
 
 static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *elements, int count,
@@ -51,7 +48,7 @@ static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *e
         for (int k = 0; k < 6; k++)
             to->factor[k][i] = e.factor[k];
         to->value[i] = *e.value;
-        to->volume[i] = e.volume ? *e.volume : 0;
+        to->volume[i] = *e.volume;
     }
 }
 
@@ -77,20 +74,14 @@ static inline void read_vectors(const struct sp_cloud *cloud, const uint32_t *el
     }
 }
 
-/* Computes positions and kernels. */
 static inline void locate(const struct sp_cloud *cloud, const struct lanes *lanes,
                           struct sp_places *p) {
-    static const int row_of[6] = { 0, 1, 1, 2, 2, 2 }, column_of[6] = { 0, 0, 1, 0, 1, 2 };
-    for (int r = 0; r < 3; r++) {
-        p->u[r] = sp_wide_all(cloud->offset[r]);
-        for (int a = 0; a < 3; a++) {
-            p->u[r] += cloud->place[r][a] * sp_wide_load(lanes->position[a]);
-            p->kernel[r][a] = sp_wide_all(0);
-        }
-        for (int k = 0; k < 6; k++)
-            p->kernel[r][column_of[k]] +=
-                cloud->place[r][row_of[k]] * cloud->size * sp_wide_load(lanes->factor[k]);
-    }
+    sp_wide position[3], factor[6];
+    for (int k = 0; k < 3; k++)
+        position[k] = sp_wide_load(lanes->position[k]);
+    for (int k = 0; k < 6; k++)
+        factor[k] = sp_wide_load(lanes->factor[k]);
+    sp_cloud_place(cloud, position, factor, p);
 }
 
 /* Makes kernels the parts of them: u is that of the part, and the kernel, K·ξ of a standard normal
@@ -159,93 +150,6 @@ static inline sp_wide_mask place_streaks(const struct sp_voxel_frame *frame,
         moves, s);
 }
 
-/* Outlines of trained Gaussians, which end where their opacity does. `opacity` becomes that of the
- * centre. */
-static inline sp_wide_mask outline_trained(const struct sp_cloud *cloud,
-                                           const struct sp_ewa_frame *f, struct sp_places *p,
-                                           sp_wide *opacity, struct sp_outlines *o) {
-    sp_wide v[3];
-    sp_wide_mask seen = sp_place_centres(f, p, o);
-    sp_wide det = sp_place_variance((const sp_wide(*)[3])p->m, SP_CLOUD_LOWPASS2, v);
-    *opacity *= cloud->opacity;
-    if (cloud->is_normalised)
-        *opacity *= sp_wide_sqrt(sp_place_cross((const sp_wide(*)[3])p->m) / det);
-    sp_wide parts = *opacity * (1 / SP_TRAINED_OPACITY_MIN);
-    seen &= sp_wide_lt(sp_wide_all(1), parts) & sp_wide_lt(det, sp_wide_all(1e36f));
-    sp_wide radius =
-        sp_wide_sqrt(2 / SP_LOG2E * sp_wide_log2(sp_wide_max(parts, sp_wide_all(1.000001f))));
-    sp_wide half = 0.5f * SP_LOG2E / det;
-    o->a = half * v[2];
-    o->b = -2 * half * v[1];
-    o->c = half * v[0];
-    o->area = (float)M_PI * radius * radius * sp_wide_sqrt(det);
-    /* A little more than the logarithm's error: pixels decide by their own opacity. */
-    const float slack = 1.0001f;
-    sp_wide rx = slack * radius * sp_wide_sqrt(v[0]), ry = slack * radius * sp_wide_sqrt(v[2]);
-    return seen & sp_place_cover(o->y, ry, f->rows[0], f->rows[1], &o->y0, &o->y1) &
-           sp_place_cover(o->x, rx, 0, f->size[0], &o->x0, &o->x1);
-}
-
-/* Directions from the eye, of unit length, in the world of the data. */
-static inline void find_directions(const struct sp_cloud *cloud, const struct lanes *lanes,
-                                   sp_wide d[3]) {
-    sp_wide square = sp_wide_all(0);
-    for (int a = 0; a < 3; a++) {
-        d[a] = sp_wide_all(cloud->eye[a]);
-        if (!cloud->is_orthographic)
-            d[a] = sp_wide_load(lanes->position[a]) - d[a];
-        square += d[a] * d[a];
-    }
-    sp_wide inverse = 1 / sp_wide_sqrt(sp_wide_max(square, sp_wide_all(1e-30f)));
-    for (int a = 0; a < 3; a++)
-        d[a] *= inverse;
-}
-
-/* The real spherical harmonics, in the order and with the signs of Kerbl et al. (2023):
- * basis[sp_harmonics_count(degree)]. */
-static inline void find_harmonics(unsigned degree, const sp_wide d[3], float basis[][SP_WIDE]) {
-    const sp_wide x = d[0], y = d[1], z = d[2], xx = x * x, yy = y * y, zz = z * z;
-    sp_wide_store(basis[0], sp_wide_all(0.28209479f));
-    if (degree < 1)
-        return;
-    sp_wide_store(basis[1], -0.48860251f * y);
-    sp_wide_store(basis[2], 0.48860251f * z);
-    sp_wide_store(basis[3], -0.48860251f * x);
-    if (degree < 2)
-        return;
-    sp_wide_store(basis[4], 1.09254843f * x * y);
-    sp_wide_store(basis[5], -1.09254843f * y * z);
-    sp_wide_store(basis[6], 0.31539157f * (2 * zz - xx - yy));
-    sp_wide_store(basis[7], -1.09254843f * x * z);
-    sp_wide_store(basis[8], 0.54627422f * (xx - yy));
-    if (degree < 3)
-        return;
-    sp_wide_store(basis[9], -0.59004359f * y * (3 * xx - yy));
-    sp_wide_store(basis[10], 2.89061144f * x * y * z);
-    sp_wide_store(basis[11], -0.45704580f * y * (4 * zz - xx - yy));
-    sp_wide_store(basis[12], 0.37317633f * z * (2 * zz - 3 * xx - 3 * yy));
-    sp_wide_store(basis[13], -0.45704580f * x * (4 * zz - xx - yy));
-    sp_wide_store(basis[14], 1.44530572f * z * (xx - yy));
-    sp_wide_store(basis[15], -0.59004359f * x * (xx - 3 * yy));
-}
-
-/* Colour of a Gaussian; may be above 1. Four numbers are read where three are needed, but for the
- * last coefficient, behind which the array may end. */
-static inline void find_color(const struct sp_elements *e, uint32_t element,
-                              const float basis[][SP_WIDE], int lane, float color[3]) {
-    typedef float four __attribute__((vector_size(16), aligned(4)));
-    const uint32_t last = sp_harmonics_count(e->shape.degree) - 1;
-    const float *c = e->harmonics + (size_t)element * 3 * (last + 1);
-    four sum[2] = { { 0.5f, 0.5f, 0.5f, 0 }, { 0 } };
-    for (uint32_t i = 0; i < last; i++)
-        sum[i & 1] += basis[i][lane] * *(const four *)(const void *)(c + 3 * (size_t)i);
-    sum[0] += sum[1];
-    for (uint32_t k = 0; k < 3; k++) {
-        color[k] = sum[0][k] + basis[last][lane] * c[3 * last + k];
-        color[k] = color[k] > 0 ? fminf(color[k], SP_CLOUD_COLOR_MAX) : 0;
-    }
-}
-
 /* Splats while they are set up. */
 struct splats {
     struct sp_outlines outline;
@@ -272,25 +176,13 @@ static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
     return seen & sp_wide_lt(sp_wide_all(0), s->depth);
 }
 
-static inline void write_records(const struct sp_cloud *cloud, const struct lanes *lanes,
-                                 const struct splats *s, const uint32_t *elements, unsigned bits,
+static inline void write_records(const struct splats *s, unsigned bits,
                                  struct sp_voxel_record *out) {
-    const struct sp_outlines *o = &s->outline;
-    const struct sp_elements *e = cloud->elements;
-    _Alignas(64) float basis[16][SP_WIDE];
-    if (e->harmonics && bits) {
-        sp_wide d[3];
-        find_directions(cloud, lanes, d);
-        find_harmonics(e->shape.degree, d, basis);
-    }
     for (; bits; bits &= bits - 1, out++) {
-        int i = __builtin_ctz(bits);
-        *out = sp_voxel_record_at(o, i, s->depth[i], s->u2[i]);
-        if (e->harmonics)
-            find_color(e, elements[i], (const float(*)[SP_WIDE])basis, i, out->color);
-        else
-            for (int k = 0; k < 3; k++)
-                out->color[k] = s->color[k][i];
+        const int i = __builtin_ctz(bits);
+        sp_voxel_record_write(&s->outline, i, s->depth[i], s->u2[i], out);
+        for (int k = 0; k < 3; k++)
+            out->color[k] = s->color[k][i];
     }
 }
 
@@ -298,6 +190,8 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
                          const uint32_t *elements, uint32_t count, struct sp_voxel_record *out) {
     const struct sp_cloud *cloud = from;
     uint32_t written = 0;
+    if (frame->is_trained)
+        return sp_cloud_set_up_gaussians(frame, cloud, elements, count, out);
     for (uint32_t n = 0; n < count; n += SP_WIDE) {
         int left = count - n < SP_WIDE ? (int)(count - n) : SP_WIDE;
         struct lanes lanes;
@@ -310,19 +204,14 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         if (frame->has_streaks)
             read_vectors(cloud, elements + n, (int)(count - n), &lanes);
         locate(cloud, &lanes, &p);
-        if (frame->is_trained) {
-            s.depth = sp_wide_load(lanes.value);
-            seen = outline_trained(cloud, &frame->ewa, &p, &s.depth, &s.outline);
-        } else {
-            if (cloud->parts > 1)
-                take_parts(cloud, &lanes, &p);
-            seen = set_up_points(frame, cloud, &lanes, &p, &s);
-        }
+        if (cloud->parts > 1)
+            take_parts(cloud, &lanes, &p);
+        seen = set_up_points(frame, cloud, &lanes, &p, &s);
         s.u2 = p.u[2];
         unsigned bits = sp_wide_mask_bits(seen & sp_wide_first(left));
         if (frame->closed)
             bits = sp_voxel_drop_covered(frame, &s.outline, bits);
-        write_records(cloud, &lanes, &s, elements + n, bits, out + written);
+        write_records(&s, bits, out + written);
         if (frame->has_streaks)
             sp_streak_write(&frame->streaks, lanes.phase, &s.streaks, bits, out + written);
         written += (uint32_t)__builtin_popcount(bits);

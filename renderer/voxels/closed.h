@@ -9,12 +9,12 @@
 #include "splat/outline.h"
 #include "voxels/kernels.h"
 
-/* True if all tiles that the box of splat i touches are closed. */
-static inline bool sp_voxel_is_covered(const struct sp_voxel_frame *frame,
-                                       const struct sp_outlines *o, int i) {
-    int low = ((int)o->y0[i] - frame->ewa.rows[0]) / SP_VOXEL_TILE;
-    int high = ((int)o->y1[i] - 1 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
-    int left = (int)o->x0[i] / SP_VOXEL_TILE, right = ((int)o->x1[i] - 1) / SP_VOXEL_TILE;
+/* True if all tiles that the box of a splat touches are closed. */
+static inline bool sp_voxel_is_covered(const struct sp_voxel_frame *frame, int x0, int y0, int x1,
+                                       int y1) {
+    int low = (y0 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int high = (y1 - 1 - frame->ewa.rows[0]) / SP_VOXEL_TILE;
+    int left = x0 / SP_VOXEL_TILE, right = (x1 - 1) / SP_VOXEL_TILE;
     for (int row = low; row <= high; row++)
         for (int column = left; column <= right; column++)
             if (!frame->closed[row * frame->columns + column])
@@ -28,7 +28,7 @@ static inline unsigned sp_voxel_drop_covered(const struct sp_voxel_frame *frame,
     unsigned seen = bits;
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
-        if (sp_voxel_is_covered(frame, o, i))
+        if (sp_voxel_is_covered(frame, (int)o->x0[i], (int)o->y0[i], (int)o->x1[i], (int)o->y1[i]))
             seen ^= 1u << i;
     }
     return seen;

@@ -8,21 +8,21 @@
 #include "splat/outline.h"
 #include "voxels/kernels.h"
 
-/* Returns the record of splat i, without its colour. */
-static inline struct sp_voxel_record sp_voxel_record_at(const struct sp_outlines *o, int i,
-                                                        float depth, float u2) {
-    return (struct sp_voxel_record){ .x = o->x[i],
-                                     .y = o->y[i],
-                                     .a = o->a[i],
-                                     .b = o->b[i],
-                                     .c = o->c[i],
-                                     .depth = depth,
-                                     .u2 = u2,
-                                     .x0 = (int16_t)o->x0[i],
-                                     .y0 = (int16_t)o->y0[i],
-                                     .x1 = (int16_t)o->x1[i],
-                                     .y1 = (int16_t)o->y1[i],
-                                     .area = o->area[i] };
+/* Writes the record of splat i, but for its colour and its streaks. */
+static inline void sp_voxel_record_write(const struct sp_outlines *o, int i, float depth, float u2,
+                                         struct sp_voxel_record *out) {
+    out->x = o->x[i];
+    out->y = o->y[i];
+    out->a = o->a[i];
+    out->b = o->b[i];
+    out->c = o->c[i];
+    out->depth = depth;
+    out->u2 = u2;
+    out->x0 = (int16_t)o->x0[i];
+    out->y0 = (int16_t)o->y0[i];
+    out->x1 = (int16_t)o->x1[i];
+    out->y1 = (int16_t)o->y1[i];
+    out->area = o->area[i];
 }
 
 #endif

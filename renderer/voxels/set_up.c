@@ -77,7 +77,7 @@ static inline void write_records(const struct sp_outlines *o, const struct lanes
     for (; bits; bits &= bits - 1) {
         int i = __builtin_ctz(bits);
         struct sp_voxel_record *r = &out[written++];
-        *r = sp_voxel_record_at(o, i, depth[i], u2[i]);
+        sp_voxel_record_write(o, i, depth[i], u2[i], r);
         for (int k = 0; k < 3; k++)
             r->color[k] = lanes->color[k][i];
     }

@@ -49,7 +49,7 @@ static struct sp_voxel_order sort_with(unsigned threads, struct sp_voxel_frame *
                                .elements = &elements,
                                .opacity = 1,
                                .place = { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1 } } };
-    assert_true(sp_cloud_sort(&cloud, NULL, frame, pool, arena, &none, &order));
+    assert_true(sp_cloud_sort(&cloud, NULL, frame, NULL, pool, arena, &none, &order));
     sp_pool_destroy(&pool);
     return order;
 }

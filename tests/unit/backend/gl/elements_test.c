@@ -17,6 +17,7 @@
 #include <string.h>
 
 #include "backend/gl/memory.h"
+#include "cloud/order.h"
 #include "sp/log.h"
 #include "support/compare.h"
 #include "support/data.h"
@@ -237,13 +238,6 @@ static void vectors_of_points_look_the_same(void **state) {
     resample_report(rig);
 }
 
-static uint32_t set_up_nothing(const struct sp_voxel_frame *frame, const void *from,
-                               const uint32_t *elements, uint32_t count,
-                               struct sp_voxel_record *out) {
-    (void)frame, (void)from, (void)elements, (void)count, (void)out;
-    return 0;
-}
-
 /* The GPU sorts elements as the processor does, but for depths that are equal but for rounding, and
  * leaves out the same ones. Several work groups move them. */
 static void elements_come_in_order(void **state) {
@@ -273,12 +267,13 @@ static void elements_come_in_order(void **state) {
                                               .shown = cloud,
                                               .clipped = &sp_volume_info(cloud)->grid,
                                               .camera = &camera,
-                                              .set_up = set_up_nothing,
                                               .trees = &gl->layers.clouds,
                                               .pool = gl->pool,
                                               .arena = &gl->arena };
         sp_arena_reset(&gl->arena);
         assert_true(sp_cloud_prepare(&input, &cpu, &wanted, &err));
+        assert_true(sp_cloud_sort(&cpu, NULL, &wanted.frame, NULL, gl->pool, &gl->arena,
+                                  &input.interrupt, &wanted.order));
         assert_compare(wanted.order.count, >, COUNT / 4);
         assert_compare(wanted.order.count, <, COUNT / 97 * 96);
         for (uint32_t i = 0; i < COUNT; i++)
