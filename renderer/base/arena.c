@@ -2,8 +2,14 @@
 #include "base/arena.h"
 
 #include <stdlib.h>
+#include <sys/mman.h>
 
-enum { ALIGN = 64, BLOCK_MIN = 1 << 16 };
+enum {
+    ALIGN = 64,
+    BLOCK_MIN = 1 << 16,
+    HUGE_PAGE = 1 << 21,
+    HUGE_BLOCK = 8 * HUGE_PAGE /* smaller blocks would waste memory */
+};
 
 struct sp_arena_block {
     struct sp_arena_block *next;
@@ -30,13 +36,17 @@ void sp_arena_finish(struct sp_arena *arena) {
     *arena = (struct sp_arena){ 0 };
 }
 
-static int add_block(struct sp_arena *arena, size_t capacity) {
+static int add_block(struct sp_arena *arena, size_t bytes_min) {
+    const size_t align = bytes_min < HUGE_BLOCK ? ALIGN : HUGE_PAGE;
+    const size_t capacity = (bytes_min + align - 1) / align * align;
     struct sp_arena_block *block = malloc(sizeof *block);
-    unsigned char *bytes = block ? aligned_alloc(ALIGN, capacity) : NULL;
+    unsigned char *bytes = block ? aligned_alloc(align, capacity) : NULL;
     if (!bytes) {
         free(block);
         return 0;
     }
+    if (align == HUGE_PAGE) /* splats are read far apart: each would need a page of its own */
+        (void)madvise(bytes, capacity, MADV_HUGEPAGE);
     arena->system_allocations += 2;
     *block = (struct sp_arena_block){ .next = arena->blocks, .capacity = capacity, .bytes = bytes };
     arena->blocks = block;

@@ -2,7 +2,8 @@
  *
  * Memory of one frame: named allocations from blocks that are kept from frame to frame, so that the
  * steady state allocates nothing. sp_arena_reset() ends all allocations and keeps the memory; if
- * the last frame needed several blocks, it joins them into one. One thread at a time.
+ * the last frame needed several blocks, it joins them into one. Large blocks ask for huge pages.
+ * One thread at a time.
  */
 #ifndef SP_BASE_ARENA_H
 #define SP_BASE_ARENA_H
