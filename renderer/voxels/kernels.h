@@ -84,9 +84,9 @@ struct sp_voxel_record {
  * cell is four pixels wide; cells follow each other row by row. */
 struct sp_voxel_tile {
     _Alignas(64) float cells[SP_VOXEL_PIXELS * 4];
-    uint8_t open[SP_VOXEL_TILE]; /* by row of cells: bit c = column c lets some light through */
-    uint32_t open_count;         /* such cells */
-    int x, y;                    /* of its corner in the image */
+    uint64_t open[SP_VOXEL_PIXELS / 4 / 64]; /* bit n = cell n lets some light through */
+    uint32_t open_count;                     /* such cells */
+    int x, y;                                /* of its corner in the image */
 };
 
 /* Sets up the splats of voxels[count] of the list `from` (struct sp_voxel_list) that touch the rows

@@ -18,10 +18,25 @@
 #include "voxels/kernels.h"
 #include "voxels/streak.h"
 
-enum { CELL_ROWS = SP_WIDE / 4, CELLS = SP_VOXEL_TILE / 4, CELL_FLOATS = 4 * SP_WIDE };
+enum {
+    CELL_ROWS = SP_WIDE / 4,
+    COLUMNS = SP_VOXEL_TILE / 4, /* of cells */
+    CELLS = SP_VOXEL_PIXELS / SP_WIDE,
+    CELL_FLOATS = 4 * SP_WIDE
+};
 
-static inline float *cell_at(struct sp_voxel_tile *tile, int column, int row) {
-    return tile->cells + (row * CELLS + column) * CELL_FLOATS;
+/* Column and row of a cell's first pixel in the tile. They are read, which takes less time than
+ * converting them. */
+static const float steps[SP_VOXEL_TILE] = { 0,  1,  2,  3,  4,  5,  6,  7,  8,  9,  10,
+                                            11, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21,
+                                            22, 23, 24, 25, 26, 27, 28, 29, 30, 31 };
+
+static inline float column_of(int cell) {
+    return steps[cell % COLUMNS * 4];
+}
+
+static inline float row_of(int cell) {
+    return steps[cell / COLUMNS * CELL_ROWS];
 }
 
 /* Column and row of each lane in its cell. */
@@ -40,16 +55,15 @@ void sp_voxel_start(struct sp_voxel_tile *tile, int x, int y, const int size[2])
     tile->open_count = 0;
     memset(tile->cells, 0, sizeof tile->cells);
     memset(tile->open, 0, sizeof tile->open);
-    for (int row = 0; row * CELL_ROWS < SP_VOXEL_TILE; row++)
-        for (int column = 0; column < CELLS; column++) {
-            sp_wide right = lane_columns() + (float)(x + 4 * column);
-            sp_wide down = lane_rows() + (float)(y + CELL_ROWS * row);
-            sp_wide_mask inside = sp_wide_lt(right, sp_wide_all((float)size[0])) &
-                                  sp_wide_lt(down, sp_wide_all((float)size[1]));
-            sp_wide_store(cell_at(tile, column, row), sp_wide_keep(inside, one));
-            tile->open[row] |= (uint8_t)(sp_wide_any(inside) << column);
-            tile->open_count += sp_wide_any(inside);
-        }
+    for (int cell = 0; cell < CELLS; cell++) {
+        sp_wide right = lane_columns() + ((float)x + column_of(cell));
+        sp_wide down = lane_rows() + ((float)y + row_of(cell));
+        sp_wide_mask inside = sp_wide_lt(right, sp_wide_all((float)size[0])) &
+                              sp_wide_lt(down, sp_wide_all((float)size[1]));
+        sp_wide_store(tile->cells + cell * CELL_FLOATS, sp_wide_keep(inside, one));
+        tile->open[cell / 64] |= (uint64_t)sp_wide_any(inside) << cell % 64;
+        tile->open_count += sp_wide_any(inside);
+    }
 }
 
 /* The cells that a box touches: columns [x0, x1], rows [y0, y1]. */
@@ -57,13 +71,26 @@ struct cells {
     int x0, y0, x1, y1;
 };
 
-static inline struct cells find_cells(int x, int y, const struct sp_voxel_record *r) {
-    int x0 = r->x0 - x, y0 = r->y0 - y, x1 = r->x1 - 1 - x, y1 = r->y1 - 1 - y;
+static inline struct cells find_cells(const struct sp_voxel_tile *tile,
+                                      const struct sp_voxel_record *r) {
+    int x0 = r->x0 - tile->x, y0 = r->y0 - tile->y;
+    int x1 = r->x1 - 1 - tile->x, y1 = r->y1 - 1 - tile->y;
     x0 = x0 > 0 ? x0 : 0;
     y0 = y0 > 0 ? y0 : 0;
     x1 = x1 < SP_VOXEL_TILE ? x1 : SP_VOXEL_TILE - 1;
     y1 = y1 < SP_VOXEL_TILE ? y1 : SP_VOXEL_TILE - 1;
     return (struct cells){ x0 / 4, y0 / CELL_ROWS, x1 / 4, y1 / CELL_ROWS };
+}
+
+/* Those of the cells that let light through, as bits of a word of tile->open, which has eight rows.
+ */
+static inline uint64_t find_open_cells(const struct sp_voxel_tile *tile, const struct cells *c,
+                                       int word) {
+    const int first = c->y0 - 8 * word, last = c->y1 - 8 * word;
+    const uint64_t columns = (2u << c->x1) - (1u << c->x0);
+    const uint64_t rows =
+        UINT64_MAX << (first > 0 ? 8 * first : 0) & UINT64_MAX >> (last < 7 ? 56 - 8 * last : 0);
+    return tile->open[word] & rows & columns * UINT64_C(0x0101010101010101);
 }
 
 /* 2^x for x in [−126, 126], with a relative error below 4e-6; anything elsewhere. */
@@ -122,18 +149,17 @@ struct open_fragments {
 };
 
 /* Where in a tile of fragments a pixel of a cell lies. */
-static inline int pixel_of(int column, int row, int i) {
-    return (row * CELL_ROWS + i / 4) * SP_VOXEL_TILE + column * 4 + i % 4;
+static inline int pixel_of(int cell, int i) {
+    return (cell / COLUMNS * CELL_ROWS + i / 4) * SP_VOXEL_TILE + cell % COLUMNS * 4 + i % 4;
 }
 
 /* Finds the walls behind fragments that begin at `depth` in some pixels of a cell: splats before
  * and behind a triangle must not become one fragment. */
-static void find_walls(struct open_fragments *open, unsigned pixels, float depth, int column,
-                       int row) {
+static void find_walls(struct open_fragments *open, unsigned pixels, float depth, int cell) {
     for (; pixels; pixels &= pixels - 1) {
-        const int i = __builtin_ctz(pixels), pixel = pixel_of(column, row, i);
+        const int i = __builtin_ctz(pixels), pixel = pixel_of(cell, i);
         const struct sp_fragment *list = open->to->list[pixel];
-        float *wall = &open->wall[(row * CELLS + column) * SP_WIDE + i];
+        float *wall = &open->wall[cell * SP_WIDE + i];
         *wall = INFINITY;
         for (int k = open->to->count[pixel] - 1; k >= 0 && list[k].depth > depth; k--)
             if (list[k].alpha >= SP_VOXEL_WALL)
@@ -143,18 +169,18 @@ static void find_walls(struct open_fragments *open, unsigned pixels, float depth
 
 /* Adds the open fragments of some pixels of a cell to their lists. */
 static void complete(const struct sp_voxel_tile *tile, struct open_fragments *open, unsigned pixels,
-                     int column, int row) {
-    const float *cell = tile->cells + (row * CELLS + column) * CELL_FLOATS;
+                     int cell) {
+    const float *light = tile->cells + cell * CELL_FLOATS;
     for (; pixels; pixels &= pixels - 1) {
-        const int i = __builtin_ctz(pixels), at = (row * CELLS + column) * SP_WIDE + i;
-        const int pixel = pixel_of(column, row, i);
+        const int i = __builtin_ctz(pixels), at = cell * SP_WIDE + i;
+        const int pixel = pixel_of(cell, i);
         const struct sp_fragment fragment = {
-            .depth = open->depth[at] / (1 - cell[i]),
-            .color = { cell[SP_WIDE + i], cell[2 * SP_WIDE + i], cell[3 * SP_WIDE + i] },
-            .alpha = 1 - cell[i],
+            .depth = open->depth[at] / (1 - light[i]),
+            .color = { light[SP_WIDE + i], light[2 * SP_WIDE + i], light[3 * SP_WIDE + i] },
+            .alpha = 1 - light[i],
         };
         sp_fragment_add(open->to, pixel, &fragment);
-        open->before[at] *= cell[i];
+        open->before[at] *= light[i];
         open->reach[at] = open->apart * (1 + 0.5f * open->to->count[pixel]) / open->before[at];
     }
 }
@@ -163,9 +189,9 @@ static void complete(const struct sp_voxel_tile *tile, struct open_fragments *op
  * begins others. `light`: what the planes of the cell hold. Returns the transmittance in front of
  * the fragments. */
 static inline sp_wide begin_fragments(struct sp_voxel_tile *tile, struct open_fragments *open,
-                                      float depth, sp_wide_mask covered, int column, int row,
+                                      float depth, sp_wide_mask covered, int cell,
                                       sp_wide light[4]) {
-    const int at = (row * CELLS + column) * SP_WIDE;
+    const int at = cell * SP_WIDE;
     sp_wide first = sp_wide_load(open->first + at);
     sp_wide_mask began = sp_wide_lt(light[0], sp_wide_all(1));
     sp_wide_mask is_near = sp_wide_lt(sp_wide_abs(first - depth), sp_wide_load(open->reach + at));
@@ -173,7 +199,7 @@ static inline sp_wide begin_fragments(struct sp_voxel_tile *tile, struct open_fr
         is_near &= sp_wide_lt(sp_wide_all(depth), sp_wide_load(open->wall + at));
     sp_wide_mask ends = covered & began & ~is_near;
     if (sp_wide_any(ends)) {
-        complete(tile, open, sp_wide_mask_bits(ends), column, row);
+        complete(tile, open, sp_wide_mask_bits(ends), cell);
         light[0] = sp_wide_select(ends, sp_wide_all(1), light[0]);
         for (int k = 1; k < 4; k++)
             light[k] = sp_wide_select(ends, sp_wide_all(0), light[k]);
@@ -182,22 +208,21 @@ static inline sp_wide begin_fragments(struct sp_voxel_tile *tile, struct open_fr
     sp_wide_mask begins = covered & ~(began & is_near);
     sp_wide_store(open->first + at, sp_wide_select(begins, sp_wide_all(depth), first));
     if (open->has_walls && sp_wide_any(begins))
-        find_walls(open, sp_wide_mask_bits(begins), depth, column, row);
+        find_walls(open, sp_wide_mask_bits(begins), depth, cell);
     return sp_wide_load(open->before + at);
 }
 
 /* The pixels of a cell that let light through. */
 static inline sp_wide_mask find_open(const struct sp_voxel_tile *tile,
-                                     const struct open_fragments *open, int column, int row) {
-    const int cell = row * CELLS + column;
+                                     const struct open_fragments *open, int cell) {
     sp_wide through = sp_wide_load(tile->cells + cell * CELL_FLOATS);
     if (open)
         through *= sp_wide_load(open->before + cell * SP_WIDE);
     return sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), through);
 }
 
-static inline void close_cell(struct sp_voxel_tile *tile, int column, int row) {
-    tile->open[row] &= (uint8_t) ~(1u << column);
+static inline void close_cell(struct sp_voxel_tile *tile, int cell) {
+    tile->open[cell / 64] &= ~(UINT64_C(1) << cell % 64);
     tile->open_count--;
 }
 
@@ -208,52 +233,45 @@ static inline void close_cell(struct sp_voxel_tile *tile, int column, int row) {
 static inline __attribute__((always_inline)) void
 composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
           const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended,
-          sp_wide_mask covered, int column, int row) {
-    float *cell = cell_at(tile, column, row);
+          sp_wide_mask covered, int cell) {
+    float *planes = tile->cells + cell * CELL_FLOATS;
     const float depth = r->u2 * (float)f->ewa.unit;
     sp_wide before = sp_wide_all(1), light[4];
     for (int k = 0; k < 4; k++)
-        light[k] = sp_wide_load(cell + k * SP_WIDE);
+        light[k] = sp_wide_load(planes + k * SP_WIDE);
     if (open)
-        before = begin_fragments(tile, open, depth, covered, column, row, light);
+        before = begin_fragments(tile, open, depth, covered, cell, light);
     sp_wide left = sp_wide_select(covered, light[0] * pass, light[0]), share = light[0] - left;
     if (open) {
-        float *sum = open->depth + (row * CELLS + column) * SP_WIDE;
+        float *sum = open->depth + cell * SP_WIDE;
         sp_wide_store(sum, sp_wide_load(sum) + share * depth);
     }
-    sp_wide_store(cell, left);
+    sp_wide_store(planes, left);
     for (int k = 0; k < 3; k++) {
         sp_wide color = sp_wide_all(r->color[k]);
         if (blended)
             color += *blended * (f->streaks.color[k] - r->color[k]);
-        sp_wide_store(cell + (k + 1) * SP_WIDE, light[k + 1] + share * color);
+        sp_wide_store(planes + (k + 1) * SP_WIDE, light[k + 1] + share * color);
     }
     if (!sp_wide_any(sp_wide_le(sp_wide_all(SP_TRANSMITTANCE_MIN), left * before)))
-        close_cell(tile, column, row);
-}
-
-/* The columns [x0, x1] as bits. */
-static inline unsigned column_bits(const struct cells *c) {
-    return (2u << c->x1) - (1u << c->x0);
+        close_cell(tile, cell);
 }
 
 static inline void add_gaussian(struct sp_voxel_tile *tile, struct open_fragments *open,
                                 const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile->x, tile->y, r);
-    const unsigned columns = column_bits(&c);
+    struct cells c = find_cells(tile, r);
     const sp_wide cut = sp_wide_all(f->ewa.cut);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
-    for (int row = c.y0; row <= c.y1; row++) {
-        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
-        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
-            int column = __builtin_ctz(bits);
-            sp_wide power = find_power(r, dx0 + (float)(4 * column), dy);
-            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(tile, open, column, row);
+    for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
+        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+            const int cell = 64 * word + __builtin_ctzll(bits);
+            const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
+            sp_wide power = find_power(r, dx, dy);
+            sp_wide_mask covered = sp_wide_le(power, cut) & find_open(tile, open, cell);
             sp_wide pass = pass_gaussian(f, r, exp2_within(-power));
-            composite(tile, open, f, r, pass, NULL, covered, column, row);
+            composite(tile, open, f, r, pass, NULL, covered, cell);
         }
-    }
 }
 
 /* What passes a trained Gaussian of that power; *covered loses the pixels that it does not reach.
@@ -267,19 +285,17 @@ static inline sp_wide pass_trained(const struct sp_voxel_record *r, sp_wide powe
 
 static inline void add_trained(struct sp_voxel_tile *tile, struct open_fragments *open,
                                const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile->x, tile->y, r);
-    const unsigned columns = column_bits(&c);
+    struct cells c = find_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
-    for (int row = c.y0; row <= c.y1; row++) {
-        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
-        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
-            int column = __builtin_ctz(bits);
-            sp_wide_mask covered = find_open(tile, open, column, row);
-            sp_wide pass = pass_trained(r, find_power(r, dx0 + (float)(4 * column), dy), &covered);
-            composite(tile, open, f, r, pass, NULL, covered, column, row);
+    for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
+        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+            const int cell = 64 * word + __builtin_ctzll(bits);
+            const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
+            sp_wide_mask covered = find_open(tile, open, cell);
+            sp_wide pass = pass_trained(r, find_power(r, dx, dy), &covered);
+            composite(tile, open, f, r, pass, NULL, covered, cell);
         }
-    }
 }
 
 /* What passes the splat of a layer of vectors, and the share of the streaks' colour, at (along,
@@ -305,42 +321,38 @@ static inline sp_wide power_of_streak(sp_wide along, sp_wide across) {
 
 static inline void add_streak(struct sp_voxel_tile *tile, struct open_fragments *open,
                               const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile->x, tile->y, r);
-    const unsigned columns = column_bits(&c);
+    struct cells c = find_cells(tile, r);
     const sp_wide dx0 = lane_columns() + ((float)tile->x + 0.5f - r->x);
     const sp_wide dy0 = lane_rows() + ((float)tile->y + 0.5f - r->y);
-    for (int row = c.y0; row <= c.y1; row++) {
-        sp_wide dy = dy0 + (float)(CELL_ROWS * row);
-        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
-            int column = __builtin_ctz(bits);
-            sp_wide dx = dx0 + (float)(4 * column), blended;
+    for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
+        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+            const int cell = 64 * word + __builtin_ctzll(bits);
+            const sp_wide dx = dx0 + column_of(cell), dy = dy0 + row_of(cell);
+            sp_wide blended;
             sp_wide along = r->a * dx + r->b * dy, across = r->c * dx + r->d * dy;
             sp_wide power = power_of_streak(along, across);
             sp_wide_mask covered =
-                sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(tile, open, column, row);
+                sp_wide_le(power, sp_wide_all(f->ewa.cut)) & find_open(tile, open, cell);
             if (!sp_wide_any(covered))
                 continue;
             sp_wide pass = pass_streak(f, r, along, across, power, &blended);
-            composite(tile, open, f, r, pass, &blended, covered, column, row);
+            composite(tile, open, f, r, pass, &blended, covered, cell);
         }
-    }
 }
 
 static inline void add_flat(struct sp_voxel_tile *tile, struct open_fragments *open,
                             const struct sp_voxel_frame *f, const struct sp_voxel_record *r) {
-    struct cells c = find_cells(tile->x, tile->y, r);
-    const unsigned columns = column_bits(&c);
+    struct cells c = find_cells(tile, r);
     const sp_wide pass = sp_wide_all(pass_flat(f, r));
     const sp_wide right = lane_columns() + ((float)tile->x + 0.5f);
     const sp_wide down = lane_rows() + ((float)tile->y + 0.5f);
-    for (int row = c.y0; row <= c.y1; row++)
-        for (unsigned bits = tile->open[row] & columns; bits; bits &= bits - 1) {
-            int column = __builtin_ctz(bits);
-            sp_wide_mask covered =
-                cover_box(r, right + (float)(4 * column), down + (float)(CELL_ROWS * row)) &
-                find_open(tile, open, column, row);
+    for (int word = c.y0 / 8; word <= c.y1 / 8; word++)
+        for (uint64_t bits = find_open_cells(tile, &c, word); bits; bits &= bits - 1) {
+            const int cell = 64 * word + __builtin_ctzll(bits);
+            sp_wide_mask covered = cover_box(r, right + column_of(cell), down + row_of(cell)) &
+                                   find_open(tile, open, cell);
             if (sp_wide_any(covered))
-                composite(tile, open, f, r, pass, NULL, covered, column, row);
+                composite(tile, open, f, r, pass, NULL, covered, cell);
         }
 }
 
@@ -376,7 +388,7 @@ void sp_voxel_resolve(const struct sp_voxel_tile *tile, const float background[4
         float planes[4][SP_VOXEL_TILE];
         const float *const rows[4] = { planes[0], planes[1], planes[2], planes[3] };
         for (int x = 0; x < SP_VOXEL_TILE; x += 4) {
-            const float *cell = tile->cells + (y / CELL_ROWS * CELLS + x / 4) * CELL_FLOATS;
+            const float *cell = tile->cells + (y / CELL_ROWS * COLUMNS + x / 4) * CELL_FLOATS;
             for (int k = 0; k < 4; k++)
                 memcpy(&planes[k][x], cell + k * SP_WIDE + y % CELL_ROWS * 4, 4 * sizeof(float));
         }
@@ -399,7 +411,7 @@ static void start_fragments(struct open_fragments *open, struct sp_voxel_tile *t
     memset(open->depth, 0, sizeof open->depth);
     for (int at = 0; at < SP_VOXEL_PIXELS; at++) {
         const int cell = at / SP_WIDE, i = at % SP_WIDE;
-        const int count = to->count[pixel_of(cell % CELLS, cell / CELLS, i)];
+        const int count = to->count[pixel_of(cell, i)];
         open->reach[at] = open->apart * (1 + 0.5f * (float)count);
         open->wall[at] = INFINITY;
         open->has_walls |= count > 0;
@@ -420,10 +432,9 @@ void sp_voxel_merge(struct sp_fragment_tile *to, const struct sp_voxel_frame *fr
     sp_voxel_start(&tile, to->x, to->y, frame->ewa.size);
     start_fragments(&open, &tile, frame, to);
     add_records(&tile, &open, frame, records, entries, count);
-    for (int row = 0; row * CELL_ROWS < SP_VOXEL_TILE; row++)
-        for (int column = 0; column < CELLS; column++) {
-            sp_wide through = sp_wide_load(cell_at(&tile, column, row));
-            sp_wide_mask began = sp_wide_lt(through, sp_wide_all(1));
-            complete(&tile, &open, sp_wide_mask_bits(began), column, row);
-        }
+    for (int cell = 0; cell < CELLS; cell++) {
+        sp_wide through = sp_wide_load(tile.cells + cell * CELL_FLOATS);
+        sp_wide_mask began = sp_wide_lt(through, sp_wide_all(1));
+        complete(&tile, &open, sp_wide_mask_bits(began), cell);
+    }
 }
