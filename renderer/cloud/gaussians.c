@@ -138,7 +138,8 @@ static inline void find_color(const struct sp_elements *e, uint32_t element,
     sum += more;
     for (uint32_t k = 0; k < 3; k++) {
         color[k] = sum[k] + basis[last][lane] * c[3 * last + k];
-        color[k] = color[k] > 0 ? fminf(color[k], SP_CLOUD_COLOR_MAX) : 0;
+        color[k] = color[k] > 0 ? color[k] : 0;
+        color[k] = color[k] < SP_CLOUD_COLOR_MAX ? color[k] : SP_CLOUD_COLOR_MAX;
     }
 }
 
