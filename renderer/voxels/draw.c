@@ -66,6 +66,23 @@ static inline struct span find_span(const struct band *b, const struct sp_voxel_
                           (unsigned)(r->y1 - 1 - b->y) / SP_VOXEL_TILE };
 }
 
+/* Counts the tiles of a span. Most have at most two columns and rows: these are counted without
+ * branches, which would be hard to predict. */
+static inline void count_span(uint32_t *counts, unsigned columns, const struct span *s) {
+    const unsigned wide = s->c1 - s->c0, high = s->r1 - s->r0;
+    if (wide < 2 && high < 2) {
+        uint32_t *above = counts + s->r0 * columns + s->c0, *below = above + high * columns;
+        above[0]++;
+        above[wide] += wide;
+        below[0] += high;
+        below[wide] += wide & high;
+        return;
+    }
+    for (unsigned r = s->r0; r <= s->r1; r++)
+        for (unsigned c = s->c0; c <= s->c1; c++)
+            counts[r * columns + c]++;
+}
+
 /* Sets up blocks of voxels and counts on how many tiles their splats lie. */
 static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     struct band *b = user;
@@ -83,9 +100,7 @@ static void set_up_blocks(void *user, size_t begin, size_t end, unsigned worker)
         for (uint32_t i = 0; i < b->written[n]; i++) {
             struct span s = find_span(b, &records[i]);
             area += (double)records[i].area;
-            for (unsigned r = s.r0; r <= s.r1; r++)
-                for (unsigned c = s.c0; c <= s.c1; c++)
-                    counts[r * columns + c]++;
+            count_span(counts, columns, &s);
         }
         b->areas[n] = area;
     }
@@ -106,18 +121,22 @@ static void fill_blocks(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-/* Turns the counts of blocks [begin, end) into starts. */
+/* Turns the counts of blocks [begin, end) into starts. Both loops over them read memory in order.
+ */
 static void sum_counts(struct band *b, uint32_t begin, uint32_t end) {
-    uint32_t at = 0;
-    for (uint32_t t = 0; t < b->tiles; t++) {
-        b->first[t] = at;
-        for (uint32_t n = begin; n < end; n++) {
+    uint32_t *next = b->first + 1; /* by tile: where its next block starts, then where it ends */
+    memset(b->first, 0, (b->tiles + (size_t)1) * sizeof *b->first);
+    for (uint32_t n = begin; n < end; n++)
+        for (uint32_t t = 0; t + 1 < b->tiles; t++)
+            next[t + 1] += b->counts[(size_t)n * b->tiles + t];
+    for (uint32_t t = 1; t < b->tiles; t++)
+        next[t] += next[t - 1];
+    for (uint32_t n = begin; n < end; n++)
+        for (uint32_t t = 0; t < b->tiles; t++) {
             uint32_t *count = &b->counts[(size_t)n * b->tiles + t], had = *count;
-            *count = at;
-            at += had;
+            *count = next[t];
+            next[t] += had;
         }
-    }
-    b->first[b->tiles] = at;
 }
 
 static uint64_t block_total(const struct band *b, uint32_t block) {

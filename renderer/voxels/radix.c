@@ -6,11 +6,16 @@
 
 #include <string.h>
 
-enum { DIGITS = 1 << 11, DIGIT_BITS = 11, CHUNKS = 16 };
+enum {
+    DIGITS = 1 << 11,
+    DIGIT_BITS = 11,
+    CHUNKS = 16,
+    APART = DIGITS + 16 /* so that the counts of a digit do not share a set of the cache */
+};
 
 struct sort {
-    struct sp_radix_item *items, *moved;      /* [count] */
-    uint32_t count, shift, (*counts)[DIGITS]; /* [CHUNKS] */
+    struct sp_radix_item *items, *moved;     /* [count] */
+    uint32_t count, shift, (*counts)[APART]; /* [CHUNKS] */
 };
 
 /* The items of a chunk. */
