@@ -29,7 +29,7 @@ struct sp_cloud_input {
     sp_voxel_set_up_fn *set_up; /* sp_cloud_set_up(); NULL = elements are chosen and not sorted */
     struct sp_cloud_cache *trees;
     uint64_t bytes_max; /* of the trees */
-    unsigned mip_level; /* points are merged up to 2^mip_level pixels; 0 = half a pixel */
+    unsigned mip_level; /* points are merged up to 4 px at level 1, 8 at 2; 0 = half a pixel */
     struct sp_interrupt interrupt;
     struct sp_pool *pool;
     struct sp_arena *arena;

@@ -32,6 +32,7 @@ enum fate {
 struct verdict {
     uint32_t first, count; /* cells inside, or range of `order`; WHOLE: the cell, and 1 */
     enum fate fate;
+    float depth; /* WHOLE */
 };
 
 /* How many cells inside, and points, a block of cells gives; then where they begin. */
@@ -92,9 +93,11 @@ static bool is_whole(const struct cut *c, const struct sp_cloud_node *node) {
     return (node->cell.is_leaf && node->cell.count == 1) || is_small(c, node);
 }
 
-static bool is_visible(const struct cut *c, float value) {
-    const uint32_t bin = sp_cloud_bin(c->tree, value);
-    return c->next_visible[bin] <= bin;
+/* True if one of the values that a merged point is classified by may be visible. */
+static bool is_visible(const struct cut *c, const struct sp_cloud_node *node) {
+    const float far = sp_cloud_share_at[SP_CLOUD_SHARES - 1] * sp_cloud_spread(c->tree, node);
+    const uint32_t low = sp_cloud_bin(c->tree, node->value - far);
+    return c->next_visible[low] <= sp_cloud_bin(c->tree, node->value + far);
 }
 
 static struct verdict judge(const struct cut *c, uint32_t cell) {
@@ -107,9 +110,13 @@ static struct verdict judge(const struct cut *c, uint32_t cell) {
         verdict.fate = at->is_leaf ? POINTS : DIVIDED;
         return verdict;
     }
-    verdict.fate = is_visible(c, node->value) ? WHOLE : HIDDEN;
+    const struct sp_cloud_element e = { node->position, node->factor, &node->value, &node->volume };
+    if (!is_visible(c, node) ||
+        !((verdict.depth = sp_cloud_depth(c->cloud, c->frame, &e)) < INFINITY))
+        return (struct verdict){ .fate = HIDDEN };
+    verdict.fate = WHOLE;
     verdict.first = cell;
-    verdict.count = verdict.fate == WHOLE;
+    verdict.count = 1;
     return verdict;
 }
 
@@ -141,6 +148,7 @@ static void write_cells(void *user, size_t begin, size_t end, unsigned worker) {
             continue;
         case WHOLE:
             c->chosen.elements[at.chosen] = c->cloud->elements->shape.count + verdict->first;
+            c->chosen.depths[at.chosen] = verdict->depth;
             break;
         case POINTS:
             for (uint32_t k = 0; k < verdict->count; k++)
@@ -242,7 +250,8 @@ static void find_visible(struct cut *c, const struct sp_visible_ranges *visible)
 static bool allocate(struct sp_arena *arena, uint32_t count, struct sp_cloud_choice *choice) {
     choice->count = count;
     choice->elements = sp_arena_alloc(arena, "points", count + (size_t)1, sizeof *choice->elements);
-    return choice->elements;
+    choice->depths = sp_arena_alloc(arena, "points", count + (size_t)1, sizeof *choice->depths);
+    return choice->elements && choice->depths;
 }
 
 /* Judges the cells of a level: what is drawn of them, and the `inside` cells of the next level. */
@@ -275,8 +284,9 @@ static bool join(const struct sp_cloud_choice *levels, uint32_t count, uint32_t 
     if (!allocate(arena, total, choice))
         return false;
     for (uint32_t i = 0; i < count; at += levels[i++].count) {
-        memcpy(choice->elements + at, levels[i].elements,
-               levels[i].count * sizeof *choice->elements);
+        const struct sp_cloud_choice *level = &levels[i];
+        memcpy(choice->elements + at, level->elements, level->count * sizeof *level->elements);
+        memcpy(choice->depths + at, level->depths, level->count * sizeof *level->depths);
     }
     return true;
 }

@@ -34,8 +34,8 @@ struct sp_cloud {
     const struct sp_elements *elements;
     const struct sp_cloud_tree *tree; /* its merged points are numbered from elements->shape.count
                                          on; NULL = none */
-    /* The chosen elements, in no order; they are then numbered as here. NULL = numbered as above.
-     */
+    /* Copies of the chosen points, in no order; points are then numbered as here, and merged points
+     * as above. NULL = points are numbered as in `elements`. */
     const struct sp_cloud_record *records;
     /* Gaussians: splats of the whole image, which are numbered instead. NULL = not set up yet. */
     const struct sp_voxel_record *splats;
@@ -74,15 +74,15 @@ struct sp_cloud_element {
 static inline struct sp_cloud_element sp_cloud_element_at(const struct sp_cloud *cloud,
                                                           uint32_t number) {
     const struct sp_elements *e = cloud->elements;
-    if (cloud->records) {
-        const struct sp_cloud_record *record = &cloud->records[number];
-        return (struct sp_cloud_element){ record->position, record->factor, &record->value,
-                                          &record->volume };
-    }
     if (number >= e->shape.count) {
         const struct sp_cloud_node *node = &cloud->tree->nodes[number - e->shape.count];
         return (struct sp_cloud_element){ node->position, node->factor, &node->value,
                                           &node->volume };
+    }
+    if (cloud->records) {
+        const struct sp_cloud_record *record = &cloud->records[number];
+        return (struct sp_cloud_element){ record->position, record->factor, &record->value,
+                                          &record->volume };
     }
     return (struct sp_cloud_element){ e->positions[number], e->factors[number],
                                       e->values ? &e->values[number] : &e->opacities[number],

@@ -39,14 +39,10 @@ struct sort {
     uint32_t *elements;          /* [count] */
 };
 
-/* True if the clip planes keep u. */
-static bool is_kept(const struct sp_clip_frame *clip, const float u[3]) {
-    for (uint32_t i = 0; i < clip->count; i++) {
-        const struct sp_clip_half *h = &clip->planes[i];
-        if (h->normal[0] * u[0] + h->normal[1] * u[1] + h->normal[2] * u[2] < h->offset)
-            return false;
-    }
-    return true;
+/* Element i of the choice. Division is slow, and most clouds have one part. */
+static uint32_t element_at(const struct sort *s, size_t i) {
+    const uint32_t parts = s->cloud->parts;
+    return s->choice->elements[parts == 1 ? i : i / parts];
 }
 
 /* Number i of the choice, with parts. */
@@ -54,7 +50,7 @@ static uint32_t choose(const struct sort *s, size_t i) {
     if (!s->choice)
         return (uint32_t)i;
     const uint32_t parts = s->cloud->parts;
-    return s->choice->elements[i / parts] * parts + (uint32_t)(i % parts);
+    return element_at(s, i) * parts + (parts == 1 ? 0 : (uint32_t)(i % parts));
 }
 
 /* The deviation of a kernel's depth. */
@@ -68,17 +64,10 @@ static float find_deviation(const struct sp_cloud *c, const float l[6]) {
 /* Depth of an element or, with parts, of one of its parts; infinity if it cannot be seen. */
 static float find_depth(const struct sort *s, const struct sp_cloud_element *e, uint32_t part) {
     const struct sp_cloud *c = s->cloud;
-    const float *p = e->position;
-    float u[3];
-    for (int r = 0; r < 3; r++)
-        u[r] = c->place[r][0] * p[0] + c->place[r][1] * p[1] + c->place[r][2] * p[2] + c->offset[r];
-    bool is_drawn = u[2] >= s->frame->ewa.near && u[2] < 1e18f &&
-                    (e->volume ? isfinite(*e->value) && *e->volume > 0
-                               : *e->value * c->opacity > SP_TRAINED_OPACITY_MIN) &&
-                    is_kept(&s->frame->ewa.clip, u);
-    if (!is_drawn || c->parts == 1)
-        return is_drawn ? u[2] : INFINITY;
-    return u[2] + c->part_at[part] * find_deviation(c, e->factor);
+    const float depth = sp_cloud_depth(c, s->frame, e);
+    if (!(depth < INFINITY) || c->parts == 1)
+        return depth;
+    return depth + c->part_at[part] * find_deviation(c, e->factor);
 }
 
 static void record(const struct sp_cloud *cloud, uint32_t number, const struct sp_cloud_element *e,
@@ -91,7 +80,19 @@ static void record(const struct sp_cloud *cloud, uint32_t number, const struct s
     to->volume = *e->volume;
 }
 
+/* True for merged points, whose depths the choice may have. They need no record: they are one line
+ * of the cache as well. */
+static bool is_merged(const struct sort *s, size_t i) {
+    return s->choice && element_at(s, i) >= s->cloud->elements->shape.count;
+}
+
+static bool has_depth(const struct sort *s, size_t i) {
+    return s->cloud->parts == 1 && is_merged(s, i) && s->choice->depths;
+}
+
 static void prefetch(const struct sort *s, size_t i) {
+    if (has_depth(s, i))
+        return;
     const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, choose(s, i) / s->cloud->parts);
     __builtin_prefetch(e.position);
     __builtin_prefetch(e.value);
@@ -106,9 +107,17 @@ static void add_depth(struct block *b, float depth) {
     b->high = depth > b->high ? depth : b->high;
 }
 
+/* Reads an element, makes its record and returns its depth. */
+static float read_element(const struct sort *s, size_t i) {
+    const uint32_t parts = s->cloud->parts, number = choose(s, i), part = number % parts;
+    const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, number / parts);
+    if (s->records && part == 0 && !is_merged(s, i))
+        record(s->cloud, number / parts, &e, &s->records[i / parts]);
+    return find_depth(s, &e, part);
+}
+
 static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     const struct sort *s = user;
-    const uint32_t parts = s->cloud->parts;
     struct block *b = &s->blocks[begin / BLOCK];
     (void)worker;
     *b = (struct block){ .low = INFINITY, .high = -INFINITY };
@@ -117,11 +126,7 @@ static void find_depths(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++) {
         if (s->choice && i + AHEAD < end)
             prefetch(s, i + AHEAD);
-        const uint32_t number = choose(s, i), part = number % parts;
-        const struct sp_cloud_element e = sp_cloud_element_at(s->cloud, number / parts);
-        if (s->records && part == 0)
-            record(s->cloud, number / parts, &e, &s->records[i / parts]);
-        float depth = find_depth(s, &e, part);
+        const float depth = has_depth(s, i) ? s->choice->depths[i] : read_element(s, i);
         s->depths[i] = depth;
         if (depth < INFINITY)
             add_depth(b, depth);
@@ -159,7 +164,9 @@ static void collect(void *user, size_t begin, size_t end, unsigned worker) {
     for (size_t i = begin; i < end; i++)
         if (s->depths[i] < INFINITY)
             *to++ = (struct sp_radix_item){ (uint32_t)((s->depths[i] - s->low) * s->scale),
-                                            s->records || s->splats ? (uint32_t)i : choose(s, i) };
+                                            s->splats || (s->records && !is_merged(s, i))
+                                                ? (uint32_t)i
+                                                : choose(s, i) };
 }
 
 static void take_elements(void *user, size_t begin, size_t end, unsigned worker) {

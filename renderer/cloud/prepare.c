@@ -155,7 +155,7 @@ static void choose_parts(const struct sp_compositing_options *compositing, uint3
 /* How wide a cell of points may be that is drawn as one. */
 static float pixels_of(const struct sp_cloud_input *in) {
     const bool is_exact = in->view->level_of_detail == SP_LOD_OFF;
-    return in->mip_level ? (float)(1u << in->mip_level) : is_exact ? 0 : 0.5f;
+    return in->mip_level ? (float)(2u << in->mip_level) : is_exact ? 0 : 0.5f;
 }
 
 /* Chooses the share of the points that a layer of vectors draws. False: out of memory. */

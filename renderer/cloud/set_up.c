@@ -15,7 +15,8 @@ enum { AHEAD = 32 }; /* elements that are read in advance: they lie apart in mem
 struct lanes {
     float position[3][SP_WIDE], factor[6][SP_WIDE];
     float value[SP_WIDE];
-    float color[SP_WIDE]; /* with other numbers for the colours */
+    float spread[SP_WIDE]; /* of the values of merged points; 0 = of a point */
+    float color[SP_WIDE];  /* with other numbers for the colours */
     float volume[SP_WIDE];
     float part[SP_WIDE]; /* with parts: depth of this one [deviations] */
     /* Of a layer of vectors: */
@@ -52,12 +53,23 @@ static inline void read_elements(const struct sp_cloud *cloud, const uint32_t *e
     }
 }
 
+static inline void read_spreads(const struct sp_cloud *cloud, const uint32_t *elements, int count,
+                                struct lanes *to) {
+    const uint32_t points = cloud->elements->shape.count;
+    for (int i = 0; i < SP_WIDE; i++) {
+        const uint32_t at = elements[i < count ? i : 0] / cloud->parts;
+        to->spread[i] =
+            at < points ? 0 : sp_cloud_spread(cloud->tree, &cloud->tree->nodes[at - points]);
+    }
+}
+
 static inline void read_colors(const struct sp_cloud *cloud, const uint32_t *elements, int count,
                                struct lanes *to) {
     for (int i = 0; i < SP_WIDE; i++) {
         const uint32_t at = elements[i < count ? i : 0] / cloud->parts;
+        const bool is_record = cloud->records && at < cloud->elements->shape.count;
         const float number =
-            cloud->records ? cloud->records[at].color : sp_cloud_color_number(cloud, at);
+            is_record ? cloud->records[at].color : sp_cloud_color_number(cloud, at);
         const bool is_number = number - number == 0;
         to->color[i] =
             cloud->color_first + (is_number ? (number - cloud->color_low) * cloud->color_scale : 0);
@@ -157,14 +169,38 @@ struct splats {
     sp_wide u2, depth, color[3];
 };
 
+/* Red, green, blue and depth of points: of merged ones the mean depth of the values inside, and
+ * their colours weighted by it. The colour of the mean value would be another one. */
+static inline void classify(const struct sp_cloud *cloud, const struct lanes *lanes,
+                            sp_wide planes[4]) {
+    const sp_wide value = sp_wide_load(lanes->value) - cloud->base;
+    const sp_wide spread = cloud->tree ? sp_wide_load(lanes->spread) : sp_wide_all(0);
+    sp_wide sum[4] = { sp_wide_all(0), sp_wide_all(0), sp_wide_all(0), sp_wide_all(0) };
+    const sp_wide_mask is_merged = sp_wide_lt(sp_wide_all(0), spread);
+    sp_pieces_planes(cloud->pieces, value, planes);
+    if (!sp_wide_any(is_merged))
+        return;
+    for (int i = 0; i < SP_CLOUD_SHARES; i++) {
+        sp_wide share[4];
+        sp_pieces_planes(cloud->pieces, value + sp_cloud_share_at[i] * spread, share);
+        for (int k = 0; k < 3; k++)
+            sum[k] += share[3] * share[k];
+        sum[3] += share[3];
+    }
+    const sp_wide inverse = 1 / sp_wide_max(sum[3], sp_wide_all(1e-30f));
+    for (int k = 0; k < 3; k++)
+        planes[k] = sp_wide_select(is_merged, inverse * sum[k], planes[k]);
+    planes[3] = sp_wide_select(is_merged, (1.0f / SP_CLOUD_SHARES) * sum[3], planes[3]);
+}
+
 static inline sp_wide_mask set_up_points(const struct sp_voxel_frame *frame,
                                          const struct sp_cloud *cloud, const struct lanes *lanes,
                                          struct sp_places *p, struct splats *s) {
-    sp_wide planes[4], value = sp_wide_load(lanes->value) - cloud->base;
+    sp_wide planes[4];
     sp_wide_mask seen = frame->has_streaks
                             ? place_streaks(frame, cloud, lanes, p, &s->outline, &s->streaks)
                             : sp_place_splats(&frame->ewa, p, frame->mode, &s->outline);
-    sp_pieces_planes(cloud->pieces, value, planes);
+    classify(cloud, lanes, planes);
     const sp_wide opacity = planes[3];
     if (sp_cloud_has_colors(cloud))
         sp_pieces_planes(cloud->pieces, sp_wide_load(lanes->color), planes);
@@ -199,6 +235,8 @@ uint32_t sp_cloud_set_up(const struct sp_voxel_frame *frame, const void *from,
         struct splats s;
         sp_wide_mask seen;
         read_elements(cloud, elements + n, (int)(count - n), &lanes);
+        if (cloud->tree)
+            read_spreads(cloud, elements + n, (int)(count - n), &lanes);
         if (sp_cloud_has_colors(cloud))
             read_colors(cloud, elements + n, (int)(count - n), &lanes);
         if (frame->has_streaks)

@@ -13,13 +13,14 @@ enum { AHEAD = 32 }; /* points that are read in advance: they may lie apart in m
 
 /* Sums over the children of a cell. */
 struct sums {
-    double volume, value, place[3], square[6]; /* of L·Lᵀ + p·pᵀ, row by row */
+    double volume, value, value2, place[3];
+    double square[6]; /* of L·Lᵀ + p·pᵀ, row by row */
 };
 
 /* A point inside a cell, or the merged one of a cell inside. */
 struct child {
     const float *position, *factor;
-    float value, volume, reach, deviation;
+    float value, spread, volume, reach, deviation;
     uint32_t low, high;
 };
 
@@ -59,6 +60,7 @@ static struct child child_at(const struct sp_cloud_tree *tree, const struct sp_e
     return (struct child){ .position = node->position,
                            .factor = node->factor,
                            .value = node->value,
+                           .spread = sp_cloud_spread(tree, node),
                            .volume = node->volume,
                            .reach = sp_cloud_bound(node->reach),
                            .deviation = sp_cloud_bound(node->deviation),
@@ -72,7 +74,9 @@ static void add_child(const struct child *child, const float from[3], struct sum
     const float *l = child->factor;
     double p[3];
     sums->volume += weight;
-    sums->value += weight * (double)child->value;
+    const double value = (double)child->value, spread = (double)child->spread;
+    sums->value += weight * value;
+    sums->value2 += weight * (value * value + spread * spread);
     for (int a = 0; a < 3; a++) {
         p[a] = (double)child->position[a] - (double)from[a];
         sums->place[a] += weight * p[a];
@@ -126,8 +130,18 @@ static void find_bounds(const struct sp_cloud_tree *tree, const struct sp_elemen
     const float rounding = 1.00001f;
     to->reach = make_bound(rounding * reach);
     to->deviation = make_bound(rounding * deviation);
-    to->low = (uint16_t)low;
-    to->high = (uint16_t)high;
+    to->low = low & 0xfff;
+    to->high = high & 0xfff;
+}
+
+/* Fills how far the values of a cell lie apart, after its bounds. */
+static void find_spread(const struct sp_cloud_tree *tree, const struct sums *sums,
+                        struct sp_cloud_node *to) {
+    const double mean = sums->value / sums->volume,
+                 variance = sums->value2 / sums->volume - mean * mean,
+                 step = (to->high - to->low + 1) * tree->bin / 510;
+    const double steps = step > 0 && variance > 0 ? sqrt(variance) / step + 0.5 : 0;
+    to->spread = (uint32_t)(steps < 255 ? steps : 255) & 0xff;
 }
 
 static void merge(const struct sp_cloud_tree *tree, const struct sp_elements *points,
@@ -157,6 +171,7 @@ static void merge(const struct sp_cloud_tree *tree, const struct sp_elements *po
     to->value = (float)(sums.value / sums.volume);
     to->volume = (float)sums.volume;
     find_bounds(tree, points, to);
+    find_spread(tree, &sums, to);
 }
 
 struct merging {

@@ -14,6 +14,12 @@
 
 #include "cloud/tree_cells.h"
 
+/* Merged points are classified as values that are spread evenly around their mean. The middles of
+ * that many equal parts of them stand for all [standard deviations]. */
+enum { SP_CLOUD_SHARES = 4 };
+static const float sp_cloud_share_at[SP_CLOUD_SHARES] = { -1.299038f, -0.433013f, 0.433013f,
+                                                          1.299038f };
+
 enum { SP_CLOUD_BINS = 4096 }; /* of the values of a tree */
 
 /* A cell and its merged point: one line of the cache, because frames read nodes that lie far apart
@@ -22,7 +28,13 @@ struct sp_cloud_node {
     _Alignas(64) struct sp_cloud_cell cell;
     float position[3], factor[6], value, volume; /* of the merged point, as in struct sp_elements */
     /* What bounds all points inside and the merged one. */
-    uint16_t low, high; /* bins of their values */
+    union {
+        struct {
+            uint32_t low : 12, high : 12; /* bins of their values */
+            uint32_t spread : 8;          /* of their values (sp_cloud_spread()) */
+        };
+        uint32_t values; /* the three as one word, for shaders/cloud.glsl */
+    };
     uint16_t reach;     /* at least their distance from the merged point (sp_cloud_bound()) */
     uint16_t deviation; /* at least that of their kernels along any line, in the same way */
 };
@@ -49,6 +61,17 @@ static inline float sp_cloud_bound(uint16_t bound) {
 static inline uint32_t sp_cloud_bin(const struct sp_cloud_tree *tree, float value) {
     const double at = tree->bin > 0 ? ((double)value - tree->low) / tree->bin : 0;
     return (uint32_t)(at > 0 ? at < SP_CLOUD_BINS ? at : SP_CLOUD_BINS - 1 : 0);
+}
+
+static inline float sp_cloud_spread_step(const struct sp_cloud_tree *tree) {
+    return (float)(tree->bin / 510);
+}
+
+/* The standard deviation of the values inside, weighted by volume. It is at most half of their
+ * range, in 255 steps. */
+static inline float sp_cloud_spread(const struct sp_cloud_tree *tree,
+                                    const struct sp_cloud_node *node) {
+    return (float)(node->spread * (node->high - node->low + 1)) * sp_cloud_spread_step(tree);
 }
 
 /* Builds the tree of a volume of points, the same for any number of threads. SP_ERR_MEMORY,

@@ -106,8 +106,9 @@ static void write_cloud(struct constants *c, const struct sp_cloud *cloud,
         write_streaks(c, &frame->streaks, 1);
     if (!frame->is_trained)
         memcpy(c->streak_axes[0],
-               (const float[3]){ cloud->color_low, cloud->color_scale, cloud->color_first },
-               3 * sizeof(float));
+               (const float[4]){ cloud->color_low, cloud->color_scale, cloud->color_first,
+                                 cloud->tree ? sp_cloud_spread_step(cloud->tree) : 0 },
+               sizeof c->streak_axes[0]);
 }
 
 /* Coordinates of a rectilinear grid; returns how many words there are. to: NULL = they are only
@@ -256,7 +257,7 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
     const struct sp_cloud_node *m = cloud->tree ? cloud->tree->nodes : &none;
     const bool is_trained = to->made->kind == GL_SPLAT_GAUSSIANS;
     const bool has_vectors = to->made->kind == GL_SPLAT_POINT_VECTORS;
-    struct gl_elements_array arrays[9];
+    struct gl_elements_array arrays[10];
     int count = 0;
     add_array(arrays, &count, e->positions, m->position, cloud, sizeof *e->positions);
     add_array(arrays, &count, e->factors, m->factor, cloud, sizeof *e->factors);
@@ -266,6 +267,10 @@ static bool load_cloud(struct gl_splats *to, const struct gl_band *band, struct 
         add_array(arrays, &count, e->values, &m->value, cloud, sizeof *e->values);
     if (!is_trained)
         add_array(arrays, &count, e->volumes, &m->volume, cloud, sizeof *e->volumes);
+    if (cloud->tree)
+        arrays[count++] =
+            (struct gl_elements_array){ &m->values, cloud->tree->count * sizeof m->values,
+                                        sizeof m->values, sizeof *m };
     if (has_vectors)
         arrays[count++] =
             (struct gl_elements_array){ .data = e->vectors,

@@ -80,7 +80,7 @@ static void check_inside(const struct sp_cloud_tree *tree, const struct sp_eleme
 
 /* Sums over the points of a cell. */
 static void add_points(const struct sp_cloud_tree *tree, const struct sp_elements *e, uint32_t cell,
-                       double sums[5]) {
+                       double sums[6]) {
     const struct sp_cloud_cell *c = &tree->nodes[cell].cell;
     for (uint32_t k = c->first; k < c->first + c->count; k++) {
         if (!c->is_leaf) {
@@ -93,6 +93,7 @@ static void add_points(const struct sp_cloud_tree *tree, const struct sp_element
         const double v = (double)e->volumes[i];
         sums[0] += v;
         sums[1] += v * (double)e->values[i];
+        sums[5] += v * pow((double)e->values[i], 2);
         for (int a = 0; a < 3; a++)
             sums[2 + a] += v * (double)e->positions[i][a];
     }
@@ -106,7 +107,7 @@ static void merged_points_stand_for_all_inside(void **state) {
     build_tree(volume, 2, &tree);
     for (uint32_t cell = 0; cell < tree.count; cell += cell < 100 ? 1 : 97) {
         const struct sp_cloud_node *m = &tree.nodes[cell];
-        double sums[5] = { 0 };
+        double sums[6] = { 0 };
         add_points(&tree, e, cell, sums);
         check_inside(&tree, e, m, &m->cell);
         assert_compare(fabs((double)m->volume - sums[0]), <=, 1e-5 * sums[0]);
@@ -115,8 +116,11 @@ static void merged_points_stand_for_all_inside(void **state) {
             assert_float_equal(m->position[a], sums[2 + a] / sums[0], 1e-3);
         for (int k = 0; k < 6; k++)
             assert_true(isfinite(m->factor[k]));
+        const double mean = sums[1] / sums[0], variance = sums[5] / sums[0] - mean * mean;
+        const double step = (m->high - m->low + 1) * (double)sp_cloud_spread_step(&tree);
+        assert_float_equal(sp_cloud_spread(&tree, m), sqrt(fmax(variance, 0)), 1e-4 + step);
     }
-    double all[5] = { 0 };
+    double all[6] = { 0 };
     add_points(&tree, e, 0, all);
     double expected = 0;
     for (int i = 0; i < COUNT; i++)
@@ -233,7 +237,7 @@ static void a_crowded_corner_gives_the_same_tree_on_all_threads(void **state) {
     assert_memory_equal(three.nodes, one.nodes, count * sizeof *one.nodes);
     assert_float_equal(one.nodes[0].volume, MANY, 0);
     for (uint32_t cell = 0; cell < count; cell += 101) {
-        double sums[5] = { 0 };
+        double sums[6] = { 0 };
         add_points(&one, sp_volume_elements(volume), cell, sums);
         const struct sp_cloud_node *node = &one.nodes[cell];
         assert_float_equal(node->volume, sums[0], 0);

@@ -3,7 +3,7 @@
 
 layout(std430, binding = 2) readonly buffer Order { uint order[]; }; // elements, front to back; UNSEEN: none is seen any more
 // Three numbers of the position of each element, then six of each factor, then the value of each, or its opacity; then the volume
-// of each point, then three numbers of the vector of each.
+// of each point, then three numbers of the vector of each, or the values of each merged point (struct sp_cloud_node).
 layout(std430, binding = 3) readonly buffer Elements { float elements[]; };
 // By element and coefficient: red, green, blue. Or by point: the number, or the vector whose length is the number, that gives its colour;
 // then the number of each merged point.
@@ -90,6 +90,20 @@ vec4 classify(float value) {
     return own;
 }
 
+// The same for a merged point whose values have this mean (cloud/set_up.c).
+vec4 classify_merged(float value, uint word) {
+    const float at[4] = float[](-1.299038, -0.433013, 0.433013, 1.299038); // sp_cloud_share_at
+    float spread = float((word >> 24) * ((word >> 12 & 4095u) - (word & 4095u) + 1u)) * streak_axes[0].w;
+    vec4 sum = vec4(0);
+    if (spread <= 0.0)
+        return classify(value);
+    for (int i = 0; i < 4; i++) {
+        vec4 share = classify(value + at[i] * spread);
+        sum += vec4(share.a * share.rgb, share.a);
+    }
+    return vec4(sum.rgb / max(sum.a, 1e-30), 0.25 * sum.a);
+}
+
 // The value, relative to the base, that has the colour of a point (cloud/set_up.c).
 float find_color_value(uint e) {
     bool is_merged = e >= cloud.z; // the number of the points; merged ones have one number
@@ -169,7 +183,7 @@ bool set_up(uint i, out Splat s, out vec4 box) {
     if (!(f.det < 1e36))
         return false;
     float value = elements[9u * n + e] - eye.x;
-    vec4 own = classify(value);
+    vec4 own = e < cloud.z ? classify(value) : classify_merged(value, floatBitsToUint(elements[11u * n + e - cloud.z]));
     if (cloud.y != 0u)
         own.rgb = classify(find_color_value(e)).rgb;
     box = set_ellipse(f, filter_of.y, s);

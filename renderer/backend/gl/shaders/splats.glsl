@@ -11,7 +11,7 @@ layout(std430, binding = 1) readonly buffer Layer {
     vec4 cell;      // unit, least depth of opaque voxels, struct sp_voxel_frame: apart; clouds: size of a kernel
     uvec4 kind;     // flat, linear attenuation, rectilinear
     uvec4 rows;     // by axis: first row of coordinates; points: parts of a kernel
-    vec4 streak_axes[3]; // STREAKS: world → camera space; points: [0] lowest number of colours, its scale, value of the lowest one
+    vec4 streak_axes[3]; // STREAKS: world → camera space; points: [0] lowest number of colours, its scale, value of the lowest one, step of spreads
     vec4 streaks;      // the same: σ²·(stretch² − 1), length of a period, phase, 1 = blends; points: deviation of a part
     vec4 streak_color; // the same, of style blend
     vec4 eye;    // Gaussians: in the world of the data, or the direction of view there; opacity. Points: base of values; from a volume to cells
