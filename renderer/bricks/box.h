@@ -28,17 +28,34 @@ struct sp_brick_place {
 struct sp_brick_place sp_brick_place(const struct sp_brick_box_samples *box,
                                      const struct sp_brick_level *level, size_t sample, uint64_t i);
 
-/* Bytes of memory for the blocks of a need. */
+/* Blocks of a need, for a volume of its own. The memory of bricks may be shared by several. */
+struct sp_brick_blocks;
+
+/* Bytes of the memory of bricks that a need takes. */
 uint64_t sp_brick_blocks_bytes(const struct sp_brick_file *file, const struct sp_brick_need *need);
+
+/* Makes the blocks of a need. All samples are 0; bricks that a coarser level shows have none. NULL
+ * with *err set. */
+struct sp_blocks *sp_brick_blocks_create(const struct sp_brick_file *file,
+                                         const struct sp_brick_need *need, struct sp_error *err);
+
+/* Makes blocks of the same bricks that share their memory. Those of which has[i] is 0 have none: a
+ * coarser level shows them, too. */
+struct sp_blocks *sp_brick_blocks_share(const struct sp_brick_file *file,
+                                        const struct sp_brick_need *need,
+                                        const struct sp_blocks *from, const uint8_t *has,
+                                        struct sp_error *err);
+
+/* Releases them (sp_voxels_release). */
+void sp_brick_blocks_release(void *blocks, size_t bytes);
+
+/* Memory for samples, all 0; NULL with *err set. sp_brick_unmap() releases it. */
+void *sp_brick_map(size_t bytes, struct sp_error *err);
+void sp_brick_unmap(void *samples, size_t bytes);
 
 /* Bytes of memory that a window of the need takes, including the ranges that frames compute from
  * it. In an array, rows of bricks of which nothing is wanted and whose values are 0 take no memory.
  */
 uint64_t sp_brick_need_cost(const struct sp_brick_file *file, const struct sp_brick_need *need);
-
-/* Writes the blocks of a need to the beginning of such memory, which is all 0 and 64-byte aligned.
- * All samples are 0. */
-struct sp_blocks *sp_brick_blocks_init(const struct sp_brick_file *file,
-                                       const struct sp_brick_need *need, void *memory);
 
 #endif

@@ -36,7 +36,7 @@ void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_nee
     uint8_t *damaged = store->damaged + first_of(store, need->level);
     for (uint64_t i = 0; store->damage.count && i < sp_brick_need_count(need); i++) {
         const uint64_t number = sp_brick_need_at(need, own, i);
-        if (!need->wanted[i] || lost[i] || !damaged[number])
+        if (need->wanted[i] < BRICK_WANTED || lost[i] || !damaged[number])
             continue;
         damaged[number] = 0;
         store->damage.count--;

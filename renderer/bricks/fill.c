@@ -22,8 +22,9 @@ struct fill {
         struct sp_brick_scratch *scratch;
         void *brick;
     } workers[THREADS_MAX];
-    uint32_t *order; /* owned: the wanted bricks in the order in which they are read */
-    size_t order_count;
+    uint32_t *order;           /* owned: the wanted bricks in the order in which they are read */
+    size_t order_count, begin; /* where the part that is read now begins */
+    uint8_t *has;              /* owned: by brick, 1 = it is there */
     uint8_t *missing, *failed; /* owned: of bricks that are cut from chunks; NULL = of a file */
     atomic_bool ended;         /* cancelled, or out of memory */
     pthread_mutex_t mutex;     /* guards why */
@@ -104,8 +105,8 @@ static bool put_known(const struct fill *f, uint64_t i) {
         uint64_t at;
         if (known->need->level != job->need->level ||
             (job->need->has_vectors && !known->need->has_vectors) ||
-            !sp_brick_need_find(job->need, i, known->need, &at) || !known->need->wanted[at] ||
-            known->lost[at])
+            !sp_brick_need_find(job->need, i, known->need, &at) ||
+            known->need->wanted[at] < BRICK_WANTED || known->lost[at])
             continue;
         for (unsigned n = 0; n < f->arrays; n++) {
             const struct sp_brick_place to = place_in(f, &f->box, n, i),
@@ -173,9 +174,22 @@ static bool is_ended(struct fill *f) {
 static void fill_wanted(void *user, size_t begin, size_t end_, unsigned worker) {
     struct fill *f = user;
     for (size_t n = begin; n < end_ && !is_ended(f); n++) {
-        const uint64_t i = f->order[n];
+        const uint64_t i = f->order[f->begin + n];
         if (!put_known(f, i))
             put_read(f, i, worker);
+        f->has[i] = !f->missing || !f->missing[i];
+    }
+}
+
+/* Reads some bricks after the other, and tells which are there. */
+static void fill_parts(struct fill *f) {
+    const struct sp_brick_fill_job *job = f->job;
+    const size_t part = (size_t)BRICK_PART * sp_pool_threads(job->pool);
+    for (f->begin = 0; f->begin < f->order_count && !is_ended(f); f->begin += part) {
+        const size_t left = f->order_count - f->begin;
+        sp_parallel_for(job->pool, left < part ? left : part, 1, fill_wanted, f);
+        if (left > part && !f->missing && job->is_due && job->is_due(job->user))
+            job->progress(job->user, f->has);
     }
 }
 
@@ -183,7 +197,7 @@ static void fill_others(void *user, size_t begin, size_t end_, unsigned worker) 
     struct fill *f = user;
     (void)worker;
     for (size_t i = begin; i < end_ && !is_ended(f); i++)
-        if (!f->job->need->wanted[i])
+        if (f->job->need->wanted[i] == BRICK_HIDDEN)
             put_constant(f, i);
 }
 
@@ -195,7 +209,10 @@ static bool gather(struct fill *f, struct sp_error *err) {
                                        .missing = f->missing,
                                        .failed = f->failed,
                                        .pool = job->pool,
+                                       .has = f->has,
                                        .is_cancelled = job->is_cancelled,
+                                       .is_due = job->is_due,
+                                       .progress = job->progress,
                                        .user = job->user,
                                        .box = &f->box };
     if (!sp_gather(&own, f->why, err))
@@ -210,7 +227,8 @@ static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
     const bool has_chunks = sp_brick_file_chunks(f->job->file) != NULL;
     const uint64_t count = sp_brick_need_count(f->job->need);
     f->order = sp_brick_order(f->job->need->wanted, count, &f->order_count);
-    bool ok = f->order != NULL;
+    f->has = calloc(1, count);
+    bool ok = f->order && f->has;
     if (has_chunks) {
         f->missing = calloc(1, count);
         f->failed = calloc(1, count);
@@ -246,8 +264,8 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
                                             .vectors = (const float(*)[3])job->vectors };
     ok = allocate(f, threads, err);
     if (ok) {
-        sp_parallel_for(job->pool, f->order_count, 1, fill_wanted, f);
         sp_parallel_for(job->pool, (size_t)sp_brick_need_count(job->need), 1, fill_others, f);
+        fill_parts(f);
     }
     if (ok && atomic_load(&f->ended))
         ok = sp_fail(err, SP_ERR_CANCELLED, "", "cancelled");
@@ -259,6 +277,7 @@ bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why,
     }
     pthread_mutex_destroy(&f->mutex);
     free(f->order);
+    free(f->has);
     free(f->missing);
     free(f->failed);
     free(f);

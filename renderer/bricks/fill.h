@@ -18,9 +18,13 @@ struct sp_brick_fill_job {
     size_t known_count;
     struct sp_pool *pool;
     bool (*is_cancelled)(void *user); /* from any thread */
+    /* Called by the caller's thread after some bricks were read: is it time to tell which? Then
+     * has[i] = 1: brick i of the box is there. NULL = never. */
+    bool (*is_due)(void *user);
+    void (*progress)(void *user, const uint8_t *has);
     void *user;
     void *samples;            /* of the box: all 0, as the system maps memory; or NULL and */
-    struct sp_blocks *blocks; /* those of the need (sp_brick_blocks_init()) */
+    struct sp_blocks *blocks; /* those of the need (sp_brick_blocks_create()) */
     float (*vectors)[3];      /* of the box, all 0, too; NULL = the need has none */
     uint8_t *lost;            /* [bricks of the box], set to 1 where a brick could not be read */
 };

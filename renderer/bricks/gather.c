@@ -20,7 +20,7 @@ struct gather {
     uint32_t first_chunk[3], end[3]; /* chunks that meet it */
     uint16_t *numbers; /* owned: by chunk, the largest number of its missing bricks; 0 = none */
     uint32_t *order;   /* owned: the chunks that are read, in this order */
-    size_t order_count;
+    size_t order_count, begin;  /* where the part that is read now begins */
     void *buffers[READERS_MAX]; /* a chunk per reader; NULL = not needed yet */
     atomic_bool ended;          /* cancelled, or out of memory */
     pthread_mutex_t mutex;      /* guards what follows */
@@ -155,8 +155,40 @@ static void gather_chunks(void *user, size_t begin, size_t end, unsigned worker)
     struct gather *g = user;
     for (size_t n = begin; n < end && !is_ended(g); n++) {
         uint32_t place[3];
-        find_place(g, g->order[n], place);
+        find_place(g, g->order[g->begin + n], place);
         gather_chunk(g, place, worker);
+    }
+}
+
+static void mark_unread(struct gather *g, uint64_t i, void *user) {
+    (void)user;
+    g->job->has[i] = 0;
+}
+
+/* Missing bricks are there if none of their chunks is left, from `end` on, and none failed. */
+static void find_read(struct gather *g, size_t end) {
+    for (uint64_t i = 0; i < sp_brick_need_count(g->job->need); i++)
+        if (g->job->missing[i])
+            g->job->has[i] = !g->job->failed[i];
+    for (; end < g->order_count; end++) {
+        uint32_t place[3], first[3], size[3];
+        find_place(g, g->order[end], place);
+        sp_chunk_box(g->chunks, place, first, size);
+        visit_missing(g, first, size, mark_unread, NULL);
+    }
+}
+
+/* Reads some chunks after the other, and tells which bricks are there. */
+static void gather_parts(struct gather *g) {
+    const struct sp_gather_job *job = g->job;
+    const size_t part = (size_t)BRICK_PART * sp_pool_threads(job->pool);
+    for (g->begin = 0; g->begin < g->order_count && !is_ended(g); g->begin += part) {
+        const size_t left = g->order_count - g->begin;
+        sp_parallel_for(job->pool, left < part ? left : part, 1, gather_chunks, g);
+        if (left <= part || !job->is_due || !job->is_due(job->user))
+            continue;
+        find_read(g, g->begin + part);
+        job->progress(job->user, job->has);
     }
 }
 
@@ -220,7 +252,7 @@ bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_
     atomic_init(&g->ended, false);
     pthread_mutex_init(&g->mutex, NULL);
     if (find_order(g, count)) {
-        sp_parallel_for(job->pool, g->order_count, 1, gather_chunks, g);
+        gather_parts(g);
     } else {
         struct sp_error memory;
         sp_fail(&memory, SP_ERR_MEMORY, "", "out of memory for reading chunks");

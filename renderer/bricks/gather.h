@@ -13,8 +13,11 @@ struct sp_gather_job {
     const struct sp_brick_need *need;
     const uint8_t *missing; /* [bricks of the box]: 1 = this brick must be read */
     uint8_t *failed;        /* the same, all 0: set to 1 where a chunk could not be read */
+    uint8_t *has;           /* the same: set to 1 when the brick is there, before progress() */
     struct sp_pool *pool;   /* of at most as many threads as the source has readers */
     bool (*is_cancelled)(void *user); /* from any thread; NULL = never */
+    bool (*is_due)(void *user);
+    void (*progress)(void *user, const uint8_t *has); /* both as in struct sp_brick_fill_job */
     void *user;
     const struct sp_brick_box_samples *box; /* of the need */
 };

@@ -96,16 +96,30 @@ void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_
     }
 }
 
+static bool is_active(const struct sp_brick_store *store, double now_ms) {
+    return store->cost && now_ms - store->asked_ms < active_ms;
+}
+
+bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_brick_store *store) {
+    const double now_ms = sp_clock_ms();
+    bool is_alone = true;
+    pthread_mutex_lock(&memory->mutex);
+    for (const struct sp_brick_store *s = memory->stores; s; s = s->next)
+        is_alone = is_alone && (s == store || !is_active(s, now_ms));
+    pthread_mutex_unlock(&memory->mutex);
+    return is_alone;
+}
+
 uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
                                     const struct sp_brick_store *store) {
     const double now_ms = sp_clock_ms();
     uint64_t count = 1, others = 0;
     pthread_mutex_lock(&memory->mutex);
     for (const struct sp_brick_store *s = memory->stores; s; s = s->next)
-        count += s != store && s->cost && now_ms - s->asked_ms < active_ms;
+        count += s != store && is_active(s, now_ms);
     const uint64_t share = memory->bytes / count;
     for (const struct sp_brick_store *s = memory->stores; s; s = s->next)
-        if (s != store && s->cost && now_ms - s->asked_ms < active_ms)
+        if (s != store && is_active(s, now_ms))
             others += s->cost < share ? s->cost : share;
     const uint64_t own = memory->bytes - others;
     pthread_mutex_unlock(&memory->mutex);

@@ -74,15 +74,27 @@ bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
     return true;
 }
 
-bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+/* True if each brick of `need` has in `have` at least its number, or `most`. */
+static bool has_all(const struct sp_brick_need *need, const struct sp_brick_need *have,
+                    uint16_t most) {
     uint64_t at;
     if (need->level != have->level || (have->is_sparse && !need->is_sparse) ||
         (need->has_vectors && !have->has_vectors))
         return false;
-    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
-        if (need->wanted[i] && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at]))
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
+        const uint16_t least = need->wanted[i] < most ? need->wanted[i] : most;
+        if (least && !(sp_brick_need_find(need, i, have, &at) && have->wanted[at] >= least))
             return false;
+    }
     return true;
+}
+
+bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+    return has_all(need, have, BRICK_WANTED);
+}
+
+bool sp_brick_need_is_covered(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+    return has_all(need, have, BRICK_COARSE);
 }
 
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy) {
@@ -104,7 +116,14 @@ bool sp_brick_need_allocate(struct sp_brick_need *need, uint16_t number) {
 uint64_t sp_brick_need_wanted(const struct sp_brick_need *need) {
     uint64_t count = 0;
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
-        count += need->wanted[i] != 0;
+        count += need->wanted[i] >= BRICK_WANTED;
+    return count;
+}
+
+uint64_t sp_brick_need_coarse(const struct sp_brick_need *need) {
+    uint64_t count = 0;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        count += need->wanted[i] == BRICK_COARSE;
     return count;
 }
 
@@ -112,19 +131,19 @@ uint32_t *sp_brick_order(const uint16_t *numbers, uint64_t length, size_t *count
     uint32_t *begin = calloc(UINT16_MAX + 1, sizeof *begin), *order = NULL;
     *count = 0;
     for (uint64_t i = 0; i < length; i++)
-        *count += numbers[i] != 0;
+        *count += numbers[i] >= BRICK_WANTED;
     if (begin)
         order = malloc((*count ? *count : 1) * sizeof *order);
     if (order) { /* a counting sort: begin[n] is where number n begins */
         for (uint64_t i = 0; i < length; i++)
             begin[numbers[i]]++;
-        for (uint32_t n = UINT16_MAX, at = 0; n > 0; n--) {
+        for (uint32_t n = UINT16_MAX, at = 0; n >= BRICK_WANTED; n--) {
             const uint32_t next = at + begin[n];
             begin[n] = at;
             at = next;
         }
         for (uint64_t i = 0; i < length; i++)
-            if (numbers[i])
+            if (numbers[i] >= BRICK_WANTED)
                 order[begin[numbers[i]]++] = (uint32_t)i;
     }
     free(begin);

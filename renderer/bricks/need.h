@@ -8,13 +8,20 @@
 
 #include "bricks/file.h"
 
+/* Numbers of bricks. */
+enum {
+    BRICK_HIDDEN, /* shows nothing */
+    BRICK_COARSE, /* may show something; a coarser level will do */
+    BRICK_WANTED  /* from here on: it is read, and those with the largest numbers are read first */
+};
+
+enum { BRICK_PART = 16 }; /* bricks or chunks that a thread reads until progress is told */
+
 /* Which bricks of a level a frame needs. */
 struct sp_brick_need {
     unsigned level;
     uint32_t first[3], count[3]; /* bricks of a box, which is not empty */
-    /* malloc'ed [count], i0 fastest: 0 = shows nothing; others may show something, and those with
-     * the largest numbers are read first. */
-    uint16_t *wanted;
+    uint16_t *wanted;            /* malloc'ed [count], i0 fastest */
     /* What draws the frame reads blocks (volume/blocks.h), so that only wanted bricks take memory.
      * An array will do, too. */
     bool is_sparse;
@@ -58,9 +65,15 @@ bool sp_brick_need_allocate(struct sp_brick_need *need, uint16_t number);
 /* The number of wanted bricks. */
 uint64_t sp_brick_need_wanted(const struct sp_brick_need *need);
 
-/* Returns the places of the numbers above 0 in an array, malloc'ed: those of the largest numbers
- * first, and equal ones in their order. Sets *count. NULL if memory ran out. */
+/* The number of bricks that a coarser level shows. */
+uint64_t sp_brick_need_coarse(const struct sp_brick_need *need);
+
+/* Returns the places of the numbers from BRICK_WANTED on in an array, malloc'ed: those of the
+ * largest numbers first, and equal ones in their order. Sets *count. NULL if memory ran out. */
 uint32_t *sp_brick_order(const uint16_t *numbers, uint64_t length, size_t *count);
+
+/* True if `have` shows all of `need` at its level or coarsely. */
+bool sp_brick_need_is_covered(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
 /* Copies a need and its `wanted`. False if memory ran out. */
 bool sp_brick_need_copy(const struct sp_brick_need *need, struct sp_brick_need *copy);

@@ -60,7 +60,7 @@ static bool choose_base(struct sp_brick_store *store) {
     }
     store->base_level = need->level;
     const uint64_t count = sp_brick_need_count(need);
-    sp_brick_need_allocate(need, 1);
+    sp_brick_need_allocate(need, BRICK_WANTED);
     store->base_lost = calloc(1, count);
     return need->wanted && store->base_lost;
 }
@@ -167,11 +167,11 @@ static struct sp_volume *adopt(const struct sp_brick_store *store, struct sp_vol
     const float(*vectors)[3] = sp_brick_store_vectors(store, &store->base_need, samples);
     if (!sp_brick_file_chunks(store->file)) {
         memcpy(info->whole.limits, info->range, sizeof info->range);
-        return sp_volume_adopt_measured(info, samples, vectors, bytes, sp_brick_store_unmap, err);
+        return sp_volume_adopt_measured(info, samples, vectors, bytes, sp_brick_unmap, err);
     }
     find_limits(info, samples);
     info->whole.content = sp_brick_checksum(samples, bytes);
-    return sp_volume_adopt(info, samples, NULL, bytes, sp_brick_store_unmap, err);
+    return sp_volume_adopt(info, samples, NULL, bytes, sp_brick_unmap, err);
 }
 
 /* Describes the volume that is opened, but for its grid. */
@@ -200,7 +200,7 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     struct loading loading = { .options = options, .thread = pthread_self() };
     struct sp_error why;
     atomic_init(&loading.is_cancelled, false);
-    void *samples = sp_brick_store_map(bytes, err);
+    void *samples = sp_brick_map(bytes, err);
     const struct sp_brick_fill_job job = { .file = store->file,
                                            .need = &store->base_need,
                                            .pool = store->pool,
@@ -218,7 +218,7 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     if (ok && !sp_brick_store_grid(store, &store->base_need, &info.grid, &numbers))
         ok = sp_fail(err, SP_ERR_MEMORY, source, "out of memory for a brick file");
     if (!ok) {
-        sp_brick_store_unmap(samples, bytes);
+        sp_brick_unmap(samples, bytes);
         return NULL;
     }
     if (why.code != SP_OK)
@@ -273,6 +273,7 @@ static struct sp_volume *open_store(struct sp_brick_file *file, const char *name
         return NULL;
     }
     store->retry_ms = 10000;
+    store->part_ms = 1000;
     pthread_condattr_t monotonic;
     pthread_condattr_init(&monotonic);
     pthread_condattr_setclock(&monotonic, CLOCK_MONOTONIC);

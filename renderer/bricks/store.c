@@ -2,7 +2,6 @@
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 
 #include "base/clock.h"
 #include "bricks/places.h"
@@ -28,20 +27,12 @@ uint64_t sp_brick_store_window_max(const struct sp_brick_store *store) {
     return sp_brick_memory_window_max(store->memory, store);
 }
 
+bool sp_brick_store_is_alone(const struct sp_brick_store *store) {
+    return sp_brick_memory_is_alone(store->memory, store);
+}
+
 static const struct sp_brick_level *level_of(const struct sp_brick_store *store, unsigned level) {
     return &sp_brick_file_header(store->file)->level[level];
-}
-
-void sp_brick_store_unmap(void *samples, size_t bytes) {
-    munmap(samples, bytes);
-}
-
-void *sp_brick_store_map(size_t bytes, struct sp_error *err) {
-    void *memory = mmap(NULL, bytes, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (memory != MAP_FAILED)
-        return memory;
-    sp_fail(err, SP_ERR_MEMORY, "", "out of memory for %zu bytes of bricks", bytes);
-    return NULL;
 }
 
 /* Places the samples of an axis of the grid. Returns where coordinates of other axes go. */
@@ -147,14 +138,14 @@ static void mark_coarser(const struct sp_brick_level *from, const struct sp_bric
         for (uint32_t y = first[1]; y < first[1] + count[1]; y++)
             for (uint32_t x = first[0]; x < first[0] + count[0]; x++) {
                 uint16_t *own = &out->wanted[((uint64_t)z * out->count[1] + y) * out->count[0] + x];
-                *own = *own > need->wanted[i] ? *own : need->wanted[i];
+                const uint16_t number =
+                    need->wanted[i] > BRICK_WANTED ? need->wanted[i] : BRICK_WANTED;
+                *own = *own > number ? *own : number;
             }
 }
 
-/* The need for a coarser level of the same box. False without memory, or if there is none finer
- * than the base. */
-static bool coarsen(const struct sp_brick_store *store, const struct sp_brick_need *need,
-                    unsigned steps, struct sp_brick_need *out) {
+bool sp_brick_store_coarsen(const struct sp_brick_store *store, const struct sp_brick_need *need,
+                            unsigned steps, struct sp_brick_need *out) {
     *out = (struct sp_brick_need){ .level = need->level + steps, .is_sparse = need->is_sparse };
     if (out->level >= store->base_level)
         return false;
@@ -188,195 +179,123 @@ static void find_lost(const struct sp_brick_store *store, const struct sp_brick_
     }
 }
 
+/* The wanted bricks of a need that a window shows coarsely. */
+static uint64_t count_missing(const struct sp_brick_need *need, const struct sp_brick_need *have) {
+    uint64_t count = 0, at;
+    for (uint64_t i = 0; i < sp_brick_need_count(need); i++)
+        count += need->wanted[i] >= BRICK_WANTED && sp_brick_need_find(need, i, have, &at) &&
+                 have->wanted[at] == BRICK_COARSE;
+    return count;
+}
+
 /* Describes a window for a need; NULL = for one of a finer level. */
 static void describe(const struct sp_brick_store *store, struct sp_brick_store_window *w,
                      const struct sp_brick_need *need, struct sp_brick_window *out) {
     out->volume = sp_volume_ref(w->volume);
     out->level = w->need.level;
+    out->bytes = w->bytes;
+    out->missing = need ? count_missing(need, &w->need) : 0;
+    const bool is_fine = need && !out->missing && !sp_brick_need_coarse(need);
+    out->coarsest = is_fine ? w->need.level : w->coarsest;
     if (w->lost_count)
         find_lost(store, &w->need, w->lost, need, out);
     sp_brick_need_box(&w->need, level_of(store, w->need.level), out->first, out->size);
 }
 
-void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *out) {
-    *out = (struct sp_brick_window){ .volume = sp_volume_ref(store->base),
-                                     .level = store->base_level };
+/* Describes the base, without a reference. */
+static void describe_base(struct sp_brick_store *store, struct sp_brick_window *out) {
+    *out = (struct sp_brick_window){ .volume = store->base,
+                                     .level = store->base_level,
+                                     .coarsest = store->base_level };
     find_lost(store, &store->base_need, store->base_lost, NULL, out);
     sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
 }
 
-/* With the mutex held: the finest window that covers a need coarsely, or the base. */
-static void find_coarser(struct sp_brick_store *store, const struct sp_brick_need *need,
-                         struct sp_brick_window *out) {
+void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *out) {
+    describe_base(store, out);
+    sp_volume_ref(out->volume);
+}
+
+/* With the mutex held: the finest window of a coarser level that covers a need; NULL = the base. */
+static struct sp_brick_store_window *find_coarser(struct sp_brick_store *store,
+                                                  const struct sp_brick_need *need) {
+    struct sp_brick_store_window *w = NULL;
     struct sp_brick_need coarse;
-    for (unsigned steps = 1; coarsen(store, need, steps, &coarse); steps++) {
-        struct sp_brick_store_window *w = find_window(store, &coarse);
+    for (unsigned steps = 1; !w && sp_brick_store_coarsen(store, need, steps, &coarse); steps++) {
+        w = find_window(store, &coarse);
         free(coarse.wanted);
-        if (w) {
+    }
+    if (w)
+        w->used = ++store->memory->clock;
+    return w;
+}
+
+/* With the mutex held: what a frame shows until its window is there. */
+static void find_instead(struct sp_brick_store *store, const struct sp_brick_need *need,
+                         struct sp_brick_window *out) {
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
+        struct sp_brick_store_window *w = &store->windows[i];
+        if (w->volume && w->is_partial && sp_brick_need_is_covered(need, &w->need)) {
             w->used = ++store->memory->clock;
-            describe(store, w, NULL, out);
+            describe(store, w, need, out);
             return;
         }
     }
-    sp_brick_store_get_base(store, out);
+    struct sp_brick_store_window *w = find_coarser(store, need);
+    if (w)
+        describe(store, w, NULL, out);
+    else
+        sp_brick_store_get_base(store, out);
 }
 
-/* Reading. */
-
-static bool is_stopped(void *user) {
-    const struct sp_brick_store *store = user;
+static bool is_stopped(const struct sp_brick_store *store) {
     return atomic_load_explicit(&store->stop, memory_order_relaxed);
 }
 
-/* References to the windows, from which bricks are copied. */
-struct known {
-    struct sp_volume *volumes[BRICK_WINDOWS_MAX];
-    struct sp_brick_need needs[BRICK_WINDOWS_MAX]; /* owned */
-    uint8_t *lost[BRICK_WINDOWS_MAX];
-    struct sp_brick_box_samples samples[BRICK_WINDOWS_MAX];
-    size_t count;
-};
-
-/* With the mutex held. */
-static void take_known(struct sp_brick_store *store, unsigned level, struct known *known) {
-    known->count = 0;
+void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *made) {
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++) {
         struct sp_brick_store_window *w = &store->windows[i];
-        const size_t n = known->count;
-        if (!w->volume || w->need.level != level)
-            continue;
-        const uint64_t count = sp_brick_need_count(&w->need);
-        known->lost[n] = malloc(count);
-        if (!known->lost[n] || !sp_brick_need_copy(&w->need, &known->needs[n])) {
-            free(known->lost[n]);
-            continue;
+        if (w->volume && (w->is_partial || sp_brick_need_is_in(&w->need, &made->need)))
+            sp_brick_window_clear(w);
+    }
+    sp_brick_memory_make_space(store->memory, store, made->bytes);
+    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
+        if (!store->windows[i].volume) {
+            store->windows[i] = *made;
+            store->windows[i].used = ++store->memory->clock;
+            break;
         }
-        memcpy(known->lost[n], w->lost, count);
-        known->volumes[n] = sp_volume_ref(w->volume);
-        /* They are only read. */
-        known->samples[n] = (struct sp_brick_box_samples){
-            .need = &known->needs[n],
-            .samples = w->need.is_sparse ? NULL : (void *)sp_volume_voxels(w->volume),
-            .blocks = (struct sp_blocks *)sp_volume_blocks(w->volume),
-            .vectors = sp_volume_vectors(w->volume),
-            .lost = known->lost[n]
-        };
-        known->count++;
-    }
-}
-
-static void drop_known(struct known *known) {
-    for (size_t i = 0; i < known->count; i++) {
-        sp_volume_unref(&known->volumes[i]);
-        free(known->needs[i].wanted);
-        free(known->lost[i]);
-    }
-}
-
-/* Makes a volume of the samples of a need, which it takes over, also on failure. */
-static struct sp_volume *derive(const struct sp_brick_store *store,
-                                const struct sp_brick_need *need, void *samples, uint64_t bytes,
-                                struct sp_error *err) {
-    const struct sp_whole_part part = sp_brick_store_part(store, need);
-    struct sp_volume *volume = NULL;
-    struct sp_grid grid;
-    double *numbers;
-    if (!sp_brick_store_grid(store, need, &grid, &numbers)) {
-        munmap(samples, bytes);
-        sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
-        return NULL;
-    }
-    if (need->is_sparse)
-        volume = sp_volume_derive_blocks(store->base, &grid, &part, samples, bytes,
-                                         sp_brick_store_unmap, err);
-    else
-        volume = sp_volume_derive_part(store->base, &grid, &part, samples,
-                                       sp_brick_store_vectors(store, need, samples), bytes,
-                                       sp_brick_store_unmap, err);
-    free(numbers);
-    return volume;
-}
-
-/* Reads the bricks of a need into a window, which takes over the need. */
-static bool read_window(struct sp_brick_store *store, struct sp_brick_need *need,
-                        struct sp_brick_store_window *w, struct sp_error *err) {
-    const uint64_t bytes = need->is_sparse ? sp_brick_blocks_bytes(store->file, need)
-                                           : sp_brick_need_bytes(store->file, need),
-                   bricks = sp_brick_need_count(need);
-    struct sp_error why = { .code = SP_OK };
-    struct known known;
-    *w = (struct sp_brick_store_window){ .need = *need,
-                                         .bytes = sp_brick_need_cost(store->file, need),
-                                         .lost = calloc(1, bricks) };
-    need->wanted = NULL;
-    void *samples = w->lost ? sp_brick_store_map(bytes, err) : NULL;
-    if (!samples)
-        return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
-    pthread_mutex_lock(&store->memory->mutex);
-    take_known(store, w->need.level, &known);
-    pthread_mutex_unlock(&store->memory->mutex);
-    const struct sp_brick_fill_job job = {
-        .file = store->file,
-        .need = &w->need,
-        .coarse = { .need = &store->base_need,
-                    .samples = (void *)sp_volume_voxels(store->base), /* only read */
-                    .vectors = sp_volume_vectors(store->base),
-                    .lost = store->base_lost },
-        .known = known.samples,
-        .known_count = known.count,
-        .pool = store->pool,
-        .is_cancelled = is_stopped,
-        .user = store,
-        .samples = w->need.is_sparse ? NULL : samples,
-        .blocks = w->need.is_sparse ? sp_brick_blocks_init(store->file, &w->need, samples) : NULL,
-        .vectors = (float(*)[3])sp_brick_store_vectors(store, &w->need, samples),
-        .lost = w->lost,
-    };
-    bool ok = sp_brick_fill(&job, &why, err);
-    drop_known(&known);
-    for (uint64_t i = 0; ok && i < bricks; i++)
-        w->lost_count += w->lost[i];
-    pthread_mutex_lock(&store->memory->mutex);
-    if (ok)
-        sp_brick_store_heal(store, &w->need, w->lost);
-    if (why.code != SP_OK)
-        sp_brick_store_note(store, &w->need, w->lost, &why);
-    pthread_mutex_unlock(&store->memory->mutex);
-    if (!ok) {
-        munmap(samples, bytes);
-        return false;
-    }
-    w->read_ms = sp_clock_ms();
-    w->volume = derive(store, &w->need, samples, bytes, err);
-    return w->volume != NULL;
+    store->published++;
+    pthread_cond_broadcast(&store->done);
 }
 
 /* Reads a need and publishes the window. With the mutex held, which is released meanwhile. */
 static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, struct sp_error *err) {
     struct sp_brick_store_window made;
     const uint64_t cost = sp_brick_need_cost(store->file, need);
+    struct sp_brick_window coarser = { .volume = NULL };
+    struct sp_brick_store_window *from = find_coarser(store, need);
+    if (from)
+        describe(store, from, NULL, &coarser);
+    else /* without a reference: the base waits for this thread when it is destroyed */
+        describe_base(store, &coarser);
     sp_brick_memory_make_space(store->memory, store, cost);
     store->memory->reading += cost;
     pthread_mutex_unlock(&store->memory->mutex);
-    bool ok = read_window(store, need, &made, err);
+    bool ok = sp_brick_store_fill(store, need, &coarser, &made, err);
     pthread_mutex_lock(&store->memory->mutex);
+    if (from)
+        sp_volume_unref(&coarser.volume);
     store->memory->reading -= cost;
-    if (!ok) {
-        sp_brick_window_clear(&made);
-        return false;
+    if (ok) {
+        sp_brick_store_publish(store, &made);
+        return true;
     }
+    sp_brick_window_clear(&made);
     for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (store->windows[i].volume && sp_brick_need_is_in(&store->windows[i].need, &made.need))
-            sp_brick_window_clear(&store->windows[i]); /* the new one has all of it */
-    sp_brick_memory_make_space(store->memory, store, made.bytes);
-    for (int i = 0; i < BRICK_WINDOWS_MAX; i++)
-        if (!store->windows[i].volume) {
-            store->windows[i] = made;
-            store->windows[i].used = ++store->memory->clock;
-            break;
-        }
-    pthread_cond_broadcast(&store->done);
-    return true;
+        if (store->windows[i].is_partial)
+            sp_brick_window_clear(&store->windows[i]);
+    return false;
 }
 
 /* With the mutex held: the request that was asked for last; NULL = none waits. */
@@ -391,13 +310,21 @@ static struct sp_brick_request *newest(struct sp_brick_store *store) {
 }
 
 /* What is read first for a request: a coarser level if there are many bricks to read and nothing
- * finer than the base shows them yet. With the mutex held. Copies; false without memory. */
+ * finer than the base shows them yet, and that of bricks that are shown coarsely. With the mutex
+ * held. Copies; false without memory. */
 static bool choose_step(struct sp_brick_store *store, const struct sp_brick_need *need,
                         struct sp_brick_need *step) {
     struct sp_brick_need coarse;
+    if (sp_brick_need_coarse(need) && sp_brick_store_coarsen(store, need, 1, &coarse)) {
+        const bool is_there = find_window(store, &coarse) != NULL;
+        const bool ok = is_there || choose_step(store, &coarse, step);
+        free(coarse.wanted);
+        if (!is_there)
+            return ok;
+    }
     for (unsigned steps = 1;
          sp_brick_need_wanted(need) >= (uint64_t)MANY_BRICKS << 3 * (steps - 1) &&
-         coarsen(store, need, steps, &coarse);
+         sp_brick_store_coarsen(store, need, steps, &coarse);
          steps++) {
         const bool is_there = find_window(store, &coarse) != NULL;
         if (!is_there && sp_brick_need_wanted(&coarse) < MANY_BRICKS) {
@@ -488,13 +415,14 @@ static void wait_a_while(struct sp_brick_store *store, double ms) {
 }
 
 bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need *need,
-                        double wait_ms, bool (*is_cancelled)(void *user), void *user,
-                        struct sp_brick_window *out, struct sp_error *err) {
+                        double wait_ms, bool takes_parts, bool (*is_cancelled)(void *user),
+                        void *user, struct sp_brick_window *out, struct sp_error *err) {
     const double deadline = sp_clock_ms() + wait_ms;
     const uint64_t cost = sp_brick_need_cost(store->file, need);
     bool ok = true;
     *out = (struct sp_brick_window){ .volume = NULL };
     pthread_mutex_lock(&store->memory->mutex);
+    const uint64_t published = store->published;
     store->cost = cost;
     store->asked_ms = sp_clock_ms();
     while (ok && !out->volume) {
@@ -515,10 +443,11 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
                    : sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");
             if (r)
                 sp_brick_request_clear(r);
-        } else if (!r || r->has_failed || left <= 0) {
+        } else if (!r || r->has_failed || left <= 0 ||
+                   (takes_parts && store->published != published)) {
             if (r && r->has_failed)
                 sp_brick_request_clear(r); /* the next frame tries again */
-            find_coarser(store, need, out);
+            find_instead(store, need, out);
         } else {
             wait_a_while(store, left);
         }

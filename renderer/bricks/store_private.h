@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The store of a brick file: store.c finds and reads windows, open.c opens and closes, memory.c is
- * the memory that stores share.
+ * The store of a brick file: store.c finds windows, reading.c reads them, open.c opens and closes,
+ * memory.c is the memory that stores share.
  */
 #ifndef SP_BRICKS_STORE_PRIVATE_H
 #define SP_BRICKS_STORE_PRIVATE_H
@@ -22,7 +22,9 @@ struct sp_brick_store_window {
     struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
     uint8_t *lost;
     uint64_t lost_count, used, bytes;
-    double read_ms; /* when it was read (base/clock.h) */
+    double read_ms;    /* when it was read (base/clock.h) */
+    unsigned coarsest; /* the coarsest level that it shows */
+    bool is_partial;   /* other bricks of the need are still being read: BRICK_COARSE until then */
 };
 
 /* A need that waits for the thread, or that it reads. */
@@ -41,6 +43,7 @@ struct sp_brick_store {
     uint8_t *base_lost;
     uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
     double retry_ms; /* chunks that could not be read are read again after this time */
+    double part_ms;  /* what was read is shown first after this time, then after twice of it ... */
     struct sp_brick_memory *memory; /* a reference */
     struct sp_brick_store *next;    /* of the memory */
     struct sp_pool *pool;
@@ -50,9 +53,10 @@ struct sp_brick_store {
     /* The mutex of the memory guards what follows. */
     struct sp_brick_store_window windows[BRICK_WINDOWS_MAX];
     struct sp_brick_request queue[BRICK_QUEUE_MAX];
-    uint64_t cost;    /* of the window that a frame asked for last; 0 = none has */
-    double asked_ms;  /* when that was (base/clock.h) */
-    uint8_t *damaged; /* by brick of all levels, the finest first: 1 = it could not be read */
+    uint64_t published; /* windows so far */
+    uint64_t cost;      /* of the window that a frame asked for last; 0 = none has */
+    double asked_ms;    /* when that was (base/clock.h) */
+    uint8_t *damaged;   /* by brick of all levels, the finest first: 1 = it could not be read */
     struct sp_bricks_damage damage;
 };
 
@@ -95,6 +99,9 @@ void sp_brick_memory_make_space(struct sp_brick_memory *memory, struct sp_brick_
 uint64_t sp_brick_memory_window_max(struct sp_brick_memory *memory,
                                     const struct sp_brick_store *store);
 
+/* True if no other store may have a share now. */
+bool sp_brick_memory_is_alone(struct sp_brick_memory *memory, const struct sp_brick_store *store);
+
 void sp_brick_window_clear(struct sp_brick_store_window *window);
 void sp_brick_request_clear(struct sp_brick_request *request);
 
@@ -109,9 +116,15 @@ struct sp_whole_part sp_brick_store_part(const struct sp_brick_store *store,
 const float (*sp_brick_store_vectors(const struct sp_brick_store *store,
                                      const struct sp_brick_need *need, const void *samples))[3];
 
-/* Memory for samples, which sp_brick_store_unmap() releases; NULL with *err set. */
-void *sp_brick_store_map(size_t bytes, struct sp_error *err);
-void sp_brick_store_unmap(void *samples, size_t bytes);
+/* With the mutex held: puts a window into a slot, in place of those of which it has all. */
+void sp_brick_store_publish(struct sp_brick_store *store, struct sp_brick_store_window *window);
+
+/* Reads the bricks of a need, which it takes over, into a window. Publishes parts of it meanwhile,
+ * if it is sparse; `coarser` shows the rest of them. What failed is cleared by the caller. Without
+ * the mutex. (reading.c) */
+bool sp_brick_store_fill(struct sp_brick_store *store, struct sp_brick_need *need,
+                         const struct sp_brick_window *coarser,
+                         struct sp_brick_store_window *window, struct sp_error *err);
 
 /* The thread that reads what is asked for, until `stop`. */
 void *sp_brick_store_read(void *store);

@@ -62,7 +62,7 @@ static void find_place(const struct sp_samples *s, const uint32_t region[3], str
         end[a] = end[a] < s->dims[a] ? end[a] : s->dims[a];
     }
     const struct sp_block *block = sp_blocks_find(s->blocks, place->origin);
-    if (is_one && !block->is_constant) {
+    if (is_one && block->samples && !block->is_constant) {
         const size_t side = SP_BLOCK_SIDE;
         *place = (struct place){ block->samples, s->type, { 0, 0, 0 }, { 1, side, side * side } };
         for (int a = 0; a < 3; a++)
@@ -70,11 +70,12 @@ static void find_place(const struct sp_samples *s, const uint32_t region[3], str
         return;
     }
     char *to = (char *)copy->samples;
+    const size_t size = sp_type_size(s->type);
     for (uint32_t z = place->origin[2]; z < end[2]; z++)
         for (uint32_t y = place->origin[1]; y < end[1]; y++) {
             const size_t row = (z - place->origin[2]) * PLANES + (y - place->origin[1]);
             sp_blocks_read(s->blocks, 0, (const uint32_t[3]){ place->origin[0], y, z },
-                           end[0] - place->origin[0], to + row * ROW * s->blocks->size);
+                           end[0] - place->origin[0], to + row * ROW * size);
         }
     place->samples = copy->samples;
     place->stride[1] = ROW;

@@ -3,11 +3,11 @@
  * The samples of a grid in blocks of 64³, so that memory holds only those that are needed: a window
  * of a volume that is larger than memory (bricks/README.md).
  *
- *   ┌────┬────┬────┐   a block has samples of its own,
- *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9
- *   ├────┼────┼────┤
- *   │ 0  │ 9  │ C  │   block[(z / 64 · count[1] + y / 64) · count[0] + x / 64]
- *   └────┴────┴────┘
+ *   ┌────┬────┬────┐   a block has samples of its own: A, B,
+ *   │ A  │ 0  │ B  │   or one value, which all of its samples have: 0, 9,
+ *   ├────┼────┼────┤   or none: ~. They are interpolated between those of a coarser grid.
+ *   │ 0  │ 9  │ ~  │
+ *   └────┴────┴────┘   block[(z / 64 · count[1] + y / 64) · count[0] + x / 64]
  */
 #ifndef SP_VOLUME_BLOCKS_H
 #define SP_VOLUME_BLOCKS_H
@@ -16,18 +16,30 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "sp/volume.h"
+
 enum { SP_BLOCK_BITS = 6, SP_BLOCK_SIDE = 1 << SP_BLOCK_BITS };
 
 struct sp_block {
-    const void *samples; /* 64³, the first axis fastest; those beyond the grid are not set */
+    const void *samples; /* 64³, the first axis fastest; those beyond the grid are not set. NULL =
+                            those of the coarser grid */
     bool is_constant;    /* there is only one, which stands for all */
 };
 
+/* A coarser grid of the same type: sample i of the blocks lies at first + step·i of it. */
+struct sp_blocks_coarse {
+    const void *samples;            /* an array; NULL = they lie in blocks, too */
+    const struct sp_blocks *blocks; /* or NULL */
+    uint32_t dims[3];
+    double first[3], step[3]; /* 0 < step <= 1 */
+};
+
 struct sp_blocks {
-    uint32_t dims[3];       /* of the grid */
-    uint32_t count[3];      /* of blocks; the last ones may reach beyond the grid */
-    size_t size;            /* of a sample [bytes]: 1, 2, 4 or 8 */
+    uint32_t dims[3];  /* of the grid */
+    uint32_t count[3]; /* of blocks; the last ones may reach beyond the grid */
+    enum sp_type type;
     struct sp_block *block; /* [count] */
+    struct sp_blocks_coarse coarse;
 };
 
 /* Copies `n` samples from `at` on along an axis, all of which lie in the grid, to `out`. */

@@ -18,6 +18,7 @@ struct memory {
     void *voxels;
     size_t bytes;
     sp_voxels_release *release;
+    struct memory *coarser; /* that blocks here lead to, a reference; NULL = none */
 };
 
 struct sp_volume {
@@ -87,15 +88,20 @@ static void unref_memory(struct memory *memory) {
     if (!memory || atomic_fetch_sub_explicit(&memory->references, 1, memory_order_acq_rel) != 1)
         return;
     memory->release(memory->voxels, memory->bytes);
+    unref_memory(memory->coarser);
     free(memory);
+}
+
+static struct memory *ref_memory(struct memory *memory) {
+    atomic_fetch_add_explicit(&memory->references, 1, memory_order_relaxed);
+    return memory;
 }
 
 static void share_vectors(struct sp_volume *volume, struct memory *memory,
                           const float (*vectors)[3]) {
     if (!vectors)
         return;
-    atomic_fetch_add_explicit(&memory->references, 1, memory_order_relaxed);
-    volume->vector_memory = memory;
+    volume->vector_memory = ref_memory(memory);
     volume->vectors = vectors;
 }
 
@@ -214,8 +220,9 @@ struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
 struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
                                           const struct sp_grid *grid,
                                           const struct sp_whole_part *part,
-                                          struct sp_blocks *blocks, size_t bytes,
-                                          sp_voxels_release *release, struct sp_error *err) {
+                                          struct sp_blocks *blocks, const struct sp_volume *coarser,
+                                          size_t bytes, sp_voxels_release *release,
+                                          struct sp_error *err) {
     struct sp_volume_info info = original->info;
     info.grid = *grid;
     info.whole.part = *part;
@@ -225,6 +232,7 @@ struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
     struct sp_volume *volume = create(&info, blocks, bytes, release, err);
     if (volume) {
         volume->blocks = blocks;
+        volume->samples->coarser = coarser ? ref_memory(coarser->samples) : NULL;
         volume->original = sp_volume_original(original);
         if (!keep_numbers(volume, err))
             sp_volume_unref(&volume);

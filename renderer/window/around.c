@@ -38,14 +38,14 @@ static bool find_need(const struct sp_brick_file *file, const double (*points)[3
         need->first[a] = from / BRICK_SIDE;
         need->count[a] = to_ / BRICK_SIDE - need->first[a] + 1;
     }
-    return sp_brick_need_allocate(need, 1);
+    return sp_brick_need_allocate(need, BRICK_WANTED);
 }
 
 /* Takes the window of a need; NULL with *err set if it is not complete in time. */
 static struct sp_volume *take(struct sp_brick_store *store, const struct sp_brick_need *need,
                               double wait_ms, struct sp_error *err) {
     struct sp_brick_window window;
-    if (!sp_brick_store_get(store, need, wait_ms, NULL, NULL, &window, err))
+    if (!sp_brick_store_get(store, need, wait_ms, false, NULL, NULL, &window, err))
         return NULL;
     if (window.is_wanted && window.lost == 0)
         return window.volume;

@@ -102,6 +102,7 @@ static bool find_common(struct sp_volume *volume, const struct sp_shown_job *job
 /* Adds the bricks of a channel to those of the frame. */
 static void add_bricks(const struct sp_frame_bricks *from, struct sp_frame_bricks *to) {
     to->is_incomplete |= from->is_incomplete;
+    to->is_being_read |= from->is_being_read;
     to->wanted += from->wanted;
     to->resident += from->resident;
     to->memory_bytes += from->memory_bytes;

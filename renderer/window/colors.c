@@ -38,7 +38,7 @@ static bool find_need(const struct sp_brick_store *store, const struct sp_volume
         need->count[a] = last / BRICK_SIDE - need->first[a] + 1;
     }
     for (need->level = level;; need->level++) {
-        if (!sp_brick_need_allocate(need, 1))
+        if (!sp_brick_need_allocate(need, BRICK_WANTED))
             return false;
         if (need->level > level && need->level >= sp_brick_store_base(store))
             break;
@@ -72,8 +72,8 @@ static bool replace(struct sp_volume **colors, const struct sp_render_options *o
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for the bricks of a frame");
     if (!need.count[0])
         return true;
-    const bool ok =
-        sp_brick_store_get(store, &need, wait_ms, is_cancelled, (void *)options, &window, err);
+    const bool ok = sp_brick_store_get(store, &need, wait_ms, false, is_cancelled, (void *)options,
+                                       &window, err);
     free(need.wanted);
     if (!ok)
         return false;

@@ -150,7 +150,7 @@ static double find_opacity(const struct sp_transfer_function *tf, double low, do
 static uint16_t to_number(double importance, bool is_seen) {
     enum { HALF = 1 << 15, PER_OCTAVE = 1 << 10 };
     const double number = HALF - 1 + PER_OCTAVE * log2(importance); /* of 1: the largest one */
-    return (uint16_t)(fmin(fmax(number, 1), HALF - 1) + (is_seen ? HALF : 0));
+    return (uint16_t)(fmin(fmax(number, BRICK_WANTED), HALF - 1) + (is_seen ? HALF : 0));
 }
 
 static uint16_t find_importance(const struct search *s, const struct sp_brick_entry *entry,

@@ -82,6 +82,7 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
         .level = asked > least ? asked : least,
         .least = least,
         .reads_blocks = wanted->reads_blocks && may_read_blocks(view),
+        .takes_parts = options->takes_parts,
         .wait_ms = wait_for(options, least > base),
         .is_cancelled = is_cancelled,
         .user = (void *)options, /* only read */
@@ -96,7 +97,8 @@ bool sp_shown_find(struct sp_volume *volume, const struct sp_shown_job *wanted,
     sp_brick_store_usage(store, &bricks, &bytes);
     shown->bricks =
         (struct sp_frame_bricks){ .is_incomplete = !window.is_complete,
-                                  .level = window.is_empty ? window.asked : window.level,
+                                  .is_being_read = window.is_being_read,
+                                  .level = window.is_empty ? window.asked : window.coarsest,
                                   .asked = asked < base ? asked : base,
                                   .wanted = window.wanted,
                                   .resident = window.resident,

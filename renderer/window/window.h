@@ -18,6 +18,7 @@ struct sp_window_job {
     unsigned least;    /* no finer one is drawn, not even the volume that was opened */
     bool reads_blocks; /* what draws the frame reads volumes whose samples lie in blocks */
     double wait_ms;    /* for bricks; INFINITY = until the frame is complete */
+    bool takes_parts;  /* as in sp_brick_store_get() */
     bool (*is_cancelled)(void *user);
     void *user;
 };
@@ -25,7 +26,9 @@ struct sp_window_job {
 struct sp_window {
     struct sp_volume *volume;  /* a reference */
     unsigned level;            /* of its samples */
+    unsigned coarsest;         /* of those that are interpolated between coarser ones */
     unsigned asked;            /* the finest level that fits into memory */
+    bool is_being_read;        /* more bricks will be there later */
     bool is_complete;          /* nothing is missing on that level */
     uint64_t wanted, resident; /* bricks of it */
     bool is_empty;             /* nothing is seen */

@@ -94,6 +94,7 @@ void srv_session_frame_begin(struct srv_render_pool *pool, enum srv_worker_kind 
     const struct sp_render_options options = { .format = SP_RGBA8,
                                                .mip_level = job->mip_level,
                                                .wait_ms = job->step == SRV_STEP_FINAL ? 0 : -1,
+                                               .takes_parts = job->is_refinement,
                                                .find = srv_catalog_find_shown,
                                                .user = &shown,
                                                .cancel = &frame->cancel,
@@ -134,7 +135,7 @@ void srv_session_frame_finish(struct srv_render_pool *pool, enum srv_worker_kind
         return;
     }
     if (frame->stats.bricks.is_incomplete)
-        srv_schedule_incomplete(pool->schedule, job);
+        srv_schedule_incomplete(pool->schedule, job, frame->stats.bricks.is_being_read);
     if (job->is_sharp) {
         const struct srv_fingerprint content =
             srv_catalog_fingerprint(pool->options.catalog, job->volume, &job->view);

@@ -423,10 +423,13 @@ void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job
     pthread_mutex_unlock(&schedule->hub->mutex);
 }
 
-void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job) {
+void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job,
+                             bool is_being_read) {
     job->is_sharp = false;
-    if (job->step == SRV_STEP_FINAL)
+    if (job->step == SRV_STEP_FINAL && !is_being_read)
         return;
+    if (job->step == SRV_STEP_FINAL)
+        job->step = SRV_STEP_INTERMEDIATE;
     pthread_mutex_lock(&schedule->hub->mutex);
     struct srv_session *s = srv_schedule_session(schedule, job);
     for (uint32_t i = 0; i < job->target_count; i++) {

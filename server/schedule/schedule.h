@@ -149,9 +149,11 @@ void srv_schedule_deliver_video(struct srv_schedule *schedule, const struct srv_
  * decision knows. */
 void srv_schedule_rendered(struct srv_schedule *schedule, struct srv_render_job *job,
                            double render_ms);
-/* The job was drawn, but finer samples of its volume are still being read: unless it is the final
- * frame, which waits for them, a better one follows. Call it before the job is delivered. */
-void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job);
+/* The job was drawn, but finer samples of its volume are missing. If it was to be the final frame
+ * and they are being read, it becomes an intermediate one. A better one follows, unless it is the
+ * final frame. Call it before the job is delivered. */
+void srv_schedule_incomplete(struct srv_schedule *schedule, struct srv_render_job *job,
+                             bool is_being_read);
 /* Every job ends with exactly one of these three, which also releases its volume. */
 void srv_schedule_done(struct srv_schedule *schedule, struct srv_render_job *job,
                        const struct srv_render_result *result);

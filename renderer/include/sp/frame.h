@@ -35,6 +35,7 @@ struct sp_stage_time {
 /* What a frame shows of a volume that is larger than memory (sp/bricks.h); 0 for other volumes. */
 struct sp_frame_bricks {
     bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
+    bool is_being_read; /* a later frame of the same view shows more of them */
     uint32_t level; /* of the samples, 0 = all voxels; of brick files 2^n × 2^n × 2^n in one */
     uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
                        suffice */

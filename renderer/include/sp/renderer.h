@@ -116,6 +116,10 @@ struct sp_render_options {
     /* How long the frame waits for bricks of a volume that is larger than memory [ms]; then it
      * shows coarser ones (sp_frame_stats.bricks). 0 = until all are read; below 0 = not at all. */
     double wait_ms;
+    /* It waits no longer than until the next bricks are there, even if others are missing
+     * (sp_frame_bricks.is_being_read). So a view at rest is shown again and again, each time with
+     * more of them. */
+    bool takes_parts;
     /* Lets a scheduler pause the frame (sp/inflight.h); without effect unless
      * sp_renderer_info.can_pause. Must live until the frame is finished. NULL = never. */
     struct sp_pause *pause;

@@ -102,8 +102,8 @@ static struct sp_brick_window read_bricks(struct sp_volume *volume, unsigned l,
         need.first[a] = place ? place[a] : 0;
         need.count[a] = place ? 1 : level->bricks[a];
     }
-    assert_true(sp_brick_need_allocate(&need, 1));
-    if (!sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err))
+    assert_true(sp_brick_need_allocate(&need, BRICK_WANTED));
+    if (!sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err))
         fail_msg("%s", err.text);
     free(need.wanted);
     assert_true(window.is_wanted);

@@ -37,7 +37,7 @@ static void fill(struct both *b, enum sp_type type) {
     b->memory = malloc(BX * BY * BZ * BLOCK * size);
     assert_non_null(b->array);
     assert_non_null(b->memory);
-    b->blocks = (struct sp_blocks){ { NX, NY, NZ }, { BX, BY, BZ }, size, b->block };
+    b->blocks = (struct sp_blocks){ { NX, NY, NZ }, { BX, BY, BZ }, type, b->block, { 0 } };
     for (int i = 0; i < BX * BY * BZ; i++)
         b->block[i] = (struct sp_block){ b->memory + (size_t)i * BLOCK * size, i % 3 == 1 };
     srand(5);
@@ -65,7 +65,7 @@ static void lines_are_those_of_the_array(void **state) {
     for (int t = 0; t < TYPES; t++) {
         struct both b;
         fill(&b, types[t]);
-        const size_t strides[3] = { 1, NX, NX * NY }, size = b.blocks.size;
+        const size_t strides[3] = { 1, NX, NX * NY }, size = sp_type_size(b.type);
         for (int i = 0; i < 3000; i++) {
             const unsigned axis = (unsigned)i % 3;
             char line[NX * sizeof(double)];

@@ -105,8 +105,8 @@ static void blocks_have_rectilinear_axes(void **state) {
     struct sp_brick_need need = { .count = { 4, 3, 3 }, .is_sparse = true };
     struct sp_brick_window window;
     struct sp_error err;
-    assert_true(sp_brick_need_allocate(&need, 1));
-    assert_true(sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err));
+    assert_true(sp_brick_need_allocate(&need, BRICK_WANTED));
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
     assert_non_null(sp_volume_blocks(window.volume));
     const struct sp_view view = rig_make_view(rig);
     struct sp_frame *got = rig_render(rig, window.volume, &view, 0),
@@ -278,11 +278,11 @@ static void coarse_vectors_are_means(void **state) {
     struct sp_brick_need need = { .level = 1, .first = { 1, 0, 0 }, .count = { 1, 2, 1 } };
     struct sp_brick_window window;
     struct sp_error err;
-    uint16_t wanted[2] = { 1, 1 };
+    uint16_t wanted[2] = { BRICK_WANTED, BRICK_WANTED };
     need.wanted = wanted;
     for (int turn = 0; turn < 2; turn++) { /* without vectors, then with them */
         need.has_vectors = turn;
-        assert_true(sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err));
+        assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
         assert_int_equal(sp_volume_info(window.volume)->vector_bytes > 0, turn);
         assert_int_equal(window.level, 1);
         if (turn)

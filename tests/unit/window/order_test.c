@@ -57,43 +57,57 @@ static double find_distance(const struct sp_view *view, const double point[3]) {
     return sqrt(sum);
 }
 
-/* Stops after some bricks. */
-static bool is_over(void *user) {
-    unsigned *left = user;
-    if (!*left)
-        return true;
-    (*left)--;
-    return false;
+/* Bricks of a need while they are read. */
+struct reader {
+    const struct sp_brick_file *file;
+    const struct sp_brick_need *need;
+    uint8_t *samples; /* of the box; no sample of a wanted brick is 0 */
+    unsigned limit;   /* reading stops after so many bricks */
+};
+
+/* Marks the wanted bricks that were read; returns how many. */
+static unsigned find_read(const struct reader *r, bool is_read[BRICKS_MAX]) {
+    const struct sp_brick_level *level = &sp_brick_file_header(r->file)->level[0];
+    unsigned count = 0;
+    for (uint64_t i = 0; i < sp_brick_need_count(r->need); i++) {
+        uint32_t box[3], extent[3], first[3], size[3];
+        sp_brick_need_box(r->need, level, box, extent);
+        sp_brick_box(level, sp_brick_need_at(r->need, level, i), first, size);
+        const size_t at = ((size_t)(first[2] - box[2]) * extent[1] + first[1] - box[1]) * extent[0];
+        is_read[i] = r->need->wanted[i] >= BRICK_WANTED && r->samples[at + first[0] - box[0]] != 0;
+        count += is_read[i];
+    }
+    return count;
 }
 
-/* Reads `count` bricks of a need, then stops. Marks those that it read. */
+static bool is_over(void *user) {
+    const struct reader *r = user;
+    bool is_read[BRICKS_MAX];
+    return find_read(r, is_read) >= r->limit;
+}
+
+/* Reads `limit` bricks of a need, then stops. Marks those that it read. */
 static void read_some(const struct sp_brick_file *file, const struct sp_brick_need *need,
-                      unsigned count, bool is_read[BRICKS_MAX]) {
-    const struct sp_brick_level *level = &sp_brick_file_header(file)->level[0];
-    const size_t bytes = (size_t)sp_brick_need_bytes(file, need);
-    uint8_t lost[BRICKS_MAX] = { 0 }, *samples = calloc(1, bytes);
+                      unsigned limit, bool is_read[BRICKS_MAX]) {
+    struct reader reader = { file, need, calloc(1, (size_t)sp_brick_need_bytes(file, need)),
+                             limit };
+    uint8_t lost[BRICKS_MAX] = { 0 };
     struct sp_error why, err;
     struct sp_pool *pool = sp_pool_create(1, &err);
-    assert_non_null(samples);
+    assert_non_null(reader.samples);
     assert_non_null(pool);
     const struct sp_brick_fill_job job = { .file = (struct sp_brick_file *)file, /* only read */
                                            .need = need,
                                            .pool = pool,
                                            .is_cancelled = is_over,
-                                           .user = &count,
-                                           .samples = samples,
+                                           .user = &reader,
+                                           .samples = reader.samples,
                                            .lost = lost };
     const bool ok = sp_brick_fill(&job, &why, &err);
     assert_true(ok || err.code == SP_ERR_CANCELLED);
-    for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
-        uint32_t box[3], extent[3], first[3], size[3];
-        sp_brick_need_box(need, level, box, extent);
-        sp_brick_box(level, sp_brick_need_at(need, level, i), first, size);
-        const size_t at = ((size_t)(first[2] - box[2]) * extent[1] + first[1] - box[1]) * extent[0];
-        is_read[i] = need->wanted[i] && samples[at + first[0] - box[0]]; /* no sample is 0 */
-    }
+    assert_int_equal(find_read(&reader, is_read), limit);
     sp_pool_destroy(&pool);
-    free(samples);
+    free(reader.samples);
 }
 
 /* The wanted bricks in the order in which they are read. */
@@ -273,7 +287,7 @@ static void chunks_of_the_nearest_bricks_are_read_first(void **state) {
     struct sp_brick_window window;
     find_need(sp_brick_store_file(store), &view, false, &need);
     recorder.count = 0;
-    assert_true(sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err));
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
     assert_true(window.is_wanted);
     assert_int_equal(recorder.count, 5 * 2); /* each chunk once */
     /* A chunk is as important as the most important brick in it. */

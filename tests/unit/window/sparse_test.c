@@ -13,91 +13,16 @@
 
 #include <math.h>
 #include <stdlib.h>
-#include <string.h>
-#include <sys/mman.h>
-#include <unistd.h>
 
 #include "bricks/store.h"
-#include "bricks/write.h"
 #include "support/compare.h"
 #include "support/sanitized.h"
-#include "unit/window/rig.h"
-#include "volume/sample.h"
+#include "unit/window/balls.h"
 #include "volume/volume.h"
-
-enum { WIDE = 330, HIGH = 200, DEEP = 140, SAMPLES = WIDE * HIGH * DEEP };
-
-/* Balls in noise that the transfer function leaves out. Nothing is 0, so that empty bricks have
- * another value. */
-static double field_at(uint32_t x, uint32_t y, uint32_t z) {
-    static const double balls[2][4] = { { 40, 40, 35, 26 }, { 300, 175, 112, 30 } };
-    double value = 8 + (x * 7 + y * 13 + z * 29) % 5;
-    for (int i = 0; i < 2; i++) {
-        const double dx = x - balls[i][0], dy = y - balls[i][1], dz = z - balls[i][2];
-        const double inside = 0.5 + (balls[i][3] - sqrt(dx * dx + dy * dy + dz * dz)) / 4;
-        value = fmax(value, 200 * fmin(fmax(inside, 0), 1));
-    }
-    return value;
-}
-
-/* The volume in memory, as a member of a rig, and as a brick file. */
-static void make(struct rig *rig, enum sp_type type) {
-    struct sp_error err;
-    const size_t size = sp_type_size(type);
-    rig->info = (struct sp_volume_info){ .grid = { .dims = { WIDE, HIGH, DEEP },
-                                                   .spacing = { 1, 1, 1.25 },
-                                                   .origin = { 3, -5, 7 },
-                                                   .direction = { { 1 }, { 0, 1 }, { 0, 0, 1 } } },
-                                         .type = type };
-    rig->samples = malloc(SAMPLES * size);
-    assert_non_null(rig->samples);
-    for (uint32_t i = 0; i < SAMPLES; i++)
-        sp_sample_set(rig->samples, type, i,
-                      rint(field_at(i % WIDE, i / WIDE % HIGH, i / WIDE / HIGH)));
-    rig->whole = sp_volume_create(&rig->info.grid, type, rig->samples, "whole", &err);
-    assert_non_null(rig->whole);
-    int from = memfd_create("samples", MFD_CLOEXEC);
-    rig->file = memfd_create("bricks", MFD_CLOEXEC);
-    assert_int_equal(write(from, rig->samples, SAMPLES * size), SAMPLES * size);
-    const struct sp_bricks_write_job job = {
-        .info = &rig->info, .samples = from, .out = rig->file, .folder = "/tmp", .shown = "test"
-    };
-    if (!sp_bricks_write(&job, &err))
-        fail_msg("%s", err.text);
-    close(from);
-}
-
-static void finish(struct rig *rig) {
-    sp_volume_unref(&rig->whole);
-    free(rig->samples);
-    close(rig->file);
-}
-
-static int setup(void **state) {
-    static struct rig rig;
-    struct sp_error err;
-    const struct test_target target = { "cpu", "auto" };
-    if (!test_renderer_open(&rig.renderer, &target, 2, &err))
-        fail_msg("%s", err.text);
-    *state = &rig;
-    return 0;
-}
-
-static int teardown(void **state) {
-    struct rig *rig = *state;
-    test_renderer_close(&rig->renderer);
-    return 0;
-}
 
 /* Memory for the bricks of both balls and for the ranges of the box, but not for the box. */
 static uint64_t budget_of(enum sp_type type) {
     return (uint64_t)(10 << 20) * sp_type_size(type);
-}
-
-static struct sp_view make_view(const struct rig *rig) {
-    struct sp_view view = rig_make_view(rig);
-    view.level_of_detail = SP_LOD_OFF;
-    return view;
 }
 
 /* Looks along an axis, slightly turned. */
@@ -129,9 +54,9 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
     static const enum sp_type types[] = { SP_UINT8, SP_INT16, SP_FLOAT32, SP_FLOAT64 };
     struct rig *rig = *state;
     for (size_t i = 0; i < sizeof types / sizeof *types; i += TEST_SANITIZED ? 2 : 1) {
-        make(rig, types[i]);
+        balls_make(rig, types[i]);
         struct sp_volume *volume = rig_open_file(rig, budget_of(types[i]));
-        struct sp_view view = make_view(rig);
+        struct sp_view view = balls_view(rig);
         for (int axis = 0; axis < 3; axis++) {
             turn(&view, axis);
             expect_equal(rig, volume, &view, "sheets");
@@ -143,30 +68,30 @@ static void images_equal_those_of_the_volume_in_memory(void **state) {
         view.camera.height = 300;
         view.clip.box[0][0] = 0.11;
         expect_equal(rig, volume, &view, "clipped");
-        view = make_view(rig);
+        view = balls_view(rig);
         view.level_of_detail = SP_LOD_AUTO;
         view.transfer_function.order = SP_TF_AUTO;
         view.size[0] = view.size[1] = 400;
         expect_equal(rig, volume, &view, "the default order");
         sp_volume_unref(&volume);
-        finish(rig);
+        balls_finish(rig);
     }
 }
 
 /* A window of the finest level may be drawn at a coarser mip level. */
 static void mip_levels_are_made_of_blocks(void **state) {
     struct rig *rig = *state;
-    make(rig, SP_UINT8);
+    balls_make(rig, SP_UINT8);
     struct sp_error err;
     struct sp_volume *volume = rig_open_file(rig, budget_of(SP_UINT8));
-    struct sp_view view = make_view(rig);
+    struct sp_view view = balls_view(rig);
     struct sp_frame *frame = rig_render(rig, volume, &view, 0); /* which reads the window */
     struct sp_brick_store *store = sp_brick_store_of(volume);
     struct sp_brick_need need = { .count = { 6, 4, 3 }, .is_sparse = true };
     struct sp_brick_window window;
     assert_true(sp_brick_need_allocate(&need, 0));
-    need.wanted[0] = 1;
-    assert_true(sp_brick_store_get(store, &need, INFINITY, NULL, NULL, &window, &err));
+    need.wanted[0] = BRICK_WANTED;
+    assert_true(sp_brick_store_get(store, &need, INFINITY, false, NULL, NULL, &window, &err));
     assert_non_null(sp_volume_blocks(window.volume));
     struct sp_frame *got = rig_render_level(rig, window.volume, &view, 0, 1),
                     *truth = rig_render_level(rig, rig->whole, &view, 0, 1);
@@ -178,23 +103,23 @@ static void mip_levels_are_made_of_blocks(void **state) {
     sp_volume_unref(&window.volume);
     free(need.wanted);
     sp_volume_unref(&volume);
-    finish(rig);
+    balls_finish(rig);
 }
 
 /* What reads an array of samples gets one, at a level that fits. */
 static void other_views_get_a_box(void **state) {
     struct rig *rig = *state;
-    make(rig, SP_UINT8);
+    balls_make(rig, SP_UINT8);
     struct sp_volume *volume = rig_open_file(rig, budget_of(SP_UINT8));
     struct sp_view views[3];
     for (int i = 0; i < 3; i++)
-        views[i] = make_view(rig);
+        views[i] = balls_view(rig);
     views[0].transfer_function.order = SP_TF_PRE;
     views[1].layers[0] = sp_layer_default(SP_LAYER_SURFACE);
     views[1].layers[0].value = 100;
     views[2].shading.shadow = 0.5;
     for (int i = 0; i < 3; i++) {
-        struct sp_view plain = make_view(rig);
+        struct sp_view plain = balls_view(rig);
         struct sp_frame *fine = rig_render(rig, volume, &plain, 0),
                         *frame = rig_render(rig, volume, &views[i], 0),
                         *truth = rig_render_level(rig, rig->whole, &views[i], 0, 1);
@@ -208,7 +133,7 @@ static void other_views_get_a_box(void **state) {
         sp_frame_unref(&truth);
     }
     sp_volume_unref(&volume);
-    finish(rig);
+    balls_finish(rig);
 }
 
 int main(void) {
@@ -217,5 +142,5 @@ int main(void) {
         cmocka_unit_test(mip_levels_are_made_of_blocks),
         cmocka_unit_test(other_views_get_a_box),
     };
-    return cmocka_run_group_tests(tests, setup, teardown);
+    return cmocka_run_group_tests(tests, balls_setup, balls_teardown);
 }

@@ -235,8 +235,8 @@ static void *visit(void *user) {
         view.camera.target[1] += 30 * sin(v->angle + i);
         assert_true(sp_window_need(file, &view, 1, false, &need));
         if (need.count[0]) {
-            if (!sp_brick_store_get(sp_brick_store_of(v->volume), &need, INFINITY, NULL, NULL,
-                                    &window, &err))
+            if (!sp_brick_store_get(sp_brick_store_of(v->volume), &need, INFINITY, false, NULL,
+                                    NULL, &window, &err))
                 fail_msg("%s", err.text);
             assert_true(window.is_wanted);
             sp_volume_unref(&window.volume);

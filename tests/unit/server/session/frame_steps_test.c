@@ -56,6 +56,32 @@ static void moving_then_final(void **state) {
     srv_hub_leave(f->hub, &p, 5020);
 }
 
+/* The final frame of a volume that is larger than memory follows those that show what was read. */
+static void a_view_at_rest_is_shown_while_it_is_read(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 1000);
+    assert_true(hub_next_job(f, 1000, &job));
+    hub_finish(f, &job, 5);
+    hub_drain(f, p, 1010);
+    hub_ack(f, p, 1, 1012);
+    for (unsigned frame = 2; frame <= 4; frame++) {
+        const bool is_being_read = frame < 4;
+        const double now_ms = 1000.0 + 1000 * frame;
+        assert_true(hub_next_job(f, now_ms, &job));
+        assert_int_equal(job.step, SRV_STEP_FINAL);
+        /* The last one lacks damaged bricks: nothing better follows. */
+        srv_schedule_incomplete(f->schedule, &job, is_being_read);
+        hub_finish(f, &job, 20);
+        const struct proto_frame_header header = hub_drain(f, p, now_ms + 30);
+        assert_int_equal(header.frame, frame);
+        assert_int_equal(header.flags & PROTO_FRAME_FINAL, is_being_read ? 0 : PROTO_FRAME_FINAL);
+        hub_ack(f, p, frame, now_ms + 32);
+    }
+    assert_false(hub_next_job(f, 9000, &job));
+    srv_hub_leave(f->hub, &p, 9010);
+}
+
 static void a_new_session_starts_with_the_known_times_of_its_volume(void **state) {
     struct fixture *f = *state;
     struct srv_render_job job;
@@ -290,6 +316,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
         TEST(moving_then_final),
+        TEST(a_view_at_rest_is_shown_while_it_is_read),
         TEST(a_new_session_starts_with_the_known_times_of_its_volume),
         TEST(updates_coalesce_while_a_job_runs),
         TEST(a_cancelled_refinement_is_rendered_again),
