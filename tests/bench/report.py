@@ -514,7 +514,7 @@ SECTIONS = [
      'seven packets per frame most frames arrive late.'),
     ('Larger than memory', bricks, 'Measured by `bricks.mjs` with `--memory 512M`: winding vessels in empty space, uint8, as brick files in the page cache. From the request that opens the volume, and then from the request of a '
      f'stream to its first frame and to its final one. Goals: first picture within {GOAL_LOAD_MS} ms, the default view complete within {GOAL_COMPLETE_MS // 1000} s, peak memory of the daemon at most the budget and 10 %. The view *near* is six '
-     'times nearer. A window is a dense box: where it does not fit into the budget, the picture has a coarser level than its pixels ask for. The source is a file with holes; the peak of the conversion is that of `splatctl` without the page cache.'),
+     'times nearer. Where the bricks of a level do not fit into the budget, the least important ones have a coarser level than their pixels ask for. The source is a file with holes; the peak of the conversion is that of `splatctl` without the page cache.'),
     ('Codecs', codecs, 'The camera turns by 2° per frame. CPU time is the sum over all threads. Qualities are nominal: the loss of image quality is not compared.'),
     ('Files', files, ''),
 ]
