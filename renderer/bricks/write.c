@@ -379,7 +379,9 @@ static bool write_arrays(struct writer *w, struct sp_error *err) {
 /* Writes the places of the samples on rectilinear axes. */
 static bool write_axes(struct writer *w, struct sp_error *err) {
     const size_t count = sp_brick_places_first(&w->header);
-    uint64_t *stored = calloc(count + 1, sizeof *stored);
+    if (!w->header.rectilinear)
+        return true;
+    uint64_t *stored = calloc(count, sizeof *stored);
     if (!stored)
         return sp_bricks_write_fail_memory(w, err);
     for (size_t i = 0; i < count; i++) {
