@@ -6,6 +6,14 @@ MOVING_FPS, POINTS = 30, 'demo:points?size=1000'
 VECTORS = 2  # times the CPU time of scalar splats
 
 
+def drag_goals(rows):
+    """The same for a user who drags the view over a stream. Clients share the machine with the daemon."""
+    for row in rows:
+        what = f'dragging `{row["volume"]}` over a stream: frames per second, {row["side"]:.0f} of {row["px"]:.0f} px, mip level {row["coarse"]:.2g}'
+        yield what, MOVING_FPS, row['fps_mean'], row['fps_mean'] >= MOVING_FPS
+        yield 'final frame after the last change, ms', 'none', row['final_ms'], None
+
+
 def element_goals(rows):
     """Yields what, goal, measured and whether it is met. Wall times depend on what else runs on the machine, so the rate is the one
     that the CPU time allows on these threads."""

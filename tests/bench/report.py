@@ -14,7 +14,7 @@ import sys
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 import charts  # noqa: E402
 from brick_goals import bricks, GOAL_COMPLETE_MS, GOAL_LOAD_MS  # noqa: E402
-from element_goals import element_goals  # noqa: E402
+from element_goals import drag_goals, element_goals  # noqa: E402
 from tables import decibels, met, read, short, table  # noqa: E402
 
 # Frames per second at 512 × 512 as the papers print them for their own graphics cards (Chen et al.: 2.4 GHz Pentium 4
@@ -408,7 +408,8 @@ def element_table(folder, name):
 
 
 def elements(folder):
-    goals = [[what, goal, short(value), met(good), 'elements.csv'] for what, goal, value, good in element_goals(read(folder, 'elements.csv'))]
+    goals = [[what, goal, short(value), '–' if good is None else met(good), name]
+             for name, find_goals in (('elements.csv', element_goals), ('drag.csv', drag_goals)) for what, goal, value, good in find_goals(read(folder, name))]
     return (f'{table(GOAL_HEAD, goals)}\n' if goals else '') + element_table(folder, 'elements.csv')
 
 
@@ -469,7 +470,7 @@ FILES = [
     ('profile.csv', 'time per stage'), ('limit.csv', 'the highest rate of adding footprints, per instruction set; memory bandwidth'),
     ('exact.csv', 'images of analytic fields against the exact image'), ('adaptive.csv', 'adaptive filtering against ewa'), ('detail.csv', 'level of detail against all voxels'),
     ('layers.csv', 'shells, surfaces and projections against the volume layer'),
-    ('elements.csv', 'points, Gaussians, triangles and vectors'),
+    ('elements.csv', 'points, Gaussians, triangles and vectors'), ('drag.csv', 'a user who drags ten million points'),
     ('edits.csv', 'a transfer function that changes with every frame'), ('scaling.csv', 'volumes of 64³ to 1024³ voxels'),
     ('cancel.csv', 'time from setting the cancel flag to the return of the call'), ('gl.csv', 'the GPU backend'),
     ('gl_pixels.csv', 'the GPU backend, classified per pixel'), ('gl_vtk.csv', 'VTK\'s GPU ray caster on the same GPU'),
@@ -498,7 +499,7 @@ SECTIONS = [
      'camera that turns. The image shows, from left to right, exact, sheets per voxel, sheets per pixel and VTK at sample distance 1; the last two rows are shaded.'),
     ('Where the time goes', profile, '512², two threads, unshaded: share of each stage. The limit is the time to set up and add every footprint on its own, '
      'at the best rates of `limit.csv`. Above 100 % means faster than this limit: the fast path does not draw every footprint.'),
-    ('Points, Gaussians, triangles and vectors', elements, 'An orbit around each at 512² on two threads; the last row has four layers in one frame. At mip level n points are merged up to 2ⁿ pixels: while a view moves, the '
+    ('Points, Gaussians, triangles and vectors', elements, 'An orbit around each at 512² on two threads; the last row has four layers in one frame. Points are merged up to 4 pixels at mip level 1 and 8 at level 2: while a view moves, the '
      'daemon chooses the level that keeps its frame rate. Milliseconds and frames per second are wall times and depend on what else ran on the machine, whose load '
      'is above; CPU time does so much less. The splats of a mesh are its triangles. The layer volume is drawn splat by splat, to compare vectors with.'),
     ('The GPU backend', gpu, ''),

@@ -172,6 +172,13 @@ class Report(unittest.TestCase):
         self.assertIn('that the CPU time allows | 60 | 62.5 | met |', text)
         self.assertIn('CPU time | 2 | 2.1 | **missed** |', text)
 
+    def test_goals_of_a_drag(self):
+        self.write('drag.csv', ['volume', 'px', 'side', 'coarse', 'fps_mean', 'final_ms'],
+                   {'volume': 'demo:points', 'px': 512, 'side': 448, 'coarse': 2, 'fps_mean': 29, 'final_ms': 812})
+        text = report.elements(self.folder.name)
+        self.assertIn('448 of 512 px, mip level 2 | 30 | 29 | **missed** | drag.csv |', text)
+        self.assertIn('final frame after the last change, ms | none | 812 | – | drag.csv |', text)
+
     def test_frames_that_take_too_long_are_named(self):
         late = {'scene': 'head', 'backend': 'gl', 'device': 'a card', 'size': 2048, 'shading': 'phong', 'views': 24, 'left_out': 'more than 600 s'}
         self.write('gl.csv', gpu.GL_COLUMNS, self.gl('engine', 512, 1000), late, {**late, 'size': 4096})

@@ -90,6 +90,8 @@ def element_rows(run, views, *more, backend='cpu', limit=None):
 def measure_elements(run):
     """Points, Gaussians, triangles and vectors on the processor."""
     run.write('elements.csv', ELEMENT_COLUMNS, element_rows(run, max(2, run.o.views // 3)))
+    measure_serve(run, 'drag.csv', 'a user who drags many points', '--only', 'drag', '--volume', 'demo:points' + ('' if run.o.quick else '?size=1000'),
+                  *(('--seconds', '1', '--rounds', '1') if run.o.quick else ()))
 
 
 def peaks(text):
@@ -484,7 +486,7 @@ def main():
             'detail': (levels, lambda: measure_pairs(run, 'detail.csv', ('--lod', 'auto'), 'lod=auto', 'lod=off')),
             'edits': (3, lambda: measure_edits(run)),
             'layers': (6 + len(run.scenes), lambda: measure_layers(run)),
-            'elements': (len(element_runs(run)), lambda: measure_elements(run)),
+            'elements': (len(element_runs(run)) + 1, lambda: measure_elements(run)),
             'cancel': (3, lambda: measure_cancels(run, 10 if options.quick else 50)),
             'scaling': (2 * len(sides), lambda: measure_scaling(run, sides)),
             'gl': (run.gpu.steps if run.gpu else 0, lambda: measure_gl(run)),

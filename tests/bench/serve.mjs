@@ -19,10 +19,10 @@ import { CROWD, others, plain, secure } from './serve/hostile.mjs';
 import { child, Client, CODECS, Daemon, mean, median, pause, round, watch } from './serve/peers.mjs';
 import { soak } from './serve/soak.mjs';
 
-const PARTS = ['overhead', 'motion', 'edits', 'streams', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
-const NAMED = ['motion', 'edits', 'streams', 'loop', 'soak']; // measured only if they are named: they have files of their own
+const PARTS = ['overhead', 'motion', 'edits', 'streams', 'drag', 'loop', 'awake', 'viewers', 'sessions', 'memory', 'hostile', 'idle', 'soak'];
+const NAMED = ['motion', 'edits', 'streams', 'drag', 'loop', 'soak']; // measured only if they are named: they have files of their own
 const COLUMNS = ['part', 'what', 'volume', 'clients', 'px', 'side', 'coarse', 'fps_min', 'fps_mean', 'p50_ms', 'p95_ms', 'p99_ms', 'work_ms', 'wait_p50_ms', 'wait_p95_ms', 'kbytes_frame',
-  'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'note'];
+  'rss_mib', 'cpu_share', 'change_percent', 'alone_fps', 'alone_p95_ms', 'kib_each', 'wanted', 'limit', 'held', 'refused', 'cpu_ms_frame', 'cpu_rest_percent', 'final_ms', 'note'];
 const SOAK_COLUMNS = ['minute', 'clients', 'errands', 'sessions', 'rss_mib', 'descriptors', 'failed'];
 const WANTED_FPS = 10; // frames per second that each user needs when the most users are counted
 const { values: options } = parseArgs({
@@ -117,6 +117,29 @@ async function streams() {
     clients.forEach((client) => client.end());
     await daemon.stop();
   }
+}
+
+/** A user drags the view, rests, and drags again. `final_ms` is the time from the last change to its final frame, the median of the
+ * rounds; the other columns are the medians of the frames of the drags. */
+async function drag() {
+  const daemon = await start(options.backend);
+  const client = await Client.open(daemon, await daemon.session(512));
+  const final = () => new Promise((resolve) => { client.onFinal = resolve; });
+  const rounds = [];
+  await final(); // the first frame builds what is cached of the volume
+  client.configure({ max_fps: 60 });
+  for (let i = 0; i < Number(options.rounds); i++) {
+    client.drive(1000 / 60);
+    const seen = await watch(daemon, [client], seconds);
+    clearTimeout(client.timer);
+    const begin = performance.now();
+    await final();
+    rounds.push({ ...seen, final_ms: performance.now() - begin });
+  }
+  const middle = Object.keys(rounds[0]).map((key) => [key, round(median(rounds.map((one) => one[key])), 2)]);
+  measured('drag', `${options.backend}, 60 changes per second, max_fps 60`, Object.fromEntries(middle));
+  client.end();
+  await daemon.stop();
 }
 
 /** Measures scripts that request one image after the other. */
@@ -337,7 +360,7 @@ async function measure(wanted) {
     process.exit(2);
   }
   for (const name of wanted) {
-    await { overhead, motion, edits, streams, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
+    await { overhead, motion, edits, streams, drag, loop, awake, viewers, sessions, memory, hostile, idle, soak: soakMeasured }[name]();
     if (options.out) save();
   }
 }

@@ -37,6 +37,12 @@ test('users and memory are measured', () => {
   for (const { kib_each: each } of rows.slice(-4)) assert.notEqual(each, '');
 });
 
+test('a drag is measured until its final frame', () => {
+  const rows = table('--only', 'drag');
+  assert.deepEqual(rows.map(({ part, px }) => [part, px]), [['drag', '512']]);
+  assert.ok(Number(rows[0].fps_mean) > 0 && Number(rows[0].final_ms) > 0);
+});
+
 test('active sessions are measured', () => {
   const rows = table('--only', 'awake');
   assert.deepEqual(rows.map(({ clients }) => clients), ['1', '1000']);

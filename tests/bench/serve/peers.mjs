@@ -10,6 +10,7 @@ import WebSocket from 'ws';
 
 export const UPDATE_MS = 1000 / 30; // updates of a mouse drag
 export const CODECS = { jpeg: 1, png: 2, vp9: 5, vp8: 7 }; // codec numbers in the frame header
+const FINAL = 2; // flag in the frame header
 const UNCHECKED = { rejectUnauthorized: false }; // the certificate of the daemon is created for the run
 const agents = { false: new http.Agent({ keepAlive: true }), true: new https.Agent({ keepAlive: true, ...UNCHECKED }) };
 
@@ -191,6 +192,7 @@ export class Client {
     if (delay === 0) this.tell('stream.ack', { frame });
     else if (delay < Infinity) setTimeout(() => this.tell('stream.ack', { frame }), delay);
     this.onFrame?.(seq);
+    if (data[5] & FINAL && seq === this.seq) this.onFinal?.();
   }
 
   #hear(data) {
