@@ -70,6 +70,7 @@ static void a_view_at_rest_is_shown_while_it_is_read(void **state) {
         const double now_ms = 1000.0 + 1000 * frame;
         assert_true(hub_next_job(f, now_ms, &job));
         assert_int_equal(job.step, SRV_STEP_FINAL);
+        assert_true(job.is_refinement);
         /* The last one lacks damaged bricks: nothing better follows. */
         srv_schedule_incomplete(f->schedule, &job, is_being_read);
         hub_finish(f, &job, 20);
@@ -80,6 +81,27 @@ static void a_view_at_rest_is_shown_while_it_is_read(void **state) {
     }
     assert_false(hub_next_job(f, 9000, &job));
     srv_hub_leave(f->hub, &p, 9010);
+}
+
+/* A client that wants final frames only never gets a part, also with others in the session. */
+static void who_wants_final_frames_gets_no_parts(void **state) {
+    struct fixture *f = *state;
+    struct srv_render_job job;
+    struct srv_participant *p = hub_join(f, SRV_ROLE_CONTROL, 1000);
+    struct srv_participant *q = hub_join(f, SRV_ROLE_CONTROL, 1000);
+    bool is_shared = false;
+    hub_send(f, q, "stream.configure", "{\"progressive\":false}", 1000);
+    for (double now_ms = 1001; hub_next_job(f, now_ms, &job); now_ms += 1000) {
+        assert_true(job.is_refinement || job.step == SRV_STEP_MOVING || job.target_count == 2);
+        assert_false(job.is_refinement && job.target_count == 2); /* only these take parts */
+        is_shared = is_shared || (job.step == SRV_STEP_FINAL && job.target_count == 2);
+        hub_finish(f, &job, 5);
+        hub_ack(f, p, hub_drain(f, p, now_ms + 10).frame, now_ms + 12);
+        hub_ack(f, q, hub_drain(f, q, now_ms + 10).frame, now_ms + 12);
+    }
+    assert_true(is_shared);
+    srv_hub_leave(f->hub, &p, 9000);
+    srv_hub_leave(f->hub, &q, 9000);
 }
 
 static void a_new_session_starts_with_the_known_times_of_its_volume(void **state) {
@@ -317,6 +339,7 @@ int main(void) {
 #define TEST(name) cmocka_unit_test_setup_teardown(name, hub_set_up, hub_tear_down)
         TEST(moving_then_final),
         TEST(a_view_at_rest_is_shown_while_it_is_read),
+        TEST(who_wants_final_frames_gets_no_parts),
         TEST(a_new_session_starts_with_the_known_times_of_its_volume),
         TEST(updates_coalesce_while_a_job_runs),
         TEST(a_cancelled_refinement_is_rendered_again),
