@@ -8,6 +8,7 @@
 #include <sys/file.h>
 #include <unistd.h>
 
+#include "base/clock.h"
 #include "bricks/samples.h"
 #include "bricks/store_private.h"
 #include "volume/volume.h"
@@ -115,11 +116,13 @@ static bool reserve(struct sp_brick_store *store, const char *source,
     }
 }
 
-/* The load that may be cancelled: progress() belongs to the thread that loads. */
+/* The load that may be cancelled, and that has a time limit: progress() belongs to the thread that
+ * loads. */
 struct loading {
     const struct sp_load_options *options;
     pthread_t thread;
-    atomic_bool is_cancelled;
+    double deadline_ms;
+    atomic_bool is_cancelled, is_late;
 };
 
 static bool is_cancelled(void *user) {
@@ -127,7 +130,9 @@ static bool is_cancelled(void *user) {
     if (l->options && l->options->progress && pthread_equal(pthread_self(), l->thread) &&
         !l->options->progress(l->options->user, 0.5))
         atomic_store(&l->is_cancelled, true);
-    return atomic_load(&l->is_cancelled);
+    if (sp_clock_ms() >= l->deadline_ms)
+        atomic_store(&l->is_late, true);
+    return atomic_load(&l->is_cancelled) || atomic_load(&l->is_late);
 }
 
 static bool has_lost_all(const struct sp_brick_store *store) {
@@ -197,9 +202,14 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     struct sp_volume_info info = describe(store, name, source);
     double *numbers = NULL;
     const uint64_t bytes = sp_brick_need_bytes(store->file, &store->base_need);
-    struct loading loading = { .options = options, .thread = pthread_self() };
+    const int timeout_ms = options ? options->timeout_ms : 0;
+    struct loading loading = { .options = options,
+                               .thread = pthread_self(),
+                               .deadline_ms =
+                                   timeout_ms ? sp_clock_ms() + timeout_ms : (double)INFINITY };
     struct sp_error why;
     atomic_init(&loading.is_cancelled, false);
+    atomic_init(&loading.is_late, false);
     void *samples = sp_brick_map(bytes, err);
     const struct sp_brick_fill_job job = { .file = store->file,
                                            .need = &store->base_need,
@@ -213,6 +223,8 @@ static struct sp_volume *make_base(struct sp_brick_store *store, const char *nam
     if (!samples)
         return NULL;
     bool ok = sp_brick_fill(&job, &why, err);
+    if (!ok && atomic_load(&loading.is_late))
+        sp_fail(err, SP_ERR_TIMEOUT, source, "reading it took longer than its time limit");
     if (ok && why.code != SP_OK && has_lost_all(store))
         ok = sp_fail(err, why.code, why.place, "%s", why.text);
     if (ok && !sp_brick_store_grid(store, &store->base_need, &info.grid, &numbers))

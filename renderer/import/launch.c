@@ -350,7 +350,9 @@ static struct sp_volume *open_chunks(struct import *im, const struct sp_error *w
     if (!sp_pyramid_open(&job, &im->header, &chunks, err))
         return NULL;
     describe(im, &chunks.info);
-    return sp_brick_store_open_chunks(&chunks, chunks.info.name, im->source, im->options, err);
+    struct sp_load_options rest = *im->options;
+    rest.timeout_ms = (int)fmax(im->deadline_ms - sp_clock_ms(), 1);
+    return sp_brick_store_open_chunks(&chunks, chunks.info.name, im->source, &rest, err);
 }
 
 static bool is_no_way(enum sp_code code) {

@@ -26,6 +26,7 @@ struct reader {
     struct sp_import_child child;
     void *memory; /* NULL = the process does not run */
     double deadline_ms;
+    int limit_ms; /* until then */
     bool (*is_cancelled)(void *user);
     void *user;
 };
@@ -49,8 +50,13 @@ static bool check(void *user, struct sp_error *err) {
     if (r->is_cancelled && r->is_cancelled(r->user))
         return sp_fail(err, SP_ERR_CANCELLED, shown, "cancelled");
     return sp_clock_ms() < r->deadline_ms ||
-           sp_fail(err, SP_ERR_TIMEOUT, shown, "reading a chunk took longer than %d s",
-                   CHUNK_MS / 1000);
+           sp_fail(err, SP_ERR_TIMEOUT, shown, "reading took longer than %.3g s",
+                   r->limit_ms / 1000.0);
+}
+
+static void set_limit(struct reader *r, int ms) {
+    r->limit_ms = ms;
+    r->deadline_ms = sp_clock_ms() + ms;
 }
 
 static void stop_reader(struct reader *r) {
@@ -183,7 +189,7 @@ static bool read_chunk(void *user, unsigned reader, unsigned level, const uint32
     for (;;) {
         const bool was_running = r->memory != NULL;
         struct sp_error why;
-        r->deadline_ms = sp_clock_ms() + CHUNK_MS;
+        set_limit(r, CHUNK_MS);
         if ((r->memory || start_reader(r, &why)) && ask(r, level, place, out, &why))
             return true;
         const bool is_gone = why.code == SP_ERR_CRASHED || why.code == SP_ERR_TIMEOUT ||
@@ -250,7 +256,7 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
     struct reader *first = &p->readers[0];
     first->is_cancelled = is_load_cancelled;
     first->user = (void *)job->options; /* only read */
-    first->deadline_ms = sp_clock_ms() + job->timeout_ms;
+    set_limit(first, job->timeout_ms);
     bool ok = greet(first, header, &p->levels, err);
     p->type = ok ? (enum sp_type)header->type : SP_UINT8;
     p->count = 1;

@@ -33,7 +33,8 @@ function answer(request, response) {
   if (first === 'broken.zarr') return say(500);
   if (first === 'closed.zarr') return say(401);
   if (hangs || first === 'hanging.zarr') { waiting.add(response); return undefined; }
-  const file = path.join(folder, pathname);
+  if (first === 'slow.zarr' && /^\d+$/.test(rest.at(-1)?.split('.')[0])) { waiting.add(response); return undefined; }
+  const file = path.join(folder, pathname.replace('slow.zarr', 'v.zarr'));
   if (!existsSync(file) || !statSync(file).isFile()) return say(404);
   const { size } = statSync(file);
   const [from, to] = /^bytes=(\d+)-(\d+)$/.exec(request.headers.range).slice(1).map(Number);
@@ -144,6 +145,13 @@ test('a load that hangs is cancelled', { skip }, async () => {
   const closed = new Promise((end) => { response.on('close', end); });
   assert.equal((await daemon.fetch(`/api/v1/volumes/${id}`, { method: 'DELETE' })).status, 204);
   await closed; // the connection ends with the process that fetches
+});
+
+test('the time limit of splatctl holds for all that an address needs', { skip }, async () => {
+  const info = (name) => promisify(execFile)(path.join(BIN, 'splatctl'), ['info', '--timeout', '1', `http://${host}/${name}`]);
+  await assert.rejects(info('hanging.zarr'), /reading took longer than 1 s/);
+  await assert.rejects(info('slow.zarr'), /reading it took longer than its time limit/); // its samples do not come
+  for (const response of waiting) response.destroy();
 });
 
 test('a list of hosts that is none is refused', async () => {
