@@ -14,7 +14,7 @@ struct sp_brick_box_samples {
     void *samples;             /* of the box of the need; NULL = they lie in blocks */
     struct sp_blocks *blocks;  /* or NULL */
     const float (*vectors)[3]; /* of the box; NULL = the need has none */
-    const uint8_t *lost;       /* by brick of the box: 1 = its samples are coarse */
+    const uint8_t *lost;       /* by brick of the box: its arrays (need.h) that are coarse */
 };
 
 /* Where the samples of a brick lie. */

@@ -33,13 +33,14 @@ static uint64_t first_of(const struct sp_brick_store *store, unsigned level) {
 void sp_brick_store_heal(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost) {
     const struct sp_brick_level *own = &sp_brick_file_header(store->file)->level[need->level];
+    const unsigned arrays = sp_brick_need_arrays(need);
     uint8_t *damaged = store->damaged + first_of(store, need->level);
     for (uint64_t i = 0; store->damage.count && i < sp_brick_need_count(need); i++) {
         const uint64_t number = sp_brick_need_at(need, own, i);
-        if (need->wanted[i] < BRICK_WANTED || lost[i] || !damaged[number])
+        if (need->wanted[i] < BRICK_WANTED || !damaged[number])
             continue;
-        damaged[number] = 0;
-        store->damage.count--;
+        damaged[number] &= (uint8_t)(~arrays | lost[i]); /* what was not read stays */
+        store->damage.count -= !damaged[number];
     }
 }
 
@@ -49,10 +50,9 @@ void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_nee
     const uint64_t begin = first_of(store, need->level);
     for (uint64_t i = 0; i < sp_brick_need_count(need); i++) {
         const uint64_t number = sp_brick_need_at(need, &header->level[need->level], i);
-        if (!lost[i] || store->damaged[begin + number])
-            continue;
-        store->damaged[begin + number] = 1;
-        if (store->damage.count++)
+        const bool is_new = lost[i] && !store->damaged[begin + number];
+        store->damaged[begin + number] |= lost[i];
+        if (!is_new || store->damage.count++)
             continue;
         store->damage.level = need->level;
         store->damage.why = *why;

@@ -31,6 +31,11 @@ struct fill {
     struct sp_error *why;
 };
 
+/* Array n in a set of arrays (need.h). */
+static uint8_t bit(unsigned n) {
+    return (uint8_t)(n ? BRICK_VECTORS : BRICK_SAMPLES);
+}
+
 /* Where brick i of a box lies in its array n. */
 static struct sp_brick_place place_in(const struct fill *f, const struct sp_brick_box_samples *box,
                                       unsigned n, uint64_t i) {
@@ -69,7 +74,8 @@ static void put_constant(const struct fill *f, uint64_t i) {
     put(f, 0, &p, (const char *)row, 0, 0);
 }
 
-static void put_coarse(const struct fill *f, uint64_t brick) {
+/* Puts samples of the coarse level into array n of a brick. */
+static void put_coarse(const struct fill *f, unsigned n, uint64_t brick) {
     const struct sp_brick_header *header = sp_brick_file_header(f->job->file);
     const unsigned coarser = f->job->coarse.need->level;
     const struct sp_brick_level *to = &header->level[coarser];
@@ -82,37 +88,33 @@ static void put_coarse(const struct fill *f, uint64_t brick) {
             const double coarse = floor((at - to->offset[a]) / to->step[a] + 0.5);
             nearest[a][i] = (uint32_t)fmin(fmax(coarse, 0), dims[a] - 1);
         }
-    for (unsigned n = 0; n < f->arrays; n++) {
-        const struct sp_brick_place p = place_in(f, &f->box, n, brick);
-        const size_t item = f->item[n];
-        const char *from =
-            n ? (const char *)f->job->coarse.vectors : (const char *)f->job->coarse.samples;
-        for (uint32_t z = 0; z < size[2]; z++)
-            for (uint32_t y = 0; y < size[1]; y++)
-                for (uint32_t x = 0; x < size[0]; x++) {
-                    const size_t at =
-                        ((size_t)nearest[2][z] * dims[1] + nearest[1][y]) * dims[0] + nearest[0][x];
-                    memcpy(p.samples + z * p.slice + y * p.row + x * item, from + at * item, item);
-                }
-    }
+    const struct sp_brick_place p = place_in(f, &f->box, n, brick);
+    const size_t item = f->item[n];
+    const char *from =
+        n ? (const char *)f->job->coarse.vectors : (const char *)f->job->coarse.samples;
+    for (uint32_t z = 0; z < size[2]; z++)
+        for (uint32_t y = 0; y < size[1]; y++)
+            for (uint32_t x = 0; x < size[0]; x++) {
+                const size_t at =
+                    ((size_t)nearest[2][z] * dims[1] + nearest[1][y]) * dims[0] + nearest[0][x];
+                memcpy(p.samples + z * p.slice + y * p.row + x * item, from + at * item, item);
+            }
 }
 
-/* Copies a brick that is in memory already; false if it is not. */
-static bool put_known(const struct fill *f, uint64_t i) {
+/* Copies array n of a brick that is in memory already; false if it is not. */
+static bool put_known(const struct fill *f, unsigned n, uint64_t i) {
     const struct sp_brick_fill_job *job = f->job;
     for (size_t k = 0; k < job->known_count; k++) {
         const struct sp_brick_box_samples *known = &job->known[k];
         uint64_t at;
         if (known->need->level != job->need->level ||
-            (job->need->has_vectors && !known->need->has_vectors) ||
+            !(sp_brick_need_arrays(known->need) & bit(n)) ||
             !sp_brick_need_find(job->need, i, known->need, &at) ||
-            known->need->wanted[at] < BRICK_WANTED || known->lost[at])
+            known->need->wanted[at] < BRICK_WANTED || (known->lost[at] & bit(n)))
             continue;
-        for (unsigned n = 0; n < f->arrays; n++) {
-            const struct sp_brick_place to = place_in(f, &f->box, n, i),
-                                        from = place_in(f, known, n, at);
-            put(f, n, &to, from.samples, from.row, from.slice);
-        }
+        const struct sp_brick_place to = place_in(f, &f->box, n, i),
+                                    from = place_in(f, known, n, at);
+        put(f, n, &to, from.samples, from.row, from.slice);
         return true;
     }
     return false;
@@ -122,12 +124,13 @@ static void end(struct fill *f) {
     atomic_store_explicit(&f->ended, true, memory_order_relaxed);
 }
 
-static void put_lost(const struct fill *f, uint64_t i) {
+/* Array n of a brick cannot be read. Without a coarse level its vectors stay 0. */
+static void put_lost(const struct fill *f, unsigned n, uint64_t i) {
     if (f->job->coarse.samples)
-        put_coarse(f, i);
-    else
+        put_coarse(f, n, i);
+    else if (n == 0)
         put_constant(f, i);
-    f->job->lost[i] = 1;
+    f->job->lost[i] |= bit(n);
 }
 
 /* Reads array n of a brick from the file. */
@@ -146,18 +149,15 @@ static bool read_array(const struct fill *f, unsigned n, uint64_t i, unsigned wo
     return true;
 }
 
-static void put_read(struct fill *f, uint64_t i, unsigned worker) {
+static void put_read(struct fill *f, unsigned n, uint64_t i, unsigned worker) {
     struct sp_error err;
-    bool ok = true;
     if (f->missing) { /* it is cut from chunks */
         f->missing[i] = 1;
         return;
     }
-    for (unsigned n = 0; ok && n < f->arrays; n++)
-        ok = read_array(f, n, i, worker, &err);
-    if (ok)
+    if (read_array(f, n, i, worker, &err))
         return;
-    put_lost(f, i);
+    put_lost(f, n, i);
     pthread_mutex_lock(&f->mutex);
     *f->why = err;
     pthread_mutex_unlock(&f->mutex);
@@ -173,10 +173,11 @@ static bool is_ended(struct fill *f) {
 
 static void fill_wanted(void *user, size_t begin, size_t end_, unsigned worker) {
     struct fill *f = user;
-    for (size_t n = begin; n < end_ && !is_ended(f); n++) {
-        const uint64_t i = f->order[f->begin + n];
-        if (!put_known(f, i))
-            put_read(f, i, worker);
+    for (size_t k = begin; k < end_ && !is_ended(f); k++) {
+        const uint64_t i = f->order[f->begin + k];
+        for (unsigned n = 0; n < f->arrays; n++)
+            if (!put_known(f, n, i))
+                put_read(f, n, i, worker);
         f->has[i] = !f->missing || !f->missing[i];
     }
 }
@@ -219,7 +220,7 @@ static bool gather(struct fill *f, struct sp_error *err) {
         return false;
     for (uint64_t i = 0; i < sp_brick_need_count(job->need); i++)
         if (f->failed[i])
-            put_lost(f, i);
+            put_lost(f, 0, i);
     return true;
 }
 

@@ -26,15 +26,16 @@ struct sp_brick_fill_job {
     void *samples;            /* of the box: all 0, as the system maps memory; or NULL and */
     struct sp_blocks *blocks; /* those of the need (sp_brick_blocks_create()) */
     float (*vectors)[3];      /* of the box, all 0, too; NULL = the need has none */
-    uint8_t *lost;            /* [bricks of the box], set to 1 where a brick could not be read */
+    uint8_t *lost; /* [bricks of the box], all 0: gets the arrays that could not be read */
 };
 
 /* Fills the samples: of wanted bricks, those of the file; of others, one value of the brick's
  * range, which shows no more than the brick does. The bricks that matter most are read first
  * (need.h); of chunks, those that hold the most important brick. Wanted bricks that cannot be read
- * get the samples of the coarse level. Vectors are those of wanted bricks, and 0 in others. *why is
- * the error of one of them; SP_OK = there is none. False if it was cancelled, or out of memory:
- * SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+ * get the samples of the coarse level. Vectors are those of wanted bricks, and 0 in others. Samples
+ * and vectors of a brick are read one by one: if one cannot be read, the other is as in the file.
+ * *why is the error of one of them; SP_OK = there is none. False if it was cancelled, or out of
+ * memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_brick_fill(const struct sp_brick_fill_job *job, struct sp_error *why, struct sp_error *err);
 
 #endif

@@ -28,6 +28,13 @@ struct sp_brick_need {
     bool has_vectors; /* it needs the vectors, too; the file must have some. Not with blocks. */
 };
 
+/* The arrays of a need: bits. What is lost is a set of them for each brick. */
+enum { BRICK_SAMPLES = 1, BRICK_VECTORS = 2 };
+
+static inline unsigned sp_brick_need_arrays(const struct sp_brick_need *need) {
+    return need->has_vectors ? BRICK_SAMPLES | BRICK_VECTORS : BRICK_SAMPLES;
+}
+
 static inline uint64_t sp_brick_need_count(const struct sp_brick_need *need) {
     return (uint64_t)need->count[0] * need->count[1] * need->count[2];
 }

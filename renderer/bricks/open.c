@@ -135,11 +135,12 @@ static bool is_cancelled(void *user) {
     return atomic_load(&l->is_cancelled) || atomic_load(&l->is_late);
 }
 
+/* True if there are no samples. Vectors that are lost are 0. */
 static bool has_lost_all(const struct sp_brick_store *store) {
     const uint64_t count = sp_brick_need_count(&store->base_need);
     uint64_t lost = 0;
     for (uint64_t i = 0; i < count; i++)
-        lost += store->base_lost[i];
+        lost += (store->base_lost[i] & BRICK_SAMPLES) != 0;
     return lost == count;
 }
 

@@ -106,7 +106,7 @@ static bool derive(const struct reading *r, struct sp_brick_store_window *w, voi
         w->bytes += r->coarser->bytes; /* it stays as long as this one */
     w->read_ms = sp_clock_ms();
     for (uint64_t i = 0; i < sp_brick_need_count(&w->need); i++)
-        w->lost_count += w->lost[i];
+        w->lost_count += w->lost[i] != 0;
     if (!sp_brick_store_grid(store, &w->need, &grid, &numbers)) {
         release(memory, bytes);
         return sp_fail(err, SP_ERR_MEMORY, "", "out of memory for bricks");

@@ -164,16 +164,16 @@ bool sp_brick_store_coarsen(const struct sp_brick_store *store, const struct sp_
     return true;
 }
 
-/* Counts the bricks of a need that could not be read, and finds one of them. `lost` is by brick of
- * the box `have`; `need` NULL = all of them count. */
+/* Counts the bricks of a need of which one of `arrays` could not be read, and finds one of them.
+ * `lost` is by brick of the box `have`; `need` NULL = all of them count. */
 static void find_lost(const struct sp_brick_store *store, const struct sp_brick_need *have,
-                      const uint8_t *lost, const struct sp_brick_need *need,
+                      const uint8_t *lost, const struct sp_brick_need *need, unsigned arrays,
                       struct sp_brick_window *out) {
     const struct sp_brick_level *level = level_of(store, have->level);
     for (uint64_t i = 0; i < sp_brick_need_count(have); i++) {
         uint64_t at;
-        const bool counts =
-            lost[i] && (!need || (sp_brick_need_find(have, i, need, &at) && need->wanted[at]));
+        const bool counts = (lost[i] & arrays) &&
+                            (!need || (sp_brick_need_find(have, i, need, &at) && need->wanted[at]));
         if (counts && !out->lost++)
             sp_brick_store_box(store, have->level, sp_brick_need_at(have, level, i), out->lost_box);
     }
@@ -188,31 +188,35 @@ static uint64_t count_missing(const struct sp_brick_need *need, const struct sp_
     return count;
 }
 
-/* Describes a window for a need; NULL = for one of a finer level. */
+/* Describes a window for a need of its level, or of a finer one: then all of it counts. */
 static void describe(const struct sp_brick_store *store, struct sp_brick_store_window *w,
                      const struct sp_brick_need *need, struct sp_brick_window *out) {
+    const bool is_own = need->level == w->need.level;
     out->volume = sp_volume_ref(w->volume);
     out->level = w->need.level;
     out->bytes = w->bytes;
-    out->missing = need ? count_missing(need, &w->need) : 0;
-    const bool is_fine = need && !out->missing && !sp_brick_need_coarse(need);
+    out->missing = is_own ? count_missing(need, &w->need) : 0;
+    const bool is_fine = is_own && !out->missing && !sp_brick_need_coarse(need);
     out->coarsest = is_fine ? w->need.level : w->coarsest;
     if (w->lost_count)
-        find_lost(store, &w->need, w->lost, need, out);
+        find_lost(store, &w->need, w->lost, is_own ? need : NULL, sp_brick_need_arrays(need), out);
     sp_brick_need_box(&w->need, level_of(store, w->need.level), out->first, out->size);
 }
 
 /* Describes the base, without a reference. */
-static void describe_base(struct sp_brick_store *store, struct sp_brick_window *out) {
+static void describe_base(struct sp_brick_store *store, bool has_vectors,
+                          struct sp_brick_window *out) {
+    const unsigned arrays = has_vectors ? BRICK_SAMPLES | BRICK_VECTORS : BRICK_SAMPLES;
     *out = (struct sp_brick_window){ .volume = store->base,
                                      .level = store->base_level,
                                      .coarsest = store->base_level };
-    find_lost(store, &store->base_need, store->base_lost, NULL, out);
+    find_lost(store, &store->base_need, store->base_lost, NULL, arrays, out);
     sp_brick_need_box(&store->base_need, level_of(store, out->level), out->first, out->size);
 }
 
-void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *out) {
-    describe_base(store, out);
+void sp_brick_store_get_base(struct sp_brick_store *store, bool has_vectors,
+                             struct sp_brick_window *out) {
+    describe_base(store, has_vectors, out);
     sp_volume_ref(out->volume);
 }
 
@@ -243,9 +247,9 @@ static void find_instead(struct sp_brick_store *store, const struct sp_brick_nee
     }
     struct sp_brick_store_window *w = find_coarser(store, need);
     if (w)
-        describe(store, w, NULL, out);
+        describe(store, w, need, out);
     else
-        sp_brick_store_get_base(store, out);
+        sp_brick_store_get_base(store, need->has_vectors, out);
 }
 
 static bool is_stopped(const struct sp_brick_store *store) {
@@ -276,9 +280,9 @@ static bool serve(struct sp_brick_store *store, struct sp_brick_need *need, stru
     struct sp_brick_window coarser = { .volume = NULL };
     struct sp_brick_store_window *from = find_coarser(store, need);
     if (from)
-        describe(store, from, NULL, &coarser);
+        describe(store, from, need, &coarser);
     else /* without a reference: the base waits for this thread when it is destroyed */
-        describe_base(store, &coarser);
+        describe_base(store, need->has_vectors, &coarser);
     sp_brick_memory_make_space(store->memory, store, cost);
     store->memory->reading += cost;
     pthread_mutex_unlock(&store->memory->mutex);

@@ -54,7 +54,7 @@ struct sp_brick_window {
     struct sp_volume *volume; /* a reference; NULL = none */
     unsigned level;
     uint32_t first[3], size[3]; /* samples of the level */
-    uint64_t lost;              /* bricks of the need that could not be read */
+    uint64_t lost;              /* bricks of which an array that the need has could not be read */
     uint32_t lost_box[2][3];    /* of one of them, voxels of level 0: first, and past the last */
     bool is_wanted;    /* it has all wanted bricks; false: it is coarser, until these are read */
     uint64_t bytes;    /* that it costs; 0 = it is the volume that was opened */
@@ -71,8 +71,10 @@ bool sp_brick_store_get(struct sp_brick_store *store, const struct sp_brick_need
                         double wait_ms, bool takes_parts, bool (*is_cancelled)(void *user),
                         void *user, struct sp_brick_window *window, struct sp_error *err);
 
-/* Returns the volume that was opened. */
-void sp_brick_store_get_base(struct sp_brick_store *store, struct sp_brick_window *window);
+/* Returns the volume that was opened, which has all vectors. Those that are lost count if
+ * `has_vectors`: the frame shows them. */
+void sp_brick_store_get_base(struct sp_brick_store *store, bool has_vectors,
+                             struct sp_brick_window *window);
 
 /* Bricks in windows, and bytes that these cost. */
 void sp_brick_store_usage(struct sp_brick_store *store, uint64_t *bricks, uint64_t *bytes);

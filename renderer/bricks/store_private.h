@@ -20,7 +20,7 @@ enum {
 struct sp_brick_store_window {
     struct sp_brick_need need; /* owned */
     struct sp_volume *volume;  /* a reference; NULL = the slot is empty */
-    uint8_t *lost;
+    uint8_t *lost;             /* owned: by brick of the need, the arrays that could not be read */
     uint64_t lost_count, used, bytes;
     double read_ms;    /* when it was read (base/clock.h) */
     unsigned coarsest; /* the coarsest level that it shows */
@@ -40,7 +40,7 @@ struct sp_brick_store {
     struct sp_volume *base; /* owns the store, which has no reference to it */
     unsigned base_level;
     struct sp_brick_need base_need; /* all of its level */
-    uint8_t *base_lost;
+    uint8_t *base_lost;             /* the same of it */
     uint64_t budget; /* memory for windows when it was opened: the base takes a quarter at most */
     double retry_ms; /* chunks that could not be read are read again after this time */
     double part_ms;  /* what was read is shown first after this time, then after twice of it ... */
@@ -56,12 +56,12 @@ struct sp_brick_store {
     uint64_t published; /* windows so far */
     uint64_t cost;      /* of the window that a frame asked for last; 0 = none has */
     double asked_ms;    /* when that was (base/clock.h) */
-    uint8_t *damaged;   /* by brick of all levels, the finest first: 1 = it could not be read */
+    uint8_t *damaged; /* by brick of all levels, the finest first: arrays that could not be read */
     struct sp_bricks_damage damage;
 };
 
-/* Notes the bricks of a need that could not be read, `lost` by brick of its box; `why` is the error
- * of one of them. With the mutex held. (damage.c) */
+/* Notes the bricks of a need that could not be read, `lost` by brick of its box, a set of arrays;
+ * `why` is the error of one of them. With the mutex held. (damage.c) */
 void sp_brick_store_note(struct sp_brick_store *store, const struct sp_brick_need *need,
                          const uint8_t *lost, const struct sp_error *why);
 /* Forgets those that were read now. The same. */

@@ -253,6 +253,10 @@ static bool find_box(const struct sp_brick_level *level, const uint16_t *marks, 
     return any;
 }
 
+bool sp_window_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view) {
+    return find_reach(view) > 0 && sp_brick_file_header(file)->info.vector_bytes > 0;
+}
+
 bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view, unsigned level,
                     bool is_whole, struct sp_brick_need *need) {
     struct search s = { .header = sp_brick_file_header(file),
@@ -261,13 +265,12 @@ bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view
                         .level = level,
                         .is_whole = is_whole,
                         .has_channels = sp_view_has_channels(view) };
-    const double reach = find_reach(view);
     const struct sp_brick_level *own = &s.header->level[level];
     const uint64_t count = sp_brick_count(own);
     uint16_t *marks = malloc(count * sizeof *marks);
     *need = (struct sp_brick_need){ .level = level,
-                                    .has_vectors = reach > 0 && s.header->info.vector_bytes > 0 };
-    s.margin = fmax(reach, 1);
+                                    .has_vectors = sp_window_needs_vectors(file, view) };
+    s.margin = fmax(find_reach(view), 1);
     if (!marks)
         return false;
     find_values(&s);

@@ -113,7 +113,8 @@ bool sp_window_find(const struct sp_window_job *job, struct sp_window *window,
     window->asked = need.level;
     window->is_empty = !need.count[0] && need.level < sp_brick_store_base(job->store);
     if (!need.count[0]) { /* the volume that was opened has all, or nothing is seen */
-        sp_brick_store_get_base(job->store, place);
+        const struct sp_brick_file *file = sp_brick_store_file(job->store);
+        sp_brick_store_get_base(job->store, sp_window_needs_vectors(file, job->view), place);
         place->is_wanted = true;
         place->lost = window->is_empty ? 0 : place->lost;
     } else {

@@ -47,6 +47,9 @@ void sp_window_view(const struct sp_brick_header *header, const struct sp_brick_
  * are connected there. */
 bool sp_window_needs_whole(const struct sp_view *view);
 
+/* True if a frame reads the vectors of the file. (need.c) */
+bool sp_window_needs_vectors(const struct sp_brick_file *file, const struct sp_view *view);
+
 /* Finds the bricks of a level that the view may show. False without memory. `need->count` is 0 if
  * it shows none. (need.c) */
 bool sp_window_need(const struct sp_brick_file *file, const struct sp_view *view, unsigned level,

@@ -335,6 +335,96 @@ static void other_layers_read_no_vectors(void **state) {
     sp_volume_unref(&volume);
 }
 
+enum { LOST = 3 };
+
+/* Opens a copy of the brick file in which the vectors of the first bricks of a level are damaged:
+ * at most LOST of them. */
+static struct sp_volume *open_damaged(const struct rig *rig, unsigned l, uint64_t window_bytes) {
+    const struct sp_load_options options = { .window_bytes = window_bytes };
+    const off_t size = lseek(rig->file, 0, SEEK_END);
+    const int copy = memfd_create("damaged", MFD_CLOEXEC);
+    unsigned char *bytes = malloc((size_t)size);
+    struct sp_error err;
+    struct sp_volume *sound = rig_open_file(rig, 0);
+    const struct sp_brick_level *level =
+        &sp_brick_file_header(sp_brick_store_file(sp_brick_store_of(sound)))->level[l];
+    assert_non_null(bytes);
+    assert_int_equal(pread(rig->file, bytes, (size_t)size, 0), size);
+    for (uint64_t b = 0; b < LOST && b < sp_brick_count(level); b++) {
+        struct sp_brick_entry entry;
+        assert_true(sp_brick_entry_decode(bytes + level->vectors.at + b * BRICK_ENTRY_BYTES,
+                                          (uint64_t)size, "copy", &entry, &err));
+        assert_int_not_equal(entry.bytes, 0);
+        bytes[entry.at + entry.bytes / 2] ^= 1;
+    }
+    assert_int_equal(write(copy, bytes, (size_t)size), size);
+    struct sp_volume *volume = sp_brick_store_open(copy, "damaged", "damaged", &options, &err);
+    if (!volume)
+        fail_msg("%s", err.text);
+    free(bytes);
+    sp_volume_unref(&sound);
+    return volume;
+}
+
+static uint64_t count_damage(const struct sp_volume *volume) {
+    struct sp_bricks_damage damage;
+    return sp_bricks_find_damage(volume, &damage) ? damage.count : 0;
+}
+
+/* Windows that share bricks, with vectors and without. */
+static void lost_vectors_leave_the_samples(void **state) {
+    static const struct {
+        bool has_vectors, has_all; /* else only the damaged bricks are wanted */
+    } needs[] = { { true, false }, { false, true }, { true, true }, { false, true } };
+    const struct rig *rig = *state;
+    struct sp_volume *volume = open_damaged(rig, 0, 160 << 20);
+    for (size_t i = 0; i < sizeof needs / sizeof *needs; i++) {
+        struct sp_brick_need need = { .count = { 4, 3, 3 }, .has_vectors = needs[i].has_vectors };
+        struct sp_brick_window window;
+        struct sp_error err;
+        assert_true(sp_brick_need_allocate(&need, needs[i].has_all ? BRICK_WANTED : BRICK_HIDDEN));
+        for (int b = 0; b < LOST; b++)
+            need.wanted[b] = BRICK_WANTED;
+        assert_true(sp_brick_store_get(sp_brick_store_of(volume), &need, INFINITY, false, NULL,
+                                       NULL, &window, &err));
+        assert_int_equal(window.level, 0);
+        assert_int_equal(window.lost, needs[i].has_vectors ? LOST : 0);
+        if (needs[i].has_all)
+            assert_memory_equal(sp_volume_voxels(window.volume), rig->samples, COUNT);
+        assert_int_equal(count_damage(volume), LOST); /* samples that are read do not heal it */
+        free(need.wanted);
+        sp_volume_unref(&window.volume);
+    }
+    sp_volume_unref(&volume);
+}
+
+/* Frames without vectors are as if no frame with them had been there. */
+static void only_streaks_lose_what_vectors_lose(void **state) {
+    enum { BASE = 2 };
+    const struct rig *rig = *state;
+    struct sp_view plain = rig_make_view(rig), streaks = make_streaks(rig);
+    for (unsigned l = 0; l <= BASE; l += BASE) { /* a window, then the volume that was opened */
+        struct sp_volume *sound = rig_open_file(rig, l ? 8 << 20 : 80 << 20),
+                         *volume = open_damaged(rig, l, l ? 8 << 20 : 80 << 20);
+        plain.level_of_detail = streaks.level_of_detail = l ? SP_LOD_AUTO : SP_LOD_OFF;
+        struct sp_frame *truth = rig_render_level(rig, sound, &plain, 0, l);
+        for (int turn = 0; turn < 3; turn++) {
+            const bool is_plain = turn != 1;
+            struct sp_frame *frame =
+                rig_render_level(rig, volume, is_plain ? &plain : &streaks, 0, l);
+            assert_int_equal(frame->stats.bricks.level, l);
+            assert_int_equal(frame->stats.bricks.lost > 0, !is_plain);
+            assert_int_equal(frame->stats.bricks.is_incomplete, !is_plain);
+            if (is_plain)
+                assert_compare(rig_compare(truth, frame), ==, 200);
+            sp_frame_unref(&frame);
+        }
+        sp_frame_unref(&truth);
+        sp_volume_unref(&sound);
+        sp_volume_unref(&volume);
+    }
+}
+
 int main(void) {
     const struct CMUnitTest rectilinear[] = {
         cmocka_unit_test(places_of_levels_are_means),
@@ -348,6 +438,8 @@ int main(void) {
         cmocka_unit_test(colours_without_memory_are_those_of_the_opened_volume),
         cmocka_unit_test(coarse_vectors_are_means),
         cmocka_unit_test(other_layers_read_no_vectors),
+        cmocka_unit_test(lost_vectors_leave_the_samples),
+        cmocka_unit_test(only_streaks_lose_what_vectors_lose),
     };
     const int failed = cmocka_run_group_tests_name("rectilinear", rectilinear,
                                                    rig_setup_rectilinear, rig_teardown);
