@@ -46,7 +46,7 @@ int command_convert(const struct options *options, struct sp_error *err) {
     if (options->argument_count != 2)
         return usage_error("convert", "needs a source, and the file to write");
     const char *out = options->arguments[1];
-    char host[SP_SOURCE_HOST_BYTES]; /* who gives an address here, allows its host */
+    char host[SP_SOURCE_HOST_BYTES]; /* the user who passes an address allows its host */
     if (!sp_convert_check(out, err))
         return usage_error("convert", "\"%s\" %s", out, err->text);
     const struct sp_load_options how = { .progress = show_progress,

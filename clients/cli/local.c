@@ -85,7 +85,7 @@ static bool reserve(void *user, uint64_t bytes, struct sp_error *err) {
 
 static struct sp_volume *load_step(const struct options *options, const char *source, uint32_t step,
                                    struct sp_error *err) {
-    char host[SP_SOURCE_HOST_BYTES]; /* who gives an address here, allows its host */
+    char host[SP_SOURCE_HOST_BYTES]; /* the user who passes an address allows its host */
     const struct sp_load_options how = { .reserve = reserve,
                                          .allowed_hosts = host,
                                          .step = step,

@@ -23,8 +23,8 @@ struct sp_gather_job {
 };
 
 /* Writes the samples of missing bricks and notes their ranges. The chunks of the bricks that matter
- * most are read first (need.h). *why is the error of a chunk; SP_OK
- * = all were read. False if it was cancelled, or out of memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
+ * most are read first (need.h). *why is the error of a chunk; SP_OK = all were read. False if it
+ * was cancelled, or out of memory: SP_ERR_CANCELLED, SP_ERR_MEMORY. */
 bool sp_gather(const struct sp_gather_job *job, struct sp_error *why, struct sp_error *err);
 
 #endif

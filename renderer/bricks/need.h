@@ -21,9 +21,9 @@ enum { BRICK_PART = 16 }; /* bricks or chunks that a thread reads until progress
 struct sp_brick_need {
     unsigned level;
     uint32_t first[3], count[3]; /* bricks of a box, which is not empty */
-    uint16_t *wanted;            /* malloc'ed [count], i0 fastest */
-    /* What draws the frame reads blocks (volume/blocks.h), so that only wanted bricks take memory.
-     * An array will do, too. */
+    uint16_t *wanted; /* malloc'ed [count], i0 fastest: numbers as above, by importance */
+    /* The frame can be drawn from blocks (volume/blocks.h), so that only wanted bricks take memory.
+     * It can be drawn from an array, too. */
     bool is_sparse;
     bool has_vectors; /* it needs the vectors, too; the file must have some. Not with blocks. */
 };
@@ -62,8 +62,8 @@ uint64_t sp_brick_need_vectors_at(const struct sp_brick_file *file,
 bool sp_brick_need_find(const struct sp_brick_need *need, uint64_t i,
                         const struct sp_brick_need *in, uint64_t *at);
 
-/* True if each wanted brick of `need` is one of `have`, of the same level, and if what reads a
- * window of `need` can read one of `have`: it has vectors if `need` has them. */
+/* True if each wanted brick of `need` is one of `have`, of the same level, and if a frame that
+ * needs `need` can be drawn from a window of `have`: it has vectors if `need` has them. */
 bool sp_brick_need_is_in(const struct sp_brick_need *need, const struct sp_brick_need *have);
 
 /* Allocates `wanted` for the box; every brick has that number. False if memory ran out. */

@@ -41,8 +41,8 @@ struct sp_rows {
     struct sp_rows_scaling scaling;
 };
 
-/* Fills *rows; all pointers are borrowed. Of samples in blocks, `blocks` and `axis` are set next.
- */
+/* Fills *rows; all pointers are borrowed. If the samples lie in blocks, the caller then sets
+ * `blocks` and `axis`. */
 void sp_rows_init(struct sp_rows *rows, const struct sp_curve *curve, const void *voxels,
                   enum sp_type type, int count, size_t stride);
 

@@ -227,9 +227,8 @@ static inline void close_cell(struct sp_voxel_tile *tile, int cell) {
 }
 
 /* Composites a splat onto the covered pixels of a cell; there may be none, because a branch that is
- * hard to predict takes longer. `blended`: the share of the streaks'
- * colour; NULL = none. `open`: NULL = the tile has no fragments. A call per cell would take 5 % of
- * a frame. */
+ * hard to predict takes longer. `blended`: the share of the streaks' colour; NULL = none. `open`:
+ * NULL = the tile has no fragments. A call per cell would take 5 % of a frame. */
 static inline __attribute__((always_inline)) void
 composite(struct sp_voxel_tile *tile, struct open_fragments *open, const struct sp_voxel_frame *f,
           const struct sp_voxel_record *r, sp_wide pass, const sp_wide *blended,

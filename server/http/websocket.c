@@ -257,10 +257,10 @@ static bool is_sending(const struct srv_ws *ws) {
     return ws->frame.blob || wslay_event_get_queued_msg_count(ws->context) > 0;
 }
 
-/* Starts a call. The stall time of the socket starts when there is something to send. */
+/* Starts a call. Bytes may have arrived after the caller took its time: time never goes back. The
+ * stall time of the socket starts when there is something to send. */
 static void begin_call(struct srv_ws *ws, double now_ms) {
-    ws->now_ms =
-        fmax(ws->now_ms, now_ms); /* bytes may have arrived after the caller took its time */
+    ws->now_ms = fmax(ws->now_ms, now_ms);
     if (!is_sending(ws))
         ws->progress_ms = ws->now_ms;
 }

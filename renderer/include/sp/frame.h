@@ -36,8 +36,8 @@ struct sp_stage_time {
 struct sp_frame_bricks {
     bool is_incomplete; /* finer samples are being read, or some bricks are damaged */
     bool is_being_read; /* a later frame of the same view shows more of them */
-    uint32_t level; /* of the samples, or of the colours of streaks if they are coarser: 0 = all
-                       voxels; of brick files 2^n × 2^n × 2^n in one */
+    uint32_t level;     /* of the samples, or of the colours of streaks if they are coarser: 0 = all
+                           voxels; of brick files 2^n × 2^n × 2^n in one */
     uint32_t asked; /* the level that the pixels ask for; `level` is coarser if the memory does not
                        suffice */
     uint64_t wanted, resident; /* bricks that the frame needs, and those that it shows */
