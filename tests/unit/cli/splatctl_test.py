@@ -226,7 +226,7 @@ class Local(unittest.TestCase):
         self.assertEqual(sorted(os.listdir(self.folder.name)), ['a.bricks', 'a.nrrd'])
         for source, out, why in (('/no/such.nrrd', 'a.bricks', '/no/such.nrrd: '), ('demo:nothing', 'a.bricks', 'demo:nothing: '),
                                  ('demo:galaxy', 'missing/a.bricks', 'cannot write into the folder'),
-                                 ('demo:points?size=20', 'a.bricks', 'evenly spaced'), ('demo:engine?size=4097', 'a.bricks', '[8, 4096]')):
+                                 ('demo:points?size=20', 'a.bricks', 'only grids of samples can be converted'), ('demo:engine?size=4097', 'a.bricks', '[8, 4096]')):
             result = run('convert', source, self.path(out))
             self.assertEqual(result.returncode, 1)
             self.assertIn(why, result.stderr.decode())
