@@ -72,8 +72,8 @@ bool sp_bricks_write_report(const struct writer *writer, double fraction, struct
 /* Fills the histogram from the samples of level 0, whose range is known; the progress goes from one
  * fraction of the array to another. */
 bool sp_bricks_count_values(struct writer *writer, double from, double to, struct sp_error *err);
-/* Finds what projections show, if the level is the first one that is small enough or the last one;
- * it is writer->fine. *is_found says whether that was done. */
+/* Finds what projections show, if the level is the first one with at most 256³ samples, or the last
+ * one; it is writer->fine. *is_found says whether that was done. */
 bool sp_bricks_find_projected(struct writer *writer, bool *is_found, struct sp_error *err);
 
 #endif

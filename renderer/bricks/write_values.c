@@ -6,7 +6,8 @@
 #include "bricks/write_private.h"
 #include "volume/volume.h"
 
-enum { PROJECTED_SIDE = 256 };
+/* What projections show is found from at most so many samples. */
+enum { PROJECTED_MAX = 256 * 256 * 256 };
 
 /* Counts the values of a chunk of samples, without reading holes. */
 static bool count_data(const struct writer *w, struct worker *own, uint64_t at, uint64_t end) {
@@ -63,9 +64,9 @@ bool sp_bricks_count_values(struct writer *w, double from, double to, struct sp_
     return sp_bricks_write_report(w, to, err);
 }
 
+/* Samples count, not sides: a coarser level of a flat volume would mix its few slices. */
 static bool is_small(const struct sp_brick_level *level) {
-    return level->dims[0] <= PROJECTED_SIDE && level->dims[1] <= PROJECTED_SIDE &&
-           level->dims[2] <= PROJECTED_SIDE;
+    return (uint64_t)level->dims[0] * level->dims[1] * level->dims[2] <= PROJECTED_MAX;
 }
 
 /* The grid of the level that is written. Coordinates may begin anywhere: only distances between

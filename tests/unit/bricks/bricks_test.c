@@ -91,17 +91,23 @@ static int memory_file(const void *bytes, size_t size) {
 }
 
 /* Writes the samples as a brick file; returns its descriptor. */
-static int write_file(const void *samples, enum sp_type type) {
-    const struct sp_volume_info info = describe(type);
+static int write_described(const struct sp_volume_info *info, const void *samples) {
+    const uint32_t *dims = info->grid.dims;
+    const size_t size = (size_t)dims[0] * dims[1] * dims[2] * sp_type_size(info->type);
     struct sp_error err;
-    int from = memory_file(samples, COUNT * sp_type_size(type)), out = memory_file("", 0);
+    int from = memory_file(samples, size), out = memory_file("", 0);
     const struct sp_bricks_write_job job = {
-        .info = &info, .samples = from, .out = out, .folder = "/tmp", .shown = "test"
+        .info = info, .samples = from, .out = out, .folder = "/tmp", .shown = "test"
     };
     if (!sp_bricks_write(&job, &err))
         fail_msg("%s", err.text);
     close(from);
     return out;
+}
+
+static int write_file(const void *samples, enum sp_type type) {
+    const struct sp_volume_info info = describe(type);
+    return write_described(&info, samples);
 }
 
 static struct sp_brick_file *open_file(int fd) {
@@ -222,6 +228,28 @@ static void statistics_are_those_of_the_volume(void **state) {
         sp_volume_unref(&volume);
         free(samples);
     }
+}
+
+/* Slices of a flat volume differ, and a coarser level would have their means. */
+static void projections_of_a_flat_volume_are_those_of_its_slices(void **state) {
+    (void)state;
+    enum { WIDTH = 300, HEIGHT = 20, SLICES = 3 };
+    static uint8_t samples[WIDTH * HEIGHT * SLICES];
+    struct sp_volume_info described = describe(SP_UINT8);
+    const uint32_t dims[3] = { WIDTH, HEIGHT, SLICES };
+    struct sp_error err;
+    memcpy(described.grid.dims, dims, sizeof dims);
+    for (uint32_t i = 0; i < WIDTH * HEIGHT * SLICES; i++)
+        samples[i] = (uint8_t)(i / (WIDTH * HEIGHT) * 100 + i % 50);
+    struct sp_volume *volume = sp_volume_create(&described.grid, SP_UINT8, samples, "whole", &err);
+    assert_non_null(volume);
+    struct sp_brick_file *file = open_file(write_described(&described, samples));
+    const struct sp_brick_header *header = sp_brick_file_header(file);
+    assert_true(header->levels > 1);
+    assert_memory_equal(&header->info.projected, &sp_volume_info(volume)->projected,
+                        sizeof header->info.projected);
+    sp_brick_file_close(&file);
+    sp_volume_unref(&volume);
 }
 
 /* A copy of a file with one byte changed, and cut to `size`. */
@@ -570,6 +598,7 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test(every_type_comes_back),
         cmocka_unit_test(statistics_are_those_of_the_volume),
+        cmocka_unit_test(projections_of_a_flat_volume_are_those_of_its_slices),
         cmocka_unit_test(ranges_include_the_margin),
         cmocka_unit_test(vectors_come_back),
         cmocka_unit_test(axes_come_back),
