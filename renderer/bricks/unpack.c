@@ -8,6 +8,7 @@
 
 #include "bricks/file.h"
 #include "bricks/transfer.h"
+#include "volume/grid.h"
 #include "volume/volume.h"
 
 struct unpacking {
@@ -124,7 +125,7 @@ static bool copy_axes(struct sp_volume_info *info, double **numbers, const char 
     return true;
 }
 
-int sp_bricks_unpack(int file, const char *shown, const char *folder,
+int sp_bricks_unpack(int file, const char *shown, const char *folder, bool keeps_axes,
                      const struct sp_load_options *options, struct sp_volume_info *info,
                      double **numbers, struct sp_error *err) {
     struct unpacking u = { .shown = shown, .out = -1 };
@@ -134,7 +135,9 @@ int sp_bricks_unpack(int file, const char *shown, const char *folder,
     *info = sp_brick_file_header(u.file)->info;
     info->steps.times = NULL; /* the file has them */
     u.level = &sp_brick_file_header(u.file)->level[0];
-    const bool ok = copy_axes(info, numbers, shown, err) && start(&u, info, folder, err) &&
+    const bool is_refused = !keeps_axes && sp_grid_is_rectilinear(&info->grid);
+    const bool ok = sp_grid_require_even(is_refused, shown, err) &&
+                    copy_axes(info, numbers, shown, err) && start(&u, info, folder, err) &&
                     unpack_all(&u, info, options, err);
     if (!ok && u.out >= 0) {
         close(u.out);

@@ -12,8 +12,8 @@
  * and source stay empty. *numbers: malloc'ed, its coordinates; the caller frees it. Takes over the
  * descriptor `file`, also on failure; `shown` is its name in errors. Of the options, which are not
  * NULL, progress() is called. Returns a descriptor, which the caller closes; −1 with *err set. A
- * damaged brick is an error. */
-int sp_bricks_unpack(int file, const char *shown, const char *folder,
+ * damaged brick is an error, and so are rectilinear axes without keeps_axes. */
+int sp_bricks_unpack(int file, const char *shown, const char *folder, bool keeps_axes,
                      const struct sp_load_options *options, struct sp_volume_info *info,
                      double **numbers, struct sp_error *err);
 

@@ -34,7 +34,7 @@ static bool report(void *user, double fraction) {
 }
 
 /* Returns a file with the samples, as sp_import_samples(). */
-static int read_samples(const char *source, const char *folder,
+static int read_samples(const char *source, const char *folder, bool keeps_axes,
                         const struct sp_load_options *options, struct sp_volume_info *info,
                         double **numbers, struct sp_error *err) {
     struct progress progress = { options, 0, read_share };
@@ -43,9 +43,9 @@ static int read_samples(const char *source, const char *folder,
     own.progress = report;
     own.user = &progress;
     if (!sp_source_is_demo(source))
-        return sp_import_samples(source, &own, folder, info, numbers, err);
+        return sp_import_samples(source, &own, folder, keeps_axes, info, numbers, err);
     int fd = sp_bricks_temporary(folder, err);
-    if (fd >= 0 && !sp_demo_stream(source, &own, fd, info, numbers, err)) {
+    if (fd >= 0 && !sp_demo_stream(source, &own, fd, keeps_axes, info, numbers, err)) {
         close(fd);
         fd = -1;
     }
@@ -132,13 +132,6 @@ static const struct format formats[] = {
     { .suffix = ".zarr", .write = sp_export_zarr, .is_folder = true }
 };
 
-static bool check_axes(const struct format *format, const char *source,
-                       const struct sp_volume_info *info, struct sp_error *err) {
-    return format->is_bricks || !sp_grid_is_rectilinear(&info->grid) ||
-           sp_fail(err, SP_ERR_UNSUPPORTED, source,
-                   "its axes have uneven steps, which only %s files keep", SP_BRICKS_SUFFIX);
-}
-
 static bool convert(const char *source, const char *out, const struct format *format,
                     const struct sp_load_options *options, struct sp_volume_info *info,
                     struct sp_error *err) {
@@ -157,7 +150,7 @@ static bool convert(const char *source, const char *out, const struct format *fo
         return false;
     options = options ? options : &none;
     double *numbers = NULL;
-    int samples = read_samples(source, folder, options, info, &numbers, err);
+    int samples = read_samples(source, folder, format->is_bricks, options, info, &numbers, err);
     if (samples < 0)
         return false;
     struct progress progress = { options, read_share, 1 - read_share };
@@ -167,9 +160,8 @@ static bool convert(const char *source, const char *out, const struct format *fo
                                  .shown = path,
                                  .progress = report,
                                  .user = &progress };
-    bool ok = check_axes(format, source, info, err) &&
-              (format->is_folder ? sp_export_folder(&job, format->write, err)
-                                 : write_file(&job, format->write, err));
+    bool ok = format->is_folder ? sp_export_folder(&job, format->write, err)
+                                : write_file(&job, format->write, err);
     close(samples);
     free(numbers);
     info->steps.times = NULL;

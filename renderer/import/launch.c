@@ -45,6 +45,7 @@ struct import {
     bool has_holes;      /* the source is a sparse file, so the file in place of memory is, too */
     struct sp_import_input input;
     struct sp_import_child child;
+    bool refuses_axes; /* that are rectilinear */
     int timeout_ms;
     double deadline_ms;
     struct sp_handover_header header;
@@ -129,7 +130,7 @@ static bool receive_header(struct import *im, struct sp_error *err) {
         return sp_import_child_refuse(&im->child, &message, err);
     im->header = message.header;
     im->layout = sp_handover_layout(&im->header);
-    return true;
+    return !im->refuses_axes || sp_grid_require_even(im->header.rectilinear != 0, im->source, err);
 }
 
 static bool provide_memory(struct import *im, struct sp_error *err) {
@@ -456,16 +457,19 @@ static bool take_samples(const struct import *im, struct sp_volume_info *info, d
 }
 
 int sp_import_samples(const char *source, const struct sp_load_options *options, const char *folder,
-                      struct sp_volume_info *info, double **numbers, struct sp_error *err) {
+                      bool keeps_axes, struct sp_volume_info *info, double **numbers,
+                      struct sp_error *err) {
     struct import *im = create(source, options, folder, err);
     int samples = -1;
     *numbers = NULL;
     if (!im)
         return -1;
+    im->refuses_axes = !keeps_axes;
     const bool is_found = find(im, err);
     const int bricks = is_found ? open_bricks(im) : -1;
     if (bricks >= 0) {
-        samples = sp_bricks_unpack(bricks, im->place.path, folder, im->options, info, numbers, err);
+        samples = sp_bricks_unpack(bricks, im->place.path, folder, keeps_axes, im->options, info,
+                                   numbers, err);
         if (samples >= 0)
             snprintf(info->name, sizeof info->name, "%s", im->place.name);
     } else if (is_found && attempt(im, err) && take_samples(im, info, numbers, err)) {

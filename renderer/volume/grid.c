@@ -4,6 +4,8 @@
 #include <inttypes.h>
 #include <math.h>
 
+#include "sp/bricks.h"
+
 /* A voxel may be 2^40 times its size away from the origin: 12 bits of a double then remain for
  * positions inside a voxel. */
 #define ORIGIN_SAMPLES_MAX 0x1p40
@@ -111,6 +113,12 @@ static bool check_origin(const struct sp_grid *grid, double least, const char *p
                            axis, grid->origin[axis], least);
     }
     return true;
+}
+
+bool sp_grid_require_even(bool is_rectilinear, const char *place, struct sp_error *err) {
+    return !is_rectilinear ||
+           sp_fail(err, SP_ERR_UNSUPPORTED, place,
+                   "its axes have uneven steps, which only %s files keep", SP_BRICKS_SUFFIX);
 }
 
 void sp_grid_coarsen(const double *places, uint32_t count, double *coarse) {

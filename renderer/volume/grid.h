@@ -41,6 +41,10 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
+/* For outputs that keep no rectilinear axes. SP_ERR_UNSUPPORTED if there are such, with `place` as
+ * err->place. */
+bool sp_grid_require_even(bool is_rectilinear, const char *place, struct sp_error *err);
+
 /* The places of the samples of a coarser level, each of which is the mean of two along the axis,
  * and the last one perhaps a single one: (count + 1)/2 of them, perhaps in place. Then means of a
  * linear field lie on it. */

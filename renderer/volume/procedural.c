@@ -383,11 +383,12 @@ static bool describe_stream(const struct sp_demo_maker *maker, uint32_t size, co
 }
 
 bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
-                    struct sp_volume_info *info, double **numbers, struct sp_error *err) {
+                    bool keeps_axes, struct sp_volume_info *info, double **numbers,
+                    struct sp_error *err) {
     uint32_t size;
     const struct sp_demo_maker *maker = parse_source(source, SP_DEMO_STREAM_MAX, &size, err);
     *numbers = NULL;
-    if (!maker)
+    if (!maker || !sp_grid_require_even(!keeps_axes && maker->grade, source, err))
         return false;
     struct stream s = { .maker = maker, .dims = info->grid.dims };
     struct sp_pool *pool = NULL;

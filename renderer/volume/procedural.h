@@ -21,11 +21,13 @@ struct sp_volume *sp_demo_load(const char *source, const struct sp_load_options 
 
 /* Writes the samples of a built-in volume to a file, a few slices at a time, so that they need no
  * memory, and its vectors as sp_volume_layout() says; the size may be up to SP_DEMO_STREAM_MAX.
- * Fills *info without range and histogram; the caller frees *numbers, the coordinates.
- * SP_ERR_UNSUPPORTED: it is no grid; SP_ERR_IO. Otherwise as sp_demo_load(), without reserve(). */
+ * Fills *info without range and histogram; the caller frees *numbers, the coordinates. Without
+ * keeps_axes, rectilinear axes are refused. SP_ERR_UNSUPPORTED: it is no grid, or its axes are
+ * refused; SP_ERR_IO. Otherwise as sp_demo_load(), without reserve(). */
 enum { SP_DEMO_STREAM_MAX = 4096 };
 bool sp_demo_stream(const char *source, const struct sp_load_options *options, int fd,
-                    struct sp_volume_info *info, double **numbers, struct sp_error *err);
+                    bool keeps_axes, struct sp_volume_info *info, double **numbers,
+                    struct sp_error *err);
 
 /* Slices [begin, end) of the volume into `voxels`, the start of the whole array. `prepared` is what
  * the demo's prepare returned. */

@@ -239,6 +239,41 @@ static void turned_axes_are_refused(void **state) {
     close(job.samples);
 }
 
+/* The progress of a conversion that is refused before its samples are read. */
+static bool refuse_reading(void *user, double fraction) {
+    const double opened = 0.04;
+    (void)user;
+    assert_in_range(1000 * fraction, 0, 1000 * opened);
+    return true;
+}
+
+static void rectilinear_axes_are_refused_before_samples_are_read(void **state) {
+    const char *grid = path_in(state, "a.vtk"), *bricks = path_in(state, "a.bricks"),
+               *out = path_in(state, "a.nrrd");
+    const char *const sources[] = { "demo:galaxy?size=70", bricks, grid };
+    struct sp_error err;
+    FILE *file = fopen(grid, "w");
+    assert_non_null(file);
+    fputs("# vtk DataFile Version 3.0\ngrid\nASCII\nDATASET RECTILINEAR_GRID\n"
+          "DIMENSIONS 3 2 2\nX_COORDINATES 3 float\n0 1 3\nY_COORDINATES 2 float\n0 1\n"
+          "Z_COORDINATES 2 float\n0 1\nPOINT_DATA 12\nSCALARS a float 1\n"
+          "LOOKUP_TABLE default\n1 2 3 4 5 6 no number 9 10 11 12\n",
+          file);
+    fclose(file);
+    assert_true(sp_convert(sources[0], bricks, &options, &err));
+    assert_false(sp_convert(grid, path_in(state, "b.bricks"), &options, &err));
+    assert_int_equal(err.code, SP_ERR_FORMAT); /* its samples cannot be read */
+    for (size_t i = 0; i < sizeof sources / sizeof *sources; i++) {
+        struct sp_load_options own = options;
+        own.progress = refuse_reading;
+        assert_false(sp_convert(sources[i], out, &own, &err));
+        if (err.code != SP_ERR_UNSUPPORTED || !strstr(err.text, "only .bricks files keep"))
+            fail_msg("%s: %s", sources[i], err.text);
+        assert_string_equal(err.place, sources[i]);
+    }
+    assert_int_equal(count_entries(*state), 2);
+}
+
 static bool cancel(void *user, double fraction) {
     double *last = user;
     assert_true(fraction >= *last);
@@ -291,7 +326,7 @@ static void holes_are_neither_read_nor_written(void **state) {
     }
     fclose(file);
     double *numbers;
-    const int samples = sp_import_samples(path, &options, *state, &info, &numbers, &err);
+    const int samples = sp_import_samples(path, &options, *state, true, &info, &numbers, &err);
     if (samples < 0)
         fail_msg("%s: %s", err.place, err.text);
     assert_int_equal(pread(samples, bytes, size, 0), (ssize_t)size);
@@ -346,6 +381,8 @@ int main(void) {
         cmocka_unit_test_setup_teardown(a_folder_of_others_is_not_replaced, make_folder,
                                         remove_folder),
         cmocka_unit_test_setup_teardown(turned_axes_are_refused, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(rectilinear_axes_are_refused_before_samples_are_read,
+                                        make_folder, remove_folder),
         cmocka_unit_test(a_wide_volume_is_nifti_2),
         cmocka_unit_test_setup_teardown(nothing_is_left_after_cancelling, make_folder,
                                         remove_folder),
