@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "sp/bricks.h"
 #include "volume/grid.h"
 
 const char sp_brick_magic[BRICK_MAGIC_BYTES] = { 'S', 'P', 'B', 'R', 'I', 'C', 'K', '\n' };
@@ -115,7 +116,7 @@ enum { CHECKSUM_AT = BRICK_HEADER_BYTES - 8 };
 void sp_brick_header_encode(const struct sp_brick_header *header,
                             unsigned char out[BRICK_HEADER_BYTES]) {
     struct sp_brick_header copy = *header;
-    uint32_t constants[3] = { BRICK_VERSION, BRICK_SIDE, BRICK_MARGIN };
+    uint32_t constants[3] = { SP_BRICKS_VERSION, BRICK_SIDE, BRICK_MARGIN };
     struct cursor c = { .bytes = out, .at = sizeof sp_brick_magic, .writes = true };
     memset(out, 0, BRICK_HEADER_BYTES);
     memcpy(out, sp_brick_magic, sizeof sp_brick_magic);
@@ -251,10 +252,10 @@ bool sp_brick_header_decode(const unsigned char bytes[BRICK_HEADER_BYTES], uint6
     field_u64(&c, &checksum);
     c.at = sizeof sp_brick_magic;
     fields(&c, h, constants);
-    if (constants[0] != BRICK_VERSION)
+    if (constants[0] != SP_BRICKS_VERSION)
         return sp_fail(err, SP_ERR_UNSUPPORTED, shown,
                        "version %u of brick files is unknown, %d is supported; convert it again",
-                       constants[0], BRICK_VERSION);
+                       constants[0], SP_BRICKS_VERSION);
     if (checksum != sp_brick_checksum(bytes, CHECKSUM_AT))
         return fail(shown, "the checksum of its header", err);
     if (constants[1] != BRICK_SIDE || constants[2] != BRICK_MARGIN || h->info.type >= SP_TYPE_COUNT)

@@ -23,8 +23,7 @@ enum {
     BRICK_LEVELS_MAX = 16,
     BRICK_MAGIC_BYTES = 8,
     BRICK_HEADER_BYTES = 4096,
-    BRICK_ENTRY_BYTES = 32,
-    BRICK_VERSION = 2
+    BRICK_ENTRY_BYTES = 32
 };
 
 extern const char sp_brick_magic[BRICK_MAGIC_BYTES]; /* the first bytes of the file */

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "protocol/json.h"
-#include "sp/volume.h"
+#include "sp/bricks.h"
 
 /* Reads dims, type and kind from text that ends with a NUL. */
 typedef void look(const char *text, size_t size, struct srv_format_peek *peek);
@@ -216,7 +216,8 @@ static uint32_t number_at(const char *bytes) {
 static void look_at_bricks(const char *text, size_t size, struct srv_format_peek *peek) {
     enum { VERSION_AT = 8, TYPE_AT = 20, DIMS_AT = 28, END = DIMS_AT + 12 };
     if (size < END || memcmp(text, "SPBRICK\n", VERSION_AT) != 0 ||
-        number_at(text + VERSION_AT) != 2 || number_at(text + TYPE_AT) >= SP_TYPE_COUNT)
+        number_at(text + VERSION_AT) != SP_BRICKS_VERSION ||
+        number_at(text + TYPE_AT) >= SP_TYPE_COUNT)
         return;
     set_type(peek, sp_type_name((enum sp_type)number_at(text + TYPE_AT)));
     for (int axis = 0; axis < 3; axis++)
