@@ -227,6 +227,7 @@ static bool gather(struct fill *f, struct sp_error *err) {
 static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
     const bool has_chunks = sp_brick_file_chunks(f->job->file) != NULL;
     const uint64_t count = sp_brick_need_count(f->job->need);
+    const size_t item = sp_brick_item_max(&sp_brick_file_header(f->job->file)->info);
     f->order = sp_brick_order(f->job->need->wanted, count, &f->order_count);
     f->has = calloc(1, count);
     bool ok = f->order && f->has;
@@ -237,8 +238,7 @@ static bool allocate(struct fill *f, unsigned threads, struct sp_error *err) {
     }
     for (unsigned t = 0; ok && !has_chunks && t < threads; t++)
         ok = (f->workers[t].scratch = sp_brick_scratch_create(err)) &&
-             (f->workers[t].brick = malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE *
-                                           (f->item[0] > f->item[1] ? f->item[0] : f->item[1])));
+             (f->workers[t].brick = malloc((size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * item));
     return ok || sp_fail(err, SP_ERR_MEMORY, "", "out of memory for reading bricks");
 }
 

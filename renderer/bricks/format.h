@@ -132,4 +132,10 @@ enum {
     BRICK_PACKED_MAX = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * BRICK_VECTOR_BYTES + (1 << 16)
 };
 
+/* The bytes of a sample or of a vector, whichever has more, if there are vectors. */
+static inline size_t sp_brick_item_max(const struct sp_volume_info *info) {
+    const size_t sample = sp_type_size(info->type);
+    return info->vector_bytes && sample < BRICK_VECTOR_BYTES ? BRICK_VECTOR_BYTES : sample;
+}
+
 #endif

@@ -63,7 +63,7 @@ bool sp_read_sparse(int fd, void *out, size_t size, uint64_t at) {
     return true;
 }
 
-static bool is_zero(const char *bytes, size_t size) {
+bool sp_is_zero(const char *bytes, size_t size) {
     return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
 }
 
@@ -73,7 +73,7 @@ bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at) {
         size_t end = done; /* of the blocks that are not 0 */
         for (next = done; next < size && end == next;) {
             const size_t left = size - next < block ? size - next : block;
-            end += is_zero(bytes + next, left) ? 0 : left;
+            end += sp_is_zero(bytes + next, left) ? 0 : left;
             next += left;
         }
         if (end > done && !sp_write_at(fd, bytes + done, end - done, at + done))

@@ -19,10 +19,13 @@ bool sp_write_at(int fd, const void *bytes, size_t size, uint64_t at);
  * follow. On a file system without holes all is data. Moves the position of the descriptor. */
 void sp_find_data(int fd, uint64_t at, uint64_t end, uint64_t *from, uint64_t *to);
 
+/* True if all bytes are 0. size > 0. */
+bool sp_is_zero(const char *bytes, size_t size);
+
 /* As sp_read_at(). Holes are not read, so that they take no place in the page cache. */
 bool sp_read_sparse(int fd, void *out, size_t size, uint64_t at);
 
-/* The same into a file that reads as zeros there: blocks of zeros stay holes. */
+/* As sp_write_at(), into a file that reads as zeros there: blocks of zeros stay holes. */
 bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at);
 
 /* True if the file has no data there, so that it reads as zeros. */

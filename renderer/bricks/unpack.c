@@ -92,12 +92,11 @@ static bool unpack_all(struct unpacking *u, const struct sp_volume_info *info,
 
 static bool start(struct unpacking *u, const struct sp_volume_info *info, const char *folder,
                   struct sp_error *err) {
-    const size_t side = BRICK_SIDE, sample = sp_type_size(info->type);
-    const size_t item =
-        info->vector_bytes && sample < BRICK_VECTOR_BYTES ? BRICK_VECTOR_BYTES : sample;
+    const size_t side = BRICK_SIDE, item = sp_brick_item_max(info);
+    const uint64_t voxels = info->voxel_bytes / sp_type_size(info->type);
     uint64_t vectors_at;
-    const uint64_t size = sp_volume_layout(info->voxel_bytes, info->voxel_bytes / sample,
-                                           info->vector_bytes > 0, &vectors_at);
+    const uint64_t size =
+        sp_volume_layout(info->voxel_bytes, voxels, info->vector_bytes > 0, &vectors_at);
     u->brick = malloc(side * side * side * item);
     u->row = malloc(side * side * info->grid.dims[0] * item);
     if (!u->brick || !u->row)

@@ -89,10 +89,6 @@ static void pack(struct writer *w, struct packed *packed, struct worker *worker,
     packed->failed = ZSTD_isError(packed->size);
 }
 
-static bool is_zero(const char *bytes, size_t size) {
-    return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
-}
-
 /* Packs the vectors of a brick. */
 static void pack_vectors(struct writer *w, uint32_t b, struct worker *worker) {
     struct packed *packed = &w->packed[b];
@@ -105,7 +101,7 @@ static void pack_vectors(struct writer *w, uint32_t b, struct worker *worker) {
     *packed = (struct packed){ .bytes = packed->bytes };
     sp_brick_copy(&own, worker->copy);
     packed->longest = sp_brick_longest(worker->copy, count);
-    if (!is_zero(worker->copy, count * w->array.item))
+    if (!sp_is_zero(worker->copy, count * w->array.item))
         pack(w, packed, worker, count * w->array.item);
 }
 
@@ -256,9 +252,7 @@ static bool write_index(struct writer *w, struct sp_error *err) {
 /* Memory for the strips of level 0, the largest ones, of samples and vectors. */
 static bool allocate(struct writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.info.grid.dims;
-    const size_t sample = sp_type_size(w->header.info.type);
-    const size_t item =
-        w->header.info.vector_bytes && sample < BRICK_VECTOR_BYTES ? BRICK_VECTOR_BYTES : sample;
+    const size_t item = sp_brick_item_max(&w->header.info);
     const size_t side = BRICK_SIDE + 2 * BRICK_MARGIN, brick = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE;
     const uint32_t bricks = w->header.level[0].bricks[0];
     w->packed_max = ZSTD_compressBound(brick * item);

@@ -68,9 +68,9 @@ static bool name_file(int file, const char *out, struct sp_error *err) {
     return ok || sp_fail(err, SP_ERR_IO, out, "cannot name the file: %s", strerror(errno));
 }
 
-static bool write_all(const struct sp_export_job *job, const struct sp_volume_info *info,
-                      struct sp_error *err) {
-    const struct sp_bricks_write_job own = { .info = info,
+/* For the brick cache: the file stands for the source, so it names its other fields and steps. */
+static bool write_cached(const struct sp_export_job *job, struct sp_error *err) {
+    const struct sp_bricks_write_job own = { .info = job->info,
                                              .samples = job->samples,
                                              .out = job->out,
                                              .folder = job->folder,
@@ -80,16 +80,13 @@ static bool write_all(const struct sp_export_job *job, const struct sp_volume_in
     return sp_bricks_write(&own, err);
 }
 
-/* For the brick cache: the file stands for the source, so it names its other fields and steps. */
-static bool write_cached(const struct sp_export_job *job, struct sp_error *err) {
-    return write_all(job, job->info, err);
-}
-
 static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) {
     struct sp_volume_info info = *job->info;
     info.others[0][0] = info.other_vectors[0][0] = 0;
     info.steps = (struct sp_steps){ .count = 1 };
-    return write_all(job, &info, err);
+    struct sp_export_job own = *job;
+    own.info = &info;
+    return write_cached(&own, err);
 }
 
 /* A file that has its name when it is complete. */

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "base/parallel_for.h"
+#include "bricks/transfer.h"
 #include "volume/elements.h"
 
 static const struct sp_demo_maker *const makers[] = {
@@ -309,27 +310,11 @@ static void make_some_slices(void *user, size_t begin, size_t end, unsigned work
                           (end - begin) * area, (float *)(void *)s->samples.bytes + begin * area);
 }
 
-static bool is_zero(const char *bytes, size_t size) {
-    return bytes[0] == 0 && memcmp(bytes, bytes + 1, size - 1) == 0;
-}
-
 /* Blocks of zeros stay holes of the file. */
 static bool write_slices(const struct stream *s, const struct slices *slices, uint32_t count,
                          int fd) {
-    const size_t block = (size_t)1 << 16, size = slices->bytes ? count * slices->slice_bytes : 0;
     const uint64_t at = slices->at + (uint64_t)s->first * slices->slice_bytes;
-    for (size_t done = 0; done < size;) {
-        const size_t left = size - done < block ? size - done : block;
-        if (is_zero(slices->bytes + done, left)) {
-            done += left;
-            continue;
-        }
-        ssize_t n = pwrite(fd, slices->bytes + done, left, (off_t)(at + done));
-        if (n <= 0 && errno != EINTR)
-            return false;
-        done += n > 0 ? (size_t)n : 0;
-    }
-    return true;
+    return !slices->bytes || sp_write_sparse(fd, slices->bytes, count * slices->slice_bytes, at);
 }
 
 static bool stream_slices(struct stream *s, struct sp_pool *pool,
