@@ -63,8 +63,7 @@ bool sp_brick_store_grid(const struct sp_brick_store *store, const struct sp_bri
     uint32_t first[3];
     *grid = header->info.grid;
     sp_brick_need_box(need, level, first, grid->dims);
-    double *next = *numbers =
-        malloc(((size_t)grid->dims[0] + grid->dims[1] + grid->dims[2]) * sizeof *next);
+    double *next = *numbers = malloc(sp_grid_axes_max(grid) * sizeof *next);
     if (!next)
         return false;
     for (int a = 0; a < 3; a++) {

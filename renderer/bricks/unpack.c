@@ -111,16 +111,10 @@ static bool start(struct unpacking *u, const struct sp_volume_info *info, const 
 /* Copies the coordinates, which the file owns. */
 static bool copy_axes(struct sp_volume_info *info, double **numbers, const char *shown,
                       struct sp_error *err) {
-    struct sp_grid *grid = &info->grid;
-    double *next = *numbers =
-        malloc(((size_t)grid->dims[0] + grid->dims[1] + grid->dims[2]) * sizeof *next);
-    if (!next)
+    *numbers = malloc(sp_grid_axes_max(&info->grid) * sizeof **numbers);
+    if (!*numbers)
         return sp_fail(err, SP_ERR_MEMORY, shown, "out of memory for the axes");
-    for (int a = 0; a < 3; a++)
-        if (grid->coordinates[a]) {
-            grid->coordinates[a] = memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
-            next += grid->dims[a];
-        }
+    sp_grid_copy_axes(&info->grid, *numbers);
     return true;
 }
 

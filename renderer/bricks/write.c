@@ -436,14 +436,10 @@ static bool init_header(struct writer *w, struct sp_error *err) {
     for (int a = 0; a < 3; a++)
         w->header.rectilinear |= (uint32_t)(grid->coordinates[a] != NULL) << a;
     sp_brick_header_init(&w->header);
-    double *next = w->places = malloc((sp_brick_places_count(&w->header) + 1) * sizeof *w->places);
-    if (!next)
+    w->places = malloc((sp_brick_places_count(&w->header) + 1) * sizeof *w->places);
+    if (!w->places)
         return sp_bricks_write_fail_memory(w, err);
-    for (int a = 0; a < 3; a++)
-        if (grid->coordinates[a]) {
-            memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
-            next += grid->dims[a];
-        }
+    sp_grid_copy_axes(&w->header.info.grid, w->places);
     sp_brick_places_fill(&w->header, w->places);
     return true;
 }

@@ -412,9 +412,7 @@ static const double *take_numbers(const struct import *im, uint64_t at, uint32_t
 /* Copies the coordinates of rectilinear axes, and the times of the series. */
 static bool take_axes(const struct import *im, struct sp_volume_info *info, double **numbers,
                       struct sp_error *err) {
-    size_t count = info->steps.count;
-    for (int a = 0; a < 3; a++)
-        count += info->grid.dims[a];
+    const size_t count = sp_grid_axes_max(&info->grid) + info->steps.count;
     double *next = *numbers = malloc(count * sizeof *next);
     if (!next)
         return sp_fail(err, SP_ERR_MEMORY, im->place.path, "out of memory for axes and times");

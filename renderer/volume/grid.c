@@ -3,6 +3,7 @@
 
 #include <inttypes.h>
 #include <math.h>
+#include <string.h>
 
 #include "sp/bricks.h"
 
@@ -113,6 +114,15 @@ static bool check_origin(const struct sp_grid *grid, double least, const char *p
                            axis, grid->origin[axis], least);
     }
     return true;
+}
+
+void sp_grid_copy_axes(struct sp_grid *grid, double *numbers) {
+    for (int a = 0; a < 3; a++)
+        if (grid->coordinates[a]) {
+            memcpy(numbers, grid->coordinates[a], grid->dims[a] * sizeof *numbers);
+            grid->coordinates[a] = numbers;
+            numbers += grid->dims[a];
+        }
 }
 
 bool sp_grid_require_even(bool is_rectilinear, const char *place, struct sp_error *err) {

@@ -41,6 +41,14 @@ static inline bool sp_grid_is_rectilinear(const struct sp_grid *grid) {
     return grid->coordinates[0] || grid->coordinates[1] || grid->coordinates[2];
 }
 
+/* Numbers that suffice for the coordinates of three rectilinear axes. */
+static inline size_t sp_grid_axes_max(const struct sp_grid *grid) {
+    return (size_t)grid->dims[0] + grid->dims[1] + grid->dims[2];
+}
+
+/* Copies the coordinates, axis by axis, to `numbers`, to which the grid then points. */
+void sp_grid_copy_axes(struct sp_grid *grid, double *numbers);
+
 /* For outputs that keep no rectilinear axes. SP_ERR_UNSUPPORTED if there are such, with `place` as
  * err->place. */
 bool sp_grid_require_even(bool is_rectilinear, const char *place, struct sp_error *err);

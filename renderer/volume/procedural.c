@@ -358,7 +358,7 @@ static bool describe_stream(const struct sp_demo_maker *maker, uint32_t size, co
         return sp_fail(err, SP_ERR_UNSUPPORTED, source,
                        "only grids of samples can be converted, and this volume has none");
     const uint32_t *dims = info->grid.dims;
-    *numbers = malloc(((size_t)dims[0] + dims[1] + dims[2]) * sizeof **numbers);
+    *numbers = malloc(sp_grid_axes_max(&info->grid) * sizeof **numbers);
     if (!*numbers)
         return sp_fail(err, SP_ERR_MEMORY, source, "out of memory for the axes");
     grade(maker, &info->grid, *numbers);

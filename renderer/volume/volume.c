@@ -76,11 +76,7 @@ static bool keep_numbers(struct sp_volume *volume, struct sp_error *err) {
         steps->times = memcpy(next, steps->times, steps->count * sizeof *next);
         next += steps->count;
     }
-    for (int a = 0; a < 3; a++)
-        if (grid->coordinates[a]) {
-            grid->coordinates[a] = memcpy(next, grid->coordinates[a], grid->dims[a] * sizeof *next);
-            next += grid->dims[a];
-        }
+    sp_grid_copy_axes(grid, next);
     return true;
 }
 
