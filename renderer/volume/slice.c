@@ -25,10 +25,11 @@ static void to_world(const struct sp_grid *grid, const double distances[3], doub
     }
 }
 
+/* Of a rectilinear axis. */
 static double smallest_gap(const struct sp_grid *grid, uint32_t axis) {
-    double least = grid->spacing[axis];
+    double least = INFINITY;
     const double *c = grid->coordinates[axis];
-    for (uint32_t i = 1; c && i < grid->dims[axis]; i++)
+    for (uint32_t i = 1; i < grid->dims[axis]; i++)
         least = fmin(least, c[i] - c[i - 1]);
     return least;
 }
@@ -36,15 +37,14 @@ static double smallest_gap(const struct sp_grid *grid, uint32_t axis) {
 /* Writes the number of pixels along an axis and their distance. Returns true if each
  * lies on a sample. */
 static bool divide_axis(const struct sp_grid *grid, uint32_t axis, uint32_t *count, double *step) {
+    const double length = sp_grid_distance(grid, axis, grid->dims[axis] - 1);
     double pixels = grid->dims[axis];
     if (grid->coordinates[axis] && grid->dims[axis] > 1)
-        pixels =
-            ceil((grid->dims[axis] - 1) * grid->spacing[axis] / smallest_gap(grid, axis) - 1e-6) +
-            1;
+        pixels = ceil(length / smallest_gap(grid, axis) - 1e-6) + 1;
     *count = pixels > SP_SLICE_SIDE_MAX ? SP_SLICE_SIDE_MAX : (uint32_t)pixels;
     *step = grid->spacing[axis];
-    if (*count > 1 && *count != grid->dims[axis])
-        *step *= (grid->dims[axis] - 1.0) / (*count - 1.0);
+    if (*count > 1 && (grid->coordinates[axis] || *count != grid->dims[axis]))
+        *step = length / (*count - 1.0);
     return !grid->coordinates[axis] && *count == grid->dims[axis];
 }
 

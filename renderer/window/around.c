@@ -103,8 +103,6 @@ bool sp_bricks_describe(const struct sp_volume *volume, unsigned level,
         info->grid.dims[a] = own->dims[a];
         info->grid.spacing[a] *= own->step[a];
         info->grid.coordinates[a] = own->places[a];
-        if (own->places[a] && own->dims[a] > 1)
-            info->grid.spacing[a] = own->places[a][own->dims[a] - 1] / (own->dims[a] - 1);
     }
     return true;
 }

@@ -63,8 +63,9 @@ SP_API struct sp_volume *sp_bricks_around(struct sp_volume *volume, const double
                                           struct sp_error *err);
 /* The level of the samples that the volume itself has; 0 if it is no brick file. Thread-safe. */
 SP_API unsigned sp_bricks_base(const struct sp_volume *volume);
-/* Describes the volume as if all of it had been loaded at that level. False if the volume has no
- * such level. Thread-safe. */
+/* Describes the volume as if all of it had been loaded at that level; the spacing of a rectilinear
+ * axis is that of struct sp_grid for levels. False if the volume has no such level. Thread-safe.
+ */
 SP_API bool sp_bricks_describe(const struct sp_volume *volume, unsigned level,
                                struct sp_volume_info *info);
 /* The coarsest level whose samples are at most `spacing` wide [world unit]; 0 if the volume is no

@@ -159,9 +159,15 @@ static void slices_of_rectilinear_axes_equal_those_in_memory(void **state) {
         free(got);
     }
     assert_true(sp_bricks_describe(volume, 1, &info));
-    for (int a = 0; a < 3; a++)
-        assert_float_equal(info.grid.coordinates[a][info.grid.dims[a] - 1],
-                           info.grid.spacing[a] * (info.grid.dims[a] - 1), 1e-6);
+    for (uint32_t axis = 0; axis < 3; axis++) { /* a slice reaches from end to end */
+        const uint32_t across = axis == 0 ? 1 : 0;
+        struct sp_slice slice;
+        assert_float_equal(info.grid.spacing[axis],
+                           2 * sp_volume_info(rig->whole)->grid.spacing[axis], 1e-12);
+        assert_true(sp_slice_init_orthogonal(&slice, &info, axis, 0, &err));
+        assert_float_equal(info.grid.coordinates[across][info.grid.dims[across] - 1],
+                           slice.grid_step[0][across] * (slice.size[0] - 1), 1e-9);
+    }
     sp_volume_unref(&volume);
 }
 
