@@ -46,7 +46,11 @@ static void field_doubles(struct cursor *c, double *values, size_t count) {
     }
 }
 
+/* Bytes behind the end of a text are written as 0, so that equal texts give equal files. */
 static void field_text(struct cursor *c, char *text, size_t capacity) {
+    text[capacity - 1] = 0;
+    if (c->writes)
+        memset(text + strlen(text), 0, capacity - strlen(text));
     field_bytes(c, text, capacity);
     text[capacity - 1] = 0;
     for (char *p = text; *p && !c->writes; p++)

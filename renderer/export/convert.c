@@ -82,7 +82,8 @@ static bool write_cached(const struct sp_export_job *job, struct sp_error *err) 
 
 static bool write_bricks(const struct sp_export_job *job, struct sp_error *err) {
     struct sp_volume_info info = *job->info;
-    info.others[0][0] = info.other_vectors[0][0] = 0;
+    memset(info.others, 0, sizeof info.others);
+    memset(info.other_vectors, 0, sizeof info.other_vectors);
     info.steps = (struct sp_steps){ .count = 1 };
     struct sp_export_job own = *job;
     own.info = &info;

@@ -116,6 +116,39 @@ static void brick_files_are_converted(void **state) {
     assert_int_equal(count_entries(*state), 3);
 }
 
+/* Names of other fields are not in it. */
+static void a_converted_brick_file_is_the_same(void **state) {
+    enum { FIELDS = 3 };
+    struct sp_error err;
+    static char bytes[2][1 << 16];
+    size_t sizes[2];
+    const char *grid = path_in(state, "a.vtk"), *first = path_in(state, "a.bricks"),
+               *again = path_in(state, "b.bricks");
+    FILE *file = fopen(grid, "w");
+    assert_non_null(file);
+    fputs("# vtk DataFile Version 3.0\ngrid\nASCII\nDATASET STRUCTURED_POINTS\n"
+          "DIMENSIONS 2 2 2\nORIGIN 0 0 0\nSPACING 1 1 1\nPOINT_DATA 8\n",
+          file);
+    for (int i = 0; i < FIELDS; i++)
+        fprintf(file, "SCALARS field%d float 1\nLOOKUP_TABLE default\n1 2 3 4 5 6 7 8\n", i);
+    fclose(file);
+    if (!sp_convert(grid, first, &options, &err) || !sp_convert(first, again, &options, &err))
+        fail_msg("%s: %s", err.place, err.text);
+    for (int i = 0; i < 2; i++) {
+        file = fopen(i ? again : first, "r");
+        assert_non_null(file);
+        sizes[i] = fread(bytes[i], 1, sizeof bytes[i], file);
+        fclose(file);
+    }
+    assert_int_equal(sizes[0], sizes[1]);
+    assert_memory_equal(bytes[0], bytes[1], sizes[0]);
+    for (int i = 1; i < FIELDS; i++) {
+        char name[16];
+        const int length = snprintf(name, sizeof name, "ield%d", i);
+        assert_null(memmem(bytes[0], sizes[0], name, (size_t)length));
+    }
+}
+
 static void a_unit_that_nifti_lacks_is_refused(void **state) {
     (void)state;
     struct sp_error err;
@@ -374,6 +407,8 @@ int main(void) {
     const struct CMUnitTest tests[] = {
         cmocka_unit_test_setup_teardown(demos_come_back, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(brick_files_are_converted, make_folder, remove_folder),
+        cmocka_unit_test_setup_teardown(a_converted_brick_file_is_the_same, make_folder,
+                                        remove_folder),
         cmocka_unit_test(a_unit_that_nifti_lacks_is_refused),
         cmocka_unit_test_setup_teardown(names_cannot_break_the_header, make_folder, remove_folder),
         cmocka_unit_test_setup_teardown(an_output_that_cannot_be_written_is_refused_at_once,
