@@ -16,17 +16,18 @@ enum { ZSTD_LEVEL = 1 };
 /* Shares of the progress of the samples: level 0, then the histogram. */
 static const double level_share = 0.7, histogram_share = 0.2;
 
-bool sp_bricks_write_fail_memory(const struct writer *w, struct sp_error *err) {
+bool sp_bricks_write_fail_memory(const struct sp_brick_writer *w, struct sp_error *err) {
     return sp_fail(err, SP_ERR_MEMORY, w->job->shown, "out of memory for a strip of bricks");
 }
 
-static bool write_at(const struct writer *w, int fd, const void *bytes, size_t size, uint64_t at,
-                     struct sp_error *err) {
+static bool write_at(const struct sp_brick_writer *w, int fd, const void *bytes, size_t size,
+                     uint64_t at, struct sp_error *err) {
     return sp_write_at(fd, bytes, size, at) ||
            sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
 }
 
-bool sp_bricks_write_report(const struct writer *w, double fraction, struct sp_error *err) {
+bool sp_bricks_write_report(const struct sp_brick_writer *w, double fraction,
+                            struct sp_error *err) {
     const double done = w->array.from + w->array.share * fraction;
     return !w->job->progress || w->job->progress(w->job->user, done) ||
            sp_fail(err, SP_ERR_CANCELLED, w->job->shown, "cancelled");
@@ -40,13 +41,13 @@ static void widen(uint32_t first, uint32_t size, uint32_t dim, uint32_t *from, u
 }
 
 /* Where the array begins in the file that it is read from. */
-static uint64_t start_of(const struct writer *w) {
+static uint64_t start_of(const struct sp_brick_writer *w) {
     return w->fine == w->job->samples ? w->array.at : 0;
 }
 
-static bool read_strip(struct writer *w, struct sp_error *err) {
+static bool read_strip(struct sp_brick_writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l].dims;
-    struct strip *s = &w->strip;
+    struct sp_brick_strip *s = &w->strip;
     const size_t row = dims[0] * w->array.item, part = s->count[0] * row;
     for (uint32_t z = 0; z < s->count[1]; z++) {
         uint64_t at = start_of(w) + ((uint64_t)(s->from[1] + z) * dims[1] + s->from[0]) * row;
@@ -58,9 +59,9 @@ static bool read_strip(struct writer *w, struct sp_error *err) {
 }
 
 /* True if all samples of the strip, with the margin, lie in holes of the file: they are 0. */
-static bool is_empty(const struct writer *w) {
+static bool is_empty(const struct sp_brick_writer *w) {
     const uint32_t *dims = w->header.level[w->l].dims;
-    const struct strip *s = &w->strip;
+    const struct sp_brick_strip *s = &w->strip;
     const size_t row = dims[0] * w->array.item;
     for (uint32_t z = 0; z < s->count[1]; z++)
         if (!sp_is_hole(w->fine, s->count[0] * row,
@@ -70,8 +71,8 @@ static bool is_empty(const struct writer *w) {
 }
 
 /* The numbers of the strip: vectors are rows of three times as many. */
-static struct sp_brick_view view_of(const struct writer *w) {
-    const struct strip *s = &w->strip;
+static struct sp_brick_view view_of(const struct sp_brick_writer *w) {
+    const struct sp_brick_strip *s = &w->strip;
     const uint32_t numbers = w->header.level[w->l].dims[0] * w->array.components;
     return (struct sp_brick_view){
         .samples = s->samples,
@@ -83,22 +84,23 @@ static struct sp_brick_view view_of(const struct writer *w) {
     };
 }
 
-static void pack(struct writer *w, struct packed *packed, struct worker *worker, size_t size) {
+static void pack(struct sp_brick_writer *w, struct sp_brick_packed *packed,
+                 struct sp_brick_worker *worker, size_t size) {
     packed->size =
         ZSTD_compress2(worker->context, packed->bytes, w->packed_max, worker->copy, size);
     packed->failed = ZSTD_isError(packed->size);
 }
 
 /* Packs the vectors of a brick. */
-static void pack_vectors(struct writer *w, uint32_t b, struct worker *worker) {
-    struct packed *packed = &w->packed[b];
+static void pack_vectors(struct sp_brick_writer *w, uint32_t b, struct sp_brick_worker *worker) {
+    struct sp_brick_packed *packed = &w->packed[b];
     const uint32_t first = b * BRICK_SIDE, left = w->header.level[w->l].dims[0] - first;
     struct sp_brick_view own = view_of(w);
     own.first[0] = first * 3;
     own.size[0] = (left < BRICK_SIDE ? left : BRICK_SIDE) * 3;
     const size_t count = (size_t)own.size[0] / 3 * own.size[1] * own.size[2];
     w->entries[w->first_brick + b] = (struct sp_brick_entry){ .bytes = 0 };
-    *packed = (struct packed){ .bytes = packed->bytes };
+    *packed = (struct sp_brick_packed){ .bytes = packed->bytes };
     sp_brick_copy(&own, worker->copy);
     packed->longest = sp_brick_longest(worker->copy, count);
     if (!sp_is_zero(worker->copy, count * w->array.item))
@@ -106,11 +108,11 @@ static void pack_vectors(struct writer *w, uint32_t b, struct worker *worker) {
 }
 
 /* Finds the range of a brick of the strip and packs it. */
-static void pack_samples(struct writer *w, uint32_t b, struct worker *worker) {
-    const struct strip *s = &w->strip;
+static void pack_samples(struct sp_brick_writer *w, uint32_t b, struct sp_brick_worker *worker) {
+    const struct sp_brick_strip *s = &w->strip;
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_brick_entry *entry = &w->entries[w->first_brick + b];
-    struct packed *packed = &w->packed[b];
+    struct sp_brick_packed *packed = &w->packed[b];
     struct sp_brick_view own = view_of(w), around = own;
     own.first[0] = b * BRICK_SIDE;
     own.size[0] =
@@ -121,7 +123,7 @@ static void pack_samples(struct writer *w, uint32_t b, struct worker *worker) {
     around.size[2] = s->count[1];
     const struct sp_brick_range all = sp_brick_find_range(&around), in = sp_brick_find_range(&own);
     *entry = (struct sp_brick_entry){ .range = { all.least, all.most } };
-    *packed = (struct packed){ .bytes = packed->bytes, .nonfinite = in.nonfinite };
+    *packed = (struct sp_brick_packed){ .bytes = packed->bytes, .nonfinite = in.nonfinite };
     sp_brick_copy(&own, worker->copy);
     if (in.is_constant) {
         memcpy(&entry->at, worker->copy, w->array.item);
@@ -131,7 +133,7 @@ static void pack_samples(struct writer *w, uint32_t b, struct worker *worker) {
 }
 
 static void pack_bricks(void *user, size_t begin, size_t end, unsigned worker) {
-    struct writer *w = user;
+    struct sp_brick_writer *w = user;
     for (size_t b = begin; b < end; b++)
         if (w->array.is_vectors)
             pack_vectors(w, (uint32_t)b, &w->workers[worker]);
@@ -139,10 +141,10 @@ static void pack_bricks(void *user, size_t begin, size_t end, unsigned worker) {
             pack_samples(w, (uint32_t)b, &w->workers[worker]);
 }
 
-static bool write_packed(struct writer *w, struct sp_error *err) {
+static bool write_packed(struct sp_brick_writer *w, struct sp_error *err) {
     for (uint32_t b = 0; b < w->header.level[w->l].bricks[0]; b++) {
         struct sp_brick_entry *entry = &w->entries[w->first_brick + b];
-        const struct packed *packed = &w->packed[b];
+        const struct sp_brick_packed *packed = &w->packed[b];
         if (packed->failed)
             return sp_bricks_write_fail_memory(w, err);
         if (w->l == 0) {
@@ -163,13 +165,13 @@ static bool write_packed(struct writer *w, struct sp_error *err) {
 }
 
 /* Bytes of a slice of the strip's means. */
-static size_t means_bytes(const struct writer *w) {
+static size_t means_bytes(const struct sp_brick_writer *w) {
     return (size_t)w->header.level[w->l + 1].dims[0] * w->array.item * ((w->strip.size[0] + 1) / 2);
 }
 
 /* Averages the slices [begin, end) of the means. */
 static void average(void *user, size_t begin, size_t end, unsigned worker) {
-    struct writer *w = user;
+    struct sp_brick_writer *w = user;
     const uint32_t slices = w->strip.size[1] - 2 * (uint32_t)begin;
     struct sp_brick_view view = view_of(w);
     (void)worker;
@@ -183,9 +185,9 @@ static void average(void *user, size_t begin, size_t end, unsigned worker) {
 }
 
 /* Writes the means of the strip to the next level. */
-static bool write_means(struct writer *w, struct sp_error *err) {
+static bool write_means(struct sp_brick_writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
-    const struct strip *s = &w->strip;
+    const struct sp_brick_strip *s = &w->strip;
     const size_t row = dims[0] * w->array.item, part = means_bytes(w);
     sp_parallel_for(w->pool, (s->size[1] + 1) / 2, 1, average, w);
     for (uint32_t z = 0; 2 * z < s->size[1]; z++) {
@@ -196,9 +198,9 @@ static bool write_means(struct writer *w, struct sp_error *err) {
     return true;
 }
 
-static void place_strip(struct writer *w, uint32_t row, uint32_t slab) {
+static void place_strip(struct sp_brick_writer *w, uint32_t row, uint32_t slab) {
     const struct sp_brick_level *level = &w->header.level[w->l];
-    struct strip *s = &w->strip;
+    struct sp_brick_strip *s = &w->strip;
     w->first_brick = ((uint64_t)slab * level->bricks[1] + row) * level->bricks[0];
     s->first[0] = row * BRICK_SIDE;
     s->first[1] = slab * BRICK_SIDE;
@@ -209,7 +211,7 @@ static void place_strip(struct writer *w, uint32_t row, uint32_t slab) {
     }
 }
 
-static bool write_strip(struct writer *w, struct sp_error *err) {
+static bool write_strip(struct sp_brick_writer *w, struct sp_error *err) {
     if (!read_strip(w, err))
         return false;
     sp_parallel_for(w->pool, w->header.level[w->l].bricks[0], 1, pack_bricks, w);
@@ -217,7 +219,7 @@ static bool write_strip(struct writer *w, struct sp_error *err) {
 }
 
 /* Entries of strips in holes stay as they are: 0, which is their sample and their range. */
-static bool write_strips(struct writer *w, struct sp_error *err) {
+static bool write_strips(struct sp_brick_writer *w, struct sp_error *err) {
     const struct sp_brick_level *level = &w->header.level[w->l];
     for (uint32_t slab = 0; slab < level->bricks[2]; slab++)
         for (uint32_t row = 0; row < level->bricks[1]; row++) {
@@ -232,7 +234,7 @@ static bool write_strips(struct writer *w, struct sp_error *err) {
     return true;
 }
 
-static bool write_index(struct writer *w, struct sp_error *err) {
+static bool write_index(struct sp_brick_writer *w, struct sp_error *err) {
     struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_brick_index *index = w->array.is_vectors ? &level->vectors : &level->samples;
     const uint64_t count = sp_brick_count(level);
@@ -250,7 +252,7 @@ static bool write_index(struct writer *w, struct sp_error *err) {
 }
 
 /* Memory for the strips of level 0, the largest ones, of samples and vectors. */
-static bool allocate(struct writer *w, struct sp_error *err) {
+static bool allocate(struct sp_brick_writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.info.grid.dims;
     const size_t item = sp_brick_item_max(&w->header.info);
     const size_t side = BRICK_SIDE + 2 * BRICK_MARGIN, brick = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE;
@@ -263,7 +265,7 @@ static bool allocate(struct writer *w, struct sp_error *err) {
     for (uint32_t b = 0; ok && b < bricks; b++)
         ok = (w->packed[b].bytes = malloc(w->packed_max)) != NULL;
     for (unsigned t = 0; ok && t < sp_pool_threads(w->pool); t++) {
-        struct worker *worker = &w->workers[t];
+        struct sp_brick_worker *worker = &w->workers[t];
         ok = (worker->copy = malloc(brick * item)) && (worker->context = ZSTD_createCCtx());
         if (!ok)
             break;
@@ -273,7 +275,7 @@ static bool allocate(struct writer *w, struct sp_error *err) {
     return ok || sp_bricks_write_fail_memory(w, err);
 }
 
-static void release(struct writer *w) {
+static void release(struct sp_brick_writer *w) {
     for (uint32_t b = 0; w->packed && b < w->header.level[0].bricks[0]; b++)
         free(w->packed[b].bytes);
     for (int t = 0; t < WRITE_THREADS_MAX; t++) {
@@ -292,7 +294,7 @@ static void release(struct writer *w) {
     sp_pool_destroy(&w->pool);
 }
 
-static void find_range(struct writer *w) {
+static void find_range(struct sp_brick_writer *w) {
     double range[2] = { INFINITY, -INFINITY };
     for (uint64_t i = 0; i < sp_brick_count(&w->header.level[0]); i++) {
         range[0] = fmin(range[0], w->entries[i].range[0]);
@@ -303,14 +305,14 @@ static void find_range(struct writer *w) {
 }
 
 /* Gives the samples of the next level their size. */
-static bool set_size(const struct writer *w, struct sp_error *err) {
+static bool set_size(const struct sp_brick_writer *w, struct sp_error *err) {
     const uint32_t *dims = w->header.level[w->l + 1].dims;
     const uint64_t bytes = (uint64_t)dims[0] * dims[1] * dims[2] * w->array.item;
     return ftruncate(w->coarse, (off_t)bytes) == 0 ||
            sp_fail(err, SP_ERR_IO, w->job->shown, "cannot write: %s", strerror(errno));
 }
 
-static bool write_level(struct writer *w, struct sp_error *err) {
+static bool write_level(struct sp_brick_writer *w, struct sp_error *err) {
     const bool is_last = w->l + 1 == w->header.levels;
     free(w->entries);
     w->entries = calloc(sp_brick_count(&w->header.level[w->l]), sizeof *w->entries);
@@ -327,14 +329,14 @@ static bool write_level(struct writer *w, struct sp_error *err) {
 }
 
 /* Finds what the header says of the values, from the samples of the level that was written. */
-static bool find_values(struct writer *w, bool *is_projected, struct sp_error *err) {
+static bool find_values(struct sp_brick_writer *w, bool *is_projected, struct sp_error *err) {
     return w->array.is_vectors ||
            ((w->l > 0 ||
              sp_bricks_count_values(w, level_share, level_share + histogram_share, err)) &&
             sp_bricks_find_projected(w, is_projected, err));
 }
 
-static bool write_array(struct writer *w, struct sp_error *err) {
+static bool write_array(struct sp_brick_writer *w, struct sp_error *err) {
     bool is_projected = false;
     w->fine = w->job->samples;
     for (w->l = 0; w->l < w->header.levels; w->l++) {
@@ -349,19 +351,19 @@ static bool write_array(struct writer *w, struct sp_error *err) {
 }
 
 /* Writes the levels of the samples, then those of the vectors. */
-static bool write_arrays(struct writer *w, struct sp_error *err) {
+static bool write_arrays(struct sp_brick_writer *w, struct sp_error *err) {
     const struct sp_volume_info *info = &w->header.info;
     const size_t sample = sp_type_size(info->type);
     const uint64_t voxels = info->voxel_bytes / sample;
     const double all = (double)info->voxel_bytes + (double)info->vector_bytes;
-    struct array vectors = { .is_vectors = true,
-                             .type = SP_FLOAT32,
-                             .components = 3,
-                             .item = BRICK_VECTOR_BYTES,
-                             .share = (double)info->vector_bytes / all };
+    struct sp_brick_array vectors = { .is_vectors = true,
+                                      .type = SP_FLOAT32,
+                                      .components = 3,
+                                      .item = BRICK_VECTOR_BYTES,
+                                      .share = (double)info->vector_bytes / all };
     vectors.from = 1 - vectors.share;
     sp_volume_layout(info->voxel_bytes, voxels, true, &vectors.at);
-    w->array = (struct array){
+    w->array = (struct sp_brick_array){
         .type = info->type, .components = 1, .item = sample, .share = 1 - vectors.share
     };
     if (!write_array(w, err))
@@ -371,7 +373,7 @@ static bool write_arrays(struct writer *w, struct sp_error *err) {
 }
 
 /* Writes the places of the samples on rectilinear axes. */
-static bool write_axes(struct writer *w, struct sp_error *err) {
+static bool write_axes(struct sp_brick_writer *w, struct sp_error *err) {
     const size_t count = sp_brick_places_first(&w->header);
     if (!w->header.rectilinear)
         return true;
@@ -390,7 +392,7 @@ static bool write_axes(struct writer *w, struct sp_error *err) {
     return ok;
 }
 
-static bool write_notes(struct writer *w, struct sp_error *err) {
+static bool write_notes(struct sp_brick_writer *w, struct sp_error *err) {
     const size_t size = sp_brick_notes_bytes(w->job->info);
     unsigned char *bytes = calloc(1, size);
     if (!bytes)
@@ -406,7 +408,7 @@ static bool write_notes(struct writer *w, struct sp_error *err) {
 }
 
 /* The header comes last: a file that is not complete has none. */
-static bool write_header(struct writer *w, struct sp_error *err) {
+static bool write_header(struct sp_brick_writer *w, struct sp_error *err) {
     unsigned char bytes[BRICK_HEADER_BYTES];
     sp_brick_header_encode(&w->header, bytes);
     if (!write_at(w, w->job->out, bytes, sizeof bytes, 0, err))
@@ -430,7 +432,7 @@ static void describe(const struct sp_volume_info *from, struct sp_volume_info *t
 }
 
 /* Fills the header but for what writing finds. */
-static bool init_header(struct writer *w, struct sp_error *err) {
+static bool init_header(struct sp_brick_writer *w, struct sp_error *err) {
     const struct sp_grid *grid = &w->job->info->grid;
     describe(w->job->info, &w->header.info);
     for (int a = 0; a < 3; a++)
@@ -445,7 +447,7 @@ static bool init_header(struct writer *w, struct sp_error *err) {
 }
 
 bool sp_bricks_write(const struct sp_bricks_write_job *job, struct sp_error *err) {
-    struct writer *w = calloc(1, sizeof *w);
+    struct sp_brick_writer *w = calloc(1, sizeof *w);
     if (!w)
         return sp_fail(err, SP_ERR_MEMORY, job->shown, "out of memory for a brick file");
     w->job = job;

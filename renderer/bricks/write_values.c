@@ -10,7 +10,8 @@
 enum { PROJECTED_MAX = 256 * 256 * 256 };
 
 /* Counts the values of a chunk of samples, without reading holes. */
-static bool count_data(const struct writer *w, struct worker *own, uint64_t at, uint64_t end) {
+static bool count_data(const struct sp_brick_writer *w, struct sp_brick_worker *own, uint64_t at,
+                       uint64_t end) {
     uint64_t from, to;
     for (; at < end; at = to) {
         sp_find_data(w->job->samples, at, end, &from, &to);
@@ -28,8 +29,8 @@ static bool count_data(const struct writer *w, struct worker *own, uint64_t at, 
 }
 
 static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
-    struct writer *w = user;
-    struct worker *own = &w->workers[worker];
+    struct sp_brick_writer *w = user;
+    struct sp_brick_worker *own = &w->workers[worker];
     const uint64_t bytes = w->header.info.voxel_bytes;
     const size_t chunk = BRICK_SIDE * BRICK_SIDE * BRICK_SIDE; /* samples: of the worker's copy */
     for (size_t i = w->first_chunk + begin; i < w->first_chunk + end; i++) {
@@ -40,7 +41,8 @@ static void count_chunk(void *user, size_t begin, size_t end, unsigned worker) {
     }
 }
 
-bool sp_bricks_count_values(struct writer *w, double from, double to, struct sp_error *err) {
+bool sp_bricks_count_values(struct sp_brick_writer *w, double from, double to,
+                            struct sp_error *err) {
     enum { STEP = 128 }; /* chunks between two reports */
     const size_t chunk = (size_t)BRICK_SIDE * BRICK_SIDE * BRICK_SIDE * w->array.item;
     const size_t chunks = (size_t)((w->header.info.voxel_bytes + chunk - 1) / chunk);
@@ -71,7 +73,7 @@ static bool is_small(const struct sp_brick_level *level) {
 
 /* The grid of the level that is written. Coordinates may begin anywhere: only distances between
  * them count. */
-static struct sp_grid grid_of(const struct writer *w) {
+static struct sp_grid grid_of(const struct sp_brick_writer *w) {
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_grid grid = w->header.info.grid;
     for (int a = 0; a < 3; a++) {
@@ -82,7 +84,7 @@ static struct sp_grid grid_of(const struct writer *w) {
     return grid;
 }
 
-bool sp_bricks_find_projected(struct writer *w, bool *is_found, struct sp_error *err) {
+bool sp_bricks_find_projected(struct sp_brick_writer *w, bool *is_found, struct sp_error *err) {
     const struct sp_brick_level *level = &w->header.level[w->l];
     struct sp_volume_info coarse = w->header.info;
     size_t bytes = w->array.item;
