@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/transfer.h"
 #include "bricks/file.h"
-#include "bricks/transfer.h"
 #include "volume/grid.h"
 #include "volume/volume.h"
 
@@ -102,7 +102,7 @@ static bool start(struct unpacking *u, const struct sp_volume_info *info, const 
     if (!u->brick || !u->row)
         return sp_fail(err, SP_ERR_MEMORY, u->shown, "out of memory for a row of bricks");
     u->scratch = sp_brick_scratch_create(err);
-    u->out = u->scratch ? sp_bricks_temporary(folder, err) : -1;
+    u->out = u->scratch ? sp_temporary_file(folder, err) : -1;
     return u->out >= 0 &&
            (ftruncate(u->out, (off_t)size) == 0 ||
             sp_fail(err, SP_ERR_IO, u->shown, "cannot write its samples: %s", strerror(errno)));

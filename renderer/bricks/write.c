@@ -6,8 +6,8 @@
 #include <string.h>
 #include <unistd.h>
 
+#include "base/transfer.h"
 #include "bricks/places.h"
-#include "bricks/transfer.h"
 #include "bricks/write_private.h"
 #include "volume/grid.h"
 #include "volume/volume.h"
@@ -318,7 +318,7 @@ static bool write_level(struct sp_brick_writer *w, struct sp_error *err) {
     w->entries = calloc(sp_brick_count(&w->header.level[w->l]), sizeof *w->entries);
     if (!w->entries)
         return sp_bricks_write_fail_memory(w, err);
-    w->coarse = is_last ? -1 : sp_bricks_temporary(w->job->folder, err);
+    w->coarse = is_last ? -1 : sp_temporary_file(w->job->folder, err);
     if (!is_last && (w->coarse < 0 || !set_size(w, err)))
         return false;
     if (!write_strips(w, err) || !write_index(w, err))

@@ -2,7 +2,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "bricks/write_private.h"
 #include "volume/volume.h"
 

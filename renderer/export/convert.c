@@ -10,7 +10,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "bricks/write.h"
 #include "export/folder.h"
 #include "import/launch.h"
@@ -44,7 +44,7 @@ static int read_samples(const char *source, const char *folder, bool keeps_axes,
     own.user = &progress;
     if (!sp_source_is_demo(source))
         return sp_import_samples(source, &own, folder, keeps_axes, info, numbers, err);
-    int fd = sp_bricks_temporary(folder, err);
+    int fd = sp_temporary_file(folder, err);
     if (fd >= 0 && !sp_demo_stream(source, &own, fd, keeps_axes, info, numbers, err)) {
         close(fd);
         fd = -1;

@@ -5,7 +5,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "export/job.h"
 
 enum { BLOCK_BYTES = 4 << 20, PACKED_BUFFER = 1 << 18 };

@@ -22,7 +22,7 @@
 #include <zlib.h>
 
 #include "base/parallel_for.h"
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "sp/log.h"
 #include "volume/sample.h"
 #include "volume/volume.h"

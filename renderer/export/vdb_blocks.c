@@ -4,7 +4,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "export/vdb.h"
 #include "volume/volume.h"
 
@@ -107,7 +107,7 @@ bool sp_vdb_blocks_init(struct sp_vdb_blocks *b, const struct sp_export_job *job
         b->count[a] = (dims[a] + VDB_BLOCK - 1) / VDB_BLOCK;
         blocks *= b->count[a];
     }
-    b->file = sp_bricks_temporary(job->folder, err);
+    b->file = sp_temporary_file(job->folder, err);
     if (b->file < 0)
         return false;
     b->is_used = calloc(blocks, 1);

@@ -16,8 +16,8 @@
 #include <zstd.h>
 
 #include "base/parallel_for.h"
+#include "base/transfer.h"
 #include "bricks/samples.h"
-#include "bricks/transfer.h"
 #include "volume/volume.h"
 
 enum { THREADS_MAX = 16, SAMPLES_MAX = ZARR_CHUNK * ZARR_CHUNK * ZARR_CHUNK };
@@ -180,7 +180,7 @@ static bool open_coarse(struct writer *w, struct sp_error *err) {
     if (w->l + 1 == w->image.levels)
         return true;
     const uint32_t *dims = w->image.level[w->l + 1].dims;
-    w->coarse = sp_bricks_temporary(w->image.job->folder, err);
+    w->coarse = sp_temporary_file(w->image.job->folder, err);
     return w->coarse >= 0 &&
            (ftruncate(w->coarse, (off_t)((uint64_t)dims[0] * dims[1] * dims[2] * w->sample)) == 0 ||
             fail_write(w, errno, err));

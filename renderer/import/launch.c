@@ -15,8 +15,8 @@
 #include <unistd.h>
 
 #include "base/clock.h"
+#include "base/transfer.h"
 #include "bricks/store.h"
-#include "bricks/transfer.h"
 #include "bricks/unpack.h"
 #include "import/child.h"
 #include "import/confine.h"

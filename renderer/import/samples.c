@@ -11,7 +11,7 @@
 #include <unistd.h>
 #include <zlib.h>
 
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "import/confine.h"
 #include "import/vectors.h"
 

@@ -11,7 +11,7 @@
 #include <unistd.h>
 
 #include "base/parallel_for.h"
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 #include "volume/elements.h"
 
 static const struct sp_demo_maker *const makers[] = {

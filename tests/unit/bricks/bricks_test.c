@@ -90,24 +90,21 @@ static int memory_file(const void *bytes, size_t size) {
     return fd;
 }
 
-/* Writes the samples as a brick file; returns its descriptor. */
-static int write_described(const struct sp_volume_info *info, const void *samples) {
-    const uint32_t *dims = info->grid.dims;
-    const size_t size = (size_t)dims[0] * dims[1] * dims[2] * sp_type_size(info->type);
+/* Writes the samples of a file as a brick file; returns its descriptor. Closes the first one. */
+static int write_described(const struct sp_volume_info *info, int from) {
     struct sp_error err;
-    int from = memory_file(samples, size), out = memory_file("", 0);
     const struct sp_bricks_write_job job = {
-        .info = info, .samples = from, .out = out, .folder = "/tmp", .shown = "test"
+        .info = info, .samples = from, .out = memory_file("", 0), .folder = "/tmp", .shown = "test"
     };
     if (!sp_bricks_write(&job, &err))
         fail_msg("%s", err.text);
     close(from);
-    return out;
+    return job.out;
 }
 
 static int write_file(const void *samples, enum sp_type type) {
     const struct sp_volume_info info = describe(type);
-    return write_described(&info, samples);
+    return write_described(&info, memory_file(samples, COUNT * sp_type_size(type)));
 }
 
 static struct sp_brick_file *open_file(int fd) {
@@ -236,18 +233,16 @@ static void projections_of_a_flat_volume_are_those_of_its_slices(void **state) {
     enum { WIDTH = 300, HEIGHT = 20, SLICES = 3 };
     static uint8_t samples[WIDTH * HEIGHT * SLICES];
     struct sp_volume_info described = describe(SP_UINT8);
-    const uint32_t dims[3] = { WIDTH, HEIGHT, SLICES };
-    struct sp_error err;
-    memcpy(described.grid.dims, dims, sizeof dims);
+    memcpy(described.grid.dims, (uint32_t[3]){ WIDTH, HEIGHT, SLICES }, sizeof(uint32_t[3]));
     for (uint32_t i = 0; i < WIDTH * HEIGHT * SLICES; i++)
         samples[i] = (uint8_t)(i / (WIDTH * HEIGHT) * 100 + i % 50);
-    struct sp_volume *volume = sp_volume_create(&described.grid, SP_UINT8, samples, "whole", &err);
+    struct sp_volume *volume = sp_volume_create(&described.grid, SP_UINT8, samples, "whole", NULL);
     assert_non_null(volume);
-    struct sp_brick_file *file = open_file(write_described(&described, samples));
-    const struct sp_brick_header *header = sp_brick_file_header(file);
-    assert_true(header->levels > 1);
-    assert_memory_equal(&header->info.projected, &sp_volume_info(volume)->projected,
-                        sizeof header->info.projected);
+    struct sp_brick_file *file =
+        open_file(write_described(&described, memory_file(samples, sizeof samples)));
+    const struct sp_projected *want = &sp_volume_info(volume)->projected;
+    assert_true(sp_brick_file_header(file)->levels > 1);
+    assert_memory_equal(&sp_brick_file_header(file)->info.projected, want, sizeof *want);
     sp_brick_file_close(&file);
     sp_volume_unref(&volume);
 }
@@ -281,7 +276,6 @@ static float (*make_vectors(void))[3] {
 static int write_grid(const uint8_t *samples, const float (*vectors)[3],
                       double coordinates[NX + NY]) {
     struct sp_volume_info info = describe(SP_UINT8);
-    struct sp_error err;
     uint64_t vectors_at;
     for (uint32_t i = 0; i < NX + NY; i++)
         coordinates[i] = i < NX ? 0.01 * i * (i + 3) : 2 * (i - NX) + sin(i - NX);
@@ -293,16 +287,10 @@ static int write_grid(const uint8_t *samples, const float (*vectors)[3],
     info.vector_bytes = 1;
     snprintf(info.vector_name, sizeof info.vector_name, "flow");
     sp_volume_layout(COUNT, COUNT, true, &vectors_at);
-    int from = memory_file(samples, COUNT), out = memory_file("", 0);
+    const int from = memory_file(samples, COUNT);
     assert_int_equal(pwrite(from, vectors, COUNT * sizeof *vectors, (off_t)vectors_at),
                      COUNT * sizeof *vectors);
-    const struct sp_bricks_write_job job = {
-        .info = &info, .samples = from, .out = out, .folder = "/tmp", .shown = "test"
-    };
-    if (!sp_bricks_write(&job, &err))
-        fail_msg("%s", err.text);
-    close(from);
-    return out;
+    return write_described(&info, from);
 }
 
 /* Reads the vectors of a level. */

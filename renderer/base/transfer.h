@@ -2,8 +2,8 @@
  *
  * Whole blocks of bytes from and to a place of a file, and files without a name.
  */
-#ifndef SP_BRICKS_TRANSFER_H
-#define SP_BRICKS_TRANSFER_H
+#ifndef SP_BASE_TRANSFER_H
+#define SP_BASE_TRANSFER_H
 
 #include <stdbool.h>
 #include <stddef.h>
@@ -32,6 +32,6 @@ bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at);
 bool sp_is_hole(int fd, size_t size, uint64_t at);
 
 /* A file without a name in that folder, which vanishes when it is closed; −1 with *err set. */
-int sp_bricks_temporary(const char *folder, struct sp_error *err);
+int sp_temporary_file(const char *folder, struct sp_error *err);
 
 #endif

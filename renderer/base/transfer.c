@@ -1,5 +1,5 @@
 /* SPDX-License-Identifier: Apache-2.0 */
-#include "bricks/transfer.h"
+#include "base/transfer.h"
 
 #include <errno.h>
 #include <fcntl.h>
@@ -82,7 +82,7 @@ bool sp_write_sparse(int fd, const char *bytes, size_t size, uint64_t at) {
     return true;
 }
 
-int sp_bricks_temporary(const char *folder, struct sp_error *err) {
+int sp_temporary_file(const char *folder, struct sp_error *err) {
     int fd = open(folder, O_TMPFILE | O_RDWR | O_CLOEXEC, 0600);
     if (fd < 0)
         sp_fail(err, SP_ERR_IO, folder, "cannot create a temporary file: %s", strerror(errno));
