@@ -52,7 +52,8 @@ void sp_brick_scratch_destroy(struct sp_brick_scratch **scratch);
  * is wrong. */
 bool sp_brick_file_read(const struct sp_brick_file *file, unsigned level, uint64_t number,
                         struct sp_brick_scratch *scratch, void *out, struct sp_error *err);
-/* The same for the vectors of a brick. The file must have some: vector_bytes of its info. */
+/* Reads the vectors of a brick in the same way. The file must have vectors: vector_bytes of its
+ * info is not 0. */
 bool sp_brick_file_read_vectors(const struct sp_brick_file *file, unsigned level, uint64_t number,
                                 struct sp_brick_scratch *scratch, float (*out)[3],
                                 struct sp_error *err);

@@ -91,7 +91,7 @@ static void pack(struct sp_brick_writer *w, struct sp_brick_packed *packed,
     packed->failed = ZSTD_isError(packed->size);
 }
 
-/* Packs the vectors of a brick. */
+/* Packs the vectors of brick b of a row. */
 static void pack_vectors(struct sp_brick_writer *w, uint32_t b, struct sp_brick_worker *worker) {
     struct sp_brick_packed *packed = &w->packed[b];
     const uint32_t first = b * BRICK_SIDE, left = w->header.level[w->l].dims[0] - first;

@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "volume/sample.h"
+
 #define COPY(type)                                                                                 \
     for (size_t i = 0; i < n; i++)                                                                 \
     ((type *)out)[i] = ((const type *)from)[i * stride]
@@ -31,35 +33,6 @@ static void copy(const void *from, size_t stride, size_t size, size_t n, void *o
 
 /* Coarse samples that a run of a block lies between, at most: they are no closer than its own. */
 enum { LINE = SP_BLOCK_SIDE + 2 };
-
-#define WIDEN(type)                                                                                \
-    for (size_t i = 0; i < n; i++)                                                                 \
-    out[i] = (double)((const type *)from)[i]
-
-static void widen(const void *from, enum sp_type type, size_t n, double *out) {
-    switch (type) {
-    case SP_UINT8:
-        WIDEN(uint8_t);
-        break;
-    case SP_INT8:
-        WIDEN(int8_t);
-        break;
-    case SP_UINT16:
-        WIDEN(uint16_t);
-        break;
-    case SP_INT16:
-        WIDEN(int16_t);
-        break;
-    case SP_INT32:
-        WIDEN(int32_t);
-        break;
-    case SP_FLOAT32:
-        WIDEN(float);
-        break;
-    default:
-        WIDEN(double);
-    }
-}
 
 #define NARROW(type, add)                                                                          \
     for (size_t i = 0; i < n; i++)                                                                 \
@@ -117,7 +90,7 @@ static void read_line(const struct sp_blocks *b, unsigned axis, const uint32_t a
     else
         copy((const char *)c->samples + (at[0] + at[1] * strides[1] + at[2] * strides[2]) * size,
              strides[axis], size, n, samples);
-    widen(samples, b->type, n, out);
+    sp_samples_widen(samples, b->type, 0, n, out);
 }
 
 /* A run inside of a block, linear between eight samples. */

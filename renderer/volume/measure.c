@@ -10,6 +10,7 @@
 #include <string.h>
 
 #include "base/parallel_for.h"
+#include "volume/sample.h"
 #include "volume/volume.h"
 
 enum { RUN = 512, GRAIN = 1 << 18 }; /* samples */
@@ -38,7 +39,7 @@ unsigned sp_volume_threads(void) {
     for (size_t i = 0; i < n; i++)                                                                 \
     out[i] = ((const T *)voxels)[begin + i]
 
-static void widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out) {
+void sp_samples_widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out) {
     switch (type) {
     case SP_UINT8:
         WIDEN(uint8_t);
@@ -72,7 +73,7 @@ static void find_range(void *user, size_t begin, size_t end, unsigned worker) {
     uint64_t finite = 0;
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
-        widen(m->voxels, m->type, at, n, run);
+        sp_samples_widen(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++) {
             if (!isfinite(run[i]))
                 continue;
@@ -92,7 +93,7 @@ static void fill_bins(void *user, size_t begin, size_t end, unsigned worker) {
     double run[RUN], half_low = m->low * 0.5;
     for (size_t at = begin; at < end; at += RUN) {
         size_t n = end - at < RUN ? end - at : RUN;
-        widen(m->voxels, m->type, at, n, run);
+        sp_samples_widen(m->voxels, m->type, at, n, run);
         for (size_t i = 0; i < n; i++) {
             if (!isfinite(run[i]))
                 continue;

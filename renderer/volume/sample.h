@@ -2,6 +2,7 @@
 #ifndef SP_VOLUME_SAMPLE_H
 #define SP_VOLUME_SAMPLE_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "sp/volume.h"
@@ -58,5 +59,9 @@ static inline void sp_sample_set(void *voxels, enum sp_type type, uint64_t at, d
         break;
     }
 }
+
+/* Writes samples [begin, begin + n) of an array of that type as doubles, which hold them exactly.
+ */
+void sp_samples_widen(const void *voxels, enum sp_type type, size_t begin, size_t n, double *out);
 
 #endif

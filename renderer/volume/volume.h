@@ -52,10 +52,10 @@ struct sp_volume *sp_volume_derive_part(const struct sp_volume *original,
                                         const float (*vectors)[3], size_t bytes,
                                         sp_voxels_release *release, struct sp_error *err);
 
-/* The same without vectors, and with blocks, which lie at the beginning of their memory; `bytes`:
- * of that memory and of what it leads to. `coarser` has the coarser grid, whose memory stays as
- * long as the blocks; NULL = no block needs it. Such a volume has no array of samples:
- * sp_volume_voxels() must not be called. */
+/* The same without vectors, and with blocks, which lie at the beginning of their memory. `bytes`
+ * counts that memory and the samples that its pointers name. `coarser` has the coarser grid, whose
+ * memory stays as long as the blocks; NULL = no block needs it. Such a volume has no array of
+ * samples: sp_volume_voxels() must not be called. */
 struct sp_volume *sp_volume_derive_blocks(const struct sp_volume *original,
                                           const struct sp_grid *grid,
                                           const struct sp_whole_part *part,
