@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "import/dicom_bridge.h"
 
+#include <cmath>
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
@@ -56,20 +57,20 @@ static void describe_place(const gdcm::File &file, const gdcm::DataSet &set, dic
     const std::vector<double> position = gdcm::ImageHelper::GetOriginValue(file);
     const std::vector<double> along = gdcm::ImageHelper::GetDirectionCosinesValue(file);
     for (size_t i = 0; i < 3 && i < spacing.size(); i++)
-        image->spacing[i] = spacing[i];
+        image->first.spacing[i] = spacing[i];
     for (size_t i = 0; i < 3 && i < position.size(); i++)
-        image->position[i] = position[i];
+        image->first.position[i] = position[i];
     for (size_t i = 0; i < 6 && i < along.size(); i++)
-        image->along[i / 3][i % 3] = along[i];
+        image->first.along[i / 3][i % 3] = along[i];
     /* GDCM gives default values where the file has none. */
     const bool has_frames = set.FindDataElement(gdcm::Tag(0x5200, 0x9229)) ||
                             set.FindDataElement(gdcm::Tag(0x5200, 0x9230));
-    image->is_placed = has_frames || (!text_of(set, 0x0020, 0x0032).empty() &&
-                                      !text_of(set, 0x0020, 0x0037).empty());
+    image->first.is_placed = has_frames || (!text_of(set, 0x0020, 0x0032).empty() &&
+                                            !text_of(set, 0x0020, 0x0037).empty());
     if (image->frames > 1)
         return;
     const std::string between = text_of(set, 0x0018, 0x0088), thick = text_of(set, 0x0018, 0x0050);
-    image->spacing[2] = atof(!between.empty() ? between.c_str() : thick.c_str());
+    image->first.spacing[2] = atof(!between.empty() ? between.c_str() : thick.c_str());
 }
 
 static bool describe(const char *path, dicom_image *image, char *why, size_t capacity) try {
@@ -90,7 +91,7 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     copy_text(image->modality, text_of(set, 0x0008, 0x0060));
     copy_text(image->rescale_type, text_of(set, 0x0028, 0x1054));
     copy_text(image->description, text_of(set, 0x0008, 0x103e));
-    image->instance = atol(text_of(set, 0x0020, 0x0013).c_str());
+    image->first.instance = atol(text_of(set, 0x0020, 0x0013).c_str());
     const std::vector<unsigned> dims = gdcm::ImageHelper::GetDimensionsValue(file);
     if (dims.size() < 2 || dims[0] == 0 || dims[1] == 0) {
         explain(why, capacity, "the file has no image");
@@ -100,14 +101,16 @@ static bool describe(const char *path, dicom_image *image, char *why, size_t cap
     image->rows = dims[1];
     image->frames = dims.size() > 2 ? dims[2] : 1;
     const std::vector<double> rescale = gdcm::ImageHelper::GetRescaleInterceptSlopeValue(file);
-    image->intercept = rescale.size() > 1 ? rescale[0] : 0;
-    image->slope = rescale.size() > 1 ? rescale[1] : 1;
+    image->first.intercept = rescale.size() > 1 ? rescale[0] : 0;
+    image->first.slope = rescale.size() > 1 ? rescale[1] : 1;
     image->is_packed = file.GetHeader().GetDataSetTransferSyntax().IsEncapsulated() ||
                        gdcm::ImageHelper::GetPixelFormatValue(file).GetBitsAllocated() % 8 != 0;
     const std::streamoff at = stream.tellg(); /* where the pixels begin, which were skipped */
     image->pixels_at = at > 0 ? static_cast<uint64_t>(at) : 0;
     describe_pixels(file, image);
     describe_place(file, set, image);
+    for (double &key : image->first.keys)
+        key = NAN;
     return true;
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());

@@ -24,8 +24,8 @@ static size_t read_file(const char *path, void *out, size_t size) {
 
 /* Booleans must be 0 or 1, and texts end. */
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed,      &image->is_float,  &image->is_palette,
-                            &image->is_other_color, &image->is_placed, &image->is_packed };
+    bool *const flags[] = { &image->is_signed,      &image->is_float,        &image->is_palette,
+                            &image->is_other_color, &image->first.is_placed, &image->is_packed };
     memset(image, 0, sizeof *image);
     snprintf(why, capacity, "too short");
     if (read_file(path, image, sizeof *image) < sizeof *image)

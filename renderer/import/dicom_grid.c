@@ -1,0 +1,110 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/dicom_grid.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+
+#include "base/vec.h"
+
+/* Slices lie evenly if each is within this share of the step of its place. */
+#define EVEN_SHARE 0.01
+
+static int compare_numbers(const void *a, const void *b) {
+    const double x = *(const double *)a, y = *(const double *)b;
+    return (x > y) - (x < y);
+}
+
+/* What warnings call a slice. */
+static void name_slice(const struct dicom_slice *slice, char out[80]) {
+    if (*slice->name)
+        snprintf(out, 80, "%.60s", slice->name);
+    else
+        snprintf(out, 80, "frame %u", slice->frame + 1);
+}
+
+/* Says where slices are missing: a gap there is some times as wide as most gaps. `gaps` is
+ * memory for as many numbers as slices. */
+static void warn_of_gaps(const struct dicom_slices *slices, const double *places, double *gaps,
+                         struct import_warnings *warnings) {
+    const uint32_t count = slices->count - 1;
+    unsigned wide = 0;
+    for (uint32_t i = 0; i < count; i++)
+        gaps[i] = places[i + 1] - places[i];
+    qsort(gaps, count, sizeof *gaps, compare_numbers);
+    const double usual = gaps[(count - 1) / 2];
+    for (uint32_t i = 0; i < count; i++) {
+        const double gap = places[i + 1] - places[i], missing = round(gap / usual) - 1;
+        char before[80], after[80];
+        if (!(missing >= 1))
+            continue;
+        wide++;
+        name_slice(&slices->items[i], before);
+        name_slice(&slices->items[i + 1], after);
+        import_warn(warnings,
+                    "%.0f %s missing at %.6g mm, between %s and %s: the gap there is %.6g "
+                    "mm, and others are %.6g mm.",
+                    missing, missing > 1 ? "slices are" : "slice is",
+                    slices->items[i].place + gap / 2, before, after, gap, usual);
+    }
+    if (!wide)
+        import_warn(warnings,
+                    "The slices do not lie evenly: their distances are between %.6g and %.6g mm.",
+                    gaps[0], gaps[count - 1]);
+}
+
+/* The axis of the slices, which need not be perpendicular to them nor even. */
+static bool place_slices(const struct dicom_slices *slices, struct import_warnings *warnings,
+                         struct sp_grid *grid, double **out) {
+    const struct sp_vec3 first = sp_vec3_from(slices->items[0].is.position);
+    const struct sp_vec3 last = sp_vec3_from(slices->items[slices->count - 1].is.position);
+    const struct sp_vec3 all = sp_vec3_sub(last, first), along = sp_vec3_normalize(all);
+    const double step = sp_vec3_length(all) / (slices->count - 1);
+    double *places = malloc(slices->count * sizeof *places);
+    double *gaps = malloc(slices->count * sizeof *gaps);
+    bool is_even = true;
+    *out = places;
+    for (uint32_t i = 0; places && gaps && i < slices->count; i++) {
+        const struct sp_vec3 at = sp_vec3_from(slices->items[i].is.position);
+        places[i] = sp_vec3_dot(sp_vec3_sub(at, first), along);
+        is_even &= fabs(places[i] - i * step) <= EVEN_SHARE * step;
+    }
+    grid->spacing[2] = step;
+    for (int row = 0; row < 3; row++)
+        grid->direction[row][2] = along.v[row];
+    if (places && gaps && !is_even) {
+        warn_of_gaps(slices, places, gaps, warnings);
+        import_grid_place(grid, 2, places);
+    }
+    const bool ok = places && gaps;
+    free(gaps);
+    return ok;
+}
+
+bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_source *source,
+                     struct import_header *header, double **places, struct sp_error *err) {
+    struct sp_grid *grid = &header->grid;
+    const struct dicom_frame *first = &slices->items[0].is;
+    const struct sp_vec3 normal =
+        sp_vec3_cross(sp_vec3_from(first->along[0]), sp_vec3_from(first->along[1]));
+    const bool is_mm = first->spacing[0] > 0 && first->spacing[1] > 0;
+    *places = NULL;
+    grid->dims[0] = source->image.columns;
+    grid->dims[1] = source->image.rows;
+    grid->dims[2] = slices->count;
+    for (int axis = 0; axis < 3; axis++)
+        grid->spacing[axis] = first->spacing[axis] > 0 ? first->spacing[axis] : 1;
+    snprintf(header->unit, sizeof header->unit, "%s", is_mm ? "mm" : "");
+    if (!first->is_placed)
+        return true;
+    for (int row = 0; row < 3; row++) {
+        grid->direction[row][0] = first->along[0][row];
+        grid->direction[row][1] = first->along[1][row];
+        grid->direction[row][2] = normal.v[row];
+        grid->origin[row] = first->position[row];
+    }
+    if (slices->count > 1 && !place_slices(slices, source->file->warnings, grid, places))
+        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
+    import_header_set_anatomy(header, "LPS");
+    return true;
+}
