@@ -135,6 +135,34 @@ bool sp_import_child_start(struct sp_import_child *c, const char *program, char 
     return ok;
 }
 
+bool sp_import_child_start_reader(struct sp_import_child *c, const char *program,
+                                  const struct sp_import_request *request, const char *scratch,
+                                  int fds[], unsigned count, struct sp_error *err) {
+    const struct sp_source_parts *parts = request->parts;
+    char seconds[16], step[16], level[16];
+    snprintf(seconds, sizeof seconds, "%d", c->timeout_ms / 1000 + 1);
+    snprintf(step, sizeof step, "%" PRIu32, request->step);
+    snprintf(level, sizeof level, "%d", parts->level);
+    const char *arguments[SP_ARGUMENT_COUNT + 1] = {
+        [SP_ARGUMENT_PROGRAM] = "splat-import",
+        [SP_ARGUMENT_PATH] = request->path,
+        [SP_ARGUMENT_ROOT] = request->root,
+        [SP_ARGUMENT_FOLDER] = request->folder,
+        [SP_ARGUMENT_CPU_SECONDS] = seconds,
+        [SP_ARGUMENT_MODE] = request->serves_chunks ? SP_IMPORT_CHUNKS : "",
+        [SP_ARGUMENT_PATTERN] = request->pattern,
+        [SP_ARGUMENT_STEP] = step,
+        [SP_ARGUMENT_LEVEL] = level,
+        [SP_ARGUMENT_SERIES] = parts->series,
+        [SP_ARGUMENT_AS] = parts->as,
+        [SP_ARGUMENT_UNIT] = parts->unit,
+        [SP_ARGUMENT_VECTORS] = parts->vectors,
+        [SP_ARGUMENT_FIELD] = parts->field,
+    };
+    /* posix_spawn() does not write to the strings, although its type allows it. */
+    return sp_import_child_start(c, program, (char *const *)arguments, scratch, fds, count, err);
+}
+
 int sp_import_child_reap(struct sp_import_child *c) {
     int status = 0;
     if (c->pid == 0)

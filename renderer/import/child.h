@@ -15,8 +15,35 @@
 /* The open descriptors of the child, beside the standard ones. What it reads from comes last. */
 enum { SP_IMPORT_SOCKET = 3, SP_IMPORT_MEMORY = 4, SP_IMPORT_FILE = 5 };
 
-/* The last argument of splat-import if it reads chunks when they are asked for; otherwise "". */
+/* The arguments of splat-import. MODE is SP_IMPORT_CHUNKS if it reads chunks when they are asked
+ * for; otherwise "". */
+enum sp_import_argument {
+    SP_ARGUMENT_PROGRAM,
+    SP_ARGUMENT_PATH,
+    SP_ARGUMENT_ROOT,
+    SP_ARGUMENT_FOLDER,
+    SP_ARGUMENT_CPU_SECONDS,
+    SP_ARGUMENT_MODE,
+    SP_ARGUMENT_PATTERN,
+    SP_ARGUMENT_STEP,
+    SP_ARGUMENT_LEVEL,
+    SP_ARGUMENT_SERIES,
+    SP_ARGUMENT_AS,
+    SP_ARGUMENT_UNIT,
+    SP_ARGUMENT_VECTORS,
+    SP_ARGUMENT_FIELD,
+    SP_ARGUMENT_COUNT
+};
 #define SP_IMPORT_CHUNKS "chunks"
+
+/* What splat-import reads. All strings are borrowed and not NULL; "" = the reader chooses. */
+struct sp_import_request {
+    const char *path, *root, *folder;
+    const char *pattern; /* of a time series of files (numbered.h); "" = one file */
+    const struct sp_source_parts *parts;
+    uint32_t step;
+    bool serves_chunks;
+};
 
 struct sp_import_child {
     const char *shown;  /* the name in errors, owned by the caller */
@@ -36,6 +63,12 @@ bool sp_import_find_program(const char *name, const char *given, char path[PATH_
  * SP_IMPORT_FILE on. Replaces fds[] by other descriptors, which the caller closes. SP_ERR_IO. */
 bool sp_import_child_start(struct sp_import_child *child, const char *program, char *const argv[],
                            const char *scratch, int fds[], unsigned count, struct sp_error *err);
+
+/* Starts splat-import with these arguments; child->timeout_ms limits its CPU time. Otherwise as
+ * sp_import_child_start(). */
+bool sp_import_child_start_reader(struct sp_import_child *child, const char *program,
+                                  const struct sp_import_request *request, const char *scratch,
+                                  int fds[], unsigned count, struct sp_error *err);
 
 /* Receives and checks the next message. Calls check() every 50 ms, which returns false with *err
  * set to give up. False with *err set, or with *ended if the child closed its end. */

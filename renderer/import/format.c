@@ -178,3 +178,20 @@ void import_header_set_anatomy(struct import_header *header, const char letters[
         }
     }
 }
+
+bool import_header_use_selection(struct import_header *header, const struct import_file *file,
+                                 struct sp_error *err) {
+    const struct import_selection *selection = &file->selection;
+    if (selection->as != IMPORT_AS_FILE && !header->used_as)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "?as=%s: the file has no axis or components that can be read so; open it "
+                       "without ?as=",
+                       import_as_name(selection->as));
+    if (selection->series[0] && !header->used_series)
+        return sp_fail(err, SP_ERR_UNSUPPORTED, file->shown,
+                       "?series=%.60s: only DICOM files have series; open it without ?series=",
+                       selection->series);
+    if (selection->unit[0])
+        snprintf(header->unit, sizeof header->unit, "%s", selection->unit);
+    return true;
+}

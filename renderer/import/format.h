@@ -15,6 +15,7 @@
 #include <limits.h>
 
 #include "bricks/chunks.h"
+#include "import/selection.h"
 #include "import/warnings.h"
 
 struct import_progress {
@@ -37,8 +38,9 @@ struct import_file {
     const struct import_progress *opening;
     /* Of the time series of files that this one belongs to, the pattern of their names
      * (numbered.h); "" = only this file is read. */
-    const char *series;
-    uint32_t step; /* of a time series, from 0 */
+    const char *pattern;
+    struct import_selection selection; /* of the source */
+    uint32_t step;                     /* of a time series, from 0 */
     int level; /* of detail, for formats that have several: 0 = the finest, −1 = the reader chooses
                 */
 };
@@ -65,7 +67,8 @@ struct import_steps {
 struct import_header {   /* result of open() */
     struct sp_grid grid; /* the reader owns its coordinates until close() */
     struct import_steps steps;
-    bool took_folder; /* the volume has all files of the folder that belong to the file */
+    bool used_as, used_series; /* the reader honoured file->selection */
+    bool took_folder;          /* the volume has all files of the folder that belong to the file */
     enum sp_type type;
     char unit[SP_UNIT_BYTES];
     char anatomy[4];             /* as in struct sp_volume_info */
@@ -130,7 +133,7 @@ bool import_format_needs_module(const uint8_t *start, size_t size, const char *s
 /* Reads a remote hierarchy (remote.h); not in the list of file formats. */
 extern const struct import_format import_zarr_remote;
 
-/* The time series of the files that file->series names. */
+/* The time series of the files that file->pattern names. */
 extern const struct import_format import_series;
 
 extern const struct import_format import_collection, import_csv, import_dicom, import_image,
@@ -150,6 +153,11 @@ void import_place(char place[SP_ERROR_PLACE], const char *shown, uint64_t byte, 
 __attribute__((format(printf, 6, 7))) bool import_fail(struct sp_error *err, enum sp_code code,
                                                        const char *shown, uint64_t byte,
                                                        const char *field, const char *format, ...);
+
+/* After open(): fails if the reader has not honoured file->selection, and sets the unit.
+ * SP_ERR_UNSUPPORTED. */
+bool import_header_use_selection(struct import_header *header, const struct import_file *file,
+                                 struct sp_error *err);
 
 /* Says that the file has `count` steps in time. Fails if the step of `file` is not one of them. */
 bool import_header_use_steps(struct import_header *header, const struct import_file *file,

@@ -34,9 +34,8 @@ enum { TIMEOUT_DEFAULT_MS = 300000 };
 static const double OPENED = 0.1, READ = 0.95;
 
 struct import {
-    const char *source, *field;   /* as the caller gave them; "" = the reader chooses the field */
-    char vectors[SP_FIELD_BYTES]; /* the same */
-    int level;                    /* −1 = the reader chooses */
+    const char *source;           /* as the caller gave it */
+    struct sp_source_parts parts; /* of the source; its level may become coarser */
     bool is_coarser;              /* there was no memory for a finer level */
     struct sp_import_place place;
     const struct sp_load_options *options;
@@ -67,26 +66,16 @@ static bool is_sparse(int file) {
 }
 
 static bool start_child(struct import *im, struct sp_error *err) {
-    char name[] = "splat-import", seconds[16], step[16], level[16], mode[] = "";
+    const struct sp_import_request request = { .path = im->place.path,
+                                               .root = im->place.root,
+                                               .folder = im->input.folder,
+                                               .pattern = im->place.series,
+                                               .parts = &im->parts,
+                                               .step = im->options->step };
     im->has_holes = is_sparse(im->input.fds[0]);
-    snprintf(seconds, sizeof seconds, "%d", im->timeout_ms / 1000 + 1);
-    snprintf(step, sizeof step, "%u", im->options->step);
-    snprintf(level, sizeof level, "%d", im->level);
-    char *argv[] = { name,
-                     im->place.path,
-                     im->place.root,
-                     im->input.folder,
-                     seconds,
-                     (char *)im->field,
-                     im->place.series,
-                     step,
-                     level,
-                     im->vectors,
-                     mode,
-                     NULL };
     im->child = (struct sp_import_child){ .shown = im->place.path, .timeout_ms = im->timeout_ms };
-    const bool ok = sp_import_child_start(&im->child, im->importer, argv, im->scratch,
-                                          im->input.fds, im->input.count, err);
+    const bool ok = sp_import_child_start_reader(&im->child, im->importer, &request, im->scratch,
+                                                 im->input.fds, im->input.count, err);
     sp_import_input_hand_over(&im->input);
     return ok;
 }
@@ -199,8 +188,9 @@ static void describe(const struct import *im, struct sp_volume_info *info) {
             break;
         }
     memcpy(info->name, im->place.name, sizeof info->name);
-    append_word(info->name, im->field);
-    append_word(info->name, im->vectors);
+    append_word(info->name, im->parts.series);
+    append_word(info->name, im->parts.field);
+    append_word(info->name, im->parts.vectors);
     snprintf(info->source, sizeof info->source, "%s", im->source);
 }
 
@@ -276,9 +266,7 @@ static struct import *create(const char *source, const struct sp_load_options *o
     }
     im->source = source;
     snprintf(im->place.path, sizeof im->place.path, "%.*s", (int)length, source);
-    im->field = parts.field;
-    im->level = parts.level;
-    memcpy(im->vectors, parts.vectors, sizeof im->vectors);
+    im->parts = parts;
     im->options = options ? options : &none;
     im->input.fds[0] = im->input.fds[1] = im->input.fetch.socket = im->input.fetch.memory = -1;
     im->child.memory = im->child.socket = -1;
@@ -302,11 +290,11 @@ static bool attempt(struct import *im, struct sp_error *err) {
 /* If the caller leaves the level open, the finest one that gets its memory is loaded. *why: why a
  * finer one was not read. */
 static bool read_coarser(struct import *im, struct sp_error *why) {
-    const bool is_open = im->level < 0 && !im->options->is_finest;
+    const bool is_open = im->parts.level < 0 && !im->options->is_finest;
     bool ok = false;
     while (!ok && is_open && why->code == SP_ERR_BUDGET &&
            im->header.level + 1 < im->header.level_count) {
-        im->level = (int)im->header.level + 1;
+        im->parts.level = (int)im->header.level + 1;
         im->is_coarser = true;
         finish(im);
         ok = attempt(im, why);
@@ -339,12 +327,12 @@ static struct sp_volume *open_chunks(struct import *im, const struct sp_error *w
                                      struct sp_error *err) {
     struct sp_chunk_source chunks;
     *err = *why;
-    if (im->level >= 0 || im->scratch ||
+    if (im->parts.level >= 0 || im->scratch ||
         !(im->place.is_remote || (why->code == SP_ERR_BUDGET && im->header.level_count > 1)))
         return NULL;
     const struct sp_pyramid_job job = { .place = &im->place,
                                         .importer = im->importer,
-                                        .field = im->field,
+                                        .parts = &im->parts,
                                         .options = im->options,
                                         .timeout_ms = im->timeout_ms };
     finish(im);

@@ -8,29 +8,66 @@
 #include "import/launch.h"
 #include "volume/procedural.h"
 
-/* Reads "?field=NAME", "?vectors=NAME" or "?level=N", or several of them in the order level,
- * vectors, field, joined by '&'. */
-static bool read_query(const char *at, struct sp_source_parts *parts) {
-    struct sp_source_parts found = { .path_bytes = parts->path_bytes, .level = -1 };
-    at++;
-    if (strncmp(at, "level=", 6) == 0 && isdigit((unsigned char)at[6])) {
-        const size_t digits = strspn(at + 6, "0123456789");
-        if (digits > 3 || (at[6 + digits] && at[6 + digits] != '&'))
-            return false;
-        found.level = atoi(at + 6);
-        at += 6 + digits + (at[6 + digits] == '&');
+/* A value of the query ends at '&' and must not be empty. Returns the text after it, or NULL. */
+static const char *read_value(const char *at, const char *key, char *value, size_t size) {
+    const size_t length = strlen(key);
+    if (strncmp(at, key, length) != 0)
+        return NULL;
+    at += length;
+    const size_t n = strcspn(at, "&");
+    snprintf(value, size, "%.*s", (int)n, at);
+    return n > 0 ? at + n + (at[n] == '&') : NULL;
+}
+
+/* Reads what chooses the file's part or meaning, before its vectors and field. Returns the text
+ * after it, or NULL if a value is wrong or there twice. */
+static const char *read_choices(const char *at, struct sp_source_parts *parts) {
+    for (;;) {
+        char level[8] = "";
+        const struct {
+            const char *key;
+            char *value;
+            size_t size;
+        } choices[] = { { "level=", level, sizeof level },
+                        { "series=", parts->series, sizeof parts->series },
+                        { "as=", parts->as, sizeof parts->as },
+                        { "unit=", parts->unit, sizeof parts->unit } };
+        size_t i = 0;
+        while (i < sizeof choices / sizeof *choices &&
+               strncmp(at, choices[i].key, strlen(choices[i].key)) != 0)
+            i++;
+        if (i == sizeof choices / sizeof *choices)
+            return at;
+        const bool is_repeated = choices[i].value[0] || (i == 0 && parts->level >= 0);
+        at = is_repeated ? NULL : read_value(at, choices[i].key, choices[i].value, choices[i].size);
+        const size_t digits = strspn(level, "0123456789");
+        if (!at || (i == 0 && (digits > 3 || level[digits])))
+            return NULL;
+        if (i == 0)
+            parts->level = atoi(level);
     }
-    const bool has_vectors = strncmp(at, "vectors=", 8) == 0;
-    if (has_vectors) {
+}
+
+/* Reads the query that begins at '?'. False if it is part of a name. */
+static bool read_query(const char *query, struct sp_source_parts *parts) {
+    struct sp_source_parts found = { .path_bytes = parts->path_bytes, .level = -1 };
+    const char *at = read_choices(query + 1, &found);
+    if (!at)
+        return false;
+    const bool has_choices = at > query + 1;
+    const char *rest = at;
+    if (strncmp(at, "vectors=", 8) == 0) {
         const char *name = at + 8, *end = strstr(name, "&field=");
         const size_t length = end ? (size_t)(end - name) : strlen(name);
         snprintf(found.vectors, sizeof found.vectors, "%.*s", (int)length, name);
         at = name + length + (end != NULL);
     }
     const bool has_field = strncmp(at, "field=", 6) == 0;
-    if (!has_field && ((found.level < 0 && !has_vectors) || *at))
+    if (!has_field && (*at || (at == rest && !has_choices)))
         return false;
     found.field = has_field ? at + 6 : at;
+    const bool has_names = has_field || at != rest;
+    found.file_bytes = parts->file_bytes + (size_t)(rest - query) - (has_names ? 1 : 0);
     *parts = found;
     return true;
 }
@@ -49,17 +86,23 @@ static bool is_container(const char *source, size_t length) {
 
 struct sp_source_parts sp_source_split(const char *source) {
     const size_t length = strlen(source);
-    struct sp_source_parts parts = { .path_bytes = length, .level = -1, .field = source + length };
+    struct sp_source_parts parts = {
+        .path_bytes = length, .file_bytes = length, .level = -1, .field = source + length
+    };
     if (sp_source_is_demo(source))
         return parts;
-    for (const char *at = strchr(source, '?'); at; at = strchr(at + 1, '?'))
-        if (read_query(at, &parts))
-            parts.path_bytes = (size_t)(at - source);
+    for (const char *at = strchr(source, '?'); at; at = strchr(at + 1, '?')) {
+        struct sp_source_parts found = { .path_bytes = (size_t)(at - source),
+                                         .file_bytes = (size_t)(at - source) };
+        if (read_query(at, &found))
+            parts = found;
+    }
     if (parts.path_bytes < length)
         return parts;
     for (const char *at = strstr(source, ":/"); at; at = strstr(at + 1, ":/"))
         if (is_container(source, (size_t)(at - source)))
             return (struct sp_source_parts){ .path_bytes = (size_t)(at - source),
+                                             .file_bytes = (size_t)(at - source),
                                              .level = -1,
                                              .field = at + 1 };
     return parts;

@@ -98,7 +98,7 @@ static const struct import_format *find_format(const struct job *job, struct sp_
         sp_fail(err, SP_ERR_IO, file->shown, "cannot read the file");
         return NULL;
     }
-    return *file->series
+    return *file->pattern
                ? &import_series
                : import_format_find(job->start, (size_t)job->start_size, file->shown, err);
 }
@@ -333,7 +333,8 @@ static int run(struct job *job) {
         return say_error(&err);
     const bool has_step =
         header->steps.count > 0 || import_header_use_steps(header, &job->file, 1, &err);
-    if (!has_step || !check_field(job, &err)) {
+    if (!has_step || !import_header_use_selection(header, &job->file, &err) ||
+        !check_field(job, &err)) {
         job->format->close(reader);
         return say_error(&err);
     }
@@ -373,27 +374,30 @@ static int run(struct job *job) {
 
 int main(int argc, char **argv) {
     struct stat st;
-    if (argc != 11 || fstat(SP_IMPORT_FILE, &st) != 0) {
+    if (argc != SP_ARGUMENT_COUNT || fstat(SP_IMPORT_FILE, &st) != 0) {
         fprintf(stderr,
                 "splat-import is started by splatd and splatctl; it has no use on its own\n");
         return 2;
     }
     struct job job = { .file = { .fd = SP_IMPORT_FILE,
                                  .size = (uint64_t)st.st_size,
-                                 .shown = argv[1],
-                                 .root = argv[2],
-                                 .folder = argv[3],
-                                 .field = argv[5],
-                                 .series = argv[6],
-                                 .step = (uint32_t)strtoul(argv[7], NULL, 10),
-                                 .level = atoi(argv[8]),
-                                 .vectors = argv[9] },
-                       .serves = strcmp(argv[10], SP_IMPORT_CHUNKS) == 0 };
+                                 .shown = argv[SP_ARGUMENT_PATH],
+                                 .root = argv[SP_ARGUMENT_ROOT],
+                                 .folder = argv[SP_ARGUMENT_FOLDER],
+                                 .pattern = argv[SP_ARGUMENT_PATTERN],
+                                 .step = (uint32_t)strtoul(argv[SP_ARGUMENT_STEP], NULL, 10),
+                                 .level = atoi(argv[SP_ARGUMENT_LEVEL]),
+                                 .selection = { .series = argv[SP_ARGUMENT_SERIES],
+                                                .unit = argv[SP_ARGUMENT_UNIT] },
+                                 .vectors = argv[SP_ARGUMENT_VECTORS],
+                                 .field = argv[SP_ARGUMENT_FIELD] },
+                       .serves = strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_CHUNKS) == 0 };
     struct sp_error err;
     job.file.warnings = &job.warnings;
-    job.is_remote = sp_address_is_remote(argv[1]);
+    job.is_remote = sp_address_is_remote(argv[SP_ARGUMENT_PATH]);
     job.start_size = pread(SP_IMPORT_FILE, job.start, sizeof job.start, 0);
-    if (!enter_sandbox(&job, atoi(argv[4]), &err))
+    if (!import_as_parse(argv[SP_ARGUMENT_AS], &job.file.selection.as, job.file.shown, &err) ||
+        !enter_sandbox(&job, atoi(argv[SP_ARGUMENT_CPU_SECONDS]), &err))
         return say_error(&err);
     return run(&job);
 }

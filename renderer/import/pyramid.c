@@ -34,7 +34,8 @@ struct reader {
 struct pyramid {
     struct sp_import_place place; /* a copy */
     char importer[PATH_MAX];
-    char *field, *allowed; /* owned; the hosts, NULL = none */
+    char *field, *allowed;        /* owned; the hosts, NULL = none */
+    struct sp_source_parts parts; /* its field is the one above */
     uint32_t step;
     int timeout_ms;
     enum sp_type type;
@@ -78,29 +79,20 @@ static bool expect(struct reader *r, enum sp_handover_kind kind, struct sp_hando
 
 static bool spawn(struct reader *r, struct sp_error *err) {
     struct pyramid *p = r->pyramid;
-    char name[] = "splat-import", level[] = "-1", vectors[] = "", mode[] = SP_IMPORT_CHUNKS;
-    char seconds[16], step[16];
     if (!sp_import_input_open(&r->input, &p->place, p->importer, p->allowed, err))
         return false;
-    snprintf(seconds, sizeof seconds, "%d", p->timeout_ms / 1000 + 1);
-    snprintf(step, sizeof step, "%u", p->step);
-    char *argv[] = { name,
-                     p->place.path,
-                     p->place.root,
-                     r->input.folder,
-                     seconds,
-                     p->field,
-                     p->place.series,
-                     step,
-                     level,
-                     vectors,
-                     mode,
-                     NULL };
+    const struct sp_import_request request = { .path = p->place.path,
+                                               .root = p->place.root,
+                                               .folder = r->input.folder,
+                                               .pattern = p->place.series,
+                                               .parts = &p->parts,
+                                               .step = p->step,
+                                               .serves_chunks = true };
     r->child = (struct sp_import_child){
         .shown = p->place.path, .timeout_ms = p->timeout_ms, .socket = -1, .memory = -1
     };
-    const bool ok = sp_import_child_start(&r->child, p->importer, argv, NULL, r->input.fds,
-                                          r->input.count, err);
+    const bool ok = sp_import_child_start_reader(&r->child, p->importer, &request, NULL,
+                                                 r->input.fds, r->input.count, err);
     sp_import_input_hand_over(&r->input);
     return ok;
 }
@@ -234,7 +226,7 @@ static bool choose_readers(struct pyramid *p, struct sp_error *err) {
 bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header *header,
                      struct sp_chunk_source *source, struct sp_error *err) {
     struct pyramid *p = calloc(1, sizeof *p);
-    if (!p || !(p->field = strdup(job->field))) {
+    if (!p || !(p->field = strdup(job->parts->field))) {
         free(p);
         return sp_fail(err, SP_ERR_MEMORY, job->place->path, "out of memory");
     }
@@ -244,6 +236,10 @@ bool sp_pyramid_open(const struct sp_pyramid_job *job, struct sp_handover_header
         return sp_fail(err, SP_ERR_MEMORY, job->place->path, "out of memory");
     }
     p->place = *job->place;
+    p->parts = *job->parts;
+    p->parts.field = p->field;
+    p->parts.vectors[0] = 0;
+    p->parts.level = -1;
     snprintf(p->importer, sizeof p->importer, "%s", job->importer);
     p->step = job->options->step;
     p->timeout_ms = job->timeout_ms;

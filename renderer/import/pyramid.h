@@ -17,7 +17,7 @@
 struct sp_pyramid_job { /* borrowed for the call */
     const struct sp_import_place *place;
     const char *importer;
-    const char *field; /* "" = the reader chooses */
+    const struct sp_source_parts *parts; /* of the source; its vectors and level do not count */
     const struct sp_load_options *options;
     int timeout_ms;
 };

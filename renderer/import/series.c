@@ -52,7 +52,7 @@ static bool open_file(struct series *s, const struct import_file *source, const 
     *strrchr(s->folder, '/') = 0;
     s->file.shown = s->shown;
     s->file.folder = s->folder[0] ? s->folder : "/";
-    s->file.series = "";
+    s->file.pattern = "";
     s->file.step = 0;
     return true;
 }
@@ -74,7 +74,7 @@ static bool open_step(struct series *s, struct import_header *header, struct sp_
  * the only one. */
 static bool open_numbered(struct series *s, const struct import_file *file,
                           struct import_header *header, struct sp_error *err) {
-    if (!sp_numbered_list(file->folder, file->series, SP_STEPS_MAX + 1, &s->numbered, file->shown,
+    if (!sp_numbered_list(file->folder, file->pattern, SP_STEPS_MAX + 1, &s->numbered, file->shown,
                           err))
         return false;
     const uint32_t count = s->numbered.count;

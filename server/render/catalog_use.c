@@ -237,13 +237,6 @@ bool srv_catalog_measure(void *user, void *handle, const struct sp_view *view,
     return ok;
 }
 
-/* The length of a source without its fields: "PATH" or "PATH?level=N". */
-static size_t file_length(const char *source) {
-    const struct sp_source_parts parts = sp_source_split(source);
-    const size_t number = parts.path_bytes + strlen("?level=");
-    return parts.level < 0 ? parts.path_bytes : number + strspn(source + number, "0123456789");
-}
-
 /* What to choose in the file of an entry, in *parts. A component of vectors that are replaced ends.
  */
 static void choose(const struct srv_volume *v, const char *field, const char *vectors,
@@ -265,9 +258,9 @@ static void choose(const struct srv_volume *v, const char *field, const char *ve
 static const struct srv_volume *find_fields(const struct srv_catalog *catalog,
                                             const struct srv_volume *of,
                                             const struct sp_source_parts *wanted) {
-    const size_t length = file_length(of->source);
+    const size_t length = sp_source_split(of->source).file_bytes;
     for (const struct srv_volume *v = catalog->entries; v; v = v->next) {
-        if (v->state != SRV_VOLUME_READY || file_length(v->source) != length ||
+        if (v->state != SRV_VOLUME_READY || sp_source_split(v->source).file_bytes != length ||
             memcmp(v->source, of->source, length) != 0)
             continue;
         const struct sp_volume_info *info = sp_volume_info(v->volume);
@@ -284,7 +277,8 @@ static const struct srv_volume *find_fields(const struct srv_catalog *catalog,
 static char *source_of(const char *file, size_t length, const struct sp_source_parts *parts) {
     char *source = NULL;
     const char *vectors = parts->vectors, *field = parts->field;
-    const char *first = parts->level < 0 ? "?" : "&", *second = vectors[0] ? "&" : first;
+    const char *first = parts->file_bytes == parts->path_bytes ? "?" : "&",
+               *second = vectors[0] ? "&" : first;
     const int written = asprintf(&source, "%.*s%s%s%s%s%s%s", (int)length, file,
                                  vectors[0] ? first : "", vectors[0] ? "vectors=" : "", vectors,
                                  field[0] ? second : "", field[0] ? "field=" : "", field);
@@ -307,7 +301,7 @@ bool srv_catalog_field(struct srv_catalog *catalog, const char *id, const char *
         const size_t begin = folder > 1 ? folder + 1 : folder; /* "/" ends with its slash */
         request->confined = v->confined;
         *source = known ? strdup(known->source + begin)
-                        : source_of(v->source + begin, file_length(v->source) - begin, &choice);
+                        : source_of(v->source + begin, choice.file_bytes - begin, &choice);
         if (!*source)
             ok = sp_fail(err, SP_ERR_MEMORY, NULL, "out of memory for a path");
     }

@@ -197,6 +197,12 @@ static size_t write_stem(const char *source, char stem[STEM_BYTES]) {
     if (parts.level >= 0)
         snprintf(stem + length, STEM_BYTES - length, " level %d", parts.level);
     length = strlen(stem);
+    if (parts.series[0])
+        snprintf(stem + length, STEM_BYTES - length, " %s", parts.series);
+    length = strlen(stem);
+    if (parts.as[0])
+        snprintf(stem + length, STEM_BYTES - length, " as %s", parts.as);
+    length = strlen(stem);
     if (parts.field[0])
         snprintf(stem + length, STEM_BYTES - length, " %s", parts.field);
     length = strlen(stem);

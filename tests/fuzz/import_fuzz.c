@@ -105,7 +105,8 @@ int fuzz_import(const struct import_format *format, const char *shown, const uin
                                       .folder = folder,
                                       .field = size % 2 ? "s" : "v x",
                                       .vectors = "",
-                                      .series = "",
+                                      .pattern = "",
+                                      .selection = { .series = "", .unit = "" },
                                       .step = size % 8 == 7,
                                       .warnings = &warnings };
     struct import_header header = { .bytes = 0 };

@@ -43,6 +43,7 @@ enum {
     SP_HISTOGRAM_BINS = 256,
     SP_UNIT_BYTES = 32,
     SP_FIELD_BYTES = 64,
+    SP_SERIES_BYTES = 68,
     SP_OTHER_FIELDS_MAX = 16,
     SP_OTHER_VECTORS_MAX = 8,
     SP_WARNINGS_MAX = 8,
@@ -160,13 +161,20 @@ SP_API size_t sp_type_size(enum sp_type type);
 SP_API const char *sp_type_name(enum sp_type type);
 
 /* The source of a file is PATH, PATH?field=NAME, PATH?vectors=NAME or PATH?level=N, or has several
- * of them in the order level, vectors, field: PATH?vectors=NAME&field=NAME; of HDF5 and NetCDF
- * files also PATH:/NAME, with the extension before the colon. */
+ * of them, joined by '&'; vectors and field are the last two: PATH?vectors=NAME&field=NAME. Before
+ * them, "series=ID" chooses a DICOM series of a folder, "as=KIND" says what the extra axis or the
+ * components of the file are, and "unit=UNIT" the unit of its spacing. HDF5 and NetCDF files also
+ * have PATH:/NAME, with the extension before the colon. */
 struct sp_source_parts {
-    size_t path_bytes;            /* length of PATH; of a built-in volume of the whole source */
-    int level;                    /* of detail, 0 = the finest; −1 = the reader chooses */
-    const char *field;            /* a part of the source; "" = the reader chooses */
-    char vectors[SP_FIELD_BYTES]; /* cut if it is longer; "" = the reader chooses */
+    size_t path_bytes; /* length of PATH; of a built-in volume of the whole source */
+    size_t file_bytes; /* length of everything before vectors and field */
+    int level;         /* of detail, 0 = the finest; −1 = the reader chooses */
+    const char *field; /* a part of the source; "" = the reader chooses */
+    /* Values that are longer are cut; "" = the reader chooses. */
+    char vectors[SP_FIELD_BYTES];
+    char series[SP_SERIES_BYTES]; /* SeriesInstanceUID, number or description of a series */
+    char as[16];                  /* "time", "vectors", "rgb", "channels", "labels" */
+    char unit[SP_UNIT_BYTES];
 };
 SP_API struct sp_source_parts sp_source_split(const char *source);
 

@@ -158,24 +158,30 @@ static void a_source_may_name_a_field(void **state) {
         const char *source;
         size_t path_bytes;
         int level;
-        const char *field, *vectors;
+        const char *field, *vectors, *series, *as, *unit;
     } cases[] = {
-        { "a?field=b.vtk?field=c d", 13, -1, "c d", "" },
-        { "a.vtk", 5, -1, "", "" },
-        { "demo:phantom?field=x", 20, -1, "", "" },
-        { "a.zarr?level=2", 6, 2, "", "" },
-        { "a.zarr?level=12&field=c&d=e", 6, 12, "c&d=e", "" },
-        { "a.zarr?level=", 13, -1, "", "" },
-        { "a.zarr?level=2&x", 16, -1, "", "" },
-        { "a.zarr?field=c&level=2", 6, -1, "c&level=2", "" },
-        { "b:/a.H5:/c:/d", 7, -1, "/c:/d", "" },
-        { "a.vtk:/b", 8, -1, "", "" },
-        { "a.vtk?vectors=v w", 5, -1, "", "v w" },
-        { "a.vtk?vectors=v&field=p&q", 5, -1, "p&q", "v" },
-        { "a.vtk?level=3&vectors=v&field=p", 5, 3, "p", "v" },
-        { "a.vtk?level=3&vectors=v", 5, 3, "", "v" },
-        { "a?vectors=x.vtk?field=p", 15, -1, "p", "" },
-        { "a?field=x.vtk?vectors=v", 13, -1, "", "v" },
+        { "a?field=b.vtk?field=c d", 13, -1, "c d", "", "", "", "" },
+        { "a.vtk", 5, -1, "", "", "", "", "" },
+        { "demo:phantom?field=x", 20, -1, "", "", "", "", "" },
+        { "a.zarr?level=2", 6, 2, "", "", "", "", "" },
+        { "a.zarr?level=12&field=c&d=e", 6, 12, "c&d=e", "", "", "", "" },
+        { "a.zarr?level=", 13, -1, "", "", "", "", "" },
+        { "a.zarr?level=2&x", 16, -1, "", "", "", "", "" },
+        { "a.zarr?field=c&level=2", 6, -1, "c&level=2", "", "", "", "" },
+        { "b:/a.H5:/c:/d", 7, -1, "/c:/d", "", "", "", "" },
+        { "a.vtk:/b", 8, -1, "", "", "", "", "" },
+        { "a.vtk?vectors=v w", 5, -1, "", "v w", "", "", "" },
+        { "a.vtk?vectors=v&field=p&q", 5, -1, "p&q", "v", "", "", "" },
+        { "a.vtk?level=3&vectors=v&field=p", 5, 3, "p", "v", "", "", "" },
+        { "a.vtk?level=3&vectors=v", 5, 3, "", "v", "", "", "" },
+        { "a?vectors=x.vtk?field=p", 15, -1, "p", "", "", "", "" },
+        { "a?field=x.vtk?vectors=v", 13, -1, "", "v", "", "", "" },
+        { "a.nii?as=rgb", 5, -1, "", "", "", "rgb", "" },
+        { "ct?series=1.2.3&as=time&level=2&field=x", 2, 2, "x", "", "1.2.3", "time", "" },
+        { "a.tif?unit=um", 5, -1, "", "", "", "", "um" },
+        { "a.tif?unit=um&vectors=v", 5, -1, "", "v", "", "", "um" },
+        { "a.tif?as=", 9, -1, "", "", "", "", "" },
+        { "a.tif?as=time&as=rgb", 20, -1, "", "", "", "", "" },
     };
     for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
         const struct sp_source_parts parts = sp_source_split(cases[i].source);
@@ -183,6 +189,9 @@ static void a_source_may_name_a_field(void **state) {
         assert_int_equal(parts.level, cases[i].level);
         assert_string_equal(parts.field, cases[i].field);
         assert_string_equal(parts.vectors, cases[i].vectors);
+        assert_string_equal(parts.series, cases[i].series);
+        assert_string_equal(parts.as, cases[i].as);
+        assert_string_equal(parts.unit, cases[i].unit);
     }
 }
 

@@ -273,10 +273,10 @@ static void misbehave_with_chunks(const char *what) {
 
 int main(int argc, char **argv) {
     char what[64];
-    if (argc != 11)
+    if (argc != SP_ARGUMENT_COUNT)
         return 2;
-    const char *slash = strrchr(argv[1], '/');
-    snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[1]);
+    const char *slash = strrchr(argv[SP_ARGUMENT_PATH], '/');
+    snprintf(what, sizeof what, "%s", slash ? slash + 1 : argv[SP_ARGUMENT_PATH]);
     if (misbehave_before_header(what))
         wait_for_ever();
     struct sp_handover m = valid_header();
@@ -288,7 +288,7 @@ int main(int argc, char **argv) {
     if (strncmp(what, "levels-", 7) == 0 || strncmp(what, "chunk-", 6) == 0)
         m.header.level_count = 2;
     send_message(&m);
-    if (strcmp(argv[10], SP_IMPORT_CHUNKS) == 0)
+    if (strcmp(argv[SP_ARGUMENT_MODE], SP_IMPORT_CHUNKS) == 0)
         misbehave_with_chunks(what);
     await_go();
     misbehave_after_go(what);

@@ -1,0 +1,35 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What the query of a source says about its file: "PATH?series=3&as=time&unit=mm". A reader that
+ * honours `series` or `as` says so in its header; otherwise the load fails, because a choice
+ * without effect would be a wrong picture without a word.
+ */
+#ifndef SP_IMPORT_SELECTION_H
+#define SP_IMPORT_SELECTION_H
+
+#include "sp/status.h"
+
+/* What the extra axis, or the components of each sample, mean. */
+enum import_as {
+    IMPORT_AS_FILE, /* the file says it, or the reader guesses */
+    IMPORT_AS_TIME,
+    IMPORT_AS_VECTORS,
+    IMPORT_AS_RGB,
+    IMPORT_AS_CHANNELS,
+    IMPORT_AS_LABELS, /* the samples are categories */
+    IMPORT_AS_COUNT
+};
+
+struct import_selection {
+    const char *series; /* SeriesInstanceUID, number or description; "" = the reader chooses */
+    const char *unit;   /* of the spacing, in place of the file's; "" = that of the file */
+    enum import_as as;
+};
+
+/* Reads the name of a meaning; "" is IMPORT_AS_FILE. SP_ERR_INVALID at `shown`. */
+bool import_as_parse(const char *name, enum import_as *as, const char *shown, struct sp_error *err);
+
+/* The name in a source; "" for IMPORT_AS_FILE. A constant string. */
+const char *import_as_name(enum import_as as);
+
+#endif
