@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // The texts of the page by key, in the language of the user. Each language has one file text/LANGUAGE.js, whose default export is a
-// flat object. English is complete; a text that another language lacks appears in English. It has two objects, so that <splat-view> carries
+// flat object. English is complete; a text that another language lacks appears in English. It has two files, so that <splat-view> carries
 // only the texts that it needs.
-import { SHARED } from '../text/en.js';
+import shared from '../text/shared/en.js';
 
 /** The languages with a file in text/. */
 export const LANGUAGES = Object.freeze(['en']);
 
-let texts = SHARED;
+let texts = shared;
 
 /** The first of the wanted languages, such as ['de-AT', 'en'], that the page has; otherwise English. */
 export function chooseLanguage(wanted) {

@@ -3,50 +3,6 @@
 // those with one beginning stand in the order of the alphabet.
 // Texts for one element share a key: "fit" is the text, "fit.title" its tooltip.
 
-/** Texts that the page shares with <splat-view>. The element contains only these. */
-export const SHARED = {
-  'element.label': 'The volume. Arrow keys turn it, plus and minus zoom.',
-  'banner.connecting': 'Connecting …',
-  'banner.empty': 'No volume is loaded',
-  'banner.lost.gone': 'The daemon is gone.',
-  'connection.closed': 'the stream was closed with code {code}',
-  'connection.ended': 'This shared session has ended, or the link to it is not valid. Ask for a new link, or open the daemon\'s own address.',
-  'connection.frame': 'the page could not read a frame: {reason}',
-  'connection.link.failed': 'the page could not show the view of the link: {reason}',
-  'connection.lost': 'the connection was lost',
-  'connection.open.late': 'the stream did not open in time',
-  'connection.refused': 'the stream was refused',
-  'connection.restore.failed': 'the page could not restore the last view: {reason}',
-  'connection.silent': 'the daemon has stopped answering',
-  'api.late': 'no answer within {seconds} s',
-  'api.notjson': 'the answer to {what} is not JSON',
-  'api.notlist': 'the answer of the daemon is not a list',
-  'api.silent': 'the daemon does not answer',
-  'api.status': '{what}: status {status}',
-  'frames.undecodable': 'frame {frame} could not be decoded: {reason}',
-  'stream.size.refused': 'the daemon refused the frame size: {reason}',
-  'render.failed': 'The picture could not be rendered: {reason}',
-  'render.noreason': 'no reason given',
-  'info.size': 'Size',
-  'kinds.box': '{size}, the box around all',
-  'kinds.degree': 'Harmonics',
-  'kinds.degree.value': 'degree {degree}',
-  'kinds.gaussians': 'Gaussians',
-  'kinds.gaussians.count': '{count} Gaussians',
-  'kinds.grid': 'Grid',
-  'kinds.mesh': 'Triangles',
-  'kinds.mesh.count': '{count} triangles',
-  'kinds.points': 'Points',
-  'kinds.points.count': '{count} points',
-  'kinds.spacing': 'Typical size',
-  'kinds.vertices': 'Vertices',
-  'people.guest': 'Guest {id}',
-  'people.whynot.holder': '{name} has control. Ask for it under People to change this.',
-  'people.whynot.now': 'You cannot change the view now.',
-  'people.whynot.watch': 'Your link lets you watch. Ask for control under People to change this.',
-};
-
-/** All others. */
 export default {
   // The page.
   'page.title': '{volume} — splatd',

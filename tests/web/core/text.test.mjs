@@ -6,7 +6,8 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { test } from 'node:test';
 import { LANGUAGES, chooseLanguage, hasText, t } from '../../../clients/web/core/text.js';
-import page, { SHARED } from '../../../clients/web/text/en.js';
+import page from '../../../clients/web/text/en.js';
+import SHARED from '../../../clients/web/text/shared/en.js';
 import { storedIcons, usedIcons } from '../../../clients/web/icons.mjs';
 import { literals } from '../support/literals.mjs';
 import '../support/texts.mjs';
@@ -80,7 +81,7 @@ test('every key that the page uses exists', () => {
   assert.deepEqual(unknown, []);
 });
 
-test('the texts are in order: keys with one beginning stand together, sorted; none is in both objects', () => {
+test('the texts are in order: keys with one beginning stand together, sorted; none is in both files', () => {
   for (const texts of [SHARED, page]) {
     const last = new Map();
     let before = '';
