@@ -340,7 +340,7 @@ static bool read_numbers(const struct amira *a, const struct field *f, double *o
     const uint64_t count = values_of(a, f);
     struct import_text *text = malloc(sizeof *text);
     char word[IMPORT_WORD_MAX + 1];
-    uint8_t bytes[8];
+    uint8_t bytes[IMPORT_NUMBER_BYTES];
     uint64_t at = f->at;
     bool ok = text || sp_fail(err, SP_ERR_MEMORY, a->file->shown, "out of memory");
     if (ok)
@@ -354,7 +354,7 @@ static bool read_numbers(const struct amira *a, const struct field *f, double *o
         ok = pread(a->file->fd, bytes, f->number.size, (off_t)at) == (ssize_t)f->number.size ||
              import_fail(err, SP_ERR_FORMAT, a->file->shown, at, f->name, "cannot read");
         if (a->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
-            import_swap(bytes, f->number.size, 1);
+            import_swap_numbers(bytes, f->number, 1);
         out[i] = ok ? import_widen(bytes, f->number) : 0;
         at += f->number.size;
     }
@@ -429,7 +429,7 @@ static void choose(struct amira *a, struct import_header *header) {
 
 /* As what memory holds the numbers of a field. */
 static struct import_conversion conversion_of(const struct amira *a, const struct field *f) {
-    struct import_conversion c = import_conversion_of(f->number);
+    struct import_conversion c = import_conversion_of(f->number, a->file->warnings);
     if (a->is_text)
         c.number = (struct import_number){ IMPORT_FLOAT, sizeof(double) };
     c.components = f->components;

@@ -183,7 +183,7 @@ static void take_type(struct arrays *a, struct import_header *header) {
     a->call->text(a->handle, a->chosen, "_Unsigned", text, sizeof text);
     if (a->is_netcdf && strcasecmp(text, "true") == 0 && number.kind == IMPORT_SIGNED)
         number.kind = IMPORT_UNSIGNED;
-    a->conversion = import_conversion_of(number);
+    a->conversion = import_conversion_of(number, a->file->warnings);
     if (a->is_netcdf) {
         if (a->call->numbers(a->handle, a->chosen, "scale_factor", &value, 1) && isfinite(value) &&
             value != 0)

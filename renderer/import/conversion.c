@@ -3,12 +3,20 @@
 
 #include <math.h>
 #include <stdint.h>
+#include <string.h>
 
 #include "volume/sample.h"
 
-struct import_conversion import_conversion_of(struct import_number number) {
-    struct import_conversion c = { .number = number, .components = 1, .slope = 1 };
+enum { BLOCK = 512 }; /* numbers that are converted at once */
+
+struct import_conversion import_conversion_of(struct import_number number,
+                                              struct import_warnings *warnings) {
+    struct import_conversion c = {
+        .number = number, .components = 1, .slope = 1, .warnings = warnings
+    };
     double low, high;
+    if (import_number_is_complex(number))
+        import_warn(warnings, "The samples are complex numbers; their magnitude is shown.");
     import_number_range(number, &low, &high);
     import_conversion_choose(&c, low, high);
     return c;
@@ -18,8 +26,9 @@ void import_conversion_choose(struct import_conversion *c, double low, double hi
     static const enum sp_type whole[] = { SP_UINT8, SP_INT8, SP_UINT16, SP_INT16, SP_INT32 };
     const double ends[2] = { c->slope * low + c->offset, c->slope * high + c->offset };
     const bool is_whole = trunc(c->slope) == c->slope && trunc(c->offset) == c->offset;
-    if (c->number.kind == IMPORT_FLOAT) {
-        c->type = c->number.size == 4 ? SP_FLOAT32 : SP_FLOAT64;
+    if (!import_number_is_whole(c->number)) {
+        const struct import_number part = import_number_part(c->number);
+        c->type = part.size <= (part.kind == IMPORT_FLOAT ? 4 : 2) ? SP_FLOAT32 : SP_FLOAT64;
         return;
     }
     c->type = c->number.size <= 2 ? SP_FLOAT32 : SP_FLOAT64;
@@ -39,16 +48,45 @@ bool import_conversion_is_copy(const struct import_conversion *c) {
            same.size == c->number.size;
 }
 
+/* True if float64 does not hold one of the whole numbers of 8 bytes. */
+static bool is_rounded(const char *at, struct import_number number, size_t stride, size_t count,
+                       const double *values) {
+    for (size_t i = 0; i < count; i++, at += stride) {
+        uint64_t bits;
+        if (fabs(values[i]) < 0x1p53)
+            continue;
+        memcpy(&bits, at, sizeof bits);
+        if (number.kind == IMPORT_SIGNED
+                ? values[i] >= 0x1p63 || (int64_t)values[i] != (int64_t)bits
+                : values[i] >= 0x1p64 || (uint64_t)values[i] != bits)
+            return true;
+    }
+    return false;
+}
+
+static void put_block(const struct import_conversion *c, const char *at, size_t count, void *out,
+                      uint64_t first) {
+    const size_t stride = c->components * c->number.size;
+    const struct import_number to = import_number_of(c->type);
+    double values[BLOCK], least, most;
+    import_widen_all(at, c->number, stride, count, values);
+    if (c->number.size == 8 && import_number_is_whole(c->number) &&
+        is_rounded(at, c->number, stride, count, values))
+        import_warn(c->warnings, "Some samples are whole numbers above 2^53; they were rounded.");
+    if (c->slope != 1 || c->offset != 0)
+        for (size_t i = 0; i < count; i++)
+            values[i] = c->slope * values[i] + c->offset;
+    import_number_range(to, &least, &most);
+    for (size_t i = 0; i < count; i++)
+        sp_sample_set(out, c->type, first + i,
+                      to.kind == IMPORT_FLOAT ? values[i] : fmin(fmax(values[i], least), most));
+}
+
 void import_conversion_put(const struct import_conversion *c, const void *numbers, size_t count,
                            void *out) {
     const char *at = (const char *)numbers + c->component * c->number.size;
-    const struct import_number to = import_number_of(c->type);
-    double least, most;
-    import_number_range(to, &least, &most);
-    for (size_t i = 0; i < count; i++, at += c->components * c->number.size) {
-        double sample = c->slope * import_widen(at, c->number) + c->offset;
-        if (to.kind != IMPORT_FLOAT)
-            sample = fmin(fmax(sample, least), most);
-        sp_sample_set(out, c->type, i, sample);
+    for (size_t i = 0, n; i < count; i += n, at += n * c->components * c->number.size) {
+        n = count - i < BLOCK ? count - i : BLOCK;
+        put_block(c, at, n, out, i);
     }
 }

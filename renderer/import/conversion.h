@@ -2,6 +2,13 @@
  *
  * Numbers of a file that memory holds in another way: of a type that volumes do not have, rescaled,
  * or one of several components of each sample.
+ *
+ *   file                                  memory
+ *   whole, 1 or 2 bytes; int32            the same
+ *   uint32, int64, uint64                 float64; a warning if one is rounded (above 2^53)
+ *   float16, float32                      float32
+ *   float64                               float64
+ *   complex numbers                       the magnitude in their floating-point type; a warning
  */
 #ifndef SP_IMPORT_CONVERSION_H
 #define SP_IMPORT_CONVERSION_H
@@ -13,11 +20,14 @@ struct import_conversion {
     struct import_number number;    /* in the file */
     unsigned components, component; /* numbers per sample, and which of them is read */
     double slope, offset;
-    enum sp_type type; /* in memory */
+    enum sp_type type;                /* in memory */
+    struct import_warnings *warnings; /* says what is lost; NULL = nobody hears of it */
 };
 
-/* Reads numbers of this kind as they are: slope 1, offset 0, one component. */
-struct import_conversion import_conversion_of(struct import_number number);
+/* Reads numbers of this kind as they are: slope 1, offset 0, one component. Warns of complex
+ * numbers. */
+struct import_conversion import_conversion_of(struct import_number number,
+                                              struct import_warnings *warnings);
 
 /* Chooses the type in memory for stored numbers in [low, high]. If all samples are whole, it is the
  * smallest type that holds them exactly, at least as large as that of the file where that serves;

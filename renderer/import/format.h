@@ -45,9 +45,17 @@ struct import_file {
                 */
 };
 
-/* How a file stores a number. The kind and the size in bytes (1, 2, 4, 8; 4 or 8 for FLOAT). */
+/* How a file stores a number. The size in bytes is 1, 2, 4 or 8 of a whole number, 2, 4 or 8 of
+ * FLOAT, and twice that of a complex number: the real part, then the imaginary one. COMPLEX has
+ * parts of floating point, COMPLEX_SIGNED whole ones. */
 struct import_number {
-    enum { IMPORT_SIGNED, IMPORT_UNSIGNED, IMPORT_FLOAT } kind;
+    enum {
+        IMPORT_SIGNED,
+        IMPORT_UNSIGNED,
+        IMPORT_FLOAT,
+        IMPORT_COMPLEX,
+        IMPORT_COMPLEX_SIGNED
+    } kind;
     size_t size;
 };
 

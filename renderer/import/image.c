@@ -43,8 +43,8 @@ static bool take_type(struct image *m, struct import_header *header, struct sp_e
         return sp_fail(err, SP_ERR_UNSUPPORTED, m->file->shown,
                        "images of %d channels of %d bits are not supported", page->channels,
                        page->bytes * 8);
-    m->conversion =
-        import_conversion_of((struct import_number){ IMPORT_UNSIGNED, (size_t)page->bytes });
+    m->conversion = import_conversion_of(
+        (struct import_number){ IMPORT_UNSIGNED, (size_t)page->bytes }, m->file->warnings);
     m->conversion.components = (unsigned)page->channels;
     if (page->channels > 1)
         m->conversion.component = import_header_choose_component(

@@ -285,7 +285,7 @@ static bool take_type(const struct parsing *p) {
         return false;
     if (p->values[CHANNELS] && !import_integer(p->values[CHANNELS], 1, CHANNELS_MAX, &channels))
         return refuse(p, SP_ERR_FORMAT, CHANNELS, "must be in [1, %d]", CHANNELS_MAX);
-    *c = import_conversion_of(s->number);
+    *c = import_conversion_of(s->number, p->file->warnings);
     c->components = (unsigned)channels;
     s->is_vectors = channels == 3 && s->number.kind == IMPORT_FLOAT;
     if (s->is_vectors) {

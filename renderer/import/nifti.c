@@ -342,7 +342,7 @@ static bool describe(const struct import_file *file, const struct fields *f, str
     double low, high;
     if (!find_number(file, f, &s->number, err))
         return false;
-    *c = import_conversion_of(s->number);
+    *c = import_conversion_of(s->number, n->samples.file->warnings);
     if (isfinite(f->slope) && isfinite(f->inter) && f->slope != 0) {
         c->slope = f->slope;
         c->offset = f->inter;

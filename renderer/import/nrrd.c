@@ -287,7 +287,7 @@ static bool take_step(const struct parsing *p) {
         import_samples_choose_step(s, steps, p->file->step);
         return true;
     }
-    *p->conversion = import_conversion_of(s->number);
+    *p->conversion = import_conversion_of(s->number, p->file->warnings);
     p->conversion->components = steps;
     p->conversion->component = p->file->step;
     s->conversion = p->conversion;

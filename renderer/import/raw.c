@@ -13,6 +13,7 @@
 #include <strings.h>
 #include <unistd.h>
 
+#include "import/conversion.h"
 #include "import/derived.h"
 #include "import/samples.h"
 #include "volume/anatomy.h"
@@ -22,6 +23,7 @@ enum { SIDECAR_MAX = 1 << 20 }; /* bytes */
 
 struct raw {
     struct import_samples samples;
+    struct import_conversion conversion;
     double *coordinates[3]; /* owned; NULL = an even axis */
 };
 
@@ -30,6 +32,7 @@ struct sidecar { /* state while the sidecar is read */
     const json_t *root;
     struct import_header *header;
     struct import_samples *samples;
+    struct import_conversion *conversion;
     double **coordinates;
     struct sp_error *err;
 };
@@ -188,7 +191,7 @@ static bool read_choice(const struct sidecar *s, const char *key, const char *co
     for (*index = 0; text && *index < count; ++*index)
         if (strcmp(text, names[*index]) == 0)
             return true;
-    char list[128] = "";
+    char list[192] = "";
     for (int i = 0; i < count; i++) {
         strcat(list, i ? ", " : "");
         strcat(list, names[i]);
@@ -198,14 +201,16 @@ static bool read_choice(const struct sidecar *s, const char *key, const char *co
 
 static bool read_encoding(const struct sidecar *s) {
     static const char *const orders[] = { "little", "big" }, *const encodings[] = { "raw", "gzip" };
-    const char *types[SP_TYPE_COUNT];
-    for (int i = 0; i < SP_TYPE_COUNT; i++)
-        types[i] = sp_type_name((enum sp_type)i);
+    static const char *const types[] = { "uint8",   "int8",      "uint16",    "int16",   "uint32",
+                                         "int32",   "uint64",    "int64",     "float16", "float32",
+                                         "float64", "complex64", "complex128" };
     int type, order = 0, encoding = 0;
-    if (!read_choice(s, "type", types, SP_TYPE_COUNT, &type))
+    if (!read_choice(s, "type", types, sizeof types / sizeof *types, &type))
         return false;
-    s->header->type = (enum sp_type)type;
-    s->samples->number = import_number_of(s->header->type);
+    import_number_named(types[type], &s->samples->number);
+    *s->conversion = import_conversion_of(s->samples->number, s->file->warnings);
+    s->header->type = s->conversion->type;
+    s->samples->conversion = import_conversion_is_copy(s->conversion) ? NULL : s->conversion;
     /* Samples of one byte need no byte order. */
     if (s->samples->number.size > 1 || json_object_get(s->root, "endian"))
         if (!read_choice(s, "endian", orders, 2, &order))
@@ -360,7 +365,7 @@ static void *open_raw(const struct import_file *file, struct import_header *head
         struct import_samples *samples = &raw->samples;
         samples->file = file;
         samples->field = "dims";
-        struct sidecar s = { file, root, header, samples, raw->coordinates, err };
+        struct sidecar s = { file, root, header, samples, &raw->conversion, raw->coordinates, err };
         if (!check_members(&s) || !read_geometry(&s) || !read_encoding(&s) ||
             !read_components(&s) || !read_file_name(&s) || !check_samples(&s)) {
             close_raw(raw);

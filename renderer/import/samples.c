@@ -333,7 +333,7 @@ static void take_numbers(const struct reading *r, uint64_t at, char *bytes, size
     size_t size = s->number.size;
     uint64_t done = at + n;
     if (s->big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
-        import_swap(bytes, size, n / size);
+        import_swap_numbers(bytes, s->number, n / size);
     if (s->is_vectors) {
         import_vectors_put(&r->vectors, at / size, bytes, n / size);
         done = done / size * sizeof(float);

@@ -313,7 +313,7 @@ static bool take_pages(struct tiff *t, const struct image_page *page, struct imp
     if (!check_page(t, page, 0, err) || !take_type(t, page, header, err))
         return false;
     import_header_init(header);
-    t->conversion = import_conversion_of(import_number_of(header->type));
+    t->conversion = import_conversion_of(import_number_of(header->type), t->file->warnings);
     t->conversion.components = (unsigned)page->channels;
     if (!(is_ome      ? take_ome(t, (unsigned)page->channels, err)
           : is_imagej ? take_imagej(t, page->description, err)

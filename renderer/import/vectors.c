@@ -4,38 +4,20 @@
 #include <math.h>
 
 #include "import/derived.h"
+#include "import/number.h"
 
-#define CONVERT(T)                                                                                 \
-    do {                                                                                           \
-        const T *in = numbers;                                                                     \
-        for (size_t i = 0; i < n; i++)                                                             \
-            out[i * stride] = (float)in[i];                                                        \
-    } while (0)
+enum { BLOCK = 512 }; /* numbers that are converted at once */
 
-/* A number of each kind and size, from a file that may have any. */
 static void convert(struct import_number number, const void *numbers, size_t n, float *out,
                     size_t stride) {
-    bool is_signed = number.kind == IMPORT_SIGNED;
-    if (number.kind == IMPORT_FLOAT && number.size == 4)
-        CONVERT(float);
-    else if (number.kind == IMPORT_FLOAT)
-        CONVERT(double);
-    else if (number.size == 1 && is_signed)
-        CONVERT(int8_t);
-    else if (number.size == 1)
-        CONVERT(uint8_t);
-    else if (number.size == 2 && is_signed)
-        CONVERT(int16_t);
-    else if (number.size == 2)
-        CONVERT(uint16_t);
-    else if (number.size == 4 && is_signed)
-        CONVERT(int32_t);
-    else if (number.size == 4)
-        CONVERT(uint32_t);
-    else if (is_signed)
-        CONVERT(int64_t);
-    else
-        CONVERT(uint64_t);
+    double values[BLOCK];
+    for (size_t at = 0, run; at < n; at += run) {
+        run = n - at < BLOCK ? n - at : BLOCK;
+        import_widen_all((const char *)numbers + at * number.size, number, number.size, run,
+                         values);
+        for (size_t i = 0; i < run; i++)
+            out[(at + i) * stride] = (float)values[i];
+    }
 }
 
 void import_vectors_put(const struct import_vectors *v, uint64_t first, const void *numbers,

@@ -52,7 +52,7 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 static bool finish_header(struct vol *v, struct import_number number, unsigned components,
                           struct import_header *header, struct sp_error *err) {
     struct import_samples *s = &v->samples;
-    v->conversion = import_conversion_of(number);
+    v->conversion = import_conversion_of(number, v->file->warnings);
     v->conversion.components = components;
     if (components > 1)
         v->conversion.component =
@@ -77,7 +77,7 @@ static bool fail_size(const struct vol *v, const char *field, double value, stru
 static bool take_mitsuba(struct vol *v, const uint8_t *text, size_t size,
                          struct import_header *header, struct sp_error *err) {
     static const struct import_number numbers[] = {
-        [1] = { IMPORT_FLOAT, 4 }, [3] = { IMPORT_UNSIGNED, 1 }
+        [1] = { IMPORT_FLOAT, 4 }, [2] = { IMPORT_FLOAT, 2 }, [3] = { IMPORT_UNSIGNED, 1 }
     };
     int32_t fields[5];
     float box[6];
@@ -89,10 +89,11 @@ static bool take_mitsuba(struct vol *v, const uint8_t *text, size_t size,
     import_swap(fields, 4, 5);
     import_swap(box, 4, 6);
 #endif
-    if (fields[0] != 1 && fields[0] != 3)
-        return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 4, "encoding",
-                           "%" PRId32 " is not supported; supported are 1 (float32) and 3 (uint8)",
-                           fields[0]);
+    if (fields[0] < 1 || fields[0] > 3)
+        return import_fail(
+            err, SP_ERR_UNSUPPORTED, v->file->shown, 4, "encoding",
+            "%" PRId32 " is not supported; supported are 1 (float32), 2 (float16) and 3 (uint8)",
+            fields[0]);
     if (fields[4] < 1 || fields[4] > 4)
         return import_fail(err, SP_ERR_UNSUPPORTED, v->file->shown, 20, "channels",
                            "%" PRId32 " is outside [1, 4]", fields[4]);

@@ -87,7 +87,7 @@ static bool take(struct zarr *z, struct import_header *header, struct sp_error *
     import_header_init(header);
     if (!zarr_image_open(&z->image, z->store, z->file->field, err))
         return false;
-    z->conversion = import_conversion_of(z->image.levels[0].array.number);
+    z->conversion = import_conversion_of(z->image.levels[0].array.number, z->file->warnings);
     header->type = z->conversion.type;
     snprintf(header->unit, sizeof header->unit, "%s", z->image.unit);
     choose_channel(z, header);
@@ -220,16 +220,15 @@ static void find_chunk(const struct reading *r, const uint64_t place[3], uint64_
  * warning. A library that is missing is an error. */
 static bool mark_hole(struct reading *r, const struct sp_error *why) {
     const struct zarr_array *a = r->array;
+    uint8_t hole[IMPORT_NUMBER_BYTES];
     const size_t size = a->number.size, count = a->chunk_bytes / size;
     if (why->code != SP_ERR_FORMAT && why->code != SP_ERR_IO)
         return false;
+    memcpy(hole, a->fill, sizeof hole);
+    if (import_number_part(a->number).kind == IMPORT_FLOAT)
+        import_narrow(NAN, a->number, hole);
     for (size_t i = 0; i < count; i++)
-        if (a->number.kind != IMPORT_FLOAT)
-            memcpy(r->chunk + i * size, a->fill, size);
-        else if (size == 4)
-            ((float *)(void *)r->chunk)[i] = NAN;
-        else
-            ((double *)(void *)r->chunk)[i] = NAN;
+        memcpy(r->chunk + i * size, hole, size);
     const char *place = strstr(why->place, ": ");
     import_warn(r->zarr->file->warnings, "The chunk %.80s was left out: %.200s.",
                 place ? place + 2 : "", why->text);

@@ -14,10 +14,6 @@ uint64_t zarr_array_chunks(const struct zarr_array *a, unsigned d) {
     return a->shape[d] / a->chunk[d] + (a->shape[d] % a->chunk[d] != 0);
 }
 
-size_t zarr_array_stored(const struct zarr_array *a) {
-    return a->is_half ? 2 : a->number.size;
-}
-
 /* Numbers and their fill value. */
 
 static double special(const char *text) {
@@ -33,72 +29,82 @@ static double special(const char *text) {
 }
 
 /* "0x7fc00000": the bits of a number, the highest first. */
-static void fill_from_bits(struct zarr_array *a, uint64_t bits) {
-    if (a->is_half) /* only NaN is written like this */
-        bits = (bits & 0x7c00) == 0x7c00 ? 0x7fc00000 : 0;
-#if __BYTE_ORDER__ == __ORDER_BIG_ENDIAN__
-    bits <<= 8 * (8 - a->number.size);
-#endif
-    memcpy(a->fill, &bits, sizeof a->fill);
+static void fill_from_bits(const char *text, size_t size, uint8_t *out) {
+    const uint64_t bits = strtoull(text, NULL, 16);
+    for (size_t i = 0; i < size; i++)
+        out[__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__ ? size - 1 - i : i] = (uint8_t)(bits >> 8 * i);
 }
 
-static void take_fill(struct zarr_array *a, const json_t *json) {
+/* A number in the range of its kind. */
+static double in_range(double value, struct import_number number) {
+    double low, high;
+    if (!import_number_is_whole(number))
+        return value;
+    import_number_range(number, &low, &high);
+    if (number.size == 8) /* the next smaller one of float64 */
+        high = nextafter(high, 0);
+    return isnan(value) ? 0 : fmin(fmax(value, low), high);
+}
+
+static void fill_part(const json_t *json, struct import_number part, uint8_t *out) {
     const char *text = json_string_value(json);
-    double value = json_is_string(json) ? special(text) : json_number_value(json);
-    const bool is_whole = a->number.kind != IMPORT_FLOAT;
-    memset(a->fill, 0, sizeof a->fill);
     if (text && strncmp(text, "0x", 2) == 0) {
-        fill_from_bits(a, strtoull(text + 2, NULL, 16));
-    } else if (is_whole) {
-        const int64_t whole = json_is_integer(json)  ? json_integer_value(json)
-                              : json_is_true(json)   ? 1
-                              : fabs(value) < 0x1p62 ? (int64_t)value
-                                                     : 0;
-        fill_from_bits(a, (uint64_t)whole);
-    } else if (a->number.size == 4) {
-        const float narrow = (float)value;
-        memcpy(a->fill, &narrow, sizeof narrow);
+        fill_from_bits(text + 2, part.size, out);
+    } else if (json_is_integer(json) && import_number_is_whole(part)) { /* all 64 bits */
+        char bits[24];
+        snprintf(bits, sizeof bits, "%" PRIx64, (uint64_t)json_integer_value(json));
+        fill_from_bits(bits, part.size, out);
     } else {
-        memcpy(a->fill, &value, sizeof value);
+        const double value = text                 ? special(text)
+                             : json_is_true(json) ? 1
+                                                  : json_number_value(json);
+        import_narrow(in_range(value, part), part, out);
     }
 }
 
-static bool take_number(struct zarr_array *a, char kind, unsigned long size) {
-    a->is_half = kind == 'f' && size == 2;
-    a->number = (struct import_number){ kind == 'i'   ? IMPORT_SIGNED
-                                        : kind == 'f' ? IMPORT_FLOAT
-                                                      : IMPORT_UNSIGNED,
-                                        a->is_half ? 4 : size };
-    const bool is_size = size == 1 || size == 2 || size == 4 || size == 8;
-    return (kind == 'b' && size == 1) || ((kind == 'i' || kind == 'u') && is_size) ||
-           (kind == 'f' && is_size && size > 1);
+/* The fill value of a complex number is a list of its two parts. */
+static void take_fill(struct zarr_array *a, const json_t *json) {
+    const struct import_number part = import_number_part(a->number);
+    memset(a->fill, 0, sizeof a->fill);
+    fill_part(json_is_array(json) ? json_array_get(json, 0) : json, part, a->fill);
+    if (json_is_array(json) && import_number_is_complex(a->number))
+        fill_part(json_array_get(json, 1), part, a->fill + part.size);
+}
+
+/* The types of v2 are those of numpy: '<f8'. */
+static bool number_of_v2(const char *text, struct import_number *number) {
+    static const struct {
+        char letter;
+        const char *name;
+    } kinds[] = {
+        { 'b', "uint" }, { 'u', "uint" }, { 'i', "int" }, { 'f', "float" }, { 'c', "complex" }
+    };
+    char name[32] = "";
+    const unsigned long size = strtoul(text + 2, NULL, 10);
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++)
+        if (text[1] == kinds[i].letter && size <= IMPORT_NUMBER_BYTES &&
+            (size == 1 || text[1] != 'b'))
+            snprintf(name, sizeof name, "%s%lu", kinds[i].name, 8 * size);
+    return import_number_named(name, number);
 }
 
 static bool take_dtype(struct zarr_array *a, const struct zarr_node *node, struct sp_error *err) {
     const char *const key = node->version == 2 ? "dtype" : "data_type";
     const char *text = json_string_value(json_object_get(node->metadata, key));
-    char pointer[16], kind = 0;
-    unsigned long size = 0;
+    char pointer[16];
+    bool is_known = false;
     snprintf(pointer, sizeof pointer, "/%s", key);
     if (text && node->version == 2 && strlen(text) >= 3 && strchr("<>|", text[0])) {
         a->is_big_endian = text[0] == '>';
-        kind = text[1];
-        size = strtoul(text + 2, NULL, 10);
-    } else if (text && strcmp(text, "bool") == 0) {
-        kind = 'b';
-        size = 1;
+        is_known = number_of_v2(text, &a->number);
     } else if (text && node->version == 3) {
-        kind = text[0];
-        size = strtoul(text + strcspn(text, "0123456789"), NULL, 10) / 8;
-        if (strncmp(text, "int", 3) != 0 && strncmp(text, "uint", 4) != 0 &&
-            strncmp(text, "float", 5) != 0)
-            kind = 0;
+        is_known = import_number_named(strcmp(text, "bool") == 0 ? "uint8" : text, &a->number);
     }
-    if (kind && take_number(a, kind, size))
-        return true;
-    return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer,
+    return is_known ||
+           zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer,
                           "the type %.40s is not supported; supported are bool, integers of 8 to "
-                          "64 bits, and floating-point numbers of 16, 32 and 64 bits",
+                          "64 bits, floating-point numbers of 16, 32 and 64 bits, and complex "
+                          "numbers",
                           text ? text : "of a structure");
 }
 
@@ -146,7 +152,7 @@ static void take_names(struct zarr_array *a, const struct zarr_node *node) {
 
 static bool check_chunk(struct zarr_array *a, const struct zarr_node *node, const char *pointer,
                         struct sp_error *err) {
-    uint64_t bytes = zarr_array_stored(a) < 4 ? 4 : zarr_array_stored(a); /* half becomes float */
+    uint64_t bytes = a->number.size;
     for (unsigned d = 0; d < a->rank; d++) {
         if (a->chunk[d] > ZARR_CHUNK_MAX / bytes)
             return zarr_node_fail(node, err, SP_ERR_UNSUPPORTED, pointer,

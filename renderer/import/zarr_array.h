@@ -26,10 +26,9 @@ struct zarr_array {
     size_t chunk_bytes;            /* of a chunk, unpacked; at most ZARR_CHUNK_MAX */
     char names[ZARR_RANK_MAX][ZARR_NAME_BYTES]; /* of the dimensions; "" = not known */
     struct import_number number;
-    bool is_half; /* float16, which becomes float32: `number` is that */
     bool is_big_endian;
-    uint8_t fill[8];               /* one number in native order, for chunks that are missing */
-    unsigned order[ZARR_RANK_MAX]; /* dimensions of a chunk in memory, the slowest first */
+    uint8_t fill[IMPORT_NUMBER_BYTES]; /* one number in native order, for missing chunks */
+    unsigned order[ZARR_RANK_MAX];     /* dimensions of a chunk in memory, the slowest first */
     enum zarr_codec codecs[ZARR_CODECS_MAX]; /* in the order of packing */
     unsigned codec_count;
     bool has_prefix; /* keys begin with "c" */
@@ -44,8 +43,5 @@ bool zarr_array_parse(struct zarr_array *array, const struct zarr_node *node, st
 
 /* How many chunks there are along a dimension. */
 uint64_t zarr_array_chunks(const struct zarr_array *array, unsigned dimension);
-
-/* The bytes of a stored number. */
-size_t zarr_array_stored(const struct zarr_array *array);
 
 #endif

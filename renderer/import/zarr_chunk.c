@@ -226,32 +226,12 @@ static bool unpack(struct zarr_chunks *c, const struct zarr_array *a, enum zarr_
 
 /* Numbers. */
 
-static float from_half(uint16_t half) {
-    const int exponent = half >> 10 & 31, fraction = half & 1023;
-    const float sign = half >> 15 ? -1 : 1;
-    if (exponent == 31)
-        return fraction ? NAN : sign * INFINITY;
-    return sign * (exponent ? ldexpf((float)(1024 + fraction), exponent - 25)
-                            : ldexpf((float)fraction, -24));
-}
-
-static void copy_one(const struct zarr_array *a, const char *from, char *to) {
-    if (a->is_half) {
-        uint16_t half;
-        memcpy(&half, from, sizeof half);
-        const float value = from_half(half);
-        memcpy(to, &value, sizeof value);
-    } else {
-        memcpy(to, from, a->number.size);
-    }
-}
-
 /* Copies numbers from their order in a chunk to the one of the dimensions. */
 static void arrange(const struct zarr_array *a, const char *from, char *out) {
-    const size_t stored = zarr_array_stored(a);
-    size_t strides[ZARR_RANK_MAX], step = stored;
+    const size_t size = a->number.size;
+    size_t strides[ZARR_RANK_MAX], step = size;
     uint64_t at[ZARR_RANK_MAX] = { 0 };
-    const size_t count = a->chunk_bytes / a->number.size;
+    const size_t count = a->chunk_bytes / size;
     const unsigned last = a->rank - 1;
     for (unsigned i = a->rank; i-- > 0;) {
         strides[a->order[i]] = step;
@@ -259,7 +239,7 @@ static void arrange(const struct zarr_array *a, const char *from, char *out) {
     }
     size_t offset = 0;
     for (size_t i = 0; i < count; i++) {
-        copy_one(a, from + offset, out + i * a->number.size);
+        memcpy(out + i * size, from + offset, size);
         offset += strides[last];
         for (unsigned d = last; ++at[d] == a->chunk[d] && d > 0; d--) {
             at[d] = 0;
@@ -269,9 +249,9 @@ static void arrange(const struct zarr_array *a, const char *from, char *out) {
 }
 
 static void take_numbers(const struct zarr_array *a, char *from, char *out) {
-    bool is_ordered = !a->is_half;
+    bool is_ordered = true;
     if (a->is_big_endian != (__BYTE_ORDER__ == __ORDER_BIG_ENDIAN__))
-        import_swap(from, zarr_array_stored(a), a->chunk_bytes / a->number.size);
+        import_swap_numbers(from, a->number, a->chunk_bytes / a->number.size);
     for (unsigned d = 0; d < a->rank; d++)
         is_ordered &= a->order[d] == d;
     if (is_ordered)
@@ -296,7 +276,6 @@ enum zarr_found zarr_chunk_read(struct zarr_chunks *c, const struct zarr_array *
                                 const uint64_t at[ZARR_RANK_MAX], void *out, struct sp_error *err) {
     char key[ZARR_KEY_BYTES];
     struct bytes bytes = { .buffer = 0 };
-    const size_t stored = a->chunk_bytes / a->number.size * zarr_array_stored(a);
     if (!chunk_key(a, at, key)) {
         zarr_fail(c->store, err, SP_ERR_INVALID, a->path, "", "the key of a chunk is too long");
         return ZARR_FAILED;
@@ -307,12 +286,12 @@ enum zarr_found zarr_chunk_read(struct zarr_chunks *c, const struct zarr_array *
     if (found != ZARR_FOUND)
         return found;
     for (unsigned i = a->codec_count; i-- > 0;)
-        if (!unpack(c, a, a->codecs[i], i == 0 ? stored : packed_max(a), key, &bytes, err))
+        if (!unpack(c, a, a->codecs[i], i == 0 ? a->chunk_bytes : packed_max(a), key, &bytes, err))
             return ZARR_FAILED;
-    if (bytes.size != stored) {
+    if (bytes.size != a->chunk_bytes) {
         zarr_fail(c->store, err, SP_ERR_FORMAT, key, "",
                   "the chunk has %zu bytes and needs %zu: it is cut off, or its metadata is wrong",
-                  bytes.size, stored);
+                  bytes.size, a->chunk_bytes);
         return ZARR_FAILED;
     }
     take_numbers(a, c->buffers[bytes.buffer], out);

@@ -191,7 +191,7 @@ static void errors_explain_hostile_sidecars(void **state) {
         { "{\"dims\": [65537, 4, 3]}", SP_ERR_FORMAT, "/dims", "[1, 65536]" },
         { "{\"dims\": [99999999999999999999, 4, 3]}", SP_ERR_FORMAT, "byte",
           "the number is too large" },
-        { "{\"dims\": [5,4,3], \"type\": \"uint32\"}", SP_ERR_FORMAT, "/type", "float64" },
+        { "{\"dims\": [5,4,3], \"type\": \"uint24\"}", SP_ERR_FORMAT, "/type", "float64" },
         { "{\"dims\": [5,4,3], \"type\": 8}", SP_ERR_FORMAT, "/type", "must be one of" },
         { "{\"dims\": [5,4,3]}", SP_ERR_FORMAT, "/type", "is missing" },
         { "{\"dims\": [5,4,3], \"type\": \"int16\"}", SP_ERR_FORMAT, "/endian", "little, big" },
