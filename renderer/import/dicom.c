@@ -5,17 +5,19 @@
  *
  *   file ─► slices of one series or frames (dicom_slices.h) ─► grid, conversion ─► pixels
  */
+#include <inttypes.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 
 #include "import/conversion.h"
 #include "import/dicom_folder.h"
 #include "import/dicom_frames.h"
 #include "import/dicom_grid.h"
+#include "import/dicom_samples.h"
 #include "import/module.h"
+#include "volume/sample.h"
 #include "volume/volume.h"
 
 struct dicom {
@@ -23,8 +25,7 @@ struct dicom {
     struct dicom_slices slices;
     struct import_conversion conversion; /* of the first slice */
     bool is_copy;
-    size_t frame_bytes; /* of the pixels of one frame, unpacked */
-    double *places;     /* owned; of slices that do not lie evenly */
+    double *places; /* owned; of slices that do not lie evenly */
 };
 
 static bool probe(const uint8_t *start, size_t size, const char *shown) {
@@ -33,73 +34,73 @@ static bool probe(const uint8_t *start, size_t size, const char *shown) {
 
 static bool find_slices(struct dicom *d, struct import_header *header, struct sp_error *err) {
     const struct dicom_source *source = &d->source;
+    struct dicom_slices *slices = &d->slices;
     const bool is_series = source->image.frames == 1 && source->image.series[0];
-    if (is_series && !dicom_folder_list(source, &d->slices, err))
+    if (is_series && !dicom_folder_list(source, slices, err))
         return false;
-    if (d->slices.count == 0 && !dicom_frames_list(source, &d->slices, err))
+    if (slices->count == 0 && !dicom_frames_list(source, slices, err))
         return false;
-    header->took_folder = is_series && d->slices.count > 1;
-    dicom_slices_sort(&d->slices);
-    return dicom_slices_take_step(&d->slices, source, header, err);
+    header->took_folder = is_series && slices->count > 1;
+    const bool is_sorted = dicom_slices_sort(slices) &&
+                           (!slices->items[0].is.segment || dicom_slices_fill_gaps(slices));
+    return (is_sorted ||
+            sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices")) &&
+           dicom_slices_take_field(slices, source, header, err) &&
+           dicom_slices_take_step(slices, source, header, err);
 }
 
-static bool check_pixels(const struct dicom *d, struct sp_error *err) {
-    const struct dicom_image *image = &d->source.image;
-    const bool is_number = image->is_float
-                               ? image->bytes == 4 || image->bytes == 8
-                               : image->bytes == 1 || image->bytes == 2 || image->bytes == 4;
-    if (image->is_palette || image->is_other_color)
-        return dicom_fail(
-            &d->source, SP_ERR_UNSUPPORTED, "",
-            "colours other than red, green and blue (a palette, or luminance and colour "
-            "differences) are not supported",
-            err);
-    if (!is_number || image->bits < 1 || image->bits > 8 * image->bytes || image->channels < 1 ||
-        image->channels > 4)
-        return dicom_fail(&d->source, SP_ERR_UNSUPPORTED, "",
-                          "the type of the pixels is not supported", err);
-    return true;
-}
-
-/* The values of a CT are Hounsfield units unless the file says that they are something else. */
-static bool is_hounsfield(const struct dicom_image *image) {
-    return strcmp(image->modality, "CT") == 0 &&
-           (!image->rescale_type[0] || strcmp(image->rescale_type, "HU") == 0);
-}
-
-static bool take_type(struct dicom *d, struct import_header *header, struct sp_error *err) {
-    const struct dicom_image *image = &d->source.image;
-    struct import_conversion *c = &d->conversion;
-    const double values = ldexp(1, (int)image->bits);
-    bool is_uniform = true;
-    if (!check_pixels(d, err))
-        return false;
-    *c = (struct import_conversion){ .number = { image->is_float    ? IMPORT_FLOAT
-                                                 : image->is_signed ? IMPORT_SIGNED
-                                                                    : IMPORT_UNSIGNED,
-                                                 image->bytes },
-                                     .components = image->channels,
-                                     .slope = d->slices.items[0].is.slope,
-                                     .offset = d->slices.items[0].is.intercept };
+/* Slope, intercept and unit of all slices. */
+static bool take_values(struct dicom *d, struct import_header *header, bool *is_uniform,
+                        struct sp_error *err) {
+    const struct dicom_frame *first = &d->slices.items[0].is;
+    bool has_unit = first->unit[0];
+    *is_uniform = true;
     for (uint32_t i = 0; i < d->slices.count; i++) {
         const struct dicom_slice *s = &d->slices.items[i];
         if (!isfinite(s->is.slope) || !isfinite(s->is.intercept) || s->is.slope == 0)
             return dicom_fail(&d->source, SP_ERR_FORMAT, s->name,
                               "the rescale slope is 0 or no number", err);
-        is_uniform &= s->is.slope == c->slope && s->is.intercept == c->offset;
+        *is_uniform &= s->is.slope == first->slope && s->is.intercept == first->intercept;
+        has_unit &= strcmp(s->is.unit, first->unit) == 0;
     }
-    import_conversion_choose(c, image->is_signed ? -values / 2 : 0,
-                             image->is_signed ? values / 2 - 1 : values - 1);
+    if (has_unit && d->conversion.components == 1)
+        snprintf(header->value_unit, sizeof header->value_unit, "%s", first->unit);
+    return true;
+}
+
+/* Segments that lie in one volume: each pixel has the label of its segment, or 0. */
+static void take_labels(struct dicom *d) {
+    uint32_t most = 0;
+    for (uint32_t i = 0; i < d->slices.count; i++)
+        if (d->slices.items[i].is.segment > most)
+            most = d->slices.items[i].is.segment;
+    d->conversion.type = most > UINT8_MAX ? SP_UINT16 : SP_UINT8;
+}
+
+static bool take_type(struct dicom *d, struct import_header *header, struct sp_error *err) {
+    const struct dicom_image *image = &d->source.image;
+    const struct dicom_frame *first = &d->slices.items[0].is;
+    struct import_conversion *c = &d->conversion;
+    const double values = ldexp(1, (int)image->bits);
+    bool is_uniform;
+    *c = (struct import_conversion){ .slope = first->slope, .offset = first->intercept };
+    if (!dicom_samples_type(&d->source, &c->number, &c->components, err) ||
+        !take_values(d, header, &is_uniform, err))
+        return false;
+    if (c->components > 1)
+        import_conversion_choose(c, 0, ldexp(1, 8 * (int)c->number.size) - 1);
+    else
+        import_conversion_choose(c, image->is_signed ? -values / 2 : 0,
+                                 image->is_signed ? values / 2 - 1 : values - 1);
     if (!is_uniform && c->type != SP_FLOAT64)
         c->type = SP_FLOAT32;
     if (c->components > 1)
         c->component =
             import_header_choose_component(header, d->source.file->field, c->components, true);
-    else if (is_hounsfield(image))
-        snprintf(header->value_unit, sizeof header->value_unit, "HU");
-    d->is_copy = is_uniform && import_conversion_is_copy(c);
+    if (d->slices.are_together)
+        take_labels(d);
+    d->is_copy = is_uniform && !d->slices.are_together && import_conversion_is_copy(c);
     header->type = c->type;
-    d->frame_bytes = (size_t)image->columns * image->rows * image->channels * image->bytes;
     return true;
 }
 
@@ -139,60 +140,70 @@ static void *open_dicom(const struct import_file *file, struct import_header *he
     return NULL;
 }
 
-/* GDCM reads a file that is cut off without a word, unless the pixels are packed. */
-static bool check_size(const struct dicom *d, int fd, size_t bytes, char why[SP_ERROR_TEXT]) {
-    struct dicom_image image;
-    struct stat st;
-    if (!dicom_describe(&d->source, fd, &image, why))
-        return false;
-    snprintf(why, SP_ERROR_TEXT, "the pixels need %zu bytes; the file is cut off", bytes);
-    return image.is_packed || (fstat(fd, &st) == 0 && image.pixels_at > 0 &&
-                               (uint64_t)st.st_size >= image.pixels_at + bytes);
+/* Writes the label of a segment where its pixels are not 0. Returns how many had another one. */
+static uint64_t put_label(const struct dicom *d, const uint8_t *mask, size_t pixels, uint32_t label,
+                          char *out) {
+    const size_t size = sp_type_size(d->conversion.type);
+    uint64_t shared = 0;
+    for (size_t i = 0; i < pixels; i++) {
+        if (!mask[i])
+            continue;
+        shared += import_widen(out + i * size, import_number_of(d->conversion.type)) != 0;
+        sp_sample_set(out, d->conversion.type, i, label);
+    }
+    return shared;
 }
 
-/* Unpacks the pixels of all frames of a file. */
-static bool read_file(const struct dicom *d, const char *name, void *out, size_t bytes,
-                      struct sp_error *err) {
-    char path[40], why[SP_ERROR_TEXT];
-    int fd = dicom_open(&d->source, name, err);
-    if (fd < 0)
+struct reading {
+    struct dicom_samples samples;
+    const char *name; /* of the file that is open; NULL = none */
+    char *unpacked;   /* owned; a frame */
+    uint64_t shared;  /* pixels of several segments */
+};
+
+static bool read_slice(const struct dicom *d, const struct dicom_slice *slice, size_t pixels,
+                       char *to, struct reading *r, struct sp_error *err) {
+    if (!r->name || strcmp(r->name, slice->name) != 0) {
+        dicom_samples_close(&r->samples);
+        r->name = slice->name;
+        if (!dicom_samples_open(&r->samples, &d->source, slice->name, err))
+            return false;
+    }
+    struct import_conversion c = d->conversion;
+    c.slope = slice->is.slope;
+    c.offset = slice->is.intercept;
+    if (!dicom_samples_read(&r->samples, slice->frame, d->is_copy ? to : r->unpacked, err))
         return false;
-    snprintf(path, sizeof path, "/proc/self/fd/%d", fd);
-    const bool ok =
-        check_size(d, fd, bytes, why) && d->source.call->read(path, out, bytes, why, sizeof why);
-    dicom_close(&d->source, fd);
-    return ok || dicom_fail(&d->source, SP_ERR_FORMAT, name, why, err);
+    if (d->slices.are_together)
+        r->shared += put_label(d, (const uint8_t *)r->unpacked, pixels, slice->is.segment, to);
+    else if (!d->is_copy)
+        import_conversion_put(&c, r->unpacked, pixels, to);
+    return true;
 }
 
-/* Slices are files, or else all of them are frames of the file that was opened. */
+/* Planes without a slice stay 0. */
 static bool read_dicom(void *reader, void *voxels, float (*vectors)[3],
                        const struct import_progress *progress, struct sp_error *err) {
     const struct dicom *d = reader;
-    const uint32_t frames = d->source.image.frames;
-    const size_t pixels = d->frame_bytes / (d->source.image.channels * d->source.image.bytes);
+    const size_t pixels = (size_t)d->source.image.columns * d->source.image.rows;
     const size_t bytes = pixels * sp_type_size(d->conversion.type);
-    char *unpacked = d->is_copy && frames == 1 ? NULL : malloc(frames * d->frame_bytes);
-    bool ok = (d->is_copy && frames == 1) || unpacked ||
-              sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for the pixels");
+    struct reading r = { .samples = { .fd = -1 } };
     (void)vectors;
-    if (ok && frames > 1)
-        ok = read_file(d, "", unpacked, frames * d->frame_bytes, err);
+    r.unpacked = malloc(pixels * d->conversion.components * d->conversion.number.size);
+    bool ok = r.unpacked ||
+              sp_fail(err, SP_ERR_MEMORY, d->source.file->shown, "out of memory for the pixels");
     for (uint32_t i = 0; ok && i < d->slices.count; i++) {
         const struct dicom_slice *s = &d->slices.items[i];
-        char *to = (char *)voxels + i * bytes;
-        const char *from = unpacked ? unpacked + s->frame * d->frame_bytes : to;
-        struct import_conversion c = d->conversion;
-        c.slope = s->is.slope;
-        c.offset = s->is.intercept;
-        if (frames == 1)
-            ok = read_file(d, s->name, unpacked ? unpacked : to, d->frame_bytes, err);
-        if (ok && !d->is_copy)
-            import_conversion_put(&c, from, pixels, to);
-        else if (ok && from != to)
-            memcpy(to, from, bytes);
-        import_report(progress, (i + 1) * bytes);
+        ok = read_slice(d, s, pixels, (char *)voxels + s->plane * bytes, &r, err);
+        import_report(progress, (s->plane + 1) * bytes);
     }
-    free(unpacked);
+    if (ok && r.shared)
+        import_warn(d->source.file->warnings,
+                    "%" PRIu64 " voxels are in several segments; each has the label of the last "
+                    "one. The fields are the segments one by one.",
+                    r.shared);
+    dicom_samples_close(&r.samples);
+    free(r.unpacked);
     return ok;
 }
 

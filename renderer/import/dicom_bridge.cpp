@@ -3,143 +3,168 @@
 
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
-#include <cstring>
 #include <exception>
 #include <fstream>
-#include <string>
-#include <vector>
 
-#include <gdcmImageChangePlanarConfiguration.h>
-#include <gdcmImageHelper.h>
-#include <gdcmImageReader.h>
 #include <gdcmReader.h>
 #include <gdcmTrace.h>
+
+#include "import/dicom_tags.h"
 
 static void explain(char *why, size_t capacity, const char *text) {
     snprintf(why, capacity, "%s", text);
 }
 
-/* The text of an element, without the blanks around it; "" if there is none. */
-static std::string text_of(const gdcm::DataSet &set, uint16_t group, uint16_t element) {
-    const gdcm::Tag tag(group, element);
-    if (!set.FindDataElement(tag))
-        return "";
-    const gdcm::ByteValue *value = set.GetDataElement(tag).GetByteValue();
-    if (!value)
-        return "";
-    std::string text(value->GetPointer(), value->GetLength());
-    const size_t end = text.find_last_not_of(std::string(" \0", 2));
-    const size_t begin = text.find_first_not_of(' ');
-    return end == std::string::npos ? "" : text.substr(begin, end + 1 - begin);
+static unsigned whole(double number, unsigned otherwise) {
+    return number >= 0 && number <= 0xffffffffu ? static_cast<unsigned>(number) : otherwise;
 }
 
-template <size_t n> static void copy_text(char (&out)[n], const std::string &text) {
-    snprintf(out, n, "%s", text.c_str());
+static dicom_colors colors_of(const std::string &name, unsigned channels) {
+    if (name == "PALETTE COLOR")
+        return DICOM_PALETTE;
+    if (channels < 3)
+        return DICOM_GRAY;
+    if (name == "YBR_FULL")
+        return DICOM_YBR_FULL;
+    return name.rfind("YBR_", 0) == 0 && name.find("422") != std::string::npos ? DICOM_YBR_422
+                                                                               : DICOM_RGB;
 }
 
-static void describe_pixels(const gdcm::File &file, dicom_image *image) {
-    const gdcm::PixelFormat format = gdcm::ImageHelper::GetPixelFormatValue(file);
-    const gdcm::PhotometricInterpretation colors =
-        gdcm::ImageHelper::GetPhotometricInterpretationValue(file);
-    const gdcm::PixelFormat::ScalarType type = format.GetScalarType();
-    image->channels = format.GetSamplesPerPixel();
-    image->bits = format.GetBitsStored();
-    image->bytes = format.GetBitsAllocated() == 12 ? 2 : (format.GetBitsAllocated() + 7u) / 8;
-    image->is_signed = format.GetPixelRepresentation() != 0;
-    image->is_float = type == gdcm::PixelFormat::FLOAT32 || type == gdcm::PixelFormat::FLOAT64;
-    image->is_palette = colors == gdcm::PhotometricInterpretation::PALETTE_COLOR;
-    image->is_other_color = image->channels > 1 && colors != gdcm::PhotometricInterpretation::RGB;
+static void describe_pixels(const gdcm::DataSet &set, dicom_image *image) {
+    const unsigned allocated = whole(dicom_value<uint16_t>(set, 0x0028, 0x0100), 0);
+    image->channels = whole(dicom_value<uint16_t>(set, 0x0028, 0x0002), 1);
+    image->bytes = (allocated + 7) / 8;
+    image->bits = whole(dicom_value<uint16_t>(set, 0x0028, 0x0101), allocated);
+    image->high_bit = whole(dicom_value<uint16_t>(set, 0x0028, 0x0102), image->bits - 1);
+    image->is_signed = dicom_value<uint16_t>(set, 0x0028, 0x0103) == 1;
+    image->is_planar = image->channels > 1 && dicom_value<uint16_t>(set, 0x0028, 0x0006) == 1;
+    image->is_bits = allocated == 1;
+    image->colors = colors_of(dicom_text(set, 0x0028, 0x0004), image->channels);
+    image->is_labels = dicom_text(set, 0x0062, 0x0001) == "BINARY";
 }
 
-static void describe_place(const gdcm::File &file, const gdcm::DataSet &set, dicom_image *image) {
-    const std::vector<double> spacing = gdcm::ImageHelper::GetSpacingValue(file);
-    const std::vector<double> position = gdcm::ImageHelper::GetOriginValue(file);
-    const std::vector<double> along = gdcm::ImageHelper::GetDirectionCosinesValue(file);
-    for (size_t i = 0; i < 3 && i < spacing.size(); i++)
-        image->first.spacing[i] = spacing[i];
-    for (size_t i = 0; i < 3 && i < position.size(); i++)
-        image->first.position[i] = position[i];
-    for (size_t i = 0; i < 6 && i < along.size(); i++)
-        image->first.along[i / 3][i % 3] = along[i];
-    /* GDCM gives default values where the file has none. */
-    const bool has_frames = set.FindDataElement(gdcm::Tag(0x5200, 0x9229)) ||
-                            set.FindDataElement(gdcm::Tag(0x5200, 0x9230));
-    image->first.is_placed = has_frames || (!text_of(set, 0x0020, 0x0032).empty() &&
-                                            !text_of(set, 0x0020, 0x0037).empty());
-    if (image->frames > 1)
-        return;
-    const std::string between = text_of(set, 0x0018, 0x0088), thick = text_of(set, 0x0018, 0x0050);
-    image->first.spacing[2] = atof(!between.empty() ? between.c_str() : thick.c_str());
+/* Frames of these kinds are a film, not a stack, unless each says where it lies. */
+static bool is_film(const gdcm::DataSet &set) {
+    const std::vector<uint16_t> pointers = dicom_values<uint16_t>(set, 0x0028, 0x0009);
+    for (size_t i = 0; i + 1 < pointers.size(); i += 2)
+        if (pointers[i] == 0x0018 && (pointers[i + 1] == 0x1063 || pointers[i + 1] == 0x1065))
+            return true;
+    const std::string modality = dicom_text(set, 0x0008, 0x0060);
+    return modality == "XA" || modality == "RF" || modality == "US" || modality == "IVUS" ||
+           modality == "ES";
+}
+
+static void describe_order(const gdcm::DataSet &set, dicom_image *image) {
+    const double each = dicom_number(set, 0x0018, 0x1063) / 1000;
+    const double rate = dicom_number(set, 0x0018, 0x0040);
+    image->order = is_film(set) ? DICOM_ORDER_TIMES : DICOM_ORDER_PLACES;
+    image->frame_time = each > 0 ? each : rate > 0 ? 1 / rate : 0;
+}
+
+/* The element with the pixels. The stream stands at its value, 8 bytes after its tag (or 12, with a
+ * type). Fills where the value lies if the tag is there. */
+static bool find_pixels(std::ifstream &stream, std::streamoff at, uint16_t element, bool is_big,
+                        dicom_image *image) {
+    for (int head : { 12, 8 }) {
+        uint8_t bytes[12] = { 0 };
+        stream.clear();
+        if (at < head || !stream.seekg(at - head) ||
+            !stream.read(reinterpret_cast<char *>(bytes), head))
+            continue;
+        const uint16_t low = bytes[is_big ? 1 : 0] | bytes[is_big ? 0 : 1] << 8;
+        const uint16_t high = bytes[is_big ? 3 : 2] | bytes[is_big ? 2 : 3] << 8;
+        if (low != 0x7fe0 || high != element)
+            continue;
+        uint32_t length = 0;
+        for (int i = 0; i < 4; i++)
+            length |= static_cast<uint32_t>(bytes[head - 4 + (is_big ? 3 - i : i)]) << 8 * i;
+        image->pixels_at = static_cast<uint64_t>(at);
+        image->pixels_bytes = length;
+        return true;
+    }
+    return false;
+}
+
+/* Reads the data set up to the pixels, which are samples, or numbers of 4 or 8 bytes. */
+static bool read_header(const char *path, gdcm::Reader &reader, dicom_image *image) {
+    static const uint16_t elements[] = { 0x0010, 0x0008, 0x0009 };
+    const std::set<gdcm::Tag> skipped = { { 0x7fe0, 0x0008 },
+                                          { 0x7fe0, 0x0009 },
+                                          { 0x7fe0, 0x0010 } };
+    std::ifstream stream(path, std::ios::binary);
+    for (uint16_t element : elements) {
+        stream.clear();
+        stream.seekg(0);
+        reader.SetStream(stream);
+        const bool ok = reader.ReadUpToTag({ 0x7fe0, element }, skipped);
+        if (!ok && element == 0x0010)
+            return false;
+        const gdcm::TransferSyntax &syntax =
+            reader.GetFile().GetHeader().GetDataSetTransferSyntax();
+        const bool is_big = syntax == gdcm::TransferSyntax::ExplicitVRBigEndian;
+        const bool is_turned =
+            is_big || syntax == gdcm::TransferSyntax::ImplicitVRBigEndianPrivateGE;
+        const std::streamoff at = stream.tellg();
+        image->is_packed = syntax.IsEncapsulated() ||
+                           syntax == gdcm::TransferSyntax::DeflatedExplicitVRLittleEndian;
+        image->is_swapped = is_turned;
+        if (ok && find_pixels(stream, at, element, is_big, image)) {
+            image->is_float = element != 0x0010;
+            return true;
+        }
+        if (image->is_packed)
+            return true;
+    }
+    return true;
 }
 
 static bool describe(const char *path, dicom_image *image, char *why, size_t capacity) try {
     gdcm::Trace::WarningOff();
     gdcm::Trace::ErrorOff();
-    const gdcm::Tag pixels(0x7fe0, 0x0010);
-    std::ifstream stream(path, std::ios::binary);
     gdcm::Reader reader;
-    reader.SetStream(stream);
     *image = dicom_image();
-    if (!reader.ReadUpToTag(pixels, { pixels })) {
+    if (!read_header(path, reader, image)) {
         explain(why, capacity, "this is no DICOM file, or it is damaged");
         return false;
     }
-    const gdcm::File &file = reader.GetFile();
-    const gdcm::DataSet &set = file.GetDataSet();
-    copy_text(image->series, text_of(set, 0x0020, 0x000e));
-    copy_text(image->modality, text_of(set, 0x0008, 0x0060));
-    copy_text(image->rescale_type, text_of(set, 0x0028, 0x1054));
-    copy_text(image->description, text_of(set, 0x0008, 0x103e));
-    image->first.instance = atol(text_of(set, 0x0020, 0x0013).c_str());
-    const std::vector<unsigned> dims = gdcm::ImageHelper::GetDimensionsValue(file);
-    if (dims.size() < 2 || dims[0] == 0 || dims[1] == 0) {
+    const gdcm::DataSet &set = reader.GetFile().GetDataSet();
+    dicom_copy(image->series, sizeof image->series, dicom_text(set, 0x0020, 0x000e));
+    dicom_copy(image->modality, sizeof image->modality, dicom_text(set, 0x0008, 0x0060));
+    dicom_copy(image->description, sizeof image->description, dicom_text(set, 0x0008, 0x103e));
+    image->columns = whole(dicom_value<uint16_t>(set, 0x0028, 0x0011), 0);
+    image->rows = whole(dicom_value<uint16_t>(set, 0x0028, 0x0010), 0);
+    if (image->columns == 0 || image->rows == 0) {
         explain(why, capacity, "the file has no image");
         return false;
     }
-    image->columns = dims[0];
-    image->rows = dims[1];
-    image->frames = dims.size() > 2 ? dims[2] : 1;
-    const std::vector<double> rescale = gdcm::ImageHelper::GetRescaleInterceptSlopeValue(file);
-    image->first.intercept = rescale.size() > 1 ? rescale[0] : 0;
-    image->first.slope = rescale.size() > 1 ? rescale[1] : 1;
-    image->is_packed = file.GetHeader().GetDataSetTransferSyntax().IsEncapsulated() ||
-                       gdcm::ImageHelper::GetPixelFormatValue(file).GetBitsAllocated() % 8 != 0;
-    const std::streamoff at = stream.tellg(); /* where the pixels begin, which were skipped */
-    image->pixels_at = at > 0 ? static_cast<uint64_t>(at) : 0;
-    describe_pixels(file, image);
-    describe_place(file, set, image);
-    for (double &key : image->first.keys)
-        key = NAN;
+    const double frames = dicom_number(set, 0x0028, 0x0008);
+    image->frames = frames >= 1 && frames <= 0xffffffffu ? static_cast<uint32_t>(frames) : 1;
+    describe_pixels(set, image);
+    describe_order(set, image);
+    dicom_fill_frames(set, *image, &image->first, 1);
+    const gdcm::DataSet all = dicom_item(set, 0x5200, 0x9229),
+                        one = dicom_item(set, 0x5200, 0x9230);
+    image->is_in_patient =
+        dicom_item(all, 0x0020, 0x930e).IsEmpty() && dicom_item(one, 0x0020, 0x930e).IsEmpty();
     return true;
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());
     return false;
 }
 
-static bool read(const char *path, void *out, size_t size, char *why, size_t capacity) try {
-    gdcm::ImageReader reader;
-    reader.SetFileName(path);
-    if (!reader.Read()) {
-        explain(why, capacity, "the pixels are damaged, or packed in a way that is not supported");
+static bool describe_frames(const char *path, dicom_frame *frames, uint32_t count, char *why,
+                            size_t capacity) try {
+    gdcm::Reader reader;
+    dicom_image image = dicom_image();
+    if (!read_header(path, reader, &image)) {
+        explain(why, capacity, "this is no DICOM file, or it is damaged");
         return false;
     }
-    const gdcm::Image *image = &reader.GetImage();
-    gdcm::ImageChangePlanarConfiguration alternate;
-    if (image->GetPlanarConfiguration() == 1) {
-        alternate.SetInput(*image);
-        alternate.SetPlanarConfiguration(0);
-        if (alternate.Change())
-            image = &alternate.GetOutput();
-    }
-    if (image->GetBufferLength() != size) {
-        explain(why, capacity, "the file has another number of pixels than its header says");
-        return false;
-    }
-    if (!image->GetBuffer(static_cast<char *>(out))) {
-        explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
-        return false;
-    }
+    const gdcm::DataSet &set = reader.GetFile().GetDataSet();
+    image.frames = count;
+    describe_pixels(set, &image);
+    describe_order(set, &image);
+    dicom_fill_frames(set, image, frames, count);
     return true;
 } catch (const std::exception &e) {
     explain(why, capacity, e.what());
@@ -147,4 +172,6 @@ static bool read(const char *path, void *out, size_t size, char *why, size_t cap
 }
 
 extern "C" __attribute__((visibility("default")))
-const dicom_bridge_functions splat_dicom_bridge = { describe, read };
+const dicom_bridge_functions splat_dicom_bridge = { describe,           describe_frames,
+                                                    dicom_open_pixels,  dicom_read_frame,
+                                                    dicom_close_pixels, dicom_read_palette };

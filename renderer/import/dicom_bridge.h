@@ -18,10 +18,14 @@ extern "C" {
 /* What tells apart images that show the same place. Each is a number that rises in the order in
  * which the images are listed; NaN = the file does not say. */
 enum dicom_key {
+    DICOM_KEY_GROUP, /* rank of the texts in `group`: segments, types of images, detectors, … */
     DICOM_KEY_ECHO,  /* time of the echo [ms] */
-    DICOM_KEY_PHASE, /* temporal position, a number */
-    DICOM_KEY_DELAY, /* time since a trigger, such as a heartbeat, or since the start [s] */
-    DICOM_KEY_CLOCK, /* time of the acquisition [s], from any origin */
+    DICOM_KEY_DIFFUSION, /* of diffusion [s/mm²] */
+    DICOM_KEY_DIRECTION, /* of diffusion: a number for each */
+    DICOM_KEY_OTHER,     /* dimensions that the reader does not know */
+    DICOM_KEY_PHASE,     /* temporal position, a number */
+    DICOM_KEY_DELAY,     /* time since a trigger, such as a heartbeat, or since the start [s] */
+    DICOM_KEY_CLOCK,     /* time of the acquisition [s], from any origin */
     DICOM_KEY_COUNT
 };
 
@@ -29,33 +33,74 @@ struct dicom_frame {    /* what a file says about one of its images */
     bool is_placed;     /* the file gives the position and the directions */
     double position[3]; /* of the first pixel, in the patient: left, posterior, superior [mm] */
     double along[2][3]; /* directions of a row and of a column, unit length */
-    double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known */
+    double spacing[3];  /* between columns, rows and slices or frames [mm]; 0 = not known; that of
+                           slices is negative where they go against the normal */
     double slope, intercept;
     double keys[DICOM_KEY_COUNT];
-    long instance; /* number in the series; 0 = not known */
+    uint32_t segment; /* its label; 0 = this is no segmentation */
+    char group[64];   /* what its group is called; "" = it is in none */
+    char stack[20];   /* frames of other stacks are other volumes; "" = not known */
+    char unit[32];    /* of the values after slope and intercept; "" = not known */
+    double slot;      /* not placed: its number in the stack; those of one slot share a place */
+    long instance;    /* number in the series; 0 = not known */
 };
+
+/* How a file stores colours. */
+enum dicom_colors {
+    DICOM_GRAY,
+    DICOM_RGB,
+    DICOM_YBR_FULL, /* luminance and colour differences of each pixel */
+    DICOM_YBR_422,  /* the same with one pair of differences per two pixels of a row */
+    DICOM_PALETTE
+};
+
+/* What the frames of a file are to each other where the frames themselves do not say it. */
+enum dicom_order { DICOM_ORDER_PLACES, DICOM_ORDER_TIMES };
 
 struct dicom_image { /* what a file says about its images */
     char series[68]; /* unique id of the series; "" = none */
     char modality[20];
-    char rescale_type[20]; /* "HU", "US" = unspecified, …; "" = the file does not say */
-    char description[68];  /* of the series */
+    char description[68]; /* of the series */
     uint32_t columns, rows, frames;
-    unsigned channels;    /* numbers per pixel, which alternate */
+    unsigned channels;    /* numbers per pixel */
     unsigned bytes, bits; /* per number: in memory, and those that are used */
-    bool is_signed, is_float, is_palette,
-        is_other_color;       /* colours that are not red, green, blue */
-    bool is_packed;           /* the pixels do not lie in the file as in memory */
-    uint64_t pixels_at;       /* byte of the file where they begin; 0 = not known */
-    struct dicom_frame first; /* the first frame */
+    unsigned high_bit;    /* the highest of the bits that are used */
+    bool is_signed, is_float;
+    bool is_bits;       /* one bit per pixel, without a gap between rows or frames */
+    bool is_planar;     /* each frame has its channels one after the other */
+    bool is_packed;     /* the pixels are compressed */
+    bool is_swapped;    /* their byte order is not that of this machine */
+    bool is_labels;     /* the frames are segments, each pixel in it or not */
+    bool is_in_patient; /* the positions are those of a patient, not of a device */
+    enum dicom_colors colors;
+    enum dicom_order order;
+    double frame_time;                /* [s] between frames in time; 0 = not known */
+    uint64_t pixels_at, pixels_bytes; /* where they lie in the file; 0 = not known */
+    struct dicom_frame first;         /* the first frame */
+};
+
+/* Colours of a palette: rows of red, green, blue for the values from `first` on. */
+struct dicom_palette {
+    long first;
+    uint32_t count;
+    uint8_t (*colors)[3]; /* owned; release with free() */
 };
 
 struct dicom_bridge_functions {
     /* Reads everything but the pixels. False with the reason in `why` (`capacity` bytes). */
     bool (*describe)(const char *path, struct dicom_image *image, char *why, size_t capacity);
-    /* Unpacks the pixels of all frames into `size` bytes, in native byte order, colours
-     * alternating. If they are cut off in the file, the rest is 0. */
-    bool (*read)(const char *path, void *out, size_t size, char *why, size_t capacity);
+    /* Describes `count` frames. */
+    bool (*describe_frames)(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
+                            size_t capacity);
+    /* Opens compressed pixels. NULL with the reason in `why`. */
+    void *(*open_pixels)(const char *path, char *why, size_t capacity);
+    /* Unpacks one frame into `size` bytes, in native byte order, with the channels of a pixel side
+     * by side. `*is_rgb` is set if unpacking has made colours red, green and blue. */
+    bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, bool *is_rgb,
+                       char *why, size_t capacity);
+    void (*close_pixels)(void *pixels);
+    bool (*read_palette)(const char *path, struct dicom_palette *palette, char *why,
+                         size_t capacity);
 };
 
 #define DICOM_BRIDGE_MODULE "splat-import-dicom.so"

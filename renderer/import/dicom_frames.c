@@ -1,20 +1,142 @@
 /* SPDX-License-Identifier: Apache-2.0 */
 #include "import/dicom_frames.h"
 
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
 #include "base/vec.h"
+
+enum { FRAMES_MAX = 1 << 18, STACKS_MAX = 8 };
+
+/* Frames of one stack can be slices of one volume. */
+static bool is_same_stack(const struct dicom_frame *a, const struct dicom_frame *b) {
+    if (a->is_placed != b->is_placed || strcmp(a->stack, b->stack) != 0)
+        return false;
+    for (int axis = 0; axis < 2; axis++) {
+        const double cosine =
+            sp_vec3_dot(sp_vec3_from(a->along[axis]), sp_vec3_from(b->along[axis]));
+        if ((a->is_placed && !(cosine > 0.9999)) ||
+            fabs(a->spacing[axis] - b->spacing[axis]) > 1e-4 * fabs(a->spacing[axis]))
+            return false;
+    }
+    return true;
+}
+
+struct stack {
+    const struct dicom_frame *first;
+    uint32_t count, number; /* of its first frame, from 1 */
+};
+
+static bool is_in_stack(const struct dicom_slice *slice, const void *user) {
+    return is_same_stack(&slice->is, user);
+}
+
+static unsigned find_stacks(const struct dicom_slices *slices, struct stack *stacks) {
+    unsigned count = 0;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const struct dicom_frame *is = &slices->items[i].is;
+        unsigned n = 0;
+        while (n < count && !is_same_stack(stacks[n].first, is))
+            n++;
+        if (n == count && count < STACKS_MAX)
+            stacks[count++] = (struct stack){ is, 0, i + 1 };
+        if (n < count)
+            stacks[n].count++;
+    }
+    return count;
+}
+
+/* Keeps the largest stack, and says which ones are left out. */
+static void keep_stack(struct dicom_slices *slices, const struct dicom_source *source) {
+    struct stack stacks[STACKS_MAX];
+    char others[SP_WARNING_BYTES] = "";
+    const unsigned count = find_stacks(slices, stacks);
+    const uint32_t all = slices->count;
+    unsigned best = 0;
+    if (count < 2)
+        return;
+    for (unsigned n = 1; n < count; n++)
+        if (stacks[n].count > stacks[best].count)
+            best = n;
+    for (unsigned n = 0; n < count; n++) {
+        const size_t used = strlen(others);
+        const char *name = stacks[n].first->stack;
+        if (n != best)
+            snprintf(others + used, sizeof others - used, "%s%s%.20s%s%u from frame %u on",
+                     used ? ", " : "", *name ? "stack " : "", name, *name ? ": " : "",
+                     stacks[n].count, stacks[n].number);
+    }
+    const struct dicom_frame kept = *stacks[best].first;
+    dicom_slices_keep(slices, is_in_stack, &kept);
+    if (slices->count < all)
+        import_warn(source->file->warnings,
+                    "Left out %u frames of other stacks, directions or spacings (%.120s); the "
+                    "largest stack is shown.",
+                    all - slices->count, others);
+}
+
+/* True if the file has its frames against the normal, from each time or echo to the next. */
+static bool is_falling(const struct dicom_slices *slices) {
+    const struct dicom_slice *s = slices->items;
+    const struct sp_vec3 normal =
+        sp_vec3_cross(sp_vec3_from(s[0].is.along[0]), sp_vec3_from(s[0].is.along[1]));
+    double low = INFINITY, high = -INFINITY, before = NAN;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const double place = sp_vec3_dot(sp_vec3_from(s[i].is.position), normal);
+        low = fmin(low, place);
+        high = fmax(high, place);
+    }
+    const double near = 1e-3 * (high - low);
+    bool has_fallen = false;
+    for (uint32_t i = 0; i < slices->count; i++) {
+        const double place = sp_vec3_dot(sp_vec3_from(s[i].is.position), normal);
+        const double rise = i > 0 ? place - before : 0;
+        before = place;
+        if (rise > near && !(has_fallen && rise >= high - low - near))
+            return false;
+        has_fallen |= rise < -near;
+    }
+    return has_fallen;
+}
+
+static bool fail_memory(const struct dicom_source *source, struct sp_error *err) {
+    return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the frames");
+}
+
+static bool describe_frames(const struct dicom_source *source, struct dicom_frame *frames,
+                            struct sp_error *err) {
+    char path[40], why[SP_ERROR_TEXT];
+    snprintf(path, sizeof path, "/proc/self/fd/%d", source->file->fd);
+    return source->call->describe_frames(path, frames, source->image.frames, why, sizeof why) ||
+           dicom_fail(source, SP_ERR_FORMAT, "", why, err);
+}
+
+static bool check_count(const struct dicom_source *source, struct sp_error *err) {
+    char text[SP_ERROR_TEXT];
+    snprintf(text, sizeof text, "%" PRIu32 " frames; the limit is %d", source->image.frames,
+             FRAMES_MAX);
+    return source->image.frames <= FRAMES_MAX ||
+           dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+}
 
 bool dicom_frames_list(const struct dicom_source *source, struct dicom_slices *slices,
                        struct sp_error *err) {
-    const struct dicom_image *image = &source->image;
-    const struct sp_vec3 normal =
-        sp_vec3_cross(sp_vec3_from(image->first.along[0]), sp_vec3_from(image->first.along[1]));
-    for (uint32_t i = 0; i < image->frames; i++) {
-        struct dicom_frame is = image->first;
-        for (int row = 0; row < 3; row++)
-            is.position[row] += normal.v[row] * i * (is.spacing[2] > 0 ? is.spacing[2] : 1);
-        is.instance = (long)i + 1;
-        if (!dicom_slices_add(slices, "", i, &is))
-            return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the frames");
-    }
+    const uint32_t count = source->image.frames;
+    if (count <= 1)
+        return dicom_slices_add(slices, "", 0, &source->image.first) || fail_memory(source, err);
+    if (!check_count(source, err))
+        return false;
+    struct dicom_frame *frames = calloc(count, sizeof *frames);
+    bool ok = frames ? describe_frames(source, frames, err) : fail_memory(source, err);
+    for (uint32_t i = 0; ok && i < count; i++)
+        ok = dicom_slices_add(slices, "", i, &frames[i]) || fail_memory(source, err);
+    free(frames);
+    if (!ok)
+        return false;
+    keep_stack(slices, source);
+    slices->is_falling = slices->items[0].is.is_placed && is_falling(slices);
     return true;
 }

@@ -9,25 +9,29 @@
 
 /* Slices lie evenly if each is within this share of the step of its place. */
 #define EVEN_SHARE 0.01
+/* They lie above one another within this share of a pixel. */
+#define SHIFT_SHARE 0.05
 
 static int compare_numbers(const void *a, const void *b) {
     const double x = *(const double *)a, y = *(const double *)b;
     return (x > y) - (x < y);
 }
 
-/* What warnings call a slice. */
-static void name_slice(const struct dicom_slice *slice, char out[80]) {
-    if (*slice->name)
-        snprintf(out, 80, "%.60s", slice->name);
-    else
-        snprintf(out, 80, "frame %u", slice->frame + 1);
+/* What warnings call the slices of a plane. */
+static void name_plane(const struct dicom_slices *slices, uint32_t plane, char out[80]) {
+    snprintf(out, 80, "none");
+    for (uint32_t i = 0; i < slices->count; i++)
+        if (slices->items[i].plane == plane) {
+            dicom_slice_name(&slices->items[i], out);
+            return;
+        }
 }
 
 /* Says where slices are missing: a gap there is some times as wide as most gaps. `gaps` is
  * memory for as many numbers as slices. */
 static void warn_of_gaps(const struct dicom_slices *slices, const double *places, double *gaps,
                          struct import_warnings *warnings) {
-    const uint32_t count = slices->count - 1;
+    const uint32_t count = slices->planes - 1;
     unsigned wide = 0;
     for (uint32_t i = 0; i < count; i++)
         gaps[i] = places[i + 1] - places[i];
@@ -39,13 +43,14 @@ static void warn_of_gaps(const struct dicom_slices *slices, const double *places
         if (!(missing >= 1))
             continue;
         wide++;
-        name_slice(&slices->items[i], before);
-        name_slice(&slices->items[i + 1], after);
+        name_plane(slices, i, before);
+        name_plane(slices, i + 1, after);
         import_warn(warnings,
                     "%.0f %s missing at %.6g mm, between %s and %s: the gap there is %.6g "
                     "mm, and others are %.6g mm.",
                     missing, missing > 1 ? "slices are" : "slice is",
-                    slices->items[i].place + gap / 2, before, after, gap, usual);
+                    (slices->is_falling ? -1 : 1) * (slices->plane[i].place + gap / 2), before,
+                    after, gap, usual);
     }
     if (!wide)
         import_warn(warnings,
@@ -53,28 +58,51 @@ static void warn_of_gaps(const struct dicom_slices *slices, const double *places
                     gaps[0], gaps[count - 1]);
 }
 
+/* Says that the slices do not lie above one another: a grid cannot show that. */
+static void warn_of_shift(const struct dicom_slices *slices, const struct sp_grid *grid,
+                          struct import_warnings *warnings) {
+    const struct sp_vec3 first = sp_vec3_from(slices->plane[0].position);
+    double most = 0;
+    for (uint32_t i = 1; i < slices->planes; i++) {
+        const struct sp_vec3 at = sp_vec3_sub(sp_vec3_from(slices->plane[i].position), first);
+        const struct sp_vec3 along = { { grid->direction[0][2], grid->direction[1][2],
+                                         grid->direction[2][2] } };
+        const struct sp_vec3 aside = sp_vec3_sub(at, sp_vec3_scale(along, sp_vec3_dot(at, along)));
+        most = fmax(most, sp_vec3_length(aside));
+    }
+    if (most > SHIFT_SHARE * fmin(grid->spacing[0], grid->spacing[1]))
+        import_warn(warnings,
+                    "The slices do not lie on a line: some are up to %.4g mm beside their place "
+                    "in the volume.",
+                    most);
+}
+
 /* The axis of the slices, which need not be perpendicular to them nor even. */
 static bool place_slices(const struct dicom_slices *slices, struct import_warnings *warnings,
                          struct sp_grid *grid, double **out) {
-    const struct sp_vec3 first = sp_vec3_from(slices->items[0].is.position);
-    const struct sp_vec3 last = sp_vec3_from(slices->items[slices->count - 1].is.position);
+    const uint32_t count = slices->planes;
+    const struct sp_vec3 first = sp_vec3_from(slices->plane[0].position);
+    const struct sp_vec3 last = sp_vec3_from(slices->plane[count - 1].position);
     const struct sp_vec3 all = sp_vec3_sub(last, first), along = sp_vec3_normalize(all);
-    const double step = sp_vec3_length(all) / (slices->count - 1);
-    double *places = malloc(slices->count * sizeof *places);
-    double *gaps = malloc(slices->count * sizeof *gaps);
+    const double step = sp_vec3_length(all) / (count - 1);
+    double *places = malloc(count * sizeof *places);
+    double *gaps = malloc(count * sizeof *gaps);
     bool is_even = true;
     *out = places;
-    for (uint32_t i = 0; places && gaps && i < slices->count; i++) {
-        const struct sp_vec3 at = sp_vec3_from(slices->items[i].is.position);
+    for (uint32_t i = 0; places && gaps && i < count; i++) {
+        const struct sp_vec3 at = sp_vec3_from(slices->plane[i].position);
         places[i] = sp_vec3_dot(sp_vec3_sub(at, first), along);
         is_even &= fabs(places[i] - i * step) <= EVEN_SHARE * step;
     }
     grid->spacing[2] = step;
     for (int row = 0; row < 3; row++)
         grid->direction[row][2] = along.v[row];
-    if (places && gaps && !is_even) {
-        warn_of_gaps(slices, places, gaps, warnings);
-        import_grid_place(grid, 2, places);
+    if (places && gaps) {
+        warn_of_shift(slices, grid, warnings);
+        if (!is_even) {
+            warn_of_gaps(slices, places, gaps, warnings);
+            import_grid_place(grid, 2, places);
+        }
     }
     const bool ok = places && gaps;
     free(gaps);
@@ -91,9 +119,9 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
     *places = NULL;
     grid->dims[0] = source->image.columns;
     grid->dims[1] = source->image.rows;
-    grid->dims[2] = slices->count;
+    grid->dims[2] = slices->planes;
     for (int axis = 0; axis < 3; axis++)
-        grid->spacing[axis] = first->spacing[axis] > 0 ? first->spacing[axis] : 1;
+        grid->spacing[axis] = first->spacing[axis] != 0 ? fabs(first->spacing[axis]) : 1;
     snprintf(header->unit, sizeof header->unit, "%s", is_mm ? "mm" : "");
     if (!first->is_placed)
         return true;
@@ -101,10 +129,11 @@ bool dicom_grid_take(const struct dicom_slices *slices, const struct dicom_sourc
         grid->direction[row][0] = first->along[0][row];
         grid->direction[row][1] = first->along[1][row];
         grid->direction[row][2] = normal.v[row];
-        grid->origin[row] = first->position[row];
+        grid->origin[row] = slices->plane[0].position[row];
     }
-    if (slices->count > 1 && !place_slices(slices, source->file->warnings, grid, places))
+    if (slices->planes > 1 && !place_slices(slices, source->file->warnings, grid, places))
         return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for the slices");
-    import_header_set_anatomy(header, "LPS");
+    if (source->image.is_in_patient)
+        import_header_set_anatomy(header, "LPS");
     return true;
 }

@@ -8,7 +8,9 @@
 
 #include "base/vec.h"
 
-#define SAME_PLACE 1e-4 /* mm */
+/* Slices share their place within this share of a pixel, or this many mm. */
+#define SAME_SHARE 0.01
+#define SAME_PLACE 1e-4
 
 bool dicom_slices_add(struct dicom_slices *slices, const char *name, uint32_t frame,
                       const struct dicom_frame *is) {
@@ -30,6 +32,8 @@ void dicom_slices_finish(struct dicom_slices *slices) {
     for (uint32_t i = 0; i < slices->count; i++)
         free(slices->items[i].name);
     free(slices->items);
+    free(slices->plane);
+    free(slices->times);
     *slices = (struct dicom_slices){ 0 };
 }
 
@@ -52,78 +56,107 @@ static int by_place(const void *a, const void *b) {
     return order ? order : (p->frame > q->frame) - (p->frame < q->frame);
 }
 
-static bool is_same_place(const struct dicom_slice *a, const struct dicom_slice *b) {
-    return fabs(a->place - b->place) <= SAME_PLACE;
+void dicom_slices_keep(struct dicom_slices *slices,
+                       bool (*is_kept)(const struct dicom_slice *slice, const void *user),
+                       const void *user) {
+    const uint32_t count = slices->count;
+    slices->count = 0;
+    for (uint32_t i = 0; i < count; i++)
+        if (is_kept(&slices->items[i], user))
+            slices->items[slices->count++] = slices->items[i];
+        else
+            free(slices->items[i].name);
+}
+
+/* Slices that are closer to each other than this share their place [mm]. */
+static double same_place(const struct dicom_frame *is) {
+    const double pixel = fmin(is->spacing[0], is->spacing[1]);
+    return pixel > 0 ? SAME_SHARE * pixel : SAME_PLACE;
 }
 
 /* Slices of one place get the same one, so that sorting goes on with their keys. */
 static void join_places(struct dicom_slices *slices) {
-    for (uint32_t i = 1; i < slices->count; i++)
-        if (is_same_place(&slices->items[i - 1], &slices->items[i]))
-            slices->items[i].place = slices->items[i - 1].place;
+    const struct dicom_frame *first = &slices->items[0].is;
+    const double near = first->is_placed ? same_place(first) : 0;
+    struct dicom_slice *s = slices->items;
+    slices->planes = 1;
+    s[0].plane = 0;
+    for (uint32_t i = 1; i < slices->count; i++) {
+        if (s[i].place - s[i - 1].place <= near)
+            s[i].place = s[i - 1].place;
+        else
+            slices->planes++;
+        s[i].plane = slices->planes - 1;
+    }
 }
 
-void dicom_slices_sort(struct dicom_slices *slices) {
+bool dicom_slices_sort(struct dicom_slices *slices) {
     if (slices->count == 0)
-        return;
+        return true;
     const struct dicom_frame *first = &slices->items[0].is;
     const struct sp_vec3 normal =
         sp_vec3_cross(sp_vec3_from(first->along[0]), sp_vec3_from(first->along[1]));
     for (uint32_t i = 0; i < slices->count; i++) {
         struct dicom_slice *s = &slices->items[i];
-        s->place = !s->is.is_placed ? (double)s->is.instance
-                                    : sp_vec3_dot(sp_vec3_from(s->is.position), normal);
+        const double place = sp_vec3_dot(sp_vec3_from(s->is.position), normal);
+        s->place = !s->is.is_placed ? s->is.slot : slices->is_falling ? -place : place;
     }
     qsort(slices->items, slices->count, sizeof *slices->items, by_place);
-    if (!first->is_placed)
-        return;
     join_places(slices);
     qsort(slices->items, slices->count, sizeof *slices->items, by_place);
+    free(slices->plane);
+    slices->plane = malloc(slices->planes * sizeof *slices->plane);
+    for (uint32_t i = slices->count; slices->plane && i-- > 0;) {
+        const struct dicom_slice *s = &slices->items[i];
+        slices->plane[s->plane].place = s->place;
+        memcpy(slices->plane[s->plane].position, s->is.position, sizeof s->is.position);
+    }
+    return slices->plane != NULL;
 }
 
-/* If every place has the same number of slices, of different numbers, those are the steps of a time
- * series, or of echoes. Returns how many steps there are. The slices are sorted. */
-static uint32_t count_steps(const struct dicom_slices *slices) {
-    const struct dicom_slice *s = slices->items;
-    uint32_t steps = 1;
-    while (steps < slices->count && is_same_place(&s[0], &s[steps]))
-        steps++;
-    for (uint32_t i = 1; i < slices->count; i++) {
-        const bool is_next = i % steps != 0;
-        if (is_same_place(&s[i - 1], &s[i]) != is_next ||
-            (is_next && s[i - 1].is.instance == s[i].is.instance))
-            return 1;
+/* The number of the last plane at this distance from each other; 0 = they do not fit. */
+static uint32_t last_of_grid(const struct dicom_slices *slices, double step) {
+    for (uint32_t i = 1; i < slices->planes; i++) {
+        const double n = (slices->plane[i].place - slices->plane[0].place) / step;
+        if (!(n < SP_DIM_MAX) || fabs(n - round(n)) > 0.05)
+            return 0;
     }
-    return s[0].is.is_placed && slices->count % steps == 0 ? steps : 1;
+    return (uint32_t)round((slices->plane[slices->planes - 1].place - slices->plane[0].place) /
+                           step);
 }
 
-/* Slices of one place belong to several times or echoes. */
-static bool check_places(const struct dicom_slices *slices, const struct dicom_source *source,
-                         struct sp_error *err) {
-    for (uint32_t i = 1; i < slices->count; i++) {
-        const struct dicom_slice *a = &slices->items[i - 1], *b = &slices->items[i];
-        char text[SP_ERROR_TEXT];
-        if (!is_same_place(a, b) || !(a->is.is_placed || a->is.instance))
-            continue;
-        snprintf(text, sizeof text,
-                 "%.60s and %.60s show the same place (%.6g): a duplicate, or a series whose "
-                 "places have different numbers of times or echoes",
-                 a->name, b->name, b->place);
-        return dicom_fail(source, SP_ERR_UNSUPPORTED, a->name, text, err);
+bool dicom_slices_fill_gaps(struct dicom_slices *slices) {
+    double step = fabs(slices->items[0].is.spacing[2]);
+    for (uint32_t i = 1; i < slices->planes; i++)
+        if (i == 1 || slices->plane[i].place - slices->plane[i - 1].place < step)
+            step = slices->plane[i].place - slices->plane[i - 1].place;
+    const uint32_t last = slices->planes > 1 ? last_of_grid(slices, step) : 0;
+    if (last < slices->planes)
+        return true;
+    struct dicom_plane *filled = malloc((last + 1) * sizeof *filled);
+    if (!filled)
+        return false;
+    const struct dicom_plane *a = &slices->plane[0], *b = &slices->plane[slices->planes - 1];
+    for (uint32_t i = 0; i <= last; i++) {
+        const double share = (double)i / last;
+        filled[i].place = a->place + share * (b->place - a->place);
+        for (int row = 0; row < 3; row++)
+            filled[i].position[row] =
+                a->position[row] + share * (b->position[row] - a->position[row]);
     }
+    for (uint32_t i = 0; i < slices->count; i++) {
+        struct dicom_slice *s = &slices->items[i];
+        s->plane = (uint32_t)round((s->place - a->place) / (b->place - a->place) * last);
+    }
+    free(slices->plane);
+    slices->plane = filled;
+    slices->planes = last + 1;
     return true;
 }
 
-bool dicom_slices_take_step(struct dicom_slices *slices, const struct dicom_source *source,
-                            struct import_header *header, struct sp_error *err) {
-    const uint32_t steps = count_steps(slices), count = slices->count;
-    if (!import_header_use_steps(header, source->file, steps, err))
-        return false;
-    slices->count = 0;
-    for (uint32_t i = 0; i < count; i++)
-        if (i % steps == source->file->step)
-            slices->items[slices->count++] = slices->items[i];
-        else
-            free(slices->items[i].name);
-    return check_places(slices, source, err);
+void dicom_slice_name(const struct dicom_slice *slice, char out[80]) {
+    if (*slice->name)
+        snprintf(out, 80, "%.60s", slice->name);
+    else
+        snprintf(out, 80, "frame %u", slice->frame + 1);
 }

@@ -5,6 +5,7 @@
  */
 #include <fcntl.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 
@@ -22,37 +23,94 @@ static size_t read_file(const char *path, void *out, size_t size) {
     return got > 0 ? (size_t)got : 0;
 }
 
-/* Booleans must be 0 or 1, and texts end. */
+/* Booleans must be 0 or 1. */
+static void mend(bool *flag) {
+    unsigned char byte;
+    memcpy(&byte, flag, 1);
+    *flag = byte & 1;
+}
+
+/* Texts end. */
+static void mend_frame(struct dicom_frame *frame) {
+    frame->group[sizeof frame->group - 1] = 0;
+    frame->stack[sizeof frame->stack - 1] = 0;
+    frame->unit[sizeof frame->unit - 1] = 0;
+    frame->segment &= 0xffff;
+    mend(&frame->is_placed);
+}
+
 static bool describe(const char *path, struct dicom_image *image, char *why, size_t capacity) {
-    bool *const flags[] = { &image->is_signed,      &image->is_float,        &image->is_palette,
-                            &image->is_other_color, &image->first.is_placed, &image->is_packed };
+    bool *const flags[] = { &image->is_signed, &image->is_float,     &image->is_bits,
+                            &image->is_planar, &image->is_packed,    &image->is_swapped,
+                            &image->is_labels, &image->is_in_patient };
     memset(image, 0, sizeof *image);
     snprintf(why, capacity, "too short");
     if (read_file(path, image, sizeof *image) < sizeof *image)
         return false;
     image->series[sizeof image->series - 1] = 0;
     image->modality[sizeof image->modality - 1] = 0;
-    image->rescale_type[sizeof image->rescale_type - 1] = 0;
     image->description[sizeof image->description - 1] = 0;
-    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++) {
-        unsigned char byte;
-        memcpy(&byte, flags[i], 1);
-        *flags[i] = byte & 1;
-    }
+    image->colors = (enum dicom_colors)((unsigned)image->colors % (DICOM_PALETTE + 1));
+    image->order = (enum dicom_order)((unsigned)image->order % (DICOM_ORDER_TIMES + 1));
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
+        mend(flags[i]);
+    mend_frame(&image->first);
     return true;
 }
 
-static bool read_pixels(const char *path, void *out, size_t size, char *why, size_t capacity) {
+/* The frames follow the image in the input; the first is that of the image. */
+static bool describe_frames(const char *path, struct dicom_frame *frames, uint32_t count, char *why,
+                            size_t capacity) {
+    struct dicom_image image;
+    int fd = open(path, O_RDONLY | O_CLOEXEC);
+    bool ok = describe(path, &image, why, capacity);
+    for (uint32_t i = 0; ok && i < count; i++) {
+        frames[i] = image.first;
+        if (pread(fd, &frames[i], sizeof *frames, (off_t)(sizeof image + i * sizeof *frames)) <
+            (ssize_t)sizeof *frames)
+            frames[i].slot = i;
+        mend_frame(&frames[i]);
+    }
+    if (fd >= 0)
+        close(fd);
+    return ok;
+}
+
+static void *open_pixels(const char *path, char *why, size_t capacity) {
+    snprintf(why, capacity, "out of memory");
+    return strdup(path);
+}
+
+static bool read_frame(void *pixels, uint32_t frame, void *out, size_t size, bool *is_rgb,
+                       char *why, size_t capacity) {
     snprintf(why, capacity, "too short");
     memset(out, 0, size);
-    return read_file(path, out, size) > 0;
+    *is_rgb = frame & 1;
+    return read_file(pixels, out, size) > 0;
+}
+
+static void close_pixels(void *pixels) {
+    free(pixels);
+}
+
+static bool read_palette(const char *path, struct dicom_palette *palette, char *why,
+                         size_t capacity) {
+    uint16_t numbers[2] = { 0 };
+    snprintf(why, capacity, "too short");
+    read_file(path, numbers, sizeof numbers);
+    palette->first = numbers[0];
+    palette->count = numbers[1] + 1u;
+    palette->colors = calloc(palette->count, 3);
+    return palette->colors != NULL;
 }
 
 /* In place of module.c. */
 const void *import_module_load(const struct import_file *file, const char *module,
                                const char *symbol, const char *library, const char *package,
                                struct sp_error *err) {
-    static const struct dicom_bridge_functions functions = { describe, read_pixels };
+    static const struct dicom_bridge_functions functions = { describe,     describe_frames,
+                                                             open_pixels,  read_frame,
+                                                             close_pixels, read_palette };
     (void)file;
     (void)module;
     (void)symbol;

@@ -1,0 +1,454 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// What a file says about each of its frames: functional groups, of the frame or shared by all, or
+// else elements of the file itself; vectors of nuclear medicine; offsets of a dose.
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+#include <ctime>
+#include <map>
+#include <numeric>
+
+#include <gdcmDict.h>
+#include <gdcmDicts.h>
+#include <gdcmGlobal.h>
+
+#include "import/dicom_tags.h"
+
+namespace {
+
+struct groups { /* where to look for what concerns a frame */
+    const gdcm::DataSet &file;
+    gdcm::DataSet own, shared;
+
+    /* The group in which the frame, or else all frames, have this; it may be empty. */
+    gdcm::DataSet find(uint16_t group, uint16_t element) const {
+        const gdcm::DataSet of_frame = dicom_item(own, group, element);
+        return of_frame.IsEmpty() ? dicom_item(shared, group, element) : of_frame;
+    }
+};
+
+struct dimension { /* of DimensionIndexValues, which the keys do not know */
+    size_t place;
+    gdcm::Tag pointer, group;
+    std::string label;
+};
+
+using numbers = std::vector<double>;
+
+void set_key(dicom_frame &frame, dicom_key key, double number, double factor = 1) {
+    if (std::isfinite(number) && std::isnan(frame.keys[key]))
+        frame.keys[key] = number * factor;
+}
+
+/* Days since 1970-01-01 of a date (Howard Hinnant, "chrono-compatible low-level date algorithms").
+ */
+double days_of(int year, int month, int day) {
+    year -= month <= 2;
+    const int era = year / 400, of_era = year - era * 400;
+    const int of_year = (153 * (month + (month > 2 ? -3 : 9)) + 2) / 5 + day - 1;
+    return era * 146097.0 + of_era * 365 + of_era / 4 - of_era / 100 + of_year - 719468;
+}
+
+/* Seconds of "YYYYMMDDHHMMSS.FFFFFF", or NaN. The time zone does not change within a file. */
+double seconds_of(const std::string &text) {
+    int year = 0, month = 1, day = 1, hour = 0, minute = 0;
+    double second = 0;
+    if (sscanf(text.c_str(), "%4d%2d%2d%2d%2d%lf", &year, &month, &day, &hour, &minute, &second) <
+            3 ||
+        year < 1 || month < 1 || month > 12)
+        return NAN;
+    return days_of(year, month, day) * 86400 + hour * 3600 + minute * 60 + second;
+}
+
+bool copy_numbers(const numbers &from, size_t count, double *out) {
+    if (from.size() < count)
+        return false;
+    std::copy_n(from.begin(), count, out);
+    return true;
+}
+
+bool take_directions(const numbers &cosines, dicom_frame &frame) {
+    if (!copy_numbers(cosines, 6, frame.along[0]))
+        return false;
+    for (auto &along : frame.along) {
+        const double length = std::sqrt(std::inner_product(along, along + 3, along, 0.0));
+        if (!(length > 0.5 && length < 2))
+            return false;
+        for (double &number : along)
+            number /= length;
+    }
+    return std::fabs(std::inner_product(frame.along[0], frame.along[0] + 3, frame.along[1], 0.0)) <
+           0.99;
+}
+
+/* Distances between pixels as a file without functional groups gives them. */
+void fill_plain_spacing(const gdcm::DataSet &set, dicom_frame &frame) {
+    static const uint16_t tags[][2] = {
+        { 0x0028, 0x0030 }, /* PixelSpacing */
+        { 0x0018, 0x2010 }, /* NominalScannedPixelSpacing */
+        { 0x0018, 0x1164 }, /* ImagerPixelSpacing */
+    };
+    for (const auto &tag : tags) {
+        const numbers pair = dicom_numbers(set, tag[0], tag[1]);
+        if (pair.size() < 2 || !(pair[0] > 0) || !(pair[1] > 0))
+            continue;
+        frame.spacing[0] = pair[1];
+        frame.spacing[1] = pair[0];
+        return;
+    }
+    const gdcm::DataSet region = dicom_item(set, 0x0018, 0x6011); /* of an ultrasound image */
+    const int centimetres = 3;
+    if (dicom_value<uint16_t>(region, 0x0018, 0x6024) == centimetres &&
+        dicom_value<uint16_t>(region, 0x0018, 0x6026) == centimetres) {
+        frame.spacing[0] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602c));
+        frame.spacing[1] = 10 * std::fabs(dicom_value<double>(region, 0x0018, 0x602e));
+    }
+}
+
+void fill_spacing(const groups &in, dicom_frame &frame) {
+    const gdcm::DataSet measures = in.find(0x0028, 0x9110);
+    fill_plain_spacing(measures.IsEmpty() ? in.file : measures, frame);
+    const gdcm::DataSet &set = measures.IsEmpty() ? in.file : measures;
+    const double between = dicom_number(set, 0x0018, 0x0088);
+    const double thick = dicom_number(set, 0x0018, 0x0050);
+    frame.spacing[2] = std::isfinite(between) && between != 0 ? between : thick > 0 ? thick : 0;
+}
+
+/* True if the functional groups or the file have a place; `of_all` is set if the file gives only
+ * one for all frames. */
+bool fill_place(const groups &in, uint32_t index, dicom_frame &frame, bool &of_all) {
+    const gdcm::DataSet detector = dicom_detector(in.file, index);
+    const gdcm::DataSet &file = dicom_text(detector, 0x0020, 0x0032).empty() ? in.file : detector;
+    const gdcm::DataSet position = in.find(0x0020, 0x9113), orientation = in.find(0x0020, 0x9116);
+    const gdcm::DataSet in_volume = in.find(0x0020, 0x930e);
+    of_all = false;
+    if (!in_volume.IsEmpty())
+        return copy_numbers(dicom_values<double>(in_volume, 0x0020, 0x9301), 3, frame.position) &&
+               take_directions(dicom_values<double>(in.find(0x0020, 0x930f), 0x0020, 0x9302),
+                               frame);
+    of_all = position.IsEmpty();
+    return copy_numbers(dicom_numbers(of_all ? file : position, 0x0020, 0x0032), 3,
+                        frame.position) &&
+           take_directions(
+               dicom_numbers(orientation.IsEmpty() ? file : orientation, 0x0020, 0x0037), frame);
+}
+
+void unit_of_code(const gdcm::DataSet &mapping, dicom_frame &frame) {
+    const std::string code = dicom_text(dicom_item(mapping, 0x0040, 0x08ea), 0x0008, 0x0100);
+    const bool is_none = code == "1" || code == "{no_units}" || code == "no units";
+    dicom_copy(frame.unit, sizeof frame.unit, is_none ? "" : code == "[hnsf'U]" ? "HU" : code);
+}
+
+std::string unit_of_file(const gdcm::DataSet &set) {
+    static const std::map<std::string, std::string> names = {
+        { "BQML", "Bq/ml" },   { "CNTS", "counts" },     { "PROPCNTS", "" }, { "GML", "g/ml" },
+        { "NONE", "" },        { "PROPCPS", "" },        { "CPS", "1/s" },   { "PCNT", "%" },
+        { "CM2ML", "cm²/ml" }, { "MLMING", "ml/min/g" }, { "MLG", "ml/g" },  { "1CM", "1/cm" },
+    };
+    const std::string unit = dicom_text(set, 0x0054, 0x1001);
+    const auto found = names.find(unit);
+    return found == names.end() ? unit : found->second;
+}
+
+/* Rescaled values, or else those of the real world, or else those of the file. */
+void fill_values(const groups &in, dicom_frame &frame) {
+    const std::string modality = dicom_text(in.file, 0x0008, 0x0060);
+    const gdcm::DataSet own = in.find(0x0028, 0x9145);
+    const gdcm::DataSet &transform = own.IsEmpty() ? in.file : own;
+    const gdcm::DataSet of_groups = in.find(0x0040, 0x9096);
+    const gdcm::DataSet world =
+        of_groups.IsEmpty() ? dicom_item(in.file, 0x0040, 0x9096) : of_groups;
+    const double dose = dicom_number(in.file, 0x3004, 0x000e);
+    const double slope = dicom_number(transform, 0x0028, 0x1053);
+    const double intercept = dicom_number(transform, 0x0028, 0x1052);
+    const double world_slope = dicom_value<double>(world, 0x0040, 0x9225);
+    const double world_intercept = dicom_value<double>(world, 0x0040, 0x9224);
+    const std::string type = dicom_text(transform, 0x0028, 0x1054);
+    const bool is_dose = modality == "RTDOSE" && std::isfinite(dose);
+    const bool is_scaled = std::isfinite(slope) || std::isfinite(intercept);
+    frame.slope = 1;
+    frame.intercept = 0;
+    if (is_dose) {
+        frame.slope = dose;
+        dicom_copy(frame.unit, sizeof frame.unit,
+                   dicom_text(in.file, 0x3004, 0x0002) == "GY" ? "Gy" : "");
+    } else if (is_scaled) {
+        frame.slope = std::isfinite(slope) ? slope : 1;
+        frame.intercept = std::isfinite(intercept) ? intercept : 0;
+        if (frame.slope == world_slope && frame.intercept == world_intercept)
+            unit_of_code(world, frame);
+    } else if (std::isfinite(world_slope) && world_slope != 0) {
+        frame.slope = world_slope;
+        frame.intercept = std::isfinite(world_intercept) ? world_intercept : 0;
+        unit_of_code(world, frame);
+    }
+    if (is_dose || frame.unit[0])
+        return;
+    if (!type.empty() && type != "US")
+        dicom_copy(frame.unit, sizeof frame.unit, type);
+    else if (modality == "CT" && type.empty() && (is_scaled || world.IsEmpty()))
+        dicom_copy(frame.unit, sizeof frame.unit, "HU");
+    else if (modality == "PT")
+        dicom_copy(frame.unit, sizeof frame.unit, unit_of_file(in.file));
+}
+
+/* The third value of a type, such as "ORIGINAL\PRIMARY\VOLUME\NONE": what the image shows. */
+std::string flavour_of(const groups &in) {
+    static const uint16_t sequences[][2] = {
+        { 0x0018, 0x9226 },
+        { 0x0018, 0x9329 },
+        { 0x0018, 0x9751 },
+        { 0x0040, 0x9092 },
+    };
+    for (const auto &tag : sequences) {
+        const gdcm::DataSet type = in.find(tag[0], tag[1]);
+        const std::string part = dicom_text(type, 0x0008, 0x9208); /* ComplexImageComponent */
+        const std::string text = dicom_text(type, 0x0008, 0x9007);
+        std::vector<std::string> words(1);
+        for (char c : text)
+            if (c == '\\')
+                words.emplace_back();
+            else
+                words.back() += c;
+        std::string name = words.size() > 2 ? words[2] : "";
+        if (words.size() > 3 && words[3] != "NONE" && words[3] != name)
+            name += (name.empty() ? "" : " ") + words[3];
+        if (!part.empty() && part != "MIXED")
+            name += (name.empty() ? "" : " ") + part;
+        if (!name.empty())
+            return name;
+    }
+    return dicom_text(in.find(0x0018, 0x9807), 0x0018, 0x9808); /* of ultrasound */
+}
+
+void fill_segment(const groups &in, dicom_frame &frame) {
+    const double number = dicom_value<uint16_t>(in.find(0x0062, 0x000a), 0x0062, 0x000b);
+    const double most = dicom_value<uint16_t>(in.file, 0x0062, 0x000e);
+    const std::string type = dicom_text(in.file, 0x0062, 0x0001);
+    if (!(number > 0))
+        return;
+    frame.segment = static_cast<uint32_t>(number);
+    frame.keys[DICOM_KEY_GROUP] = number;
+    if (type == "FRACTIONAL" && most > 0)
+        frame.slope = 1 / most;
+    snprintf(frame.group, sizeof frame.group, "segment %u", frame.segment);
+    const auto segments = dicom_sequence(in.file, 0x0062, 0x0002);
+    for (size_t i = 1; segments && i <= segments->GetNumberOfItems(); i++) {
+        const gdcm::DataSet &segment = segments->GetItem(i).GetNestedDataSet();
+        const std::string label = dicom_text(segment, 0x0062, 0x0005);
+        if (dicom_value<uint16_t>(segment, 0x0062, 0x0004) == number && !label.empty())
+            dicom_copy(frame.group, sizeof frame.group, label);
+    }
+}
+
+void fill_time(const groups &in, dicom_frame &frame) {
+    const gdcm::DataSet content = in.find(0x0020, 0x9111), heart = in.find(0x0018, 0x9118);
+    set_key(frame, DICOM_KEY_PHASE, dicom_value<uint32_t>(content, 0x0020, 0x9128));
+    set_key(frame, DICOM_KEY_DELAY,
+            dicom_value<double>(in.find(0x0020, 0x9310), 0x0020, 0x930d)); /* [s] */
+    set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9153), 1e-3);
+    set_key(frame, DICOM_KEY_DELAY, dicom_value<double>(heart, 0x0020, 0x9252), 1e-3);
+    set_key(frame, DICOM_KEY_PHASE, dicom_value<float>(heart, 0x0020, 0x9241)); /* percent */
+    set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9151)));
+    set_key(frame, DICOM_KEY_CLOCK, seconds_of(dicom_text(content, 0x0018, 0x9074)));
+    /* Of a file that is one slice. */
+    set_key(frame, DICOM_KEY_PHASE, dicom_number(in.file, 0x0020, 0x0100));
+    set_key(frame, DICOM_KEY_DELAY, dicom_number(in.file, 0x0018, 0x1060), 1e-3);
+}
+
+void fill_contrast(const groups &in, dicom_frame &frame) {
+    const gdcm::DataSet diffusion = in.find(0x0018, 0x9117);
+    set_key(frame, DICOM_KEY_ECHO, dicom_value<double>(in.find(0x0018, 0x9114), 0x0018, 0x9082));
+    set_key(frame, DICOM_KEY_ECHO, dicom_number(in.file, 0x0018, 0x0081));
+    set_key(frame, DICOM_KEY_DIFFUSION, dicom_value<double>(diffusion, 0x0018, 0x9087));
+    set_key(frame, DICOM_KEY_DIFFUSION, dicom_value<double>(in.file, 0x0018, 0x9087));
+    const gdcm::DataSet content = in.find(0x0020, 0x9111);
+    dicom_copy(frame.stack, sizeof frame.stack, dicom_text(content, 0x0020, 0x9056));
+}
+
+/* Numbers the texts and directions that the frames have, in the order of the frames. */
+class ranks {
+    std::map<std::string, double> known;
+
+  public:
+    double of(const std::string &text) {
+        return known.emplace(text, static_cast<double>(known.size() + 1)).first->second;
+    }
+};
+
+std::string direction_of(const groups &in) {
+    const numbers n =
+        dicom_values<double>(dicom_item(in.find(0x0018, 0x9117), 0x0018, 0x9076), 0x0018, 0x9089);
+    char text[80];
+    if (n.size() < 3)
+        return "";
+    snprintf(text, sizeof text, "(%.3g, %.3g, %.3g)", n[0] + 0.0, n[1] + 0.0, n[2] + 0.0);
+    return text;
+}
+
+/* Dimensions by which frames are listed and that no key has. */
+std::vector<dimension> unknown_dimensions(const gdcm::DataSet &file) {
+    static const gdcm::Tag known[] = {
+        { 0x0020, 0x0032 }, { 0x0020, 0x0037 }, { 0x0020, 0x9056 }, { 0x0020, 0x9057 },
+        { 0x0020, 0x9128 }, { 0x0020, 0x9153 }, { 0x0020, 0x9252 }, { 0x0020, 0x9241 },
+        { 0x0018, 0x9074 }, { 0x0018, 0x9151 }, { 0x0018, 0x9082 }, { 0x0018, 0x9087 },
+        { 0x0018, 0x9089 }, { 0x0062, 0x000b }, { 0x0020, 0x930d }, { 0x0020, 0x9301 },
+        { 0x0020, 0x9302 }, { 0x0018, 0x9808 }, { 0x0008, 0x9007 }, { 0x0008, 0x9208 },
+        { 0x0048, 0x021e }, { 0x0048, 0x021f }, { 0x0040, 0x072a }, { 0x0040, 0x073a },
+        { 0x0040, 0x074a },
+    };
+    std::vector<dimension> found;
+    const auto items = dicom_sequence(file, 0x0020, 0x9222);
+    for (size_t i = 1; items && i <= items->GetNumberOfItems(); i++) {
+        const gdcm::DataSet &item = items->GetItem(i).GetNestedDataSet();
+        const std::vector<uint16_t> pointer = dicom_values<uint16_t>(item, 0x0020, 0x9165);
+        const std::vector<uint16_t> group = dicom_values<uint16_t>(item, 0x0020, 0x9167);
+        if (pointer.size() < 2)
+            continue;
+        const gdcm::Tag tag(pointer[0], pointer[1]);
+        if (std::find(std::begin(known), std::end(known), tag) != std::end(known))
+            continue;
+        const char *name =
+            gdcm::Global::GetInstance().GetDicts().GetPublicDict().GetDictEntry(tag).GetName();
+        const std::string label = dicom_text(item, 0x0020, 0x9421);
+        found.push_back({ i - 1, tag,
+                          group.size() < 2 ? gdcm::Tag(0, 0) : gdcm::Tag(group[0], group[1]),
+                          !label.empty()  ? label
+                          : name && *name ? name
+                                          : "dimension" });
+    }
+    return found;
+}
+
+/* The value of a dimension, if it is a number or a text, or else its index. */
+std::string value_of(const groups &in, const dimension &is, uint32_t index) {
+    const gdcm::DataSet set = in.find(is.group.GetGroup(), is.group.GetElement());
+    const gdcm::VR vr =
+        gdcm::Global::GetInstance().GetDicts().GetPublicDict().GetDictEntry(is.pointer).GetVR();
+    const uint16_t group = is.pointer.GetGroup(), element = is.pointer.GetElement();
+    double number = NAN;
+    char text[40];
+    if (vr == gdcm::VR::FD)
+        number = dicom_value<double>(set, group, element);
+    else if (vr == gdcm::VR::FL)
+        number = dicom_value<float>(set, group, element);
+    else if (vr == gdcm::VR::US)
+        number = dicom_value<uint16_t>(set, group, element);
+    else if (vr != gdcm::VR::INVALID && (vr & gdcm::VR::VRASCII)) {
+        const std::string is_text = dicom_text(set, group, element);
+        if (!is_text.empty())
+            return is_text;
+    }
+    if (std::isfinite(number))
+        snprintf(text, sizeof text, "%.6g", number);
+    else
+        snprintf(text, sizeof text, "%u", index);
+    return text;
+}
+
+void fill_dimensions(const groups &in, const std::vector<dimension> &dimensions,
+                     dicom_frame &frame) {
+    const std::vector<uint32_t> indices =
+        dicom_values<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9157);
+    double number = 0;
+    std::string name = frame.group;
+    for (const dimension &is : dimensions) {
+        if (is.place >= indices.size())
+            return;
+        number = number * 65536 + indices[is.place];
+        name += (name.empty() ? "" : ", ") + is.label + " " + value_of(in, is, indices[is.place]);
+    }
+    if (dimensions.empty())
+        return;
+    frame.keys[DICOM_KEY_OTHER] = number;
+    dicom_copy(frame.group, sizeof frame.group, name);
+}
+
+void clear(dicom_frame &frame) {
+    frame = dicom_frame();
+    std::fill(std::begin(frame.keys), std::end(frame.keys), NAN);
+}
+
+/* Offsets of the frames of a dose: from the first frame, or positions along z. */
+void place_dose(const gdcm::DataSet &file, uint32_t index, dicom_frame &frame) {
+    const numbers offsets = dicom_numbers(file, 0x3004, 0x000c);
+    if (index >= offsets.size())
+        dicom_move(&frame, index * (frame.spacing[2] != 0 ? frame.spacing[2] : 1));
+    else if (offsets[0] != 0 && std::fabs(offsets[0] - frame.position[2]) < 1e-3)
+        frame.position[2] = offsets[index];
+    else
+        dicom_move(&frame, offsets[index]);
+}
+
+} // namespace
+
+void dicom_move(dicom_frame *frame, double distance) {
+    const double(*a)[3] = frame->along;
+    for (int i = 0; i < 3; i++) {
+        const int j = (i + 1) % 3, k = (i + 2) % 3;
+        frame->position[i] += distance * (a[0][j] * a[1][k] - a[0][k] * a[1][j]);
+    }
+}
+
+static void fill_frame(const groups &in, const dicom_image &image, uint32_t index,
+                       const std::vector<dimension> &dimensions, dicom_frame &frame) {
+    bool of_all;
+    clear(frame);
+    fill_spacing(in, frame);
+    fill_values(in, frame);
+    fill_segment(in, frame);
+    fill_time(in, frame);
+    fill_contrast(in, frame);
+    fill_dimensions(in, dimensions, frame);
+    frame.is_placed = fill_place(in, index, frame, of_all);
+    const double instance = dicom_number(in.file, 0x0020, 0x0013);
+    const double in_stack = dicom_value<uint32_t>(in.find(0x0020, 0x9111), 0x0020, 0x9057);
+    frame.instance = std::fabs(instance) < 1e15 ? static_cast<long>(instance) : 0;
+    frame.slot = static_cast<double>(frame.instance);
+    if (image.frames <= 1)
+        return;
+    const bool is_film = image.order == DICOM_ORDER_TIMES;
+    frame.instance = static_cast<long>(index) + 1;
+    frame.slot = in_stack > 0 ? in_stack : is_film ? 0 : index + 1.0;
+    if (dicom_fill_nuclear(in.file, index, &frame) || (frame.is_placed && !of_all))
+        return;
+    if (is_film)
+        set_key(frame, DICOM_KEY_PHASE, index + 1.0);
+    else if (in.file.FindDataElement(gdcm::Tag(0x3004, 0x000c)))
+        place_dose(in.file, index, frame);
+    else
+        dicom_move(&frame, index * (frame.spacing[2] != 0 ? frame.spacing[2] : 1));
+}
+
+/* What the image shows, where there are several such at one place. */
+static std::string name_of(const groups &in, const dicom_frame &frame) {
+    const gdcm::DataSet world = in.find(0x0040, 0x9096);
+    const std::string flavour = flavour_of(in), quantity = dicom_text(world, 0x0040, 0x9210);
+    std::string name = flavour.empty() ? quantity : flavour;
+    if (frame.group[0])
+        name += (name.empty() ? "" : ", ") + std::string(frame.group);
+    return name;
+}
+
+void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
+                       uint32_t count) {
+    const auto own = dicom_sequence(set, 0x5200, 0x9230);
+    const std::vector<dimension> dimensions = unknown_dimensions(set);
+    groups in = { set, gdcm::DataSet(), dicom_item(set, 0x5200, 0x9229) };
+    ranks names, directions;
+    for (uint32_t i = 0; i < count; i++) {
+        in.own = own && i < own->GetNumberOfItems() ? own->GetItem(i + 1).GetNestedDataSet()
+                                                    : gdcm::DataSet();
+        fill_frame(in, image, i, dimensions, frames[i]);
+        const std::string direction = direction_of(in);
+        if (!direction.empty())
+            frames[i].keys[DICOM_KEY_DIRECTION] = directions.of(direction);
+        if (frames[i].segment)
+            continue;
+        const std::string name = name_of(in, frames[i]);
+        dicom_copy(frames[i].group, sizeof frames[i].group, name);
+        if (!name.empty())
+            set_key(frames[i], DICOM_KEY_GROUP, names.of(name));
+    }
+}

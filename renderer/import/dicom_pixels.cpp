@@ -1,0 +1,206 @@
+// SPDX-License-Identifier: Apache-2.0
+//
+// Compressed pixels, frame by frame, and palettes.
+#include <cstdio>
+#include <cstdlib>
+#include <exception>
+#include <fstream>
+#include <memory>
+
+#include <gdcmFile.h>
+#include <gdcmImage.h>
+#include <gdcmImageChangePlanarConfiguration.h>
+#include <gdcmImageHelper.h>
+#include <gdcmImageReader.h>
+#include <gdcmReader.h>
+#include <gdcmSequenceOfFragments.h>
+
+#include "import/dicom_tags.h"
+
+namespace {
+
+struct pixels {
+    gdcm::Reader reader;
+    const gdcm::SequenceOfFragments *fragments = nullptr;
+    std::vector<size_t> first; /* fragment of each frame, and their number; empty = not known */
+    gdcm::PixelFormat format;
+    gdcm::PhotometricInterpretation colors;
+    unsigned columns = 0, rows = 0, frames = 0, planar = 0;
+    std::vector<char> all; /* unpacked frames, where they cannot be unpacked one by one */
+};
+
+bool explain(char *why, size_t capacity, const char *text) {
+    snprintf(why, capacity, "%s", text);
+    return false;
+}
+
+/* Finds the fragments of each frame: one each, or else by the table of their offsets. */
+void find_frames(pixels &p) {
+    const size_t count = p.fragments->GetNumberOfFragments();
+    const gdcm::ByteValue *table = p.fragments->GetTable().GetByteValue();
+    if (count == p.frames || p.frames == 1) {
+        for (size_t i = 0; i < p.frames; i++)
+            p.first.push_back(i);
+        p.first.push_back(count);
+        return;
+    }
+    if (!table || table->GetLength() != 4 * p.frames)
+        return;
+    std::vector<uint32_t> offsets(p.frames);
+    memcpy(offsets.data(), table->GetPointer(), 4 * p.frames);
+    size_t at = 0;
+    for (size_t i = 0; i < count && p.first.size() < p.frames; i++) {
+        if (at == offsets[p.first.size()])
+            p.first.push_back(i);
+        at += 8 + p.fragments->GetFragment(i).GetVL();
+    }
+    if (p.first.size() == p.frames)
+        p.first.push_back(count);
+    else
+        p.first.clear();
+}
+
+/* The pixels of an image whose channels lie side by side. */
+bool unpack(const gdcm::Image &image, void *out, size_t size, char *why, size_t capacity) {
+    const gdcm::Image *from = &image;
+    gdcm::ImageChangePlanarConfiguration alternate;
+    if (image.GetPlanarConfiguration() == 1) {
+        alternate.SetInput(image);
+        alternate.SetPlanarConfiguration(0);
+        if (alternate.Change())
+            from = &alternate.GetOutput();
+    }
+    if (from->GetBufferLength() != size)
+        return explain(why, capacity, "the file has another number of pixels than its header says");
+    return from->GetBuffer(static_cast<char *>(out)) ||
+           explain(why, capacity, "the pixels cannot be unpacked: they are cut off or damaged");
+}
+
+/* An image of one frame. */
+bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char *why,
+                  size_t capacity) {
+    gdcm::SmartPointer<gdcm::SequenceOfFragments> own = new gdcm::SequenceOfFragments;
+    for (size_t i = p.first[frame]; i < p.first[frame + 1]; i++)
+        own->AddFragment(p.fragments->GetFragment(i));
+    gdcm::DataElement element(gdcm::Tag(0x7fe0, 0x0010));
+    element.SetVR(gdcm::VR::OB);
+    element.SetValue(*own);
+    gdcm::Image image;
+    image.SetNumberOfDimensions(2);
+    image.SetDimension(0, p.columns);
+    image.SetDimension(1, p.rows);
+    image.SetPixelFormat(p.format);
+    image.SetPhotometricInterpretation(p.colors);
+    image.SetPlanarConfiguration(p.planar);
+    image.SetTransferSyntax(p.reader.GetFile().GetHeader().GetDataSetTransferSyntax());
+    image.SetDataElement(element);
+    return unpack(image, out, size, why, capacity);
+}
+
+/* All frames at once, which are then kept. */
+bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
+    gdcm::ImageReader reader;
+    reader.SetFile(p.reader.GetFile());
+    std::vector<char> all(size * p.frames);
+    if (!unpack(reader.GetImage(), all.data(), all.size(), why, capacity))
+        return false;
+    p.all.swap(all);
+    return true;
+}
+
+} // namespace
+
+void *dicom_open_pixels(const char *path, char *why, size_t capacity) try {
+    auto p = std::make_unique<pixels>();
+    std::ifstream stream(path, std::ios::binary);
+    p->reader.SetStream(stream);
+    if (!p->reader.Read()) {
+        explain(why, capacity, "the pixels are damaged, or packed in a way that is not supported");
+        return nullptr;
+    }
+    const gdcm::File &file = p->reader.GetFile();
+    const gdcm::Tag tag(0x7fe0, 0x0010);
+    const std::vector<unsigned> dims = gdcm::ImageHelper::GetDimensionsValue(file);
+    p->columns = dims[0];
+    p->rows = dims[1];
+    p->frames = dims.size() > 2 ? dims[2] : 1;
+    p->format = gdcm::ImageHelper::GetPixelFormatValue(file);
+    p->colors = gdcm::ImageHelper::GetPhotometricInterpretationValue(file);
+    p->planar = gdcm::ImageHelper::GetPlanarConfigurationValue(file);
+    if (file.GetDataSet().FindDataElement(tag))
+        p->fragments = file.GetDataSet().GetDataElement(tag).GetSequenceOfFragments();
+    if (p->fragments)
+        find_frames(*p);
+    return p.release();
+} catch (const std::exception &e) {
+    explain(why, capacity, e.what());
+    return nullptr;
+}
+
+bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, bool *is_rgb, char *why,
+                      size_t capacity) try {
+    pixels &p = *static_cast<pixels *>(opened);
+    const gdcm::TransferSyntax &syntax = p.reader.GetFile().GetHeader().GetDataSetTransferSyntax();
+    /* JPEG 2000 transforms colours itself, and so do the names of its interpretations say. */
+    *is_rgb = syntax == gdcm::TransferSyntax::JPEG2000 ||
+              syntax == gdcm::TransferSyntax::JPEG2000Lossless;
+    if (frame >= p.frames)
+        return explain(why, capacity, "the file has fewer frames than its header says");
+    if (!p.first.empty())
+        return unpack_frame(p, frame, out, size, why, capacity);
+    if (p.all.empty() && !unpack_all(p, size, why, capacity))
+        return false;
+    if (p.all.size() < (frame + size_t{ 1 }) * size)
+        return explain(why, capacity, "the file has fewer frames than its header says");
+    memcpy(out, p.all.data() + frame * size, size);
+    return true;
+} catch (const std::exception &e) {
+    return explain(why, capacity, e.what());
+}
+
+void dicom_close_pixels(void *opened) {
+    delete static_cast<pixels *>(opened);
+}
+
+/* A table of the palette: 8 bits per colour of 16 bits or 8, also two to a word. */
+static bool read_table(const gdcm::DataSet &set, uint16_t channel, dicom_palette *palette) {
+    const std::vector<uint16_t> is = dicom_values<uint16_t>(set, 0x0028, 0x1101 + channel);
+    const std::vector<uint8_t> bytes = dicom_values<uint8_t>(set, 0x0028, 0x1201 + channel);
+    if (is.size() < 3 || bytes.empty())
+        return false;
+    const uint32_t count = is[0] ? is[0] : 65536;
+    if (!palette->colors) {
+        palette->first =
+            dicom_value<uint16_t>(set, 0x0028, 0x0103) == 1 ? static_cast<int16_t>(is[1]) : is[1];
+        palette->count = count;
+        palette->colors = static_cast<uint8_t(*)[3]>(calloc(count, 3));
+    }
+    const bool is_wide = bytes.size() >= 2 * size_t{ count };
+    if (!palette->colors || count != palette->count || bytes.size() < count)
+        return false;
+    for (uint32_t i = 0; i < count; i++) {
+        const unsigned wide =
+            is_wide ? static_cast<unsigned>(bytes[2 * i] | bytes[2 * i + 1] << 8) : bytes[i];
+        palette->colors[i][channel] = static_cast<uint8_t>(is_wide && is[2] > 8 ? wide >> 8 : wide);
+    }
+    return true;
+}
+
+bool dicom_read_palette(const char *path, dicom_palette *palette, char *why, size_t capacity) try {
+    gdcm::Reader reader;
+    std::ifstream stream(path, std::ios::binary);
+    reader.SetStream(stream);
+    *palette = dicom_palette();
+    if (!reader.ReadUpToTag({ 0x7fe0, 0x0010 }, { { 0x7fe0, 0x0010 } }))
+        return explain(why, capacity, "this is no DICOM file, or it is damaged");
+    for (uint16_t channel = 0; channel < 3; channel++)
+        if (!read_table(reader.GetFile().GetDataSet(), channel, palette)) {
+            free(palette->colors);
+            palette->colors = nullptr;
+            return explain(why, capacity,
+                           "the palette is missing, cut off, or of a kind that is not supported");
+        }
+    return true;
+} catch (const std::exception &e) {
+    return explain(why, capacity, e.what());
+}

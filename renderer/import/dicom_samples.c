@@ -1,0 +1,282 @@
+/* SPDX-License-Identifier: Apache-2.0 */
+#include "import/dicom_samples.h"
+
+#include <inttypes.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "base/transfer.h"
+#include "volume/sample.h"
+
+static bool is_color(const struct dicom_image *image) {
+    return image->colors != DICOM_GRAY && image->colors != DICOM_PALETTE;
+}
+
+bool dicom_samples_type(const struct dicom_source *source, struct import_number *number,
+                        unsigned *channels, struct sp_error *err) {
+    const struct dicom_image *image = &source->image;
+    const unsigned bytes = image->bytes;
+    const bool is_number = image->is_float ? bytes == 4 || bytes == 8
+                                           : bytes == 1 || bytes == 2 || bytes == 4 || bytes == 8;
+    char text[SP_ERROR_TEXT];
+    snprintf(text, sizeof text,
+             "%u bits of %u bytes are not supported: pixels have 1, 8, 16, 32 or 64 bits",
+             image->bits, bytes);
+    if (!is_number || image->bits < 1 || image->bits > 8 * bytes || image->high_bit >= 8 * bytes)
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+    snprintf(text, sizeof text, "%u channels are not supported: colours have 3 or 4",
+             image->channels);
+    if (image->channels < 1 || image->channels > 4 || (image->channels > 1) != is_color(image))
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "", text, err);
+    if ((image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422 ||
+         image->colors == DICOM_PALETTE) &&
+        (bytes > 2 || (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+                          "colours of this depth are not supported: they have 8 bits", err);
+    *channels = image->colors == DICOM_PALETTE ? 3 : image->channels;
+    *number = (struct import_number){ image->is_float    ? IMPORT_FLOAT
+                                      : image->is_signed ? IMPORT_SIGNED
+                                                         : IMPORT_UNSIGNED,
+                                      bytes };
+    if (image->colors == DICOM_PALETTE || image->colors == DICOM_YBR_FULL ||
+        image->colors == DICOM_YBR_422)
+        *number = (struct import_number){ IMPORT_UNSIGNED, 1 };
+    return true;
+}
+
+static uint64_t pixels_of(const struct dicom_image *image) {
+    return (uint64_t)image->columns * image->rows;
+}
+
+/* Bytes of a frame that is not packed; of bits, rounded up. */
+static uint64_t frame_bytes(const struct dicom_image *image) {
+    if (image->is_bits)
+        return (pixels_of(image) + 7) / 8 + 1;
+    if (image->colors == DICOM_YBR_422 && !image->is_packed)
+        return pixels_of(image) * 2;
+    return pixels_of(image) * image->channels * image->bytes;
+}
+
+/* GDCM does not notice that pixels are cut off, unless they are packed. */
+static bool check_size(const struct dicom_samples *s, char why[SP_ERROR_TEXT]) {
+    const struct dicom_image *image = &s->image;
+    const uint64_t needed = image->is_bits ? (pixels_of(image) * image->frames + 7) / 8
+                                           : frame_bytes(image) * image->frames;
+    struct stat st;
+    const uint64_t size = fstat(s->fd, &st) == 0 ? (uint64_t)st.st_size : 0;
+    const uint64_t has = image->pixels_at < size ? size - image->pixels_at : 0;
+    if (image->is_packed)
+        return true;
+    snprintf(why, SP_ERROR_TEXT, "the file has no pixels");
+    if (image->pixels_at == 0)
+        return false;
+    snprintf(why, SP_ERROR_TEXT,
+             "the pixels need %" PRIu64 " bytes, the file has %" PRIu64 ": the file is cut off",
+             needed, has);
+    if (has < needed)
+        return false;
+    snprintf(why, SP_ERROR_TEXT,
+             "the pixels need %" PRIu64 " bytes, the element has %" PRIu64
+             ": the size or the number of frames is wrong",
+             needed, image->pixels_bytes);
+    return image->pixels_bytes >= needed;
+}
+
+/* The list of slices comes from an earlier look at the file. */
+static bool is_like(const struct dicom_image *a, const struct dicom_image *b) {
+    return a->columns == b->columns && a->rows == b->rows && a->channels == b->channels &&
+           a->bytes == b->bytes && a->is_bits == b->is_bits && a->colors == b->colors &&
+           a->is_float == b->is_float && a->is_signed == b->is_signed && a->bits >= 1 &&
+           a->bits <= 8 * a->bytes && a->high_bit < 8 * a->bytes;
+}
+
+static bool fail(const struct dicom_samples *s, const char *why, struct sp_error *err) {
+    return dicom_fail(s->source, SP_ERR_FORMAT, s->name, why, err);
+}
+
+bool dicom_samples_open(struct dicom_samples *s, const struct dicom_source *source,
+                        const char *name, struct sp_error *err) {
+    char path[40], why[SP_ERROR_TEXT] = "";
+    *s = (struct dicom_samples){ .source = source, .name = name };
+    s->fd = dicom_open(source, name, err);
+    if (s->fd < 0)
+        return false;
+    snprintf(path, sizeof path, "/proc/self/fd/%d", s->fd);
+    if (!dicom_describe(source, s->fd, &s->image, why))
+        return fail(s, why, err);
+    if (!is_like(&s->image, &source->image))
+        return fail(s, "the pixels differ in type or size from those of the other slices", err);
+    if (!check_size(s, why))
+        return fail(s, why, err);
+    s->raw_bytes = (size_t)frame_bytes(&s->image);
+    s->raw = malloc(s->raw_bytes);
+    if (!s->raw)
+        return sp_fail(err, SP_ERR_MEMORY, source->file->shown, "out of memory for a frame");
+    if (s->image.colors == DICOM_PALETTE &&
+        !source->call->read_palette(path, &s->palette, why, sizeof why))
+        return fail(s, why, err);
+    if (!s->image.is_packed)
+        return true;
+    s->packed = source->call->open_pixels(path, why, sizeof why);
+    return s->packed || fail(s, why, err);
+}
+
+void dicom_samples_close(struct dicom_samples *s) {
+    if (s->packed)
+        s->source->call->close_pixels(s->packed);
+    if (s->source)
+        dicom_close(s->source, s->fd);
+    free(s->palette.colors);
+    free(s->raw);
+    *s = (struct dicom_samples){ .fd = -1 };
+}
+
+/* Bits begin anywhere in a byte, the lowest first. */
+static void spread_bits(const struct dicom_image *image, const uint8_t *raw, unsigned first,
+                        uint8_t *out) {
+    const size_t pixels = pixels_of(image);
+    for (size_t i = 0; i < pixels; i++)
+        out[i] = raw[(first + i) / 8] >> (first + i) % 8 & 1;
+}
+
+static void swap_bytes(uint8_t *numbers, size_t count, unsigned bytes) {
+    for (size_t i = 0; i < count; i++, numbers += bytes)
+        for (unsigned a = 0, b = bytes - 1; a < b; a++, b--) {
+            const uint8_t other = numbers[a];
+            numbers[a] = numbers[b];
+            numbers[b] = other;
+        }
+}
+
+/* Puts the channels of each pixel side by side. */
+static void interleave(const struct dicom_image *image, const uint8_t *raw, uint8_t *out) {
+    const size_t pixels = pixels_of(image), bytes = image->bytes;
+    for (unsigned channel = 0; channel < image->channels; channel++)
+        for (size_t i = 0; i < pixels; i++, raw += bytes)
+            memcpy(out + (i * image->channels + channel) * bytes, raw, bytes);
+}
+
+/* Removes bits that are not used, such as overlays, and extends the sign. `shift`: bits below. */
+static void clean_bits(const struct dicom_image *image, uint8_t *numbers, size_t count,
+                       unsigned shift) {
+    const unsigned bytes = image->bytes, bits = image->bits;
+    const uint64_t mask = bits < 64 ? (UINT64_C(1) << bits) - 1 : UINT64_MAX;
+    if (image->is_float || (bits == 8 * bytes && shift == 0))
+        return;
+    for (size_t i = 0; i < count; i++, numbers += bytes) {
+        uint64_t number = 0;
+        memcpy(&number, numbers, bytes); /* little endian */
+        number = number >> shift & mask;
+        if (image->is_signed && number >> (bits - 1))
+            number |= ~mask;
+        memcpy(numbers, &number, bytes);
+    }
+}
+
+static uint8_t to_byte(double number) {
+    return (uint8_t)fmin(fmax(floor(number + 0.5), 0), 255);
+}
+
+/* Luminance and colour differences as in JFIF (ITU-T T.871). */
+static void to_rgb(double y, double cb, double cr, uint8_t *out) {
+    out[0] = to_byte(y + 1.402 * (cr - 128));
+    out[1] = to_byte(y - 0.344136286 * (cb - 128) - 0.714136286 * (cr - 128));
+    out[2] = to_byte(y + 1.772 * (cb - 128));
+}
+
+/* Two pixels of a row are Y, Y, Cb, Cr. */
+static void convert_422(const struct dicom_image *image, const uint8_t *raw, uint8_t *out) {
+    const size_t pixels = pixels_of(image);
+    for (size_t i = 0; i + 1 < pixels; i += 2, raw += 4, out += 6) {
+        to_rgb(raw[0], raw[2], raw[3], out);
+        to_rgb(raw[1], raw[2], raw[3], out + 3);
+    }
+}
+
+static void look_up(const struct dicom_samples *s, size_t pixels, uint8_t *out) {
+    const struct dicom_palette *palette = &s->palette;
+    for (size_t i = 0; i < pixels; i++, out += 3) {
+        const struct import_number number = { s->image.is_signed ? IMPORT_SIGNED : IMPORT_UNSIGNED,
+                                              s->image.bytes };
+        const double entry = import_widen(s->raw + i * s->image.bytes, number) - palette->first;
+        const double last = palette->count - 1;
+        memcpy(out, palette->colors[(size_t)fmin(fmax(entry, 0), last)], 3);
+    }
+}
+
+static bool read_raw(struct dicom_samples *s, uint32_t frame, unsigned *first_bit,
+                     struct sp_error *err) {
+    const struct dicom_image *image = &s->image;
+    const uint64_t bit = pixels_of(image) * frame;
+    const uint64_t at = image->pixels_at + (image->is_bits ? bit / 8 : frame_bytes(image) * frame);
+    const uint64_t bytes =
+        image->is_bits ? (bit % 8 + pixels_of(image) + 7) / 8 : frame_bytes(image);
+    *first_bit = bit % 8;
+    return sp_read_at(s->fd, s->raw, (size_t)bytes, at) ||
+           fail(s, "the file cannot be read, or is cut off", err);
+}
+
+/* The frame as numbers of the file in native byte order; colours and palettes are not yet
+ * converted. `to` is the raw buffer or `out`. */
+static bool read_numbers(struct dicom_samples *s, uint32_t frame, uint8_t *to, bool *is_rgb,
+                         struct sp_error *err) {
+    const struct dicom_image *image = &s->image;
+    const size_t count = pixels_of(image) * image->channels;
+    const unsigned unused = image->high_bit + 1 - image->bits;
+    char why[SP_ERROR_TEXT];
+    unsigned first_bit;
+    *is_rgb = false;
+    if (s->packed) {
+        if (!s->source->call->read_frame(s->packed, frame, to, count * image->bytes, is_rgb, why,
+                                         sizeof why))
+            return fail(s, why, err);
+        clean_bits(image, to, count, 0);
+        return true;
+    }
+    if (!read_raw(s, frame, &first_bit, err))
+        return false;
+    if (image->is_bits) {
+        spread_bits(image, s->raw, first_bit, to);
+        return true;
+    }
+    if (image->is_swapped && image->bytes > 1)
+        swap_bytes(s->raw, count, image->bytes);
+    if (image->is_planar)
+        interleave(image, s->raw, to);
+    else if (to != s->raw)
+        memcpy(to, s->raw, count * image->bytes);
+    clean_bits(image, to, count, image->high_bit + 1 >= image->bits ? unused : 0);
+    return true;
+}
+
+bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, struct sp_error *err) {
+    const struct dicom_image *image = &s->image;
+    const size_t pixels = pixels_of(image);
+    unsigned first_bit;
+    bool is_rgb;
+    if (frame >= image->frames)
+        return fail(s, "the file has fewer frames than before", err);
+    if (image->colors == DICOM_YBR_422 && !image->is_packed) {
+        if (!read_raw(s, frame, &first_bit, err))
+            return false;
+        convert_422(image, s->raw, out);
+        return true;
+    }
+    if (image->colors == DICOM_PALETTE) {
+        if (!read_numbers(s, frame, s->raw, &is_rgb, err))
+            return false;
+        look_up(s, pixels, out);
+        return true;
+    }
+    if (!read_numbers(s, frame, out, &is_rgb, err))
+        return false;
+    if (image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422)
+        for (size_t i = 0; i < pixels && !is_rgb; i++) {
+            uint8_t *at = (uint8_t *)out + 3 * i;
+            to_rgb(at[0], at[1], at[2], at);
+        }
+    return true;
+}

@@ -1,0 +1,39 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * The numbers of the frames of one DICOM file: unpacked, in native byte order, without unused bits,
+ * colours as red, green and blue.
+ */
+#ifndef SP_IMPORT_DICOM_SAMPLES_H
+#define SP_IMPORT_DICOM_SAMPLES_H
+
+#include "import/conversion.h"
+#include "import/dicom_file.h"
+
+struct dicom_samples {
+    const struct dicom_source *source;
+    struct dicom_image image;
+    const char *name; /* of the file, borrowed */
+    int fd;
+    void *packed;                 /* of the module; NULL = the pixels are not packed */
+    struct dicom_palette palette; /* of DICOM_PALETTE */
+    uint8_t *raw;                 /* owned; a frame as the file has it */
+    size_t raw_bytes;
+};
+
+/* How numbers of this image are in memory, and how many a pixel has. Fails for types that are not
+ * supported. */
+bool dicom_samples_type(const struct dicom_source *source, struct import_number *number,
+                        unsigned *channels, struct sp_error *err);
+
+/* Opens a file of the folder; "" is the file that was opened. Its image must be like that of the
+ * source. */
+bool dicom_samples_open(struct dicom_samples *samples, const struct dicom_source *source,
+                        const char *name, struct sp_error *err);
+
+/* Reads one frame, from 0. */
+bool dicom_samples_read(struct dicom_samples *samples, uint32_t frame, void *out,
+                        struct sp_error *err);
+
+void dicom_samples_close(struct dicom_samples *samples);
+
+#endif
