@@ -63,11 +63,13 @@ bool dicom_fill_nuclear(const gdcm::DataSet &set, uint32_t index, dicom_frame *f
     static const uint16_t times[] = { PHASE, 0x0050, 0x0060, 0x0070, TIME_SLICE, 0x0090 };
     const unsigned slice = number_in(set, SLICE, index), window = number_in(set, ENERGY, index),
                    detector = number_in(set, DETECTOR, index);
+    const double most = 4096; /* four vectors at most, so that the number stays exact */
     double time = 0;
     bool has_time = false;
     for (uint16_t vector : times) {
         const unsigned number = number_in(set, vector, index);
-        time = time * 65536 + number;
+        if (number)
+            time = time * most + number;
         has_time |= number > 0;
     }
     if (!slice && !has_time && !window && !detector)

@@ -20,6 +20,7 @@
 namespace {
 
 struct pixels {
+    std::string path;
     gdcm::Reader reader;
     const gdcm::SequenceOfFragments *fragments = nullptr;
     std::vector<size_t> first; /* fragment of each frame, and their number; empty = not known */
@@ -100,7 +101,10 @@ bool unpack_frame(const pixels &p, uint32_t frame, void *out, size_t size, char 
 /* All frames at once, which are then kept. */
 bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
     gdcm::ImageReader reader;
-    reader.SetFile(p.reader.GetFile());
+    reader.SetFileName(p.path.c_str());
+    if (!reader.Read())
+        return explain(why, capacity,
+                       "the pixels are damaged, or packed in a way that is not supported");
     std::vector<char> all(size * p.frames);
     if (!unpack(reader.GetImage(), all.data(), all.size(), why, capacity))
         return false;
@@ -113,6 +117,7 @@ bool unpack_all(pixels &p, size_t size, char *why, size_t capacity) {
 void *dicom_open_pixels(const char *path, char *why, size_t capacity) try {
     auto p = std::make_unique<pixels>();
     std::ifstream stream(path, std::ios::binary);
+    p->path = path;
     p->reader.SetStream(stream);
     if (!p->reader.Read()) {
         explain(why, capacity, "the pixels are damaged, or packed in a way that is not supported");

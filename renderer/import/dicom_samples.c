@@ -36,6 +36,14 @@ bool dicom_samples_type(const struct dicom_source *source, struct import_number 
         (bytes > 2 || (bytes > 1 && image->colors != DICOM_PALETTE) || image->is_float))
         return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
                           "colours of this depth are not supported: they have 8 bits", err);
+    if (image->is_packed && image->is_bits)
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+                          "compressed pixels of one bit are not supported", err);
+    if (image->is_packed && image->high_bit + 1 != image->bits)
+        return dicom_fail(source, SP_ERR_UNSUPPORTED, "",
+                          "compressed pixels whose high bit is not the highest of the bits stored "
+                          "are not supported",
+                          err);
     *channels = image->colors == DICOM_PALETTE ? 3 : image->channels;
     *number = (struct import_number){ image->is_float    ? IMPORT_FLOAT
                                       : image->is_signed ? IMPORT_SIGNED
