@@ -95,9 +95,9 @@ struct dicom_bridge_functions {
     /* Opens compressed pixels. NULL with the reason in `why`. */
     void *(*open_pixels)(const char *path, char *why, size_t capacity);
     /* Unpacks one frame into `size` bytes, in native byte order, with the channels of a pixel side
-     * by side. `*is_rgb` is set if unpacking has made colours red, green and blue. */
-    bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, bool *is_rgb,
-                       char *why, size_t capacity);
+     * by side. */
+    bool (*read_frame)(void *pixels, uint32_t frame, void *out, size_t size, char *why,
+                       size_t capacity);
     void (*close_pixels)(void *pixels);
     bool (*read_palette)(const char *path, struct dicom_palette *palette, char *why,
                          size_t capacity);

@@ -166,7 +166,11 @@ void fill_values(const groups &in, dicom_frame &frame) {
     const double world_intercept = dicom_value<double>(world, 0x0040, 0x9224);
     const std::string type = dicom_text(transform, 0x0028, 0x1054);
     const bool is_dose = modality == "RTDOSE" && std::isfinite(dose);
-    const bool is_scaled = std::isfinite(slope) || std::isfinite(intercept);
+    /* Some objects must have a transformation, and it changes nothing: the mapping counts. */
+    const bool is_same = (slope == 1 || std::isnan(slope)) &&
+                         (intercept == 0 || std::isnan(intercept)) &&
+                         (type.empty() || type == "US") && std::isfinite(world_slope);
+    const bool is_scaled = !is_same && (std::isfinite(slope) || std::isfinite(intercept));
     frame.slope = 1;
     frame.intercept = 0;
     if (is_dose) {
@@ -421,14 +425,27 @@ static void fill_frame(const groups &in, const dicom_image &image, uint32_t inde
         dicom_move(&frame, index * (frame.spacing[2] != 0 ? frame.spacing[2] : 1));
 }
 
-/* What the image shows, where there are several such at one place. */
-static std::string name_of(const groups &in, const dicom_frame &frame) {
-    const gdcm::DataSet world = in.find(0x0040, 0x9096);
-    const std::string flavour = flavour_of(in), quantity = dicom_text(world, 0x0040, 0x9210);
-    std::string name = flavour.empty() ? quantity : flavour;
-    if (frame.group[0])
-        name += (name.empty() ? "" : ", ") + std::string(frame.group);
-    return name;
+/* What the image shows, in several ways. */
+static std::vector<std::string> names_of(const groups &in, const dicom_frame &frame) {
+    return { flavour_of(in), dicom_text(in.find(0x0040, 0x9096), 0x0040, 0x9210), frame.group };
+}
+
+/* Names frames by what differs among them. */
+static void name_groups(const std::vector<std::vector<std::string>> &names, dicom_frame *frames) {
+    std::vector<bool> differs(names[0].size());
+    ranks known;
+    for (const auto &other : names)
+        for (size_t way = 0; way < other.size(); way++)
+            differs[way] = differs[way] || other[way] != names[0][way];
+    for (size_t i = 0; i < names.size(); i++) {
+        std::string name;
+        for (size_t way = 0; way < names[i].size(); way++)
+            if (differs[way] && !names[i][way].empty())
+                name += (name.empty() ? "" : ", ") + names[i][way];
+        dicom_copy(frames[i].group, sizeof frames[i].group, name);
+        if (!name.empty())
+            set_key(frames[i], DICOM_KEY_GROUP, known.of(name));
+    }
 }
 
 void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom_frame *frames,
@@ -436,7 +453,8 @@ void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom
     const auto own = dicom_sequence(set, 0x5200, 0x9230);
     const std::vector<dimension> dimensions = unknown_dimensions(set);
     groups in = { set, gdcm::DataSet(), dicom_item(set, 0x5200, 0x9229) };
-    ranks names, directions;
+    std::vector<std::vector<std::string>> names;
+    ranks directions;
     for (uint32_t i = 0; i < count; i++) {
         in.own = own && i < own->GetNumberOfItems() ? own->GetItem(i + 1).GetNestedDataSet()
                                                     : gdcm::DataSet();
@@ -444,11 +462,9 @@ void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom
         const std::string direction = direction_of(in);
         if (!direction.empty())
             frames[i].keys[DICOM_KEY_DIRECTION] = directions.of(direction);
-        if (frames[i].segment)
-            continue;
-        const std::string name = name_of(in, frames[i]);
-        dicom_copy(frames[i].group, sizeof frames[i].group, name);
-        if (!name.empty())
-            set_key(frames[i], DICOM_KEY_GROUP, names.of(name));
+        if (!frames[i].segment)
+            names.push_back(names_of(in, frames[i]));
     }
+    if (count > 0 && names.size() == count)
+        name_groups(names, frames);
 }

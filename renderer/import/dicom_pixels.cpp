@@ -142,13 +142,9 @@ void *dicom_open_pixels(const char *path, char *why, size_t capacity) try {
     return nullptr;
 }
 
-bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, bool *is_rgb, char *why,
+bool dicom_read_frame(void *opened, uint32_t frame, void *out, size_t size, char *why,
                       size_t capacity) try {
     pixels &p = *static_cast<pixels *>(opened);
-    const gdcm::TransferSyntax &syntax = p.reader.GetFile().GetHeader().GetDataSetTransferSyntax();
-    /* JPEG 2000 transforms colours itself, and so do the names of its interpretations say. */
-    *is_rgb = syntax == gdcm::TransferSyntax::JPEG2000 ||
-              syntax == gdcm::TransferSyntax::JPEG2000Lossless;
     if (frame >= p.frames)
         return explain(why, capacity, "the file has fewer frames than its header says");
     if (!p.first.empty())

@@ -229,16 +229,15 @@ static bool read_raw(struct dicom_samples *s, uint32_t frame, unsigned *first_bi
 
 /* The frame as numbers of the file in native byte order; colours and palettes are not yet
  * converted. `to` is the raw buffer or `out`. */
-static bool read_numbers(struct dicom_samples *s, uint32_t frame, uint8_t *to, bool *is_rgb,
+static bool read_numbers(struct dicom_samples *s, uint32_t frame, uint8_t *to,
                          struct sp_error *err) {
     const struct dicom_image *image = &s->image;
     const size_t count = pixels_of(image) * image->channels;
     const unsigned unused = image->high_bit + 1 - image->bits;
     char why[SP_ERROR_TEXT];
     unsigned first_bit;
-    *is_rgb = false;
     if (s->packed) {
-        if (!s->source->call->read_frame(s->packed, frame, to, count * image->bytes, is_rgb, why,
+        if (!s->source->call->read_frame(s->packed, frame, to, count * image->bytes, why,
                                          sizeof why))
             return fail(s, why, err);
         clean_bits(image, to, count, 0);
@@ -264,7 +263,6 @@ bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, stru
     const struct dicom_image *image = &s->image;
     const size_t pixels = pixels_of(image);
     unsigned first_bit;
-    bool is_rgb;
     if (frame >= image->frames)
         return fail(s, "the file has fewer frames than before", err);
     if (image->colors == DICOM_YBR_422 && !image->is_packed) {
@@ -274,15 +272,15 @@ bool dicom_samples_read(struct dicom_samples *s, uint32_t frame, void *out, stru
         return true;
     }
     if (image->colors == DICOM_PALETTE) {
-        if (!read_numbers(s, frame, s->raw, &is_rgb, err))
+        if (!read_numbers(s, frame, s->raw, err))
             return false;
         look_up(s, pixels, out);
         return true;
     }
-    if (!read_numbers(s, frame, out, &is_rgb, err))
+    if (!read_numbers(s, frame, out, err))
         return false;
     if (image->colors == DICOM_YBR_FULL || image->colors == DICOM_YBR_422)
-        for (size_t i = 0; i < pixels && !is_rgb; i++) {
+        for (size_t i = 0; i < pixels; i++) {
             uint8_t *at = (uint8_t *)out + 3 * i;
             to_rgb(at[0], at[1], at[2], at);
         }

@@ -68,7 +68,7 @@ void dicom_fill_frames(const gdcm::DataSet &set, const dicom_image &image, dicom
 
 /* The functions of struct dicom_bridge_functions that unpack pixels. */
 void *dicom_open_pixels(const char *path, char *why, size_t capacity);
-bool dicom_read_frame(void *pixels, uint32_t frame, void *out, size_t size, bool *is_rgb, char *why,
+bool dicom_read_frame(void *pixels, uint32_t frame, void *out, size_t size, char *why,
                       size_t capacity);
 void dicom_close_pixels(void *pixels);
 bool dicom_read_palette(const char *path, dicom_palette *palette, char *why, size_t capacity);

@@ -2,10 +2,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compares what the daemon reads with independent readers: samples, spacing, origin, direction and names.
 
-  formats_test.py DUMP PYTHON DATA
+  formats_test.py DUMP PYTHON DATA [dicom|rest]
 
 DUMP is volume_dump, PYTHON an interpreter that has the readers (zarr, h5py, …; requirements.txt), DATA the folder of the
-real volumes. Where there is no sample, the independent library writes one. A missing reader or sample is a visible skip.
+real volumes. `dicom` runs the parts about DICOM, `rest` the others: two tests, which run at once. Where there is no sample, the independent library writes one. A missing reader or sample is a visible skip.
 """
 import importlib.util
 import json
@@ -14,13 +14,14 @@ import subprocess
 import sys
 import tempfile
 
-if len(sys.argv) == 4 and os.access(sys.argv[2], os.X_OK) and not os.environ.get('SPLATD_FORMATS_PYTHON'):
+if len(sys.argv) in (4, 5) and os.access(sys.argv[2], os.X_OK) and not os.environ.get('SPLATD_FORMATS_PYTHON'):
     os.environ['SPLATD_FORMATS_PYTHON'] = '1'
     os.execv(sys.argv[2], [sys.argv[2], *sys.argv])
 
 sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
 PARTS = {'zarr_part': ['numpy', 'zarr', 'numcodecs'], 'arrays_part': ['numpy', 'h5py', 'netCDF4'],
          'tiff_part': ['numpy', 'tifffile'], 'medical_part': ['numpy', 'nibabel', 'pydicom'],
+         'dicom_frames_part': ['numpy', 'pydicom'],
          'convert_part': ['numpy', 'nibabel', 'nrrd', 'zarr']}
 
 
@@ -90,10 +91,12 @@ class Tool:
 
 
 def main():
-    dump, _, data = sys.argv[-3:]
+    dump, _, data, *group = sys.argv[1:]
     with tempfile.TemporaryDirectory(prefix='splat-formats-') as folder:
         tool = Tool(dump, data, folder)
         for part, modules in PARTS.items():
+            if group and part.startswith('dicom_') != (group == ['dicom']):
+                continue
             missing = [m for m in modules if importlib.util.find_spec(m) is None]
             if missing:
                 tool.skipped.append(f'{part}: not installed: {", ".join(missing)} (deploy/test.sh installs them)')

@@ -81,11 +81,11 @@ static void *open_pixels(const char *path, char *why, size_t capacity) {
     return strdup(path);
 }
 
-static bool read_frame(void *pixels, uint32_t frame, void *out, size_t size, bool *is_rgb,
-                       char *why, size_t capacity) {
+static bool read_frame(void *pixels, uint32_t frame, void *out, size_t size, char *why,
+                       size_t capacity) {
     snprintf(why, capacity, "too short");
     memset(out, 0, size);
-    *is_rgb = frame & 1;
+    (void)frame;
     return read_file(pixels, out, size) > 0;
 }
 
