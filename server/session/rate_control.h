@@ -13,15 +13,9 @@
  * Quality comes back when the next finer step needs three quarters of the rate at most, and images
  * when they need half of the time at which video begins, so that neither flickers.
  *
- * Limit: a busy processor looks like a slow link. The time from a frame's last byte to its
- * acknowledgement contains the wait for a processor at both ends, and that wait does not shrink
- * with the frame: the rate that window.h measures falls with the bytes, and the steps go down to
- * the last one. Nothing that the daemon measures tells the two apart. The times to draw and to
- * encode end before the frame is sent; the shortest pong is the least wait, not the usual one; and
- * frames of one size do not show whether a smaller one would come sooner. The round trip of the
- * kernel (TCP_INFO) would, but not behind a proxy. So smaller frames are the answer in both cases;
- * they take less of a busy processor, too. The client knows how long frames wait at its end, and
- * names a slow network only if that explains it (clients/web/core/latency.js).
+ * A busy client is no slow network: ack_delay.h keeps its wait out of the rate. While all frames
+ * have one size the two look alike, until the first smaller or larger one tells them apart: the
+ * steps here are such frames, and so are those of a view at rest.
  */
 #ifndef SRV_SESSION_RATE_CONTROL_H
 #define SRV_SESSION_RATE_CONTROL_H

@@ -40,6 +40,7 @@ void srv_window_sent(struct srv_window *window, uint32_t frame, size_t bytes, do
                                     .bytes = bytes,
                                     .sent_ms = now_ms,
                                     .alone = alone,
+                                    .is_first = alone || window->free_ms <= now_ms,
                                     .acked = window->acked_bytes,
                                     .acked_ms = alone ? now_ms : window->last_ack_ms,
                                     .before_ms = alone ? now_ms : window->last_sent_ms };
@@ -67,9 +68,14 @@ static void measure_rate(struct srv_window *window, const struct srv_window_fram
     double bytes = (double)(window->acked_bytes - f->acked);
     double took_ms = fmax(now_ms - f->acked_ms, f->sent_ms - f->before_ms);
     double rate = bytes / fmax(took_ms, TRIP_MIN_MS);
-    if (window->is_base_exact)
+    if (window->is_base_exact) {
+        const double trip_ms = now_ms - f->sent_ms - srv_window_rtt_ms(window);
+        srv_ack_delay_limit(&window->delay, trip_ms);
+        if (f->is_first)
+            rate = fmax(rate, srv_ack_delay_add(&window->delay, (double)f->bytes, trip_ms, now_ms));
         rate = fmax(rate, (double)f->bytes /
-                              fmax(now_ms - f->sent_ms - srv_window_rtt_ms(window), TRIP_MIN_MS));
+                              fmax(trip_ms - srv_ack_delay_ms(&window->delay), TRIP_MIN_MS));
+    }
     if (window->rate_acks++ == RATE_EPOCH_ACKS || now_ms - window->rate_epoch_ms > RATE_EPOCH_MS) {
         window->rate[1] = window->rate[0];
         window->rate[0] = 0;

@@ -10,18 +10,18 @@
  *
  * The next frame begins when it would find the link free: `lead` before the frames on the way have
  * passed it. Each acknowledgement corrects the time at which they are expected to have passed. A
- * client whose acknowledgements are late gets no frame until the next one arrives. One that
- * acknowledges a frame only after work on it counts as a slow link.
+ * client whose acknowledgements are late gets no frame until the next one arrives.
  *
  *   base  The round trip of a message without bytes: the shortest pong of the last 10 to 20 seconds
  *         before the newest one. An acknowledgement that takes less time shows that the pong was
  *         late; it replaces the pong until the next one.
- *   rate  What the link carries. Two measurements estimate it; neither exceeds it while base is
- *         right, apart from jitter. The first is a frame's bytes over its round trip beyond base,
- *         exact if no other frame was before it. The second is the bytes acknowledged while the
- *         frame was on its way over that time, or over the time in which they were sent if that was
- *         longer, exact if the link was busy (Cardwell et al., BBR, 2016). The largest of the last
- *         8 to 16 frames counts, or of the last 1 to 2 seconds, whichever is shorter.
+ *   delay The wait of a busy client before it acknowledges (ack_delay.h).
+ *   rate  What the link carries. Two measurements estimate it; neither exceeds it while base and
+ *         delay are right, apart from jitter. The first is a frame's bytes over its round trip
+ *         beyond base and delay, exact if no other frame was before it. The second is the bytes
+ * acknowledged while the frame was on its way over that time, or over the time in which they were
+ * sent if that was longer, exact if the link was busy (Cardwell et al., BBR, 2016). The largest of
+ * the last 8 to 16 frames counts, or of the last 1 to 2 seconds, whichever is shorter.
  */
 #ifndef SRV_SESSION_WINDOW_H
 #define SRV_SESSION_WINDOW_H
@@ -29,6 +29,8 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+
+#include "session/ack_delay.h"
 
 enum { SRV_WINDOW_FIRST = 2, SRV_WINDOW_MAX = 64 }; /* frames before the first acknowledgement */
 
@@ -38,6 +40,7 @@ struct srv_window_frame {
     double sent_ms;
     double due_ms;    /* when its acknowledgement is expected */
     bool alone;       /* no other frame was unacknowledged */
+    bool is_first;    /* the link was free */
     uint64_t acked;   /* bytes acknowledged before it was sent */
     double acked_ms;  /* time of the last acknowledgement before it was sent; sent_ms if alone */
     double before_ms; /* when the frame of that acknowledgement was sent; sent_ms if alone */
@@ -50,6 +53,7 @@ struct srv_window {
     double base_ms[2];    /* shortest in the current and the previous 10 s; 0 = none */
     double base_epoch_ms; /* start of the current 10 s */
     bool is_base_exact;   /* it is that of a pong */
+    struct srv_ack_delay delay;
     double rate[2]; /* bytes per ms, largest of the current and the previous 8 frames or second; 0 =
                        none */
     unsigned rate_acks;   /* frames of the current 8 */
