@@ -79,8 +79,9 @@ static const struct setting settings[] = {
     { "tls-key", TEXT, AT(tls_key), NULL, 0, 0, "FILE",
       "Private key of the certificate (PEM). Other users must not be able to read the file." },
     { "allow-origin", TEXT, AT(allow_origin), NULL, 0, 0, "ORIGIN,...",
-      "Web origins whose pages may use this daemon, with a token. Not set = only the daemon's own "
-      "page." },
+      "Web origins whose pages may use this daemon, with a token, and may frame its page. Not set "
+      "= "
+      "only the daemon's own page." },
     { "allow-host", TEXT, AT(allow_host), NULL, 0, 0, "HOST,...",
       "Hosts from which OME-Zarr may be loaded by HTTP and HTTPS: HOST or HOST:PORT (without a "
       "port, "

@@ -20,6 +20,11 @@ static bool is_origin(const char *text, size_t length) {
 }
 
 bool srv_cors_check_origins(const char *list, struct sp_error *err) {
+    if (list && strlen(list) > SRV_ORIGINS_MAX)
+        return sp_fail(err, SP_ERR_INVALID, "--allow-origin",
+                       "the list has %zu characters and may have %d; put the pages behind fewer "
+                       "origins",
+                       strlen(list), SRV_ORIGINS_MAX);
     for (const char *at = list; at;) {
         size_t length = strcspn(at, ",");
         if (!is_origin(at, length))

@@ -10,6 +10,8 @@
 
 #include "sp/status.h"
 
+enum { SRV_ORIGINS_MAX = 700 }; /* characters of the list, which a header of the page repeats */
+
 /* Checks a comma-separated list of origins; NULL = empty. False: SP_ERR_INVALID. */
 bool srv_cors_check_origins(const char *list, struct sp_error *err);
 

@@ -1,17 +1,30 @@
 /* SPDX-License-Identifier: Apache-2.0 */
+#include <stdio.h>
 #include <string.h>
 
 #include "http/assets.h"
+#include "http/cors.h"
 #include "http/headers.h"
 #include "http/listener_private.h"
 #include "http/routes.h"
 
-/* The page loads nothing from other hosts, cannot be framed by other pages, and connects only to
- * this daemon. */
+/* The page loads nothing from other hosts and connects only to this daemon. Pages of the origins
+ * that --allow-origin lists may frame it, others may not. */
 static const char policy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self'; worker-src 'self'; manifest-src 'self'; base-uri 'none'; "
-    "form-action 'none'; frame-ancestors 'none'";
+    "form-action 'none'; frame-ancestors ";
+
+/* Sets the policy. srv_cors_check_origins() limits the list, so that it fits. */
+static void set_policy(struct srv_reply *reply, const char *origins) {
+    char ancestors[SRV_ORIGINS_MAX + 1] = "'none'";
+    if (origins && *origins)
+        snprintf(ancestors, sizeof ancestors, "%s", origins);
+    for (char *c = ancestors; *c; c++)
+        if (*c == ',')
+            *c = ' ';
+    srv_reply_header(reply, "Content-Security-Policy", "%s%s", policy, ancestors);
+}
 
 static const struct srv_asset *find(const char *path) {
     for (size_t i = 0; i < srv_asset_count; i++)
@@ -36,7 +49,7 @@ bool srv_get_asset(struct srv_request *request, struct srv_reply *reply) {
     if (!asset)
         return false;
     serve(request, asset, reply);
-    srv_reply_header(reply, "Content-Security-Policy", "%s", policy);
+    set_policy(reply, request->app->config->allow_origin);
     srv_reply_header(reply, "Referrer-Policy", "no-referrer");
     srv_reply_header(reply, "Cross-Origin-Opener-Policy", "same-origin");
     return true;

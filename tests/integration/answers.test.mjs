@@ -129,12 +129,19 @@ test('no origin is allowed by default, and an invalid --allow-origin is refused 
   const closed = await Daemon.start(['--volume', 'demo:engine?size=16']);
   const answer = await closed.fetch('/healthz', { headers: { Origin: PAGE } });
   assert.equal(answer.headers.get('access-control-allow-origin'), null);
+  assert.match((await closed.fetch('/')).headers.get('content-security-policy'), /frame-ancestors 'none'$/);
   assert.equal(await closed.stop(), 0);
   for (const list of ['*', 'viewer.example', 'https://a/', 'https://a, https://b']) {
     const { status, err } = await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--allow-origin', list]);
     assert.notEqual(status, 0, list);
     assert.match(err, /--allow-origin: .*is not an origin/);
   }
+  const long = Array.from({ length: 36 }, (_, i) => `https://viewer${i}.example`).join(',');
+  assert.match((await runToEnd(['--listen', '127.0.0.1:0', '--backend', 'null', '--allow-origin', long])).err, /--allow-origin: the list has 8\d\d characters and may have 700/);
+});
+
+test('pages of the origins that --allow-origin lists may frame the page', async () => {
+  assert.match((await daemon.fetch('/')).headers.get('content-security-policy'), new RegExp(`frame-ancestors http://other.example ${PAGE}`));
 });
 
 test('a connection serves up to --connection-requests requests, pipelined or not; its last response says Connection: close', async () => {
