@@ -15,6 +15,16 @@ const struct srv_route *srv_routes_find(const char *method, const char *path,
 typedef void srv_handler(struct srv_request *request, struct srv_reply *reply);
 srv_handler srv_get_volumes, srv_get_volume, srv_post_volume, srv_delete_volume,
     srv_get_volume_view; /* routes_volumes.c */
+/* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
+ * description; in_full: with its histogram, its memory and the whole reason of a failure. NULL when
+ * out of memory. */
+proto_json *srv_encode_volume(const struct srv_request *request,
+                              const struct srv_volume_status *status, bool in_full);
+/* Finds a volume, whose `volume` the caller unrefs. False: the reply says that there is none. */
+bool srv_find_volume(struct srv_request *request, const char *id, struct srv_volume_status *status,
+                     struct srv_reply *reply);
+/* Answers with the default view of the volume `id`. */
+void srv_reply_default_view(struct srv_request *request, const char *id, struct srv_reply *reply);
 /* Adds the ids of the volumes to an error about an unknown volume, as many as fit, if the token may
  * list them. */
 void srv_name_volumes(const struct srv_request *request, struct sp_error *err);
@@ -39,6 +49,8 @@ srv_handler srv_get_files;                                       /* routes_files
 srv_handler srv_get_volume_histogram, srv_get_session_histogram; /* routes_histogram.c */
 srv_handler srv_get_volume_slice, srv_get_session_slice;         /* routes_slice.c */
 srv_handler srv_get_session_visible;                             /* routes_visible.c */
+srv_handler srv_get_session_volumes, srv_get_session_volume,
+    srv_get_session_volume_view; /* routes_session_volumes.c */
 srv_handler srv_post_measure, srv_post_session_measure, srv_get_session_measures,
     srv_post_session_measures, srv_put_session_measure, srv_patch_session_measure,
     srv_delete_session_measure;                                        /* routes_measure.c */

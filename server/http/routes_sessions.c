@@ -268,8 +268,9 @@ void srv_patch_session(struct srv_request *request, struct srv_reply *reply) {
 void srv_reply_for_session(struct srv_request *request, srv_volume_reply *answer,
                            struct srv_reply *reply) {
     struct sp_error err;
-    proto_json *session =
-        srv_hub_session_get(request->app->hub, request->param, false, srv_clock_ms(), &err);
+    char name[SRV_PARAM_BYTES];
+    session_of(request, name);
+    proto_json *session = srv_hub_session_get(request->app->hub, name, false, srv_clock_ms(), &err);
     const proto_json *view = proto_json_get(session, "view");
     const char *id = proto_json_string(proto_json_get(view, "volume"));
     if (!session)

@@ -99,10 +99,8 @@ static proto_json *describe_volume(const struct srv_volume_status *status, bool 
     return json;
 }
 
-/* Encodes {"id", "name", "source", "state", "progress", …} and, once the volume is loaded, its
- * description. NULL when out of memory. */
-static proto_json *encode_volume(const struct srv_request *request,
-                                 const struct srv_volume_status *status, bool in_full) {
+proto_json *srv_encode_volume(const struct srv_request *request,
+                              const struct srv_volume_status *status, bool in_full) {
     proto_json *json = status->volume ? describe_volume(status, in_full) : proto_json_object();
     bool ok = proto_json_set_string(json, "id", status->id);
     ok = proto_json_set_string(json, "name", status->name) && ok;
@@ -116,13 +114,8 @@ static proto_json *encode_volume(const struct srv_request *request,
         write_reason(&status->error, in_full, reason, sizeof reason);
         ok = proto_json_set_string(json, "reason", reason) && ok;
     }
-    if (status->volume && in_full) {
+    if (status->volume && in_full)
         ok = proto_json_set(json, "memory", encode_memory(status)) && ok;
-        ok = proto_json_set_integer(json, "uses", status->uses) && ok;
-        ok = proto_json_set_integer(json, "sessions",
-                                    srv_hub_volume_sessions(request->app->hub, status->id)) &&
-             ok;
-    }
     if (!ok)
         proto_json_free(&json);
     return json;
@@ -149,7 +142,7 @@ void srv_get_volumes(struct srv_request *request, struct srv_reply *reply) {
     proto_json *json = proto_json_object(), *list = proto_json_array();
     bool ok = true;
     for (unsigned i = 0; srv_catalog_at(request->app->catalog, i, &status); i++) {
-        ok = proto_json_append(list, encode_volume(request, &status, false)) && ok;
+        ok = proto_json_append(list, srv_encode_volume(request, &status, false)) && ok;
         sp_volume_unref(&status.volume);
     }
     ok = proto_json_set(json, "volumes", list) && ok;
@@ -228,8 +221,8 @@ struct srv_volume *srv_acquire_step(struct srv_request *request, const char *id,
     return volume;
 }
 
-static bool find(struct srv_request *request, const char *id, struct srv_volume_status *status,
-                 struct srv_reply *reply) {
+bool srv_find_volume(struct srv_request *request, const char *id, struct srv_volume_status *status,
+                     struct srv_reply *reply) {
     struct sp_error err;
     if (srv_catalog_find(request->app->catalog, id, status))
         return true;
@@ -241,20 +234,33 @@ static bool find(struct srv_request *request, const char *id, struct srv_volume_
 
 void srv_get_volume(struct srv_request *request, struct srv_reply *reply) {
     struct srv_volume_status status;
-    if (!find(request, request->param, &status, reply))
+    if (!srv_find_volume(request, request->param, &status, reply))
         return;
-    srv_reply_json(reply, 200, encode_volume(request, &status, true));
+    proto_json *json = srv_encode_volume(request, &status, true);
+    bool ok = true;
+    if (status.volume) {
+        unsigned sessions = srv_hub_volume_sessions(request->app->hub, status.id);
+        ok = proto_json_set_integer(json, "uses", status.uses);
+        ok = proto_json_set_integer(json, "sessions", sessions) && ok;
+    }
     sp_volume_unref(&status.volume);
+    if (!ok)
+        proto_json_free(&json);
+    srv_reply_json(reply, 200, json);
 }
 
-void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
+void srv_reply_default_view(struct srv_request *request, const char *id, struct srv_reply *reply) {
     struct sp_view view;
-    struct srv_volume *volume = srv_acquire_volume(request, request->param, reply);
+    struct srv_volume *volume = srv_acquire_volume(request, id, reply);
     if (!volume)
         return;
     srv_catalog_default_view(request->app->catalog, volume, &view);
     srv_catalog_release(request->app->catalog, volume);
     srv_reply_json(reply, 200, proto_view_encode(&view));
+}
+
+void srv_get_volume_view(struct srv_request *request, struct srv_reply *reply) {
+    srv_reply_default_view(request, request->param, reply);
 }
 
 /* Reads an optional member that must be a string. False: the reply is a problem document. */
@@ -435,8 +441,8 @@ void srv_post_volume(struct srv_request *request, struct srv_reply *reply) {
                 srv_reply_problem(reply, 409, err.place, "%s", err.text);
             else
                 srv_reply_error(reply, &err);
-        } else if (find(request, id, &status, reply)) {
-            srv_reply_json(reply, existed ? 201 : 202, encode_volume(request, &status, false));
+        } else if (srv_find_volume(request, id, &status, reply)) {
+            srv_reply_json(reply, existed ? 201 : 202, srv_encode_volume(request, &status, false));
             sp_volume_unref(&status.volume);
             if (reply->status < 400) {
                 srv_reply_header(reply, "Location", "volumes/%s", id);

@@ -336,6 +336,7 @@ void srv_hub_close_volume(struct srv_hub *hub, const char *id, double now_ms) {
         next = s->next;
         if (strcmp(s->shared.view.volume, id) != 0)
             continue;
+        snprintf(s->shared.closed, sizeof s->shared.closed, "%s", id);
         bool is_moved = patch && srv_hub_apply(hub, s, patch, 0, now_ms, NULL);
         sp_log_with(SP_LOG_INFO, SP_LOG_FIELDS({ "session", s->identity.id }, { "volume", id }),
                     "session %s %s: its volume %s was closed", s->identity.id,

@@ -91,6 +91,14 @@ static char *text_of_stats(const struct srv_hub *hub, const struct srv_participa
     return proto_rpc_notification("stream.stats", params, size);
 }
 
+/* A join token that may only watch tells of the volumes of its session, and of the one that was
+ * closed while the session showed it. */
+static bool may_learn_of(const struct srv_participant *p, const char *id) {
+    return p->identity.role != SRV_ROLE_VIEW || p->identity.token[0] ||
+           srv_hub_view_names(&p->session->shared.view, id) ||
+           strcmp(p->session->shared.closed, id) == 0;
+}
+
 /* Reports the volume that changed first since the last report to `p`. */
 static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p, size_t *size) {
     const struct srv_volume_news *note = NULL;
@@ -98,7 +106,8 @@ static char *text_of_volume(const struct srv_hub *hub, struct srv_participant *p
         if (hub->volumes.news[i].clock > p->pending.volume_reported &&
             (hub->volumes.news[i].clock > p->pending.volume_start ||
              strcmp(hub->volumes.news[i].state, "unloaded") != 0) &&
-            (!note || hub->volumes.news[i].clock < note->clock))
+            (!note || hub->volumes.news[i].clock < note->clock) &&
+            may_learn_of(p, hub->volumes.news[i].id))
             note = &hub->volumes.news[i];
     if (!note)
         return NULL;

@@ -143,6 +143,8 @@ struct srv_view_state {
     uint64_t image;      /* rises with every change that gives another image */
     uint64_t changed_by; /* participant; 0 = HTTP */
     double changed_ms;
+    char closed[SP_NAME_BYTES]; /* the volume that was closed while the session showed it; not saved
+                                 */
 };
 
 struct srv_play {    /* play.c; not saved */
@@ -306,6 +308,8 @@ void srv_hub_count_drop(struct srv_hub *hub, enum srv_counter reason);
 
 /* The view (view.c). */
 
+/* True if the view shows the volume, or one of its layers names it. */
+bool srv_hub_view_names(const struct sp_view *view, const char *id);
 /* Merges a patch into the session's view; participant `by` changed it, 0 = HTTP. */
 bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
                    uint64_t by, double now_ms, struct sp_error *err);

@@ -43,6 +43,15 @@ bool srv_hub_resolve_view(struct srv_hub *hub, const proto_json *base, const pro
     return false;
 }
 
+bool srv_hub_view_names(const struct sp_view *view, const char *id) {
+    bool is_named = strcmp(view->volume, id) == 0;
+    for (uint32_t i = 0; i < view->layer_count && !is_named; i++)
+        is_named =
+            strcmp(view->layers[i].id, id) == 0 ||
+            (strcmp(view->layers[i].color_by, id) == 0 && strcmp(id, SP_COLOR_BY_LENGTH) != 0);
+    return is_named;
+}
+
 bool srv_hub_apply(struct srv_hub *hub, struct srv_session *session, const proto_json *patch,
                    uint64_t by, double now_ms, struct sp_error *err) {
     const struct srv_volume_source *source = &hub->options.volumes;

@@ -260,6 +260,12 @@ def walk(daemon, contract):
     ask(200, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['control'], **names)
     ask(403, 'PATCH', f'{api}/sessions/{{id}}', patch, token=session['tokens']['view'], **names)
     ask(422, 'PATCH', f'{api}/sessions/{{id}}', {'view': {'camera': {'fov_y': 500}}}, **names)
+    for rest in ('volumes', 'volumes/{volume}', 'volumes/{volume}/view'):
+        for token in session['tokens'].values():
+            ask(200, 'GET', f'{api}/sessions/{{id}}/{rest}', token=token, volume='engine', **names)
+        ask(404, 'GET', f'{api}/sessions/{{id}}/{rest}', id='0' * 16, volume='engine')
+        if '{' in rest:
+            ask(404, 'GET', f'{api}/sessions/{{id}}/{rest}', volume='none', **names)
     ask(101, 'GET', f'{api}/sessions/{{id}}/stream', headers=UPGRADE, **names)
     ask(426, 'GET', f'{api}/sessions/{{id}}/stream', **names)
     ask(403, 'GET', f'{api}/sessions/{{id}}/stream', headers={**UPGRADE, 'Origin': 'http://elsewhere'}, **names)
@@ -270,7 +276,7 @@ def walk(daemon, contract):
         for method in ('get', 'post', 'put', 'patch', 'delete'):
             operation = contract.document['paths'][template].get(method)
             if operation and operation.get('security') != []:
-                ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0', measure='x')
+                ask(401, method.upper(), template, token=False, id='engine', name='x', frame='0', measure='x', volume='x')
             check(not operation or (method, template) in contract.seen, f'{method} {template} was not called')
 
 

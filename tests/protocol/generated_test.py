@@ -29,6 +29,7 @@ FILE = b'NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\n\n' +
 ELSEWHERE = {'500', ('post', '/api/v1/paths', '507'), ('post', '/api/v1/uploads', '507'), ('post', '/api/v1/uploads', '409'), ('delete', '/api/v1/uploads/{id}', '409'), ('patch', '/api/v1/uploads/{id}', '507'), ('get', '/api/v1/sessions/{id}', '409'),
              ('get', '/api/v1/sessions/{id}/histogram', '409'), ('get', '/api/v1/sessions/{id}/visible', '409'), ('get', '/api/v1/sessions/{id}/snapshot', '409'),
              ('get', '/api/v1/sessions/{id}/slice', '409'), ('get', '/api/v1/sessions/{id}/stream', '409'),
+             *(('get', '/api/v1/sessions/{id}/volumes' + rest, '409') for rest in ('', '/{volume}', '/{volume}/view')),
              ('post', '/api/v1/sessions/{id}/measure', '409'), ('get', '/api/v1/sessions/{id}/measures', '409'),
              ('post', '/api/v1/sessions/{id}/measures', '409'), *((method, '/api/v1/sessions/{id}/measures/{measure}', '409') for method in ('put', 'patch', 'delete'))}
 
@@ -73,7 +74,7 @@ class Caller:
         ids = self.ids_of(template)
         if (method, template) == ('delete', '/api/v1/volumes/{id}'):
             ids = []  # other calls need the volume
-        if template.endswith('/volumes'):
+        if template == '/api/v1/volumes':
             ids = []  # a new volume need not be ready
         made = self.requests.request(template, method, ids)
         token, is_good = self.token(secured)
@@ -124,7 +125,7 @@ def bring_about(daemon, contract):
             ask(415, method.upper(), template, 'x', {'Content-Type': 'text/plain'}, **names)
             ask(204, 'DELETE', f'{api}/sessions/{{id}}', id=session['id'])
         if '{' in template:
-            ask(400, method.upper(), template, id='%00', name='%00', frame='%00', measure='%00')
+            ask(400, method.upper(), template, id='%00', name='%00', frame='%00', measure='%00', volume='%00')
     for name in ('openapi.json', 'openapi.yaml', 'view.schema.json', 'stream.schema.json', 'stream.md'):
         ask(304, 'GET', f'{api}/{name}', headers={'If-None-Match': '*'})
     # A volume that is too large for the memory exists, but cannot be rendered.
@@ -193,7 +194,7 @@ def all_operations(document):
 
 def refused(daemon, contract, status, template, method, headers=(), query='', token=None):
     """Sends a request with these headers, which may repeat, and expects the status, as documented."""
-    path = template.format(id='engine', name='x', frame='0', measure='x') + query
+    path = template.format(id='engine', name='x', frame='0', measure='x', volume='x') + query
     connection = http.client.HTTPConnection(daemon.host, timeout=contract_test.DEADLINE_S)
     connection.putrequest(method.upper(), path)
     for name, value in (('Authorization', f'Bearer {token or daemon.token}'), ('Content-Length', '0'), *headers):
