@@ -77,9 +77,8 @@ export class Layers {
     return volume ? fullNameOf(volume, volumes) : id;
   }
 
-  /** The id of a volume that the layer needs and that is not loaded; '' = there is none, or the list of volumes is not known, as for guests. */
+  /** The id of a volume that the layer needs and that is not loaded; '' = there is none. */
   closedOf({ id, color_by: colors = '' }) {
-    if (this.#app.connection.session?.isJoined) return '';
     const isOpen = (needed) => ['ready', 'loading'].includes(this.volumeOf({ id: needed })?.state);
     return [id, colors === MAGNITUDE ? '' : colors].find((needed) => needed && !isOpen(needed)) ?? '';
   }

@@ -8,7 +8,7 @@ import { dataText, numberText, roundValue, unitName } from '../core/lengths.js';
 import { anatomyOf, frameOf } from '../core/orientation.js';
 import { defaultWindow } from '../core/slice_image.js';
 import { SliceCache } from '../core/slice_loader.js';
-import { Grid, finestGrid, gridOfSlices, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
+import { finestGrid, mainAxis, moveAlong, obliquePlane, orthogonalPlanes } from '../core/slices.js';
 import { t } from '../core/text.js';
 import { add, dot, length, normalize, rotate, scale, subtract } from '../core/vector.js';
 import { layoutButton } from './layout.js';
@@ -33,7 +33,6 @@ class Slices extends Emitter {
   #volume = null; // id
   #home = null; // the volume's default camera, which tells what is up where the file does not
   #line = null; // {normal, from, to}: where moves along a normal began, and the position that the last one set
-  #guest = null; // the grid that a guest without a list of volumes found out
   grid = null;
   panes = new Map();
   lines = new SliceLines(this);
@@ -121,7 +120,7 @@ class Slices extends Emitter {
 
   #forget() {
     this.#cache.clear();
-    this.#volume = this.grid = this.#guest = this.#line = null;
+    this.#volume = this.grid = this.#line = null;
     for (const pane of this.panes.values()) pane.reset();
     this.#follow();
   }
@@ -139,46 +138,22 @@ class Slices extends Emitter {
       this.#findHome(id);
     }
     if (!this.grid && volume?.dims && viewer.kind === 'grid') this.grid = finestGrid(volume);
-    if (!this.grid && !volume && this.areShown) this.#findGrid(id);
     this.update();
     this.emit('change');
   }
 
   async #findHome(id) {
-    const { api, viewer, connection } = this.#app;
-    // A guest does not get it: the camera now is a guess.
-    const { camera } = connection.session?.isJoined ? viewer.view : await api.volumeView(id).catch(() => viewer.view);
+    const camera = await this.#app.viewer.home();
     if (id !== this.#volume || !camera) return;
     this.#home = camera;
     this.update();
   }
 
-  /** A guest does not get the list of volumes; two slices tell the grid. */
-  async #findGrid(id) {
-    if (this.#guest === id) return;
-    this.#guest = id;
-    try {
-      const found = await Promise.all([2, 0].map((axis) => this.load({ axis, index: 0 }, null)));
-      if (this.#volume !== id) return;
-      this.grid = new Grid(gridOfSlices(...found.map(({ meta }) => meta)));
-      this.update();
-      this.emit('change');
-    } catch (error) {
-      this.#app.report(error);
-    }
-  }
-
   update() {
     if (this.areShown) {
-      if (!this.grid) this.#findGridOnce();
       for (const pane of this.panes.values()) pane.update();
     }
     this.#app.overlay.update();
-  }
-
-  #findGridOnce() {
-    const { viewer } = this.#app;
-    if (viewer.isCurrent && !viewer.volume && this.#volume) this.#findGrid(this.#volume);
   }
 
   /** Adds a layer to all panes; see Pane.layer(). */

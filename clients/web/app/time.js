@@ -12,7 +12,6 @@ class TimeSection {
   #app; #fold; #play; #slider; #number; #rate; #note;
   #playing = 0; // steps per second; 0 = the time stands
   #isLoading = false; // the step of the view
-  #count = 1; // of steps, as the stream says
 
   constructor(app) {
     this.#app = app;
@@ -31,12 +30,8 @@ class TimeSection {
     this.#show();
   }
 
-  /** {count, unit, times}; null = no series. A guest without a list of volumes knows the number alone. */
-  get #steps() {
-    const { viewer } = this.#app;
-    if (viewer.volume) return viewer.volume.steps ?? null;
-    return this.#count > 1 ? { count: this.#count } : null;
-  }
+  /** {count, unit, times}; null = no series. */
+  get #steps() { return this.#app.viewer.volume?.steps ?? null; }
 
   get #step() { return this.#app.viewer.view?.time?.step ?? 0; }
 
@@ -52,14 +47,12 @@ class TimeSection {
       if (state !== 'live') return;
       this.#playing = 0; // the daemon says if it plays
       this.#isLoading = false;
-      this.#count = 1;
       this.#show();
     });
     connection.on('notification', ({ method, params }) => {
       if (method !== 'time.changed') return;
       this.#playing = params.steps;
       this.#isLoading = params.loading;
-      this.#count = params.count;
       viewer.takeStep(params.step);
       this.#show();
     });

@@ -166,8 +166,8 @@ class Transfer {
   // A reload gets the points back from the daemon, and from the tab which of them belong to a colour map.
   #keep() {
     clearTimeout(this.#timer);
-    const { state, points } = this;
-    if (state) this.#storage.remember('transfer', state.map ? JSON.stringify({ volume: this.#volume, points, state }) : '');
+    const { state } = this;
+    if (state) this.#storage.remember('transfer', state.map ? JSON.stringify({ volume: this.#volume, points: this.points, state }) : '');
   }
 
   #recall(points, gradient) {

@@ -28,7 +28,8 @@ export class Viewer extends Emitter {
   #rig = null;
   #box = null;
   #sphere = null;
-  #home = null;
+  #home = null; // {id, camera}: a promise of the default camera of the volume `id`
+  #isKnown = false; // the description of the volume
   #part = null; // {key, part} of the newest answer of visiblePart()
   #isBehind = false; // another participant's change was not taken
   #isSwitching = false;
@@ -55,6 +56,7 @@ export class Viewer extends Emitter {
       done: (patch) => (patch.volume || patch.camera === null || (this.#isBehind && this.updates.isIdle)) && this.#reload(),
       fail: (error, patch) => this.#refused(error, patch),
     });
+    connection.on('volumes', () => this.#learn());
   }
 
   get view() { return this.#view; }
@@ -75,7 +77,7 @@ export class Viewer extends Emitter {
   /** How many updates no drawn frame shows yet, the waiting one included. */
   get ahead() { return this.updates.sent - this.updates.drawn + Number(this.updates.isWaiting); }
   get orientation() { return this.#rig?.orientation ?? null; }
-  /** The daemon's description of the volume, or null without a list of volumes. */
+  /** The daemon's description of the volume; null until the list of volumes tells it. */
   get volume() { return this.#connection.volumes.find((v) => v.id === this.#view?.volume) ?? null; }
   /** What the volume consists of: grid, points, gaussians or mesh. */
   get kind() { return kindOfView(this.#view, this.volume); }
@@ -114,15 +116,23 @@ export class Viewer extends Emitter {
     if (this.#view) this.emit('view', this.#view);
   }
 
-  /** Takes the list of volumes, which may tell the extent of the current volume. */
+  /** The list of volumes may tell what the view's volume is: another participant may have opened it. */
+  #learn() {
+    if (!this.#view || this.#isKnown === Boolean(this.volume?.dims)) return;
+    this.#measure();
+    this.emit('view', this.#view);
+  }
+
+  /** Takes the extent of the current volume. */
   #measure() {
+    this.#isKnown = Boolean(this.volume?.dims);
     try {
       this.#box = this.volume?.dims ? volumeBox(this.volume) : null;
     } catch {
       this.#box = null;
     }
     this.#sphere = this.#box && sphereAround(this.#box);
-    // A session that was joined by a join token has no list of volumes; the camera tells the scale.
+    // Until the list of volumes tells the extent, the camera tells the scale.
     if (!this.#box && this.#rig) {
       const radius = this.#rig.distance * Math.sin(this.#rig.fovY * Math.PI / 360);
       this.#sphere = { center: this.#rig.target, radius };
@@ -209,7 +219,6 @@ export class Viewer extends Emitter {
     const { size, ...wanted } = view;
     this.#isSwitching = true;
     this.#isRestoring = true;
-    this.#home = null;
     this.#view = { ...wanted, size: this.#view.size };
     this.#rig = rigOfView(view);
     this.updates.put(wanted, { alone: true, time });
@@ -220,7 +229,6 @@ export class Viewer extends Emitter {
     if (!this.#view || !this.#canControl || id === this.#view.volume) return;
     this.#isSwitching = true;
     this.#isRestoring = false;
-    this.#home = null;
     this.#view = { ...this.#view, volume: id };
     this.updates.put({ volume: id }, { alone: true });
     this.emit('view', this.#view);
@@ -306,16 +314,17 @@ export class Viewer extends Emitter {
     }
   }
 
-  /** The camera of the volume's default view; null if this client may not read it, because it has a join token. */
+  /** The camera of the volume's default view; null if the daemon does not answer. */
   async home() {
     const id = this.#view?.volume;
-    if (!id || this.#connection.session?.isJoined) return null;
-    if (!this.#home) {
-      const request = this.#connection.api.volumeView(id).then(({ camera }) => camera).catch(() => null);
-      this.#home = request;
-      request.then((camera) => { if (!camera && this.#home === request) this.#home = null; });
+    if (!id) return null;
+    if (this.#home?.id !== id) {
+      const camera = this.#connection.api.volumeView(id).then((view) => view.camera).catch(() => null);
+      const home = { id, camera };
+      this.#home = home;
+      camera.then((found) => { if (!found && this.#home === home) this.#home = null; });
     }
-    return this.#home;
+    return this.#home.camera;
   }
 
   /** Returns to the camera of the volume's default view. */

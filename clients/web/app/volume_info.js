@@ -42,7 +42,7 @@ function rows(volume) {
     [t('info.format'), volume.format],
     [t('info.source'), volume.source],
     [t('info.id'), volume.id],
-    [t('info.memory'), volume.memory && t('info.memory.value', { voxels: sizeText(volume.memory.voxels), derived: sizeText(volume.memory.derived) })],
+    [t('info.memory'), volume.memory && t('info.memory.value', { voxels: sizeText(volume.memory.voxels) })],
   ];
   return list.filter(([, value]) => value);
 }
@@ -53,17 +53,12 @@ const isBlank = (volume) => volume?.dims && kindOf(volume) === 'grid' && volume.
 export class VolumeInfo {
   #app; #fold; #list;
   #volume = null;
-  #isNew = false;
 
   constructor(app, fold) {
     this.#app = app;
     this.#fold = fold;
     this.#list = fold.querySelector('dl');
     fold.addEventListener('toggle', () => this.#fill());
-    app.frames.on('drawn', () => { // now the renderer has derived its data
-      if (this.#isNew) this.#fill();
-      this.#isNew = false;
-    });
   }
 
   /** The shown volume, as in the list; null = unknown. */
@@ -72,7 +67,6 @@ export class VolumeInfo {
     this.#volume = volume;
     this.#fold.hidden = volume?.state !== 'ready';
     if (!isOther) return;
-    this.#isNew = true;
     this.#fill();
     if (isBlank(volume)) this.#app.notice.show(t('info.blank', { name: volume.name }), 'warning');
     else this.#tellWarnings();

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The section "Volumes" of the panel: the list of the daemon's volumes, opening and closing them.
 import { contentsText } from '../core/kinds.js';
+import { volumesOf } from '../core/layers.js';
 import { t } from '../core/text.js';
 import { fullNameOf, nameOf, placeOf } from '../core/volume_names.js';
 import { ask } from './ask.js';
@@ -42,6 +43,7 @@ class VolumeList {
   #list = byId('volumes');
   #shown = ''; // what the list shows, as text
   #timer = null; // of the next refresh
+  #unknown = ''; // volumes that the view names and the list lacks
   #seen = null; // the volume in the picture
   #left = null; // the volume before it, if the daemon or another participant changed it
 
@@ -59,8 +61,23 @@ class VolumeList {
   follow() {
     const isOther = this.#current !== this.#seen;
     if (isOther) [this.#left, this.#seen] = [this.#seen, this.#current];
+    this.#learn();
     this.show();
     if (isOther) this.#reveal();
+  }
+
+  /** Another participant may show a volume that the list does not have yet: asks for it once. The list of a guest has those of the session alone. */
+  #learn() {
+    const { connection, viewer } = this.#app;
+    if (!viewer.isCurrent) return; // the daemon does not know yet
+    const unknown = String(volumesOf(viewer.view).filter((id) => !connection.volumes.some((volume) => volume.id === id)));
+    if (unknown && unknown !== this.#unknown) this.#read();
+    this.#unknown = unknown;
+  }
+
+  #read() {
+    const { connection } = this.#app;
+    if (connection.isLive) connection.refresh().catch(() => {}); // the stream reports a lost daemon
   }
 
   #select(id) {
@@ -84,11 +101,10 @@ class VolumeList {
     const current = volumes.find(({ id }) => id === this.#current) ?? null;
     this.#info.show(current);
     this.#field.show(current);
-    const isGuest = Boolean(session?.isJoined);
-    const shown = JSON.stringify([this.#current, isGuest, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress, v.may_close])]);
+    const shown = JSON.stringify([this.#current, volumes.map((v) => [v.id, v.name, v.source, describe(v), v.progress, v.may_close])]);
     if (shown === this.#shown) return;
     this.#shown = shown;
-    this.#rebuild(volumes, isGuest);
+    this.#rebuild(volumes);
   }
 
   /** Scrolls the list to the current volume. */
@@ -100,17 +116,17 @@ class VolumeList {
   }
 
   /** Rebuilds the list; the focus and the scroll position stay. */
-  #rebuild(volumes, isGuest) {
+  #rebuild(volumes) {
     const focused = document.activeElement?.closest?.('#volumes button')?.dataset.id;
     const { scrollTop } = this.#list;
-    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes, volume.may_close && !isGuest)));
+    this.#list.replaceChildren(...volumes.map((volume) => this.#entry(volume, volumes)));
     this.#list.scrollTop = scrollTop;
     for (const button of this.#list.querySelectorAll('button')) if (focused && button.dataset.id === focused) button.focus();
   }
 
-  #entry(volume, volumes, mayClose) {
+  #entry(volume, volumes) {
     const item = make('li', { 'data-state': volume.state }, picker(volume, volumes, this.#current, (id) => this.#select(id)));
-    if (mayClose) {
+    if (volume.may_close) {
       const label = closeText(volume, volumes);
       const press = () => this.#close(volume);
       item.append(make('button', { class: 'close', 'data-id': `close:${volume.id}`, 'aria-label': label, title: label, press }, icon('x')));
@@ -141,18 +157,14 @@ class VolumeList {
       if (error.status !== 404) notice.show(t('volumes.close.failed', { name, reason: error.message }), 'error');
     }
     if (this.#list.contains(document.activeElement)) this.#list.querySelector('button:not(:disabled)')?.focus();
-    connection.refresh().catch(() => {}); // the stream reports a lost daemon
+    this.#read();
   }
 
   /** Reads the list again after LIST_MS. */
   refresh() {
-    const { connection } = this.#app;
-    if (this.#timer || connection.session?.isJoined) return;
-    this.#timer = setTimeout(async () => {
+    this.#timer ??= setTimeout(() => {
       this.#timer = null;
-      try {
-        if (connection.isLive) await connection.refresh();
-      } catch { /* the stream reports a lost daemon */ }
+      this.#read();
     }, LIST_MS);
   }
 }

@@ -21,6 +21,8 @@ export class Api {
   #base; #fetch;
   #reasons = new Map(); // of failed loads in full: id → {short, reason}
   token;
+  /** The session {id, token} that this client joined by a join token, which reads the volumes of that session alone; null = those of the daemon. */
+  joined = null;
   /** What the token may do with volumes: {open, browse, upload, remote}; known after volumes(). */
   may = {};
 
@@ -31,10 +33,16 @@ export class Api {
   }
 
   async volumes() {
-    const { volumes, may = {} } = await this.#request('GET', 'api/v1/volumes');
+    const { volumes, may = {} } = await this.#read('volumes');
     if (!Array.isArray(volumes)) throw new ApiError(200, t('api.notlist'));
     this.may = may;
     return Promise.all(volumes.map((volume) => this.#explained(volume)));
+  }
+
+  /** Reads what is below the daemon, or below the session for a guest. */
+  #read(path) {
+    const { id, token } = this.joined ?? {};
+    return id ? this.#request('GET', `api/v1/sessions/${encodeURIComponent(id)}/${path}`, { token }) : this.#request('GET', `api/v1/${path}`);
   }
 
   /** The volume; if its load failed, with the whole reason, which the list shortens. */
@@ -53,7 +61,7 @@ export class Api {
 
   /** A volume with all that is known of it. */
   volume(id) {
-    return this.#request('GET', `api/v1/volumes/${encodeURIComponent(id)}`);
+    return this.#read(`volumes/${encodeURIComponent(id)}`);
   }
 
   /** Loads {source} or {upload}; resolves to the volume, which may still be loading. */
@@ -104,7 +112,7 @@ export class Api {
 
   /** The complete default view of a volume. */
   volumeView(id) {
-    return this.#request('GET', `api/v1/volumes/${encodeURIComponent(id)}/view`);
+    return this.#read(`volumes/${encodeURIComponent(id)}/view`);
   }
 
   /** {id, tokens: {control, view}, view} */

@@ -77,7 +77,7 @@ export class Connection extends Emitter {
 
   /** Requests the list of volumes before start(), so that the daemon answers while the page is being built. */
   prepare() {
-    if (this.#session?.isJoined) return;
+    this.#scope(this.#session);
     this.#ahead = this.#api.volumes();
     this.#ahead.catch(() => {}); // start() reports it
   }
@@ -159,15 +159,22 @@ export class Connection extends Emitter {
     }
   }
 
+  /** A guest reads the volumes of its session alone. */
+  #scope(session) {
+    this.#api.joined = session?.isJoined ? session : null;
+  }
+
   /** The session to join, existing or new; null if there is nothing to show yet (state: waiting). */
   async #findSession(epoch) {
     const known = this.#session;
+    this.#scope(known);
+    if (known?.isJoined) return this.#findJoined(known, epoch);
     try {
-      if (!known?.isJoined) await this.#readVolumes(epoch);
+      await this.#readVolumes(epoch);
     } catch (error) {
       const token = known?.tokens?.control ?? known?.token;
       if (error.status !== 401 || !token) throw error;
-      return this.#returnByJoinToken({ ...known, token }, error);
+      return this.#returnByJoinToken({ ...known, token, isJoined: true, isLocked: true }, error, epoch);
     }
     if (epoch !== this.#epoch) return null;
     if (known) {
@@ -176,11 +183,6 @@ export class Connection extends Emitter {
         return { ...known, view, tokens, isNew: false };
       } catch (error) {
         if (![401, 403, 404, 410].includes(error.status)) throw error;
-        if (known.isLocked) {
-          this.#session = { ...known, isJoined: false, isLocked: false };
-          throw new ApiError(401, error.message);
-        }
-        if (known.isJoined) throw new ApiError(error.status, t('connection.ended'));
         this.#replaced = known.id;
         this.#session = null;
       }
@@ -199,11 +201,28 @@ export class Connection extends Emitter {
     return this.#create(volume, last);
   }
 
-  /** The own session `known` without a valid token of the daemon. Throws `error` if its join token is not valid either. */
-  async #returnByJoinToken(known, error) {
+  /** The session of a guest, with what its join token may read. */
+  async #readJoined(known, epoch) {
+    const [{ view, tokens = known.tokens }] = await Promise.all([this.#askSession(known), this.#readVolumes(epoch)]);
+    return { ...known, view, tokens, isNew: false };
+  }
+
+  async #findJoined(known, epoch) {
     try {
-      const { view } = await this.#api.session(known.id, known.token);
-      return { ...known, view, isNew: false, isJoined: true, isLocked: true };
+      return await this.#readJoined(known, epoch);
+    } catch (error) {
+      if (![401, 403, 404, 410].includes(error.status)) throw error;
+      if (!known.isLocked) throw new ApiError(error.status, t('connection.ended'));
+      this.#session = { ...known, isJoined: false, isLocked: false };
+      throw new ApiError(401, error.message);
+    }
+  }
+
+  /** The own session `known` without a valid token of the daemon. Throws `error` if its join token is not valid either. */
+  async #returnByJoinToken(known, error, epoch) {
+    this.#scope(known);
+    try {
+      return await this.#readJoined(known, epoch);
     } catch (refusal) {
       throw [401, 403, 404, 410].includes(refusal.status) ? error : refusal;
     }

@@ -36,6 +36,9 @@ export const isOfElements = ({ type }) => Object.hasOwn(ELEMENTS, type);
 /** The layers of a view; those of an old daemon are the volume alone. */
 export const layersOf = (view) => view?.layers ?? [VOLUME];
 
+/** The ids of the volumes that a view names: its own, and those of its layers. */
+export const volumesOf = (view) => [view.volume, ...layersOf(view).flatMap(({ id, color_by: colors }) => [id, colors === MAGNITUDE ? '' : colors])].filter(Boolean);
+
 /** True if the image shows the volume itself. */
 export const showsVolume = (layers) => layers.some(({ type, visible = true }) => type === 'volume' && visible);
 

@@ -111,16 +111,6 @@ export class Grid {
   }
 }
 
-/** The description of a volume as far as its first slices across the axes 2 and 0 tell it (the header X-Slice of each). */
-export function gridOfSlices(across2, across0) {
-  const steps = [across2.step_x, across2.step_y, across0.step_y];
-  const spacing = steps.map(length);
-  const axes = steps.map((step, a) => scale(step, 1 / spacing[a]));
-  return {
-    dims: [...across2.shape, across0.shape[1]], spacing, origin: across2.origin, direction: [0, 1, 2].map((row) => axes.map((axis) => axis[row])),
-  };
-}
-
 const KINDS = ['axial', 'coronal', 'sagittal'];
 const ORDERS = [[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]];
 

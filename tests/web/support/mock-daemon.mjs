@@ -7,6 +7,7 @@ import path from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { WebSocketServer } from 'ws';
 import { sphereAround, volumeBox } from '../../../clients/web/core/camera.js';
+import { volumesOf } from '../../../clients/web/core/layers.js';
 import { applyPatch } from '../../../clients/web/core/merge.js';
 import { encodePng } from './png.mjs';
 
@@ -207,7 +208,7 @@ export class MockDaemon {
       return;
     }
     const bearer = (request.headers.authorization ?? '').replace('Bearer ', '');
-    const [, id, what] = /^\/api\/v1\/sessions\/([^/]+)\/?(histogram|visible)?$/.exec(url.pathname) ?? [];
+    const [, id, what] = /^\/api\/v1\/sessions\/([^/]+)\/?(histogram|visible|volumes.*)?$/.exec(url.pathname) ?? [];
     if (bearer !== this.token && !(id && this.#role(id, bearer))) {
       problem(401, 'the token is missing or wrong');
     } else if (url.pathname === '/api/v1/volumes') {
@@ -232,6 +233,13 @@ export class MockDaemon {
       reply(200, defaultView(decodeURIComponent(url.pathname.split('/')[4])));
     } else if (url.pathname === '/api/v1/sessions' && request.method === 'POST') {
       reply(201, this.#create(JSON.parse(text).view));
+    } else if (what?.startsWith('volumes') && this.sessions.has(id)) {
+      const [, name, isView] = what.split('/');
+      const named = this.volumes.filter((one) => volumesOf(this.sessions.get(id).view).includes(one.id));
+      const volume = named.find((one) => one.id === decodeURIComponent(name ?? ''));
+      if (!name) reply(200, { volumes: named });
+      else if (volume) reply(200, isView ? defaultView(volume.id) : volume);
+      else problem(404, 'the session names no such volume');
     } else if (what === 'visible' && this.sessions.has(id)) {
       const volume = this.volumes.find((one) => one.id === this.sessions.get(id).view.volume);
       const box = volume?.dims && volumeBox(volume);
